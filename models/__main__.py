@@ -8,7 +8,11 @@ from pathlib import Path
 from ambkit.models import compose, emit
 from ambkit.models.declaration import Part
 from ambkit.models.machine_parts import PAPER_CONSTANTS
-from ambkit.models.parts import Amplifier, Disturbance, MagnetPlace, Rotor, Sensor
+from ambkit.models.parts.amplifier import Amplifier
+from ambkit.models.parts.disturbance import Disturbance
+from ambkit.models.parts.magnet import MagnetPlace
+from ambkit.models.parts.rotor import Rotor
+from ambkit.models.parts.sensor import Sensor
 from models.axial import axial
 from models.closed import initialisation
 from models.exponential import exponential_header

@@ -164,7 +164,7 @@ def behind(gains: Sequence[float]) -> list[Sequence[float]]:
 
 def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | None) -> Controllers:
     limits = [(isolated.current_min, isolated.current_max) for isolated in plant.isolated]
-    names, one = tuple(axis.name for axis in plant.axes), np.eye(len(pids))
+    names, one = tuple(axis.name for axis in plant.machine.axes), np.eye(len(pids))
     transform = shown_along_axes(plant.machine)
     feedback = _fed_forward(plant, pids, estimator)
     own = {k: _seen(plant, estimator, k, pid.sees) for k, pid in enumerate(pids) if pid.sees}
@@ -194,7 +194,7 @@ def _seen(plant: Plant, filter: Any, axis: int, sees: Mapping[str, float]) -> tu
     for name, weight in sees.items():
         if name not in known:
             raise AmbkitError(
-                f"controller.pid.{plant.axes[axis].name}.sees: there is no {name}; known: "
+                f"controller.pid.{plant.machine.axes[axis].name}.sees: there is no {name}; known: "
                 f"{', '.join(known)}"
             )
         at = known.index(name)
@@ -281,7 +281,7 @@ def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controller
     nothing = np.zeros((p, len(estimator.states)))
     return Controllers(
         # What a PID is ahead is all of the reference.
-        passed, tuple(axis.name for axis in plant.axes), np.eye(p), ahead, -np.ones(p),
+        passed, tuple(axis.name for axis in plant.machine.axes), np.eye(p), ahead, -np.ones(p),
         shown_along_axes(plant.machine),
         feedback | {"position": nothing, "velocity": nothing},
     )  # fmt: skip
@@ -295,7 +295,7 @@ def _rows(estimator: Estimator, sensor_rows: Array) -> dict[str, Array]:
 
 def _rigid(plant: Plant) -> Array:
     """Return displacements along the axes by the coordinates of the rigid rotor (p, q)."""
-    lines = [axis.line for axis in plant.axes]
+    lines = [axis.line for axis in plant.machine.axes]
     return np.asarray(geometry.matrix(lines, plant.machine.rigid_positions))
 
 

@@ -20,7 +20,7 @@ from ambkit.machine.magnets import ConstantStiffness, MagnetModel
 from ambkit.models import compose
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.model import Descriptor, Model
-from ambkit.models.parts import Hum
+from ambkit.models.parts.line_noise import Hum
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet

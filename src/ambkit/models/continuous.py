@@ -11,7 +11,7 @@ from ambkit.base.arrays import Array
 from ambkit.models.declaration import Plan
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.model import Descriptor
-from ambkit.models.parts import Disturbance
+from ambkit.models.parts.disturbance import Disturbance
 from ambkit.models.sampling import Sampling
 
 

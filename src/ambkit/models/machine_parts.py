@@ -12,7 +12,8 @@ import numpy as np
 from ambkit.machine.machine import Bearing
 from ambkit.models.declaration import Part, Plan
 from ambkit.models.model import ONE, Model
-from ambkit.models.parts import PARTS, SENSOR_NOISE, SYNCHRONOUS, Delay
+from ambkit.models.parts import PARTS, SENSOR_NOISE, SYNCHRONOUS
+from ambkit.models.parts.delay import Delay
 from ambkit.models.parts.typical_sizes import Typical
 from ambkit.models.sampling import Sampling
 

@@ -128,15 +128,11 @@ class Model:
             text.update(f"{name}{pattern.shape}".encode() + pattern.tobytes())
         return text.hexdigest()
 
-    def force_rows(self, k_i: ArrayLike, k_s: ArrayLike) -> Array:
-        """Return the forces' derivatives by the state (p, n) [N per unit of the state]."""
+    def jacobian(self, k_i: ArrayLike, k_s: ArrayLike) -> Array:
+        """Return A (n, n), the transition with the linearised forces."""
         # k_i (..., p) [N/A]; k_s (..., p) [N/m]
         i, s = self._per_force(k_i)[..., None], self._per_force(k_s)[..., None]
-        return s * self.h + i * self.e + self.r
-
-    def jacobian(self, k_i: ArrayLike, k_s: ArrayLike) -> Array:
-        """Return A (n, n), the transition with the linearised forces; see `force_rows`."""
-        return self.L + self.b @ self.force_rows(k_i, k_s)
+        return self.L + self.b @ (s * self.h + i * self.e + self.r)
 
     def input_matrix(self, k_i: ArrayLike) -> Array:
         """Return B (n, c) by the demanded currents [A], with current stiffnesses (p,) [N/A]."""

@@ -13,7 +13,6 @@ from ambkit.data.signals import signal
 from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import weights_of
-from ambkit.machine.geometry import Axis
 from ambkit.machine.loading import levitation_current
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.models import plant_parts
@@ -49,11 +48,6 @@ class Plant:
             for k, item in enumerate(self.isolated)
             if item.amplifier.voltage_limit is not None and item.magnet.type == "two-sided"
         ]
-
-    @property
-    def axes(self) -> tuple[Axis, ...]:
-        """The axes of its bearings."""
-        return self.machine.axes
 
     def equilibrium(self, place: Array, load: Array) -> tuple[Array, Array]:
         """Return displacements (q,) and currents (p,) [A] of a rotor that hovers."""
@@ -103,12 +97,12 @@ class Plant:
         second = {axis: n + k for k, axis in enumerate(self.pairs)}
         return {
             "states": n + more, "positions": q,
-            "axes": len(self.axes), "sensors": len(readings),
+            "axes": len(machine.axes), "sensors": len(readings),
             "A": compressed_rows(A, pattern),
             "spin": spin[pattern].tolist(),
             **{name: compressed_rows(values, values != 0) for name, values in sparse.items()},
             "g": g.tolist(), **rotation,
-            "second": [second.get(k, -1) for k in range(len(self.axes))],
+            "second": [second.get(k, -1) for k in range(len(machine.axes))],
             "amplifiers": [
                 plant_parts.amplifier_of(isolated) | plant_parts.behind_fields(behind, dtype)
                 for isolated, behind in zip(self.isolated, self.behind, strict=True)
@@ -122,7 +116,10 @@ class Plant:
             "current": [-1 if item is None else index[item] for item in model.current],
             "magnets": [law.in_core(core) for law in self.laws],
             "bias": self.bias.tolist(),
-            "farthest": [_farthest(axis) for axis in self.axes],
+            "farthest": [
+                plant_parts.max_displacement(axis.bearing.clearance, axis.bearing.magnet.air_gap)
+                for axis in machine.axes
+            ],
             "shows": [index[signal("x_m", r.name)] for r in readings],
             "gain": [r.sensor.gain for r in readings],
             "lag": [machine.lag_of(r.sensor) for r in readings],
@@ -185,8 +182,3 @@ class Plant:
         if machine.bending is not None:
             needed.append(8 * T * float(machine.bending.frequency.max()))
         return max(least, *(math.ceil(item) for item in needed))
-
-
-def _farthest(axis: Axis) -> float:
-    gap, travel = axis.bearing.magnet.air_gap, axis.bearing.clearance
-    return travel + 0.9 * (gap - travel)

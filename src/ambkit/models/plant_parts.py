@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,8 +43,20 @@ def _corner(bearing: Bearing) -> float:
 
 def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any]:
     """Return the parts of a bearing by the names of ``amb_parts``."""
-    parts = amplifier_of(bearing) | delay_of(bearing) | _sensor(bearing, dtype) | _contact(bearing)
+    sensor = of_sensor(bearing.sensor, bearing.sensor.runout, dtype)
+    if bearing.sensor.runout:
+        sensor["speed"] = bearing.speed
+    parts = amplifier_of(bearing) | delay_of(bearing) | sensor
+    if bearing.stop is not None:
+        far = max_displacement(bearing.rotor.clearance, bearing.magnet.air_gap)
+        stop = bearing.stop
+        parts |= {"stiffness": stop.stiffness, "damping": stop.damping, "farthest": far}
     return parts | behind_fields(_behind(bearing), dtype)
+
+
+def max_displacement(clearance: float, air_gap: float) -> float:
+    """Return how far a rotor goes at most, into a soft stop but not into the magnet [m]."""
+    return clearance + 0.9 * (air_gap - clearance)
 
 
 def between_magnet_and_rotor(bearing: Bearing) -> tuple[str, ...]:
@@ -153,15 +165,8 @@ def delay_of(bearing: Machine) -> dict[str, Any]:
     return {"delay": integer_part, "delay_rest": (samples - integer_part) * bearing.sampling_time}
 
 
-def _sensor(bearing: Bearing, dtype: str) -> dict[str, Any]:
-    sensor = bearing.sensor
-    if not sensor.runout:
-        return of_sensor(sensor, (), dtype)
-    return of_sensor(sensor, sensor.runout, dtype) | {"speed": bearing.speed}
-
-
 def of_sensor(
-    sensor: Sensor, runout: Iterable[Runout], dtype: str, around: float = 0.0
+    sensor: Sensor, runout: Sequence[Runout], dtype: str, around: float = 0.0
 ) -> dict[str, Any]:
     """Return what a sensor does beside its gain and its lag, by the names of ``amb_parts``."""
     parts = dict[str, Any]()
@@ -171,10 +176,9 @@ def of_sensor(
         parts["step"] = sensor.quantisation
     if sensor.position_noise:
         parts["rise"] = sensor.position_noise
-    runout_lines = tuple(runout)
-    if runout_lines:
-        lines = np.zeros(max(line.order for line in runout_lines), dtype=complex)
-        for line in runout_lines:  # amplitude cos(n phi + phase)
+    if runout:
+        lines = np.zeros(max(line.order for line in runout), dtype=complex)
+        for line in runout:  # amplitude cos(n phi + phase)
             lines[line.order - 1] += cmath.rect(line.amplitude, line.phase - line.order * around)
         parts |= {
             "orders": len(lines),
@@ -182,14 +186,3 @@ def of_sensor(
             "runout_sine": np.ascontiguousarray(-lines.imag, dtype=dtype),
         }
     return parts
-
-
-def _contact(bearing: Bearing) -> dict[str, Any]:
-    if bearing.stop is None:
-        return {}
-    travel, gap = bearing.rotor.clearance, bearing.magnet.air_gap
-    return {
-        "stiffness": bearing.stop.stiffness,
-        "damping": bearing.stop.damping,
-        "farthest": travel + 0.9 * (gap - travel),
-    }

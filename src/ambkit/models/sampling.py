@@ -139,7 +139,9 @@ class Sampling:
         Phi, kinds = self.whole()
         states, forces, controls = slice(n), slice(n, n + p), slice(n + p, n + p + c)
         displaced, currents = slice(n + p + c, n + 2 * p + c), slice(n + 2 * p + c, None)
-        rotor = self._rotor_columns()
+        rotor, collocated = self._rotor_columns(), np.zeros((p, n))
+        for state, force in plan.riders.items():
+            collocated[[at.name for at in plan.forces].index(force), self.at(state)] = ONE
         parts = {
             "L": (Phi[states, states], kinds[states, states]),
             "b": (Phi[states, forces], kinds[states, forces]),
@@ -147,7 +149,7 @@ class Sampling:
             "h": (Phi[displaced, states] * rotor, kinds[displaced, states] * rotor),
             "e": (Phi[currents, states], kinds[currents, states]),
             "d": (Phi[currents, controls], kinds[currents, controls]),
-            "r": self._riders(),
+            "r": (collocated, collocated.astype(np.int8)),  # ones and zeros, as their pattern
             "c": self.linear_forms(plan.readings),
             "N": self._growth(),
             "rest": self._rest(),
@@ -170,13 +172,6 @@ class Sampling:
             for force in plan.forces
         ]
         return np.array(rows, bool).reshape(len(plan.forces), len(plan.states))
-
-    def _riders(self) -> Kinds:
-        forces = [at.name for at in self.plan.forces]
-        r = np.zeros((len(forces), len(self.plan.states)))
-        for state, force in self.plan.riders.items():
-            r[forces.index(force), self.at(state)] = 1.0
-        return r, np.where(r == 1, ONE, ZERO).astype(np.int8)
 
     def linear_forms(self, rows: Sequence[Row]) -> Kinds:
         """Return rows of coefficients of the states, and their pattern."""

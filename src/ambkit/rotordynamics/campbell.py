@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import units
 from ambkit.base.escaping import markdown
@@ -33,8 +31,8 @@ class Campbell(WhirlModes, Result):
     @property
     def finding(self) -> str:
         """Its critical speeds."""
-        result = ", ".join(map(units.rpm, self.critical)) or "none"
-        return f"Critical speeds of {self.machine.name} up to {self._end}: {result}."
+        speeds = ", ".join(map(units.rpm, self.critical)) or "none"
+        return f"Critical speeds of {self.machine.name} up to {self._end}: {speeds}."
 
     @property
     def _end(self) -> str:
@@ -83,7 +81,7 @@ class Campbell(WhirlModes, Result):
 
     def figures(self) -> list[Figure]:
         """Return frequencies and damping over the speed."""
-        return [campbell_figure(self.machine.name, self.speed, self.poles, self.whirl)]
+        return [campbell_figure(self)]
 
 
 def campbell(machine: Machine, fastest: Given | None = None, *, count: int = 121) -> Campbell:
@@ -102,14 +100,9 @@ FREQUENCY = Axis("frequency", "Hz", 1 / (2 * math.pi))
 DAMPING = Axis("damping ratio")
 
 
-def campbell_figure(
-    machine: str,
-    speed: NDArray[np.float64],
-    poles: NDArray[np.complex128],
-    whirl: Sequence[str],
-) -> Figure:
+def campbell_figure(result: Campbell) -> Figure:
     """Show frequencies and damping of a rotor's modes over its speed."""
-    # speed (n,) [rad/s]; poles (n, modes) [1/s]
+    speed, poles, whirl = result.speed, result.poles, result.whirl
     line_styles = {"forward": "series 1", "backward": "series 2", "axial": "series 3"}
     frequencies: list[Item] = [
         Line(speed, poles[:, k].imag, signal=line_styles[way], label=way)
@@ -123,7 +116,7 @@ def campbell_figure(
     ]
     return Figure(
         id="campbell",
-        title=f"Campbell diagram of {markdown(machine)}",
+        title=f"Campbell diagram of {markdown(result.machine.name)}",
         caption="Modes of the rotor on its controllers; where a forward whirl meets the speed of "
         "rotation, unbalance excites it.",
         panels=[Panel(SPEED, FREQUENCY, frequencies), Panel(SPEED, DAMPING, damping)],

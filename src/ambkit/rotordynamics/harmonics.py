@@ -130,7 +130,8 @@ def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:
         state = estimator.states[first]
         name = state.name.rsplit("_", 1)[0]
         order = 1 if state.role == "unbalance" else int(name.split("_", 1)[0].removeprefix("r"))
-        back = _rotation(-order * angle)
+        c, s = math.cos(order * angle), math.sin(order * angle)
+        back = np.array([[c, s], [-s, c]])
         pair = [first, second]
         cosine, sine = back @ mean[pair]
         spread = back @ covariance[np.ix_(pair, pair)] @ back.T
@@ -154,13 +155,5 @@ def _start_shares(covariance: Array, start: Sequence[float], places: list[int]) 
 
 def _turned(estimator: Estimator, record: Record) -> float:
     """Return by how much the rotor turned along a record [rad]."""
-    speed_signal = dict(record.signals).get("speed")
-    speed = (
-        np.full(len(record.t), estimator.bearing.speed) if speed_signal is None else speed_signal
-    )
+    speed = record.signals.get("speed", np.full(len(record.t), estimator.bearing.speed))
     return float(np.sum((speed[1:] + speed[:-1]) / 2 * np.diff(record.t)))
-
-
-def _rotation(angle: float) -> Array:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s], [s, c]])

@@ -51,15 +51,15 @@ def _of_the_poles(machine: Machine) -> str:
     if share < COUPLED and not machine.speed:
         return f"the axes are bearings alone, with an effective mass and a pole of: {bearings}"
     poles = open_loop(machine, [k.k_s for k in linear]).unstable
-    text = " and ".join(dict.fromkeys(map(_pole, poles[poles.imag >= 0])))
+    text = " and ".join(
+        dict.fromkeys(
+            engineering(pole.real, "rad/s", 6)
+            if abs(pole.imag) < 1e-9 * pole.real
+            else f"{pole.real:.6g} ± {pole.imag:.4g}j rad/s"
+            for pole in poles[poles.imag >= 0]
+        )
+    )
     return (
         f"without control the rotor falls away with {text}; as bearings alone the axes would have "
         f"an effective mass and a pole of: {bearings}; they couple by {share:.0%}"
-    )
-
-
-def _pole(pole: complex) -> str:
-    real = engineering(pole.real, "rad/s", 6)
-    return (
-        real if abs(pole.imag) < 1e-9 * pole.real else f"{pole.real:.6g} ± {pole.imag:.4g}j rad/s"
     )

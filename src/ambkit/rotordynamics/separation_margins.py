@@ -65,29 +65,13 @@ class Separation:
         """Whether the speed is far enough."""
         return self.margin >= self.needed
 
-    @property
-    def where(self) -> str:
-        """On which side of the operating speed it is, and by how much."""
-        side = "above" if self.critical.speed > self.speed else "below"
-        return f"{100 * self.margin:.3g} % {side} {rpm(self.speed)}"
-
-    @property
-    def limit(self) -> str:
-        """The required margin as text."""
-        if not self.needed:
-            return "none: critically damped"
-        return f"at least {100 * self.needed:.3g} %"
-
-    @property
-    def factor(self) -> str:
-        """The amplification factor as text."""
-        return f"{self.critical.amplification:.3g}"
-
     def text(self) -> str:
         """Return it as one phrase."""
+        side = "above" if self.critical.speed > self.speed else "below"
+        limit = f"at least {100 * self.needed:.3g} %" if self.needed else "none: critically damped"
         return (
-            f"{rpm(self.critical.speed)}, {self.where} (amplification factor {self.factor}; "
-            f"required: {self.limit})"
+            f"{rpm(self.critical.speed)}, {100 * self.margin:.3g} % {side} {rpm(self.speed)} "
+            f"(amplification factor {self.critical.amplification:.3g}; required: {limit})"
         )
 
     def rows(self) -> list[Row]:

@@ -15,6 +15,7 @@ from ambkit.base.units import figure
 from ambkit.result.report import Axis, Figure, Heatmap, Item, Line, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
+from ambkit.result.signal_styles import TIME
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -56,11 +57,8 @@ class Waterfall(Result):
     @property
     def series(self) -> dict[str, Any]:
         """The spectra."""
-        names = ("t", "speed", "frequency", "amplitude")
-        return {"signal": self.signal} | {
-            ("amplitudes" if name == "amplitude" else name): getattr(self, name).tolist()
-            for name in names
-        }
+        arrays = {name: getattr(self, name).tolist() for name in ("t", "speed", "frequency")}
+        return {"signal": self.signal, **arrays, "amplitudes": self.amplitude.tolist()}
 
     def figures(self) -> list[Figure]:
         """Show the amplitudes over time and frequency, with the speed of rotation."""
@@ -100,27 +98,18 @@ def waterfall(
     )
 
 
-TIME = Axis("time", "s")
 FREQUENCY = Axis("frequency", "Hz")
 RANGE = 60.0  #: Decibels that are told apart below the highest line.
 
 
-def waterfall_figure(result: Any) -> Figure:
+def waterfall_figure(result: Waterfall) -> Figure:
     """Show spectra over time, with once and twice the speed of rotation."""
     one, unit = (1e-6, "µm") if result.unit == "m" else (1.0, result.unit)
     decibels = 20 * np.log10(np.maximum(result.amplitude / one, 1e-30))
     most = 10 * math.ceil(float(decibels.max()) / 10)
     bar = Axis("amplitude", f"dB re 1 {unit}", limits=(most - RANGE, float(most)))
-    items: list[Item] = [
-        Heatmap(
-            result.t,
-            result.frequency,
-            np.clip(decibels, most - RANGE, most).T,
-            bar,
-            lines=1,
-            zero=False,
-        )
-    ]
+    levels = np.clip(decibels, most - RANGE, most).T
+    items: list[Item] = [Heatmap(result.t, result.frequency, levels, bar, lines=1, zero=False)]
     once = np.abs(result.speed) / (2 * math.pi)
     for times, signal in ((1, "reference"), (2, "limit")):
         near = times * once <= result.frequency[-1]

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
@@ -20,10 +19,6 @@ from ambkit.models.plant import Plant
 from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
-    from ambkit.result.report import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,7 +59,7 @@ class UnbalanceResponse(Result):
 
     def figures(self) -> list[Figure]:
         """Return the amplitude of each axis over the speed."""
-        return [unbalance_response_figure(self.machine, self.speed, self.amplitude)]
+        return [unbalance_response_figure(self)]
 
 
 def unbalance_response(
@@ -93,11 +88,9 @@ SPEED = Axis("speed of rotation", "rpm", 30 / math.pi)
 AMPLITUDE = Axis("amplitude", "µm", 1e6)
 
 
-def unbalance_response_figure(
-    machine: Machine, speed: NDArray[np.float64], amplitude: NDArray[np.float64]
-) -> Figure:
+def unbalance_response_figure(result: UnbalanceResponse) -> Figure:
     """Show how far each axis moves."""
-    # speed (n,) [rad/s]; amplitude (n, p) [m]
+    machine, speed, amplitude = result.machine, result.speed, result.amplitude
     names: dict[int, list[str]] = {}  # axes by the first of those that move alike
     for k, axis in enumerate(machine.axes):
         alike = (j for j in names if np.allclose(amplitude[:, j], amplitude[:, k], rtol=1e-3))

@@ -6,23 +6,7 @@ float, double and SIMD lanes. An entry that is one by structure costs no product
 sums is that of the loops, so that the bits agree.
 """
 
-from ambkit.models.emit.covariance import predict_covariance
-from ambkit.models.emit.header import constants, fields, header, initialiser, struct
+from ambkit.models.emit.header import constants, fields, header, initialiser
 from ambkit.models.emit.names import KEYWORDS, Names, Naming
-from ambkit.models.emit.steps import current, displacement, predict_mean, update
 
-__all__ = [
-    "KEYWORDS",
-    "Names",
-    "Naming",
-    "constants",
-    "current",
-    "displacement",
-    "fields",
-    "header",
-    "initialiser",
-    "predict_covariance",
-    "predict_mean",
-    "struct",
-    "update",
-]
+__all__ = ["KEYWORDS", "Names", "Naming", "constants", "fields", "header", "initialiser"]

@@ -35,7 +35,12 @@ def predict_covariance(names: Names) -> str:
     q = _force_noise(names, g, stages)
     b = [names.entries("b", i) for i in n]
     w = [
-        [stages.add(names.of_force("w", f, j), _row_times_P(names, rows[f], j)) for j in n]
+        [
+            stages.add(
+                names.of_force("w", f, j), [product(names.P(k, j), a) for k, a in rows[f][::-1]]
+            )
+            for j in n
+        ]
         for f in p
     ]
     M: Symbols = []
@@ -94,10 +99,6 @@ def _force_row(names: Names, f: int, stages: Stages) -> list[tuple[int, Factor]]
         single = len(terms) == 1 and not terms[0].symbols  # a rider, whose coefficient is one
         results.append((j, None if single else stages.add(names.of_force("h", f, j), terms)))
     return results
-
-
-def _row_times_P(names: Names, row: list[tuple[int, Factor]], j: int) -> Sum:
-    return [product(names.P(k, j), a) for k, a in reversed(row)]
 
 
 def _gains(names: Names, stages: Stages) -> Symbols:

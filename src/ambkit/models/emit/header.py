@@ -6,28 +6,18 @@ import re
 import textwrap
 from collections.abc import Sequence
 
+from ambkit.models.emit import steps
 from ambkit.models.emit.covariance import predict_covariance
 from ambkit.models.emit.names import Names
-from ambkit.models.emit.steps import (
-    current,
-    displacement,
-    drives,
-    equilibrium,
-    firsts,
-    growth,
-    known,
-    predict_mean,
-    pushed,
-    role,
-    shown,
-    shown_variance,
-    shown_with,
-    sound,
-    uncorrelated,
-    update,
-    variances,
-)
 from ambkit.models.model import MATRICES, Model
+
+SCALAR = (steps.growth, steps.drives, steps.pushed, steps.role, steps.sound, steps.known)
+"""What is taken from the scalar filter where several run in lanes."""
+IN_LANES = (
+    steps.displacement, steps.current, steps.shown, steps.shown_variance, steps.variances,
+    steps.shown_with, steps.equilibrium, steps.predict_mean, predict_covariance, steps.update,
+)  # fmt: skip
+"""And what each lane computes, in the order of the file."""
 
 WIDTH = 100
 
@@ -82,41 +72,23 @@ def header(
         *(f"#define AMB_{what} {count}" for what, count in counts.items()),
         f"#define AMB_TRIANGLE {len(names.pairs)}",
         "#define AMB_WORK 1 /* nothing is needed */\n",
-        *firsts(names),
+        *steps.firsts(names),
         "",
         struct(names),
         "#ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */",
         "/* How many there are. */",
-        *(_count(what) for what in counts),
+        *(
+            f"AMB_INLINE int amb_{what.lower()}(const amb_model *model)\n"
+            f"{{\n  (void)model;\n  return AMB_{what};\n}}\n"
+            for what in counts
+        ),
         *([more] if more else []),
-        growth(names),
-        drives(names),
-        pushed(names),
-        role(names),
-        sound(names),
-        known(names),
-        f"{uncorrelated(names)}#endif\n",
-        displacement(names),
-        current(names),
-        shown(names),
-        shown_variance(names),
-        variances(names),
-        shown_with(names),
-        equilibrium(names),
-        predict_mean(names),
-        predict_covariance(names),
-        update(names),
+        *(function(names) for function in SCALAR),
+        f"{steps.uncorrelated(names)}#endif\n",
+        *(function(names) for function in IN_LANES),
         "#endif\n",
     ])  # fmt: skip
     return "\n".join(line for long in text.split("\n") for line in _wrapped(long))
-
-
-def _count(what: str) -> str:
-    """Return the function that says how many of something a model has."""
-    return (
-        f"AMB_INLINE int amb_{what.lower()}(const amb_model *model)\n"
-        f"{{\n  (void)model;\n  return AMB_{what};\n}}\n"
-    )
 
 
 def fields(names: Names, *, stem: str, by: str) -> str:

@@ -47,7 +47,8 @@ def shown_with(names: Names) -> str:
     """Return the function of its covariance with the states."""
 
     def column(r: int, i: int) -> str:
-        terms = [product(in_place(c), _cov(names, i, j)) for j, c in names.entries("c", r)]
+        cov = {j: f"cov[{names.where[min(i, j), max(i, j)]}]" for j in range(names.n)}
+        terms = (product(in_place(c), cov[j]) for j, c in names.entries("c", r))
         return f"with_y[{i}] = {total(terms)};"
 
     cases = [[column(r, i) for i in range(names.n)] for r in range(names.m)]
@@ -58,9 +59,7 @@ def shown_with(names: Names) -> str:
 
 def update(names: Names) -> str:
     """Return the function that takes in a measurement: K = P c'/S, X += K e, P -= K (P c')'."""
-    arguments = [
-        "amb_real y", "amb_real S", MEAN, COV, "amb_real *innovation",
-    ]  # fmt: skip
+    arguments = ["amb_real y", "amb_real S", MEAN, COV, "amb_real *innovation"]
     doc = "Eq. 11-13 for the scalar measurement of {}; S must be positive."
     if names.m == 1:
         body = _update(names, 0)
@@ -69,8 +68,7 @@ def update(names: Names) -> str:
     for r, measurement in enumerate(names.model.measurements):
         what = doc.format(measurement.name)
         functions.append(names.function(what, f"update_{r}", arguments, _update(names, r)))
-        call_arguments = "model, y, S, mean, cov, innovation"
-        cases.append([f"amb_model_update_{r}({call_arguments});"])
+        cases.append([f"amb_model_update_{r}(model, y, S, mean, cov, innovation);"])
     last = names.function(
         doc.format("one sensor"), "update", [SENSOR, *arguments], switched(SENSOR, cases)
     )
@@ -100,10 +98,6 @@ def _update(names: Names, r: int) -> list[str]:
 
 def _of_mean(names: Names, r: int) -> str:
     return total(product(in_place(c), f"mean[{j}]") for j, c in names.entries("c", r))
-
-
-def _cov(names: Names, i: int, j: int) -> str:
-    return f"cov[{names.where[min(i, j), max(i, j)]}]"
 
 
 def _with_sensor(

@@ -23,21 +23,3 @@ SENSOR_NOISE = (ColouredNoise, Hum)  #: Coloured noise of the sensor; a filter m
 
 SYNCHRONOUS: dict[str, Any] = {"unbalance": SynchronousForce, "runout": SynchronousRunout}
 """What turns with the rotor and can be among the states, by name."""
-
-__all__ = [
-    "BEHIND_MAGNETS",
-    "PARTS",
-    "SENSOR_NOISE",
-    "SYNCHRONOUS",
-    "Amplifier",
-    "ColouredNoise",
-    "Delay",
-    "Disturbance",
-    "EddyCurrents",
-    "Hum",
-    "MagnetPlace",
-    "Rotor",
-    "Sensor",
-    "SynchronousForce",
-    "SynchronousRunout",
-]

@@ -107,8 +107,8 @@ class SynchronousRunout:
     def declare(self, plan: Plan) -> None:
         """Add both states, their share of the readings, and their noise."""
         c, s = f"{self.name}_c", f"{self.name}_s"
-        for state, role in ((c, "runout"), (s, "runout")):
-            plan.state(state, "m", self.size, role)
+        for state in (c, s):
+            plan.state(state, "m", self.size, "runout")
         _turn(plan, c, s, self.order * self.speed)
         for sensor_state, gain, lag, cosine, sine in self.sensors:
             for state, share in ((c, cosine), (s, sine)):
