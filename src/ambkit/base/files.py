@@ -10,8 +10,7 @@ from pathlib import Path
 from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError
 
-DOCUMENT_SHARE = 100
-"""Memory that a document takes to read, in sizes of the file: a pipe may never end."""
+DOCUMENT_SHARE = 100  #: Memory to read a document, in sizes of the file: a pipe may never end.
 
 
 @contextmanager

@@ -10,8 +10,7 @@ from ambkit.base.units import parse
 
 LIMIT = 8e9  #: Memory that reading one file may take [byte], where `VARIABLE` does not say.
 VARIABLE = "AMBKIT_READ_MEMORY"  #: Environment variable with another limit, such as ``16 GB``.
-TEXT_SHARE = 7
-"""Memory that a CSV takes to read, in sizes of the file: measured, with 9 digits a number."""
+TEXT_SHARE = 7  #: Memory to read a CSV, in sizes of the file, measured with 9 digits a number.
 _LEAST = 1 << 20
 
 

@@ -12,8 +12,7 @@ from ambkit.base import units
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import one_line
 
-Given = float | str
-"""A quantity as a caller gives it: a number is SI, a text has its unit, such as ``"50 µm"``."""
+Given = float | str  #: A quantity as an argument: a number in SI, or text with a unit.
 
 Kind = TypeVar("Kind")
 

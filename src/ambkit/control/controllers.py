@@ -34,9 +34,7 @@ if TYPE_CHECKING:
     from ambkit.models.plant import Plant
 
 
-TYPES = ("decentralised", "translation and tilt", "lqg")
-"""The types of control, from simple to linear-quadratic."""
-
+TYPES = ("decentralised", "translation and tilt", "lqg")  #: From simple to linear-quadratic.
 FAR = 1e9  #: No reference is beyond it [m].
 
 

@@ -18,9 +18,7 @@ from ambkit.control.stabilising_controller import ENOUGH
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
 
-AS_GOOD = 1.1
-"""Where no peak is at most `ENOUGH`, the simplest is taken whose peak is within this factor of the
-lowest."""
+AS_GOOD = 1.1  #: Ratio to the lowest peak, above `ENOUGH`, that is as good: the simplest.
 
 
 @dataclass(frozen=True)

@@ -25,15 +25,9 @@ REGULATED = (
 )  # fmt: skip
 """Roles of the states that the controls move."""
 
-SHARE = 0.2
-"""Of its current, what an axis may use for a deflection by a tenth of what the stops leave."""
-
-
-MIDDLES = (0.5, 0.6, 0.7)
-"""Shares of the machine's speed, one of which is a node of gains that follow it, with 0 and 1."""
-
-BETWEEN = (0.15, 0.3, 0.45, 0.6, 0.8, 0.9)
-"""Shares of the speed at which the gains between the nodes are judged."""
+SHARE = 0.2  #: Share of an axis's current for a deflection of a tenth of its clearance.
+MIDDLES = (0.5, 0.6, 0.7)  #: Shares of the machine's speed for the middle node of the gains.
+BETWEEN = (0.15, 0.3, 0.45, 0.6, 0.8, 0.9)  #: Shares of the speed at which gains are judged.
 
 
 def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 
 PEAK = 1.8  #: Of abs(S), at most, where the bearing allows it: a tenth below 2.
-
 STIFFEST = 4.0  #: Proportional gain beyond which nothing is looked for, in k_s/k_i.
 
 RATIOS = (STIFFEST, 3.5, 3.0, 2.6, 2.3, 2.0, 1.8, 1.6, 1.4)
@@ -48,8 +47,7 @@ SOFTER = (1.0, 0.75, 0.6, 0.5, 0.4, 0.35)
 about 0.3 no spring is left against the magnets' own."""
 LESS_DAMPED = (1.5, 1.0, 0.75, 0.5, 0.35, 0.2)  #: Shares of the derivative gain.
 SLOWER = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  #: By how much the derivative is filtered more.
-BOUNDS = np.log([(0.3, 0.2, 0.5), (1.25, 1.5, 32.0)])
-"""Logarithms of the least and the greatest of these shares."""
+BOUNDS = np.log([(0.3, 0.2, 0.5), (1.25, 1.5, 32.0)])  #: Logarithms of the limits of these.
 ENOUGH = 2.0  #: Peak of abs(S) from which on others are looked for.
 STRIDE, TRIES, UNHELD = 0.2, 250, 1e3
 """Of the search for the lowest peak: its first steps, its evaluations, the cost of what falls."""

@@ -29,14 +29,11 @@ if TYPE_CHECKING:
     from ambkit.models.plant import Plant
 
 
-NODES, RIGID = 129, 33
-"""Numbers of speeds at which the motion is computed, of a flexible rotor and of a rigid one."""
+NODES, RIGID = 129, 33  #: Speeds of the table, of a flexible rotor and of a rigid one.
 LEAST, MOST = 1.5, 3.0
 """Orbit without the controllers' reaction, over that under plain control: up to the first all of
 the motion is left to the rotor, from the second on none of it."""
-NEIGHBOURHOOD = 0.02
-"""Share of a speed within which the worst orbit counts: the true critical speed is near the
-model's, and not at it."""
+NEIGHBOURHOOD = 0.02  #: Relative error of a critical speed of the model.
 FULL, NONE = 0.3, 0.5
 """Shares of the travel, and of the greatest current: where the estimated unbalance takes more than
 the first, less of its motion is left to the rotor, from the second on none. Zones A and C of

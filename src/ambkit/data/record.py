@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from ambkit.result.card import Card
 
 
-TIME_TOLERANCE = 0.01
-"""How far a time step may be from their mean, as a part of it: logs print rounded times."""
+TIME_TOLERANCE = 0.01  #: Deviation of a time step from the mean: logs print rounded times.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

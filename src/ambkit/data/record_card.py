@@ -16,7 +16,6 @@ from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule, Span
 from ambkit.result.signal_styles import TIME
 
 MAX_PANELS = 8  #: Channels in a picture; more would not be legible.
-
 NARROWEST = 0.004  #: Least width of a mark, as a part of the picture's.
 
 _LABELS = {

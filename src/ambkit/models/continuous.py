@@ -25,12 +25,10 @@ class Continuous(NamedTuple):
     A: Array  #: At rest (n, n).
     spin: Array  #: What A gains by 1 rad/s of rotation (n, n).
     b: Array  #: By 1 N at each axis (n, p).
-    push: Array
-    """By 1 N that pushes the rotor where each axis's magnet pulls, with nothing between (n, p)."""
+    push: Array  #: By 1 N on the rotor at each axis's magnet, at once (n, p).
     B_u: Array  #: By 1 A demanded of each amplifier (n, p).
     h: Array  #: Displacement at each axis (p, n) [m].
-    current: tuple[str | None, ...]
-    """The state that is each axis's current; None: the demanded current at once."""
+    current: tuple[str | None, ...]  #: State of each axis's current; None: as demanded.
 
     @property
     def v(self) -> Array:

@@ -12,12 +12,10 @@ class _Unit(float):
     """One in every machine of this kind."""
 
 
-UNIT: Final = _Unit(1.0)
-"""A coefficient that is one by structure; 1.0 is a number that may be another tomorrow."""
+UNIT: Final = _Unit(1.0)  #: One by structure; 1.0 may be another number elsewhere.
 
 Row = Mapping[str, float]  #: Coefficients by name; what is named is in the pattern, zero or not.
-Place = str | Row
-"""Where something sits: at a position of the rotor, or at a combination of several."""
+Place = str | Row  #: A position of the rotor, or a combination of several.
 
 
 def row(place: Place) -> dict[str, float]:

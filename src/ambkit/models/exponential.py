@@ -13,8 +13,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 
-TERMS = 20
-"""1 / 20! is below the rounding of a double: enough where a term is at most the one before."""
+TERMS = 20  #: 1/20! is below the rounding of a double where terms do not grow.
 
 
 def transition(A: Array, time: float) -> Array:

@@ -16,8 +16,7 @@ from ambkit.models import exponential
 from ambkit.models.declaration import Part, Plan
 from ambkit.models.sampling import Sampling
 
-MOST_AT_ONCE = 4096
-"""Frequencies of a response that are solved for in one call: it bounds the memory."""
+MOST_AT_ONCE = 4096  #: Frequencies that are solved for in one call: it bounds the memory.
 
 MANY_STATES, WORST_VECTORS, NEAR_ONE = 10, 1e9, 1e-6
 """A response is summed over the eigenvectors from so many states on, where their condition number
@@ -100,8 +99,7 @@ class LinearSystem:
         return poles[np.abs(poles) > 1 + EDGE]
 
 
-EDGE = 1e-9
-"""A pole no farther than this from the limit of stability is on it, such as an integrator's."""
+EDGE = 1e-9  #: Distance from the limit of stability of a pole that is on it: an integrator's.
 
 
 def _pieces(places: NDArray[np.intp]) -> list[NDArray[np.intp]]:

@@ -14,8 +14,7 @@ from ambkit.base.arrays import Array
 
 Pattern = NDArray[np.int8]
 
-ZERO, ONE, NUMBER = 0, 1, 2
-"""Entries of a pattern: zero or one in every machine of this kind, or a number of this machine."""
+ZERO, ONE, NUMBER = 0, 1, 2  #: Entries of a pattern; 0 and 1 in every machine of the kind.
 
 
 @dataclass(frozen=True)
@@ -24,8 +23,7 @@ class Descriptor:
 
     name: str  #: Symbol, a C identifier: ``x``, ``f_d``.
     unit: str  #: SI unit; of a noise, that of its standard deviation.
-    size: float
-    """Typical size in that unit; of a noise, its standard deviation where the machine gives it."""
+    size: float  #: Typical size in that unit; of a noise, its standard deviation.
     role: str
     """What it is: position, velocity, bending, bending velocity, disturbance force, sensor,
     current, past control, noise (in the reading as it is) or noise in quadrature (behind that of a
@@ -68,21 +66,17 @@ class Model:
     forces: tuple[Descriptor, ...]  #: The p magnets' forces.
     controls: tuple[Descriptor, ...]  #: The demanded currents, one of each amplifier.
     measurements: tuple[Descriptor, ...]  #: The m sensors' readings.
-    noises: tuple[Descriptor, ...]
-    """Independent sources of growth of the covariance, beside the controls' noise."""
+    noises: tuple[Descriptor, ...]  #: Independent noises besides that of the controls.
     L: Array  #: Transition (n, n), without what goes through a force.
     b: Array  #: What a force of 1 N, held, leaves in the state (n, p).
-    B_u: Array
-    """What a demanded current of 1 A leaves in the state (n, c), without what goes through a force.
-    """
+    B_u: Array  #: By a demanded current of 1 A, past the forces (n, c).
     h: Array  #: Mean displacement in each magnet, of the rotor's free motion (p, n).
     e: Array  #: Mean current of each magnet, by the state (p, n).
     d: Array  #: Mean current of each magnet, by the demanded currents (p, c).
     r: Array  #: States that push where the magnet does (p, n).
     c: Array  #: Measurements (m, n).
     N: Array  #: Covariance that a source of variance 1 leaves in the state over a sample (k, n, n).
-    rest: Array
-    """Each state of a machine at rest, from the free ones (n, n); the identity for those."""
+    rest: Array  #: Each state at rest by the free ones, whose rows are the identity (n, n).
     pattern: Mapping[str, Pattern] = field(repr=False)
     """For each matrix, of its shape: `ZERO`, `ONE` or `NUMBER`, by the kind of machine alone."""
 

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
 
 
-SOFT = 0.05
-"""How deep the rotor comes into a touch-down bearing that nothing is said of [clearances]."""
+SOFT = 0.05  #: Depth of contact in a touch-down bearing without data [clearances].
 LOSS = 0.5  #: And what share of its speed it loses there.
 
 

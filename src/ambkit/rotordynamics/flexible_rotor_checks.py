@@ -22,10 +22,8 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.machine.rotors.modes import Bending
 
-MATTERS = 0.01
-"""Compliance left out from which on it matters: of what the magnets' stiffness asks for."""
-SHAKEN = 0.5
-"""Share of its own damping that the controllers leave to a mode, below which that is told."""
+MATTERS = 0.01  #: Residual compliance, relative to the magnets', that is reported.
+SHAKEN = 0.5  #: Share of a mode's own damping below which that is reported.
 
 
 class Remark(NamedTuple):

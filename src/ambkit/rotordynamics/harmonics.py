@@ -18,10 +18,8 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
 
 
-TOLD = 0.5
-"""Of the standard deviation at the start, above which a record has told next to nothing."""
-CLEAR = 3.0
-"""Standard deviations that an amplitude has, or it is none to speak of, and has no angle."""
+TOLD = 0.5  #: Share of the initial standard deviation that remains: no information.
+CLEAR = 3.0  #: Least amplitude, in standard deviations, that has an angle.
 
 
 @dataclass(frozen=True, eq=False)

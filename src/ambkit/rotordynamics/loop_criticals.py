@@ -34,11 +34,8 @@ HALF_POWER, BETWEEN = math.sqrt(0.5), 6
 """Of a peak, how far the response falls between it and the next, and speeds looked at there."""
 
 ACROSS = np.linspace(-3, 3, 13)  #: Speeds about each pole of a peak of several, in widths.
-
 SAME = 1e-6  #: Distance of two critical speeds, over the lower one, up to which they are one.
-
-OVERDAMPED = 1e-3
-"""Of a pole, the imaginary part below which it does not oscillate but for rounding."""
+OVERDAMPED = 1e-3  #: Imaginary part of a pole that is rounding, relative to the pole.
 
 SHARE = 0.1
 """Of the unbalance response, below which a pole is no whirl of the rotor but one of a filter, which

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 
 MODES = ("modes",)  #: Section of its rows.
-
 POINTS = 401  #: Places along the shaft.
 
 

@@ -28,14 +28,9 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Machine
 
-SHARE, ABOVE = 0.17, 0.10
-"""Factor of the margin that a critical speed needs, and how much more one above the operating speed
-needs."""
-
+SHARE, ABOVE = 0.17, 0.10  #: Factor of the margin; what is added above the operating speed.
 MOST = 0.16  #: The greatest margin that a critical speed below the operating speed needs.
-
 MOST_SPEED = 0.99  #: Highest speed of the search, of half a revolution a sample.
-
 BASIS = "API 617"  #: Where the margins are from.
 
 

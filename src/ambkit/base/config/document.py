@@ -150,8 +150,7 @@ class Part(BaseModel, metaclass=_OwnNames):
         return model
 
 
-_NAMES = ("name", "description", "source")
-"""Fields that say what a description is of, and set nothing."""
+_NAMES = ("name", "description", "source")  #: Fields that name a description, and set nothing.
 
 
 def settings_of(part: Any, text: Callable[..., str] = units.figure) -> Iterator[str]:
@@ -297,8 +296,7 @@ def reader(model: BaseModel) -> Read:
     return lambda key: _getter(key)(model)
 
 
-_getter = cache(attrgetter)
-"""The getter of a dotted key: keys are few, and read for each machine of a campaign."""
+_getter = cache(attrgetter)  #: The getter of a dotted key: campaigns read few keys often.
 
 
 def read_unchecked(model: type[BaseModel], data: Any, context: Any) -> Read:

@@ -13,8 +13,7 @@ from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.toml_text import Path
 from ambkit.base.escaping import json_text, one_line
 
-ONE_OR_MORE = ("[one]", "[list]")
-"""Pydantic's tags of a key that takes a table or a list of tables: they stand in no file."""
+ONE_OR_MORE = ("[one]", "[list]")  #: Pydantic's tags of a table or a list of tables; not in files.
 
 
 class Problem(NamedTuple):

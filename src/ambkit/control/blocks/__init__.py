@@ -22,8 +22,6 @@ AnyBlock = Annotated[
 ]
 
 MOST = 8  #: Sections of second order behind a PID, as many as ``AMB_SECTIONS`` of the core.
-
-
 NOTHING = 1e-9  #: A gain at rest that is none.
 
 

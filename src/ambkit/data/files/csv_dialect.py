@@ -57,8 +57,7 @@ class Dialect(NamedTuple):
     numeric: tuple[int, ...] = ()  #: Places of the columns that hold numbers.
     closed: bool = False  #: Whether a separator ends each line too.
     stamps: tuple[int, ...] = ()  #: Places of the columns that hold times as text.
-    passed_over: int = 0
-    """Number of lines above the numbers that are neither names, nor units, nor comments."""
+    passed_over: int = 0  #: Lines above the numbers without names, units or comments.
 
     @property
     def width(self) -> int:
@@ -104,8 +103,7 @@ def number_of(cell: str, decimal: str = ".") -> float | None:
 _EXPONENT = str.maketrans("dD", "ee")  # as Fortran writes it
 
 
-COMMENTS = ("#", "%")
-"""What a line begins with that is a comment, NumPy's and MATLAB's way."""
+COMMENTS = ("#", "%")  #: First character of a comment: NumPy's and MATLAB's.
 
 
 def find(lines: Sequence[str]) -> Dialect | None:

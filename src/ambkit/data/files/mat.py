@@ -156,8 +156,7 @@ def _is_text(value: Any) -> bool:
     return isinstance(value, np.ndarray) and value.dtype.kind == "U"
 
 
-_PARTS_OF_OBJECT = ("s0", "s1", "s2", "arr")
-"""What SciPy makes of an object whose class is MATLAB's own: name, kind, class, and references."""
+_PARTS_OF_OBJECT = ("s0", "s1", "s2", "arr")  #: SciPy's form of an object of MATLAB's own class.
 
 
 def _is_object(value: Any) -> bool:

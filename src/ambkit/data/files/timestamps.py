@@ -107,8 +107,7 @@ HOUR = 3600 * SECOND
 DAY = 24 * HOUR
 
 
-Texts = Sequence[str | None] | NDArray[np.object_]
-"""Cells of a column; empty or None where there is none."""
+Texts = Sequence[str | None] | NDArray[np.object_]  #: Cells of a column; empty or None: missing.
 _NONE = np.array(None)
 
 
@@ -117,10 +116,8 @@ class Timestamps(NamedTuple):
 
     seconds: Array  #: Seconds from the first one (n,); NaN where there is none.
     layout: str  #: How they are written.
-    remarks: tuple[str, ...]
-    """When the first one was; where midnight or summer time were taken out."""
-    certain: bool
-    """Whether it cannot be that day and month are the other way round, or it does not matter."""
+    remarks: tuple[str, ...]  #: The first time; midnight and summer time that were removed.
+    certain: bool  #: Whether day and month cannot be swapped, or it does not matter.
 
 
 def read(

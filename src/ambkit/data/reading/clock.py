@@ -183,8 +183,7 @@ def instant(time: float, step: float) -> str:
     return engineering(time, "s", digits=digits) if abs(time) < 1e4 else f"{time:.{digits}g} s"
 
 
-HELD = ("u",)
-"""Signals that keep their value from one sample to the next: the controller holds its output."""
+HELD = ("u",)  #: Signals that the controller holds from one sample to the next.
 
 
 def insert_missing(clock: Clock) -> tuple[Array, Index]:

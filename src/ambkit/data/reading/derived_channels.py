@@ -14,29 +14,15 @@ from ambkit.base.arrays import Array
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.levitation_test import TINY, Band
 
-SAME = 1e-6
-"""Standard deviations within which two channels, shifted and scaled, hold the same numbers."""
-
-DIFFERENCE = 0.9
-"""Correlation with another channel's difference from which on a channel is its velocity."""
-
+SAME = 1e-6  #: Standard deviations by which copies of a channel differ at most.
+DIFFERENCE = 0.9  #: Correlation with the difference of a channel that makes a velocity.
 WHITE = 0.1  #: Logarithm by which the ratio of differences is off at most that white noise has.
-
-AS_ROUGH = 0.2
-"""Roughness of a channel's difference, in parts of that of what may be it: noise makes no less."""
-
-SMOOTH = 0.05
-"""Fourth differences in parts of the second ones, below which nothing but a formula is."""
-
-OFTEN = 0.9
-"""Part of the differences that are looked at: of a signal that was laid on a finer grid by straight
-lines, most second ones are 0."""
-
+AS_ROUGH = 0.2  #: Roughness of a difference, relative to that of its velocity, at least.
+SMOOTH = 0.05  #: Ratio of fourth to second differences that only a formula has.
+OFTEN = 0.9  #: Quantile of the differences: on a finer grid by straight lines most are 0.
 EXACT = 1e-5  #: Part of a channel's changes that is left, where it is a filter of another one.
 LOOKED_AT = 4000  #: Samples in which a filter is looked for.
-
-STEADY = 2.0
-"""Ratio within which the gain from an estimate to what it is of is the same in all bands."""
+STEADY = 2.0  #: Ratio of the gains from an estimate to its original over all bands.
 
 
 def same_numbers(channels: Array) -> dict[int, int]:

@@ -23,14 +23,9 @@ KINDS = (
 """What can be wrong, the clock's faults first."""
 
 MASKABLE = ("saturated", "frozen", "spike")  #: What can be taken as missing if the user wishes so.
-
-STILL = 10
-"""So many equal samples at least are a sensor that stands still; the core's filters count alike."""
-
+STILL = 10  #: Equal samples of a frozen sensor, at least, as in the core's filters.
 CLIPPED = 3  #: So many equal samples at least, at the greatest or least value, are saturation.
-
-BY_CHANCE = 1e-6
-"""Probability that a stretch of equal samples in a whole sound record is called frozen."""
+BY_CHANCE = 1e-6  #: Probability that a sound record contains a frozen stretch.
 
 LOOKED_AT = 200_000  # samples for the resolution
 BLOCK = 200  # samples in which different values are counted

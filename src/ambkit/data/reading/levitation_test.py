@@ -18,23 +18,16 @@ import numpy as np
 from ambkit.base.arrays import Array
 
 BOXES = 6  #: Boxes that the kernel is made of: four stay where it is differentiated twice.
-
-ROWS = 20
-"""Rows, half a box apart, of a block in which the mean is free: offsets and slow loads drop out."""
-
+ROWS = 20  #: Rows, half a box apart, of a block; its mean is free: offsets drop out.
 LEAST_BLOCKS = 8  #: So many blocks a band has at least: the record is long compared with the pole.
-
-POLE = (0.1, 1.0)
-"""Pole times box, within which a band can tell it: slower bands only see the balance at rest."""
-
+POLE = (0.1, 1.0)  #: Pole times box for which a band identifies the pole.
 ALIKE = 1.35  #: Poles, and gains, of three neighbouring bands are within this ratio.
 
 AGREE = ((3, ALIKE, 0.1), (2, 2.0, 0.2))
 """So many neighbouring bands, whose poles and gains are within this ratio, each with this share of
 the acceleration's variance explained: what is sure, and what has to do where nothing is."""
 
-TURNS = 0.97
-"""Correlation of two channels from which on one is a copy of the other, and not its cause."""
+TURNS = 0.97  #: Correlation from which on a channel is a copy of the other.
 
 OPPOSED = 0.3
 """Correlation by which position and force oppose each other at least: in a loop that stays where it
@@ -206,9 +199,7 @@ def turning(band: Band) -> Array:
 
 AGO = 3  #: Boxes between what is regressed and its instruments: half of the kernel.
 LONG = 60  #: Boxes that a record has at least.
-
-TELLS = (2.0, 13.0)
-"""Standard errors by which pole and gain are off zero: in each of three bands, and in sum."""
+TELLS = (2.0, 13.0)  #: Least pole and gain over standard error: in each band, in sum.
 
 
 def instrumented(channels: Array, rows: Sequence[int]) -> list[LevitationFit]:

@@ -57,18 +57,11 @@ def standstill(values: Array) -> Standstill | None:
 
 LIES = 50  #: Samples in a row in which nothing moves, that a rotor in flight does not have.
 RESTS = 6.0  #: Standard deviations of its noise within which a position rests.
-
-MOVED = 0.25
-"""Part of its range through which a control signal goes while a rotor that lies stays."""
-
-DRIVEN = 6.0
-"""How far it goes at least, over the noise of its means: what a loop makes of noise wanders too."""
-
+MOVED = 0.25  #: Share of the range of u in which a rotor that rests does not move.
+DRIVEN = 6.0  #: That range over the noise of its means, at least: a loop amplifies noise.
 LEAST = 200  #: Samples from which on the noise of a position says where it is from.
 SELDOM = 0.01  #: Part of the samples in which a reference of steps changes at most.
-
-DIFFERENT = 0.95
-"""Different values in parts of the samples, of what was computed and not measured."""
+DIFFERENT = 0.95  #: Share of different values that only a computed channel has.
 
 
 def suspects(t: Array, signals: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[str]:

@@ -33,39 +33,22 @@ from ambkit.data.reading.levitation_test import (
     turning,
 )
 
-REPEATS = 0.6
-"""Different values in parts of the samples: a channel with fewer comes from a converter."""
+REPEATS = 0.6  #: Share of different values below which a channel is a converter's.
 
 SIX_DIGITS = 1e-5
 """Noise in parts of the standard deviation that six digits leave of a signal at most: one that has
 no more and repeats its values may be a reference that comes again, and no converter's."""
 
-NO_NOISE = 1e-6
-"""Noise in parts of the standard deviation below which a channel is computed, such as a sine."""
-
+NO_NOISE = 1e-6  #: Noise over standard deviation below which a channel is computed.
 TRIED = 12  #: Channels that are tried with instruments, where plain regression tells nothing.
 CLOSE = 0.98  #: Correlation of a channel and an estimate of it, where slow bands have no noise.
-
-DOUBT = 0.5
-"""Evidence that a channel is of the other kind, in parts of that for what it is taken for, from
-which on nothing is guessed."""
-
+DOUBT = 0.5  #: Evidence against, relative to that for a result, that leaves it undecided.
 LEAST = 0.5  #: Evidence below which nothing is guessed, where no converter's steps speak for it.
-
-CLEARLY = 1.5
-"""Ratio of the noise of a position to that of an estimate of it from which on the noise alone tells
-which is which."""
-
+CLEARLY = 1.5  #: Ratio of the noise of a position to its estimate's that is conclusive.
 SAME_POLE = 2.0  #: Ratio of the poles that a channel and an estimate of it tell; noise moves them.
-
-RELATED = 0.9
-"""The same, where two positions go with one current, or two currents move one position."""
-
-SWIFT = 0.75
-"""Correlation with another one's speed in a band from which on a channel may be its velocity."""
-
-SAME_GAIN = 1.25
-"""Ratio within which the gain between a channel and an estimate of it is the same in all bands."""
+RELATED = 0.9  #: The same for two positions with one current, or two currents.
+SWIFT = 0.75  #: Correlation with the rate of a channel, in a band, of its velocity.
+SAME_GAIN = 1.25  #: Ratio of the gains of a channel and its estimate over all bands.
 
 
 @dataclass(frozen=True)
@@ -323,9 +306,7 @@ EXPLAINED = 0.5  #: Share of the acceleration's variance that the fit explains a
 
 UNITS = {"m": 1.0, "mm": 1e-3, "µm": 1e-6}
 
-TRUST = 2.0
-"""Ratio to a usual unit within which a length is taken for it: noise on the current makes what it
-moves look less."""
+TRUST = 2.0  #: Ratio to a usual unit within which it is taken; noise reduces the length.
 
 
 @dataclass(frozen=True)

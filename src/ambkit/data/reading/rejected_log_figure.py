@@ -15,7 +15,6 @@ from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.signal_styles import TIME
 
 SHOWN = 6  #: Channels in the picture; its clocks come first.
-
 TOLD = 3  #: Reasons that are told below it.
 
 _NUMBER = Axis("sample")

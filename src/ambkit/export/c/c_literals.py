@@ -45,14 +45,13 @@ def number(value: float, precision: CPrecision) -> str:
 
 def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> str:
     """Write an array as an initialiser, rows as structs, lines of at most 100 columns."""
-    if values.ndim == 2 and values.dtype.kind == "u":
-        items = ["{" + ", ".join(f"{v}U" for v in row) + "}" for row in values]
-    elif values.ndim == 2:
-        items = ["{" + ", ".join(number(v, precision) for v in row) + "}" for row in values]
-    elif values.dtype.kind == "u":
-        items = [f"{value}U" for value in values]
-    else:
-        items = [number(value, precision) for value in values]
+
+    def literal(value: Any) -> str:
+        return f"{value}U" if values.dtype.kind == "u" else number(value, precision)
+
+    items = map(literal, values) if values.ndim == 1 else (
+        "{" + ", ".join(map(literal, row)) + "}" for row in values
+    )  # fmt: skip
     lines, line = [], indent
     for item in items:
         if len(line) + len(item) + 1 > 100 and line != indent:
@@ -120,24 +119,18 @@ def own(filter: Estimator, precision: CPrecision) -> str:
 
 def struct_with_arrays(fields: Mapping[str, Any], precision: CPrecision) -> str:
     """Write a struct as an initialiser, its arrays in it."""
-    arrays = {
-        path: "{\n" + array(values, precision, "    ") + "}"
-        for path, values in arrays_of(fields).items()
-    }
-    return struct(fields, precision, arrays)
+    held = arrays_of(fields).items()
+    texts = {path: "{\n" + array(values, precision, "    ") + "}" for path, values in held}
+    return struct(fields, precision, texts)
 
 
 def declared(arrays: Mapping[str, NDArray[Any]], precision: CPrecision) -> list[dict[str, Any]]:
     """Return what a data file says of arrays: name, type, length and text of each."""
     return [
-        {
-            "name": name,
-            "type": type_of(values),
-            "length": len(values),
-            "text": array(values, precision),
-        }
+        {"name": name, "type": type_of(values), "length": len(values),
+         "text": array(values, precision)}
         for name, values in arrays.items()
-    ]
+    ]  # fmt: skip
 
 
 def arrays_of(fields: Mapping[str, Any], path: str = "") -> dict[str, NDArray[Any]]:

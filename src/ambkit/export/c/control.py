@@ -134,15 +134,12 @@ def _behind(pids: list[dict[str, Any]], gains: Sequence[list[float]]) -> dict[st
 
 
 def _in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
+    structs = of._asdict()
+    arrays, pids = structs.pop("arrays"), structs.pop("pids")
     return {
-        "arrays": c_literals.declared(of.arrays, precision),
-        "pids": [c_literals.struct(pid, precision, {}) for pid in of.pids],
-        "let_turn": c_literals.struct(of.let_turn, precision, {}) if of.let_turn else "",
-        "schedule": c_literals.struct(of.schedule, precision, {}) if of.schedule else "",
-        "law": c_literals.struct(of.law, precision, {}),
-        "sequence": c_literals.struct(of.sequence, precision, {}),
-        "control": c_literals.struct(of.control, precision, {}),
-    }
+        "arrays": c_literals.declared(arrays, precision),
+        "pids": [c_literals.struct(pid, precision, {}) for pid in pids],
+    } | {k: c_literals.struct(item, precision, {}) if item else "" for k, item in structs.items()}
 
 
 def context(
@@ -225,10 +222,8 @@ def constants(controller: Controller, name: str, crc: Constants) -> None:
         crc.array(place, values)
     for k, pid in enumerate(of.pids):
         crc.fields(f"of_pid[{k}]", pid, arrays=False)
-    crc.fields("let_turn", of.let_turn, arrays=False)
-    crc.fields("schedule", of.schedule, arrays=False)
-    crc.fields("law", of.law, arrays=False)
-    crc.fields("sequence", of.sequence, arrays=False)
+    for part in ("let_turn", "schedule", "law", "sequence"):
+        crc.fields(part, getattr(of, part), arrays=False)
     crc.fields(f"{name}_control", of.control, arrays=False)
     axes = controller.estimator.machine.axes
     bias = np.array([axis.bearing.magnet.bias_current for axis in axes])

@@ -80,25 +80,22 @@ def of(filter: Estimator) -> Cost | None:
     """Return what a float filter costs, from the stored figures; None where it was not measured."""
     if not filter.engine.built_in:
         return None
-    stored = _stored()
-    figures = stored["estimators"].get(made_of(filter))
+    known = stored(STORED)
+    figures = known["estimators"].get(made_of(filter))
     if figures is None:
         return None
     held = _held(filter).parameters
     of_rules = round(held.get("rules", 0) * figures.get("instructions_a_rule", 0))
-    bound = figures["bound"] + round(held.get("rules", 0) * figures.get("bound_a_rule", 0))
+    by_rules = round(held.get("rules", 0) * figures.get("bound_a_rule", 0))
     trusted = figures["trusted"]
     return Cost(
         instructions=figures["instructions"] + of_rules,
         most=figures["most"] + of_rules,
-        bound=bound,
+        bound=figures["bound"] + by_rules,
         trusted=None if trusted is None else trusted + of_rules,
-        code=figures["code"],
         constants=figures["constants_without_arrays"] + bytes_of_arrays(filter),
-        state=figures["state"],
-        stack=figures["stack"],
-        selftest=figures["selftest"],
-        compiler=stored["compiler"],
+        **{key: figures[key] for key in ("code", "state", "stack", "selftest")},
+        compiler=known["compiler"],
     )
 
 
@@ -128,6 +125,7 @@ def _held(filter: Estimator) -> Any:
 
 
 @cache
-def _stored() -> dict[str, Any]:
-    read: dict[str, Any] = json.loads(STORED.read_text(encoding="utf-8"))
-    return read
+def stored(path: Path) -> dict[str, Any]:
+    """Return figures that were measured, of costs or of proofs."""
+    figures: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return figures

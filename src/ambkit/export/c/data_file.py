@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.estimate.registry import PAPER
 from ambkit.export.c import c_literals, calibration, control, model
@@ -29,25 +30,16 @@ def data_context(
     editable: bool,
 ) -> dict[str, Any]:
     """Return what the data file says: the structs that the core holds, as initialisers."""
-    fields = magnet.parameters
-    arrays = c_literals.arrays_of(fields)
-    names = _names(magnet, None)
-    named = of_model.arrays | {names[path]: values for path, values in arrays.items()}
-    if filter.whole is not None:
-        named = dict(of_model.arrays)
-        for k, item in enumerate(magnets_of(filter)):
-            own = c_literals.arrays_of(item.parameters)
-            named |= {_names(item, k)[path]: values for path, values in own.items()}
     kalman = filter.core.parameters | {"model": of_model.numbers}
     if editable:
         kalman = kalman["set"]
     return {
         "kalman": c_literals.struct_with_arrays(kalman, precision),
         "std": c_literals.array(np.asarray(filter.default_std()), precision),
-        "magnet": c_literals.struct(fields, precision, names),
+        "magnet": c_literals.struct(magnet.parameters, precision, _names(magnet, None)),
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,
-        "arrays": c_literals.declared(named, precision),
+        "arrays": c_literals.declared(of_model.arrays | _arrays_of_magnets(filter), precision),
     }
 
 
@@ -108,6 +100,15 @@ def _names(magnet: Magnet, k: int | None) -> dict[str, str]:
     return {path: of + path.replace(".", "_") for path in c_literals.arrays_of(magnet.parameters)}
 
 
+def _arrays_of_magnets(filter: Estimator) -> dict[str, NDArray[Any]]:
+    """Return the arrays of all magnets by their names in C, in the order of the data file."""
+    return {
+        _names(magnet, None if filter.whole is None else k)[path]: values
+        for k, magnet in enumerate(magnets_of(filter))
+        for path, values in c_literals.arrays_of(magnet.parameters).items()
+    }
+
+
 def crc(
     filter: Estimator,
     name: str,
@@ -119,15 +120,9 @@ def crc(
     calibrated: bool,
 ) -> Crc:
     """Return the CRC of the data file, with its names."""
-    constants = Constants(precision)
-    of_machine = filter.whole is not None
-    for path, values in of_model.arrays.items():
-        constants.array(path, values)
-    magnets = magnets_of(filter)
-    for k, magnet in enumerate(magnets):
-        names = _names(magnet, k if of_machine else None)
-        for path, values in c_literals.arrays_of(magnet.parameters).items():
-            constants.array(names[path], values)
+    constants, magnets = Constants(precision), magnets_of(filter)
+    for array_name, values in (of_model.arrays | _arrays_of_magnets(filter)).items():
+        constants.array(array_name, values)
     kalman = filter.core.parameters | {"model": of_model.numbers}
     if editable:
         constants.fields(f"{name}_settings", kalman["set"], arrays=True)

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.simulation.scenario import Scenario
 
 MOST_COUNTED = 65535  #: What an unsigned int of 16 bits holds, as a TI C2000 has.
 

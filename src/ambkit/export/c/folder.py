@@ -8,8 +8,7 @@ from pathlib import Path
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 
-MANIFEST = "ambkit.sha256"
-"""Names each file of an export, for ``sha256sum -c``, and is how an older export is known."""
+MANIFEST = "ambkit.sha256"  #: Hashes of an export's files, by which an older export is known.
 
 
 def write(folder: Path, texts: dict[str, str]) -> Path:

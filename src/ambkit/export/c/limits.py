@@ -35,11 +35,8 @@ WIDEST = {
 SHARES = np.arange(0.05, 1.001, 0.05)
 """Of the logarithms of these, that are tried from the smallest on."""
 
-GATE = (4.0, 100.0)
-"""Standard deviations: closer, measurements of a healthy loop would be left out."""
-
-TRACKING = (0.2, 5.0)
-"""Parts of the exported tracking time, and at least so many samples: `LEAST_TRACKING`."""
+GATE = (4.0, 100.0)  #: Standard deviations: a closer gate rejects sound measurements.
+TRACKING = (0.2, 5.0)  #: Parts of the exported tracking time, see `LEAST_TRACKING`.
 
 LEAST_TRACKING = 10
 

@@ -18,8 +18,7 @@ from ambkit.models.model import Descriptor, Model
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
 
-MOST_UNROLLED = 12
-"""States up to which straight-line code is smaller and faster than loops, or nearly so."""
+MOST_UNROLLED = 12  #: States up to which straight-line code is smaller and faster than loops.
 
 BUILT_IN = "generated/model.h"
 LOOPS = "include/ambkit/loops.h"

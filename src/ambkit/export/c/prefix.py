@@ -6,8 +6,7 @@ import re
 
 from ambkit.base.errors import AmbkitError
 
-LONGEST = 16
-"""Within 31 characters, which C99 promises to tell apart, every exported name stays distinct."""
+LONGEST = 16  #: So that exported names differ within C99's 31 significant characters.
 
 _WORDS = {
     "a header of C": (

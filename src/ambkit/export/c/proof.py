@@ -8,9 +8,7 @@ it again.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +68,7 @@ def recorded(
     """Return what is stored of an estimator's kind; None where that was not tried."""
     if not filter.engine.built_in or editable:
         return None
-    stored = _stored()
+    stored = cost.stored(STORED)
     of = stored["filters" if control is None else "controllers"]
     result = of.get(stored_as(filter, precision, control))
     return None if result is None else Proof(**result, tool=stored["tool"])
@@ -91,12 +89,6 @@ def outputs(states: list[str], export: Export) -> list[str]:
         return names
     of_axes = ("iu[{}]", "u[{}]", "coil[{}][0]", "coil[{}][1]")
     return [*(f"estimates.{name}" for name in names), *(w.format(k) for w in of_axes for k in axes)]
-
-
-@cache
-def _stored() -> dict[str, Any]:
-    read: dict[str, Any] = json.loads(STORED.read_text(encoding="utf-8"))
-    return read
 
 
 def context(export: Export, context: dict[str, Any]) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from ambkit.export.c import (
     telemetry,
     test_vectors,
 )
-from ambkit.export.c.c_literals import CPrecision, Kind
+from ambkit.export.c.c_literals import CPrecision
 from ambkit.export.c.exported import Export
 from ambkit.machine.bearing import FILES
 from ambkit.machine.machine import Machine
@@ -109,9 +109,7 @@ def _made(export: Export) -> dict[str, str]:
 
 def _context(export: Export) -> dict[str, Any]:
     """Return what the templates are told."""
-    filter, name, precision, one = (
-        export.filter, export.name, export.precision, export.one
-    )  # fmt: skip
+    filter, name, precision, one = export.filter, export.name, export.precision, export.one
     context = {
         "controller": None,
         "base_of_calibration": None,
@@ -138,7 +136,11 @@ def _names(export: Export) -> dict[str, Any]:
     """Return what is said in words, and which files there are."""
     filter, name, in_core = export.filter, export.name, export.in_core
     bearing, several, base = filter.bearing, export.several, in_core.base if in_core else ""
-    assumed, sampled, magnets = _assumed(filter), _sampled(filter), _about(export.kinds)
+    assumed = _assumed(filter)
+    magnets = ", ".join(dict.fromkeys(kind.about for kind in export.kinds))
+    sampled = filter.predicts
+    if filter.engine.as_printed:
+        sampled = "position held (eq. 19 as the paper prints it): estimates are ahead of the rotor"
     proved = _PROVED
     if export.controller is not None:
         proved = _PROVED.replace("NAME_reset", "NAME_transfer")
@@ -240,20 +242,9 @@ def _turning(
     fields = of_model.turning
     if fields is None or speeds is None:
         return None
-    min_speed, max_speed = (f"{speed:.6g}" for speed in speeds)
-    return {
-        "numbers": fields["numbers"],
-        "text": c_literals.struct(fields, precision, {}),
-        "slowest": min_speed,
-        "fastest": max_speed,
-    }
-
-
-def _sampled(filter: Estimator) -> str:
-    """Say which model of a sample it predicts with."""
-    if filter.engine.as_printed:
-        return "position held (eq. 19 as the paper prints it): estimates are ahead of the rotor"
-    return filter.predicts
+    text = c_literals.struct(fields, precision, {})
+    ends = dict(zip(("slowest", "fastest"), (f"{speed:.6g}" for speed in speeds), strict=True))
+    return {"numbers": fields["numbers"], "text": text} | ends
 
 
 def _assumed(filter: Estimator) -> dict[str, str]:
@@ -271,10 +262,6 @@ def _assumed(filter: Estimator) -> dict[str, str]:
         shown_values = ", ".join(dict.fromkeys(f"{item:.6g}" for item in values))
         assumptions[what] = f"{shown_values} {unit}" + (f" ({origin})" if origin else "")
     return assumptions
-
-
-def _about(kinds: list[Kind]) -> str:
-    return ", ".join(dict.fromkeys(kind.about for kind in kinds))
 
 
 def _casts(export: Export) -> tuple[str, ...]:

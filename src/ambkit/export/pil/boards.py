@@ -46,13 +46,13 @@ def in_qemu(board: Board) -> Board:
     return board if board.target[: len(M4F)] == M4F else QEMU_BOARD
 
 
-def check(board: Board, *, run: bool = True) -> None:
+def check(board: Board) -> None:
     """Refuse what there are no tools for."""
     missing, install = [], []
     if shutil.which(board.compiler) is None:
         missing.append(board.compiler)
         install.append(board.install)
-    if run and shutil.which(QEMU) is None:
+    if shutil.which(QEMU) is None:
         missing.append(QEMU)
         install.append("qemu-system-arm")
     if missing:

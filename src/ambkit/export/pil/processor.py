@@ -16,9 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.export.pil.boards import QEMU, qemu_command
 
-OFTEN = 20
-"""Every so many samples instructions are counted, and wherever mode or status is another."""
-
+OFTEN = 20  #: Samples from one count of instructions to the next.
 PATIENCE = 60.0  #: Seconds for an answer, which takes less than one.
 
 GREETING = np.dtype(

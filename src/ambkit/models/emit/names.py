@@ -92,8 +92,7 @@ KEYWORDS = frozenset((
 ))  # fmt: skip
 """What a name in C cannot be, there or in a header that goes along."""
 
-Naming = Mapping[tuple[str, int, int], str]
-"""What constants are called: by matrix (the k-th source's N is ``Nk``), row and column."""
+Naming = Mapping[tuple[str, int, int], str]  #: Names of constants by matrix, row and column.
 
 
 class Names:

@@ -17,8 +17,7 @@ class Amplifier:
     """From a demanded current to a magnet's: at once, or as a first-order lag."""
 
     size: float  #: Typical current [A].
-    bandwidth: float | None = None
-    """Corner frequency of the lag [Hz]; None: the current follows at once."""
+    bandwidth: float | None = None  #: Corner frequency of the lag [Hz]; None: no lag.
     control: str = "u"  #: Name of the demanded current.
     current: str = "i"  #: Name of the current, a state where there is a lag.
     force: str = "f"  #: The magnet force that it feeds.

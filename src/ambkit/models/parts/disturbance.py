@@ -18,8 +18,7 @@ class Disturbance:
     size: float  #: Typical force [N].
     growth: float  #: Typical growth in a sample [N].
     name: str = "f_d"  #: Name of the state.
-    rides: str | None = "f"
-    """The magnet force at whose place it pushes; or None, and `place` says where."""
+    rides: str | None = "f"  #: Magnet force at whose place it pushes; None: at `place`.
     place: Place = "x"  #: Where it pushes, away from the magnets.
 
     @classmethod

@@ -15,9 +15,7 @@ from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor
 from ambkit.models.parts.typical_sizes import Typical
 
-FORGOTTEN = 0.5
-"""After so long [s] a disturbance force that grows by twice the weight in 1/sqrt(s) is as large as
-the weight: so its variance stays what it is at the start."""
+FORGOTTEN = 0.5  #: Time [s] in which the variance of the disturbance force is as at the start.
 
 
 @dataclass(frozen=True)
@@ -45,8 +43,7 @@ class UnknownForce:
 class WhiteAcceleration:
     """White acceleration of every coordinate (Bar-Shalom, Li and Kirubarajan 2001, ch. 6.2)."""
 
-    intensity: float
-    """Of a displacement [m^2/s^3]; of other coordinates in the ratio of their velocities."""
+    intensity: float  #: Of a displacement [m^2/s^3]; others by the ratio of velocities.
 
     def declare(self, plan: Plan) -> None:
         """Add a noise for each velocity."""

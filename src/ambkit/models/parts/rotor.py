@@ -26,10 +26,8 @@ class Rotor:
     speed_size: float  #: Typical velocity [m/s].
     positions: tuple[str, ...] = ("x",)  #: Names of the coordinates q.
     velocities: tuple[str, ...] = ("v",)  #: Names of q'.
-    turns: tuple[bool, ...] = ()
-    """Which coordinates are angles [rad]; without it all are displacements [m]."""
-    lever: float = 1.0
-    """Where an angle of 1 rad moves the rotor by so much [m], for typical sizes."""
+    turns: tuple[bool, ...] = ()  #: Which coordinates are angles [rad]; empty: none.
+    lever: float = 1.0  #: Displacement by 1 rad [m], for typical sizes.
     bends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Of coordinates by which the rotor bends, typical displacement [m] and velocity [m/s]."""
     damping: Entries = field(default_factory=dict)  #: Entries of D [N s/m].

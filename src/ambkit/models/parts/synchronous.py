@@ -10,8 +10,7 @@ from ambkit.data.signals import signal
 from ambkit.machine.geometry import Line
 from ambkit.models.declaration import Place, Plan, place, row
 
-GRADE = 6.3e-3
-"""Balance quality grade that an unknown unbalance is expected to have [m/s] (ISO 21940-11)."""
+GRADE = 6.3e-3  #: Expected balance quality grade of a rotor [m/s] (ISO 21940-11).
 RUNOUT = 3e-6  #: Runout that is expected where none is described [m].
 SLOWEST = 100.0  #: Speed from which on that is expected [rad/s].
 MEMORY = 1e5  #: Time in which both may change by as much as they are expected to be [s].
