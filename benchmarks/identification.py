@@ -21,10 +21,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit import Bearing, Record
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter, named
 from ambkit.machine.accessories import ColouredNoise
+from ambkit.machine.magnets import own_time
 
 Array = NDArray[np.float64]
 
@@ -248,7 +249,7 @@ def steps_at_the_truth(
     """
     places = [Coordinates(truth, parameters) for truth in truths]
     here = [
-        Likelihood(group, place, settling_time(truth.bearing)).local(np.zeros(len(parameters)))
+        Likelihood(group, place, own_time(truth.bearing)).local(np.zeros(len(parameters)))
         for group, place, truth in zip(groups, places, truths, strict=True)
     ]
     information = np.mean([local.information for local in here], axis=0)

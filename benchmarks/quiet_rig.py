@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from ambkit import Bearing, Record
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
 from ambkit.identification.maximum_likelihood.current_state import Coil, CurrentState, propagate
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
+from ambkit.machine.magnets import own_time
 
 Array = NDArray[np.float64]
 
@@ -188,7 +189,7 @@ def slopes(seeds: int = 400, first: int = 0) -> dict[str, dict[str, float]]:
             amplifier__noise_variance=luck * model.bearing.amplifier.noise_variance
         )
         likelihood = Likelihood(
-            current.records, Coordinates(model, named(SLOPES)), settling_time(model.bearing)
+            current.records, Coordinates(model, named(SLOPES)), own_time(model.bearing)
         )
         local = likelihood.local(np.zeros(len(SLOPES)))
         scores.append(local.score)

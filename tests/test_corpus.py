@@ -24,8 +24,6 @@ from ambkit.identification.corpus.prediction import (
     ORDER,
     Baselines,
     Prediction,
-    fit_arx,
-    normal_of,
     predict,
 )
 from ambkit.identification.corpus.segmentation import cut, flights
@@ -199,12 +197,12 @@ def test_an_arx_model_finds_one_and_knows_only_the_past() -> None:
     for k in range(2, n):
         y[k] = 1.6 * y[k - 1] - 0.7 * y[k - 2] + 0.5 * u[k - 1] + e[k]
     record = Record(1e-3 * np.arange(n), {"y": y, "u": u})
-    one = fit_arx(normal_of([record], 1), 1)
-    miss = y[1:] - one.predict(record)
+    one = Baselines.of([record])
+    miss = y[1:] - one.arx(record, 1)
     assert np.isnan(miss[: ORDER - 1]).all()
     assert np.nanstd(miss) == pytest.approx(0.1, rel=0.03)
     later = Record(record.t, {"y": y, "u": np.where(np.arange(n) > 2000, 9.0, u)})
-    assert one.predict(later)[2000] == one.predict(record)[2000]  # from 2000 to 2001
+    assert one.arx(later, 1)[2000] == one.arx(record, 1)[2000]  # from 2000 to 2001
 
 
 def test_what_is_no_corpus_is_refused() -> None:
@@ -288,9 +286,11 @@ def test_normal_equations_are_of_the_samples_that_miss_nothing() -> None:
     record = flown(1, duration=0.5)
     y = record["y"].copy()
     y[200:203] = np.nan
-    one = normal_of([with_changed(record, y=y)], 1)
+    one = Baselines.of([with_changed(record, y=y)]).normal[1]
     parts = [
         Record(record.t[part], {name: record[name][part] for name in ("y", "u")})
         for part in (slice(None, 200), slice(203, None))
     ]
-    np.testing.assert_allclose(one, normal_of(parts, 1), rtol=1e-9, atol=1e-12 * np.abs(one).max())
+    np.testing.assert_allclose(
+        one, Baselines.of(parts).normal[1], rtol=1e-9, atol=1e-12 * np.abs(one).max()
+    )

@@ -10,8 +10,9 @@ import pytest
 from ambkit import Record
 from ambkit.identification.maximum_likelihood.current_state import Coil, smooth_current
 from ambkit.identification.maximum_likelihood.joint import Joint
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
+from ambkit.machine.magnets import own_time
 from benchmarks import quiet_rig
 from benchmarks.quiet_rig import (
     LAG,
@@ -93,7 +94,7 @@ def at_the_truth(record: Record, free: tuple[str, ...] = ()) -> Joint:
     """Coil and loop as they were simulated."""
     current = flowing_at_the_truth(record)
     model = current.driving(TRUTH.replace(current_offset=record.meta["offset"]))
-    settling = settling_time(model.bearing)
+    settling = own_time(model.bearing)
     return Joint([record], current, model, named(free), settling, current.coil.settled)
 
 

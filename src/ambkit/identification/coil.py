@@ -21,6 +21,8 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.base.units import figure
 from ambkit.data.record import Record
+from ambkit.estimate.errors import rms
+from ambkit.identification.noise import white_noise
 from ambkit.result.report import Axis, Figure, Line, Panel, Points, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -206,13 +208,13 @@ def fit_coil(
             # Gauss and Newton's step from what all logs say: hardly a standard error long.
             step, *_ = np.linalg.lstsq(slopes[others], -np.concatenate(misses)[others], rcond=None)
             theta = np.array([getattr(coil, at) for at in NAMES]) + step
-            left_out[name] = _rms(Coil(*theta.tolist()).current(record) - record["i"])
+            left_out[name] = rms(Coil(*theta.tolist()).current(record) - record["i"])
     return CoilFit(
         coil,
         dict(zip(NAMES, errors.tolist(), strict=True)),
-        _rms(np.concatenate(misses)),
-        float(np.median([_quiet_noise(record) for record in records])),
-        {name: _rms(miss) for name, miss in zip(names, misses, strict=True)},
+        rms(np.concatenate(misses)),
+        float(np.median([white_noise(record["i"]) for record in records])),
+        {name: rms(miss) for name, miss in zip(names, misses, strict=True)},
         left_out,
         {name: float(np.mean(r["z"])) for name, r in zip(names, records, strict=True)},
         dict(zip(names, records, strict=True)),
@@ -227,7 +229,7 @@ def _check(name: str, record: Record) -> None:
             raise RecordError(f"{name}: samples of {signal} are missing")
     if len(record) < 50 or np.ptp(record["u"]) == 0:
         raise RecordError(f"{name}: the control signal never changes")
-    if np.ptp(record["i"]) < LEAST_RANGE * _quiet_noise(record):
+    if np.ptp(record["i"]) < LEAST_RANGE * white_noise(record["i"]):
         raise RecordError(f"{name}: the current is too constant to identify a coil")
 
 
@@ -280,15 +282,6 @@ def _blocks(scores: Array, records: Sequence[Record]) -> Array:
         edges += list(range(at, at + len(record), length))
         at += len(record)
     return np.asarray(np.add.reduceat(scores, edges, axis=0))
-
-
-def _quiet_noise(record: Record) -> float:
-    """Noise of the current from second differences; half of them see no switching."""
-    return float(np.median(np.abs(np.diff(record["i"], 2)))) / (0.6745 * math.sqrt(6))
-
-
-def _rms(values: Array) -> float:
-    return math.sqrt(float(np.mean(values**2)))
 
 
 SHOWN = 0.6  #: Seconds shown around the largest step of a log.

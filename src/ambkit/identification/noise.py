@@ -153,6 +153,14 @@ def _correlation(residuals: Array, variance: float) -> tuple[float, ...]:
     )
 
 
+def white_noise(values: Array) -> float:
+    """Return the standard deviation of a signal's noise from its second differences."""
+    # Of white noise they have six times its variance; the median does not see what moves fast.
+    bend = np.diff(values, 2)
+    bend = bend[np.isfinite(bend)]
+    return float(np.median(np.abs(bend))) / (0.6745 * math.sqrt(6)) if bend.size >= 10 else math.nan
+
+
 def quantisation_step(values: Array) -> float | None:
     """Return the median distance of neighbouring values; None where hardly one comes twice."""
     levels = np.unique(values)

@@ -13,17 +13,18 @@ import numpy as np
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering, figure
 from ambkit.data.reading.faults import without_spikes
-from ambkit.identification.corpus.corpus_figure import corpus_figure
+from ambkit.estimate.errors import rms
 from ambkit.identification.corpus.magnet_strength import StrengthLoss, strength_loss
 from ambkit.identification.corpus.pooling import Pooled, pool
-from ambkit.identification.corpus.prediction import Baselines, Prediction, predict, rms
-from ambkit.identification.corpus.segmentation import SMOOTHED, Stretch, cut, flights, noise_of
+from ambkit.identification.corpus.prediction import Baselines, Prediction, predict
+from ambkit.identification.corpus.segmentation import SMOOTHED, Stretch, cut, flights
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, is_interpolated
 from ambkit.identification.maximum_likelihood.parameters import NOISES, Parameter, priors_of, usual
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
-from ambkit.identification.noise import with_steps
+from ambkit.identification.noise import white_noise, with_steps
 from ambkit.machine.accessories import Hum
+from ambkit.result.report import Axis, Bars, Figure, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
@@ -31,7 +32,6 @@ from ambkit.result.sections import Section
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
-    from ambkit.result.report import Figure
 
 
 SAME_LINE = 0.02
@@ -109,9 +109,7 @@ class Corpus(Result):
                 error = float(error) * _scale(one, float(value))
                 result.append(Row(one.name, name, float(value), one.unit, of=log, error=error,
                                  section=("alone",)))  # fmt: skip
-        for log, flight in (
-            {} if self.strength_loss is None else self.strength_loss.flights
-        ).items():
+        for log, flight in self.strength_loss.flights.items() if self.strength_loss else ():
             result += put([
                 Row("amplitude", "current amplitude", flight.amplitude, "A", 2),
                 Row("factor", "described / identified", flight.factor,
@@ -162,6 +160,31 @@ class Corpus(Result):
 def _scale(of: Parameter, value: float) -> float:
     """Return what makes an error of a parameter one of its value."""
     return value if of.positive else 1.0
+
+
+PREDICTIONS = {
+    "error": ("estimate", "model of the others"),
+    "without_later_controls": ("series 3", "model, without later controls"),
+    "arx": ("series 1", "ARX"),
+    "without_a_magnet": ("series 2", "without a magnet"),
+    "held": ("constant", "last measurement held"),
+}  #: Style and label of each kind of prediction.
+
+
+def corpus_figure(corpus: Corpus) -> Figure:
+    """Show how each log is predicted by the others, beside what knows no magnet."""
+    logs = {str(k): one for k, one in enumerate(corpus.predictions, 1)}
+    panels = [
+        Panel(Axis("log"), Axis(f"error {ahead} ahead", "µm rms", 1e6), [
+            Bars(tuple(logs), np.array([getattr(one, kind)[ahead] for one in logs.values()]),
+                 signal=signal, label=label)
+            for kind, (signal, label) in PREDICTIONS.items()
+        ])
+        for ahead in corpus.predictions[0].error
+    ]  # fmt: skip
+    caption = ", ".join(f"{number}: {one.name}" for number, one in logs.items())
+    title = "Cross-validation: each log predicted by a model of the others"
+    return Figure("corpus", title, caption, panels)
 
 
 def identify_corpus(
@@ -253,7 +276,7 @@ def _flown(
     bearing = start.bearing
     cuts = {name: flights(record, stretches[name], bearing) for name, record in records.items()}
     noise = {
-        name: float(np.median([noise_of(part) for part in parts]))
+        name: float(np.median([white_noise(part["y"]) for part in parts]))
         for name, parts in cuts.items() if parts
     }  # fmt: skip
     usual_noise = float(np.median([*noise.values(), math.sqrt(bearing.sensor.noise_variance)]))

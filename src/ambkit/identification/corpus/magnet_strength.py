@@ -17,7 +17,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
-from ambkit.identification.maximum_likelihood.likelihood import settling_time
+from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -138,7 +138,7 @@ def _amplitude(records: Sequence[Record], model: LoopModel) -> float:
     """Rms of the control current between the plant's time constant and twenty of it [A]."""
     from scipy.signal import savgol_filter
 
-    own = settling_time(model.bearing) / model.bearing.sampling_time
+    own = own_time(model.bearing) / model.bearing.sampling_time
     short, long = (2 * max(1, round(part * own)) + 1 for part in (0.8, 10.0))
     squares = []
     for record in records:

@@ -55,6 +55,7 @@ def pool(results: Sequence[MaximumLikelihood]) -> Pooled:
     seen = {p.name for one in results for p in one.parameters} - set(OFFSETS)
     names = [name for name in PARAMETERS if name in seen]
     parameters = [PARAMETERS[name] for name in names]
+    positive = np.array([p.positive for p in parameters])
     size = np.array([1.0 if p.positive else COORDINATE.get(p.name, 1.0) for p in parameters])
     parts, log_errors = (np.full((len(results), len(names)), np.nan) for _ in range(2))
     fits = []
@@ -62,27 +63,22 @@ def pool(results: Sequence[MaximumLikelihood]) -> Pooled:
         own = [k for k, p in enumerate(one.parameters) if p.name in seen]
         at = [names.index(one.parameters[k].name) for k in own]
         parts[row, at], log_errors[row, at] = one.values[own], one.errors[own]
-        theta = np.zeros(len(names))
-        theta[at] = [_coordinate(one.parameters[k], one.values[k]) for k in own]
+        theta, values = np.zeros(len(names)), one.values[own]
+        logarithmic = positive[at]
+        theta[at] = np.where(
+            logarithmic, np.log(np.where(logarithmic, values, 1)), values / size[at]
+        )
         information = np.zeros((len(names), len(names)))
         covariance = one.covariance[np.ix_(own, own)] / np.outer(size[at], size[at])
         information[np.ix_(at, at)] = np.linalg.inv(covariance)
         fits.append((information, theta))
     scatter = _between(fits)
     mean, covariance = _mean(fits, scatter)
-    values = np.array([_value(p, m) for p, m in zip(parameters, mean, strict=True)])
     return Pooled(
-        parameters, values, size * np.sqrt(np.diag(covariance)),
+        parameters, np.where(positive, np.exp(np.where(positive, mean, 0)), mean * size),
+        size * np.sqrt(np.diag(covariance)),
         np.where(scatter > 2 * LEAST_SCATTER, size * scatter, 0.0), parts, log_errors,
     )  # fmt: skip
-
-
-def _coordinate(p: Parameter, value: float) -> float:
-    return float(np.log(value)) if p.positive else value / COORDINATE.get(p.name, 1.0)
-
-
-def _value(p: Parameter, coordinate: float) -> float:
-    return float(np.exp(coordinate)) if p.positive else coordinate * COORDINATE.get(p.name, 1.0)
 
 
 def _weight(J: Array, scatter: Array) -> Array:

@@ -11,8 +11,7 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.data.record import Record
 from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
-from ambkit.estimate.errors import whiteness
-from ambkit.identification.maximum_likelihood.likelihood import settling_time
+from ambkit.estimate.errors import rms, whiteness
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.validation import (
     AS_GOOD,
@@ -20,6 +19,7 @@ from ambkit.identification.maximum_likelihood.validation import (
     is_explained,
     predictable,
 )
+from ambkit.machine.magnets import own_time
 from ambkit.result.row import Row
 
 ORDER = 30  #: Past samples of each signal.
@@ -30,32 +30,16 @@ SPARE = 2
 below zero."""
 
 
-@dataclass(frozen=True, eq=False)
-class ARX:
-    """An ARX model, h samples ahead."""
-
-    ahead: int  #: How many samples.
-    #: (2 ORDER,) Of past positions less the last one, of the controls, and of a constant.
-    weights: Array
-
-    def predict(self, record: Record) -> Array:
-        """Return predictions of ``y[k + ahead]`` from sample k on [m], NaN for the first ones."""
-        rows, last = regressors(record, self.ahead)
-        result = np.full(len(record) - self.ahead, np.nan)
-        result[ORDER - 1 :] = last + rows @ self.weights
-        return result
+def regressors(record: Record, ahead: int) -> tuple[Array, Array]:
+    """Return regressors (m, 2 ORDER) and the last positions (m,), of samples from ORDER - 1 on."""
+    # Past positions less the last one, controls, and a constant.
+    windows = np.lib.stride_tricks.sliding_window_view
+    y, u = (windows(record[name], ORDER)[: len(record) - ORDER + 1 - ahead] for name in ("y", "u"))
+    last = y[:, -1]
+    return np.column_stack([y[:, :-1] - last[:, None], u, np.ones(len(last))]), last
 
 
-def normal_of(records: Sequence[Record], ahead: int) -> Array:
-    """Return the normal equations of records (2 ORDER, 2 ORDER + 1), which add up over logs."""
-    total = np.zeros((2 * ORDER, 2 * ORDER + 1))
-    for record in records:
-        rows, last = regressors(record, ahead)
-        total += products(rows, record["y"][ORDER - 1 + ahead :] - last)
-    return total
-
-
-def products(rows: Array, targets: Array) -> Array:
+def _products(rows: Array, targets: Array) -> Array:
     """Return what a record adds to normal equations, of the samples that miss nothing."""
     # rows (n, p); targets (n,), (n, q); returns (p, p + q)
     both = np.column_stack([rows, targets])
@@ -65,13 +49,7 @@ def products(rows: Array, targets: Array) -> Array:
     return np.asarray(both[:, : rows.shape[1]].T @ both)
 
 
-def fit_arx(normal: Array, ahead: int) -> ARX:
-    """Fit one."""
-    # normal (2 ORDER, 2 ORDER + 1)
-    return ARX(ahead, solved(normal)[:, 0])
-
-
-def solved(normal: Array) -> Array:
+def _solved(normal: Array) -> Array:
     """Solve normal equations of regressors of very different sizes."""
     # normal (p, p + q); returns (p, q)
     p = len(normal)
@@ -79,50 +57,6 @@ def solved(normal: Array) -> Array:
     left, right = normal[:, :p] / np.outer(scale, scale), normal[:, p:] / scale[:, None]
     weights, *_ = np.linalg.lstsq(left, right, rcond=1e-12)
     return np.asarray(weights / scale[:, None])
-
-
-def regressors(record: Record, ahead: int) -> tuple[Array, Array]:
-    """Return regressors (m, 2 ORDER) and the last positions (m,), of samples from ORDER - 1 on."""
-    windows = np.lib.stride_tricks.sliding_window_view
-    y, u = (windows(record[name], ORDER)[: len(record) - ORDER + 1 - ahead] for name in ("y", "u"))
-    last = y[:, -1]
-    return np.column_stack([y[:, :-1] - last[:, None], u, np.ones(len(last))]), last
-
-
-@dataclass(frozen=True, eq=False)
-class ExpectedControls:
-    """The next control signals, linear in the last positions and control signals."""
-
-    #: (2 ORDER + 1, ahead) Of past positions less the last one, of the controls, of a constant, and
-    #: of that position.
-    weights: Array
-
-    def windows(self, record: Record) -> Array:
-        """Return the last controls and those to be expected (m, ORDER + ahead) [V]."""
-        rows = _rows(record, 0)
-        return np.column_stack([rows[:, ORDER - 1 : 2 * ORDER - 1], rows @ self.weights])
-
-
-def normal_of_controls(records: Sequence[Record], ahead: int) -> Array:
-    """Return the normal equations of records, which add up over logs."""
-    # returns (2 ORDER + 1, 2 ORDER + 1 + ahead)
-    total = np.zeros((2 * ORDER + 1, 2 * ORDER + 1 + ahead))
-    for record in records:
-        rows = _rows(record, ahead)
-        next_ones = np.lib.stride_tricks.sliding_window_view(record["u"][ORDER:], ahead)
-        total += products(rows, next_ones)
-    return total
-
-
-def fit_controls(normal: Array) -> ExpectedControls:
-    """Fit them."""
-    # normal (2 ORDER + 1, 2 ORDER + 1 + ahead)
-    return ExpectedControls(solved(normal))
-
-
-def _rows(record: Record, ahead: int) -> Array:
-    rows, last = regressors(record, ahead)
-    return np.column_stack([rows, last])
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,10 +70,23 @@ class Baselines:
     @classmethod
     def of(cls, records: Sequence[Record]) -> Baselines:
         """Fit them to the flights of one log."""
-        T = records[0].sampling_time
-        naive = tune([record["y"] for record in records], T)
-        controls = normal_of_controls(records, AHEAD[-1] + SPARE)
-        return cls(naive, {k: normal_of(records, k) for k in AHEAD}, controls)
+        normal = {
+            k: np.sum([
+                _products(rows, record["y"][ORDER - 1 + k :] - last)
+                for record in records for rows, last in [regressors(record, k)]
+            ], axis=0)
+            for k in AHEAD
+        }  # fmt: skip
+        ahead = AHEAD[-1] + SPARE
+        controls = [
+            _products(
+                np.column_stack(regressors(record, ahead)),
+                np.lib.stride_tricks.sliding_window_view(record["u"][ORDER:], ahead),
+            )
+            for record in records
+        ]
+        naive = tune([record["y"] for record in records], records[0].sampling_time)
+        return cls(naive, normal, np.sum(controls, axis=0))
 
     @classmethod
     def together(cls, several: Sequence[Baselines]) -> Baselines:
@@ -151,6 +98,18 @@ class Baselines:
         normal = {k: np.sum([one.normal[k] for one in several], axis=0) for k in AHEAD}
         controls = np.sum([one.controls for one in several], axis=0)
         return cls(ConstantVelocityFilter(several[0].naive.T, q, R), normal, controls)
+
+    def arx(self, record: Record, ahead: int) -> Array:
+        """Return predictions of ``y[k + ahead]`` from sample k on [m], NaN for the first ones."""
+        rows, last = regressors(record, ahead)
+        result = np.full(len(record) - ahead, np.nan)
+        result[ORDER - 1 :] = last + rows @ _solved(self.normal[ahead])[:, 0]
+        return result
+
+    def expected_controls(self, record: Record) -> Array:
+        """Return the last controls and those to be expected (m, ORDER + ahead) [V]."""
+        rows = np.column_stack(regressors(record, 0))
+        return np.column_stack([rows[:, ORDER - 1 : 2 * ORDER - 1], rows @ _solved(self.controls)])
 
 
 LAGS = 50  #: Of the correlation of the residuals.
@@ -219,12 +178,9 @@ def predict(
     name: str, records: Sequence[Record], model: LoopModel, others: Baselines
 ) -> Prediction:
     """Predict a log by a model that has not seen it, beside what knows no magnet."""
-    naive = others.naive
-    first = max(round(settling_time(model.bearing) / records[0].sampling_time) * 4, ORDER)
+    first = max(round(own_time(model.bearing) / records[0].sampling_time) * 4, ORDER)
     misses: dict[str, dict[int, list[Array]]] = {kind: {k: [] for k in AHEAD} for kind in KINDS}
     residuals, squares, variances, controls = [], [], [], []
-    linear = {k: fit_arx(others.normal[k], k) for k in AHEAD}
-    expected = fit_controls(others.controls)
     for record in records:
         y = record["y"]
         e, S, used = model.innovations(record)
@@ -234,15 +190,15 @@ def predict(
         squares.append((e**2 / S)[used])
         share = 1 + model.bearing.sensor.position_noise * (y - model.position_offset)
         variances.append(model.bearing.sensor.noise_variance * np.clip(share, 1 / 8, 8)[used] ** 2)
-        windows = expected.windows(record)
+        windows = others.expected_controls(record)
         for k in AHEAD:
             target = y[k:]
             uncontrolled = np.full(target.size, np.nan)
             uncontrolled[ORDER - 1 :] = model.predict_with(record, k, windows, ORDER)[: -k or None]
             for kind, guess in (
                 ("error", model.predict(record, k)), ("without_later_controls", uncontrolled),
-                ("held", y[:-k]), ("without_a_magnet", naive.predict(y, k)),
-                ("arx", linear[k].predict(record)),
+                ("held", y[:-k]), ("without_a_magnet", others.naive.predict(y, k)),
+                ("arx", others.arx(record, k)),
             ):  # fmt: skip
                 misses[kind][k].append((target - guess)[first:])
     errors = {
@@ -257,8 +213,3 @@ def predict(
         white=whiteness(residual, LAGS).share_within,
         left=predictable(residual, np.concatenate(controls)),
     )  # fmt: skip
-
-
-def rms(values: Array) -> float:
-    """Return the root mean square of what is not missing."""
-    return math.sqrt(float(np.nanmean(values**2)))

@@ -6,7 +6,6 @@ hardly moves, and it is no question of how quiet a log is.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -15,7 +14,8 @@ import numpy as np
 
 from ambkit.base.arrays import Array, Bools
 from ambkit.data.record import Record
-from ambkit.machine.magnets import magnet_of, own_time
+from ambkit.identification.noise import white_noise
+from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
@@ -63,7 +63,8 @@ def cut(record: Record, bearing: Bearing) -> list[Stretch]:
     force = np.asarray(magnet_of(bearing).force(current, x)) + bearing.weight
     acceleration = savgol_filter(x, width, 3, deriv=2, delta=T)
     model_acceleration = savgol_filter(force / bearing.rotor.mass, width, 2)
-    hold = abs(bearing.weight) or _typical_force(bearing)
+    k_i = ConstantStiffness.of(bearing).k_i
+    hold = abs(bearing.weight) or 0.2 * k_i * bearing.amplifier.current_limit
     astray = np.abs(acceleration - model_acceleration) > UNEXPLAINED * hold / bearing.rotor.mass
 
     saturated = _at_its_end(y, bearing.sensor.gain * bearing.rotor.clearance)
@@ -71,7 +72,7 @@ def cut(record: Record, bearing: Bearing) -> list[Stretch]:
     saturated |= (i >= 0.999 * bearing.current_max) | (i <= 0.97 * bearing.current_min)
     saturated = maximum_filter1d(saturated, width)
     local_range = maximum_filter1d(y, width) - minimum_filter1d(y, width)
-    still = local_range < 10 * max(noise_of(record), 1e-12)
+    still = local_range < 10 * max(white_noise(record["y"]), 1e-12)
     ends = (y <= y.min() + 0.02 * np.ptp(y)) | (y >= y.max() - 0.02 * np.ptp(y))
     kind = np.zeros(y.size, int)
     kind[astray] = KINDS.index("fetched")
@@ -97,16 +98,6 @@ def flights(record: Record, stretches: list[Stretch], bearing: Bearing) -> list[
     ]
 
 
-def noise_of(record: Record) -> float:
-    """Return the standard deviation of a position's noise, from its second differences [m]."""
-    # Of white noise they have six times its variance; the median does not see what moves fast.
-    bend = np.diff(record["y"], 2)
-    bend = bend[np.isfinite(bend)]
-    if bend.size < 10:
-        return math.nan
-    return float(np.median(np.abs(bend))) / (0.6745 * math.sqrt(6))
-
-
 def _whole(values: Array) -> Array:
     known = np.isfinite(values)
     if known.all() or not known.any():
@@ -120,9 +111,3 @@ def _at_its_end(y: Array, travel: float) -> Bools:
     still = np.r_[False, np.diff(y) == 0]
     ends = (y == y.min()) | (y == y.max())
     return np.asarray((still & ends) | (np.abs(y) >= 0.99 * abs(travel)))
-
-
-def _typical_force(bearing: Bearing) -> float:
-    from ambkit.machine.magnets import ConstantStiffness
-
-    return 0.2 * ConstantStiffness.of(bearing).k_i * bearing.amplifier.current_limit

@@ -60,44 +60,36 @@ def find_lift_off(record: Record, run: int = 0) -> LiftOff:
     width = max(5, 2 * round(SMOOTHING_TIME / T / 2) + 1)
     resting = float(np.median(z[: max(width, round(RESTING_TIME / T))]))
     contact = int(np.argmax(z < 0.5 * resting))
+    problem = ""
     if np.isnan(z).any() or np.isnan(current).any():
-        return _unusable(run, "samples are missing")
-    if contact == 0:
-        return _unusable(run, "it does not fly up")
-    if contact < 2 * width:
-        return _unusable(run, "the recording does not show it at rest")
+        problem = "samples are missing"
+    elif contact == 0:
+        problem = "it does not fly up"
+    elif contact < 2 * width:
+        problem = "the recording does not show it at rest"
+    if problem:
+        return LiftOff(run, *(math.nan,) * 5, problem)
     z, current = z[:contact], current[:contact]
     acceleration = savgol_filter(z, width, 2, deriv=2, delta=T)
     resting_still = np.flatnonzero(acceleration > -FLIGHT * GRAVITY)
     at = int(resting_still[-1]) if resting_still.size else 0
+    if z[0] == z.max() and (z == z[0]).mean() > 0.5:
+        problem = "it rests beyond the range of the sensor"
+    elif at >= z.size - 2:
+        problem = "samples are missing where it takes off"
+    try:
+        noise_variance = measurement_noise(record.between(None, record.t[at]), "z").variance
+    except RecordError:
+        noise_variance = math.nan
     return LiftOff(
         run=run,
         gap=float(savgol_filter(z, width, 2)[at]),
         current=float(savgol_filter(current, width, 2)[at]),
         acceleration=float(acceleration[at]),
         resting_gap=resting,
-        noise_variance=_noise(record.between(None, record.t[at])),
-        problem=_problem(z, at),
+        noise_variance=noise_variance,
+        problem=problem,
     )
-
-
-def _unusable(run: int, problem: str) -> LiftOff:
-    return LiftOff(run, math.nan, math.nan, math.nan, math.nan, math.nan, problem)
-
-
-def _noise(standstill: Record) -> float:
-    try:
-        return measurement_noise(standstill, "z").variance
-    except RecordError:
-        return math.nan
-
-
-def _problem(z: Array, at: int) -> str:
-    if z[0] == z.max() and (z == z[0]).mean() > 0.5:
-        return "it rests beyond the range of the sensor"
-    if at >= z.size - 2:
-        return "samples are missing where it takes off"
-    return ""
 
 
 COLUMNS = {
@@ -170,13 +162,9 @@ def fit_lift_off(
     # the median of the residuals (Huber, 1981, chapter 7, for the standard errors too).
     low, high = gap_range
     outside = f"outside of {1e3 * low:g} to {1e3 * high:g} mm"
-    used: list[LiftOff] = []
-    left_out: dict[int, str] = {}
-    for point in points:
-        if point.problem or not low <= point.gap <= high:
-            left_out[point.run] = point.problem or outside
-        else:
-            used.append(point)
+    points = list(points)
+    used = [p for p in points if not p.problem and low <= p.gap <= high]
+    left_out = {p.run: p.problem or outside for p in points if p not in used}
     if len(used) < 3:
         raise RecordError(
             f"{len(used)} lift-off points are left, at least 3 are needed: {left_out}"

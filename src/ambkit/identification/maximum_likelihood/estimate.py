@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.reading.faults import without_spikes
 from ambkit.estimate.estimator import check_sampling
@@ -32,7 +31,6 @@ from ambkit.identification.maximum_likelihood.joint import Joint
 from ambkit.identification.maximum_likelihood.likelihood import (
     Likelihood,
     likelihood_at,
-    settling_time,
 )
 from ambkit.identification.maximum_likelihood.line_noise import with_lines
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, is_interpolated
@@ -59,6 +57,7 @@ from ambkit.identification.maximum_likelihood.search import (
     unnecessary,
 )
 from ambkit.identification.noise import position_step
+from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -91,7 +90,7 @@ def maximum_likelihood(
     if not parameters:
         reasons = "".join(f"; {name}: {why}" for name, why in alike.items())
         raise AmbkitError(f"no parameter is free{reasons}")
-    settling = settling_time(model.bearing) if settling is None else settling
+    settling = own_time(model.bearing) if settling is None else settling
     _check_records(several, model, settling)
     search = _Search(several, model, settling, note)
     search.remarks += [spikes] if spikes else []
@@ -118,16 +117,6 @@ def maximum_likelihood(
     model, errors = search.errors(model, parameters, joint, profile=profile)
     step = position_step(logged)
     return search.result(model, parameters, errors, result, held | missed, started_from, step)
-
-
-class _Errors(NamedTuple):
-    """How surely p parameters are known."""
-
-    covariance: Array  #: (p, p)
-    robust: Array  #: (p, p) The same by the scatter of the scores.
-    record_share: Array  #: (p,) The records' part of the precision.
-    profiles: dict[str, tuple[float, float]]
-    log_likelihood: float
 
 
 class _Search:
@@ -158,9 +147,7 @@ class _Search:
             self.note("the current that flows, from control and measurement")
             self.records = list(self.current.records)
             models = [self.current.driving(model) for model in models]
-        elif models[1].line and insufficient_excitation(
-            self.records, settling_time(models[1].bearing)
-        ):
+        elif models[1].line and insufficient_excitation(self.records, own_time(models[1].bearing)):
             self.remarks.append(INSUFFICIENT_EXCITATION)
         self.nominal, initial = models
         names = {p.name for p in parameters}
@@ -227,7 +214,7 @@ class _Search:
 
     def errors(
         self, model: LoopModel, parameters: list[Parameter], joint: Joint | None, *, profile: bool
-    ) -> tuple[LoopModel, _Errors]:
+    ) -> tuple[LoopModel, dict[str, Any]]:
         """Return a model for the signals as they are measured, and how surely it is known."""
         coordinates = Coordinates(model, parameters)
         local = Likelihood(self.records, coordinates, self.settling).local(
@@ -253,23 +240,30 @@ class _Search:
                             for p in parameters])  # fmt: skip
             covariance, robust = (c * np.outer(one, one) for c in (covariance, robust))
             profiles.pop("control_noise", None)  # of what control and measurement leave unknown
-        record_share = np.diag(inverse @ expansion.record_information)
-        return model, _Errors(covariance, robust, record_share, profiles, local.value)
+        errors = np.sqrt(np.diag(covariance))
+        return model, {
+            "errors": errors,
+            "robust_errors": np.sqrt(np.diag(robust)),
+            "covariance": covariance,
+            "correlation": covariance / np.outer(errors, errors),
+            "record_share": np.diag(inverse @ expansion.record_information),
+            "profiles": profiles,
+            "log_likelihood": local.value,
+        }
 
     def result(
         self,
         model: LoopModel,
         parameters: list[Parameter],
-        errors: _Errors,
+        errors: dict[str, Any],
         optimum: Optimum,
         held: dict[str, str],
         started_from: str,
         step: float | None,
     ) -> MaximumLikelihood:
         """Return all that was found, with the stops of the description."""
-        standard_errors = np.sqrt(np.diag(errors.covariance))
         delay = [k for k, p in enumerate(parameters) if p.name == "delay"]
-        if delay and CONFIDENCE * standard_errors[delay[0]] > model.bearing.sampling_time:
+        if delay and CONFIDENCE * errors["errors"][delay[0]] > model.bearing.sampling_time:
             self.remarks.append("the loop is too quiet to tell the delay to a sample")
         model, touched = restore_clearance(self.records, self.nominal, model)
         return MaximumLikelihood(
@@ -277,17 +271,11 @@ class _Search:
             model=model,
             parameters=parameters,
             values=np.array([p.of(model) for p in parameters]),
-            errors=standard_errors,
-            robust_errors=np.sqrt(np.diag(errors.robust)),
-            covariance=errors.covariance,
-            correlation=errors.covariance / np.outer(standard_errors, standard_errors),
-            record_share=errors.record_share,
-            profiles=errors.profiles,
+            **errors,
             touched=touched,
             remarks=self.remarks,
             current=self.current,
             held=held,
-            log_likelihood=errors.log_likelihood,
             start_log_likelihood=likelihood_at(self.records, self.initial, self.settling),
             samples=optimum.samples,
             started_from=started_from,

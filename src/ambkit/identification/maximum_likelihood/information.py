@@ -22,7 +22,6 @@ from ambkit.identification.maximum_likelihood.likelihood import (
     Likelihood,
     Local,
     likelihood_at,
-    settling_time,
 )
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
@@ -34,6 +33,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
     named,
 )
 from ambkit.identification.maximum_likelihood.search import maximise
+from ambkit.machine.magnets import own_time
 
 ASIDE = 1.959964  #: Standard errors to the ends of a 95 % interval.
 
@@ -231,7 +231,7 @@ def expect(record: Record, model: LoopModel, free: Sequence[str]) -> Expectation
     # Parameters that cannot be told are held one by one, as `maximum_likelihood` does.
     parameters, held = identifiable(named(free), model)
     coordinates = Coordinates(model, parameters)
-    likelihood = Likelihood([record], coordinates, settling_time(model.bearing))
+    likelihood = Likelihood([record], coordinates, own_time(model.bearing))
     _, _, by_e, by_S, used = likelihood.slopes(np.zeros(len(parameters)))
     information = by_e @ by_e.T + 0.5 * by_S @ by_S.T
     _, certainty = np.linalg.slogdet(np.eye(len(parameters)) + information)

@@ -20,6 +20,7 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.data.record import Record
 from ambkit.estimate.batch import processors
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, log_prior
+from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -155,13 +156,6 @@ def likelihood_at(records: Sequence[Record], model: LoopModel, settling: float) 
     return Likelihood(records, Coordinates(model, []), settling).value(np.zeros(0))
 
 
-def settling_time(bearing: Bearing) -> float:
-    """Return the time at a record's start that does not count [s]: the plant's own, sqrt(m/k_s)."""
-    from ambkit.machine.magnets import own_time
-
-    return own_time(bearing)
-
-
 def _log_likelihood(e: Array, S: Array) -> float:
     return float(-0.5 * np.sum(np.log(2 * np.pi * S) + e**2 / S))
 
@@ -169,7 +163,7 @@ def _log_likelihood(e: Array, S: Array) -> float:
 def between_blocks(scores: Array, bearing: Bearing) -> Array:
     """Covariance (p, p) of the sum of scores (p, n), from their sums over blocks of `BLOCK`."""
     n = scores.shape[1]
-    length = round(BLOCK * settling_time(bearing) / bearing.sampling_time)
+    length = round(BLOCK * own_time(bearing) / bearing.sampling_time)
     blocks = max(FEWEST_BLOCKS, n // max(length, 1))
     edges = np.linspace(0, n, min(blocks, n) + 1).astype(int)[:-1]
     sums = np.add.reduceat(scores, edges, axis=1)

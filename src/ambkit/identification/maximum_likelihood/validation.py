@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import RecordError
 from ambkit.base.units import engineering
 from ambkit.data.reading.faults import spike_free
+from ambkit.estimate.constant_velocity import tune
 from ambkit.estimate.errors import Whiteness, prediction_error, whiteness
 
 if TYPE_CHECKING:
@@ -167,45 +168,40 @@ def validate(
     used[:first] = False
     if not used.any():
         raise RecordError(f"{name or 'the record'}: no measurement could be taken in")
-    fit, error = _fits(model, record, horizons, first)
-    likelihood = _per_sample(e, S, used)
-    gain = math.nan
-    of_start: dict[int, float] = {}
+    y = record["y"]
+
+    def errors(predicted: Callable[[int], Array]) -> dict[int, float]:
+        return {k: prediction_error(predicted(k), record, k, first) for k in horizons}
+
+    def fits(errors: Mapping[int, float]) -> dict[int, float]:
+        own = {k: float(np.nanstd(y[first + k :])) for k in errors}
+        return {k: 100 * (1 - errors[k] / own[k]) if own[k] > 0 else math.nan for k in errors}
+
+    error = errors(lambda k: model.predict(record, k))
+    gain, of_start = math.nan, dict[int, float]()
     if start is not None:
-        of_start, _ = _fits(start, record, horizons, first)
+        of_start = fits(errors(lambda k: start.predict(record, k)))
         e_start, S_start, used_start = start.innovations(record)
-        gain = likelihood - _per_sample(e_start, S_start, used & used_start)
+        gain = _per_sample(e, S, used) - _per_sample(e_start, S_start, used & used_start)
+    naive = tune(y, record.sampling_time)
     r = e[used] / np.sqrt(S[used])
     return Validation(
         name=name,
         samples=int(used.sum()),
-        fit=fit,
-        held=_held(record["y"], horizons, first),
+        fit=fits(error),
+        held=fits(errors(lambda k: y[:-k])),
         error=error,
         of_start=of_start,
         residual=whiteness(r, LAGS),
         cross=cross_correlation(np.where(used, e / np.sqrt(S), 0.0)[first:], record["u"][first:]),
         nis=float(np.mean(r**2)),
         gain=gain,
-        without_a_magnet=_constant_velocity_errors(record, horizons, first),
+        without_a_magnet=errors(lambda k: naive.predict(y, k)),
         left=predictable((e / np.sqrt(S))[used], record["u"][used]),
     )
 
 
-def _constant_velocity_errors(
-    record: Record, horizons: Sequence[int], first: int
-) -> dict[int, float]:
-    """Errors of the constant-velocity filter, tuned to the record itself [m]."""
-    from ambkit.estimate.constant_velocity import tune
-
-    y = record["y"]
-    naive = tune(y, record.sampling_time)
-    return {
-        ahead: prediction_error(naive.predict(y, ahead), record, ahead, first) for ahead in horizons
-    }
-
-
-def cross_correlation(residual: Array, u: Array, lags: int = LAGS) -> Whiteness:
+def cross_correlation(residual: Array, u: Array) -> Whiteness:
     """Correlate residuals with an input of the past, after Box and Jenkins (1976, ch. 11)."""
     # The input of a loop has so much colour that one chance correlation would show at all lags. So
     # what of it could be predicted from its own past is taken off first: then the lags are
@@ -216,8 +212,8 @@ def cross_correlation(residual: Array, u: Array, lags: int = LAGS) -> Whiteness:
     e = e[e.size - w.size :]
     scale = math.sqrt(float(e @ e) * float(w @ w))
     if not scale > 0:
-        return Whiteness(np.zeros(lags), 1.96 / math.sqrt(e.size))
-    correlation = np.array([float(e[lag:] @ w[:-lag]) / scale for lag in range(1, lags + 1)])
+        return Whiteness(np.zeros(LAGS), 1.96 / math.sqrt(e.size))
+    correlation = np.array([float(e[lag:] @ w[:-lag]) / scale for lag in range(1, LAGS + 1)])
     return Whiteness(correlation, 1.96 / math.sqrt(e.size))
 
 
@@ -247,28 +243,3 @@ def _prewhitened(u: Array) -> Array:
 
 def _per_sample(e: Array, S: Array, used: Bools) -> float:
     return float(-0.5 * np.mean(np.log(S[used]) + e[used] ** 2 / S[used]))
-
-
-def _fits(
-    model: LoopModel, record: Record, horizons: Sequence[int], first: int
-) -> tuple[dict[int, float], dict[int, float]]:
-    y = record["y"]
-    fit, error = {}, {}
-    for ahead in horizons:
-        miss = (y[ahead:] - model.predict(record, ahead))[first:]
-        error[ahead] = math.sqrt(float(np.nanmean(miss**2)))
-        fit[ahead] = _percent(miss, y[first + ahead :])
-    return fit, error
-
-
-def _held(y: Array, horizons: Sequence[int], first: int) -> dict[int, float]:
-    return {
-        ahead: _percent((y[ahead:] - y[:-ahead])[first:], y[first + ahead :]) for ahead in horizons
-    }
-
-
-def _percent(miss: Array, y: Array) -> float:
-    own = float(np.nanstd(y))
-    if not own > 0:
-        return math.nan
-    return 100 * (1 - math.sqrt(float(np.nanmean(miss**2))) / own)
