@@ -149,16 +149,9 @@ class ChannelMap(Document):
     @property
     def wanted(self) -> tuple[str | int, ...]:
         """What the map reads of a file: names of arrays or columns, and places of columns."""
-        results: list[str | int] = []
-        for channel in self.signals.values():
-            array = channel.array or self.array
-            if isinstance(channel.column, str):
-                results.append(channel.column)
-            elif array is not None:
-                results.append(array)
-            elif channel.column is not None:
-                results.append(channel.column)
-        return tuple(dict.fromkeys(results))
+        channels = self.signals.values()
+        places = (c.column if (name := self._name(c)) is None else name for c in channels)
+        return tuple(dict.fromkeys(place for place in places if place is not None))
 
     def apply(self, log: Log) -> MappedSignals:
         """Pick the signals out of a log; see `pick`."""
@@ -189,6 +182,8 @@ class ChannelMap(Document):
         if not problems:
             problems = list(self._clock_problems(log, signals, clocks, clock_of))
         about = {"log": self.name, "origin": self.source}
+        # A sensor showed u, which is then not the control that drives it.
+        is_current = "u" in signals and (self.signals["u"].measured or CONTROL in signals)
         mapped = MappedSignals(
             signals,
             {name: self.signals[name].si_unit for name in signals},
@@ -196,14 +191,10 @@ class ChannelMap(Document):
             clock_of,
             {name: c.delay for name, c in self.signals.items() if c.delay and name in signals},
             {key: text for key, text in about.items() if text}
-            | ({"measured": ["u"]} if self._shows_current(signals) else {}),
+            | ({"measured": ["u"]} if is_current else {}),
             tuple(dict.fromkeys(remarks)),
         )
         return mapped, problems
-
-    def _shows_current(self, signals: Mapping[str, object]) -> bool:
-        """Whether u is a current that a sensor showed, and not the control that drives it."""
-        return "u" in signals and (self.signals["u"].measured or CONTROL in signals)
 
     def _clock_problems(
         self,
@@ -216,7 +207,8 @@ class ChannelMap(Document):
         for name, values in signals.items():
             clock = clock_of[name]
             place = f"{log.name}: signal {name}"
-            own, used = log.clocks.get(self._name(name) or ""), self._name(clock)
+            column, used = map(self._name, map(self.signals.get, (name, clock)))
+            own = log.clocks.get(column or "")
             if own is not None and own != used and self.sampling_time is None:
                 clocks[own], clock_of[name] = log.arrays[own], own
                 yield (
@@ -229,15 +221,14 @@ class ChannelMap(Document):
                     f"{place} has shape {values.shape}, its time {clock} has {clocks[clock].shape}"
                 )
 
-    def _name(self, signal: str) -> str | None:
+    def _name(self, channel: Channel | None) -> str | None:
         """Name of the array or column in which a signal stands."""
-        channel = self.signals.get(signal)
         if channel is None:
             return None
         return channel.column if isinstance(channel.column, str) else channel.array or self.array
 
     def _numbers(self, channel: Channel, log: Log, remarks: list[str]) -> Array:
-        name = channel.column if isinstance(channel.column, str) else channel.array or self.array
+        name = self._name(channel)
         if name is None and isinstance(channel.column, int) and log.order:
             name = log.order[channel.column]
             if name in log.arrays:

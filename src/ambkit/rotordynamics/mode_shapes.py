@@ -20,7 +20,6 @@ from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
-    from ambkit.result.report import Figure
 
 
 MODES = ("modes",)  #: Section of its rows.

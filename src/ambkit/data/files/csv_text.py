@@ -13,7 +13,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from decimal import Decimal, InvalidOperation
 from typing import Any, NamedTuple
@@ -26,7 +26,15 @@ from ambkit.base.errors import RecordError, shortened
 from ambkit.base.escaping import one_line
 from ambkit.data.files import csv_dialect
 from ambkit.data.files.csv_dialect import MISSING, Dialect, number_of
-from ambkit.data.files.log import DamagedLog, Log, Request, column_names, counted_from, too_coarse
+from ambkit.data.files.log import (
+    DamagedLog,
+    Log,
+    Request,
+    column_names,
+    counted_from,
+    noted,
+    too_coarse,
+)
 
 _KEY = re.compile(r"[^\w.-]")  # what no key of a note has
 _NOTE = re.compile(r"#\s*([\w.-]+):\s(.*)")
@@ -44,7 +52,10 @@ def dump(columns: Mapping[str, Array], units: Mapping[str, str], meta: Mapping[s
     quoted = notes.replace('"', '""')
     header = ",".join(_head(f"{name} [{units[name]}]") for name in columns)
     header += f',"# {{{quoted}}}"'
-    cells = [map(_cell, values.tolist()) for values in columns.values()]
+    cells = [
+        ["" if math.isnan(value) else repr(value) for value in values.tolist()]
+        for values in columns.values()
+    ]
     return "\n".join([header, *map(",".join, zip(*cells, strict=True))]) + "\n"
 
 
@@ -53,10 +64,6 @@ def _head(label: str) -> str:
     label = one_line(label)
     quoted = label.replace('"', '""')
     return f'"{quoted}"' if re.search(r'[,;"#]', label) else label
-
-
-def _cell(value: float) -> str:
-    return "" if math.isnan(value) else repr(value)
 
 
 def read(path: str, request: Request) -> Log:
@@ -111,7 +118,8 @@ def _parse(text: str, name: str, request: Request, remarks: list[str]) -> Log:
     dialect = csv_dialect.find(head)
     if dialect is None:
         raise RecordError(f"{name}: has no header and no samples; is the file cut short?")
-    meta = known | dict(_notes(head[: dialect.body]))
+    notes = filter(None, map(_NOTE.fullmatch, head[: dialect.body]))
+    meta = known | {note[1]: noted(note[2]) for note in notes}
     names = _names(dialect)
     header = f"{name}:{(dialect.header or 0) + 1}"
     chosen = column_names(names, request.columns, header)
@@ -203,16 +211,6 @@ def _end_of_line(text: str, count: int) -> int:
         if end < 0:
             return len(text)
     return end
-
-
-def _notes(lines: list[str]) -> Iterator[tuple[str, Any]]:
-    """Yield key and value of each note; a program that does not write JSON means its text."""
-    for match in filter(None, map(_NOTE.fullmatch, lines)):
-        key, text = match.groups()
-        try:
-            yield key, json.loads(text)
-        except (ValueError, RecursionError):  # no JSON, a number too long, or nested too deeply
-            yield key, text
 
 
 def _lines(body: str, first: int) -> Callable[[int], int]:

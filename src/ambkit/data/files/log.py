@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -99,6 +100,14 @@ def whole_numbers(name: str, values: NDArray[Any]) -> tuple[Array, list[str]]:
     if values.dtype.kind not in "iu" or values.ndim != 1 or not too_coarse(numbers):
         return numbers, []
     return (values - values[0]).astype(np.float64), [counted_from(name, str(values[0]))]
+
+
+def noted(text: str) -> Any:
+    """Read a note; what is no JSON, has too long a number or is nested too deeply is its text."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return text
 
 
 FIRST = re.compile(r"(.*) counts from its first value, ([-\d.]+)")  #: What `counted_from` says.

@@ -1,6 +1,5 @@
 """Parquet: columns with their units and notes, a column at a time so that long logs fit."""
 
-import json
 import os
 from collections import Counter
 from collections.abc import Collection, Mapping
@@ -18,6 +17,7 @@ from ambkit.data.files.log import (
     check_readable,
     column_names,
     library_errors,
+    noted,
     whole_numbers,
 )
 from ambkit.data.files.timestamps import layouts_of, unwrapped
@@ -206,16 +206,8 @@ def _about(
     }
     notes = {key.decode(errors="replace"): text for key, text in (schema.metadata or {}).items()}
     meta = {
-        key.removeprefix("ambkit."): _note(text)
+        key.removeprefix("ambkit."): noted(text.decode(errors="replace"))
         for key, text in notes.items()
         if key.startswith("ambkit.")
     }
     return units, meta
-
-
-def _note(text: bytes) -> Any:
-    """Read a note; what is no JSON, has too long a number or is nested too deeply is its text."""
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
-        return text.decode(errors="replace")

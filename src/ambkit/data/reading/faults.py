@@ -104,22 +104,9 @@ def measure(name: str, unit: str, values: Array, clock: str = "t") -> Channel:
     there = values[np.isfinite(values)]
     missing = values.size - there.size
     if there.size == 0:
-        nothing = math.nan
-        return Channel(
-            name, unit, values.size, missing, nothing, nothing, nothing, nothing, 0.0, clock
-        )
-    return Channel(
-        name,
-        unit,
-        values.size,
-        missing,
-        float(there.min()),
-        float(there.max()),
-        float(there.mean()),
-        noise(values),
-        resolution(there),
-        clock,
-    )
+        return Channel(name, unit, values.size, missing, *[math.nan] * 4, 0.0, clock)
+    ends = float(there.min()), float(there.max()), float(there.mean())
+    return Channel(name, unit, values.size, missing, *ends, noise(values), resolution(there), clock)
 
 
 def noise(values: Array) -> float:
@@ -284,14 +271,11 @@ def _coarse_stretches(name: str, there: Array, times: Array, unit: str) -> Itera
             continue
         part = slice(start * BLOCK, (start + length) * BLOCK)
         step = resolution(there[part])
-        if step > 1.5 * noise(there[part]) and not _mostly_still(there[part]):
+        # A long run of one value explains few: frozen, or saturated.
+        still = _runs(there[part])[1].max() > 0.3 * min(there[part].size, BLOCK)
+        if step > 1.5 * noise(there[part]) and not still:
             ends = float(times[part][0]), float(times[part][-1])
             yield Fault("quantised", name, *ends, length * BLOCK, _in_steps(step, unit))
-
-
-def _mostly_still(values: Array) -> bool:
-    """Whether a long run of one value explains that there are few: frozen, or saturated."""
-    return bool(_runs(values)[1].max() > 0.3 * min(values.size, BLOCK))
 
 
 def _still(
@@ -350,9 +334,7 @@ def _usual_repeats(values: Array) -> float:
 def spike_free(record: Record) -> tuple[Record, int]:
     """Return a record with the spikes of its positions missing, and how many samples these were."""
     cleaned, count = {name: record[name] for name in record}, 0
-    for name in record:
-        if name != "y" and not name.startswith("y_"):
-            continue
+    for name in (name for name in record if name == "y" or name.startswith("y_")):
         at = np.flatnonzero(np.isfinite(record[name]))
         there = record[name][at]
         fine = is_valid(there.size, *spikes(there, noise(there), resolution(there)))

@@ -127,8 +127,3 @@ class Export:
         beside = ("control_selftest", "control_vectors") if self.beside else ()
         of_test = (f"{self.name}_{file}.c" for file in ("selftest", "vectors", *beside))
         return ("selftest/main.c", *(f"selftest/{file}" for file in of_test))
-
-    @property
-    def proved(self) -> bool:
-        """Whether something is said of proofs."""
-        return not self.calibrated  # which another task changes meanwhile

@@ -96,7 +96,8 @@ def _made(export: Export) -> dict[str, str]:
         "misra.txt": "misra.txt",
         "selftest/COVERAGE.md": "COVERAGE.md",
     }
-    more = [(name, proof.TEMPLATES)] if export.proved else []
+    # Nothing is proved of what another task changes meanwhile.
+    more = [] if export.calibrated else [(name, proof.TEMPLATES)]
     if export.controller is not None:
         more.append((f"{name}_control" if export.several else name, control.TEMPLATES))
         more += [(name, calibration.TEMPLATES)] if export.calibrated else []
@@ -124,7 +125,7 @@ def _context(export: Export) -> dict[str, Any]:
             flown=export.controller, calibrated=export.calibrated,
         ),
     }  # fmt: skip
-    context["proof"] = proof.context(export, context) if export.proved else None
+    context["proof"] = None if export.calibrated else proof.context(export, context)
     if export.calibrated and one is not None:
         context["base_of_calibration"] = calibration.context(one, name, precision)
     context["configuration"] = _configuration(filter, context, export.core_files)
