@@ -27,6 +27,7 @@ from ambkit.models import Model, compose, emit, machine_model
 from ambkit.models.emit import steps
 from ambkit.models.emit.covariance import predict_covariance
 from ambkit.models.machine_parts import PAPER_CONSTANTS
+from ambkit.models.model import ENUMERATORS, ROLES
 from ambkit.models.parts import (
     Amplifier,
     ColouredNoise,
@@ -37,7 +38,6 @@ from ambkit.models.parts import (
     Rotor,
     Sensor,
 )
-from ambkit.models.roles import ENUMERATORS, ROLES
 
 ROOT = Path(__file__).resolve().parent.parent
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")

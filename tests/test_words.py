@@ -125,7 +125,7 @@ CONCEPTS = {
     "levitation current": "src/ambkit/machine/loading.py",
     "operating point": "src/ambkit/control/linear/linear_plant.py",
     "observer poles": "src/ambkit/estimate/observer.py",
-    "collocation": "src/ambkit/rotordynamics/flexible_rotor_checks.py",
+    "collocation": "src/ambkit/rotordynamics/machine_report.py",
     "sensitivity peak": "src/ambkit/judge/loop/margins.py",
     "dead time": "src/ambkit/models/parts/delay.py",
     "process noise": "src/ambkit/models/parts/disturbance.py",

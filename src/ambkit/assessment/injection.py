@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,10 +20,6 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.sections import Section
 from ambkit.result.signal_styles import CURRENT, POSITION, TIME
-
-if TYPE_CHECKING:
-    from ambkit.result.report import Figure
-
 
 PERIODS = 10
 """Of the signal: the first is left out, as the loop settles in it."""

@@ -1,4 +1,1 @@
-"""What every room stands on and none is about: errors, units, TOML with units, files, text.
-
-Nothing here knows of bearings or filters.
-"""
+"""What every room stands on and none is about: errors, units, TOML with units, files, text."""

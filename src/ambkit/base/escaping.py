@@ -1,8 +1,6 @@
-"""Text that others wrote, such that it stays text wherever it is put.
+"""Text of others (names, descriptions, paths) made harmless wherever it is written.
 
-A bearing's name and description, the names in a log, the names of files: whoever sends one chooses
-them. Each function here makes such a text harmless in one language; templates have them as filters
-(`FILTERS`), HTML has Jinja's own escaping, and XML is written by a library.
+Templates have these functions as filters (`FILTERS`); Jinja escapes HTML, a library writes XML.
 """
 
 import json

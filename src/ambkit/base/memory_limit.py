@@ -1,7 +1,4 @@
-"""How much memory a file may take to read: a small file can unpack to more than there is.
-
-The size is taken from what the file declares, before anything is unpacked.
-"""
+"""How much memory a file may take to read, by what it declares: a small one can unpack to more."""
 
 import os
 

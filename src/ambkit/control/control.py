@@ -19,10 +19,6 @@ OLD = {"fought": "off", "still": "compensation"}
 """Unbalance control in the words of earlier files, read for one release."""
 
 
-def _unbalance(word: Any) -> Any:
-    return OLD.get(word, word) if isinstance(word, str) else word
-
-
 class Control(PID):
     """The controllers of a machine: gains at its top are of all axes, those in `pid` of one."""
 
@@ -43,7 +39,8 @@ class Control(PID):
     """Whether the gains of "lqg" follow the speed of rotation; without, they are those of the
     machine's own speed at any."""
     unbalance: Annotated[
-        Literal["off", "force-free", "compensation"], BeforeValidator(_unbalance)
+        Literal["off", "force-free", "compensation"],
+        BeforeValidator(lambda word: OLD.get(word, word) if isinstance(word, str) else word),
     ] = "off"
     """Unbalance control: none, where the controllers answer to synchronous motion as to any other;
     force-free rotation about the axis of inertia, without a synchronous force of the bearings; or

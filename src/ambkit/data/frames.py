@@ -1,8 +1,4 @@
-"""Series as pandas and xarray hold them: units, and what else is known, in ``attrs``.
-
-A DataFrame has ``attrs["units"]``, of its index too. In xarray each variable has ``units`` (CF
-conventions), and the rest is JSON in ``attrs`` of the data set: netCDF holds no dictionaries.
-"""
+"""Series as DataFrame (units in ``attrs``) or Dataset (``units`` a variable, metadata as JSON)."""
 
 from __future__ import annotations
 

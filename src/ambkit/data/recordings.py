@@ -1,8 +1,4 @@
-"""The recordings that come with ambkit: a small part of the logs of a real rig.
-
-They stand in ``examples/recordings`` of the repository, with their origin and licence, and are
-installed beside the package.
-"""
+"""The recordings that come with ambkit, from ``examples/recordings``: logs of a real rig."""
 
 from pathlib import Path
 

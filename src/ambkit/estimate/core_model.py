@@ -16,9 +16,8 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
 from ambkit.models.declaration import Part, Plan
 from ambkit.models.machine_parts import compose, machine_parts, paper_pattern, printed
-from ambkit.models.model import Model, compressed_rows
+from ambkit.models.model import ENUMERATORS, ROLES, Model, compressed_rows
 from ambkit.models.parts import SYNCHRONOUS
-from ambkit.models.roles import ENUMERATORS, ROLES
 
 NODE = 0.02
 """Radians a sample between the speeds at which a model that turns is computed."""

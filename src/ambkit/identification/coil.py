@@ -30,7 +30,6 @@ from ambkit.result.sections import Section
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Bearing
-    from ambkit.result.report import Figure
 
 
 BLOCK = 0.5

@@ -35,7 +35,6 @@ from ambkit.simulation.scenario import Scenario
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.machine import Bearing
-    from ambkit.simulation.scenario import Scenario
     from ambkit.simulation.waveforms import Waveform
 
 NIS_BAND = (0.25, 4.0)

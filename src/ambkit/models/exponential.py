@@ -1,8 +1,7 @@
 """Exponentials of a linear system over a time, each entry to its own digits.
 
-A library's Padé approximant is right to a rounding of the *greatest* entry: in metres and newtons
-the small ones would be lost. The series over a short share of the time, doubled from there, is
-right to a rounding of ``exp(|A| t)`` entry by entry, whatever the units.
+A library's Padé approximant is right to a rounding of the *greatest* entry; in metres and newtons
+small ones would be lost. The series over a share of the time, doubled, is right entry by entry.
 """
 
 from __future__ import annotations

@@ -17,6 +17,20 @@ Pattern = NDArray[np.int8]
 ZERO, ONE, NUMBER = 0, 1, 2  #: Entries of a pattern; 0 and 1 in every machine of the kind.
 
 
+POSITION, VELOCITY, SHOWN, LOAD, KNOWN, NOISE = ENUMERATORS = (
+    "AMB_POSITION", "AMB_VELOCITY", "AMB_SHOWN", "AMB_LOAD", "AMB_KNOWN", "AMB_NOISE",
+)  # fmt: skip
+"""The enumerators of ``amb_role`` (``ambkit/role.h``), in their order there."""
+
+ROLES = {
+    "position": POSITION, "velocity": VELOCITY, "sensor": SHOWN, "disturbance force": LOAD,
+    "noise": NOISE, "noise in quadrature": NOISE, "unbalance": NOISE, "runout": NOISE,
+    "bending": NOISE, "bending velocity": NOISE, "lagged force": NOISE,
+    "current": KNOWN, "past control": KNOWN,
+}  # fmt: skip
+"""What states are to the core (``ambkit/envelope.h``); a reading does not show a bending."""
+
+
 @dataclass(frozen=True)
 class Descriptor:
     """One state, force, control, measurement or noise: what plots, records and exports call it."""
@@ -24,10 +38,7 @@ class Descriptor:
     name: str  #: Symbol, a C identifier: ``x``, ``f_d``.
     unit: str  #: SI unit; of a noise, that of its standard deviation.
     size: float  #: Typical size in that unit; of a noise, its standard deviation.
-    role: str
-    """What it is: position, velocity, bending, bending velocity, disturbance force, sensor,
-    current, past control, noise (in the reading as it is) or noise in quadrature (behind that of a
-    line by a quarter turn)."""
+    role: str  #: What it is; of a state, one of `ROLES`.
 
     def __post_init__(self) -> None:
         if not (self.name.isidentifier() and self.name.isascii()):

@@ -1,22 +1,41 @@
-"""What is to be said of a machine."""
+"""What is to be said of a machine: poles, modes left out, collocation, damping, separation."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
-from ambkit.base.units import engineering
+import numpy as np
+
+from ambkit.base.units import engineering, percent
+from ambkit.control.control_candidates import PIDS
 from ambkit.control.default_control import default_control
+from ambkit.control.stabilising_controller import holding
+from ambkit.judge.modal_reduction import reduction
 from ambkit.judge.whirl_modes import stiffnesses
+from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.machine.placement_checks import NODE
 from ambkit.models.continuous import open_loop
 from ambkit.models.machine_parts import machine_model
-from ambkit.rotordynamics.flexible_rotor_checks import Remark, of_bending
 from ambkit.rotordynamics.separation_margins import separations
 
 if TYPE_CHECKING:
+    from ambkit.machine.components import PlacedBearing, PlacedSensor
     from ambkit.machine.machine import Machine
+    from ambkit.machine.rotors.modes import Bending
 
 COUPLED = 0.01  #: Inertial coupling from which on axes are not bearings alone.
+MATTERS = 0.01  #: Residual compliance, relative to the magnets', that is reported.
+SHAKEN = 0.5  #: Share of a mode's own damping below which that is reported.
+
+
+class Remark(NamedTuple):
+    """What is odd about a machine and may be right."""
+
+    text: str
+    path: tuple[str | int, ...] = ()  #: The key that it is about, if it is one.
 
 
 def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
@@ -63,3 +82,138 @@ def _of_the_poles(machine: Machine) -> str:
         f"without control the rotor falls away with {text}; as bearings alone the axes would have "
         f"an effective mass and a pole of: {bearings}; they couple by {share:.0%}"
     )
+
+
+def of_bending(machine: Machine) -> Iterator[Remark]:
+    """Yield what is to be said of how a machine's rotor bends."""
+    bending = machine.bending
+    if bending is None:
+        return
+    yield Remark(_kept(machine, bending))
+    yield from _left_out(machine, bending)
+    compared = reduction(machine)
+    if compared is not None:
+        yield Remark(compared.text(), () if compared.good else ("rotor", "modes_up_to"))
+    yield from _nodes(machine, bending)
+    if default_control(machine).chosen.control == PIDS[0]:
+        yield _held(machine, bending)
+
+
+def _hertz(frequency: float) -> str:
+    return engineering(frequency / (2 * math.pi), "Hz", 5)
+
+
+def _kept(machine: Machine, bending: Bending) -> str:
+    modes = len(bending.frequency) - bending.attached
+    at = ", ".join(map(_hertz, bending.frequency[:modes]))
+    count = "1 bending mode is" if modes == 1 else f"{modes} bending modes are"
+    text = f"{count} kept, of the free rotor at {at}" if modes else "no bending mode is kept"
+    centre = machine.rotor.centre
+    if machine.rotor.type in ("shaft", "matrices"):
+        text += f"; its centre of mass is at {engineering(centre, 'm')}"
+    if machine.rotor.type == "modes":
+        text += "; what gyroscopics do to them is not known, and left out"
+    return text
+
+
+def _left_out(machine: Machine, bending: Bending) -> Iterator[Remark]:
+    """Yield what the modes left out would have given way."""
+    if bending.residual is None:
+        return
+    first = f", from {_hertz(bending.left_out[0])} on," if bending.left_out else ""
+    if bending.attached:
+        extra = ", ".join(map(_hertz, bending.frequency[-bending.attached :]))
+        yield Remark(
+            f"the modes left out{first} give way at the magnets as they do of a slow force: by "
+            f"{bending.attached} shapes more, which would be at {extra}"
+        )
+        return
+    places = [bearing.place for bearing in machine.bearings if bearing.type == "radial"]
+    names = [bearing.name for bearing in machine.bearings if bearing.type == "radial"]
+    stiff = {
+        axis.bearing.name: abs(ConstantStiffness.of(isolated).k_s)
+        for axis, isolated in zip(machine.axes, isolated_axes(machine), strict=True)
+    }
+    shares = np.diag(bending.residual(places)) * np.array([stiff[name] for name in names])
+    k = int(np.argmax(shares))
+    at = engineering(shares[k] / stiff[names[k]], "m/N", 3)
+    text = (
+        f"the modes left out{first} would give way by {at} at most, in bearing {names[k]}: "
+        f"{percent(shares[k])} of what its magnets' own stiffness gives"
+    )
+    if shares[k] > MATTERS:
+        yield Remark(
+            f"{text}; that matters: raise rotor.modes_up_to, or set rotor.residual = true",
+            ("rotor", "modes_up_to"),
+        )
+    else:
+        yield Remark(text)
+
+
+def _nodes(machine: Machine, bending: Bending) -> Iterator[Remark]:
+    """Yield which sensors and magnets are at nodes, and where there is one between both."""
+    modes = len(bending.frequency) - bending.attached
+    of_keys: dict[str, tuple[PlacedSensor | PlacedBearing, ...]] = {
+        "sensor": machine.sensors,
+        "bearing": machine.bearings,
+    }
+    for key, placed in of_keys.items():
+        for at, entry in enumerate(placed):
+            if entry.type in ("axial", "thrust"):
+                continue
+            out = bending.shape(entry.place)
+            for k in np.flatnonzero(np.abs(out[:modes]) < NODE):
+                what = "does not see it" if key == "sensor" else "does not hold it"
+                yield Remark(
+                    f"{key} {entry.name} at {engineering(entry.place, 'm')} is at a node of mode "
+                    f"{k + 1}, {_hertz(bending.frequency[k])}, and {what}",
+                    (key, at, "place"),
+                )
+    for at, bearing in enumerate(machine.bearings):
+        radial = [sensor for sensor in machine.sensors if sensor.type != "axial"]
+        if bearing.type != "radial" or not radial:
+            continue
+        near = min(radial, key=lambda item: abs(item.place - bearing.place))
+        pull, seen = bending.shape(bearing.place), bending.shape(near.place)
+        for k in np.flatnonzero(pull[:modes] * seen[:modes] < 0):
+            yield Remark(
+                f"a node of mode {k + 1}, {_hertz(bending.frequency[k])}, is between bearing "
+                f"{bearing.name} and its sensor {near.name}: a controller that damps what it sees "
+                "shakes this mode",
+                ("bearing", at, "place"),
+            )
+
+
+def _held(machine: Machine, bending: Bending) -> Remark:
+    """Say how the controllers of a simulation hold the rotor, or that they do not."""
+    result = holding(machine)
+    if not result.held:
+        pole = result.growing[0] if result.growing else complex(result.poles.real.max())
+        fed = ""
+        if holding(machine, "estimate").held:
+            fed = ', or an estimator that feeds the controllers (feedback = "estimate")'
+        delay = f"a delay of {engineering(machine.delay, 's')}" if machine.delay else "no delay"
+        return Remark(
+            f"no PID of each axis that was tried holds it: with the best {_hertz(pole.imag)} grows "
+            f"by {pole.real:.3g}/s; the loop has {delay} and samples every "
+            f"{engineering(machine.sampling_time, 's')}; what helps is a shorter one, sensors "
+            f"nearer to the magnets, more damping{fed or ', or another controller'}"
+        )
+    modes = len(bending.frequency) - bending.attached
+    rates = []
+    for k in range(modes):
+        near = np.abs(np.abs(result.poles.imag) - bending.frequency[k]).argmin()
+        rates.append(-result.poles[near].real / abs(result.poles[near]))
+    worst = int(np.argmin(rates / bending.damping_ratio[:modes]))
+    pid = result.pids[0]
+    text = (
+        f"a PID of each axis holds it, such as kp {engineering(pid.kp, 'A/m', 4)}, "
+        f"kd {engineering(pid.kd, 'A s/m', 3)}, its derivative filtered by "
+        f"{engineering(pid.derivative_filter, 's', 3)}"
+    )
+    if rates[worst] < SHAKEN * bending.damping_ratio[worst]:
+        text += (
+            f"; of mode {worst + 1}, {_hertz(bending.frequency[worst])}, it leaves a damping ratio "
+            f"of {rates[worst]:.2g}"
+        )
+    return Remark(text)

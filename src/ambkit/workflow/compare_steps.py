@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.result.report import Figure
-    from ambkit.simulation.scenario import Scenario
 
 RUNS = 20
 """Runs of a comparison where nobody says it: fewer make no distribution."""

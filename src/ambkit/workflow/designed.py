@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ambkit.assessment.loop import AssessedLoop
     from ambkit.data.record import Record
     from ambkit.export.c import CExport
-    from ambkit.result.report import Figure
 
 UNITS = {"kp": "A/m", "ki": "A/(m s)", "kd": "A s/m", "derivative_filter": "s", "anti_windup": "s"}
 """Of gains; the others have none."""

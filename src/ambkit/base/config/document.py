@@ -1,7 +1,7 @@
-"""Descriptions in TOML: frozen, validated models whose mistakes are all told at once.
+"""Descriptions in TOML: frozen, validated models whose mistakes are all reported at once.
 
-A description is a `Document` made of `Part` models. Each key is declared once, with its unit, its
-limits and an example; checks, messages, the written TOML and the JSON schema come from that.
+A `Document` is made of `Part` models. Each key is declared once, with unit, limits and example;
+checks, messages, the TOML that is written and the JSON schema follow from that.
 """
 
 import math

@@ -105,15 +105,12 @@ def _loads(text: str) -> dict[str, Any]:
         raise
     except ValueError:
         digits = sys.get_int_max_str_digits()
-        at = next((n for n, line in enumerate(text.split("\n"), 1) if _digits(line) > digits), 1)
+        runs = re.finditer(r"[\d_]+", text)
+        long = (run.start() for run in runs if len(run[0].replace("_", "")) > digits)
+        at = text.count("\n", 0, next(long, 0)) + 1
         raise tomllib.TOMLDecodeError(
             f"an integer has more than {digits} digits (at line {at}, column 1)"
         ) from None
-
-
-def _digits(line: str) -> int:
-    """Return how many digits the longest number of a line has."""
-    return max((len(run.replace("_", "")) for run in re.findall(r"[\d_]+", line)), default=0)
 
 
 def _drop_twins(lines: list[str]) -> list[tuple[int, str]]:

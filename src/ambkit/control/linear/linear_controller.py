@@ -1,8 +1,4 @@
-"""Controllers of a loop as linear systems, and controllers and estimator together.
-
-The control signals u [V] are what goes between plant and controllers; an estimator is fed with
-those that go out.
-"""
+"""Controllers of a loop as linear systems to u [V], alone and with an estimator fed by this u."""
 
 from __future__ import annotations
 

@@ -2,9 +2,8 @@
 
     t [s],y [m],"# {""bearing"": ""zittau_axial"", ""rows"": 2}"
 
-The last cell of the header holds what else is known, as JSON; files of before 0.3 have it in lines
-``# key: JSON`` above. An empty cell is a missing sample. Each number has as many digits as it takes
-to read back exactly the same. What other programs write is read, too (`csv_dialect`).
+The last cell of the header is metadata in JSON, which may also stand in lines ``# key: JSON``
+above. An empty cell is a missing sample. Numbers have as many digits as they need to read back.
 """
 
 import csv

@@ -1,8 +1,4 @@
-"""MATLAB files: version 5 by SciPy, version 7.3, which is HDF5, by pymatreader.
-
-The fields of a structure come as ``structure.field``, the elements of a structure array or a cell
-as ``structure[0].field``.
-"""
+"""MATLAB files: version 5 by SciPy, 7.3 (HDF5) by pymatreader; names are ``structure[0].field``."""
 
 import math
 import os

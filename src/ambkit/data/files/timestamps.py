@@ -1,7 +1,4 @@
-"""Times as text, ``2024-05-03 12:00:00.123`` and its relatives, exact to the nanosecond.
-
-Columns are parsed by Arrow as a whole: a log has millions of rows.
-"""
+"""Times as text, ``2024-05-03 12:00:00.123`` and its relatives, exact to the nanosecond."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Which channels are made of which: copies, differences, filters, and what an estimate is of.
-
-What was computed often moves more like a rotor than what was measured, by chance.
-"""
+"""Which channels are made of which: copies, differences, filters, and what an estimate is of."""
 
 from __future__ import annotations
 

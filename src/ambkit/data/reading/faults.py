@@ -104,7 +104,8 @@ def measure(name: str, unit: str, values: Array, clock: str = "t") -> Channel:
     there = values[np.isfinite(values)]
     missing = values.size - there.size
     if there.size == 0:
-        return Channel(name, unit, values.size, missing, *[math.nan] * 4, 0.0, clock)
+        nan = math.nan
+        return Channel(name, unit, values.size, missing, nan, nan, nan, nan, 0.0, clock)
     ends = float(there.min()), float(there.max()), float(there.mean())
     return Channel(name, unit, values.size, missing, *ends, noise(values), resolution(there), clock)
 

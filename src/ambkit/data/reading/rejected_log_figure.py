@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import islice
 
 import numpy as np
 
@@ -54,7 +55,9 @@ def refused_figure(refused: RejectedLog) -> Figure | None:
         channel = Line(x, np.where(np.isfinite(values), values, np.nan), signal="channel")
         axis = axis_of(name, mapped.units[name], values)
         panels.append(Panel(TIME if timed else _NUMBER, axis, [channel, *_marks(x, inside)]))
-    sentences = [f"`{_code(problem)}`" for problem in refused.problems[:TOLD]]
+    # In Markdown a backquote would end the code, and a dollar sign begin a formula.
+    plain = (one_line(text).replace("`", "'").replace("$", "") for text in refused.problems)
+    sentences = [f"`{problem}`" for problem in islice(plain, TOLD)]
     if (more := len(refused.problems) - TOLD) > 0:
         sentences.append(f"And {more} more.")
     if left := list(signals)[SHOWN:]:
@@ -65,11 +68,6 @@ def refused_figure(refused: RejectedLog) -> Figure | None:
         caption=" ".join(sentences),
         panels=panels,
     )
-
-
-def _code(text: str) -> str:
-    """Take out of a text what would end its code in Markdown, or be a formula in it."""
-    return one_line(text).replace("`", "'").replace("$", "")
 
 
 def _numbers(values: Array) -> Array:

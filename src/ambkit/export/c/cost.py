@@ -1,8 +1,7 @@
 """What an exported filter costs on a Cortex-M4F: instructions a step, flash and memory.
 
-The figures are measured (``firmware/``) and stored in ``cost.json``: float, gcc, in qemu, which
-counts instructions and no cycles. They are of one bearing; the numbers of another move them by a
-few instructions.
+Measured (``firmware/``) and stored in ``cost.json``: float, gcc, in qemu, which counts instructions
+and no cycles. The numbers of another bearing change them by a few instructions.
 """
 
 from __future__ import annotations

@@ -22,8 +22,10 @@ def write(folder: Path, texts: dict[str, str]) -> Path:
         )
     older = _older(folder / MANIFEST)
     for name, text in texts.items():
-        if name not in older and _other(folder / name, text):
-            raise AmbkitError(f"{folder / name} is there already, and not from an export")
+        path = folder / name
+        same = path.is_file() and path.read_bytes() == text.encode()
+        if name not in older and path.exists() and not same:
+            raise AmbkitError(f"{path} is there already, and not from an export")
     lines = [f"{hashlib.sha256(text.encode()).hexdigest()}  {name}" for name, text in texts.items()]
     with files.replacing_in(folder, first=MANIFEST) as temporary:
         files.write_text(temporary / MANIFEST, "\n".join(lines) + "\n")
@@ -33,11 +35,6 @@ def write(folder: Path, texts: dict[str, str]) -> Path:
     for name in older - set(texts):
         (folder / name).unlink(missing_ok=True)
     return folder
-
-
-def _other(path: Path, text: str) -> bool:
-    """Whether there is something else than what is to be written."""
-    return path.exists() and not (path.is_file() and path.read_bytes() == text.encode())
 
 
 def _older(manifest: Path) -> set[str]:

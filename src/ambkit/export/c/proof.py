@@ -1,9 +1,7 @@
 """What Frama-C's Eva shows of an exported filter or controller, and what is recorded of it.
 
-The analysis takes the exported C as it is, with the numbers of one rig: ``proof/prove.sh`` of an
-export runs it. What came out for the bearing of the tests is stored in ``proof.json``
-(``python -m firmware.proof``), by what decides over the C that runs; ``tests/test_proof.py`` runs
-it again.
+``proof/prove.sh`` of an export analyses its C with the numbers of one rig. Results for the bearing
+of the tests are in ``proof.json`` (``python -m firmware.proof``, ``tests/test_proof.py``).
 """
 
 from __future__ import annotations

@@ -22,7 +22,6 @@ from ambkit.simulation.run_figure import simulation_figure
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.result.report import Figure
     from ambkit.simulation.run import Run
 
 

@@ -31,7 +31,6 @@ from ambkit.result.sections import Section
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.machine import Bearing
-    from ambkit.result.report import Figure
 
 NAMES = {
     "adaline": "ADALINE",

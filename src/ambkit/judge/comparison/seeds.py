@@ -30,7 +30,6 @@ from ambkit.simulation.scenario import Scenario
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.result.report import Figure
 
 
 @dataclass(frozen=True)

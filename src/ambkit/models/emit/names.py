@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from ambkit.models.model import MATRICES, NUMBER, ONE, ZERO, Model
-from ambkit.models.roles import ROLES, SHOWN
+from ambkit.models.model import MATRICES, NUMBER, ONE, ROLES, SHOWN, ZERO, Model
 
 Factor = str | None  #: A symbol in C, or None for one.
 

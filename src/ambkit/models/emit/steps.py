@@ -16,8 +16,7 @@ from ambkit.models.emit.names import (
     switched,
     total,
 )
-from ambkit.models.model import ONE, ZERO
-from ambkit.models.roles import LOAD, POSITION, ROLES, SHOWN, VELOCITY
+from ambkit.models.model import LOAD, ONE, POSITION, ROLES, SHOWN, VELOCITY, ZERO
 
 SENSOR = "int r"
 
