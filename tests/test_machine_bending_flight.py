@@ -177,7 +177,7 @@ def test_a_run_up_passes_the_first_bending_mode() -> None:
     up = Ramp(slope=300.0, start=0.0)
     usual = tuple(map(chosen, isolated_axes(one)))
     weak = _Search(one, usual, "measurement").most_damped().pids  # its peak of abs(S) is above 2
-    pids = {a.name: PID(**gains.stated) for a, gains in zip(one.axes, weak, strict=True)}
+    pids = {a.name: PID(**gains._asdict()) for a, gains in zip(one.axes, weak, strict=True)}
     control = Control(pid=pids)
     run = simulate(
         one, Scenario(duration=3.0, speed=up, noise=False, control=control, feedback="measurement")

@@ -120,7 +120,7 @@ def pids_of(
     own = [control.own(name) for name in names]
     if all(pid.model_fields_set >= GAINS for pid in own):
         return own
-    usual = [PID(**item.stated) for item in holding(machine, feedback).pids]
+    usual = [PID(**item._asdict()) for item in holding(machine, feedback).pids]
     return [
         pid.overlaid(overrides, machine.isolated_axis(name)) if overrides.model_fields_set else pid
         for name, pid, overrides in zip(names, usual, own, strict=True)

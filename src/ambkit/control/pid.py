@@ -87,7 +87,7 @@ class PID(Part):
             What is to be held.
         """
         of_type(Bearing, bearing=bearing)
-        return cls(**chosen(bearing).stated)
+        return cls(**chosen(bearing)._asdict())
 
     @classmethod
     def textbook(cls, bearing: Bearing) -> Self:
@@ -101,7 +101,7 @@ class PID(Part):
             What is to be held.
         """
         of_type(Bearing, bearing=bearing)
-        return cls(**textbook(bearing).stated)
+        return cls(**textbook(bearing)._asdict())
 
     def completed(self, bearing: Bearing) -> Self:
         """Return the controller with what was not given tuned to a bearing, see `for_bearing`.

@@ -70,11 +70,6 @@ class Gains(NamedTuple):
     anti_windup: float
     setpoint_weight: float
 
-    @property
-    def stated(self) -> dict[str, Any]:
-        """The gains by their keys."""
-        return self._asdict()
-
     def sections(self, _T: float) -> list[list[float]]:
         """Return none: nothing is behind it."""
         return []

@@ -19,7 +19,7 @@ class Block(Part):
     @property
     def exact(self) -> float:
         """Frequency at which the sampled filter is the continuous one [Hz]; 0: at rest."""
-        return 0.0
+        return float(getattr(self, "frequency", 0.0))
 
     def sections(self, T: float) -> list[list[float]]:
         """Return the sections b0, b1, b2, a1, a2 that it is at a sampling time [s]."""

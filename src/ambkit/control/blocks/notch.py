@@ -20,11 +20,6 @@ class Notch(Block):
     depth: Annotated[float, Quantity("1", "0.1", at_least=0)] = 0.0
     """Share that passes at the frequency [1]."""
 
-    @property
-    def exact(self) -> float:
-        """The frequency [Hz]."""
-        return self.frequency
-
     def polynomials(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """Return numerator and denominator by powers of s."""
         w = 2 * math.pi * self.frequency

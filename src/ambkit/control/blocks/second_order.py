@@ -18,11 +18,6 @@ class SecondOrder(Block):
     damping: Annotated[float, Quantity("1", "0.7", above=0)] = 0.7
     """Damping ratio d [1]."""
 
-    @property
-    def exact(self) -> float:
-        """The corner [Hz]."""
-        return self.frequency
-
     def polynomials(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """Return numerator and denominator by powers of s."""
         w = 2 * math.pi * self.frequency

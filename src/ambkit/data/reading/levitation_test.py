@@ -281,14 +281,6 @@ def _agreed(
             and evidence.sum() > TELLS[1]
             and (best is None or evidence.sum() > best.evidence)
         ):  # fmt: skip
-            best = LevitationFit(
-                i,
-                j,
-                float(pole.mean()),
-                float(b[1]),
-                0.0,
-                int(box[1]),
-                float(evidence.sum()),
-                False,
-            )
+            fit = float(pole.mean()), float(b[1]), 0.0, int(box[1])
+            best = LevitationFit(i, j, *fit, float(evidence.sum()), False)
     return best

@@ -25,28 +25,20 @@ GREETING = np.dtype(
 _END = 2
 
 
-def sample_of(sensors: int, axes: int) -> np.dtype[np.void]:
-    """Return what goes to it in a sample: ``sample`` in ``c/samples.h``."""
-    return np.dtype([
-        ("y", "<f4", (sensors,)), ("r", "<f4", (axes,)), ("speed", "<f4"), ("fly", "<u4"),
-        ("counted", "<u4"),
-    ])  # fmt: skip
-
-
-def answer_of(axes: int, states: int) -> np.dtype[np.void]:
-    """Return what it says of a sample: ``answer`` in ``c/samples.h``."""
-    return np.dtype([
-        ("coil", "<f4", (axes, 2)), ("iu", "<f4", (axes,)), ("u", "<f4", (axes,)),
-        ("mean", "<f4", (states,)), ("status", "<u4"), ("mode", "<u4"), ("on", "<u4"),
-        ("usable", "<u4"), ("instructions", "<u4"), ("stack", "<u4"),
-    ])  # fmt: skip
-
-
 class Processor:
     """A running firmware."""
 
     def __init__(self, image: Path, folder: Path, sensors: int, axes: int, states: int) -> None:
-        self.sample, self.answer = sample_of(sensors, axes), answer_of(axes, states)
+        # What goes to it in a sample, and what it answers: ``c/samples.h``.
+        self.sample = np.dtype([
+            ("y", "<f4", (sensors,)), ("r", "<f4", (axes,)), ("speed", "<f4"), ("fly", "<u4"),
+            ("counted", "<u4"),
+        ])  # fmt: skip
+        self.answer = np.dtype([
+            ("coil", "<f4", (axes, 2)), ("iu", "<f4", (axes,)), ("u", "<f4", (axes,)),
+            ("mean", "<f4", (states,)), ("status", "<u4"), ("mode", "<u4"), ("on", "<u4"),
+            ("usable", "<u4"), ("instructions", "<u4"), ("stack", "<u4"),
+        ])  # fmt: skip
         self._answers: list[np.void] = []
         self._pipes = []
         for name in ("samples", "answers"):
@@ -64,7 +56,7 @@ class Processor:
             raise
 
     def step(self, y: ArrayLike, r: ArrayLike, *, fly: bool, speed: float = 0.0) -> np.void:
-        """Let it take one sample, and return what it says of it (`answer_of`)."""
+        """Let it take one sample, and return its answer."""
         # It counts instructions in every so many samples, and after mode or status were others.
         # y (sensors,); r (axes,) [m]
         last = self._answers[-2:]

@@ -30,7 +30,7 @@ class Pil(Result):
     """What a processor in the loop gave."""
 
     record: Record  #: Its record: what the plant did.
-    #: (n,) All that the processor told, sample by sample: ``processor.answer_of``.
+    #: (n,) All that the processor told, sample by sample: ``Processor.answer``.
     answers: NDArray[np.void]
     samples: int  #: How many.
     unequal: int  #: Numbers, of all that the processor told, that are not Python's to the last bit.

@@ -160,7 +160,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
     if case.magnet_constant != 1.0:  # the controllers know the described one
         plant = _with_constant(machine, case.magnet_constant)
         pids = zip(names, holding(machine, "estimate").pids, strict=True)
-        control = Control(pid={name: PID(**gains.stated) for name, gains in pids})
+        control = Control(pid={name: PID(**gains._asdict()) for name, gains in pids})
     for run in range(runs):
         parts = [case.scenario(axis, LOAD) for axis in isolated_axes(machine)]
         duration = max(of.duration for of in parts)
