@@ -87,34 +87,22 @@ def text(export: dict[str, Any], at: Symbol, variable: str) -> str:
     n = len(parameters)
     body = []
     for k, parameter in enumerate(parameters):
-        low, high = parameter["low"], parameter["high"]
-        place = at.address + k * real
-        body += [
-            f'/begin CHARACTERISTIC {variable}.wanted.{parameter["name"]} "{parameter["about"]}"',
-            f"  VALUE 0x{place:08X} Real 0 {prefix}.{parameter['name']} {low!r} {high!r}",
-            "/end CHARACTERISTIC",
-        ]
-        body += _measured(
-            f"{variable}.in_use.{parameter['name']}", f"{parameter['about']}: what flies", kind,
-            f"{prefix}.{parameter['name']}", (low, high), place + n * real,
-        )  # fmt: skip
-        body += [
-            f'/begin COMPU_METHOD {prefix}.{parameter["name"]} ""',
-            f'  IDENTICAL "%12.6" "{parameter["unit"]}"',
-            "/end COMPU_METHOD",
-        ]
+        own, about = parameter["name"], parameter["about"]
+        limits = f"{parameter['low']!r} {parameter['high']!r}"
+        method, place = f"{prefix}.{own}", at.address + k * real
+        demanded = f"VALUE 0x{place:08X} Real 0 {method} {limits}"
+        in_use = f"{kind} {method} 0 0 {limits}", f"ECU_ADDRESS 0x{place + n * real:08X}"
+        body += _block("CHARACTERISTIC", f"{variable}.wanted.{own}", about, demanded)
+        body += _block("MEASUREMENT", f"{variable}.in_use.{own}", f"{about}: what flies", *in_use)
+        body += _block("COMPU_METHOD", method, "", f'IDENTICAL "%12.6" "{parameter["unit"]}"')
     for k, (name, about) in enumerate(_COUNTS.items()):
         place = at.address + 2 * n * real + 4 * k
         if name == "request":
-            body += [
-                f'/begin CHARACTERISTIC {variable}.{name} "{about}"',
-                f"  VALUE 0x{place:08X} Count 0 NO_COMPU_METHOD 0 4294967295",
-                "/end CHARACTERISTIC",
-            ]
+            count = f"VALUE 0x{place:08X} Count 0 NO_COMPU_METHOD 0 4294967295"
+            body += _block("CHARACTERISTIC", f"{variable}.{name}", about, count)
         else:
-            body += _measured(
-                f"{variable}.{name}", about, "ULONG", "NO_COMPU_METHOD", (0, 4294967295), place
-            )
+            counter = "ULONG NO_COMPU_METHOD 0 0 0 4294967295", f"ECU_ADDRESS 0x{place:08X}"
+            body += _block("MEASUREMENT", f"{variable}.{name}", about, *counter)
     order = "MSB_FIRST" if at.big_endian else "MSB_LAST"
     lines = [
         "ASAP2_VERSION 1 60",
@@ -130,12 +118,6 @@ def text(export: dict[str, Any], at: Symbol, variable: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _measured(
-    name: str, about: str, kind: str, method: str, limits: tuple[float, float], place: int
-) -> list[str]:
-    return [
-        f'/begin MEASUREMENT {name} "{about}"',
-        f"  {kind} {method} 0 0 {limits[0]!r} {limits[1]!r}",
-        f"  ECU_ADDRESS 0x{place:08X}",
-        "/end MEASUREMENT",
-    ]
+def _block(keyword: str, name: str, about: str, *lines: str) -> list[str]:
+    inner = (f"  {line}" for line in lines)
+    return [f'/begin {keyword} {name} "{about}"', *inner, f"/end {keyword}"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,7 +77,8 @@ def plant(
 ) -> control.StateSpace:
     """Linearised plant at an operating point (paper, eq. 2, 14, 18)."""
     continuous = not _is_sampled(bearing, sampled, None)
-    return _state_space(_plant(bearing, continuous, point), _name(bearing))
+    point = point or OperatingPoint.equilibrium(bearing)
+    return _state_space(linear_plant.plant(bearing, point, continuous=continuous), _name(bearing))
 
 
 def controller(bearing: Bearing, pid: PID) -> control.StateSpace:
@@ -113,9 +113,9 @@ def closed_loop(
     # gets x and v themselves, as from an ideal estimator; with ``"measurement"`` the lagged
     # position, and its derivative through the filter, which must not be zero.
     name, law = f"{_name(bearing)}_closed_loop", as_control(pid).completed(bearing)
+    point = point or OperatingPoint.equilibrium(bearing)
     if not _is_sampled(bearing, sampled, filter):
         return _state_space(_continuous_loop(bearing, law, point), name)
-    point = point or OperatingPoint.equilibrium(bearing)
     linear_estimator = None if filter is None else steady_state_filter.estimator_at(filter, point)
     transform = np.array([[1 / bearing.sensor.gain]])
     K = control_of.compensator(
@@ -132,17 +132,11 @@ def _is_sampled(bearing: Bearing, sampled: bool | None, filter: Estimator | None
     return bool(needed) if sampled is None else sampled
 
 
-def _plant(bearing: Bearing, continuous: bool, point: OperatingPoint | None) -> LinearSystem:
-    return linear_plant.plant(
-        bearing, point or OperatingPoint.equilibrium(bearing), continuous=continuous
-    )
-
-
-def _continuous_loop(bearing: Bearing, pid: Control, point: OperatingPoint | None) -> LinearSystem:
+def _continuous_loop(bearing: Bearing, pid: Control, point: OperatingPoint) -> LinearSystem:
     """Plant and PID in continuous time."""
     if pid.block:
         raise AmbkitError("a PID with blocks has no continuous state space: sampled=True")
-    P = _plant(bearing, True, point)
+    P = linear_plant.plant(bearing, point, continuous=True)
     names = [at.name for at in P.states]
     n, b_u, b_f = len(names), P.B[:, :1] / bearing.amplifier.gain, P.B[:, 1:]
     if pid.feedback == "estimate":
@@ -176,7 +170,11 @@ def _continuous_loop(bearing: Bearing, pid: Control, point: OperatingPoint | Non
 
 
 def _state_space(system: LinearSystem, name: str) -> control.StateSpace:
-    result = _library().ss(
+    try:
+        import control
+    except ModuleNotFoundError:
+        raise AmbkitError("python-control is needed: pip install 'ambkit[control]'") from None
+    result = control.ss(
         system.A, system.B, system.C, system.D, 0 if system.T is None else system.T,
         states=[at.name for at in system.states], inputs=[at.name for at in system.inputs],
         outputs=[at.name for at in system.outputs], name=name,
@@ -186,14 +184,4 @@ def _state_space(system: LinearSystem, name: str) -> control.StateSpace:
 
 
 def _name(bearing: Bearing) -> str:
-    """Name of the system: letters, digits and underscores."""
     return "".join(c if c.isalnum() else "_" for c in bearing.name)
-
-
-def _library() -> ModuleType:
-    try:
-        import control
-    except ModuleNotFoundError:
-        raise AmbkitError("python-control is needed: pip install 'ambkit[control]'") from None
-    library: ModuleType = control
-    return library

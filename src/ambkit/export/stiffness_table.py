@@ -56,7 +56,8 @@ def tabulate(
     # expert's box and, held at its edge, up to the current limits and the stops.
     search = _Search(expert, bearing, precision)
     if bound is None:
-        bound = DEFAULT_SHARE * search.largest_force()
+        forces = evaluate_force(expert, *search.points(2, 2, (50, 50)))  # without the bias force
+        bound = DEFAULT_SHARE * float(np.max(np.abs(forces)))
     if not (math.isfinite(bound) and bound > 0):
         raise AmbkitError(f"force_bound must be greater than 0 N, is {bound!r}")
     for rows, columns in search.candidates(_SAFETY * bound):
@@ -121,11 +122,6 @@ class _Search:
         iu, x = np.meshgrid(*ends)
         return iu.ravel(), x.ravel()
 
-    def largest_force(self) -> float:
-        """Return the largest force of the expert [N], without the bias force."""
-        iu, x = self.points(2, 2, (50, 50))
-        return float(np.max(np.abs(evaluate_force(self.expert, iu, x))))
-
     def error(self, rows: int, columns: int, within: tuple[int, int]) -> float:
         """Return the largest deviation of a table's force [N] at the points of comparison."""
         current, displacement = self.nodes(rows, columns)
@@ -136,12 +132,8 @@ class _Search:
 
 
 def _table(core: ModuleType, current: Array, displacement: Array, k_i: Array, k_s: Array) -> Table:
+    dx, diu = displacement[1] - displacement[0], current[1] - current[0]
     table: Table = core.Table(
-        x_min=displacement[0],
-        dx=displacement[1] - displacement[0],
-        iu_min=current[0],
-        diu=current[1] - current[0],
-        k_i=k_i,
-        k_s=k_s,
+        x_min=displacement[0], dx=dx, iu_min=current[0], diu=diu, k_i=k_i, k_s=k_s
     )
     return table
