@@ -44,8 +44,7 @@ PIDS = Control(type="decentralised"), Control(type="translation and tilt")
 CROSSED = tuple(item.model_copy(update={"cross_feedback": 0.5}) for item in PIDS)
 REGULATORS = Control(type="lqg"), Control(type="lqg", gain_scheduling=True)
 INTEGRAL = (0.5, 0.25, 0.1)
-"""Shares of the integral gains that are tried: an integral excites the precession, which is the
-slower the faster a rotor turns."""
+"""Shares of the integral gains: an integral excites the precession, slow at high speed."""
 PROPORTIONAL, DERIVATIVE, FILTER = (1.0, 0.7), (1.0, 1.5, 2.0), (1.0, 0.5, 0.25)
 """Shares of the other gains and of the derivative filter, tried with each of these."""
 ERRORS = (0.1, 0.05, 0.02, 0.01)  #: Errors of the polar inertia that a regulator is tried with.
@@ -58,8 +57,7 @@ class Candidate(NamedTuple):
     feedback: Feedback  #: What feeds it.
     peak: float  #: Greatest of abs(S) of an axis with all others closed [1]; infinite: unstable.
     speed: float  #: Where that is, or a speed at which it is unstable [rad/s].
-    #: Of a regulator, error of the polar inertia with which its peak is at most twice as high [1].
-    inertia_error: float = math.inf
+    inertia_error: float = math.inf  #: Of lqg: error that doubles the peak [1].
 
     def __str__(self) -> str:
         worst = f"peak {self.peak:.3g}" if self.stable else "unstable"

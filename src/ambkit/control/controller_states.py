@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 
 FLAT = 0.05
-"""Where a rotor lies so near to the middle of an axis, as a share of what its stop leaves it, that
-axis is held by the stiffnesses of the middle."""
+"""Share of the clearance within which an axis at rest is held by the stiffnesses of the middle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +34,7 @@ class Controller:
     plant: Plant  #: The machine.
     estimator: Estimator  #: That feeds the controllers, or looks after the sensors beside them.
     law: Controllers  #: Of all axes.
-    #: Lift-off and landing; without, it flies from the start and nobody looks after it.
-    sequence: LiftOff | None
+    sequence: LiftOff | None  #: Lift-off and landing; None: levitated from the start.
     fed: bool  #: Whether the estimator feeds the controllers; else the readings do.
     pid: Control = field(default_factory=Control)  #: How a single axis is controlled, complete.
 

@@ -42,17 +42,14 @@ FAR = 1e9  #: No reference is beyond it [m].
 class Controllers:
     """PIDs of combinations of the axes' positions, and feedback of an estimator's states."""
 
-    #: Gains and limits of each of the q PIDs and what is behind it, see `gains_of`.
-    pids: list[list[float]]
+    pids: list[list[float]]  #: Gains, limits and sections of each, see `gains_of`.
     names: tuple[str, ...]  #: What each PID is of: an axis, or a coordinate of the rigid rotor.
     of_axes: Array  #: (q, p) Of the axes' positions, what each PID looks at.
     spread: Array  #: (p, q) What each PID's current [A] is to the axes' [A].
     unseen: Array  #: (q,) What each integral is ahead at a reference of 1 [A/m], see `PID.unseen`.
     shown: Array  #: (q, m) Of the readings, what each PID looks at where these feed it.
-    #: Matrices (q, n) and (p, n) of the estimator's states, by the names in ``amb_controllers``.
-    feedback: dict[str, Array] = field(default_factory=dict)
-    #: The synchronous motion that they leave to the rotor.
-    let_turn: LetTurn | None = None
+    feedback: dict[str, Array] = field(default_factory=dict)  #: (q, n), (p, n) By name.
+    let_turn: LetTurn | None = None  #: Synchronous motion that is left to the rotor.
     schedule: GainSchedule | None = None  #: Of the PIDs' gains, over the speed of rotation.
 
     def pids_at(self, speed: float) -> list[list[float]]:

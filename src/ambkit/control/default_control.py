@@ -27,10 +27,8 @@ class DefaultControl:
 
     machine: str  #: Its name.
     fastest: float  #: The end of the speed range that was looked at [rad/s].
-    #: What is flown; where no candidate holds the rotor, decentralised control.
-    chosen: Candidate
-    #: All that were judged, in turn; empty of a machine that does not turn.
-    candidates: tuple[Candidate, ...] = ()
+    chosen: Candidate  #: The result; decentralised control if none holds the rotor.
+    candidates: tuple[Candidate, ...] = ()  #: All candidates, in order.
 
     @property
     def held(self) -> bool:

@@ -43,8 +43,7 @@ DAMPINGS = np.arange(1.5, 0.49, -0.05)
 FREQUENCIES, TIMES = 300, 300  #: Points at which peaks and a step are looked at.
 
 SOFTER = (1.0, 0.75, 0.6, 0.5, 0.4, 0.35)
-"""Shares of the proportional gain that are tried where the usual one shakes a bending mode; below
-about 0.3 no spring is left against the magnets' own."""
+"""Shares of the proportional gain; below about 0.3 no spring is left against the magnets' own."""
 LESS_DAMPED = (1.5, 1.0, 0.75, 0.5, 0.35, 0.2)  #: Shares of the derivative gain.
 SLOWER = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  #: By how much the derivative is filtered more.
 BOUNDS = np.log([(0.3, 0.2, 0.5), (1.25, 1.5, 32.0)])  #: Logarithms of the limits of these.
@@ -52,8 +51,7 @@ ENOUGH = 2.0  #: Peak of abs(S) from which on others are looked for.
 STRIDE, TRIES, UNHELD = 0.2, 250, 1e3
 """Of the search for the lowest peak: its first steps, its evaluations, the cost of what falls."""
 OVERSHOOT_ALONE, OVERSHOOT, WEIGHTS = 0.1, 0.13, (0.85, 0.7, 0.55, 0.4, 0.25, 0.0)
-"""Of a step of a reference, at most, of an axis alone where the margins allow it and of a machine;
-and shares of the set-point weight that are tried for the latter."""
+"""Of a reference step, of an isolated axis and a machine; shares of the set-point weight."""
 NEARBY, FINER = (0.87, 1.0, 1.15), 2  #: What is tried next to the best of these, and how often.
 STIFF = 0.4  #: Of the magnets' own stiffness, what is to be left against it.
 WELL_DAMPED = 0.3  #: Damping ratio of the rigid body that is good enough.

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 
 NODES, RIGID = 129, 33  #: Speeds of the table, of a flexible rotor and of a rigid one.
 LEAST, MOST = 1.5, 3.0
-"""Orbit without the controllers' reaction, over that under plain control: up to the first all of
-the motion is left to the rotor, from the second on none of it."""
+"""Ratio of the orbit without reaction to that under plain control: all is left, nothing is left."""
 NEIGHBOURHOOD = 0.02  #: Relative error of a critical speed of the model.
 FULL, NONE = 0.3, 0.5
 """Shares of the travel, and of the greatest current: where the estimated unbalance takes more than
@@ -44,15 +43,12 @@ ISO 14839-2 end there. The core holds them too (``AMB_LET_TURN_FULL``)."""
 class LetTurn:
     """What is left to the rotor, as ``amb_let_turn`` has it."""
 
-    #: The first speed, at which nothing is left to it yet, and from one to the next [rad/s].
-    first: float
+    first: float  #: The first speed, without compensation, and the steps [rad/s].
     step: float
     start: int  #: Which state is the first of the unbalance's.
-    #: (nodes, moved, w) Of positions and velocities [m/(kg m)], [m/s/(kg m)], of angles in rad.
-    motion: Array
+    motion: Array  #: (nodes, moved, w) Positions and velocities [m/(kg m)], angles in rad.
     current: Array  #: (nodes, p, w) That it needs [A/(kg m)].
-    #: (nodes,) Of the free motion, or of that of a rotor held still, which both have [1].
-    share: Array
+    share: Array  #: (nodes,) Of the free or held motion [1].
     reach: Array  #: (p, moved / 2) Share of an axis's travel that a position takes [1/m], [1/rad].
     ampere: Array  #: (p,) Share of an axis's greatest control current that 1 A takes [1/A].
 

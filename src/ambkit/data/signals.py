@@ -6,12 +6,10 @@ from functools import cache
 from typing import Any
 
 MEASURED = {"y": "m", "u": "V", "r": "m", "injected": "m"}
-"""What a rig's log has: measured position, control signal, reference, and what was added to the
-measurement to find the loop's sensitivity."""
+"""In a rig's log: position, control signal, reference, excitation added to the measurement."""
 
 TRUTH = {"x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N"}
-"""What only a simulation knows, by the symbols of the paper: displacement, velocity, disturbance
-force, lagged position before the noise, control current, magnet force."""
+"""In a simulation: displacement, velocity, disturbance force, lagged position, currents, forces."""
 
 CONTROL = "control"  #: What drives a measured current, in any unit.
 UNITS = {"t": "s"} | MEASURED | TRUTH  #: SI unit of each standard signal.

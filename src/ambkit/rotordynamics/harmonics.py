@@ -26,18 +26,14 @@ CLEAR = 3.0  #: Least amplitude, in standard deviations, that has an angle.
 class Harmonic:
     """A vector that rotates with the rotor, at the angle where the record began."""
 
-    #: Of its states, ``U1`` for the unbalance of the first plane, ``r1_La`` for the runout of a
-    #: sensor at its first harmonic.
-    name: str
+    name: str  #: ``U1``: unbalance of the first plane; ``r1_La``: runout of a sensor, order 1.
     role: str  #: What it is.
     unit: str  #: Of cosine and sine: kg m of unbalance, m of runout.
     cosine: float  #: Of the vector, in `unit`.
     sine: float
     covariance: Array  #: (2, 2) Of these two, in `unit` squared.
     start: float  #: Standard deviation of each at the start, in `unit`.
-    #: Of the variance, the share in directions of all that turns of which the record told next to
-    #: nothing [1].
-    start_share: float
+    start_share: float  #: Share of the variance without information in the record [1].
     order: int = 1  #: Turns that it makes in one of the rotor.
 
     @property

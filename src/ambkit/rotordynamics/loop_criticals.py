@@ -23,12 +23,10 @@ if TYPE_CHECKING:
     At = Callable[[float], tuple[LoopOf, Loop]]
 
 COUNT, LEAST = 21, 0.01
-"""Speeds at which the poles are computed, and the lowest of them over the highest: at rest a filter
-that estimates the unbalance does not settle."""
+"""Speeds of the poles; lowest over highest: at rest an estimator of unbalance does not settle."""
 
 PEAK, NARROWEST, MOST = 1.3, 0.002, 1.2
-"""How much larger than three widths beside it the response is, the least width, and up to which
-multiple of the greatest speed that is asked."""
+"""Response over that three widths beside it; least width; end over the greatest speed."""
 
 HALF_POWER, BETWEEN = math.sqrt(0.5), 6
 """Of a peak, how far the response falls between it and the next, and speeds looked at there."""
@@ -38,8 +36,7 @@ SAME = 1e-6  #: Distance of two critical speeds, over the lower one, up to which
 OVERDAMPED = 1e-3  #: Imaginary part of a pole that is rounding, relative to the pole.
 
 SHARE = 0.1
-"""Of the unbalance response, below which a pole is no whirl of the rotor but one of a filter, which
-cancels, or one backwards, which unbalance does not excite."""
+"""Share of a pole in the unbalance response, below which it is a filter's or a backward whirl's."""
 
 
 @one_thread()

@@ -36,8 +36,7 @@ class ModeShapes(Result):
     mass: Array  #: (modes,) Modal masses of shapes that are 1 where they are largest [kg].
     place: Array  #: (n,) Along the shaft, as the machine's places are measured [m].
     shape: Array  #: (n, modes) Deflections there [1].
-    #: (float, ndarray (modes,)) Of each radial one its place [m], and the deflections there [1].
-    magnets: Mapping[str, tuple[float, Array]]
+    magnets: Mapping[str, tuple[float, Array]]  #: Place [m], deflections [1].
     sensors: Mapping[str, tuple[float, Array]]
 
     TITLE = "Bending modes of {0.machine}"

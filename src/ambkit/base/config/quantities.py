@@ -63,15 +63,12 @@ class Quantity:
     # Used as ``Annotated[float, Quantity("m", "2 mm")]``. In a file a bare number is refused, save
     # for unit ``"1"``; in Python a number counts as SI and a string is read like one in a file.
 
-    #: SI unit. ``@`` stands for the unit of the signal, which the place of use knows (`SignalIn`).
-    unit: str
-    #: How a user would write a sensible value; of a signal's value the place of use knows that.
-    example: str = ""
+    unit: str  #: SI unit; ``@``: that of the signal at its place of use (`SignalIn`).
+    example: str = ""  #: A sensible value; of a signal its place of use has one.
     above: float | None = None  #: Limits, in `unit`.
     at_least: float | None = None
     at_most: float | None = None
-    #: Other units that a file may have; their number counts as one in `unit`.
-    also: tuple[str, ...] = ()
+    also: tuple[str, ...] = ()  #: Other units in files; their numbers count in `unit`.
 
     def read(self, value: Any, info: ValidationInfo) -> float:
         """Give the value in SI, or say what is wrong with it."""

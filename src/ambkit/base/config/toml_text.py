@@ -30,12 +30,9 @@ _TABLE = re.compile(r"\s*\[+\s*([^\]#]*?)\s*\]")
 class TomlText:
     """What a TOML text says."""
 
-    #: The values; None where the syntax is so wrong that it is not clear what is meant.
-    data: dict[str, Any] | None = None
-    #: Line (from 1) of each table, key and array element, by its path.
-    lines: dict[Path, int] = field(default_factory=dict)
-    #: (int, str) Line and text of each mistake in the syntax.
-    problems: list[tuple[int, str]] = field(default_factory=list)
+    data: dict[str, Any] | None = None  #: The values; None: the syntax leaves the meaning open.
+    lines: dict[Path, int] = field(default_factory=dict)  #: Line, from 1, of each key.
+    problems: list[tuple[int, str]] = field(default_factory=list)  #: Line and mistake.
 
     def line(self, path: Path) -> int:
         """Return the line of `path`, or of the nearest table around it that is written down."""

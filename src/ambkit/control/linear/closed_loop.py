@@ -22,14 +22,10 @@ class Loop:
     #: Inputs: c control signals [V], then l loads [N]; outputs: m measurements, then q positions
     #: [m]. From control to measurement without feedthrough.
     plant: LinearSystem
-    #: Inputs: m measurements, then references [m]; outputs: c control signals [V].
-    compensator: LinearSystem
+    compensator: LinearSystem  #: Inputs: m measurements, references [m]; outputs: u [V].
     measurements: int = 1  #: m.
-    #: (a, m) Positions of the axes as the measurements show them; without it each measurement is an
-    #: axis.
-    shown: Array | None = None
-    #: (m, a) What a signal at the summing point of an axis is at the measurements.
-    added: Array | None = None
+    shown: Array | None = None  #: (a, m) Axes' positions by the measurements; None: the same.
+    added: Array | None = None  #: (m, a) Measurements by what is added at the axes.
     delay: float = 0.0  #: Dead time of a loop in continuous time [s].
 
     @property

@@ -23,23 +23,16 @@ class Log:
     """Arrays as they stand in a file."""
 
     name: str  #: What the messages call the file.
-    #: The numbers by name, as float64: vectors (n,) or matrices; a missing one is NaN.
-    arrays: Mapping[str, Array]
-    #: What the file says of the unit of each, where it does.
-    units: Mapping[str, str] = field(default_factory=dict)
-    #: Name of the array with the times of each, where the file says so (MDF).
-    clocks: Mapping[str, str] = field(default_factory=dict)
+    arrays: Mapping[str, Array]  #: Numbers as float64, (n,) or matrices; missing: NaN.
+    units: Mapping[str, str] = field(default_factory=dict)  #: The unit of each, if it is stated.
+    clocks: Mapping[str, str] = field(default_factory=dict)  #: The array with its times (MDF).
     meta: dict[str, Any] = field(default_factory=dict)  #: What else the file says.
-    #: Of a table, all its columns in order, so that a number may stand for a name.
-    order: tuple[str, ...] = ()
+    order: tuple[str, ...] = ()  #: Columns of a table in their order.
     remarks: tuple[str, ...] = ()  #: What a user may want to know about how the file was read.
-    #: Gives the line of a sample in a text file, from 1.
-    line_of: Callable[[int], int] | None = None
+    line_of: Callable[[int], int] | None = None  #: Line of a sample, from 1.
     header: int = 0  #: Line of the names in a text file, from 1; 0 where there is none.
-    #: Columns of times as text, which `ambkit.data.files.timestamps` reads.
-    texts: Mapping[str, Any] = field(default_factory=dict)
-    #: What the file calls an array whose name says less, such as the label of a Simulink signal.
-    titles: Mapping[str, str] = field(default_factory=dict)
+    texts: Mapping[str, Any] = field(default_factory=dict)  #: Columns of times as text.
+    titles: Mapping[str, str] = field(default_factory=dict)  #: A label (Simulink's).
 
     def place(self, sample: int) -> str:
         """Say where a sample stands: ``log.csv:17``, or the file alone."""

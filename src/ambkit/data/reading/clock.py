@@ -24,13 +24,10 @@ class Clock:
     times: Array  #: (n,) The times [s] as logged.
     step: float  #: Usual time between two samples [s], over the whole of the log: see `examine`.
     jitter: float  #: Standard deviation of the steps [s], gaps and jumps left out.
-    #: Samples before which the step is off by more than 1 %, and is neither gap nor jump.
-    uneven: Index
+    uneven: Index  #: Samples after a step off by more than 1 %, neither gap nor jump.
     gaps: Index  #: (g,) Samples before which others are missing.
     missing: Index  #: (g,) How many, of each gap.
-    #: Samples before which the clock goes back, stands still, or leaps by more than the log is
-    #: long.
-    jumps: Index
+    jumps: Index  #: Samples at which it goes back, stands still, or leaps by the log's length.
 
     @property
     def rate(self) -> float:

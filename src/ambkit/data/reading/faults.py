@@ -80,9 +80,7 @@ class Channel:
     least: float  #: Of the samples that are there.
     greatest: float
     mean: float
-    #: Standard deviation of what changes from sample to sample, from second differences: noise, if
-    #: the signal itself is slow.
-    noise: float
+    noise: float  #: Standard deviation of noise on a slow signal, by second differences.
     resolution: float  #: Smallest step between values; 0 where the signal has none that shows.
     clock: str  #: Where its times come from.
     delay: float = 0.0  #: How late it was logged [s]; the record has it shifted back by that.

@@ -24,14 +24,12 @@ POLE = (0.1, 1.0)  #: Pole times box for which a band identifies the pole.
 ALIKE = 1.35  #: Poles, and gains, of three neighbouring bands are within this ratio.
 
 AGREE = ((3, ALIKE, 0.1), (2, 2.0, 0.2))
-"""So many neighbouring bands, whose poles and gains are within this ratio, each with this share of
-the acceleration's variance explained: what is sure, and what has to do where nothing is."""
+"""Neighbouring bands that agree, ratio of poles and gains, share explained: sure, or sufficient."""
 
 TURNS = 0.97  #: Correlation from which on a channel is a copy of the other.
 
 OPPOSED = 0.3
-"""Correlation by which position and force oppose each other at least: in a loop that stays where it
-is the force takes back more than the displacement adds, ``b <x i> = -a <x²> - <v²>``."""
+"""Least correlation of position and force against each other: ``b <x i> = -a <x²> - <v²>``."""
 
 TINY = float(np.finfo(np.float64).tiny)
 
@@ -44,8 +42,7 @@ class LevitationFit:
     control: int
     pole: float  #: The unstable pole [1/sample].
     gain: float  #: Acceleration [position's unit / sample²] per unit of the control.
-    #: Share of the acceleration's variance, from 0 to 1, in the band that tells it best.
-    explained: float
+    explained: float  #: Share of the acceleration's variance explained in the best band.
     box: int  #: Length of the kernel's box in that band [samples].
     evidence: float  #: Sum of these shares over all bands that agree.
     sure: bool  #: Whether three neighbouring bands tell the same; else it is two, and more loosely.

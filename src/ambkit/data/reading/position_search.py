@@ -36,8 +36,7 @@ from ambkit.data.reading.levitation_test import (
 REPEATS = 0.6  #: Share of different values below which a channel is a converter's.
 
 SIX_DIGITS = 1e-5
-"""Noise in parts of the standard deviation that six digits leave of a signal at most: one that has
-no more and repeats its values may be a reference that comes again, and no converter's."""
+"""Noise that six digits leave, over standard deviation: such a channel may be a reference."""
 
 NO_NOISE = 1e-6  #: Noise over standard deviation below which a channel is computed.
 TRIED = 12  #: Channels that are tried with instruments, where plain regression tells nothing.
@@ -58,14 +57,10 @@ class Rotor:
     position: int  #: Rows of the array that was searched.
     control: int
     fit: LevitationFit  #: What told them; of an estimate perhaps, in whose place they are.
-    #: Acceleration of the position per control [units / sample²]: negative where a greater control
-    #: moves the rotor towards smaller positions.
-    gain: float
-    #: Further rows that tell the same motion, and the same current: estimates, the rawest first.
-    positions: tuple[int, ...]
+    gain: float  #: Acceleration per control [units / sample²]; negative: inverted.
+    positions: tuple[int, ...]  #: Rows of the same motion: estimates, the rawest first.
     controls: tuple[int, ...]
-    #: (int, int) Further positions with their controls, that move by themselves: another axis.
-    others: tuple[tuple[int, int], ...]
+    others: tuple[tuple[int, int], ...]  #: Positions with controls, of other axes.
 
     @property
     def turned(self) -> bool:

@@ -53,10 +53,8 @@ class Reading(Result):
     record: Record  #: The signals on one even grid.
     clocks: Mapping[str, Clock]  #: The clocks of the log, ``t`` first.
     channels: tuple[Channel, ...]  #: What each channel of the log looks like.
-    #: All that is wrong, in the order of the channels, each with what was done about it.
-    faults: tuple[Fault, ...]
-    #: What else a user should know: how the file is written, what was shifted or resampled.
-    remarks: tuple[str, ...]
+    faults: tuple[Fault, ...]  #: All faults, by channel, with what was done.
+    remarks: tuple[str, ...]  #: How the file is written, what was shifted or resampled.
     source: str  #: The file.
 
     def account(self) -> list[str]:

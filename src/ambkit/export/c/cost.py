@@ -41,8 +41,7 @@ class Cost:
     #: Of a step, as a rule; and the most that was seen, where something was the matter.
     instructions: int
     most: int
-    #: Of a step, at most, along any path through its code: no input and no state takes more.
-    bound: int
+    bound: int  #: Of a step at most, on any path through its code.
     trusted: int | None  #: Of the step that trusts its input, which only the paper's filter has.
     code: int  #: Flash [bytes].
     constants: int

@@ -50,11 +50,8 @@ class CExport(Result):
     files: tuple[str, ...]  #: Its files, relative to the folder, in alphabetical order.
     sources: tuple[str, ...]  #: Those that a controller compiles.
     configuration: str  #: Hash of all that the estimator was made from.
-    #: The table, where the expert is tabulated: its nodes, bound and error.
-    table: TabulatedExpert | None
-    #: What it costs on a Cortex-M4F, which computes in float and not in double; None also where
-    #: that was not measured: a kind with another magnet than its own.
-    cost: Cost | None
+    table: TabulatedExpert | None  #: The table of an expert in tabulated form.
+    cost: Cost | None  #: Cost on a Cortex-M4F, if it was measured; of float only.
 
     TITLE = "{0.name} as C"
 

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 
 PEAK = 4.0
-"""Of abs(S), with any set of numbers within the limits: the end of zone B of ISO 14839-3. Where the
-exported numbers themselves have more, a tenth more than that."""
+"""Of abs(S): the end of zone B of ISO 14839-3, or a tenth above that of the exported numbers."""
 
 WIDEST = {
     "var_y": (0.01, 100.0), "var_u": (0.01, 100.0), "var_d": (0.01, 100.0),

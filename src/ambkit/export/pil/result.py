@@ -30,8 +30,7 @@ class Pil(Result):
     """What a processor in the loop gave."""
 
     record: Record  #: Its record: what the plant did.
-    #: (n,) All that the processor told, sample by sample: ``Processor.answer``.
-    answers: NDArray[np.void]
+    answers: NDArray[np.void]  #: (n,) `Processor.answer`, sample by sample.
     samples: int  #: How many.
     unequal: int  #: Numbers, of all that the processor told, that are not Python's to the last bit.
     frames: Record  #: What its telemetry sent.
