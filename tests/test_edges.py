@@ -17,7 +17,7 @@ from ambkit.data.reading.clock import Clock, resample
 from ambkit.data.reading.levitation_test import LevitationFit
 from ambkit.data.reading.position_search import Rotor, weight_scale
 from ambkit.export.pil.result import compare_bits
-from ambkit.fuzzy.rule_selection import BLOCKS, numbered
+from ambkit.fuzzy.rule_selection import BLOCKS, blocks_of
 from ambkit.judge.comparison.tuning import candidate_of_kind
 from ambkit.judge.faults import fault_run
 from ambkit.judge.loop.capacity import of_runout
@@ -116,7 +116,7 @@ def test_points_of_a_grid_lie_in_the_middle_of_blocks() -> None:
         points: Any = SimpleNamespace(
             current=iu + off * np.diff(current)[0], displacement=x - off * np.diff(displacement)[0]
         )
-        np.testing.assert_array_equal(numbered(points, box), np.arange(BLOCKS**2))
+        np.testing.assert_array_equal(blocks_of(points, box)[0], np.arange(BLOCKS**2))
 
 
 def test_a_rotor_is_held_within_the_narrowest_of_its_stops() -> None:

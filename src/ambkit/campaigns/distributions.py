@@ -72,9 +72,9 @@ class Marginal(ABC):
     def quantile(self, u: Array) -> Array:
         """Return what probabilities (n,) between 0 and 1 lie below; of a choice its index."""
 
-    @abstractmethod
     def level(self, u: Array) -> Array:
-        """Return values of a grid's levels, `u` evenly from 0 to 1."""
+        """Return values of a grid's levels, `u` evenly from 0 to 1, both ends included."""
+        return self.quantile(u)
 
 
 @dataclass(frozen=True)
@@ -87,10 +87,6 @@ class UniformOn(Marginal):
     def quantile(self, u: Array) -> Array:
         """Return quantiles."""
         return self.low + (self.high - self.low) * u
-
-    def level(self, u: Array) -> Array:
-        """Return levels, with both ends."""
-        return self.quantile(u)
 
 
 @dataclass(frozen=True)
@@ -126,10 +122,8 @@ class OneOf(Marginal):
 
     def quantile(self, u: Array) -> Array:
         """Return indices."""
-        ends = np.cumsum(self.weights) / np.sum(self.weights)
-        return np.minimum(np.searchsorted(ends, u, side="right"), len(self.values) - 1).astype(
-            float
-        )
+        ends = np.cumsum(self.weights[:-1]) / np.sum(self.weights)
+        return np.searchsorted(ends, u, side="right").astype(float)
 
     def level(self, u: Array) -> Array:
         """Return indices."""

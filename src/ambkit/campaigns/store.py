@@ -162,7 +162,9 @@ class Folder:
 
         for name, table in ((TRACES, rows.traces), (RUNS, rows.runs)):
             if table is not None:
-                table = table.replace_schema_metadata(made_of(self.plan) | {"part": str(part)})
+                made_of = {"study": self.plan.study.name, "study_hash": self.plan.fingerprint,
+                           "seed": str(self.plan.study.seed), "part": str(part)}  # fmt: skip
+                table = table.replace_schema_metadata(made_of | versions())
                 with (
                     files.replacing(self.file(part, name)) as temporary,
                     open(temporary, "wb") as file,
@@ -200,14 +202,6 @@ class Folder:
                 "have it computed again"
             )
         return result
-
-
-def made_of(plan: Plan) -> dict[str, str]:
-    """Return what the rows of a part were made from, as its file says it."""
-    return {
-        "study": plan.study.name, "study_hash": plan.fingerprint, "seed": str(plan.study.seed),
-        **versions(),
-    }  # fmt: skip
 
 
 def array_of(column: pa.ChunkedArray) -> Any:

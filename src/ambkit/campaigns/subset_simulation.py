@@ -178,11 +178,16 @@ def rare_failure(
         wrong = np.array([bool(item) for item in result.wrong])
         return np.where(wrong, np.inf, result.columns[figure])
 
-    k = max(len(plan.names), 1)
     if not plan.names:
         raise AmbkitError(f"{plan.study.name}: nothing varies")
     return subset(
-        limit, k, above, runs=runs, seed=seed, confidence=plan.study.confidence, done=done
+        limit,
+        len(plan.names),
+        above,
+        runs=runs,
+        seed=seed,
+        confidence=plan.study.confidence,
+        done=done,
     )
 
 
@@ -195,16 +200,9 @@ def rare_in_folder(
         raise AmbkitError(f"there is no figure {figure}; there are {', '.join(UNITS)}")
     limit = in_si("above", above, UNITS[figure])
     result = rare_failure(place.plan, figure, limit, **options)
-    keep(place.path, figure, limit, result)
-    return Statement(
-        sentence(figure, limit, result), {"figure": figure, "above": limit} | result._asdict()
-    )
-
-
-def keep(folder: Path, figure: str, above: float, result: Rare) -> None:
-    """Write what was found of a rare failure into a campaign's folder."""
-    data = {"figure": figure, "above": above} | result._asdict()
-    files.write_text(folder / f"rare-{figure}.json", json_text(data, indent=2) + "\n")
+    data = {"figure": figure, "above": limit} | result._asdict()
+    files.write_text(place.path / f"rare-{figure}.json", json_text(data, indent=2) + "\n")
+    return Statement(sentence(figure, limit, result), data)
 
 
 def told(folder: Path) -> list[str]:

@@ -15,16 +15,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
-from ambkit.fuzzy.rule_selection import (
-    BLOCKS,
-    EPOCHS,
-    FEWEST,
-    FOLDS,
-    Shape,
-    box_of,
-    map_of,
-    numbered,
-)
+from ambkit.fuzzy.rule_selection import FEWEST, FOLDS, Shape, blocks_of, box_of, briefly, map_of
 from ambkit.fuzzy.training import train
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.law_choice import law_of
@@ -133,12 +124,10 @@ def choose_model(
     """Find by points left out what to believe of a magnet."""
     box = box_of(bearing, surface.points)
     points = surface.points.where(surface.points.within(*box))
-    block = numbered(points, box)
-    by_blocks = (block % BLOCKS + 2 * (block // BLOCKS)) % FOLDS
+    _, by_blocks = blocks_of(points, box)
     if len(points) < FEWEST or np.unique(by_blocks).size < FOLDS:
         return None
-    if training.get("method", "least-squares") == "least-squares":
-        training = {"epochs": EPOCHS} | training
+    training = briefly(training)
     by_chance = np.random.default_rng(0).permutation(len(points)) % FOLDS
     errors: dict[str, list[float]] = {}
     for text, fold in (("points", by_chance), ("blocks of points", by_blocks)):

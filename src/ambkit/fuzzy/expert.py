@@ -332,15 +332,7 @@ class Expert(Shown, Part):
         core : module
             The build of the core that computes, see `ambkit.machine.magnets.core_module`.
         """
-        return network(
-            core,
-            centres=self.centres,
-            widths=self.widths,
-            weights=self.weights,
-            scale=(self.per_ampere, self.per_metre),
-            box=(*self.current_range, *self.displacement_range),
-            normalised=self.normalised,
-        )
+        return network(core, self, self.widths, self.weights)
 
     def stiffness(self, iu: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
         """k_i [N/A] and k_s [N/m], with ``F - F(0, 0) = k_i iu + k_s x`` (eq. 26, 32, 33).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -17,20 +17,11 @@ if TYPE_CHECKING:
 Scaling = Literal["grid", "unit"] | tuple[float, float]
 
 
-def network(
-    core: ModuleType,
-    *,
-    centres: Array,
-    widths: Array,
-    weights: Array,
-    scale: tuple[float, float],
-    box: tuple[float, float, float, float],
-    normalised: bool,
-) -> Fuzzy:
-    """Build a network in C."""
-    # centres (2, rules); widths (2, rules); weights (2, rules)
-    scaled = centres * np.array(scale)[:, np.newaxis]
+def network(core: ModuleType, expert: Any, widths: Array, weights: Array) -> Fuzzy:
+    """Build the network of an expert in C, with other widths and weights (2, rules)."""
+    scaled = expert.centres * np.array([[expert.per_ampere], [expert.per_metre]])
     sharpness = 0.5 / widths**2
+    (iu_min, iu_max), (x_min, x_max) = expert.current_range, expert.displacement_range
     net: Fuzzy = core.Fuzzy(
         centre_iu=scaled[0],
         centre_x=scaled[1],
@@ -38,13 +29,13 @@ def network(
         weight_k_i=np.ascontiguousarray(weights[0]),
         sharpness_k_s=sharpness[1],
         weight_k_s=np.ascontiguousarray(weights[1]),
-        per_ampere=scale[0],
-        per_metre=scale[1],
-        iu_min=box[0],
-        iu_max=box[1],
-        x_min=box[2],
-        x_max=box[3],
-        normalised=normalised,
+        per_ampere=expert.per_ampere,
+        per_metre=expert.per_metre,
+        iu_min=iu_min,
+        iu_max=iu_max,
+        x_min=x_min,
+        x_max=x_max,
+        normalised=expert.normalised,
     )
     return net
 

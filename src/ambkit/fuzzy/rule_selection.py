@@ -130,12 +130,11 @@ def choose_rules(
     """Choose the number of rules by cross-validation and the one-standard-error rule."""
     if threads is not None and threads < 1:
         raise AmbkitError(f"threads must be 1 or more, is {threads}")
-    if training.get("method", "least-squares") == "least-squares":
-        training = {"epochs": EPOCHS} | training
+    training = briefly(training)
     box = box_of(bearing, points)
     inside = points.within(*box)
-    block = numbered(points, box)
-    fold = np.where(inside, (block % BLOCKS + 2 * (block // BLOCKS)) % FOLDS, -1)
+    block, fold = blocks_of(points, box)
+    fold = np.where(inside, fold, -1)
     folds = [fold == k for k in range(FOLDS) if np.any(fold == k)]
     count = int(np.count_nonzero(inside))
     if count < FEWEST or len(folds) < FOLDS:
@@ -235,15 +234,20 @@ def _spread(surface: ForceSurface, left_out: ForcePoints) -> Array:
     return np.asarray(np.hypot(surface.noise(left_out), of_surface))
 
 
-def numbered(points: ForcePoints, box: Box) -> NDArray[np.int64]:
-    """Number of the block in which each point lies, row by row."""
+def briefly(training: dict[str, Any]) -> dict[str, Any]:
+    """Return options of a training with fewer steps of least squares, where none are stated."""
+    default = training.get("method", "least-squares") == "least-squares"
+    return {"epochs": EPOCHS} | training if default else training
+
+
+def blocks_of(points: ForcePoints, box: Box) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the block of each point, row by row, and the set that it is left out with."""
     (first, last), (left, right) = box
     # A grid's lines are to lie inside blocks, not on their borders.
     column = np.round((points.current - first) / (last - first) * (BLOCKS - 1))
     row = np.round((points.displacement - left) / (right - left) * (BLOCKS - 1))
-    return np.asarray(
-        BLOCKS * np.clip(row, 0, BLOCKS - 1) + np.clip(column, 0, BLOCKS - 1), dtype=np.int64
-    )
+    i, j = (np.clip(line, 0, BLOCKS - 1).astype(np.int64) for line in (column, row))
+    return BLOCKS * j + i, (i + 2 * j) % FOLDS
 
 
 def _error(squares: Array, block: NDArray[np.int64]) -> tuple[float, float]:

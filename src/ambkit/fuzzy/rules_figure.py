@@ -51,34 +51,17 @@ def with_choice(figure: Figure, choice: RuleChoice) -> Figure:
         f"good as can be. The smallest network below the line is taken, {choice.chosen.name}. "
         f"{figure.caption}"
     )
-    return replace(figure, panels=[choice_panel(choice), *figure.panels], caption=caption)
-
-
-def choice_panel(choice: RuleChoice) -> Panel:
-    """Show error against number of rules, the limit, and what was chosen."""
-    chosen_model = choice.chosen
-    groups = [("constant", "", [c for c in choice.candidates if c is not chosen_model])]
-    groups.append(("estimate", "", [chosen_model]))
+    chosen = choice.chosen
+    groups = {"constant": [c for c in choice.candidates if c is not chosen], "estimate": [chosen]}
     items: list[Item | Note] = [
-        Points(
-            np.array([c.rules for c in some], dtype=float),
-            np.array([c.error for c in some]),
-            np.array([c.standard_error for c in some]),
-            signal=signal,
-            label=label,
-        )
-        for signal, label, some in groups
-        if some
-    ]
+        Points(*np.array([(c.rules, c.error, c.standard_error) for c in some]).T, signal=signal,
+               label="")
+        for signal, some in groups.items() if some
+    ]  # fmt: skip
     items.append(Rule(choice.limit, signal="limit", label=""))
-    items.append(
-        Note(
-            chosen_model.rules, chosen_model.error + chosen_model.standard_error, chosen_model.name
-        )
-    )
-    return Panel(
-        Axis("number of rules"),
-        Axis("error", "standard deviations"),
-        items,
+    items.append(Note(chosen.rules, chosen.error + chosen.standard_error, chosen.name))
+    panel = Panel(
+        Axis("number of rules"), Axis("error", "standard deviations"), items,
         title="points left out of the training",
-    )
+    )  # fmt: skip
+    return replace(figure, panels=[panel, *figure.panels], caption=caption)

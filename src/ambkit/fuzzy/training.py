@@ -35,39 +35,8 @@ class Outputs(NamedTuple):
     by_weight: Array
 
 
-class Network:
-    """A network asked at fixed points, with its derivatives; its widths and weights change."""
-
-    # inputs (2, n) Control current [A] and displacement [m].
-
-    def __init__(self, start: Expert, inputs: Array) -> None:
-        self.start, self.inputs = start, inputs
-        offset = inputs[:, :, np.newaxis] - start.centres[:, np.newaxis, :]
-        scale = np.array([start.per_ampere, start.per_metre])
-        self._square_distance = np.einsum("inr,i->nr", offset**2, scale**2)
-
-    def outputs(self, log_widths: Array, weights: Array) -> Outputs:
-        """Evaluate eq. 32-33 with ln(width) and weights (2, rules)."""
-        start = self.start
-        net = network(
-            core_module(),
-            centres=start.centres,
-            widths=np.exp(log_widths),
-            weights=weights,
-            scale=(start.per_ampere, start.per_metre),
-            box=(*start.current_range, *start.displacement_range),
-            normalised=start.normalised,
-        )
-        u = np.stack([net.basis(of_k_s, *self.inputs) for of_k_s in (False, True)])
-        value = np.einsum("onr,or->on", u, weights)
-        # d u / d ln(sigma) = u d^2 / sigma^2; the sum in the denominator takes the mean off w.
-        mean = value[:, :, np.newaxis] if start.normalised else 0.0
-        squares = self._square_distance * np.exp(-2 * log_widths)[:, np.newaxis, :]
-        return Outputs(value, u * squares * (weights[:, np.newaxis, :] - mean), u)
-
-
 class TrainingSet:
-    """Samples all over the box of a stiffness map, edges included."""
+    """Samples all over the box of a stiffness map, and what a network answers there."""
 
     # inputs (2, n) Control current [A] and displacement [m].
     # force (n,) Force relative to ``F(0, 0)`` [N].
@@ -84,7 +53,20 @@ class TrainingSet:
         self.force = np.asarray(stiff.force(*self.inputs)) - stiff.force_bias
         if not np.any(self.force):
             raise AmbkitError(f"{stiff.name}: the force is the same all over the box")
-        self.outputs = Network(start, self.inputs).outputs
+        offset = self.inputs[:, :, np.newaxis] - start.centres[:, np.newaxis, :]
+        scale = np.array([start.per_ampere, start.per_metre])
+        self._square_distance = np.einsum("inr,i->nr", offset**2, scale**2)
+
+    def outputs(self, log_widths: Array, weights: Array) -> Outputs:
+        """Evaluate eq. 32-33 with ln(width) and weights (2, rules)."""
+        start = self.start
+        net = network(core_module(), start, np.exp(log_widths), weights)
+        u = np.stack([net.basis(of_k_s, *self.inputs) for of_k_s in (False, True)])
+        value = np.einsum("onr,or->on", u, weights)
+        # d u / d ln(sigma) = u d^2 / sigma^2; the sum in the denominator takes the mean off w.
+        mean = value[:, :, np.newaxis] if start.normalised else 0.0
+        squares = self._square_distance * np.exp(-2 * log_widths)[:, np.newaxis, :]
+        return Outputs(value, u * squares * (weights[:, np.newaxis, :] - mean), u)
 
     def errors(self, value: Array) -> tuple[float, float, float]:
         """RMS errors of answers (2, n): of the force [N], of k_i [N/A], of k_s [N/m]."""

@@ -108,11 +108,9 @@ class Judgement:
             },
             "efficiency": {name: self.efficiency(name).tolist() for name in self.nees},
             "nees": {name: float(np.mean(nee)) for name, nee in self.nees.items()},
-        } | (
-            {}
-            if self.finer is None
-            else {"paired": {name: self.paired(name).tolist() for name in self.nees}}
-        )
+            **({} if self.finer is None
+               else {"paired": {name: self.paired(name).tolist() for name in self.nees}}),
+        }  # fmt: skip
 
 
 def judge_states(
@@ -229,11 +227,8 @@ def judge_states(
 def _known(machine: Machine, synchronous: Sequence[str]) -> Machine:
     """Return the machine without unbalance and runout, but for those that filters estimate."""
     sensors = [sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors]
-    without: dict[str, Any] = {"unbalance": [], "sensor": sensors}
-    left = {"unbalance": "unbalance", "runout": "sensor"}
-    for name in synchronous:
-        without.pop(left[name], None)
-    return machine.replace(**without)
+    without: dict[str, Any] = {} if "unbalance" in synchronous else {"unbalance": []}
+    return machine.replace(**without, **({} if "runout" in synchronous else {"sensor": sensors}))
 
 
 def _drawn(
@@ -259,10 +254,6 @@ def _drawn(
         ]  # fmt: skip
         sensors.append(sensor.model_copy(update={"runout": tuple(lines) or sensor.runout}))
     return machine.replace(unbalance=planes, sensor=sensors), rotor
-
-
-def _angle(speed: Array, T: float) -> Array:
-    return np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2) * T])
 
 
 def _state_of(rotor: Mapping[str, complex], name: str, angle: Array) -> Array:
@@ -313,7 +304,9 @@ def _quantities(estimator: Estimator) -> tuple[Array, tuple[str, ...]]:
 
 def _true_states(estimator: Estimator, record: Record, rotor: Mapping[str, complex]) -> Array:
     """Return the truth of an estimator's states (n, states); 0 where nobody judges it."""
-    angle = _angle(record["speed"], estimator.bearing.sampling_time)
+    speed = record["speed"]
+    steps = np.cumsum((speed[1:] + speed[:-1]) / 2) * estimator.bearing.sampling_time
+    angle = np.append(0.0, steps)
     result = np.zeros((len(record), len(estimator.states)))
     for k, state in enumerate(estimator.states):
         if state.role in ("unbalance", "runout"):
