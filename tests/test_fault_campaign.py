@@ -16,9 +16,8 @@ from ambkit.control.pid import PID
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.faults import FAULTS, FaultCampaign, inject_faults
 from ambkit.judge.faults.fault_run import Flight
-from ambkit.judge.faults.fault_test import BASELINE, recovery_text
+from ambkit.judge.faults.fault_test import BASELINE, faults_figure, recovery_text
 from ambkit.judge.faults.faults import CLEAN, Channel
-from ambkit.judge.faults.faults_figure import faults_figure
 from ambkit.result.report import Cells
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate_run

@@ -38,6 +38,7 @@ SAME_LINE = 0.02
 """By which share frequencies of one line may differ between logs: the mains keep to 1 %."""
 
 FEWEST = 2  #: Logs that can be pooled.
+THREADS = 2  #: Logs that are searched at once.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -192,7 +193,6 @@ def identify_corpus(
     start: LoopModel,
     free: Sequence[str] | None = None,
     *,
-    threads: int = 2,
     note: Callable[[str], object] = lambda _: None,
 ) -> Corpus:
     """Identify a rig from all of its logs."""
@@ -217,7 +217,7 @@ def identify_corpus(
     start = start.replace(substeps=1)
     start = start.replace(known={n: v for n, v in priors_of(start).items() if n in free})
     names = list(flight_records)
-    result = _each(flight_records, start, free, threads, note)
+    result = _each(flight_records, start, free, note)
     for name in [name for name in names if isinstance(result[name], str)]:
         left_out[name] = str(result.pop(name))
         names.remove(name)
@@ -237,11 +237,11 @@ def identify_corpus(
             Baselines.together([baselines[other] for other in rest]),
         )
 
-    with ThreadPoolExecutor(threads) as workers:
+    with ThreadPoolExecutor(THREADS) as workers:
         predicted = list(workers.map(by_the_others, names))
     joint, model = _together(list(likelihoods.values()), start)
     note("the magnet in flight and as described")
-    weaker = strength_loss(flight_records, likelihoods, start, threads)
+    weaker = strength_loss(flight_records, likelihoods, start, THREADS)
     return Corpus(start, model, joint, likelihoods, predicted, stretches, left_out, spikes, weaker)
 
 
@@ -300,7 +300,6 @@ def _each(
     flight_records: Mapping[str, list[Record]],
     start: LoopModel,
     free: Sequence[str],
-    threads: int,
     note: Callable[[str], object],
 ) -> dict[str, MaximumLikelihood | str]:
     """Identify from each log alone; the first one finds where the others begin."""
@@ -331,6 +330,6 @@ def _each(
             known=start.known, current_offset=start.current_offset,
             position_offset=start.position_offset, sensor__hum=start.bearing.sensor.hum,
         )  # fmt: skip
-    with ThreadPoolExecutor(threads) as workers:
+    with ThreadPoolExecutor(THREADS) as workers:
         rest = workers.map(lambda name: searched(name, begin, parameters, improve=False), names[1:])
         return {names[0]: first, **dict(zip(names[1:], rest, strict=True))}

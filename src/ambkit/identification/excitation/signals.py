@@ -51,10 +51,7 @@ def multisine(n: int, T: float, band: Band) -> Excitation:
     first, last = (min(max(1, round(f * n * T)), (n - 1) // 2) for f in band)
     line = np.arange(first, last + 1)
     amplitude = 1 / np.sqrt(line)
-    phase = _phases(line, amplitude)
-    spectrum = np.zeros(n // 2 + 1, dtype=complex)
-    spectrum[line] = amplitude * np.exp(1j * phase)
-    values = np.fft.irfft(spectrum, n)
+    values = _sum_of_sines(n, line, amplitude, _phases(line, amplitude))
     # A period may begin anywhere: let it be where it passes zero most gently.
     after = np.roll(values, -1)
     passing = np.flatnonzero(np.sign(values) != np.sign(after))
@@ -81,10 +78,14 @@ def sparse_multisine(
     away = [bool(all(abs(k - f * n * T) > 1 for f in without)) for k in line]
     line = line[away]
     amplitude = np.ones(len(line)) if weight is None else weight(line / (n * T))
-    spectrum = np.zeros(n // 2 + 1, dtype=complex)
-    spectrum[line] = amplitude * np.exp(1j * _phases(line, amplitude))
-    values = np.fft.irfft(spectrum, n)
+    values = _sum_of_sines(n, line, amplitude, _phases(line, amplitude))
     return Excitation("multisine", values / np.max(np.abs(values)), [slice(0, n)], line / (n * T))
+
+
+def _sum_of_sines(n: int, line: NDArray[np.int_], amplitude: Array, phase: Array) -> Array:
+    spectrum = np.zeros(n // 2 + 1, dtype=complex)
+    spectrum[line] = amplitude * np.exp(1j * phase)
+    return np.fft.irfft(spectrum, n)
 
 
 def _phases(line: NDArray[np.int_], amplitude: Array) -> Array:
@@ -94,10 +95,8 @@ def _phases(line: NDArray[np.int_], amplitude: Array) -> Array:
     power = amplitude**2 / np.sum(amplitude**2)
     phase = -2 * np.pi * np.concatenate([[0.0], np.cumsum(np.cumsum(power))[:-1]])
     best, least = phase, np.inf
-    spectrum = np.zeros(n // 2 + 1, dtype=complex)
     for level in np.linspace(0.5, 0.98, ROUNDS):
-        spectrum[line] = amplitude * np.exp(1j * phase)
-        values = np.fft.irfft(spectrum, n)
+        values = _sum_of_sines(n, line, amplitude, phase)
         peak = np.max(np.abs(values))
         if peak < least:
             best, least = phase, peak
@@ -122,10 +121,10 @@ def prbs(n: int, T: float, band: Band) -> Excitation:
     return Excitation("prbs", values, [slice(0, n)], ends)
 
 
-def stepped_sine(n: int, T: float, band: Band, *, steps: int = STEPS) -> Excitation:
+def stepped_sine(n: int, T: float, band: Band) -> Excitation:
     """Return sines one after the other, rising, each for the same time and whole periods."""
     low, high = band
-    steps = max(1, min(steps, math.floor(low * n * T)))
+    steps = max(1, min(STEPS, math.floor(low * n * T)))
     ends = np.linspace(0, n, steps + 1).round().astype(int)
     values, parts, frequencies = np.zeros(n), [], []
     for frequency, start, stop in zip(np.geomspace(low, high, steps), ends, ends[1:], strict=False):

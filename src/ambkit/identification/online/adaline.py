@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -120,7 +119,7 @@ class AdalineResult(OnlineResult):
         return mean_error(self.k[late][~self.held[late]], self.memory)
 
 
-Learned = TypeVar("Learned", bound=OnlineResult)
+Learned = TypeVar("Learned", bound=AdalineResult)
 
 
 class OnlineIdentifier(Copyable, Generic[Learned]):
@@ -132,6 +131,9 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
 
     core: Any
     bearing: Bearing
+    memory: float  #: Samples over which k is averaged.
+    _learned: type[Learned]
+    _more: ClassVar[Sequence[str]] = ()  # what the core gives besides
 
     def step(self, y: float, u: float, f_d: float = 0.0) -> float:
         """Learn from one sample.
@@ -175,11 +177,11 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
         known = real("disturbance", 0.0 if disturbance is None else disturbance)
         f_d = np.ascontiguousarray(np.broadcast_to(known, y.shape))
         out = self.core.run(y, self._ideal(y, acting(self.bearing, record["u"])), f_d)
-        common = {"t": record.t, "k": out["k"], "held": out["status"] != 0, "force": out["force"]}
-        return self._result(common | {"excitation": np.sqrt(out["excitation"])}, out)
-
-    @abstractmethod
-    def _result(self, common: dict[str, Any], out: Mapping[str, Any]) -> Learned: ...
+        return self._learned(
+            t=record.t, k=out["k"], held=out["status"] != 0, force=out["force"],
+            excitation=np.sqrt(out["excitation"]), memory=self.memory,
+            **{name: out[name] for name in self._more},
+        )  # fmt: skip
 
 
 class Adaline(OnlineIdentifier[AdalineResult]):
@@ -211,6 +213,8 @@ class Adaline(OnlineIdentifier[AdalineResult]):
         Where an argument is outside its range.
     """
 
+    _learned = AdalineResult
+
     def __init__(
         self,
         bearing: Bearing,
@@ -226,11 +230,8 @@ class Adaline(OnlineIdentifier[AdalineResult]):
         settings = first_element(bearing, start, bandwidth, rate_force, least_excitation)
         self.bearing = bearing
         self.bandwidth = settings["bandwidth"] / (2 * math.pi)
-        self.rate_k = rate_k
+        self.rate_k, self.memory = rate_k, 1 / rate_k
         self.core = core_module().Adaline(**settings, rate_k=rate_k)
-
-    def _result(self, common: dict[str, Any], out: Mapping[str, Any]) -> AdalineResult:
-        return AdalineResult(**common, memory=1 / self.rate_k)
 
 
 def first_element(

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given
@@ -59,6 +58,8 @@ class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
         Where an argument is outside its range.
     """
 
+    _learned, _more = LeastSquaresResult, ("load",)
+
     def __init__(
         self,
         bearing: Bearing,
@@ -78,7 +79,7 @@ class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
             raise ValueError(f"load must be 'unknown' or 'known', got {load!r}")
         settings = first_element(bearing, start, bandwidth, rate_force, least_excitation)
         self.bearing = bearing
-        self.forgetting = forgetting
+        self.forgetting, self.memory = forgetting, 1 / (1 - forgetting)
         self.core = core_module().MagnetRls(
             **settings,
             forgetting=forgetting,
@@ -86,6 +87,3 @@ class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
             # ADALINE's force starts from the start of k, and forgets it as (1 - rate)^n.
             settling=math.ceil(8 / rate_force),
         )
-
-    def _result(self, common: dict[str, Any], out: Mapping[str, Any]) -> LeastSquaresResult:
-        return LeastSquaresResult(**common, memory=1 / (1 - self.forgetting), load=out["load"])

@@ -22,8 +22,8 @@ from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.tuning import suited
 from ambkit.judge.faults.fault_run import BASELINE, SETTINGS, Flight, Outcome, recovery_text
 from ambkit.judge.faults.faults import CLEAN, FAULTS
-from ambkit.judge.faults.faults_figure import faults_figure
 from ambkit.machine.machine import Machine
+from ambkit.result.report import Axis, Cells, Figure, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
@@ -31,7 +31,6 @@ from ambkit.result.sections import Section
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
     from ambkit.machine.magnets import Precision
-    from ambkit.result.report import Figure
 
 
 MIXTURE = "mixture"  #: Stands for the faults that are drawn at random.
@@ -224,6 +223,59 @@ class FaultCampaign(Result):
     def figures(self) -> list[Figure]:
         """Return each estimator in each fault."""
         return [faults_figure(self)]
+
+
+SLOW = 1000.0
+"""Samples until recovery from which on a cell is as dark as that of one that came back can be."""
+
+
+RAISED = "\n\n\n"
+"""Below every other head, which so stands above its neighbours: they are wider than columns."""
+
+
+def faults_figure(campaign: FaultCampaign) -> Figure:
+    """Show what became of each estimator in each fault, beside the loop and in it."""
+    panels = [
+        Panel(Axis(""), Axis(""), [_cells(campaign, setting)], title=setting)
+        for setting in SETTINGS
+    ]
+    rows = max(len(cells.rows) for panel in panels if (cells := panel.item(Cells)))
+    return Figure(
+        id="faults",
+        title=f"{campaign.bearing.name}: recovery from faults",
+        caption="Samples until the estimate, and in the loop the rotor, are back and stay so, the "
+        "most of all seeds; the darker the longer. Darkest: lost (the rotor stayed on a stop), "
+        "never, held (stands still for ever), or ∞ (not finite). In the loop the last column is "
+        "the controller fed by the measurement itself.",
+        panels=panels,
+        panel_height=0.19 * rows,
+    )
+
+
+def _cells(campaign: FaultCampaign, setting: str) -> Cells:
+    columns = [*campaign.estimators, BASELINE]
+    rows = [name for name in campaign.faults if campaign.select(setting=setting, fault=name)]
+    results = [
+        [campaign.select(setting=setting, fault=fault, estimator=name) for name in columns]
+        for fault in rows
+    ]
+    return Cells(
+        [_head(name, place) for place, name in enumerate(columns)],
+        rows,
+        np.array([[_shade(cell) for cell in row] for row in results]),
+        [[recovery_text(cell).replace("not finite", "∞") for cell in row] for row in results],
+    )
+
+
+def _head(name: str, place: int) -> str:
+    return name.replace("-", "\n") + (RAISED if place % 2 else "")
+
+
+def _shade(outcomes: Sequence[Outcome]) -> float:
+    text = recovery_text(outcomes)
+    if not text:
+        return math.nan
+    return min(0.7, 0.7 * math.log1p(float(text)) / math.log1p(SLOW)) if text.isdigit() else 1.0
 
 
 def chosen_faults(names: Iterable[str] | None) -> list[str]:
