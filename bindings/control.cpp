@@ -11,16 +11,49 @@ unsigned int counted(const nb::dict &given, const char *name)
   return value;
 }
 
+// What each sample of a record left, as it was recorded: means (n, states), control signals (n, p)
+// and upper triangles (n, entries).
+struct Recorded {
+  explicit Recorded(const nb::dict &of)
+      : mean(nb::cast<Samples>(of["mean"])), u(nb::cast<Samples>(of["u"])),
+        covariance(nb::cast<Samples>(of["covariance"])), snapshot(nb::cast<Vector>(of["snapshot"]))
+  {
+  }
+
+  // Before sample k of n, as the exported self-test does: the covariance where there is a snapshot.
+  void restore(const Control &self, size_t k, amb_control_state &state) const
+  {
+    amb_kalman_state &filter = *static_cast<amb_kalman_state *>(self.estimator.state());
+    const size_t entries = self.estimator.sizes().entries;
+    std::copy_n(mean.data() + (k - 1) * self.n, self.n, filter.mean);
+    std::copy_n(u.data() + (k - 1) * self.p, self.p, state.u);
+    if (snapshot.data()[k] > 0)
+      std::copy_n(covariance.data() + (k - 1) * entries, entries, filter.cov);
+  }
+
+  Samples mean, u, covariance;
+  Vector snapshot;
+};
+
 // A record through the controller from power-on; the estimator's state is left where it ends.
 Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, amb_real speed,
-          const std::optional<Vector> &transferred)
+          const std::optional<Vector> &transferred, const std::optional<nb::dict> &recorded)
 {
-  const size_t n = samples_of(y, self.m, "y");
+  const size_t n = samples_of(y, self.m, "y"), entries = self.estimator.sizes().entries;
   same_length(n, samples_of(r, self.q, "r"), "r");
   same_length(n, fly.size(), "fly");
   if (transferred)
     same_length(self.p, transferred->size(), "transferred");
+  std::optional<Recorded> from;
+  if (recorded) {
+    from.emplace(*recorded);
+    same_length(n, samples_of(from->mean, self.n, "mean"), "mean");
+    same_length(n, samples_of(from->u, self.p, "u"), "u");
+    same_length(n, samples_of(from->covariance, entries, "covariance"), "covariance");
+    same_length(n, from->snapshot.size(), "snapshot");
+  }
   Fresh<amb_real> iu({n, self.p}), u({n, self.p}), mean({n, self.n}), share({n});
+  Fresh<amb_real> covariance({n, entries});
   Fresh<unsigned short> status({n});
   Fresh<unsigned char> mode({n}), on({n}), usable({n});
   {
@@ -33,12 +66,15 @@ Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, 
     else
       amb_control_init(&self.control, &state, filter);
     for (size_t k = 0; k < n; k++) {
+      if (from && k > 0)
+        from->restore(self, k, state);
       status.data[k] = static_cast<unsigned short>(
           amb_control_step(&self.control, &state, filter, y.data() + k * self.m,
                            r.data() + k * self.q, speed, fly.data()[k] > 0, &out));
       std::copy_n(out.iu, self.p, iu.data + k * self.p);
       std::copy_n(state.u, self.p, u.data + k * self.p);
       std::copy_n(self.estimator.base().mean, self.n, mean.data + k * self.n);
+      std::copy_n(self.estimator.base().cov, entries, covariance.data + k * entries);
       share.data[k] = state.sequence.share;
       mode.data[k] = static_cast<unsigned char>(out.mode);
       on.data[k] = out.on;
@@ -49,6 +85,7 @@ Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, 
   d["iu"] = iu.array;
   d["u"] = u.array;
   d["mean"] = mean.array;
+  d["covariance"] = covariance.array;
   d["share"] = share.array;
   d["status"] = status.array;
   d["mode"] = mode.array;
@@ -171,8 +208,9 @@ void bind_control(nb::module_ &m)
            nb::sig("def __init__(self, estimator: Estimator, given: dict[str, Any]) -> None"),
            nb::keep_alive<1, 2>())
       .def("run", &run, nb::arg("y"), nb::arg("r"), nb::arg("fly"), nb::arg("speed") = 0,
-           nb::arg("transferred").none() = nb::none(),
+           nb::arg("transferred").none() = nb::none(), nb::arg("recorded").none() = nb::none(),
            "A record from power-on: readings (n, m) [m], references (n, q) [m], and whether it is "
            "to fly, 1 or 0. Or in flight from the first sample on, taken over with currents (p,) "
-           "[A].");
+           "[A]. `recorded`: mean, u, covariance and snapshot of each sample, to begin the next "
+           "at.");
 }

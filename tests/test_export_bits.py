@@ -148,6 +148,7 @@ def fuses(compiler: str) -> bool:
             ("float", "double"), ("gcc", "clang"),
         ),
         [("tum_mlps", "measurement", "float", "clang"),
+         ("tum_mlps_flexible", "sequence", "float", "gcc"),
          ("heart_pump", "sequence", "double", "clang"),
          ("tum_mlps", "levitated", "double", "gcc"),
          ("ufu_flexible", "estimate", "double", "gcc")],
@@ -168,15 +169,21 @@ def test_contraction_is_let_pass(
     compared = re.search(r"Rounding decides in (\d+) of the (\d+) samples", said.stdout)
     if precision == "double":
         assert compared is None  # all samples
-    elif name != "tum_mlps_flexible":  # in float its covariance has no digits
-        assert compared is None or int(compared[1]) < 0.4 * int(compared[2])
+    else:
+        left_out = 0.13 if name == "compressor" else 0.04
+        assert compared is None or int(compared[1]) < left_out * int(compared[2])
 
 
-@pytest.mark.parametrize("precision", ["float", "double"])
-def test_a_hundredth_of_a_gain_is_seen_by_who_contracts(precision: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "precision"),
+    [("heart_pump", "float"), ("heart_pump", "double"), ("tum_mlps_flexible", "float")],
+)
+def test_a_hundredth_of_a_gain_is_seen_by_who_contracts(
+    name: str, precision: Any, tmp_path: Path
+) -> None:
     if not fuses("gcc"):
         pytest.skip("this processor fuses nothing")
-    one = Machine.preset("heart_pump")
+    one = Machine.preset(name)
     scenario = Scenario(sequence=LiftOff())
     made(one, "linear", tmp_path, precision=precision, scenario=scenario)
     path, term = tmp_path / "core" / "src" / "controller.c", "pid->kp * weighted"

@@ -188,7 +188,10 @@ def _in_flight(controller: Controller, scenario: Scenario, precision: CPrecision
     kinds = ["from power-on"] * len(tested.starts) + ["taken over"] * len(tested.transfers)
     return {
         "steps": len(tested.y),
-        "amplified": int(tested.amplified.sum()),
+        "amplified": int(tested.snapshots.amplified.sum()),
+        "snapshots": len(tested.snapshots.at),
+        "snapshot": c_literals.array(np.array(tested.snapshots.at, np.uint16), precision),
+        "covariance": c_literals.array(tested.snapshots.before.ravel(), precision),
         "y": listed(tested.y),
         "r": listed(tested.r),
         "u": c_literals.array(tested.u.ravel(), precision),

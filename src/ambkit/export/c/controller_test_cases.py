@@ -14,6 +14,7 @@ from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.signals import signal
 from ambkit.estimate.core_model import NODE
 from ambkit.estimate.estimate import Status
+from ambkit.export.c.snapshots import Snapshots, restorable, snapshots_of
 from ambkit.export.c.test_vectors import without_digits
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Run, simulate_run
@@ -47,7 +48,7 @@ class Vectors(NamedTuple):
     status: NDArray[np.uint16]  # (N,): flags of filter and controllers
     usable: Bools  # (N,): whether the estimate could be used
     mean: Array  # (N, states), each in its unit
-    amplified: Bools  # (N,): samples where rounding is amplified
+    snapshots: Snapshots  # covariances that are restored, and where rounding is amplified
     starts: list[int]  # where flights begin at power-on ...
     transfers: list[int]  # ... and where those do that are taken over, ...
     transfer_currents: Array  # ... with these currents (axes,) [A]
@@ -85,6 +86,7 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
     # changes up and down with it: from where the rotor lies to where it lies again. Some trip, and
     # a rotor in flight is taken over.
     filter, machine = controller.estimator, controller.plant.machine
+    turns = speeds_of(machine, scenario) is not None
     parts = []
     for case in _cases(controller, scenario):
         run = _simulated(controller, case)
@@ -94,23 +96,21 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
         assert run.estimate is not None
         assert run.usable is not None
         mode = record["mode"].astype(np.uint8)
-        amplified = without_digits(filter, y, u)
-        if len(machine.readings) > 1 and filter.precision == "float32":
-            # Of a rotor that is thrown between its stops, rounding decides which readings are used.
-            thrown = (mode == Mode.TRIPPED) & ((run.status & Status.OUTLIER) != 0)
-            amplified |= np.maximum.accumulate(thrown)
         fly, speed = case.fly > 0, record["speed"]
-        part = (y, r, u, speed, mode, fly, run.status, run.usable, run.estimate.mean, amplified)
-        parts.append(_as_read(controller, part))
+        part = (y, r, u, speed, mode, fly, run.status, run.usable, run.estimate.mean)
+        part = _as_read(controller, part)
+        parts.append((*part, _snapshots(controller, part, None, turns=turns)))
     flight_count = len(parts)
     transfer_currents = np.zeros(len(machine.axes))
     # Of a model that turns the core's controller alone follows no speed.
-    if speeds_of(machine, scenario) is None:
+    if not turns:
         over, transfer_currents = _transferred(controller, parts[0])
         parts += over
     starts = np.cumsum([0, *(len(item[0]) for item in parts[:-1])]).tolist()
     filter.turning(None, 1)  # what is written of the filter is of the machine's own speed
-    joined = [np.concatenate(item) for item in zip(*parts, strict=True)]
+    *columns, snapshots = zip(*parts, strict=True)
+    joined: list[Any] = [np.concatenate(item) for item in columns]
+    joined.append(Snapshots.joined(snapshots))
     gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
     low, high = (
         np.array([getattr(isolated, f"current_{end}") for isolated in controller.plant.isolated])
@@ -124,13 +124,29 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
 
 def _as_read(controller: Controller, part: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return a flight as the rig's numbers have it, which are rounded; what is in SI as it is."""
-    inputs, (y, r, _, speed, _, fly, *_, amplified) = controller.estimator.inputs, part
+    inputs, (y, r, _, speed, _, fly, *_) = controller.estimator.inputs, part
     raw = inputs.y.numbers(y)
     if raw is y:
         return part
     number = np.dtype(controller.estimator.precision).type
     raw = raw.astype(number).astype(float)
-    return (raw, *_along(controller, raw, r, speed, fly), amplified)
+    return (raw, *_along(controller, raw, r, speed, fly))
+
+
+def _output(
+    controller: Controller, y: Array, r: Array, speed: Array, fly: Bools,
+    transfer_currents: Array | None, recorded: dict[str, Array] | None = None,
+) -> dict[str, NDArray[Any]]:  # fmt: skip
+    """Return all that the controller gives along readings (n, m)."""
+    filter = controller.estimator
+    number = np.dtype(filter.precision).type
+    si, _ = filter.in_si(y, np.zeros(0))
+    signals = (np.ascontiguousarray(item, number) for item in (si, r, fly))
+    kernel = controller.in_core(**fast_sequence(controller))
+    currents = None if transfer_currents is None else transfer_currents.astype(number)
+    before = recorded and {key: values.astype(number) for key, values in recorded.items()}
+    result: dict[str, Any] = kernel.run(*signals, float(speed[0]), currents, before)
+    return result
 
 
 def _along(
@@ -138,14 +154,28 @@ def _along(
     transfer_currents: Array | None = None,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Return what the controller gives along readings (n, m), as `Vectors` has it from `r` on."""
-    filter = controller.estimator
-    number = np.dtype(filter.precision).type
-    si, _ = filter.in_si(y, np.zeros(0))
-    signals = (np.ascontiguousarray(item, number) for item in (si, r, fly))
-    kernel = controller.in_core(**fast_sequence(controller))
-    output = kernel.run(*signals, float(speed[0]), transfer_currents)
+    output = _output(controller, y, r, speed, fly, transfer_currents)
     status, usable = output["status"], output["usable"] > 0
     return r, output["u"], speed, output["mode"], fly, status, usable, output["mean"]
+
+
+def _snapshots(
+    controller: Controller, part: tuple[Any, ...], transfer_currents: Array | None, *, turns: bool
+) -> Snapshots:
+    """Return which covariances of a flight are restored, and where rounding is amplified."""
+    y, r, u, speed, mode, fly, status, *_ = part
+    filter = controller.estimator
+    if restorable(controller) and not turns:
+        return snapshots_of(
+            controller,
+            lambda of, recorded: _output(of, y, r, speed, fly, transfer_currents, recorded),
+        )
+    amplified = without_digits(filter, y, u)
+    if len(controller.plant.machine.readings) > 1 and filter.precision == "float32":
+        # Of a rotor that is thrown between its stops, rounding decides which readings are used.
+        thrown = (mode == Mode.TRIPPED) & ((status & Status.OUTLIER) != 0)
+        amplified |= np.maximum.accumulate(thrown)
+    return Snapshots.none(amplified)
 
 
 def _simulated(controller: Controller, case: TestCase) -> Run:
@@ -181,7 +211,7 @@ def _transferred(
     over = []
     for y_k, r_k, fly in ((y, r, landing), (y, r + far, staying), (corrupted, r, staying)):
         part = (y_k, *_along(controller, y_k, r_k, speed, fly, transfer_currents))
-        over.append((*part, without_digits(filter, y_k, part[2])))
+        over.append((*part, _snapshots(controller, part, transfer_currents, turns=False)))
     return over, transfer_currents
 
 
@@ -282,7 +312,7 @@ def marks_of(tested: Vectors) -> NDArray[np.uint8]:
     result = tested.mode + 8 * tested.fly.astype(np.uint8) + 32 * tested.usable.astype(np.uint8)
     result[tested.starts] += 16
     result[tested.transfers] += 64
-    result[tested.amplified] += 128
+    result[tested.snapshots.amplified] += 128
     return result.astype(np.uint8)
 
 

@@ -1,0 +1,105 @@
+"""Where the controllers' self-test restores the covariance, whose digits float loses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.arrays import Array, Bools
+from ambkit.export.c import c_literals
+
+if TYPE_CHECKING:
+    from ambkit.control.controller_states import Controller
+
+STATE_TOLERANCE, CURRENT_TOLERANCE = 1e-2, 2e-4
+"""What float may be off by, as double shows from an equal start: states over their standard
+deviations at the start, currents over the greatest. A fifth of what the self-test lets pass."""
+
+MOST_NUMBERS = 8
+"""Entries of the covariances that a flight restores, at most, over half of those of its means."""
+
+COMPARED = ("status", "mode", "usable")
+
+
+@dataclass(frozen=True)
+class Snapshots:
+    """Of n samples."""
+
+    restored: Bools  #: (n,): before which the covariance is restored.
+    amplified: Bools  #: (n,): in which rounding is amplified nevertheless.
+    covariance: Array  #: (n, entries): upper triangles after each sample.
+
+    @classmethod
+    def none(cls, amplified: Bools) -> Snapshots:
+        """Return none, of what has no covariance to restore."""
+        return cls(np.zeros(len(amplified), bool), amplified, np.zeros((len(amplified), 0)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Snapshots]) -> Snapshots:
+        """Return those of flights one after the other."""
+        return cls(
+            *(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(cls))
+        )
+
+    @property
+    def at(self) -> list[int]:
+        """The samples before which the covariance is restored."""
+        return np.flatnonzero(self.restored).tolist()
+
+    @property
+    def before(self) -> Array:
+        """Covariances that are restored there (snapshots, entries)."""
+        return np.asarray(self.covariance[np.array(self.at, int) - 1])
+
+
+def restorable(controller: Controller) -> bool:
+    """Whether float loses digits, and the covariance is all that they are lost of."""
+    filter = controller.estimator
+    several, single = filter.whole is not None, filter.precision == "float32"
+    # What the core keeps besides a Kalman filter's state is not restored.
+    return several and single and not c_literals.called(filter).has_state
+
+
+def snapshots_of(controller: Controller, run: Callable[..., dict[str, NDArray[Any]]]) -> Snapshots:
+    """Place as few snapshots as keep float near what double gives from the same recorded state.
+
+    Parameters
+    ----------
+    controller : Controller
+        What flies, in float.
+    run : callable
+        A controller, and what it restores or None, to its output along one flight.
+    """
+    args, options = controller.estimator._made
+    sharp = type(controller.estimator)(*args, **(options | {"precision": "float64"}))
+    double = replace(controller, estimator=sharp)
+    flown = run(controller, None)
+    n, states = flown["mean"].shape
+    recorded = {key: flown[key] for key in ("mean", "u", "covariance")}
+    std = np.array(controller.estimator.default_std())
+    axes = controller.plant.machine.axes
+    most = np.array(
+        [a.bearing.amplifier.current_limit / abs(a.bearing.amplifier.gain) for a in axes]
+    )
+
+    def off(restored: Bools) -> Bools:
+        output = run(double, recorded | {"snapshot": restored.astype(float)})
+        result = (np.abs(output["mean"] - flown["mean"]) > STATE_TOLERANCE * std).any(axis=1)
+        result |= (np.abs(output["u"] - flown["u"]) > CURRENT_TOLERANCE * most).any(axis=1)
+        for key in COMPARED:
+            result |= output[key] != flown[key]
+        return np.asarray(result)
+
+    amplified, restored = off(np.ones(n, bool)), np.zeros(n, bool)
+    restored[1:] = amplified[:-1]  # what such a sample leaves is another covariance elsewhere
+    wanting = np.flatnonzero(off(restored) & ~amplified & ~restored)
+    while wanting.size and restored.sum() < MOST_NUMBERS * n // states:
+        restored[wanting[0]] = True
+        wanting = np.flatnonzero(off(restored) & ~amplified & ~restored)
+    if wanting.size:
+        amplified[wanting[0] :] = True
+    return Snapshots(restored, amplified, flown["covariance"])
