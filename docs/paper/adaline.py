@@ -44,7 +44,10 @@ def adaline(study: Study) -> Part:
     few, many = np.quantile(noisy_off, (0.05, 0.95))
     of_load, of_told, of_mass = study.over_seeds(lambda seed: _limits(study, seed))
     median_row = mean_row(
-        "fig12.noisy", f"the same with the paper's noise, median of {MANY} seeds", noisy_off, "%"
+        "fig12.noisy",
+        f"ADALINE, error of k: paper's noise, median of {MANY} seeds",
+        noisy_off,
+        "%",
     ) | {"ours": float(np.median(noisy_off))}
 
     def said(off: Array) -> str:
@@ -93,14 +96,14 @@ def adaline(study: Study) -> Part:
             ],
         ),
         [
-            row("fig12.clean", "k learned from half its value, no noise: largest error once "
-                "settled (our goal: 0.5 %)", None, clean_off, "%", reached(clean_off <= 0.5)),
+            row("fig12.clean", "ADALINE, error of k: no noise "
+                "(goal 0.5 %)", None, clean_off, "%", reached(clean_off <= 0.5)),
             median_row,
-            row("fig12.worst", f"the same, worst of {MANY} seeds (our goal: 2 %)", None,
+            row("fig12.worst", "ADALINE, error of k: paper's noise, worst seed (goal 2 %)", None,
                 float(noisy_off.max()), "%", reached(float(noisy_off.max()) <= 2.0), MANY),
-            mean_row("adaline.load", f"k with a load of {LOAD:g} N that it is not told: error",
+            mean_row("adaline.load", f"ADALINE, error of k: f_d unknown, {LOAD:g} N",
                      of_load, "%"),
-            mean_row("adaline.mass", "k with a mass 10 % too large: error", of_mass, "%"),
+            mean_row("adaline.mass", "ADALINE, error of k: mass 10 % too large", of_mass, "%"),
         ],
     )  # fmt: skip
 

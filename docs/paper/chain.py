@@ -128,17 +128,18 @@ def chain(study: Study) -> Part:
             ],
         ),
         [
-            mean_row("chain.k", "k that ADALINE has learned in flight, at the swaps: error, rms of "
-                     "three", off_k, "%"),
-            mean_row("chain.wrong", "F_St error after the first swap: k stays as described, "
+            mean_row("chain.k", "ADALINE, error of k: at the swaps, rms", off_k, "%"),
+            mean_row("chain.wrong", "f_d after the first swap: k as described, "
                      f"{100 * (WRONG - 1):.0f} % too large", force["wrong"], "N rms"),
-            mean_row("chain.learned", "the same, k learned in flight and swapped in",
+            mean_row("chain.learned", "f_d after the first swap: k identified online",
                      force["learned"], "N rms", smaller(force["learned"], force["wrong"])),
-            mean_row("chain.told", "the same, k told", force["told"], "N rms",
+            mean_row("chain.told", "f_d after the first swap: true k",
+                     force["told"], "N rms",
                      smaller(force["told"], force["wrong"])),
-            mean_row("chain.jump", "largest change of F_St in a sample within 5 ms of a swap, over "
-                     "that elsewhere", results["learned"][4] / results["learned"][6], ""),
-            mean_row("chain.afresh", "the same, where the new filter starts afresh",
+            mean_row("chain.jump",
+                     "Jump of f_d at a swap: state kept",
+                     results["learned"][4] / results["learned"][6], ""),
+            mean_row("chain.afresh", "Jump of f_d at a swap: filter restarted",
                      results["afresh"][4] / results["afresh"][6], ""),
         ],
     )  # fmt: skip

@@ -113,13 +113,13 @@ def errata(study: Study) -> Part:
             ],
         ),
         [
-            row("errata.k_i", "k_i at the origin: eq. 4 as printed, and by the law", printed_i,
+            row("errata.k_i", "As printed, and the law: k_i, eq. 4", printed_i,
                 k_i, "N/A", "misprint"),
-            row("errata.k_s", "k_s at the origin: eq. 5 as printed, and by the law",
+            row("errata.k_s", "As printed, and the law: k_s, eq. 5",
                 printed_s / 1e3, k_s / 1e3, "N/mm", "misprint"),
-            mean_row("errata.weight", "F_St at rest without the weight in eq. 15, 16",
+            mean_row("errata.weight", "As printed, and the law: f_d at rest, eq. 15, 16",
                      weight_found, "N") | {"paper": 0.0},
-            row("errata.covariance", "eq. 13 on the full matrix, (PH')' for HP: diverges at step",
+            row("errata.covariance", "Eq. 13 with (PH')': diverges at step",
                 None, float(diverged), "", "not given"),
         ],
     )  # fmt: skip

@@ -80,15 +80,15 @@ def gain(study: Study) -> Part:
             ],
         ),
         [
-            mean_row("gain.linear", "F_St error at 0.5 mm, linear filter",
+            mean_row("gain.linear", "Error of f_d at 0.5 mm: linear filter",
                      errors["estimate linear"], "N rms"),
-            *(mean_row(f"gain.{id}", f"the same, {what}", errors[name], "N rms",
+            *(mean_row(f"gain.{id}", f"Error of f_d at 0.5 mm: {what}", errors[name], "N rms",
                        smaller(errors[name], errors["estimate linear"]))
               for id, what, name in (
-                  ("adaptive", "adaptive filter, paper's operating points", "estimate adaptive"),
-                  ("wide", "25 rules spread to 0.8 mm", "estimate wide box"),
+                  ("adaptive", "adaptive, 25 points", "estimate adaptive"),
+                  ("wide", "adaptive, to 0.8 mm", "estimate wide box"),
                   ("closed", "closed law", "estimate closed law"))),
-            mean_row("gain.position", "position error at 0.5 mm: worst filter of a run over best",
+            mean_row("gain.position", "Worst over best filter, x: 0.5 mm step",
                      alike, "%"),
         ],
     )  # fmt: skip

@@ -128,10 +128,11 @@ def linear(study: Study) -> Part:
             ],
         ),
         [
-            mean_row("linear.nis", "linear filter, 0.1 mm step: mean NIS (1: consistent)", nis, "",
+            mean_row("linear.nis", "Linear filter, 0.1 mm: mean NIS (1 if right)",
+                     nis, "",
                      reached(abs(float(nis.mean()) - 1) < 2 * band)),
             mean_row("linear.position",
-                     f"its position error; the sensor scatters by {noise * 1e6:.1f}", 1e6 * error,
+                     f"Linear filter, 0.1 mm: x (sensor {noise * 1e6:.1f})", 1e6 * error,
                      "µm rms", smaller(error, noise)),
         ],
     )  # fmt: skip

@@ -183,18 +183,20 @@ def recording(study: Study) -> Part:
             ],
         ),
         [
-            row("recording.naive_one", "real rig, one log, 1 ms ahead: constant velocity, no "
-                f"magnet; held: {best.held[1] * 1e6:.1f}", None, other[1] * 1e6, "µm rms",
+            row("recording.naive_one", "Real rig, 1 ms ahead: no magnet (held "
+                f"{best.held[1] * 1e6:.1f})", None, other[1] * 1e6, "µm rms",
                 _verdict(other[1], best.held[1]), 1),
-            row("recording.one", "the same, linear filter", None, best.prediction[1] * 1e6,
+            row("recording.one", "Real rig, 1 ms ahead: linear filter",
+                None, best.prediction[1] * 1e6,
                 "µm rms", _verdict(best.prediction[1], other[1]), 1),
-            row("recording.naive_ten", "real rig, one log, 10 ms ahead: constant velocity, no "
-                f"magnet; held: {best.held[10] * 1e6:.1f}", None, other[10] * 1e6, "µm rms",
+            row("recording.naive_ten", "Real rig, 10 ms ahead: no magnet (held "
+                f"{best.held[10] * 1e6:.1f})", None, other[10] * 1e6, "µm rms",
                 _verdict(other[10], best.held[10]), 1),
-            row("recording.ten", "the same, linear filter", None, best.prediction[10] * 1e6,
+            row("recording.ten", "Real rig, 10 ms ahead: linear filter",
+                None, best.prediction[10] * 1e6,
                 "µm rms", _verdict(best.prediction[10], other[10]), 1),
-            row("recording.adaptive", "the same, adaptive filter; linear: "
-                f"{best.prediction[10] * 1e6:.1f}", None, adaptive.prediction[10] * 1e6, "µm rms",
+            row("recording.adaptive", "Real rig, 10 ms ahead: adaptive filter",
+                None, adaptive.prediction[10] * 1e6, "µm rms",
                 _verdict(adaptive.prediction[10], best.prediction[10]), 1),
         ],
     )  # fmt: skip

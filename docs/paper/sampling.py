@@ -86,15 +86,17 @@ def sampling(study: Study) -> Part:
             ],
         ),
         [
-            mean_row("sampling.raw", "position, sensor of 20 µs and 0.5 µm: raw sensor", raw,
+            mean_row("sampling.raw", "Sensor 20 µs, 0.5 µm: raw sensor", raw,
                      "µm rms"),
-            mean_row("sampling.printed", "the same, extended filter with eq. 19 as printed",
+            mean_row("sampling.printed", "Sensor 20 µs, 0.5 µm: eq. 19 as printed",
                      printed, "µm rms", smaller(printed, raw)),
-            mean_row("sampling.exact", "the same, exact sampled model", exact, "µm rms",
+            mean_row("sampling.exact",
+                     "Sensor 20 µs, 0.5 µm: exact model",
+                     exact, "µm rms",
                      smaller(exact, raw)),
-            mean_row("sampling.alike", "position error by the exact model: worst filter of a run "
-                     "over best", alike[SLOW], "%"),
-            mean_row("sampling.paper_rig", "what the exact model takes off on the paper's rig",
+            mean_row("sampling.alike", "Worst over best filter, x: exact "
+                     "model", alike[SLOW], "%"),
+            mean_row("sampling.paper_rig", "Paper's rig: gain by exact model",
                      gained, "%"),
         ],
     )  # fmt: skip

@@ -114,7 +114,7 @@ def told(result: Result, *, verbose: bool | None = None) -> Iterator[Table | str
     # None where the command has no such option.
     hidden = sum(row.detail for row in result.rows) if verbose is False else 0
     if hidden:
-        yield f"--verbose shows {hidden} more figures."
+        yield f"--verbose shows {hidden} more row{'s' * (hidden > 1)}."
 
 
 def show(tables: Iterable[Table | str]) -> None:

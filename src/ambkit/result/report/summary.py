@@ -38,8 +38,8 @@ class Verdict:
 VERDICTS = {
     "agrees": Verdict("✓", "good", "the same as in the paper, within what the row states"),
     "reached": Verdict("✓", "good", "the goal is reached"),
-    "better": Verdict("▲", "good", "better than in the paper"),
-    "worse": Verdict("▼", "bad", "worse than in the paper"),
+    "better": Verdict("▲", "good", "better than the value it is compared with"),
+    "worse": Verdict("▼", "bad", "worse than the value it is compared with"),
     "differs": Verdict("≠", "bad", "not as in the paper"),
     "missed": Verdict("✗", "bad", "the goal is missed"),
     "misprint": Verdict("!", "odd", "the paper misprints it"),

@@ -3,53 +3,32 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ambkit.result.report.summary import SummaryRow, number, ours, runs, tally, verdict_of
+from ambkit.result.report.summary import SummaryRow, number, ours, tally, verdict_of
+from ambkit.result.table import Table, table
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Column, Table
-
-_COLOURS = {"good": "green", "bad": "red", "odd": "yellow", "plain": "dim"}
 
 
-def summary_table(rows: Sequence[SummaryRow]) -> "Table":
-    """Build the table."""
-    from rich import box
-    from rich.cells import cell_len
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
-    table.add_column("what", overflow="fold")
-    table.add_column("paper", justify="right", no_wrap=True)
-    table.add_column("ours", justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("runs", justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
+def summary_table(rows: Sequence[SummaryRow]) -> Table:
+    """Build the table: what stands before a colon is a heading, once for the rows that share it."""
+    lines, subject = [], ""
     for row in rows:
-        verdict = verdict_of(row)
-        table.add_row(
-            Text(row["what"]),
-            Text(number(row["paper"])),
-            Text(ours(row), style="bold"),
-            Text(row["unit"]),
-            Text(runs(row)),
-            Text(f"{verdict.sign} {row['verdict']}", style=_COLOURS[verdict.kind]),
-        )
-    for column in table.columns:  # where there is little room, "what" gets more lines
-        least = [cell_len(word) for cell in column.cells for word in _pieces(column, str(cell))]
-        column.min_width = max([cell_len(str(column.header)), *least])
-    return table
-
-
-def _pieces(column: "Column", cell: str) -> list[str]:
-    return [cell] if column.no_wrap else cell.split()
+        head, _, item = row["what"].rpartition(": ")
+        if head and head != subject:
+            lines.append([head, "", "", ""])
+        subject, verdict, unit = head, verdict_of(row), f" {row['unit']}".rstrip()
+        paper = number(row["paper"]) + unit * (row["paper"] is not None)
+        verdict_text = f"{verdict.sign} {row['verdict']}"
+        lines.append([f"  {item}" if head else item, paper, ours(row) + unit, verdict_text])
+    return table("The paper, reproduced", ["", "paper", "ours", "verdict"], lines)
 
 
 def print_summary(rows: Sequence[SummaryRow], console: "Console | None" = None) -> None:
-    """Print the table and, below it, how often each verdict was given."""
+    """Print how often each verdict was given, and the table."""
     from rich.console import Console
 
     console = console or Console()
+    verdicts = ", ".join(f"{count} × {word}" for word, count in tally(rows))
+    console.print(f"{verdicts}.\n", highlight=False)
     console.print(summary_table(rows), crop=False)
-    console.print(", ".join(f"{count} × {word}" for word, count in tally(rows)), highlight=False)
