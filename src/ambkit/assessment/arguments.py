@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from ambkit.assessment.plausibility import check_plausibility
+from ambkit.base import files
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.own_class import MARK
 from ambkit.base.quantity_arguments import in_si, names_in, of_type
@@ -178,8 +179,8 @@ def is_filter(source: Any) -> bool:
     try:
         if not isinstance(source, str | os.PathLike) or Path(source).suffix != FILTER_SUFFIX:
             return False
-        return "kind" in tomllib.loads(Path(source).read_text(encoding="utf-8"))
-    except (OSError, ValueError):  # which is told by who reads it
+        return "kind" in tomllib.loads(files.read_text(source))
+    except (AmbkitError, ValueError):  # whoever reads it reports that
         return False
 
 

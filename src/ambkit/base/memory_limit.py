@@ -1,6 +1,7 @@
 """How much memory a file may take to read, by what it declares: a small one can unpack to more."""
 
 import os
+import stat
 
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import parse
@@ -8,6 +9,7 @@ from ambkit.base.units import parse
 LIMIT = 8e9  #: Memory that reading one file may take [byte], where `VARIABLE` does not say.
 VARIABLE = "AMBKIT_READ_MEMORY"  #: Environment variable with another limit, such as ``16 GB``.
 TEXT_SHARE = 7  #: Memory to read a CSV, in sizes of the file, measured with 9 digits a number.
+STREAM_SHARE = 100  #: The least for a pipe or a device, of which nobody knows whether it ends.
 _LEAST = 1 << 20
 
 
@@ -40,13 +42,20 @@ def check(path: str | os.PathLike[str], size: float, hint: str = "", *, whole: b
 def read_bytes(path: str | os.PathLike[str], share: float = 1.0) -> bytes:
     """Read a whole file, of which each byte takes `share` bytes of memory; a device never ends."""
     with open(path, "rb") as file:
-        declared = os.fstat(file.fileno()).st_size
-        check(path, share * declared)
-        parts: list[bytes] = []
-        while part := file.read(max(declared + 1, _LEAST)):
-            parts.append(part)
-            check(path, share * sum(map(len, parts)), whole=False)
-    return b"".join(parts)
+        status = os.fstat(file.fileno())
+        check(path, share * status.st_size)
+        stream = not stat.S_ISREG(status.st_mode)
+        most = limit() / max(share, STREAM_SHARE if stream else 0)
+        content = bytearray()
+        while part := file.read(max(status.st_size + 1, _LEAST)):
+            content += part
+            if stream and len(content) > most:
+                raise RecordError(
+                    f"{path}: is a pipe or a device that does not end within {_shown(most)}; save "
+                    "what it gives in a file"
+                )
+            check(path, share * len(content), whole=False)
+    return bytes(content)
 
 
 def _shown(size: float) -> str:

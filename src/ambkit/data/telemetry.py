@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ambkit.base import memory_limit
 from ambkit.base.errors import RecordError
 from ambkit.data.record import Record
 
@@ -106,6 +107,6 @@ def _layout(path: Path) -> dict[str, Any]:
 
 def _bytes(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return memory_limit.read_bytes(path)
     except OSError as error:
         raise RecordError(f"{path}: {error.strerror}") from error

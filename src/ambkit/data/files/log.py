@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import os
 import re
+import stat
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -126,8 +128,12 @@ def library_errors(path: str) -> Iterator[None]:
 
 
 def check_readable(path: str | os.PathLike[str]) -> None:
-    """Say in one way for all formats that a file is not there, or must not be read."""
+    """Refuse in one way, for all binary formats, what is not there, not to be read, or no file."""
     try:
+        if not stat.S_ISREG(os.stat(path).st_mode) and not os.path.isdir(path):
+            raise RecordError(
+                f"{path}: is a pipe or a device; a {Path(path).suffix} is read from a file only"
+            )
         with open(path, "rb") as file:
             if not file.read(1):
                 raise RecordError(f"{path}: is empty; is the file cut short?")
