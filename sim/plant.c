@@ -16,7 +16,7 @@ typedef struct amb_going {
   const amb_real *demanded;
   amb_real h, half, sixth;
   amb_real g[AMB_PLANT_STATES];
-  amb_real per_mass[AMB_PLANT_STATES], per_lag[AMB_PLANT_AXES];
+  amb_real per_mass[AMB_PLANT_STATES], per_lag[AMB_SENSORS];
   bool as_built;                   /* whether magnets have currents, and their own force */
   amb_real growth;                 /* of the speed [rad/s^2] */
   bool turning;                    /* whether anything asks for the angle */

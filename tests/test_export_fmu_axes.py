@@ -12,21 +12,52 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ambkit import KalmanFilter, Machine, Scenario
-from ambkit.base.errors import AmbkitError
+from ambkit import KalmanFilter, Machine, Scenario, Step
 from ambkit.control.lift_off_sequence import LiftOff
-from ambkit.export.fmu import export_fmu
+from ambkit.export.fmu import export_fmu, export_ssp
+from ambkit.simulation.recording import drawn
 from ambkit.simulation.run import Run, simulate_run
+from ambkit.simulation.scenario import Disturbance, Reference
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 
 from fmpy.validation import validate_fmu  # noqa: E402
 from fmu_instance import Instance, unpacked  # noqa: E402
+from machine_cases import bearing, machine, sensor  # noqa: E402
 
 MACHINE = Machine.preset("tum_mlps")
-T = MACHINE.sampling_time
+FIVE = machine(
+    name="five_axes",
+    bearing=[bearing("A", 0.2), bearing("B", -0.3), bearing("T", 0.1, type="thrust")],
+    sensor=[
+        sensor("A", 0.2, quantisation=0.2e-6), sensor("B", -0.3), sensor("T", 0.1, type="axial"),
+    ],
+    unbalance=[{"place": 0.1, "amount": 2e-5}],
+)  # fmt: skip
+PLANTS = {"tum_mlps": MACHINE, "ufu_rig": Machine.preset("ufu_rig"), "five": FIVE}
+""" "ufu_rig" has amplifiers that lag and a dead time. """
 QUICK = LiftOff(wait=2e-3, lift=0.02, land=0.02, stop=0.08)
+LOOPS: dict[str, tuple[Machine, dict[str, Any]]] = {
+    "five": (FIVE, {"duration": 0.03}),
+    "compressor": (Machine.preset("compressor"), {"duration": 0.02}),
+    "measured": (MACHINE, {"duration": 0.03, "feedback": "measurement"}),
+    "lifts": (MACHINE, {"duration": 0.12, "start": "landed", "sequence": QUICK}),
+}
+
+
+def loaded(machine: Machine) -> dict[str, Any]:
+    """A step of the first reference, and one of the last load."""
+    axes = machine.axes
+    reference = Step(amplitude=0.05 * axes[0].bearing.clearance, time=20 * machine.sampling_time)
+    load = Step(amplitude=0.5, time=60 * machine.sampling_time)
+    return {
+        "reference": [Reference(axis=axes[0].name, position=reference)],
+        "disturbance": [Disturbance(axis=axes[-1].name, force=load)],
+    }
+
+
+T = MACHINE.sampling_time
 READINGS = [f"y_{reading.name}" for reading in MACHINE.readings]
 AXES = [axis.name for axis in MACHINE.axes]
 GOES_ON = """
@@ -46,14 +77,21 @@ def flown(**options: Any) -> tuple[Scenario, Run]:
     return scenario, simulate_run(MACHINE, scenario, estimator=KalmanFilter(MACHINE))
 
 
-def simulated(path: Path, run: Run, names: list[str], **more: Any) -> Any:
+def simulated(
+    path: Path, run: Run, names: list[str], start_values: dict[str, float] | None = None,
+    **more: Any,
+) -> Any:  # fmt: skip
     inputs = {name: run.record[name] for name in names} | more
     n = len(run.record.t)
     signals = np.zeros(n, dtype=[("time", float), *((name, float) for name in inputs)])
-    signals["time"] = T * np.arange(n)
+    step = run.machine.sampling_time
+    signals["time"] = step * np.arange(n)
     for name, values in inputs.items():
         signals[name] = values
-    return fmpy.simulate_fmu(str(path), stop_time=n * T, output_interval=T, input=signals)
+    return fmpy.simulate_fmu(
+        str(path), stop_time=n * step, output_interval=step, input=signals,
+        start_values=start_values or {},
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -121,7 +159,120 @@ def test_the_bytes_of_a_state_go_on_in_another_process(tmp_path: Path) -> None:
     assert pickle.loads(out.read_bytes()) == one.run(rest, names)
 
 
-@pytest.mark.parametrize("kind", ["plant", "closed-loop", "controller"])
-def test_what_there_is_not_of_several_axes_is_said(kind: Any, tmp_path: Path) -> None:
-    with pytest.raises(AmbkitError, match=f"tum_mlps has several axes: .* no {kind}"):
-        export_fmu(MACHINE, None, tmp_path / "no.fmu", kind=kind)
+def noises(of: Machine, scenario: Scenario, n: int) -> dict[str, Any]:
+    noise_u, noise_y = drawn(of, scenario, n)
+    of_axes = {f"noise_u_{at.name}": noise_u[:, k] for k, at in enumerate(of.axes)}
+    return of_axes | {f"noise_y_{at.name}": noise_y[:, k] for k, at in enumerate(of.readings)}
+
+
+def check_plant(found: Any, run: Run, y_from: int = 0) -> None:
+    """What the rotor does, what sensors show and how magnets pull, to the last bit."""
+    n, machine = len(run.record.t), run.machine
+    moving = [name for name in run.record.signals if name.startswith(("q_", "x_m_", "s_"))]
+    assert len(moving) > 3 * len(machine.axes)
+    for name in moving:
+        at = 4e-16 * machine.bearings[0].clearance if name.startswith("s_") else 0.0
+        np.testing.assert_allclose(found[name][:n], run.record[name], rtol=0, atol=at, err_msg=name)
+    for reading in machine.readings:
+        name = f"y_{reading.name}"
+        np.testing.assert_array_equal(found[name][y_from:][:n], run.record[name], name)
+    assert np.ptp(run.record[f"s_{machine.axes[0].name}"]) > 1e-7
+
+
+@pytest.mark.parametrize("case", PLANTS)
+def test_the_plant_of_several_axes_is_that_of_simulate(case: str, tmp_path: Path) -> None:
+    machine = PLANTS[case]
+    scenario = Scenario(
+        duration=200 * machine.sampling_time, noise=False, **loaded(machine)
+    )  # fmt: skip
+    run = simulate_run(machine, scenario, estimator=KalmanFilter(machine))
+    n = len(run.record.t)
+    path = export_fmu(machine, None, tmp_path / "plant.fmu", kind="plant", scenario=scenario).path
+    assert validate_fmu(str(path)) == []
+    names = [f"{what}_{at.name}" for what in ("u", "f_d") for at in machine.axes]
+    inputs = {"speed": np.full(n, machine.speed)}
+    found = simulated(path, run, names, **inputs)
+    check_plant(found, run)
+    first = machine.axes[0]
+    weaker = {f"magnet_constant_{first.name}": 0.5 * first.bearing.magnet.magnet_constant}
+    half = simulated(path, run, names, start_values=weaker, **inputs)[f"f_mag_{first.name}"][1]
+    np.testing.assert_allclose(half, 0.5 * found[f"f_mag_{first.name}"][1], rtol=1e-3)
+
+
+@pytest.mark.parametrize(("case", "fmi"), [(case, 2 + k % 2) for k, case in enumerate(LOOPS)])
+def test_the_closed_loop_of_several_axes_is_what_simulate_flies(
+    case: str, fmi: Any, tmp_path: Path
+) -> None:
+    machine, options = LOOPS[case]
+    scenario = Scenario(seed=3, **loaded(machine) | options)
+    run = simulate_run(machine, scenario, estimator=KalmanFilter(machine))
+    n = len(run.record.t)
+    path = export_fmu(
+        machine, None, tmp_path / "loop.fmu", kind="closed-loop", fmi=fmi, scenario=scenario
+    ).path
+    assert validate_fmu(str(path)) == []
+    names = [f"{what}_{at.name}" for what in ("r", "f_d") for at in machine.axes]
+    more = noises(machine, scenario, n) | {"speed": np.full(n, machine.speed)}
+    if scenario.sequence is not None:
+        more["fly"] = scenario.sequence.fly(run.record.t)
+    found = simulated(path, run, names, **more)
+    check_plant(found, run, y_from=1)
+    for at in machine.axes:
+        np.testing.assert_array_equal(found[f"u_{at.name}"][1:], run.record[f"u_{at.name}"])
+    assert run.estimate is not None
+    for name in run.estimate.names:
+        np.testing.assert_array_equal(found[f"estimate.{name}"][1:], run.estimate[name], name)
+
+
+@pytest.mark.parametrize("feedback", ["estimate", "measurement"])
+def test_controllers_of_several_axes_demand_what_simulate_s_do(
+    feedback: Any, tmp_path: Path
+) -> None:
+    scenario, run = flown(duration=200 * T, feedback=feedback, **loaded(MACHINE))
+    path = export_fmu(
+        MACHINE, None, tmp_path / "law.fmu", kind="controller", scenario=scenario
+    ).path
+    assert validate_fmu(str(path)) == []
+    assert run.estimate is not None
+    seen = READINGS if feedback == "measurement" else []
+    fed = {} if seen else {name: run.estimate[name] for name in run.estimate.names}
+    speed = np.full(len(run.record.t), MACHINE.speed)
+    found = simulated(path, run, [f"r_{name}" for name in AXES] + seen, **fed, speed=speed)
+    for name in AXES:
+        np.testing.assert_array_equal(found[f"u_{name}"][1:], run.record[f"u_{name}"], name)
+    assert np.ptp(run.record[f"u_{AXES[0]}"]) > 1e-3
+
+
+def test_a_foundation_shakes_the_plant_of_several_axes(tmp_path: Path) -> None:
+    shaken = {"type": "sine", "amplitude": 2.0, "frequency": 40.0}
+    scenario = Scenario.model_validate(
+        {"duration": 200 * T, "base": [{"direction": "x", "acceleration": shaken}], "noise": False}
+    )
+    run = simulate_run(MACHINE, scenario, estimator=KalmanFilter(MACHINE))
+    path = export_fmu(MACHINE, None, tmp_path / "plant.fmu", kind="plant", scenario=scenario).path
+    names = [f"u_{name}" for name in AXES] + ["base_x", "speed"]
+    check_plant(simulated(path, run, names), run)
+
+
+def test_the_system_of_several_axes_wires_all_of_them(tmp_path: Path) -> None:
+    from fmpy.ssp.simulation import simulate_ssp
+
+    path, step = tmp_path / "system.ssp", 0.05 * MACHINE.bearings[0].clearance
+    made = export_ssp(MACHINE, None, path, scenario=Scenario(noise=False))
+    assert [one.kind for one in made] == ["plant", "controller", "estimator"]
+    zero = dict.fromkeys(
+        ["base_x", "base_y", *(f"{what}_{name}" for what in ("r", "f_d", "noise_u")
+         for name in AXES), *(f"noise_{name}" for name in READINGS)], lambda _t: 0.0,
+    )  # fmt: skip
+    found = simulate_ssp(
+        str(path), stop_time=0.2, step_size=T,
+        input=zero | {"speed": lambda _t: MACHINE.speed,
+                      "r_A1": lambda t: step if t > 0.02 else 0.0},
+    )  # fmt: skip
+    reference = [Reference(axis="A1", position=Step(amplitude=step, time=0.02))]
+    scenario = Scenario(noise=False, duration=0.2, reference=reference)
+    run = simulate_run(MACHINE, scenario, estimator=KalmanFilter(MACHINE))
+    for name in AXES:  # each wire of an SSP holds its value back by a sample
+        wanted = run.record[f"s_{name}"][-1]
+        assert abs(found[f"s_{name}"][-1] - wanted) < 0.05 * step, name
+    np.testing.assert_allclose(found["estimate_x"][-1], found["q_x"][-1], atol=0.05 * step)

@@ -47,6 +47,8 @@ def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> st
     """Write an array as an initialiser, rows as structs, lines of at most 100 columns."""
 
     def literal(value: Any) -> str:
+        if values.dtype.kind == "i":
+            return str(value)
         return f"{value}U" if values.dtype.kind == "u" else number(value, precision)
 
     items = map(literal, values) if values.ndim == 1 else (
@@ -70,6 +72,8 @@ def type_of(values: NDArray[Any]) -> str:
     """Return the C type of an array's elements, by its columns."""
     if values.dtype.kind == "u":
         return {1: "unsigned char", 2: "unsigned short"}[values.dtype.itemsize]
+    if values.dtype.kind == "i":
+        return "int"
     columns = values.shape[1] if values.ndim == 2 else 1
     return {1: "amb_real", 2: "amb_stiffness", 4: "amb_force_node"}[columns]
 

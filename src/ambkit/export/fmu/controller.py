@@ -8,14 +8,14 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-from ambkit.control.controller_states import Controller, lies_at
+from ambkit.control.controller_states import Controller
 from ambkit.export.c import c_literals, control
 from ambkit.export.c.c_literals import CPrecision, Name
 from ambkit.machine.loading import levitation_current_at
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.simulation.scenario import Scenario
 
 
@@ -33,10 +33,12 @@ class ControllerStart(NamedTuple):
         return [1 + (item.magnet.type == "two-sided") for item in self.controller.plant.isolated]
 
 
-def has_more_than_pid(scenario: Scenario) -> bool:
-    """Say whether a scenario is flown by more than a PID."""
+def has_more_than_pid(machine: Machine, scenario: Scenario) -> bool:
+    """Say whether a scenario is flown by more than the PID of an axis."""
     law = scenario.controller
-    return scenario.sequence is not None or law.needs_estimate or bool(law.block)
+    return (
+        not machine.single or scenario.sequence is not None or law.needs_estimate or bool(law.block)
+    )
 
 
 def flown(filter: Estimator, scenario: Scenario) -> ControllerStart:
@@ -58,11 +60,6 @@ def flown(filter: Estimator, scenario: Scenario) -> ControllerStart:
     )
     place = controller.down if scenario.start == "landed" else nothing
     return ControllerStart(controller, levitated, place, np.clip(current, low, high))
-
-
-def starts_at(bearing: Bearing, scenario: Scenario) -> float:
-    """Return where the rotor is at the start [m]."""
-    return lies_at(bearing) if scenario.start == "landed" else 0.0
 
 
 def controller_data(of: ControllerStart, precision: CPrecision) -> dict[str, Any]:
@@ -104,8 +101,12 @@ def law_data(controller: Controller) -> dict[str, Any]:
             "[sequence] out of the scenario"
         )
     structs = control.structs(controller, "amb_data")
-    gain = c_literals.number(controller.bearing.amplifier.gain, "double")
-    return {"law": _law(structs, "double", alone=True), "k_ui": gain}
+    gains = [c_literals.number(b.amplifier.gain, "double") for b in controller.plant.isolated]
+    speed_input = not controller.plant.machine.single
+    return {
+        "law": _law(structs, "double", alone=True) | {"speed_input": speed_input},
+        "k_ui": gains,
+    }
 
 
 def _law(structs: control.Structs, precision: CPrecision, *, alone: bool = False) -> dict[str, Any]:

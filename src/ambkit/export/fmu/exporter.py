@@ -13,18 +13,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
-from ambkit.control.control import Control
-from ambkit.control.controller_states import Controller
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import kind_called
 from ambkit.export.c import c_literals
 from ambkit.export.c.c_literals import CPrecision
-from ambkit.export.fmu import archive, compiler, sources, variables, xml
-from ambkit.export.fmu import controller as flown
-from ambkit.export.fmu.variables import Kind, Variable
+from ambkit.export.c.model import c_model
+from ambkit.export.fmu import archive, compiler, rig, sources, variables, xml
+from ambkit.export.fmu import controller as start_data
+from ambkit.export.fmu.variable import Variable, in_unit
+from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.judge.adequacy import require_adequate
-from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.result.document import Statement
 from ambkit.simulation.scenario import Scenario
@@ -44,6 +43,8 @@ class FmuExport:
     identifier: str  #: Its model identifier.
     token: str  #: Its GUID or instantiation token: a hash of all that it was made from.
     variables: tuple[str, ...]  #: Names of its variables, in the order of their value references.
+    inputs: tuple[str, ...] = ()  #: Those of them that are inputs.
+    outputs: tuple[str, ...] = ()  #: And those that are outputs.
 
     def stated(self) -> Statement:
         """Return it as a result."""
@@ -99,11 +100,6 @@ def export_fmu(
     what = scenario or Scenario()
     if short.single:
         what = what.model_copy(update={"controller": what.controller.completed(machine)})
-    elif kind in ("plant", "closed-loop", "controller"):
-        raise AmbkitError(
-            f"{short.name} has several axes: of these there are FMUs of kind estimator and "
-            f"whole-controller, and no {kind}"
-        )
     parts = _parts(kind, machine, filter_, what)
     made = _content(short, kind, fmi, parts, token="")
     token = _token(made.files)
@@ -113,8 +109,13 @@ def export_fmu(
     )
     content = {name: text.encode() for name, text in made.files.items()}
     archive.write(Path(out), content | binaries)
-    names = tuple(variable.name for variable in parts.variables)
-    return FmuExport(Path(out), kind, fmi, made.model.identifier, token, names)
+    names, inputs, outputs = (
+        tuple(item.name for item in parts.variables if role in (None, item.role))
+        for role in (None, "input", "output")
+    )
+    return FmuExport(
+        Path(out), kind, fmi, made.model.identifier, token, names, inputs, outputs
+    )  # fmt: skip
 
 
 class _Parts(NamedTuple):
@@ -132,17 +133,17 @@ def _parts(kind: Kind, machine: Any, filter: Estimator, scenario: Scenario) -> _
         case "estimator":
             return _estimator(filter)
         case "plant":
-            return _plant(machine, flown.starts_at(machine, scenario))
+            return _plant(machine, scenario)
         case "closed-loop":
             return (
                 _whole_loop(filter, scenario)
-                if flown.has_more_than_pid(scenario)
+                if start_data.has_more_than_pid(filter.machine, scenario)
                 else _loop(filter, scenario)
             )
         case "controller":
             return (
                 _regulator(filter, scenario)
-                if flown.has_more_than_pid(scenario)
+                if start_data.has_more_than_pid(filter.machine, scenario)
                 else _pid(machine, scenario)
             )
         case "whole-controller":
@@ -155,12 +156,17 @@ def _estimator(filter: Estimator) -> _Parts:
     return _Parts(about, "estimator", variables.of_estimator(filter), data, filter)
 
 
-def _plant(bearing: Bearing, place: float) -> _Parts:
-    about = f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor"
-    plant_variables = variables.of_plant(bearing, place)
-    sizes = sources.nominals(bearing, [v.rate_of for v in plant_variables if v.rate_of])
+def _plant(machine: Machine, scenario: Scenario) -> _Parts:
+    what = "Bearing" if machine.single else "Machine"
+    about = f"{what} {machine.name}: amplifier, magnet, rotor and sensor"
+    if not machine.single:
+        about = f"{what} {machine.name}: amplifiers, magnets, rotor and sensors"
+    start = rig.RigStart.of(machine, scenario)
+    plant_variables = variables.of_plant(machine, start.place.tolist())
+    rates = [variable.rate_of for variable in plant_variables if variable.rate_of]
+    sizes = rig.nominals(machine, rates)
     model = "plant" if sizes else "late-plant"
-    data = sources.data_files(model, rig=sources.rig_data(bearing), nominals=sizes)
+    data = sources.data_files(model, rig=rig.rig_data(machine, start), nominals=sizes)
     return _Parts(about, model, plant_variables, data, None)
 
 
@@ -170,7 +176,7 @@ def _pid(bearing: Bearing, scenario: Scenario) -> _Parts:
     source = "an estimator" if estimate else "the sensor"
     data = sources.data_files(
         "pid", pid=sources.pid_data(bearing, controller), feedback_estimate=estimate,
-        k_ui=c_literals.number(bearing.amplifier.gain, "double"),
+        k_ui=[c_literals.number(bearing.amplifier.gain, "double")],
         K_sen=c_literals.number(1.0 if estimate else bearing.sensor.gain, "double"),
     )  # fmt: skip
     about = f"The PID controller of bearing {bearing.name}, fed by {source}"
@@ -178,17 +184,16 @@ def _pid(bearing: Bearing, scenario: Scenario) -> _Parts:
 
 
 def _regulator(filter: Estimator, scenario: Scenario) -> _Parts:
-    bearing = filter.bearing
-    if scenario.feedback == "measurement":
+    if scenario.sequence is not None:
         raise AmbkitError(
-            "a controller with blocks that the sensor feeds has no FMU of its own: take kind "
-            "whole-controller or closed-loop"
+            "kind controller has no lift-off: use kind whole-controller, or remove "
+            "[sequence] out of the scenario"
         )
-    controller = Controller.of_axis(bearing, filter, scenario.controller, scenario.sequence)
-    about = f"The {_called(scenario.controller)} of bearing {bearing.name}, fed by an estimator"
-    current = levitation_current_at(bearing)
-    own = variables.of_regulator(filter, current, controller.integral(current, 0.0))
-    data = sources.data_files("regulator", **flown.law_data(controller))
+    start = start_data.flown(filter, scenario)
+    source = "a filter" if start.controller.fed else "the sensors"
+    about = f"The {_called(filter, scenario)} of {filter.bearing.name}, fed by {source}"
+    own = variables.of_regulator(start.controller, start.current)
+    data = sources.data_files("regulator", **start_data.law_data(start.controller))
     return _Parts(about, "regulator", own, data, None)
 
 
@@ -197,7 +202,8 @@ def _loop(filter: Estimator, scenario: Scenario) -> _Parts:
     estimate = controller.feedback == "estimate"
     source = f"the {filter.name}" if estimate else "the sensor"
     data = sources.data_files(
-        "loop-pid", filter=sources.filter_data(filter), rig=sources.rig_data(bearing),
+        "loop-pid", filter=sources.filter_data(filter),
+        rig=rig.rig_data(bearing, rig.RigStart.of(bearing, scenario)),
         pid=sources.pid_data(bearing, controller), feedback_estimate=estimate,
     )  # fmt: skip
     about = f"Bearing {bearing.name}, held by a PID controller that {source} feeds"
@@ -205,28 +211,31 @@ def _loop(filter: Estimator, scenario: Scenario) -> _Parts:
 
 
 def _whole_loop(filter: Estimator, scenario: Scenario) -> _Parts:
-    bearing, start = filter.bearing, flown.flown(filter, scenario)
-    law = _called(scenario.controller)
-    about = f"Bearing {bearing.name}, held by its whole controller: {filter.name}, {law}"
+    machine, start = filter.bearing, start_data.flown(filter, scenario)
+    law = _called(filter, scenario)
+    about = f"{machine.name}, held by its whole controller: {filter.name}, {law}"
+    rig_start = rig.RigStart.of(machine, scenario)
     data = sources.data_files(
-        "loop-flight", filter=sources.filter_data(filter), rig=sources.rig_data(bearing),
-        **flown.controller_data(start, "double"),
+        "loop-flight", filter=sources.filter_data(filter),
+        rig=rig.rig_data(machine, rig_start), **start_data.controller_data(start, "double"),
     )  # fmt: skip
     own = variables.of_loop(filter, scenario.controller, start)
     return _Parts(about, "loop-flight", own, data, filter)
 
 
 def _whole(filter: Estimator, scenario: Scenario) -> _Parts:
-    start = flown.flown(filter, scenario)
-    law = _called(scenario.controller) if filter.machine.single else "of all axes"
+    start, law = start_data.flown(filter, scenario), _called(filter, scenario)
     about = f"The whole controller of {filter.bearing.name}: {filter.name}, {law}"
-    of_controller = flown.controller_data(start, sources.precision_of(filter))
+    of_controller = start_data.controller_data(start, sources.precision_of(filter))
     data = sources.data_files("flight", filter=sources.filter_data(filter), **of_controller)
     return _Parts(about, "flight", variables.of_whole(filter, start), data, filter)
 
 
-def _called(controller: Control) -> str:
-    """Return what a controller is, in words."""
+def _called(filter: Estimator, scenario: Scenario) -> str:
+    """Return what controls a machine, in words."""
+    controller = scenario.controller
+    if not filter.machine.single:
+        return "controller of all axes"
     if controller.type == "lqg":
         return "linear-quadratic regulator"
     return "PID controller" + (" with feed-forward" if controller.needs_estimate else "")
@@ -241,7 +250,10 @@ class _Content(NamedTuple):
 def _content(machine: Machine, kind: Kind, fmi: Fmi, parts: _Parts, token: str) -> _Content:
     """Return all texts of the FMU, with the token in them."""
     fixed = sources.model_files(parts.model, fmi) | parts.data
-    fixed |= sources.library_files(fixed, parts.filter)
+    of_model = None if parts.filter is None else c_model(parts.filter)
+    if of_model is None and not machine.single and "rig.c" in fixed:
+        of_model = rig.room_of(machine)
+    fixed |= sources.library_files(fixed, parts.filter, of_model)
     compiled = sources.compiled_files([*fixed, "description.c"])
     model = Model(
         identifier=_identifier(machine, kind),
@@ -250,7 +262,7 @@ def _content(machine: Machine, kind: Kind, fmi: Fmi, parts: _Parts, token: str) 
         version=version("ambkit"),
         token=token,
         sampling_time=machine.sampling_time,
-        variables=variables.in_unit(parts.variables, machine.control_unit),
+        variables=in_unit(parts.variables, machine.control_unit),
         sources=compiled,
     )
     in_sources = fixed | sources.description_files(parts.model, model)

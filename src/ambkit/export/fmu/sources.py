@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import partial
 from importlib.metadata import distribution, version
 from pathlib import Path
@@ -17,13 +17,9 @@ from ambkit.control.pid import PID
 from ambkit.export import core_sources
 from ambkit.export.c import c_literals, data_file
 from ambkit.export.c.c_literals import CPrecision, Kind
-from ambkit.export.c.model import LOOPS, c_model
+from ambkit.export.c.model import LOOPS, CModel, c_model
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.machine.magnets import core_module, magnet_of, own_time
-from ambkit.models import plant_parts
-from ambkit.models.parts.typical_sizes import Typical
 from ambkit.models.plant import Plant
-from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
@@ -38,8 +34,8 @@ _MODELS: dict[str, tuple[str, ...]] = {
     "late-plant": ("plant_model", "rig", "plant_alone"),
     "loop-pid": (*_IN_LOOP, "loop_pid"),
     "loop-flight": (*_IN_LOOP, "loop_flight", "flight"),
-    "pid": ("controller_model", "demand"),
-    "regulator": ("regulator_model", "demand"),
+    "pid": ("controller_model",),
+    "regulator": ("regulator_model",),
     "flight": ("flight_model", "estimates", "filter", "flight"),
 }
 """What there is in C, the one that defines the model's struct first."""
@@ -54,11 +50,12 @@ def precision_of(filter: Estimator | None) -> CPrecision:
     return "float" if filter is not None and filter.precision == "float32" else "double"
 
 
-def library_files(texts: dict[str, str], filter: Estimator | None) -> dict[str, str]:
+def library_files(
+    texts: dict[str, str], filter: Estimator | None, of_model: CModel | None
+) -> dict[str, str]:
     """Return the library's own C, core and simulation, that C files include."""
     # With each header goes the C file of the same name. All lies in ``sources/`` such that this is
     # the one folder that a compiler must know.
-    of_model = None if filter is None else c_model(filter)
     instead = {LOOPS: None} if of_model is None else of_model.instead
     room = {} if of_model is None else of_model.room
     if room or precision_of(filter) == "float":
@@ -130,17 +127,16 @@ def data_files(model: str, **context: Any) -> dict[str, str]:
     """Return the files that define what the headers of this model declare as data."""
     values: dict[str, Any] = dict.fromkeys(_DATA) | context
     headers = [f"{stem}.h" for stem in _MODELS[model] if (_HERE / "c" / f"{stem}.h").is_file()]
+    rig = values["rig"] or {"magnets": [], "coils": []}
     magnets = [
-        *(values["filter"] or {}).get("magnets", ()),
-        *([values["rig"]] if values["rig"] else []),
-    ]
+        *(values["filter"] or {}).get("magnets", ()), *rig["magnets"], *filter(None, rig["coils"]),
+    ]  # fmt: skip
     headers += dict.fromkeys(magnet["magnet_header"] for magnet in magnets)
     known = {"version": version("ambkit"), "headers": headers}
     files = {"data.c": rendered("data.c.j2", known | values)}
-    if values["filter"]:
-        header_values = {"in_core": values["filter"]["in_core"]} | {
-            k: values[k] for k in ("flown", "law")
-        }
+    if values["filter"] or values["law"]:
+        in_core = values["filter"] and values["filter"]["in_core"]
+        header_values = {"in_core": in_core} | {k: values[k] for k in ("flown", "law", "k_ui")}
         files["data.h"] = rendered("data.h.j2", known | header_values)
     return files
 
@@ -226,42 +222,6 @@ def magnet_data(held: Any, name: str, precision: CPrecision = "double") -> dict[
             {names[path]: array for path, array in arrays.items()}, precision
         ),
     }
-
-
-def rig_data(bearing: Bearing) -> dict[str, Any]:
-    """Return what the data file says of magnet, rotor, amplifier and sensor of a bearing."""
-    # Steps and parts are those of :func:`ambkit.simulate`.
-    law, with_parts = magnet_of(bearing), plant_parts.parts_of(bearing)
-    fields: dict[str, Any] = {
-        "k": bearing.magnet.magnet_constant,
-        "scale": 1.0,
-        "T": bearing.sampling_time,
-        "m": bearing.rotor.mass,
-        "weight": bearing.weight,
-        "bias_force": law.bias_force,
-        "K_sen": bearing.sensor.gain,
-        "T_sen": bearing.sensor_lag,
-        "travel": bearing.rotor.clearance,
-        "substeps": plant_parts.substeps(bearing, Scenario().substeps),
-        "k_ui": bearing.amplifier.gain,
-        "iu_min": bearing.current_min,
-        "iu_max": bearing.current_max,
-    }
-    if with_parts:
-        fields |= {"with_parts": True, "parts": with_parts}
-        if (coil := plant_parts.coil_fields(bearing)) is not None:
-            fields["coil"] = coil
-    held = law.in_core(core_module("float64"))
-    return magnet_data(held, "rig") | {"text": c_literals.struct_with_arrays(fields, "double")}
-
-
-def nominals(bearing: Bearing, states: Sequence[str]) -> list[str]:
-    """Return the typical size of each state of a plant in continuous time, in its unit."""
-    travel = bearing.rotor.clearance
-    sizes = {"x": travel, "x_m": abs(bearing.sensor.gain) * travel, "v": travel / own_time(bearing)}
-    sizes |= dict.fromkeys(plant_parts.between_magnet_and_rotor(bearing), Typical.of(bearing).force)
-    values = (sizes.get(name, bearing.amplifier.current_limit) for name in states)
-    return [c_literals.number(value, "double") for value in values]
 
 
 def pid_data(bearing: Bearing, controller: PID) -> str:

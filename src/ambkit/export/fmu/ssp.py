@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ from ambkit.export.fmu.xml import Fmi, written
 from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
 
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
@@ -27,7 +28,7 @@ Wire = tuple[str, str, str, str]
 
 
 def export_ssp(
-    bearing: Bearing,
+    bearing: Machine,
     magnet: MagnetModel | None,
     out: str | os.PathLike[str],
     *,
@@ -58,48 +59,46 @@ def export_ssp(
             for element, kind in kinds.items()
         }
         content = {f"resources/{one.path.name}": one.path.read_bytes() for one in made.values()}
-    estimate = what.feedback != "measurement"
-    wires = _two() if has_sequence else _three(made["controller"], estimate=estimate)
+    wires = _wires(made, estimate=what.feedback != "measurement" and not has_sequence)
     content["SystemStructure.ssd"] = description(bearing.name, wires).encode()
     archive.write(Path(out), content)
     return tuple(made.values())
 
 
-def _three(controller: FmuExport, *, estimate: bool) -> list[Wire]:
-    """Return the wires of plant, estimator and controller; `estimate`: it is what feeds it."""
-    names = controller.variables
-    states = names[names.index("r") + 1 : names.index("u")]
-    fed: list[Wire] = [("estimator", name, "controller", name) for name in states]
-    return [
-        ("plant", "y", "estimator", "y"),
-        ("controller", "u", "plant", "u"),
-        ("controller", "u", "estimator", "u"),
-        *(fed if estimate else [("plant", "y", "controller", "x")]),
-        *_outside(("r",)),
-        ("estimator", "x", "", "estimate_x"),
-        ("estimator", "f_d", "", "estimate_f_d"),
+def _wires(made: dict[str, FmuExport], *, estimate: bool) -> list[Wire]:
+    """Return the wires between elements, and to outside; `estimate`: what feeds the controller."""
+    sources = {
+        "plant": ("controller",),
+        "estimator": ("plant", "controller"),
+        "controller": ("estimator",) if estimate else ("plant",),
+    }
+    plant, wires = made["plant"], list[Wire]()
+    for element, one in made.items():
+        for name in one.inputs:
+            output = name
+            if element == "controller" and not estimate and name in ("x", "v"):
+                if name == "v":  # that a PID of the sensor does not look at
+                    continue
+                output = "y"
+            source = next((s for s in sources[element] if output in made[s].outputs), None)
+            if source is not None:
+                wires.append((source, output, element, name))
+            elif not name.startswith("fault_") and name != "on":
+                wires.append(("", name, element, name))
+    displayed = [
+        name for name in plant.outputs if name == "x" or name.startswith(("q_", "s_", "y"))
     ]
-
-
-def _two() -> list[Wire]:
-    """Return the wires of a plant and a whole controller."""
-    return [
-        ("plant", "y", "controller", "y"),
-        ("controller", "u", "plant", "u"),
-        ("controller", "on", "plant", "on"),
-        *_outside(("r", "fly")),
-        ("controller", "mode", "", "mode"),
-        ("controller", "estimate.x", "", "estimate_x"),
-        ("controller", "estimate.f_d", "", "estimate_f_d"),
-    ]
-
-
-def _outside(to_controller: tuple[str, ...]) -> list[Wire]:
-    """Return the wires of the system's own inputs and outputs that all have."""
-    inputs = [("", name, "controller", name) for name in to_controller]
-    inputs += [("", name, "plant", name) for name in ("f_d", "noise_u", "noise_y")]
-    outputs = [("plant", "x", "", "x"), ("plant", "y", "", "y"), ("controller", "u", "", "u")]
-    return inputs + outputs
+    wires += [("plant", name, "", name) for name in displayed]
+    of_controller = [n for n in made["controller"].outputs if re.match(r"(u|mode)(_|$)", n)]
+    wires += [("controller", name, "", name) for name in of_controller]
+    element, before = list(made)[-1], "" if len(made) > 2 else "estimate."
+    for output in made[element].outputs:
+        name = output.removeprefix(before)
+        if output.startswith(before) and (
+            name == "x" or name.startswith("f_d") or f"q_{name}" in plant.outputs
+        ):
+            wires.append((element, output, "", f"estimate_{name}"))
+    return wires
 
 
 def description(name: str, wires: list[Wire]) -> str:

@@ -2,89 +2,29 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from ambkit.data.signals import signal
 from ambkit.estimate.machine_model import several
 from ambkit.export.c.model import states
+from ambkit.export.fmu.variable import TIME, Limit, Variable, per_name
+from ambkit.models.continuous import continuous
 from ambkit.models.plant_parts import between_magnet_and_rotor
 
 if TYPE_CHECKING:
+    from ambkit.base.arrays import Array
     from ambkit.control.control import Control
+    from ambkit.control.controller_states import Controller
     from ambkit.control.pid import PID
     from ambkit.estimate.estimator import Estimator
     from ambkit.export.fmu.controller import ControllerStart
     from ambkit.machine.machine import Bearing, Machine
 
 Kind = Literal["estimator", "plant", "closed-loop", "controller", "whole-controller"]
-Role = Literal["time", "fixed", "tunable", "input", "output", "local"]
-Limit = Literal["any", "not negative", "positive", "losable"]
-
-
-@dataclass(frozen=True)
-class Variable:
-    """A variable of a model; its value reference is its place in the table."""
-
-    name: str  #: As the importer shows it.
-    #: Fixed parameters hold from the start, tunable ones can be changed between steps; local is
-    #: what only importers that integrate ask for.
-    role: Role
-    unit: str  #: As in `UNITS`; empty for integers.
-    about: str  #: In a few words.
-    start: float = 0.0  #: Start value; of an output, nothing.
-    #: Of a value that is set; what is losable may be NaN, as of a lost sensor.
-    limit: Limit = "any"
-    #: Inputs and parameters that an output follows at once, not with the next step.
-    follows: tuple[str, ...] = ()
-    held: bool = False  #: Changes only with a sample.
-    rate_of: str = ""  #: State whose derivative it is.
-    event: bool = False  #: Whether an event begins where its sign changes.
-    #: In C, of those that stand together and of which this is the first; empty for others.
-    first: str = ""
-
-    @property
-    def integer(self) -> bool:
-        """Whether it is a whole number: those have no unit."""
-        return not self.unit
-
-    @property
-    def reference(self) -> str:
-        """Name of its value reference in C."""
-        return "VR_" + re.sub(r"\W", "_", self.name)
-
-
-UNITS = (
-    "1", "s", "m", "m2", "m/s", "m/s2", "rad", "rad/s", "kg.m", "N/s", "kg", "A", "A/s", "A/m",
-    "A/(m.s)", "A.s/m", "V", "A2", "V2", "N", "N/A", "N/m", "N2/s", "N.m2/A2",
-)  # fmt: skip
-"""Units of variables, in the order of the file."""
-
-_DERIVED = {"N": {"kg": 1, "m": 1, "s": -2}, "V": {"kg": 1, "m": 2, "s": -3, "A": -1}}
-
-
-def exponents(unit: str) -> dict[str, int]:
-    """Return the exponents of the SI base units in a unit."""
-    total: dict[str, int] = {}
-    for sign, product in zip((1, -1), unit.split("/"), strict=False):
-        for name, power in re.findall(r"([A-Za-z]+)(\d?)", product):
-            for base, exponent in _DERIVED.get(name, {name: 1}).items():
-                total[base] = total.get(base, 0) + sign * exponent * int(power or 1)
-    order = ("kg", "m", "s", "A") if total.get("kg") else ("rad", "A", "m", "s")
-    return {base: total[base] for base in order if total.get(base)}
-
-
-TIME = Variable("time", "time", "s", "time")
-
-
-def in_unit(variables: Sequence[Variable], control: str) -> tuple[Variable, ...]:
-    """Return variables with control signals in their unit."""
-    units = {"V": control, "V2": f"{control}2"}
-    return tuple(
-        replace(variable, unit=units.get(variable.unit, variable.unit)) for variable in variables
-    )
 
 
 def of_estimator(filter: Estimator) -> tuple[Variable, ...]:
@@ -93,7 +33,7 @@ def of_estimator(filter: Estimator) -> tuple[Variable, ...]:
     return (
         TIME,
         *_readings(filter.machine),
-        *_per_name("u", "input", "V", about, _axes(filter.machine), limit="losable"),
+        *per_name("u", "input", "V", about, _axes(filter.machine), limit="losable"),
         *_estimates("", filter),
         *_variances(filter),
     )
@@ -103,32 +43,22 @@ def _axes(machine: Machine) -> list[str]:
     return [axis.name for axis in machine.axes]
 
 
-def _per_name(
-    what: str, role: Role, unit: str, about: str, names: Sequence[str],
-    starts: Iterable[float] | float = 0.0, **more: Any,
-) -> list[Variable]:  # fmt: skip
-    """Return a variable for each name of an axis or a reading."""
-    start_values = several(starts) * (1 if isinstance(starts, tuple | list) else len(names))
-    block = what.rsplit(".", 1)[-1]
-    return [
-        Variable(signal(what, name), role, unit, about + (f", {name}" if name else ""),
-                 float(start), first="" if k else block, **more)
-        for k, (name, start) in enumerate(zip(names, start_values, strict=True))
-    ]  # fmt: skip
+def _reading_names(machine: Machine) -> list[str]:
+    return [reading.name for reading in machine.readings]
 
 
 def _readings(machine: Machine) -> list[Variable]:
-    names = [reading.name for reading in machine.readings]
-    return _per_name("y", "input", "m", "measured position; NaN: lost", names, limit="losable")
+    names, about = _reading_names(machine), "measured position; NaN: lost"
+    return per_name("y", "input", "m", about, names, limit="losable")
 
 
 def _references(machine: Machine, **more: Any) -> list[Variable]:
-    return _per_name("r", "input", "m", "position that is demanded", _axes(machine), **more)
+    return per_name("r", "input", "m", "position that is demanded", _axes(machine), **more)
 
 
 def _estimates(prefix: str, filter: Estimator) -> list[Variable]:
     known = {"x": "displacement", "x_m": "position as the sensor shows it"}
-    axes, readings = _axes(filter.machine), [r.name for r in filter.machine.readings]
+    axes, readings = _axes(filter.machine), _reading_names(filter.machine)
     results = []
     for block, before, about in (
         ("mean", "", "estimated {known}"), ("std", "std_", "standard deviation of {field}"),
@@ -149,13 +79,13 @@ def _estimates(prefix: str, filter: Estimator) -> list[Variable]:
         ("variance", "m2", "variance of the innovation, as the filter expects it", readings),
         ("status", "", "sum of flags, 0 where all is well (sources/ambkit/status.h)", [""]),
     ):
-        results += _per_name(prefix + name, "output", unit, about, of, held=True)
+        results += per_name(prefix + name, "output", unit, about, of, held=True)
     return results
 
 
 def _variances(filter: Estimator) -> list[Variable]:
     assumed, axes = filter.variances, _axes(filter.machine)
-    readings = [reading.name for reading in filter.machine.readings]
+    readings = _reading_names(filter.machine)
     rows: Any = (
         ("measurement_variance", "m2", "variance of the measurement", readings, assumed.measurement,
          "positive"),
@@ -167,42 +97,55 @@ def _variances(filter: Estimator) -> list[Variable]:
     return [
         variable
         for name, unit, about, of, starts, limit in rows
-        for variable in _per_name(
+        for variable in per_name(
             name, "tunable", unit, f"{about} that the filter assumes", of, several(starts),
             limit=limit,
         )
     ]  # fmt: skip
 
 
-def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
-    """Return the variables of a plant that starts at this place [m]."""
-    sensor_inputs = ("noise_y", "fault_y_gain", "fault_y_offset", "fault_frozen")
+def of_plant(machine: Machine, places: Sequence[float]) -> tuple[Variable, ...]:
+    """Return the variables of a plant that starts at these places along the axes [m]."""
+    axes, readings = _axes(machine), _reading_names(machine)
     known = (
         TIME,
-        Variable("u", "input", "V", "control signal, acts from when it is set"),
+        *per_name("u", "input", "V", "control signal, acts from when it is set", axes),
         Variable("on", "input", "1", "currents, that of the bias too: from 0.5 on", 1.0),
-        Variable("f_d", "input", "N", "disturbance force"),
-        *_noises(bearing),
-        *_FAULTS,
-        *_TRUTH,
-        Variable("y", "output", "m", "measured position: x_m and noise_y, with the sensor's faults",
-                 follows=sensor_inputs),
-        *_FORCED,
+        *_outside(machine),
+        *_noises(machine),
+        *(
+            variable
+            for name, unit, about, start, limit in _FAULTS
+            for variable in per_name(
+                name, "input", unit, about, axes if name in _OF_CONTROL else readings,
+                start, limit=limit,
+            )
+        ),
+        *_truth(machine),
+        *(
+            replace(at, follows=tuple(signal(name, of) for name in _SENSOR_INPUTS))
+            for of, at in zip(readings, per_name(
+                "y", "output", "m", "measured position: x_m and noise_y, with the sensor's faults",
+                readings,
+            ), strict=True)
+        ),
+        *_forced(machine),
     )  # fmt: skip
-    if not in_continuous_time(bearing):
-        return (*known, *_rig(bearing, place))
+    if not in_continuous_time(machine):
+        return (*known, *_rig(machine, places))
+    bearing: Any = machine
     more = tuple(_continuous(bearing))
     flowing = (item.name for item in more if item.name.startswith("i_"))
     current = ("u", "on", "noise_u", "fault_u_gain", "fault_current", *flowing)
     states = {"x": ("x",), "v": ("v",), "x_m": ("x_m",), "y": ("x_m",), "iu": current,
               "f_mag": ("x", *current, *between_magnet_and_rotor(bearing))}  # fmt: skip
     with_states = (replace(v, follows=(*v.follows, *states.get(v.name, ()))) for v in known)
-    return (*with_states, *more, *_rig(bearing, place))
+    return (*with_states, *more, *_rig(machine, places))
 
 
-def in_continuous_time(bearing: Bearing) -> bool:
-    """Say whether a plant is one of differential equations: a dead time is not."""
-    return bearing.delay is None
+def in_continuous_time(machine: Machine) -> bool:
+    """Say whether an importer can integrate a plant: an axis without a dead time."""
+    return machine.single and machine.delay is None
 
 
 def _continuous(bearing: Bearing) -> Iterator[Variable]:
@@ -227,23 +170,28 @@ def _continuous(bearing: Bearing) -> Iterator[Variable]:
 def of_loop(
     filter: Estimator, controller: PID, loop_controller: ControllerStart | None = None
 ) -> tuple[Variable, ...]:
-    """Return the variables of a closed loop; `flown`: the whole controller in it, if it has one."""
-    bearing, start = filter.bearing, loop_controller
+    """Return the variables of a closed loop; `loop_controller`: the whole one in it, if any."""
+    machine, start = filter.bearing, loop_controller
+    axes = _axes(machine)
     return (
         TIME,
-        Variable("r", "input", "m", "position that is demanded"),
+        *_references(machine),
         *_fly_input(start),
-        Variable("f_d", "input", "N", "disturbance force"),
-        *_noises(bearing),
-        *_TRUTH,
-        Variable("y", "output", "m", "measured position", held=True),
-        Variable("u", "output", "V", "control signal", held=True),
-        *_FORCED,
+        *_outside(machine),
+        *_noises(machine),
+        *_truth(machine),
+        *per_name("y", "output", "m", "measured position", _reading_names(machine), held=True),
+        *per_name("u", "output", "V", "control signal", axes, held=True),
+        *_forced(machine),
         *_estimates("estimate.", filter),
         *_mode(start),
-        *_rig(bearing, 0.0 if start is None else float(start.place[0])),
+        *_rig(machine, [0.0] if start is None else start.place.tolist()),
         *_variances(filter),
-        *(_gains(controller, bearing) if start is None else [_current(float(start.current[0]))]),
+        *(
+            _gains(controller, filter.bearing)
+            if start is None
+            else _currents(machine, start.current)
+        ),
     )
 
 
@@ -262,21 +210,18 @@ def of_whole(filter: Estimator, loop_controller: ControllerStart) -> tuple[Varia
         *_readings(machine),
         *_references(machine, limit="losable"),
         *_fly_input(loop_controller),
-        *([] if machine.single else [
-            Variable("speed", "input", "rad/s", "speed of rotation", machine.speed)
-        ]),
+        *_speed(machine),
         replace(coils[0], first="coil_0"), *coils[1:],
-        *_per_name("u", "output", "V", "control signal", axes, held=True),
-        *_per_name("iu", "output", "A", demanded, axes, held=True),
+        *per_name("u", "output", "V", "control signal", axes, held=True),
+        *per_name("iu", "output", "A", demanded, axes, held=True),
         Variable("on", "output", "1", "1 where there are currents, else 0", held=True),
         Variable("status", "output", "", "sum of flags, of estimator and controller", held=True),
         *_mode(loop_controller),
         *_estimates("estimate.", filter),
         *_variances(filter),
-        *_per_name("start_position", "fixed", "m", "displacement at the start", axes,
+        *per_name("start_position", "fixed", "m", "displacement at the start", axes,
                loop_controller.place.tolist()),
-        *_per_name("start_current", "fixed", "A", "demanded until the start", axes,
-               loop_controller.current.tolist()),
+        *_currents(machine, loop_controller.current),
     )  # fmt: skip
 
 
@@ -296,21 +241,33 @@ def _mode(loop_controller: ControllerStart | None) -> list[Variable]:
     return [Variable("mode", "output", "", about, held=True)]
 
 
-def of_regulator(filter: Estimator, current: float, integral: float) -> tuple[Variable, ...]:
-    """Return the variables of a controller of all states, that starts with these [A]."""
-    equilibrium = filter.equilibrium_state(0.0, current=current)
-    described = zip(states(filter.states), filter.states, equilibrium, strict=True)
+def of_regulator(controller: Controller, current: Array) -> tuple[Variable, ...]:
+    """Return the variables of controllers that start with these currents (p,) [A]."""
+    filter, machine = controller.estimator, controller.estimator.machine
+    axes, nothing = _axes(machine), np.zeros(len(current))
+    integrals = controller.integrals(current, nothing)
+    names = [""] if len(integrals) == 1 else [str(k + 1) for k in range(len(integrals))]
+    if controller.fed:
+        middle = np.zeros(filter.view.H.shape[1])
+        start_states = np.ravel(filter.equilibrium_state(middle, current=current))
+        described = zip(states(filter.states), filter.states, start_states, strict=True)
+        seen = [
+            Variable(state.field, "input", item.unit.replace(" ", "."), f"estimated {item.role}",
+                     float(start), limit="losable")
+            for state, item, start in described
+        ]  # fmt: skip
+    else:
+        seen = _readings(machine)
     return (
         TIME,
-        Variable("r", "input", "m", "position that is demanded"),
-        *(
-            Variable(state.field, "input", item.unit, f"estimated {item.role}", float(start),
-                     limit="losable")
-            for state, item, start in described
-        ),
-        Variable("u", "output", "V", "control signal", held=True),
-        _current(current),
-        Variable("start_integral", "fixed", "A", "of the controller, in flight", integral),
+        *_references(machine),
+        *_speed(machine),
+        replace(seen[0], first="fed"),
+        *(replace(variable, first="") for variable in seen[1:]),
+        *per_name("u", "output", "V", "control signal", axes, held=True),
+        *_currents(machine, current),
+        *per_name("start_integral", "fixed", "A", "of the controller, in flight", names,
+                   integrals.tolist()),
     )  # fmt: skip
 
 
@@ -329,49 +286,104 @@ def of_controller(bearing: Bearing, controller: Control) -> tuple[Variable, ...]
     )
 
 
-def _noises(bearing: Bearing) -> list[Variable]:
-    sensor = bearing.sensor
-    parts = {"coloured noise": sensor.coloured_noise, "hum": sensor.hum}
-    named = "".join(f", {name} too" for name, part in parts.items() if part)
-    about = f"noise on the measurement{named}; NaN: the sensor is lost"
+def _speed(machine: Machine) -> list[Variable]:
+    if machine.single:
+        return []
+    return [Variable("speed", "input", "rad/s", "speed of rotation", machine.speed)]
+
+
+def base_inputs(machine: Machine) -> list[str]:
+    """Return the ways x, y, z in which a foundation can shake a machine, "" where it cannot."""
+    ways = () if machine.single else machine.rigid_positions
+    return [f"base_{way}" if way in ways else "" for way in "xyz"]
+
+
+def _outside(machine: Machine) -> list[Variable]:
+    """Return what acts on a plant beside its controllers."""
     return [
-        Variable("noise_u", "input", "V", "noise on the control signal"),
-        Variable("noise_y", "input", "m", about, limit="losable"),
-    ]
+        *_speed(machine),
+        *(
+            Variable(name, "input", "m/s2", "acceleration of the foundation")
+            for name in base_inputs(machine) if name
+        ),
+        *per_name("f_d", "input", "N", "disturbance force", _axes(machine)),
+    ]  # fmt: skip
 
 
-_FAULTS = (
-    Variable("fault_y_gain", "input", "1", "fault: the measurement times that", 1.0),
-    Variable("fault_y_offset", "input", "m", "fault: and so much more"),
-    Variable("fault_frozen", "input", "1", "fault: from 0.5 on the measurement stands still"),
-    Variable("fault_u_gain", "input", "1", "fault: the control signal times that", 1.0),
-    Variable("fault_current", "input", "1", "fault: share of the amplifier's range that is left",
-             1.0, "not negative"),
+def _noises(machine: Machine) -> list[Variable]:
+    variables = per_name("noise_u", "input", "V", "noise on the control signal", _axes(machine))
+    for k, reading in enumerate(machine.readings):
+        parts = {"coloured noise": reading.sensor.coloured_noise, "hum": reading.sensor.hum}
+        named = "".join(f", {name} too" for name, part in parts.items() if part)
+        about = f"noise on the measurement{named}; NaN: the sensor is lost"
+        (variable,) = per_name("noise_y", "input", "m", about, [reading.name], limit="losable")
+        variables.append(replace(variable, first="" if k else "noise_y"))
+    return variables
+
+
+_SENSOR_INPUTS = ("noise_y", "fault_y_gain", "fault_y_offset", "fault_frozen")
+_OF_CONTROL = ("fault_u_gain", "fault_current")
+_FAULTS: tuple[tuple[str, str, str, float, Limit], ...] = (
+    ("fault_y_gain", "1", "fault: the measurement times that", 1.0, "any"),
+    ("fault_y_offset", "m", "fault: and so much more", 0.0, "any"),
+    ("fault_frozen", "1", "fault: from 0.5 on the measurement stands still", 0.0, "any"),
+    ("fault_u_gain", "1", "fault: the control signal times that", 1.0, "any"),
+    ("fault_current", "1", "fault: share of the amplifier's range that is left", 1.0,
+     "not negative"),
 )  # fmt: skip
-_TRUTH = (
-    Variable("x", "output", "m", "displacement of the rotor"),
-    Variable("v", "output", "m/s", "its velocity"),
-    Variable("x_m", "output", "m", "position as the sensor shows it, without noise"),
-)
-_FORCED = (
-    Variable("iu", "output", "A", "control current until now", held=True),
-    Variable("f_mag", "output", "N", "force of the magnet now", follows=("magnet_constant",)),
-)
 
 
-def _current(current: float) -> Variable:
-    return Variable("start_current", "fixed", "A", "demanded until the start", current)
-
-
-def _rig(bearing: Bearing, place: float = 0.0) -> list[Variable]:
-    mass, k = bearing.rotor.mass, bearing.magnet.magnet_constant
+def _truth(machine: Machine) -> list[Variable]:
+    """Return positions and velocities, and what sensors and axes see of them."""
+    shown = per_name("x_m", "output", "m", "position as the sensor shows it, without noise",
+                      _reading_names(machine))  # fmt: skip
+    if machine.single:
+        return [
+            Variable("x", "output", "m", "displacement of the rotor", first="q"),
+            Variable("v", "output", "m/s", "its velocity"),
+            *shown,
+        ]
+    moving = continuous(machine).states[: 2 * len(machine.positions)]
     return [
-        Variable("start_position", "fixed", "m", "displacement at the start", place),
-        Variable("mass", "tunable", "kg", "mass of the rotor", mass, "positive"),
-        Variable(
-            "magnet_constant", "tunable", "N.m2/A2", "constant k of the magnet", k, "positive"
+        *(
+            Variable(f"q_{at.name}", "output", at.unit.replace(" ", "."), at.role,
+                     first="" if k else "q")
+            for k, at in enumerate(moving)
+        ),
+        *shown,
+        *per_name("s", "output", "m", "displacement of the rotor along the axis", _axes(machine)),
+    ]  # fmt: skip
+
+
+def _forced(machine: Machine) -> list[Variable]:
+    axes = _axes(machine)
+    forces = per_name("f_mag", "output", "N", "force of the magnet now", axes)
+    return [
+        *per_name("iu", "output", "A", "control current until now", axes, held=True),
+        *(
+            replace(force, follows=(signal("magnet_constant", axis),))
+            for force, axis in zip(forces, axes, strict=True)
         ),
     ]
+
+
+def _currents(machine: Machine, currents: Array) -> list[Variable]:
+    about = "demanded until the start"
+    return per_name("start_current", "fixed", "A", about, _axes(machine), currents.tolist())
+
+
+def _rig(machine: Machine, places: Sequence[float]) -> list[Variable]:
+    axes, constants = _axes(machine), [a.bearing.magnet.magnet_constant for a in machine.axes]
+    single: Any = machine
+    mass = [
+        Variable("mass", "tunable", "kg", "mass of the rotor", single.rotor.mass, "positive")
+    ] if machine.single else []  # fmt: skip
+    return [
+        *per_name("start_position", "fixed", "m", "displacement at the start", axes, list(places)),
+        *mass,
+        *per_name("magnet_constant", "tunable", "N.m2/A2", "constant k of the magnet", axes,
+                   constants, limit="positive"),
+    ]  # fmt: skip
 
 
 def _gains(controller: PID, bearing: Bearing) -> list[Variable]:
@@ -380,7 +392,14 @@ def _gains(controller: PID, bearing: Bearing) -> list[Variable]:
     current = levitation_current_at(bearing)
     weight = "share of the reference that kp sees"
     return [
-        Variable("start_current", "fixed", "A", "of the controller's integral", current),
+        Variable(
+            "start_current",
+            "fixed",
+            "A",
+            "of the controller's integral",
+            current,
+            first="start_current",
+        ),
         Variable("controller.kp", "tunable", "A/m", "proportional gain", controller.kp),
         Variable("controller.ki", "tunable", "A/(m.s)", "integral gain", controller.ki),
         Variable("controller.kd", "tunable", "A.s/m", "derivative gain", controller.kd),

@@ -8,7 +8,7 @@ from typing import Literal
 from xml.etree import ElementTree
 
 from ambkit.base.escaping import one_line
-from ambkit.export.fmu.variables import UNITS, Variable, exponents
+from ambkit.export.fmu.variable import UNITS, Variable, exponents
 
 Fmi = Literal[2, 3]
 

@@ -16,7 +16,7 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   const amb_status status = amb_unit_tune(model, value);
   amb_pid_reset(&model->state, value[VR_start_current]);
   model->u =
-      amb_clamp(value[VR_start_current], model->pid.iu_min, model->pid.iu_max) / amb_data_k_ui;
+      amb_clamp(value[VR_start_current], model->pid.iu_min, model->pid.iu_max) / amb_data_k_ui[0];
   return status;
 }
 
@@ -26,5 +26,18 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   const amb_real v = value[VR_v];
   (void)amb_pid_step(&model->pid, &model->state, value[VR_r], value[VR_x] / amb_data_K_sen,
                      amb_data_feedback_estimate ? &v : NULL, &iu);
-  model->u = iu / amb_data_k_ui;
+  model->u = iu / amb_data_k_ui[0];
+}
+
+/* What a controller looks at when a sample begins is all there is to do in it. */
+void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
+{
+  (void)to;
+  if (!(from > 0))
+    amb_unit_sample(model, value);
+}
+
+void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
+{
+  value[VR_u] = model->u;
 }

@@ -13,7 +13,7 @@ typedef struct amb_unit {
 
 /* Written by the export. */
 extern const amb_pid amb_data_pid;
-extern const amb_real amb_data_k_ui;          /* amplifier gain [A/V] */
+extern const amb_real amb_data_k_ui[];        /* amplifier gain [A/V] */
 extern const amb_real amb_data_K_sen;         /* sensor gain [1]; 1 where an estimator feeds it */
 extern const bool amb_data_feedback_estimate; /* whether a velocity comes with the position */
 

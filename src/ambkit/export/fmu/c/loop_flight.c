@@ -16,12 +16,12 @@ void amb_held_by(const amb_unit *model, amb_control *control, amb_loop *loop)
   loop->control = control;
 }
 
-void amb_held_start(const amb_loop *loop, amb_unit *model, const double value[])
+void amb_held_start(const amb_loop *loop, amb_unit *model, const amb_real place[],
+                    const double value[])
 {
   amb_loop_state *s = &model->state;
   (void)value;
-  amb_flight_start(loop->control, &s->control, &model->estimate, &s->flown, s->plant.X,
-                   s->demanded);
+  amb_flight_start(loop->control, &s->control, &model->estimate, &s->flown, place, s->demanded);
 }
 
 bool amb_held_wanted(const double value[])
@@ -32,7 +32,7 @@ bool amb_held_wanted(const double value[])
 void amb_held_show(const amb_unit *model, double value[])
 {
   const amb_control_output *flown = &model->state.flown;
-  if (!flown->on) /* no current, not even that of the bias */
-    value[VR_f_mag] = 0;
+  for (int f = 0; !flown->on && (f < amb_data_rig.axes); f++)
+    value[FIRST_f_mag + f] = 0; /* no current, not even that of the bias */
   amb_flight_show(flown, value);
 }

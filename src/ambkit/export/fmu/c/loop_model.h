@@ -20,8 +20,9 @@ typedef struct amb_unit {
 void amb_held_tune(amb_unit *model, const double value[]);
 /* ... makes itself known to the loop, for as long as `control` stays where it is; ... */
 void amb_held_by(const amb_unit *model, amb_control *control, amb_loop *loop);
-/* ... starts, where the plant is and with the current that is demanded; ... */
-void amb_held_start(const amb_loop *loop, amb_unit *model, const double value[]);
+/* ... starts, at these places along the axes [m] and with the currents that are demanded; ... */
+void amb_held_start(const amb_loop *loop, amb_unit *model, const amb_real place[],
+                    const double value[]);
 /* ... says whether it is to fly; ... */
 bool amb_held_wanted(const double value[]);
 /* ... and writes its outputs. */

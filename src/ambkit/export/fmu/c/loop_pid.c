@@ -18,9 +18,11 @@ void amb_held_by(const amb_unit *model, amb_control *control, amb_loop *loop)
   loop->feedback_estimate = amb_data_feedback_estimate;
 }
 
-void amb_held_start(const amb_loop *loop, amb_unit *model, const double value[])
+void amb_held_start(const amb_loop *loop, amb_unit *model, const amb_real place[],
+                    const double value[])
 {
   (void)loop;
+  (void)place;
   amb_pid_reset(&model->state.pid[0], value[VR_start_current]);
 }
 

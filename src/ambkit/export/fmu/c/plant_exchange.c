@@ -5,9 +5,8 @@
 /* The angle of rotation counts from the start. */
 static void turn(amb_unit *model, double time)
 {
-  const amb_parts *parts = &model->rig.parts;
   amb_plant_state *s = &model->state;
-  const double turns = parts->speed * time / TURN;
+  const double turns = amb_data_rig.axis.parts->speed * time / TURN;
   const double rest = turns - (double)(int64_t)turns;
   const double within = (rest > 0.5) ? rest - 1 : ((rest < -0.5) ? rest + 1 : rest);
   amb_parts_turn(within * TURN, &s->cosine, &s->sine);
@@ -15,17 +14,19 @@ static void turn(amb_unit *model, double time)
 
 void amb_unit_follow(amb_unit *model, double time, const double value[AMB_VARIABLES])
 {
-  amb_plant_demand(model, value);
-  if (model->rig.with_parts)
+  amb_rig_room room;
+  const amb_plant plant = amb_rig_plant(&model->rig, &room);
+  amb_plant_demand(model, &plant, value);
+  if (amb_data_rig.with_parts)
     turn(model, time);
   for (int n = 0; n < AMB_DELAY_MOST + 2; n++)
-    model->state.demanded[n][0] = model->demanded;
+    model->state.demanded[n][0] = model->demanded[0];
 }
 
 /* Where a state that an importer integrates is in the plant's: currents come first, if they lag. */
-static int place(const amb_rig *rig, int i)
+static int place(int i)
 {
-  const int between = rig->with_parts ? rig->parts.behind : 0;
+  const int between = amb_data_rig.with_parts ? amb_data_rig.axis.parts->behind : 0;
   const int first = AMB_CONTINUOUS_STATES - between;
   return (i < first) ? i : (5 + i - first);
 }
@@ -33,13 +34,13 @@ static int place(const amb_rig *rig, int i)
 void amb_unit_states(const amb_unit *model, double states[])
 {
   for (int i = 0; i < AMB_CONTINUOUS_STATES; i++)
-    states[i] = model->state.X[place(&model->rig, i)];
+    states[i] = model->state.X[place(i)];
 }
 
 void amb_unit_set_states(amb_unit *model, const double states[])
 {
   for (int i = 0; i < AMB_CONTINUOUS_STATES; i++)
-    model->state.X[place(&model->rig, i)] = states[i];
+    model->state.X[place(i)] = states[i];
 }
 
 /* Rates of a rotor that no hard stop holds. */
@@ -48,8 +49,8 @@ static void rates(const amb_unit *model, const double value[AMB_VARIABLES],
 {
   amb_rig_room room;
   const amb_plant plant = amb_rig_plant(&model->rig, &room);
-  const amb_real f_d = value[VR_f_d];
-  const amb_acts acts = amb_rig_acts(&model->rig, &model->demanded, &f_d);
+  const amb_outside outside = amb_rig_outside(&plant, value);
+  const amb_acts acts = amb_rig_acts(&model->rig, model->demanded, &outside);
   amb_plant_rates(&plant, &model->state, &acts, found);
 }
 
@@ -66,28 +67,29 @@ void amb_unit_slopes(const amb_unit *model, const double value[AMB_VARIABLES], d
   amb_real found[AMB_PLANT_STATES];
   rates(model, value, found);
   for (int i = 0; i < AMB_CONTINUOUS_STATES; i++)
-    slopes[i] = (i < 2) && (model->held != 0) ? 0 : found[place(&model->rig, i)];
+    slopes[i] = (i < 2) && (model->held != 0) ? 0 : found[place(i)];
 }
 
 void amb_plant_show_rates(const amb_unit *model, double value[])
 {
   amb_unit_slopes(model, value, &value[VR_der_x_]); /* they stand together, in their order */
   for (int i = 3; i < AMB_CONTINUOUS_STATES; i++)   /* and those of the other states before them */
-    value[VR_der_x_ - AMB_CONTINUOUS_STATES + i] = model->state.X[place(&model->rig, i)];
+    value[VR_der_x_ - AMB_CONTINUOUS_STATES + i] = model->state.X[place(i)];
   amb_unit_indicators(model, value, &value[VR_event_0]);
 }
 
 /* Where the rotor's way ends: at a hard stop, or where a soft one gives way no more. */
-static amb_real end_of(const amb_rig *rig)
+static amb_real end_of(void)
 {
-  return (rig->parts.stiffness > 0) ? rig->parts.farthest : rig->travel;
+  const amb_parts *parts = amb_data_rig.with_parts ? amb_data_rig.axis.parts : NULL;
+  return (parts != NULL) && (parts->stiffness > 0) ? parts->farthest : amb_data_rig.axis.travel;
 }
 
 /* What is left of the way on both sides [m]; at a stop, how hard it is pressed there [m/s^2]. */
 void amb_unit_indicators(const amb_unit *model, const double value[AMB_VARIABLES],
                          double indicators[AMB_EVENT_INDICATORS])
 {
-  const amb_real end = end_of(&model->rig);
+  const amb_real end = end_of();
   if (model->held != 0) {
     indicators[0] = pressed(model, value, model->held);
     indicators[1] = 1;
@@ -99,7 +101,7 @@ void amb_unit_indicators(const amb_unit *model, const double value[AMB_VARIABLES
 
 bool amb_unit_event(amb_unit *model, const double value[AMB_VARIABLES])
 {
-  const amb_real end = end_of(&model->rig), near = 1e-9 * end;
+  const amb_real end = end_of(), near = 1e-9 * end;
   amb_plant_state *s = &model->state;
   if (model->held != 0) {
     if (!(pressed(model, value, model->held) > 0))

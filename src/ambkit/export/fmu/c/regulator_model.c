@@ -1,7 +1,7 @@
 #include "regulator_model.h"
 #include "model.h"
 
-/* Its gains belong together: none can be tuned. */
+/* Their gains belong together: none can be tuned. */
 amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES])
 {
   (void)model;
@@ -11,16 +11,35 @@ amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES])
 
 amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
 {
-  const amb_real current = value[VR_start_current];
-  amb_pid_reset(&model->pid, value[VR_start_integral]);
-  model->u = amb_clamp(current, amb_data_law.iu_min[0], amb_data_law.iu_max[0]) / amb_data_k_ui;
+  const amb_controllers *law = &amb_data_law;
+  for (int q = 0; q < AMB_DATA_PIDS; q++)
+    amb_pid_reset(&model->pid[q], value[FIRST_start_integral + q]);
+  for (int f = 0; f < AMB_DATA_AXES; f++)
+    model->u[f] = amb_clamp(value[FIRST_start_current + f], law->iu_min[f], law->iu_max[f]) /
+                  amb_data_k_ui[f];
   return AMB_OK;
 }
 
 void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
 {
-  amb_real iu;
-  const amb_real *states = &value[VR_x]; /* they stand together, in their order */
-  (void)amb_controllers_step(&amb_data_law, &model->pid, &value[VR_r], states, 0, &iu);
-  model->u = iu / amb_data_k_ui;
+  amb_real iu[AMB_DATA_AXES];
+  const amb_real speed = amb_data_speed < 0 ? 0 : value[amb_data_speed];
+  (void)amb_controllers_step(&amb_data_law, model->pid, &value[FIRST_r], &value[FIRST_fed], speed,
+                             iu);
+  for (int f = 0; f < AMB_DATA_AXES; f++)
+    model->u[f] = iu[f] / amb_data_k_ui[f];
+}
+
+/* What they look at when a sample begins is all there is to do in it. */
+void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
+{
+  (void)to;
+  if (!(from > 0))
+    amb_unit_sample(model, value);
+}
+
+void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
+{
+  for (int f = 0; f < AMB_DATA_AXES; f++)
+    value[FIRST_u + f] = model->u[f];
 }

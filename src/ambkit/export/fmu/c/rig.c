@@ -1,97 +1,173 @@
 #include "rig.h"
+#include "model.h"
 
-/* The magnet of a rig, by its scale: any magnet's force goes with its constant. */
+/* Any magnet's force goes with its constant. */
 static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
 {
-  const amb_rig *rig = (const amb_rig *)self;
-  return rig->scale * amb_data_rig_magnet.methods->force(amb_data_rig_magnet.self, iu, x);
+  const amb_rig_magnet *magnet = (const amb_rig_magnet *)self;
+  return magnet->scale * magnet->of.methods->force(magnet->of.self, iu, x);
 }
 
-static amb_stiffness scaled(const amb_rig *rig, amb_stiffness k)
+static amb_stiffness scaled(const amb_rig_magnet *magnet, amb_stiffness k)
 {
-  k.k_i *= rig->scale;
-  k.k_s *= rig->scale;
+  k.k_i *= magnet->scale;
+  k.k_s *= magnet->scale;
   return k;
 }
 
 static amb_stiffness scaled_through_origin(const void *self, amb_real iu, amb_real x)
 {
-  const amb_rig *rig = (const amb_rig *)self;
-  return scaled(rig, amb_data_rig_magnet.methods->through_origin(amb_data_rig_magnet.self, iu, x));
+  const amb_rig_magnet *magnet = (const amb_rig_magnet *)self;
+  return scaled(magnet, magnet->of.methods->through_origin(magnet->of.self, iu, x));
 }
 
 static amb_stiffness scaled_tangent(const void *self, amb_real iu, amb_real x)
 {
-  const amb_rig *rig = (const amb_rig *)self;
-  return scaled(rig, amb_data_rig_magnet.methods->tangent(amb_data_rig_magnet.self, iu, x));
+  const amb_rig_magnet *magnet = (const amb_rig_magnet *)self;
+  return scaled(magnet, magnet->of.methods->tangent(magnet->of.self, iu, x));
 }
 
 static const amb_magnet_methods scaled_magnet = {scaled_force, scaled_through_origin,
                                                  scaled_tangent};
 
-/* By ratios: those of the exported values are 1, and these stay what they are to the last bit. */
-void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant)
+void amb_rig_tune(amb_rig *rig, const double value[])
 {
-  *rig = amb_data_rig;
-  rig->weight = amb_data_rig.weight * (mass / amb_data_rig.m);
-  rig->scale = magnet_constant / amb_data_rig.k;
-  rig->bias_force = amb_data_rig.bias_force * rig->scale;
-  rig->m = mass;
-  rig->coil.k = magnet_constant;
-  rig->parts.k = magnet_constant;
+  for (int f = 0; f < amb_data_rig.axes; f++)
+    rig->k[f] = value[FIRST_magnet_constant + f];
+  rig->m = amb_data_rig.mass < 0 ? 0 : value[amb_data_rig.mass];
+  rig->off = false;
 }
 
+/* By ratios: those of the exported values are 1, and these stay what they are to the last bit. */
 amb_plant amb_rig_plant(const amb_rig *rig, amb_rig_room *room)
 {
-  const amb_axis axis = {
-      .magnet = {&scaled_magnet, rig},
-      .m = rig->m,
-      .f_0 = rig->weight + rig->bias_force,
-      .bias = rig->bias_force,
-      .K_sen = rig->K_sen,
-      .T_sen = rig->T_sen,
-      .travel = rig->travel,
-      .substeps = rig->substeps,
-      .parts = rig->with_parts ? &rig->parts : NULL,
-      .coil = {rig->coil.s0 > 0 ? &amb_law_magnet : NULL, &rig->coil},
-  };
-  room->axis = axis;
-  return amb_plant_of_axis(&room->axis, &room->room);
+  const amb_rig_data *data = &amb_data_rig;
+  const amb_parts *amplifier = data->plant != NULL ? data->plant->amplifier : data->axis.parts;
+  amb_real more[AMB_PLANT_AXES];
+  for (int f = 0; f < data->axes; f++) {
+    const amb_real scale = rig->k[f] / data->k[f];
+    const amb_magnet none = {NULL, NULL};
+    const amb_rig_magnet magnet = {data->magnet[f], scale}, coil = {data->coil[f], scale};
+    room->of_magnet[f] = magnet;
+    room->of_coil[f] = coil;
+    const amb_magnet of_magnet = {&scaled_magnet, &room->of_magnet[f]};
+    const amb_magnet of_coil = {&scaled_magnet, &room->of_coil[f]};
+    room->magnet[f] = of_magnet;
+    room->coil[f] = data->coil[f].methods != NULL ? of_coil : none;
+    room->bias[f] = data->bias[f] * scale;
+    more[f] = room->bias[f] - data->bias[f];
+    room->amplifier[f] = amplifier[f];
+    room->amplifier[f].k = rig->k[f];
+  }
+  if (data->plant == NULL) {
+    room->axis = data->axis;
+    room->axis.magnet = room->magnet[0];
+    room->axis.coil = room->coil[0];
+    room->axis.m = rig->m;
+    room->axis.f_0 = data->weight * (rig->m / data->axis.m) + room->bias[0];
+    room->axis.bias = room->bias[0];
+    room->axis.parts = data->with_parts ? room->amplifier : NULL;
+    return amb_plant_of_axis(&room->axis, &room->of_axis);
+  }
+  amb_plant plant = *data->plant;
+  for (int k = 0; k < plant.positions; k++) {
+    room->g[k] = plant.g[k];
+    for (int e = plant.B.start[k]; e < plant.B.start[k + 1]; e++)
+      room->g[k] += plant.B.value[e] * more[plant.B.column[e]];
+  }
+  plant.g = room->g;
+  plant.bias = room->bias;
+  plant.magnet = room->magnet;
+  plant.coil = room->coil;
+  plant.amplifier = room->amplifier;
+  return plant;
 }
 
-amb_acts amb_rig_acts(const amb_rig *rig, const amb_real *demanded, const amb_real *f_d)
+void amb_rig_settle(const amb_plant *plant, amb_plant_state *state, const double value[],
+                    const amb_real current[], amb_real place[])
 {
-  const amb_real speed = rig->with_parts ? rig->parts.speed : 0;
-  const amb_acts acts = {demanded, f_d, NULL, speed, speed, 1, rig->off};
+  amb_real q[AMB_PLANT_STATES];
+  for (int f = 0; f < plant->axes; f++) {
+    const amb_real travel = amb_data_rig.travel[f];
+    place[f] = amb_clamp(value[FIRST_start_position + f], -travel, travel);
+  }
+  for (int k = 0; k < plant->positions; k++) {
+    q[k] = plant->own ? place[k] : amb_data_rig.q[k];
+    for (int f = 0; !plant->own && (f < plant->axes); f++)
+      q[k] += amb_data_rig.q_by_place[k * plant->axes + f] * (place[f] - amb_data_rig.place[f]);
+  }
+  amb_plant_settle(plant, state, q, current);
+}
+
+amb_outside amb_rig_outside(const amb_plant *plant, const double value[])
+{
+  amb_outside outside = {{0}, {0}, {0}};
+  const int speed = amb_data_rig.speed;
+  for (int f = 0; f < plant->axes; f++)
+    outside.load[f] = value[FIRST_f_d + f];
+  outside.speed[0] = outside.speed[1] = speed < 0 ? plant->sensor->speed : value[speed];
+  for (int k = 0; k < 3; k++)
+    outside.base[k] = amb_data_rig.base[k] < 0 ? 0 : value[amb_data_rig.base[k]];
+  return outside;
+}
+
+amb_acts amb_rig_acts(const amb_rig *rig, const amb_real demanded[], const amb_outside *outside)
+{
+  const amb_acts acts = {.demanded = demanded,
+                         .load = outside->load,
+                         .base = outside->base,
+                         .speed = outside->speed[0],
+                         .next = outside->speed[1],
+                         .scale = 1,
+                         .off = rig->off};
   return acts;
 }
 
-amb_real amb_rig_current(const amb_rig *rig, amb_real u, amb_real share)
+amb_real amb_rig_current(int f, amb_real u, amb_real share)
 {
-  return amb_clamp(rig->k_ui * u, share * rig->iu_min, share * rig->iu_max);
+  const amb_rig_data *data = &amb_data_rig;
+  return amb_clamp(data->k_ui[f] * u, share * data->iu_min[f], share * data->iu_max[f]);
 }
 
-amb_plant_state amb_rig_now(const amb_glimpse *between, const amb_plant_state *after)
+amb_plant_state amb_rig_now(const amb_plant *plant, const amb_glimpse *between,
+                            const amb_plant_state *after)
 {
-  const amb_plant_state *before = &between->before;
-  const amb_real s = between->share, T = between->T, rest = 1 - s;
+  const amb_real *before = between->before.X, *then = after->X;
+  const amb_real s = between->share, T = amb_data_rig.T, rest = 1 - s;
+  const int q = plant->positions;
   amb_plant_state now = *after;
   if (s >= 1)
     return now;
-  now.X[0] = rest * rest * ((1 + 2 * s) * before->X[0] + s * T * before->X[1]) +
-             s * s * ((3 - 2 * s) * after->X[0] - rest * T * after->X[1]);
-  for (int j = 1; j < 3; j++)
-    now.X[j] = before->X[j] + s * (after->X[j] - before->X[j]);
+  for (int k = 0; k < q; k++) {
+    now.X[k] = rest * rest * ((1 + 2 * s) * before[k] + s * T * before[q + k]) +
+               s * s * ((3 - 2 * s) * then[k] - rest * T * then[q + k]);
+    now.X[q + k] = before[q + k] + s * (then[q + k] - before[q + k]);
+  }
+  for (int r = 0; r < plant->sensors; r++) {
+    const int j = plant->shows[r];
+    now.X[j] = before[j] + s * (then[j] - before[j]);
+  }
   return now;
 }
 
-amb_acting amb_rig_acting(const amb_rig *rig, const amb_plant_state *state, amb_real iu)
+void amb_rig_show(const amb_rig *rig, const amb_plant *plant, const amb_plant_state *now,
+                  const amb_real demanded[], double value[])
 {
-  amb_rig_room room;
-  const amb_plant plant = amb_rig_plant(rig, &room);
-  const amb_acts acts = amb_rig_acts(rig, &iu, &iu);
-  amb_acting acting =
-      amb_plant_acting(&plant, state, 0, &acts, amb_plant_until_now(&plant, state, 0, iu));
-  acting.force = rig->off ? 0 : acting.force + rig->bias_force;
-  return acting;
+  const amb_outside none = {{0}, {0}, {0}};
+  const amb_acts acts = amb_rig_acts(rig, demanded, &none);
+  for (int j = 0; j < 2 * plant->positions; j++)
+    value[FIRST_q + j] = now->X[j];
+  for (int r = 0; r < plant->sensors; r++)
+    value[FIRST_x_m + r] = now->X[plant->shows[r]];
+  for (int f = 0; f < plant->axes; f++) {
+    const amb_acting acting =
+        amb_plant_acting(plant, now, f, &acts, amb_plant_until_now(plant, now, f, demanded[f]));
+    value[FIRST_iu + f] = acting.iu;
+    value[FIRST_f_mag + f] = rig->off ? 0 : acting.force + plant->bias[f];
+    if (amb_data_rig.s >= 0) {
+      value[amb_data_rig.s + f] = 0;
+      for (int e = plant->H.start[f]; e < plant->H.start[f + 1]; e++)
+        value[amb_data_rig.s + f] += plant->H.value[e] * now->X[plant->H.column[e]];
+    }
+  }
 }
