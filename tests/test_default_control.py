@@ -12,8 +12,8 @@ from ambkit import Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.control.control import Control
-from ambkit.control.control_candidates import REGULATORS
-from ambkit.control.default_control import AS_GOOD, default_control
+from ambkit.control.control_candidates import REGULATORS, Candidate
+from ambkit.control.default_control import AS_GOOD, DefaultControl, default_control
 from ambkit.control.stabilising_controller import ENOUGH
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
@@ -258,3 +258,14 @@ def test_the_controllers_that_a_design_writes_down_are_those_that_were_chosen(rp
     again = Scenario.from_toml(Scenario(feedback="estimate", control=written).to_toml())
     assert again.controller == written
     assert LoopOf(machine, written).peak(KalmanFilter(machine)) <= 1.02 * found.peak
+
+
+@pytest.mark.parametrize(("peak", "zone"), [(5.34, "D"), (4.2, "C"), (3.1, "B"), (2.9, None)])
+def test_a_poor_default_controller_is_called_poor(peak: float, zone: str | None) -> None:
+    """A peak of 5.34 stood there like any number."""
+    control = Control.model_validate({"type": "lqg"})
+    chosen = Candidate(control, "estimate", peak, 5000.0)
+    summary = DefaultControl("a compressor", 5000.0, chosen, (chosen,)).summary
+    poor = f"which is poor: zone {zone} of ISO 14839-3, where zone A ends at 3"
+    assert (poor in summary) == (zone is not None)
+    assert ("poor" in summary) == (zone is not None)

@@ -20,6 +20,18 @@ if TYPE_CHECKING:
 
 AS_GOOD = 1.1  #: Ratio to the lowest peak, above `ENOUGH`, that is as good: the simplest.
 
+ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
+"""Zones of ISO 14839-3, and the peaks of abs(S) below which they are; D is beyond."""
+
+ZONE_A = ZONES[0][1]  #: Peak of abs(S) at which zone A ends.
+
+
+def zone_of(peak: float) -> str:
+    """Return the zone of a peak of abs(S) [1], A to D; ``"unstable"`` of an infinite one."""
+    if math.isinf(peak):
+        return "unstable"
+    return next((name for name, limit in ZONES if peak < limit), "D")
+
 
 @dataclass(frozen=True)
 class DefaultControl:
@@ -47,13 +59,20 @@ class DefaultControl:
             return (
                 f"default controller: {name_of(self.chosen.control)}, fed by the "
                 f"{self.chosen.feedback}, with a peak of |S| of {self.chosen.peak:.3g} {span}"
-                f"{self._inertia_known}{beside}"
+                f"{self._inertia_known}{self._poor}{beside}"
             )
         return (
             f"no default controller was found that holds the rotor of {self.machine} {span}; "
             f"tried{_listed(self.candidates)}; lower the speed, the dead time or the "
             "sampling time, or give another controller in [control]"
         )
+
+    @property
+    def _poor(self) -> str:
+        zone = zone_of(self.chosen.peak)
+        if zone == "A":
+            return ""
+        return f", which is poor: zone {zone} of ISO 14839-3, where zone A ends at {ZONE_A:g}"
 
     @property
     def _inertia_known(self) -> str:

@@ -15,11 +15,14 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import name_of
 from ambkit.control.control import Control, as_control
 from ambkit.control.controllers import Controllers, controllers_of, pids_of
+from ambkit.control.default_control import ZONE_A as ZONE_A
+from ambkit.control.default_control import ZONES as ZONES
 from ambkit.control.default_control import (
     default_control,
     is_default,
     settled,
 )
+from ambkit.control.default_control import zone_of as zone_of
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_controller import compensator, controllers, fed
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
@@ -38,12 +41,6 @@ from ambkit.machine.rotors.modes import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.plant import Plant
 
-ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
-"""Zones of ISO 14839-3, and the peaks of abs(S) below which they are; D is beyond."""
-
-ZONE_A = ZONES[0][1]
-"""Peak of abs(S) at which zone A ends."""
-
 PROMPT = 1e-12
 """Lag of an ideal sensor [s]: what is shorter than models tell from none."""
 
@@ -53,13 +50,6 @@ COARSE = 500
 
 class OutOfReachError(AmbkitError):
     """A filter cannot be held to a ceiling on the peak of the sensitivity."""
-
-
-def zone_of(peak: float) -> str:
-    """Return the zone of a peak of abs(S) [1], A to D; ``"unstable"`` of an infinite one."""
-    if math.isinf(peak):
-        return "unstable"
-    return next((name for name, limit in ZONES if peak < limit), "D")
 
 
 def ideal_pieces(machine: Machine) -> dict[str, Machine]:
