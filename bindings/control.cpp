@@ -14,17 +14,17 @@ unsigned int counted(const nb::dict &given, const char *name)
 // What each sample of a record left, as it was recorded: means (n, states), control signals (n, p)
 // and upper triangles (n, entries).
 struct Recorded {
-  explicit Recorded(const nb::dict &of)
+  explicit Recorded(const Named &of)
       : mean(nb::cast<Samples>(of["mean"])), u(nb::cast<Samples>(of["u"])),
         covariance(nb::cast<Samples>(of["covariance"])), snapshot(nb::cast<Vector>(of["snapshot"]))
   {
   }
 
   // Before sample k of n, as the exported self-test does: the covariance where there is a snapshot.
-  void restore(const Control &self, size_t k, amb_control_state &state) const
+  void restore(const Control &self, size_t k, amb_control_state &state,
+               amb_kalman_state &filter) const
   {
-    amb_kalman_state &filter = *static_cast<amb_kalman_state *>(self.estimator.state());
-    const size_t entries = self.estimator.sizes().entries;
+    const size_t entries = self.n * (self.n + 1) / 2;
     std::copy_n(mean.data() + (k - 1) * self.n, self.n, filter.mean);
     std::copy_n(u.data() + (k - 1) * self.p, self.p, state.u);
     if (snapshot.data()[k] > 0)
@@ -37,9 +37,9 @@ struct Recorded {
 
 // A record through the controller from power-on; the estimator's state is left where it ends.
 Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, amb_real speed,
-          const std::optional<Vector> &transferred, const std::optional<nb::dict> &recorded)
+          const std::optional<Vector> &transferred, const std::optional<Named> &recorded)
 {
-  const size_t n = samples_of(y, self.m, "y"), entries = self.estimator.sizes().entries;
+  const size_t n = samples_of(y, self.m, "y"), entries = self.n * (self.n + 1) / 2;
   same_length(n, samples_of(r, self.q, "r"), "r");
   same_length(n, fly.size(), "fly");
   if (transferred)
@@ -67,14 +67,15 @@ Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, 
       amb_control_init(&self.control, &state, filter);
     for (size_t k = 0; k < n; k++) {
       if (from && k > 0)
-        from->restore(self, k, state);
+        from->restore(self, k, state, *static_cast<amb_kalman_state *>(filter));
       status.data[k] = static_cast<unsigned short>(
           amb_control_step(&self.control, &state, filter, y.data() + k * self.m,
                            r.data() + k * self.q, speed, fly.data()[k] > 0, &out));
       std::copy_n(out.iu, self.p, iu.data + k * self.p);
       std::copy_n(state.u, self.p, u.data + k * self.p);
       std::copy_n(self.estimator.base().mean, self.n, mean.data + k * self.n);
-      std::copy_n(self.estimator.base().cov, entries, covariance.data + k * entries);
+      std::copy_n(static_cast<const amb_kalman_state *>(filter)->cov, entries,
+                  covariance.data + k * entries);
       share.data[k] = state.sequence.share;
       mode.data[k] = static_cast<unsigned char>(out.mode);
       on.data[k] = out.on;

@@ -346,7 +346,7 @@ class Control:
 
     def __init__(self, estimator: Estimator, given: dict[str, Any]) -> None: ...
 
-    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], r: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: float = 0, transferred: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, recorded: dict | None = None) -> dict[str, Any]:
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], r: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: float = 0, transferred: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, recorded: dict[str, Any] | None = None) -> dict[str, Any]:
         """
         A record from power-on: readings (n, m) [m], references (n, q) [m], and whether it is to fly, 1 or 0. Or in flight from the first sample on, taken over with currents (p,) [A]. `recorded`: mean, u, covariance and snapshot of each sample, to begin the next at.
         """

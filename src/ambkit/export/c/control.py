@@ -80,7 +80,7 @@ def controller_of(filter: Estimator, scenario: Scenario) -> Controller:
 
 def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Structs:
     """Return a controller's constants; `of_filter`: several axes start as their filter does."""
-    fields, machine = controller.fields, controller.estimator.machine
+    fields, machine = controller.fields, controller.plant.machine
     several = len(machine.axes) > 1 and of_filter
     elsewhere = {key: Name(f"{name}_{key}") for key in ("start", "start_by") if several}
     keys = (*_LAW, *_GAINS, *(key for key in _CONTROL if key not in elsewhere))
@@ -146,12 +146,12 @@ def context(
     controller: Controller, scenario: Scenario, name: str, precision: CPrecision
 ) -> dict[str, Any]:
     """Return what the templates say of a controller."""
-    filter, of = controller.estimator, structs(controller, name)
-    machine = filter.machine
+    of, machine = structs(controller, name), controller.plant.machine
     bias = np.array([axis.bearing.magnet.bias_current for axis in machine.axes])
     two_sided = [axis.bearing.magnet.type == "two-sided" for axis in machine.axes]
     several = len(machine.axes) > 1
     control_bound, current_bound = _BOUNDS[several, precision]
+    samples = _in_flight(controller, scenario, precision)
     return {
         "control_bound": control_bound,
         "current_bound": current_bound,
@@ -167,7 +167,8 @@ def context(
         "own_time": f"{1e3 * own_time(controller.bearing):.3g} ms",
         "speed": c_literals.number(machine.speed, precision),
         "times": controller.sequence,
-        "in_flight": _in_flight(controller, scenario, precision),
+        "in_flight": samples,
+        "snapshots": samples["snapshots"],
     }  # fmt: skip
 
 
@@ -189,9 +190,11 @@ def _in_flight(controller: Controller, scenario: Scenario, precision: CPrecision
     return {
         "steps": len(tested.y),
         "amplified": int(tested.snapshots.amplified.sum()),
-        "snapshots": len(tested.snapshots.at),
-        "snapshot": c_literals.array(np.array(tested.snapshots.at, np.uint16), precision),
-        "covariance": c_literals.array(tested.snapshots.before.ravel(), precision),
+        "snapshots": {
+            "count": len(tested.snapshots.at),
+            "at": c_literals.array(np.array(tested.snapshots.at, np.uint16), precision),
+            "covariance": c_literals.array(tested.snapshots.before.ravel(), precision),
+        },
         "y": listed(tested.y),
         "r": listed(tested.r),
         "u": c_literals.array(tested.u.ravel(), precision),
@@ -228,6 +231,6 @@ def constants(controller: Controller, name: str, crc: Constants) -> None:
     for part in ("let_turn", "schedule", "law", "sequence"):
         crc.fields(part, getattr(of, part), arrays=False)
     crc.fields(f"{name}_control", of.control, arrays=False)
-    axes = controller.estimator.machine.axes
+    axes = controller.plant.machine.axes
     bias = np.array([axis.bearing.magnet.bias_current for axis in axes])
     crc.array(f"{name}_bias" if len(axes) > 1 else f"&{name}_bias", bias)

@@ -124,11 +124,11 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
 
 def _as_read(controller: Controller, part: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return a flight as the rig's numbers have it, which are rounded; what is in SI as it is."""
-    inputs, (y, r, _, speed, _, fly, *_) = controller.estimator.inputs, part
-    raw = inputs.y.numbers(y)
+    filter, (y, r, _, speed, _, fly, *_) = controller.estimator, part
+    raw = filter.inputs.y.numbers(y)
     if raw is y:
         return part
-    number = np.dtype(controller.estimator.precision).type
+    number = np.dtype(filter.precision).type
     raw = raw.astype(number).astype(float)
     return (raw, *_along(controller, raw, r, speed, fly))
 
@@ -137,7 +137,7 @@ def _output(
     controller: Controller, y: Array, r: Array, speed: Array, fly: Bools,
     transfer_currents: Array | None, recorded: dict[str, Array] | None = None,
 ) -> dict[str, NDArray[Any]]:  # fmt: skip
-    """Return all that the controller gives along readings (n, m)."""
+    """Return the controller's output along readings (n, m)."""
     filter = controller.estimator
     number = np.dtype(filter.precision).type
     si, _ = filter.in_si(y, np.zeros(0))
@@ -162,7 +162,7 @@ def _along(
 def _snapshots(
     controller: Controller, part: tuple[Any, ...], transfer_currents: Array | None, *, turns: bool
 ) -> Snapshots:
-    """Return which covariances of a flight are restored, and where rounding is amplified."""
+    """Return which covariances of a run are restored, and where rounding is amplified."""
     y, r, u, speed, mode, fly, status, *_ = part
     filter = controller.estimator
     if restorable(controller) and not turns:

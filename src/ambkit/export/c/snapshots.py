@@ -20,7 +20,7 @@ STATE_TOLERANCE, CURRENT_TOLERANCE = 1e-2, 2e-4
 deviations at the start, currents over the greatest. A fifth of what the self-test lets pass."""
 
 MOST_NUMBERS = 8
-"""Entries of the covariances that a flight restores, at most, over half of those of its means."""
+"""Entries of the covariances that a run restores, at most, over half of those of its means."""
 
 COMPARED = ("status", "mode", "usable")
 
@@ -40,7 +40,7 @@ class Snapshots:
 
     @classmethod
     def joined(cls, parts: Sequence[Snapshots]) -> Snapshots:
-        """Return those of flights one after the other."""
+        """Return those of runs one after the other."""
         return cls(
             *(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(cls))
         )
@@ -57,9 +57,9 @@ class Snapshots:
 
 
 def restorable(controller: Controller) -> bool:
-    """Whether float loses digits, and the covariance is all that they are lost of."""
+    """Whether float loses digits, and only in the covariance."""
     filter = controller.estimator
-    several, single = filter.whole is not None, filter.precision == "float32"
+    several, single = not filter.machine.single, filter.precision == "float32"
     # What the core keeps besides a Kalman filter's state is not restored.
     return several and single and not c_literals.called(filter).has_state
 
@@ -70,17 +70,18 @@ def snapshots_of(controller: Controller, run: Callable[..., dict[str, NDArray[An
     Parameters
     ----------
     controller : Controller
-        What flies, in float.
+        The controller, in float.
     run : callable
-        A controller, and what it restores or None, to its output along one flight.
+        A controller, and what it restores or None, to its output along one run.
     """
-    args, options = controller.estimator._made
-    sharp = type(controller.estimator)(*args, **(options | {"precision": "float64"}))
+    filter = controller.estimator
+    args, options = filter._made
+    sharp = type(filter)(*args, **(options | {"precision": "float64"}))
     double = replace(controller, estimator=sharp)
-    flown = run(controller, None)
-    n, states = flown["mean"].shape
-    recorded = {key: flown[key] for key in ("mean", "u", "covariance")}
-    std = np.array(controller.estimator.default_std())
+    simulated = run(controller, None)
+    n, states = simulated["mean"].shape
+    recorded = {key: simulated[key] for key in ("mean", "u", "covariance")}
+    std = np.array(filter.default_std())
     axes = controller.plant.machine.axes
     most = np.array(
         [a.bearing.amplifier.current_limit / abs(a.bearing.amplifier.gain) for a in axes]
@@ -88,10 +89,10 @@ def snapshots_of(controller: Controller, run: Callable[..., dict[str, NDArray[An
 
     def off(restored: Bools) -> Bools:
         output = run(double, recorded | {"snapshot": restored.astype(float)})
-        result = (np.abs(output["mean"] - flown["mean"]) > STATE_TOLERANCE * std).any(axis=1)
-        result |= (np.abs(output["u"] - flown["u"]) > CURRENT_TOLERANCE * most).any(axis=1)
+        result = (np.abs(output["mean"] - simulated["mean"]) > STATE_TOLERANCE * std).any(axis=1)
+        result |= (np.abs(output["u"] - simulated["u"]) > CURRENT_TOLERANCE * most).any(axis=1)
         for key in COMPARED:
-            result |= output[key] != flown[key]
+            result |= output[key] != simulated[key]
         return np.asarray(result)
 
     amplified, restored = off(np.ones(n, bool)), np.zeros(n, bool)
@@ -102,4 +103,4 @@ def snapshots_of(controller: Controller, run: Callable[..., dict[str, NDArray[An
         wanting = np.flatnonzero(off(restored) & ~amplified & ~restored)
     if wanting.size:
         amplified[wanting[0] :] = True
-    return Snapshots(restored, amplified, flown["covariance"])
+    return Snapshots(restored, amplified, simulated["covariance"])
