@@ -230,7 +230,7 @@ def test_the_command_says_it(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert told["samples"] == 2001
     assert ambkit.Record.load(out).t.size == 2001
     text = page.read_text(encoding="utf-8")
-    assert "every number is Python" in text
+    assert "all values equal those of Python" in text
     assert f"{told['instructions']}" in text
     assert f"{told['most']}" in text
 

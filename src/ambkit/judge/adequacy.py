@@ -1,4 +1,4 @@
-"""Whether an estimator may fly on a machine: one judgement for all commands and exports."""
+"""Whether a filter may fly on a machine: one judgement for all commands and exports."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 
 
 def judge_adequacy(
-    estimator: Any,
+    filter: Any,
     plant: Machine | None = None,
     scenario: Scenario | None = None,
     nis: float = math.nan,
 ) -> list[Finding]:
-    """Judge whether an estimator may fly."""
-    own = getattr(estimator, "bearing", None)
+    """Judge whether a filter may fly."""
+    own = getattr(filter, "bearing", None)
     plant = own if plant is None else plant.short
     results = list(criteria.innovations(nis))
-    if isinstance(estimator, Estimator) and plant is not None:
-        results += _static(estimator, plant, *_control_of(plant, scenario))
+    if isinstance(filter, Estimator) and plant is not None:
+        results += _static(filter, plant, *_control_of(plant, scenario))
     if plant is not None:
         results += criteria.modes_kept(plant)
     if plant is not None and scenario is not None:
@@ -47,14 +47,14 @@ def sentences(results: Sequence[Finding]) -> list[str]:
 
 
 def require_adequate(
-    estimator: Estimator,
+    filter: Estimator,
     plant: Machine | None = None,
     scenario: Scenario | None = None,
     *,
     force: bool,
 ) -> list[str]:
     """Refuse to export what must not fly; with `force` return why. What else is wrong is noted."""
-    result = judge_adequacy(estimator, plant, scenario)
+    result = judge_adequacy(filter, plant, scenario)
     fatal = sentences([item for item in result if item.fatal])
     if fatal and not force:
         raise AmbkitError(
@@ -71,31 +71,29 @@ _MOST_JUDGED = 1000
 
 
 def _static(
-    estimator: Estimator, plant: Machine, control: Any, own_control: bool, fed_back: bool
+    filter: Estimator, plant: Machine, control: Any, own_control: bool, fed_back: bool
 ) -> list[Finding]:
     """Return what follows from filter and machine alone; the same is judged once."""
-    key = _key(estimator, plant, control, own_control, fed_back)
+    key = _key(filter, plant, control, own_control, fed_back)
     if key not in _JUDGED:
         if len(_JUDGED) >= _MOST_JUDGED:
             _JUDGED.clear()
-        results = [*criteria.identity(estimator, plant), *criteria.of_machine(plant)]
+        results = [*criteria.identity(filter, plant), *criteria.of_machine(plant)]
         if not any(item.name == "axes" for item in results):
-            results += [*criteria.noise(estimator, plant), *criteria.settings(estimator, plant)]
+            results += [*criteria.noise(filter, plant), *criteria.settings(filter, plant)]
             with one_thread():
-                results += criteria.of_filter(estimator, plant, control, own_control, fed_back)
+                results += criteria.of_filter(filter, plant, control, own_control, fed_back)
         _JUDGED[key] = results
     return _JUDGED[key]
 
 
-def _key(
-    estimator: Estimator, plant: Any, control: Any, own_control: bool, fed_back: bool
-) -> bytes:
-    held = estimator.magnet.in_core(core_module())
+def _key(filter: Estimator, plant: Any, control: Any, own_control: bool, fed_back: bool) -> bytes:
+    held = filter.magnet.in_core(core_module())
     values = held if isinstance(held, list) else [held]
     parts = (
-        type(estimator).__name__, estimator.name, str(dict(estimator.options)),
-        str(dict(getattr(estimator, "inner", estimator).options)), estimator.variances,
-        estimator.bearing.model_dump_json(), plant.model_dump_json(), own_control, fed_back,
+        type(filter).__name__, filter.name, str(dict(filter.options)),
+        str(dict(getattr(filter, "inner", filter).options)), filter.variances,
+        filter.bearing.model_dump_json(), plant.model_dump_json(), own_control, fed_back,
         None if control is None else control.model_dump_json(),
         [pickle.dumps(getattr(one, "parameters", id(one))) for one in values],
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The single criteria of whether an estimator may fly on a machine."""
+"""The single criteria of whether a filter may fly on a machine."""
 
 from __future__ import annotations
 
@@ -115,9 +115,9 @@ def _parameters(b: Bearing) -> dict[str, tuple[float, str]]:
     }
 
 
-def identity(estimator: Estimator, plant: Any) -> Iterator[Finding]:
+def identity(filter: Estimator, plant: Any) -> Iterator[Finding]:
     """Yield how far the filter's machine is from the one that it is to fly on."""
-    own = estimator.bearing
+    own = filter.bearing
     if own == plant:
         yield Finding("greatest difference of a parameter", 0.0, "1", PARAMETER_DIFFERENCE)
         return
@@ -215,7 +215,7 @@ def _usual(plant: Any) -> Variances:
     return view.variances(FilterNoise())
 
 
-def noise(estimator: Estimator, plant: Machine) -> Iterator[Finding]:
+def noise(filter: Estimator, plant: Machine) -> Iterator[Finding]:
     """Yield how far the noise that a filter assumes is from what its machine has."""
     usual = _usual(plant)
     for name, unit, what, of in (
@@ -223,7 +223,7 @@ def noise(estimator: Estimator, plant: Machine) -> Iterator[Finding]:
         ("control", "V^2", "control noise", "the amplifier's"),
         ("disturbance", "N^2/s", "process noise intensity", "the usual (2 m g)^2/s"),
     ):
-        ours, theirs = (np.atleast_1d(getattr(v, name)) for v in (estimator.variances, usual))
+        ours, theirs = (np.atleast_1d(getattr(v, name)) for v in (filter.variances, usual))
         with np.errstate(divide="ignore"):
             far = np.abs(np.log(ours / theirs))
         k = int(np.argmax(far))
@@ -236,16 +236,16 @@ def noise(estimator: Estimator, plant: Machine) -> Iterator[Finding]:
         yield Finding(what, ratio, "1", NOISE_FACTOR, text, bool(text) and name == "measurement")
 
 
-def settings(estimator: Estimator, plant: Machine) -> Iterator[Finding]:
+def settings(filter: Estimator, plant: Machine) -> Iterator[Finding]:
     """Yield what a filter's settings make of healthy measurements."""
-    gate, text = float(estimator.options.get("gate", math.inf)), ""
+    gate, text = float(filter.options.get("gate", math.inf)), ""
     lost = math.erfc(gate / math.sqrt(2))
     if gate < GATES[0]:
         text = (
             f"a gate of {gate:.3g} standard deviations rejects {lost:.3g} of healthy measurements"
         )
     yield Finding("gate", gate, "1", GATES[0], text, gate < GATES[1])
-    if estimator.options.get("as_printed"):
+    if filter.options.get("as_printed"):
         T = plant.sampling_time
         lag = max(reading.sensor.lag for reading in plant.long.readings)
         early = (T / -math.expm1(-T / lag) if lag else T) - lag
@@ -257,20 +257,20 @@ def settings(estimator: Estimator, plant: Machine) -> Iterator[Finding]:
 
 
 def of_filter(
-    estimator: Estimator, plant: Machine, control: Any, own_control: bool, fed_back: bool
+    filter: Estimator, plant: Machine, control: Any, own_control: bool, fed_back: bool
 ) -> Iterator[Finding]:
     """Yield what gain and magnet of a filter mean: how it follows a load, and the margins."""
-    if estimator.options.get("gravity") == "disturbance" and any(weights_of(plant)):
+    if filter.options.get("gravity") == "disturbance" and any(weights_of(plant)):
         weight = max(map(abs, weights_of(plant)))
         text = (
             f"the weight, {engineering(weight, 'N', digits=3)}, is part of the estimated "
             'disturbance force (gravity = "disturbance")'
         )
         yield Finding("weight in the disturbance force", weight, "N", 0.0, text)
-    stand_in = settling(estimator)
+    stand_in = settling(filter)
     try:
-        yield from _magnet(estimator, plant)
-        if estimator.by_model:
+        yield from _magnet(filter, plant)
+        if filter.by_model:
             yield from _follows(stand_in, plant)
         if fed_back:
             yield from _margins(stand_in, plant, control, own_control)
@@ -278,12 +278,12 @@ def of_filter(
         yield Finding("settled gain", math.nan, "1", math.nan, f"it cannot be judged: {error}")
 
 
-def _magnet(estimator: Estimator, plant: Any) -> Iterator[Finding]:
+def _magnet(filter: Estimator, plant: Any) -> Iterator[Finding]:
     """Yield how far what the filter knows of its magnet is from that of the machine."""
-    if not estimator.by_model:
+    if not filter.by_model:
         return
     point = operating_point(plant)
-    ours = np.atleast_2d(np.array(tangents_known(estimator.magnet, "tangent", point)).T)
+    ours = np.atleast_2d(np.array(tangents_known(filter.magnet, "tangent", point)).T)
     points = np.atleast_2d(np.array(point[:2]).T)
     theirs = np.array([
         magnet_of(b).tangent(float(iu), float(x))
@@ -301,10 +301,10 @@ def _magnet(estimator: Estimator, plant: Any) -> Iterator[Finding]:
     yield Finding("factor in a stiffness", worst, "1", STIFFNESS_FACTOR, text, bool(text))
 
 
-def _follows(estimator: Estimator, plant: Any) -> Iterator[Finding]:
+def _follows(filter: Estimator, plant: Any) -> Iterator[Finding]:
     """Yield how a step of the stated load is followed, and what noise its estimate has."""
     loads = load_capacity(plant)
-    parts = following(estimator)
+    parts = following(filter)
     slow = max(parts, key=lambda one: one.time / one.own)
     step, limit, text = STEP * loads[slow.axis], LONGEST * slow.own, ""
     if slow.time > limit:
@@ -321,7 +321,7 @@ def _follows(estimator: Estimator, plant: Any) -> Iterator[Finding]:
     yield Finding("time to follow a load", slow.time, "s", limit, text, bool(text))
     sensors = np.sqrt(np.max(
         np.atleast_1d(_usual(plant).measurement)
-        / np.atleast_1d(estimator.variances.measurement)
+        / np.atleast_1d(filter.variances.measurement)
     ))  # fmt: skip
     loud = max(parts, key=lambda one: one.noise / loads[one.axis])
     rms, most, text = float(loud.noise * sensors), loads[loud.axis], ""
@@ -334,11 +334,9 @@ def _follows(estimator: Estimator, plant: Any) -> Iterator[Finding]:
     yield Finding("noise of the estimated force", rms, "N", most, text, rms > most)
 
 
-def _margins(
-    estimator: Estimator, plant: Any, control: Any, own_control: bool
-) -> Iterator[Finding]:
+def _margins(filter: Estimator, plant: Any, control: Any, own_control: bool) -> Iterator[Finding]:
     """Yield the peak of abs(S) of the loop whose controllers the estimate feeds."""
-    peak = loop_peak(plant, estimator, control)
+    peak = loop_peak(plant, filter, control)
     text, fatal, limit = "", False, ZONES[-1][1]
     if peak >= limit or zone_of(peak) == "C":  # not for lasting operation
         whose = "this controller" if own_control else "the default controller"
@@ -353,10 +351,10 @@ def _margins(
     yield Finding("peak of |S|", peak, "1", limit, text, fatal)
 
 
-def loop_peak(plant: Any, estimator: Estimator, control: Any = None) -> float:
+def loop_peak(plant: Any, filter: Estimator, control: Any = None) -> float:
     """Return the peak of abs(S) [1] on a coarse grid, infinite where the loop is unstable."""
     of = LoopOf(plant, control, point=operating_point(plant))
-    loop = of.loop(estimator)
+    loop = of.loop(filter)
     # A pole on the circle is of what a filter cannot tell apart, as unbalance and runout at a
     # constant speed: it does not grow.
     if loop.closed.unstable().size:

@@ -151,7 +151,7 @@ def context(
     two_sided = [axis.bearing.magnet.type == "two-sided" for axis in machine.axes]
     several = len(machine.axes) > 1
     control_bound, current_bound = _BOUNDS[several, precision]
-    samples = _in_flight(controller, scenario, precision)
+    samples = _levitated(controller, scenario, precision)
     return {
         "control_bound": control_bound,
         "current_bound": current_bound,
@@ -167,12 +167,12 @@ def context(
         "own_time": f"{1e3 * own_time(controller.bearing):.3g} ms",
         "speed": c_literals.number(machine.speed, precision),
         "times": controller.sequence,
-        "in_flight": samples,
+        "levitated": samples,
         "snapshots": samples["snapshots"],
     }  # fmt: skip
 
 
-def _in_flight(controller: Controller, scenario: Scenario, precision: CPrecision) -> dict[str, Any]:
+def _levitated(controller: Controller, scenario: Scenario, precision: CPrecision) -> dict[str, Any]:
     """Return what the files of the self-test say."""
     tested = controller_test_cases.vectors(controller, scenario)
     fast_sequence, filter = controller_test_cases.fast_sequence(controller), controller.estimator

@@ -191,7 +191,7 @@ def _tested(export: Export) -> dict[str, Any]:
         tested = test_vectors.make(filter, export.magnets, settling=settling, bound=bound)
         test_data = selftest.context(tested, filter, precision)
     else:
-        test_data = {key: export.flown["in_flight"][key] for key in ("runs", "coverage")}
+        test_data = {key: export.flown["levitated"][key] for key in ("runs", "coverage")}
     return {
         "bound": (_BOUNDS_OF_MACHINES if export.several else _BOUNDS)[precision],
         **test_data,
@@ -295,7 +295,7 @@ def _configuration(filter: Estimator, context: dict[str, Any], core_files: dict[
         parts.append(repr(context["several"]))
     parts += [array["text"] for array in context["arrays"]]
     if context["controller"]:
-        parts += [repr(context[key]) for key in ("controller", "times", "turning", "in_flight")]
+        parts += [repr(context[key]) for key in ("controller", "times", "turning", "levitated")]
     for part in (*parts, *core_files.values()):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:16]
