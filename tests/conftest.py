@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -59,8 +60,12 @@ class Drawing:
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Draw pictures for tests that look at them, fixtures of a module included."""
-    marks = ("pictures", "long", "study")
-    Drawing.real = any(item.get_closest_marker(mark) for mark in marks)
+    marks = {mark.name for mark in item.iter_markers()}
+    Drawing.real = bool(marks & {"pictures", "long", "study"})
+    # FMUs likewise: half of the time is the optimiser's, which must not change a bit.
+    if (compiler := sys.modules.get("ambkit.export.fmu.compiler")) is not None:
+        flags = compiler._FLAGS[1:]
+        compiler._FLAGS = ("-O2" if marks & {"optimised", "long", "study"} else "-O0", *flags)
 
 
 @pytest.fixture(autouse=True)

@@ -23,8 +23,6 @@ RIGS = ["hindawi_2011", "tum_mlps", "ufu_flexible", "ufu_rig"]
 RIGID = [name for name in RIGS if name != "ufu_flexible"]
 AND_LONG = quick(PRESETS, RIGS)
 """All presets, those that are not among the first ones in the long tests alone."""
-RIGID_AND_LONG = quick(PRESETS, RIGID)
-"""The same, where a flexible rotor takes ten seconds."""
 OF_KILOGRAMS = quick([*RIGS, "compressor", "tum_mlps_flexible"], RIGID)
 """Those that loads of some newtons do not throw into their touch-down bearings."""
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
 
 
-def quick(cases: Iterable[Any], of: Collection[Any]) -> list[Any]:
+def quick(cases: Iterable[Any], of: Iterable[Any]) -> list[Any]:
     """Return all cases, those that are not among `of` in the long part alone.
 
     A case of several arguments is a tuple, in both.
     """
-    return [case if case in of else _long(case) for case in cases]
+    chosen = list(of)
+    return [case if case in chosen else _long(case) for case in cases]
 
 
 def _long(case: Any) -> Any:

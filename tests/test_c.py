@@ -59,7 +59,7 @@ LIBC = {"memcpy", "memset", "memcmp", "memmove", "sqrt", "sqrtf"}
 OF_COMPILERS = {"_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
 
 
-GCC = ["gcc", "-std=c99", "-O1", "-g", "-ffp-contract=off", *WARNINGS, *SANITIZERS]
+GCC = ["gcc", "-std=c99", "-O0", "-g1", "-ffp-contract=off", *WARNINGS, *SANITIZERS]
 
 
 def gcc(*arguments: str | Path) -> subprocess.CompletedProcess[str]:

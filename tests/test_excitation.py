@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from quick import quick
 from scipy.stats import chi2
 
 import ambkit
@@ -96,9 +97,16 @@ def test_a_stepped_sine_goes_through_zero_where_it_changes() -> None:
 
 # ---- limits ----
 
+LIMITS = ((1.2, 1e-4), (0.8, 5e-4))
 
-@pytest.mark.parametrize("kind", sorted(KINDS))
-@pytest.mark.parametrize(("current", "displacement"), [(1.2, 1e-4), (0.8, 5e-4)])
+
+@pytest.mark.parametrize(
+    ("kind", "current", "displacement"),
+    quick(
+        [(kind, *limits) for kind in sorted(KINDS) for limits in LIMITS],
+        [(kind, *LIMITS[k % 2]) for k, kind in enumerate(sorted(KINDS))],
+    ),
+)
 def test_one_limit_is_filled_and_none_exceeded(
     kind: str, current: float, displacement: float
 ) -> None:

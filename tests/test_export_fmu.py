@@ -33,6 +33,7 @@ from fmpy.fmi1 import FMICallException  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
 from fmu_instance import Instance, unpacked  # noqa: E402
 from iron import TWO_SIDED as IRON  # noqa: E402
+from quick import quick  # noqa: E402
 
 BEARING = Bearing.preset("zittau_axial")
 ONE_SIDED = Bearing.preset("inteco_ml")
@@ -144,7 +145,9 @@ def fmutool(path: Path) -> str:
     return done.stdout + done.stderr
 
 
-@pytest.mark.parametrize(("kind", "fmi"), ALL)
+@pytest.mark.parametrize(
+    ("kind", "fmi"), quick(ALL, [("estimator", 3), ("plant", 2), ("closed-loop", 3)])
+)
 def test_fmutool_finds_nothing(made: Callable[..., Path], kind: str, fmi: int) -> None:
     said = fmutool(made(kind, fmi))
     assert f"compliant with FMI-{fmi}.0" in said
@@ -165,8 +168,13 @@ def test_the_tools_would_find_a_fault(made: Callable[..., Path], tmp_path: Path)
     assert "is not listed in <Output>" in fmutool(bad)
 
 
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
-@pytest.mark.parametrize(("kind", "fmi"), ALL)
+@pytest.mark.parametrize(
+    ("kind", "fmi", "compiler"),
+    quick(
+        [(*one, compiler) for one in ALL for compiler in ("gcc", "clang")],
+        [(*one, ("gcc", "clang")[k % 3 % 2]) for k, one in enumerate(ALL)],
+    ),
+)
 def test_sources_compile_without_warnings(
     made: Callable[..., Path], tmp_path: Path, kind: str, fmi: int, compiler: str
 ) -> None:
@@ -200,6 +208,7 @@ def expert(bearing: Bearing) -> Any:
     return ambkit.train(bearing).expert
 
 
+@pytest.mark.optimised
 @pytest.mark.parametrize("magnet", [ClosedLaw, stiffness_map, expert], ids=lambda s: s.__name__)
 def test_adaptive_filter_in_fmpy_equals_the_library(magnet: Any, tmp_path: Path) -> None:
     record, knows = spoilt(BEARING), magnet(BEARING)

@@ -1,8 +1,11 @@
 """Controllers of machines: what they hold, what of the unbalance they let through."""
 
+from itertools import product
+
 import control
 import numpy as np
 import pytest
+from quick import quick
 
 import ambkit
 from ambkit import KalmanFilter, Machine
@@ -19,6 +22,7 @@ from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Ramp, Step
 
 MACHINES = ("hindawi_2011", "tum_mlps", "ufu_rig")
+TYPES = ("decentralised", "translation and tilt", "lqg")
 KINDS = [
     ("decentralised", "measurement"),
     ("decentralised", "estimate"),
@@ -68,8 +72,9 @@ def test_a_rotor_lifts_off_from_its_backup_bearings(kind, feedback):
     assert np.abs(s[:, -1]).max() < 5e-6
 
 
-@pytest.mark.parametrize("kind", ["decentralised", "translation and tilt", "lqg"])
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize(
+    ("name", "kind"), quick(product(MACHINES, TYPES), zip(MACHINES, TYPES, strict=False))
+)
 def test_unbalance_is_let_turn_or_kept_still(name, kind):
     """At 12,000 rpm, above the rigid critical speeds, by the force of a magnet and by the orbit."""
     machine = Machine.preset(name).replace(speed="12000 rpm")

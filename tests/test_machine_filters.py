@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
-from machine_cases import PRESETS, RIGID_AND_LONG, machine, uncoupled
+from machine_cases import PRESETS, RIGID, machine, uncoupled
+from quick import quick
 
 from ambkit import (
     AmbkitError,
@@ -33,8 +35,10 @@ LEARNED = ("table", "adaptive")
 TAKEN = [n for n in KINDS if n not in (*OF_ONE_AXIS, *LEARNED, "constant-velocity")]
 
 
-@pytest.mark.parametrize("name", RIGID_AND_LONG)
-@pytest.mark.parametrize("speed", [0.0, 2000.0])
+@pytest.mark.parametrize(
+    ("name", "speed"),
+    quick(product(PRESETS, (0.0, 2000.0)), zip(RIGID, (0.0, 2000.0, 2000.0), strict=True)),
+)
 def test_filters_are_as_good_as_can_be(name: str, speed: float) -> None:
     """20 seeds, vague starts: in all quantities together and in each, the bound; and honest."""
     load = 0.03 if name == "tum_mlps_flexible" else 0.1  # a shaft of 8 mm
