@@ -47,8 +47,8 @@ def test_what_is_written_reads_back_as_the_loop_that_was_chosen(designed):
     )  # fmt: skip
     assert list(again.loops.values())[-1].peak == pytest.approx(designed.loop.peak, rel=1e-9)
     assert json.loads(json.dumps(designed.to_dict()))["controllers"]["A1"]["kp"] > 0
-    assert "Fly the linear Kalman filter" in designed._repr_html_()
-    assert "Fly the linear Kalman filter" in (designed.folder / "design.html").read_text()
+    assert "Use the linear Kalman filter" in designed._repr_html_()
+    assert "Use the linear Kalman filter" in (designed.folder / "design.html").read_text()
 
 
 @pytest.mark.long

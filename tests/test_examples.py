@@ -117,7 +117,7 @@ def test_thread(run, tmp_path):
     weaker, delay = numbers(r"([\d.]+) % weaker than drawn, the delay ([\d.]+) ms", printed)
     assert weaker == pytest.approx(6, abs=0.6)
     assert delay == pytest.approx(0.15, abs=0.006)
-    assert "Fly the " in printed
+    assert "Use the " in printed
     if any(map(shutil.which, ("cc", "gcc", "clang"))):
         assert "12001 samples of the rig's numbers in C: 0 states differ from Python's." in printed
     for name in ("x", "v", "f_d"):

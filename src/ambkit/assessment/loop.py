@@ -1,4 +1,4 @@
-"""One loop, and all that is said of it: margins, noise, and what it asks of the machine."""
+"""One loop: margins, noise, load capacity and the demands on the machine."""
 
 from __future__ import annotations
 

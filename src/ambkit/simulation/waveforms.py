@@ -195,7 +195,18 @@ class Recorded(Waveform):
 
     @classmethod
     def of(cls, t: NDArray[Any], values: NDArray[Any]) -> Self:
-        """Return samples unchecked: the check takes longer than many a simulation."""
+        """Return samples unchecked: the check takes longer than many a simulation.
+
+        Parameters
+        ----------
+        t, values : ndarray (n,)
+            Times [s], ascending, and values in the unit of the waveform.
+
+        Returns
+        -------
+        Recorded
+            The waveform.
+        """
         return cls.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))
 
     def _at(self, t: Array) -> Any:

@@ -65,15 +65,8 @@ def restorable(controller: Controller) -> bool:
 
 
 def snapshots_of(controller: Controller, run: Callable[..., dict[str, NDArray[Any]]]) -> Snapshots:
-    """Place as few snapshots as keep float near what double gives from the same recorded state.
-
-    Parameters
-    ----------
-    controller : Controller
-        The controller, in float.
-    run : callable
-        A controller, and what it restores or None, to its output along one run.
-    """
+    """Place as few snapshots as keep float near what double gives from the same recorded state."""
+    # `run` takes a controller, and what it restores or None, to its output along one flight.
     filter = controller.estimator
     args, options = filter._made
     sharp = type(filter)(*args, **(options | {"precision": "float64"}))
