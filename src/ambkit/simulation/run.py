@@ -115,7 +115,7 @@ class Loop:
         of_type(Machine, bearing=machine)
         of_type(Scenario, scenario=scenario)
         if estimator is not None:
-            of_type(Estimator, estimator=estimator)
+            of_type(Estimator, filter=estimator)
         names = tuple(axis.name for axis in machine.axes)
         self._straight = machine.single and controllers is None
         scenario.check_for(names, body=not self._straight)

@@ -178,7 +178,7 @@ def flown(
         magnet = surface_in(plant, machine.isolated_axis(""))
     estimator = OwnEstimator(machine, made) if is_own(made) else made if named else None
     if estimator is not None:
-        of_type(Estimator, str, estimator=estimator)
+        of_type(Estimator, str, filter=estimator)
     run = simulate_run(
         machine.short, full_scenario, estimator=estimator, magnet=magnet,
         external_inputs=external_inputs,
