@@ -413,5 +413,5 @@ def test_a_law_that_left_out_points_prefer_is_what_the_filter_knows(
     assert errors[NETWORK]["random"] > 3 * errors[LAW]["random"]
     assert type(Estimator.load("best.toml").magnet).__name__ != "Expert"
     shown, _ = said(capsys, *words, "--out", "expert.json", "--out", "filter=f.toml")
-    assert "--model network takes the network all the same" in shown
+    assert "--model network uses the network nevertheless" in shown
     assert type(Estimator.load("f.toml").magnet).__name__ != "Expert"

@@ -286,7 +286,7 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
         )
     }
     if spent.trusted is not None:
-        facts["of the step that trusts its input"] = f"{spent.trusted}"
+        facts["without checks of the input"] = f"{spent.trusted}"
     if spent.selftest is not None:
         time = 1e3 * spent.selftest * CYCLES_PER_INSTRUCTION / CLOCK
         facts["self-test (Cortex-M4F, in qemu)"] = (
