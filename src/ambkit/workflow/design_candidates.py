@@ -281,6 +281,6 @@ def evidence_for(chosen: TunedCandidate, candidates: Sequence[TunedCandidate]) -
     return (
         f"On validation records it predicts the position 10 samples ahead to {ahead(chosen)} rms"
         f"{beside}. In simulated runs with a step of {engineering(chosen.load, 'N', 3)} of the "
-        f"disturbance force its error is {x} ({100 * chosen.efficiency:.0f} % of the bound) "
+        f"disturbance force its error is {x} (efficiency {100 * chosen.efficiency:.0f} %) "
         f"{errors}"
     )

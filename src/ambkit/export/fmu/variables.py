@@ -392,14 +392,7 @@ def _gains(controller: PID, bearing: Bearing) -> list[Variable]:
     current = levitation_current_at(bearing)
     weight = "share of the reference that kp sees"
     return [
-        Variable(
-            "start_current",
-            "fixed",
-            "A",
-            "of the controller's integral",
-            current,
-            first="start_current",
-        ),
+        *per_name("start_current", "fixed", "A", "of the controller's integral", [""], current),
         Variable("controller.kp", "tunable", "A/m", "proportional gain", controller.kp),
         Variable("controller.ki", "tunable", "A/(m.s)", "integral gain", controller.ki),
         Variable("controller.kd", "tunable", "A.s/m", "derivative gain", controller.kd),
