@@ -79,9 +79,9 @@ def adaptive(study: Study) -> Part:
             ],
         ),
         [
-            mean_row("fig13.k_i", "Expert over constant k: k_i", far_i,
+            mean_row("fig13.k_i", "Expert at 0.5 mm over constant: k_i", far_i,
                      "%"),
-            mean_row("fig14.k_s", "Expert over constant k: k_s", far_s,
+            mean_row("fig14.k_s", "Expert at 0.5 mm over constant: k_s", far_s,
                      "%"),
             mean_row("fig15.overshoot", "Overshoot, 0.5 mm step: linear filter",
                      over_linear, "%"),

@@ -42,8 +42,8 @@ END = 2.2  # s
 NEAR = 50  # samples after a swap in which a jump would be seen
 WAYS = {
     "wrong": ("estimate linear", "k as described, wrong"),
-    "learned": ("estimate adaptive", "k learned in flight"),
-    "told": ("estimate closed law", "k told, at the same instants"),
+    "learned": ("estimate adaptive", "k identified online"),
+    "told": ("estimate closed law", "true k, at the same instants"),
     "afresh": ("estimate wide box", "k learned, filter started afresh"),
 }
 FORCE = Axis(r"disturbance force $F_\mathrm{St}$", "N")

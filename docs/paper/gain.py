@@ -85,8 +85,8 @@ def gain(study: Study) -> Part:
             *(mean_row(f"gain.{id}", f"Error of f_d at 0.5 mm: {what}", errors[name], "N rms",
                        smaller(errors[name], errors["estimate linear"]))
               for id, what, name in (
-                  ("adaptive", "adaptive, 25 points", "estimate adaptive"),
-                  ("wide", "adaptive, to 0.8 mm", "estimate wide box"),
+                  ("adaptive", "adaptive, paper's 25 points", "estimate adaptive"),
+                  ("wide", "adaptive, points to 0.8 mm", "estimate wide box"),
                   ("closed", "closed law", "estimate closed law"))),
             mean_row("gain.position", "Worst over best filter, x: 0.5 mm step",
                      alike, "%"),

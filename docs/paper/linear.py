@@ -128,7 +128,7 @@ def linear(study: Study) -> Part:
             ],
         ),
         [
-            mean_row("linear.nis", "Linear filter, 0.1 mm: mean NIS (1 if right)",
+            mean_row("linear.nis", "Linear filter, 0.1 mm: mean NIS (consistent at 1)",
                      nis, "",
                      reached(abs(float(nis.mean()) - 1) < 2 * band)),
             mean_row("linear.position",
