@@ -16,9 +16,10 @@ import sys
 
 import numpy as np
 
-from ambkit import AmbkitError, Judgement, Machine, judge_states
+from ambkit import AmbkitError, Machine
 from ambkit.machine import presets
 from ambkit.simulation.waveforms import Constant, Ramp
+from benchmarks.judge_states import Judgement, judge_states
 
 LEAST = 0.95
 BAND = 0.9, 1.1

@@ -10,7 +10,7 @@ import pytest
 from machine_cases import Array, directions
 from test_machine_flight import CORE, LOADS, at_rest, released
 
-from ambkit import Machine, Scenario, judge_states, simulate
+from ambkit import Machine, Scenario, simulate
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
 from ambkit.control.pid import PID
@@ -24,6 +24,7 @@ from ambkit.models.continuous import continuous, open_loop
 from ambkit.models.machine_parts import machine_model
 from ambkit.models.plant import Plant
 from ambkit.simulation.waveforms import Ramp
+from benchmarks.judge_states import judge_states
 
 UFU = "ufu_flexible"
 

@@ -22,13 +22,13 @@ from ambkit import (
 )
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.comparison.states import judge_states
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import Bank, isolated_axes, weights_of
 from ambkit.machine.magnets import magnet_of
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Ramp, Step
+from benchmarks.judge_states import judge_states
 
 OF_ONE_AXIS = ("low-pass", "observer", "steady-state")
 LEARNED = ("table", "adaptive")

@@ -35,8 +35,6 @@ from ambkit.fuzzy.expert import Expert as Expert
 from ambkit.identification.online.adaline import Adaline as Adaline
 from ambkit.identification.online.magnet_constant import identify_online as identify_online
 from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
-from ambkit.judge.comparison.states import Judgement as Judgement
-from ambkit.judge.comparison.states import judge_states as judge_states
 from ambkit.machine.loading import preset as preset
 from ambkit.machine.machine import Bearing as Bearing
 from ambkit.machine.machine import Machine as Machine

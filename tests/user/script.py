@@ -238,8 +238,6 @@ def whole_machine() -> None:
     run = ambkit.simulate(machine, ambkit.Scenario(duration=0.02), filter=filter_)
     assert_type(run.samples_at_the_stop, int)
     assert_type([each.std for each in ambkit.harmonics(filter_, run.record)], list[float])
-    found = ambkit.judge_states(machine, ["linear"], seeds=1, duration=0.04, settled=0.02)
-    assert isinstance(found, ambkit.Judgement)
     assert_type(ambkit.campbell(machine, count=3).critical, list[float])
     over = ambkit.assess_speed(machine, "none", fastest="3000 rpm", count=2)
     assert_type(over.farthest, tuple[float, float])
