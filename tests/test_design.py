@@ -18,8 +18,8 @@ from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.workflow import design_candidates
 from ambkit.workflow.design import design, objections_to_loop
 from ambkit.workflow.designed import Design
+from ambkit.workflow.identified import identified_filter
 from ambkit.workflow.identified_toml import annotated_toml
-from ambkit.workflow.identify import identified_filter
 
 KNOWN = Bearing.preset("zittau_axial").replace(name="my rig")
 TRUE = KNOWN.replace(delay="0.15 ms", magnet__magnet_constant="6.2 N mm^2/A^2")

@@ -14,7 +14,8 @@ from ambkit.machine.machine import Machine
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
-from ambkit.workflow.identify import identified_filter, identify
+from ambkit.workflow.identified import identified_filter
+from ambkit.workflow.identify import identify
 
 MACHINE = Machine.preset("tum_mlps")  # rotates; each bearing has a sensor to either side
 AXIS = "A1"

@@ -41,7 +41,7 @@ def shown() -> dict[str, Any]:
     """One of each that a notebook shows, under the name of its class."""
     from ambkit.identification.forces.lift_off import LiftOff
     from ambkit.identification.online.comparison import compare_online
-    from ambkit.workflow.identify import identify_by_lift_off
+    from ambkit.workflow.lift_off import identify_by_lift_off
 
     scores = compare(BEARING, SCENARIO, {"linear": lambda: KalmanFilter(BEARING)}, [0])
     study = compare_in_case(BEARING, "paper", ["linear"], runs=1)

@@ -11,12 +11,14 @@ from ambkit.cli.printing import plain
 from ambkit.estimate.named import USUAL, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.fuzzy.training import train
+from ambkit.identification.noise import standstill_noise
 from ambkit.judge.comparison.study import study
 from ambkit.machine.forces.force_points import load_force_points
 from ambkit.workflow import compare_steps, training
 from ambkit.workflow.filter import filter as filter_record
 from ambkit.workflow.filter import stretch_to_tune_on
-from ambkit.workflow.identify import identify, identify_by_lift_off, noise_at_rest
+from ambkit.workflow.identify import identify
+from ambkit.workflow.lift_off import identify_by_lift_off
 from ambkit.workflow.simulate import experiment_duration, scenario_for
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
 from ambkit.workflow.warnings import missing_control
@@ -204,7 +206,7 @@ def test_noise_at_rest_is_where_the_search_starts(command, made):
         "identify", "zittau_axial", made / "log.csv", "--rest", "rest.csv", "--free",
         "magnet_constant",
     )  # fmt: skip
-    rest = noise_at_rest(ambkit.load("rest.csv"))
+    rest = standstill_noise(ambkit.load("rest.csv"))
     assert rest["y"].standard_deviation == pytest.approx(3e-6, rel=0.05)
     assert isinstance(rest["u"], str)  # why nothing can be said of it
     found = identify(

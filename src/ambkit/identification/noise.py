@@ -121,6 +121,21 @@ def measurement_noise(record: Record, signal: str = "y", *, window: float = 0.5)
     )
 
 
+StandstillNoise = Mapping[str, Noise | str]
+"""Noise of each signal of a record at rest, or why it cannot be seen."""
+
+
+def standstill_noise(record: Record) -> dict[str, Noise | str]:
+    """Return the noise of each signal of a record at rest, or why it cannot be seen."""
+    results: dict[str, Noise | str] = {}
+    for name in record:
+        try:
+            results[name] = measurement_noise(record, name)
+        except RecordError as error:
+            results[name] = str(error)
+    return results
+
+
 def _in_long_runs(x: Array) -> Bools:
     """Mark the samples that stand in `FROZEN_RUN` or more equal ones in a row."""
     starts = np.flatnonzero(np.concatenate(([True], np.diff(x) != 0)))

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from ambkit.result.report import Figure
 
 
+ENDINGS = "must end in .json, .csv, .tex, .html, .png, .svg or .pdf"
+
+
 class Result(Stated, Drawn):
     """A result: it tells in every form what it states."""
 
@@ -98,7 +101,7 @@ class Result(Stated, Drawn):
         path : str or path
             Ends in ``.json``, ``.csv`` or ``.tex``; ``.png``, ``.svg`` or ``.pdf`` for its main
             picture; or ``.html`` for a page. What makes a record writes it as ``.csv`` or
-            ``.parquet``.
+            ``.parquet``; what finds a machine or a filter, as ``.toml``.
 
         Raises
         ------
@@ -119,8 +122,25 @@ class Result(Stated, Drawn):
             files.write_text(path, self.to_pandas().to_csv(index=False))
         elif ending == ".tex":
             files.write_text(path, self.to_latex() + "\n")
+        elif ending == ".toml":
+            self.save_toml(path)
         else:
-            raise AmbkitError(f"{path} must end in .json, .csv, .tex, .html, .png, .svg or .pdf")
+            raise AmbkitError(f"{path} {ENDINGS}")
+
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
+        """Write the machine or the filter that it found; refused by a result that found none.
+
+        Parameters
+        ----------
+        path : str or path
+            Ends in ``.toml``.
+
+        Raises
+        ------
+        AmbkitError
+            It found none.
+        """
+        raise AmbkitError(f"{path} {ENDINGS}")
 
     def file(self) -> Any:
         """Return what is written as ``.csv`` and ``.parquet``; None: the rows, as ``.csv``."""

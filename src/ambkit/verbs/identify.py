@@ -25,7 +25,8 @@ from ambkit.verbs.words import (
 
 if TYPE_CHECKING:
     from ambkit.workflow.identification import IdentifiedCoil, IdentifiedCorpus, IdentifiedOnline
-    from ambkit.workflow.identify import Identified, LiftedOff
+    from ambkit.workflow.identified import Identified
+    from ambkit.workflow.lift_off import LiftedOff
 
 
 def identify(
@@ -239,10 +240,10 @@ def identify_lift_off(
     $ ambkit identify lift-off inteco_ml points.csv --operating-point "10 mm" --out found.toml
     """
     from ambkit.base.progress import progress
-    from ambkit.workflow import identification
+    from ambkit.workflow.lift_off import lift_off
 
     with progress("reading") as done:
-        return identification.lift_off(
+        return lift_off(
             machine, records, axis, channels, gap=gap, operating_point=operating_point, note=done
         )
 

@@ -44,8 +44,9 @@ from ambkit.workflow.design_candidates import (
     write_json,
 )
 from ambkit.workflow.designed import Design
+from ambkit.workflow.identified import identified_filter
 from ambkit.workflow.identified_toml import annotated_toml
-from ambkit.workflow.identify import identified_filter, identify
+from ambkit.workflow.identify import identify
 from ambkit.workflow.tune import BUDGET, RUNS
 
 if TYPE_CHECKING:

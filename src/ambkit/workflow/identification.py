@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -24,24 +23,16 @@ from ambkit.base.units import engineering
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.reading import load
 from ambkit.data.record import Record
+from ambkit.estimate.filter_saving import made_by
 from ambkit.identification.coil import CoilFit, fit_coil
 from ambkit.identification.corpus.corpus import Corpus, identify_corpus
-from ambkit.identification.forces.lift_off import find_lift_off, load_points
+from ambkit.identification.noise import standstill_noise
 from ambkit.identification.online import comparison
 from ambkit.identification.online.magnet_constant import ONLINE, identified
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.machine.force_laws import isolated
-from ambkit.workflow.identify import (
-    Identified,
-    LiftedOff,
-    check_lifts_off,
-    corpus_filter,
-    identify,
-    identify_by_lift_off,
-    noise_at_rest,
-    parameters_to_find,
-    starting_model,
-)
+from ambkit.workflow.identified import Identified, filter_following_load
+from ambkit.workflow.identify import identify, parameters_to_find, starting_model
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
@@ -96,9 +87,9 @@ def _rest_noise(rest: Any, channels: Any) -> dict[str, Any]:
     if rest is None:
         return {}
     if isinstance(rest, Record):
-        return noise_at_rest(rest)
+        return standstill_noise(rest)
     file, _, own = os.fspath(rest).partition("@")
-    return noise_at_rest(load(file, own or channels))
+    return standstill_noise(load(file, own or channels))
 
 
 def _inputs(channels: Any) -> Any:
@@ -121,23 +112,8 @@ def _nodes(nodes: Any) -> tuple[int, int] | None:
     return int(sides[0]), int(sides[-1])
 
 
-class WritesMachine:
-    """A result that is written as the TOML file of a machine."""
-
-    def save_machine(self, path: str | os.PathLike[str]) -> None:
-        """Write the machine."""
-        raise NotImplementedError
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it to a file; as .toml the machine."""
-        if Path(path).suffix == ".toml":
-            self.save_machine(path)
-        else:
-            super().save(path)  # type: ignore[misc]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class IdentifiedCorpus(WritesMachine, Corpus):
+class IdentifiedCorpus(Corpus):
     """A machine from many logs, and its filter."""
 
     known: Bearing | None = None  #: What was known before.
@@ -145,7 +121,11 @@ class IdentifiedCorpus(WritesMachine, Corpus):
     @cached_property
     def filter(self) -> Estimator:
         """The extended filter of what the logs say together."""
-        return corpus_filter(self)
+        made, raised = filter_following_load(self.bearing, self.model.disturbance_noise)
+        origin = made_by("identify", f"likelihood of {len(self.found)} logs")
+        keys = ("noise.measurement", "noise.control", "noise.disturbance")
+        made.origin = dict.fromkeys(keys, origin) | raised
+        return made
 
     @cached_property
     def adequacy(self) -> list[Finding]:
@@ -164,7 +144,7 @@ class IdentifiedCorpus(WritesMachine, Corpus):
         adequacy = [item.to_dict() for item in self.adequacy]
         return dict(super().series) | known | {"adequacy": adequacy}
 
-    def save_machine(self, path: str | os.PathLike[str]) -> None:
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
         """Write the machine."""
         self.bearing.save(path)
 
@@ -193,7 +173,7 @@ def by_corpus(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class IdentifiedOnline(WritesMachine, comparison.OnlineComparison):
+class IdentifiedOnline(comparison.OnlineComparison):
     """What the methods learned, and the machine of one of them."""
 
     method: str = "all"  #: Whose machine it is.
@@ -214,7 +194,7 @@ class IdentifiedOnline(WritesMachine, comparison.OnlineComparison):
         of = {row.key: row.value for row in self.rows if row.of == self.method}
         return of | series
 
-    def save_machine(self, path: str | os.PathLike[str]) -> None:
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
         """Write the machine."""
         self.machine.save(path)
 
@@ -246,45 +226,11 @@ def online(
     return result
 
 
-def lift_off(
-    machine: Any, records: Any, axis: str | None, channels: Any, *, gap: Any, operating_point: Any,
-    note: Note,
-) -> LiftedOff:  # fmt: skip
-    """Fit the law to points of a table, or to those found in recordings, one each."""
-    known = isolated(machine_argument(machine), axis)
-    check_lifts_off(known)
-    paths = [Path(path) for path in names_in(records=records)]
-    ends = _ends(gap)
-    if channels is None:
-        if len(paths) > 1:
-            raise AmbkitError("points are one table; recordings need a channel map")
-        points = load_points(paths[0])
-    else:
-        points = []
-        for run, path in enumerate(paths, 1):
-            note(f"reading {path.name}")
-            points.append(find_lift_off(load(path, channels), run))
-    return identify_by_lift_off(
-        known, points, gap_range=ends, operating_point=operating_point,
-        names=() if channels is None else [path.name for path in paths],
-    )  # fmt: skip
-
-
-def _ends(gap: Any) -> tuple[float, float]:
-    """Return the ends of a range of distances [m]."""
-    if gap is None:
-        return 0.0, math.inf
-    parts = gap.split(",") if isinstance(gap, str) else list(gap)
-    if len(parts) != 2:
-        raise AmbkitError(f'gap must be two lengths such as "4 mm,16 mm", is {gap!r}')
-    return in_si("gap", parts[0], "m"), in_si("gap", parts[1], "m")
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class IdentifiedCoil(WritesMachine, CoilFit):
+class IdentifiedCoil(CoilFit):
     """A coil, and the machine that is driven through it."""
 
-    def save_machine(self, path: str | os.PathLike[str]) -> None:
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
         """Write the machine, with what its channel map needs."""
         if self.known is None or self.operating_point is None:
             raise AmbkitError("operating_point is missing: the lag depends on where the rotor is")

@@ -3,390 +3,32 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
 
-from ambkit.base import files
-from ambkit.base.errors import AmbkitError, ConfigError, RecordError
+from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.quantity_arguments import Given, all_of_type, in_si, of_type
-from ambkit.base.units import engineering
-from ambkit.data.input_scaling import Inputs
 from ambkit.data.record import Record
-from ambkit.estimate.filter_saving import made_by
-from ambkit.estimate.kalman import ExtendedKalmanFilter
-from ambkit.estimate.noise_model import FilterNoise
-from ambkit.identification.forces.force_map import ForceMap, force_map
-from ambkit.identification.forces.lift_off import LiftOffFit, fit_lift_off
-from ambkit.identification.maximum_likelihood.axis_model import AxisModel, axis_record
+from ambkit.identification.forces.force_map import force_map
+from ambkit.identification.maximum_likelihood.axis_model import AxisModel
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.identification.maximum_likelihood.parameters import OFFSETS, named, usual
-from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
-from ambkit.identification.maximum_likelihood.validation import Validation, validate
-from ambkit.identification.noise import Noise, measurement_noise
-from ambkit.judge.adequacy import judge_adequacy, sentences
-from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
-from ambkit.machine.force_laws import axis_named, isolated, with_axis
-from ambkit.machine.machine import Bearing, Machine
-from ambkit.machine.stiffness import operating_points
-from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
-from ambkit.workflow.identified_toml import annotated_toml, carried_over
+from ambkit.identification.maximum_likelihood.parameters import named, usual
+from ambkit.identification.noise import Noise, StandstillNoise
+from ambkit.machine.force_laws import axis_named, isolated
+from ambkit.machine.machine import Machine
+from ambkit.workflow.identified import Identified, check_disjoint, records_of, validations
 
 if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.identification.corpus.corpus import Corpus
-    from ambkit.identification.forces.lift_off import LiftOff
-    from ambkit.judge.adequacy_criteria import Finding
-    from ambkit.result.report import Figure
-
-
-RAISED = made_by(
-    "identify",
-    f"least with which a step of {STEP:.0%} of the load capacity is followed in {REQUIRED:g} "
-    "sqrt(m/k_s)",
-)
-"""Where a process noise is from that the records left too small."""
-
-AtRest = Mapping[str, Noise | str]
-"""Noise of each signal of a record at rest, or why it cannot be seen."""
-
-
-def noise_at_rest(record: Record) -> dict[str, Noise | str]:
-    """Return the noise of each signal of a record at rest, or why it cannot be seen."""
-    results: dict[str, Noise | str] = {}
-    for name in record:
-        try:
-            results[name] = measurement_noise(record, name)
-        except RecordError as error:
-            results[name] = str(error)
-    return results
-
-
-def _noise_as_data(noise: Noise | str) -> dict[str, Any]:
-    if isinstance(noise, str):
-        return {"problem": noise}
-    return {
-        "variance": noise.variance,
-        "standard_deviation": noise.standard_deviation,
-        "unit": noise.unit,
-        "samples": noise.samples,
-        "colour": noise.colour,
-        "correlation": list(noise.correlation),
-    }
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Identified(Result):
-    """A bearing from records of the loop, with its uncertainty, and how it did on others."""
-
-    given: Bearing  #: What was known before of the axis, without what `rest` says.
-    records: Sequence[Record]  #: What it was identified from.
-    likelihood: MaximumLikelihood  #: What was found.
-    #: How it did on each of the other records; without others, on `records`.
-    validation: Sequence[Validation]
-    on_others: bool  #: Whether these are others.
-    #: (Noise or str) Noise at rest by signal, or why it cannot be seen; empty without such a
-    #: record.
-    rest: AtRest
-    forces: ForceMap | None = None  #: Force at the nodes of a grid, if asked for.
-    inputs: Inputs | None = None  #: What the controller reads of the log.
-    source: str = ""  #: Names of the records' files.
-
-    def validate(self, *records: Record) -> Identified:
-        """Return the identified machine, validated on other records."""
-        return validated(self, all_of_type(Record, records=list(records)))
-
-    @cached_property
-    def filter(self) -> Estimator:
-        """The extended filter of what was found, with the offsets of the log."""
-        return identified_filter(self, self.inputs, self.source)
-
-    @cached_property
-    def adequacy(self) -> list[Finding]:
-        """Whether the filter may fly."""
-        return judge_adequacy(self.filter)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it to a file; as .toml the machine, with standard errors beside its values."""
-        if Path(path).suffix == ".toml":
-            text = annotated_toml(self.likelihood, Path(path).parent, self.machine)
-            files.write_text(path, text)
-        else:
-            super().save(path)
-
-    def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
-        """Write the filter, or the force map as far as the records show it."""
-        if what == "filter":
-            self.filter.save(path, bearing=beside.get(".toml"))
-        else:
-            self._mapped.save(path)
-
-    @cached_property
-    def _mapped(self) -> ForceMap:
-        if self.forces is not None:
-            return self.forces
-        if not self.machine.single:
-            raise AmbkitError(f"forces are mapped of one axis, {self.machine.name} has several")
-        result = self.likelihood
-        return force_map(result.model, self.records, settling=result.settling)
-
-    @property
-    def bearing(self) -> Bearing:
-        """The axis that was found, as a bearing alone."""
-        return self.likelihood.bearing
-
-    @property
-    def machine(self) -> Machine:
-        """The machine with the axis that was found."""
-        model = self.likelihood.model
-        if isinstance(model, AxisModel):
-            return with_axis(model.machine, model.axis, self.bearing)
-        return self.bearing
-
-    @property
-    def of_the_zeros(self) -> list[str]:
-        """What is to be known of offsets that were looked for, before a filter takes them."""
-        result = self.likelihood
-        looked_for = [p for p in result.parameters if p.name in OFFSETS]
-        zeros = " and ".join(
-            f"{p.name.replace('_', ' ')} {engineering(result[p.name], p.unit, 3)} ± "
-            f"{engineering(result.standard_error(p.name), p.unit, 2, like=result[p.name])}"
-            for p in looked_for
-        )
-        if not result.offsets_count:
-            return [f"{zeros}: as likely none, and the zeros stay as they were given"]
-        position = [p.name for p in looked_for if p.name == "position_offset"]
-        noise = math.sqrt(result.bearing.sensor.noise_variance)
-        if position and result.standard_error(position[0]) > noise:
-            return [
-                f"{zeros}: the position is known to no better than that, and the sensor's noise is "
-                f"{engineering(noise, 'm', 3)}; who has measured the zeros leaves them out of free"
-            ]
-        return []
-
-    @property
-    def stiffness(self) -> dict[str, Any]:
-        """Stiffnesses about the mean of the records, where they tell most."""
-        iu, x = self.likelihood.model.mean_point(self.records)
-        at = self.likelihood.stiffness(iu, x)
-        return {"current": iu, "displacement": x} | {
-            name: {"value": v, "standard_error": e} for name, (v, e) in at.items()
-        }
-
-    @cached_property
-    def operating_points(self) -> dict[str, Any]:
-        """Stiffnesses at the paper's 25 operating points, rows over the displacement."""
-        current, displacement = operating_points(self.bearing)
-        return {"current": current.tolist(), "displacement": displacement.tolist()} | {
-            name: {"value": values.tolist(), "standard_error": errors.tolist()}
-            for name, (values, errors) in self.likelihood.stiffness_map(
-                current, displacement
-            ).items()
-        }
-
-    TITLE = "Identification of {0.given.name}"
-
-    @property
-    def finding(self) -> str:
-        """What was found, and on what it was judged."""
-        on = (
-            ""
-            if self.on_others
-            else " Validated on the identification records only: validate on others."
-        )
-        return f"{self.likelihood.finding}{on}"
-
-    @cached_property
-    def rows(self) -> list[Row]:
-        """The parameters, the stiffnesses, the noise at rest, and how it did on records."""
-        result, stiffness = [*self.likelihood.rows], self.stiffness
-        for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
-            at = stiffness[name]
-            result.append(
-                Row("value", "identified", at["value"], unit, error=at["standard_error"], of=name,
-                    section=("stiffness",))
-            )  # fmt: skip
-        for name, noise in self.rest.items():
-            if not isinstance(noise, str):
-                result += put([
-                    Row("standard_deviation", "noise, rms", noise.standard_deviation, noise.unit),
-                    Row("colour", "colour", noise.colour),
-                ], section=("rest",), of=name)  # fmt: skip
-        result += self._at_operating_points()
-        for check in self.validation:
-            k = check.farthest
-            result += put([
-                Row("fit", f"fit, {k} samples ahead", check.fit[k] / 100, "%"),
-                Row("fit_of_start", "of the initial model", check.of_start[k] / 100
-                    if k in check.of_start else None, "%"),
-                Row("held", "last measurement held", check.held[k] / 100, "%"),
-                Row("error", "error, rms", check.error[k], "m", 3),
-                Row("white", "white lags", check.residual.share_within, "%"),
-                Row("free_of_control", "free of control", check.cross.share_within, "%"),
-                Row("nis", "mean NIS", check.nis, digits=3),
-            ], section=("fits",), of=check.name)  # fmt: skip
-        return result
-
-    def _at_operating_points(self) -> Iterator[Row]:
-        """Yield the stiffnesses at the paper's operating points, a column for each current."""
-        for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
-            at = self.operating_points[name]
-            for j, x in enumerate(self.operating_points["displacement"]):
-                for k, iu in enumerate(self.operating_points["current"]):
-                    label = engineering(x, "m", 3)
-                    yield Row(
-                        label, label, at["value"][j][k], unit, error=at["standard_error"][j][k],
-                        of=engineering(iu, "A", 3), section=(name,), detail=True,
-                    )  # fmt: skip
-
-    @property
-    def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
-        at = self.stiffness
-        where = f"{engineering(at['current'], 'A', 2)}, {engineering(at['displacement'], 'm', 2)}"
-        return self.likelihood.sections | {
-            ("stiffness",): Section(f"Stiffness at {where}", across=True),
-            ("k_i",): Section(
-                "k_i at operating points, where the records have been and by the law"
-            ),
-            ("k_s",): Section(
-                "k_s at operating points, where the records have been and by the law"
-            ),
-            ("rest",): Section("At rest", across=True),
-            ("fits",): Section("On records", across=True),
-        }
-
-    @property
-    def notes(self) -> list[str]:
-        """What to think of it."""
-        where = "" if self.on_others else ", the identification record"
-        notes = [*self.likelihood.notes, *(f"{sentence}." for sentence in self.of_the_zeros)]
-        problems = {name: why for name, why in self.rest.items() if isinstance(why, str)}
-        notes += [f"{name} at rest: {why}" for name, why in problems.items()]
-        notes += [f"{check.name}{where}: {check.verdict}" for check in self.validation]
-        if self.forces is not None:
-            along, across = self.forces.force.shape
-            notes.append(
-                f"Force map: {across}x{along} nodes, of which the records determine "
-                f"{int(self.forces.observed.sum())}: these are written. Their standard error is "
-                f"below half of the assumed error of the law, "
-                f"{engineering(self.forces.assumed, 'N', 3)}."
-            )
-        model = self.likelihood.model
-        carried = carried_over(
-            model, delay=not self.likelihood.delay_counts, offsets=self.likelihood.offsets_count
-        )
-        if any("[signals." in line for line in carried):
-            notes.append(
-                "The machine's file lists what the channel map needs before such a log is filtered."
-            )
-        noise = self.filter.variances.disturbance if self.machine.single else None
-        if noise is not None and RAISED in self.filter.origin.values():
-            notes.append(
-                f"The filter's noise.disturbance is {noise:.3g} N^2/s: the records give "
-                f"{model.disturbance_noise:.3g} N^2/s, which would follow a disturbance force too "
-                "slowly."
-            )
-        return [*notes, *sentences(self.adequacy)]
-
-    @property
-    def series(self) -> dict[str, Any]:
-        """Stiffnesses at operating points, noise at rest, residuals, and how the search went."""
-        result = self.likelihood
-        data = dict(result.series) | {
-            "bearing": self.given.name,
-            "magnet_constant": result["magnet_constant"],
-            "stiffness": {name: self.stiffness[name] for name in ("current", "displacement")},
-            "operating_points": self.operating_points,
-            "rest": {name: _noise_as_data(noise) for name, noise in self.rest.items()},
-            "validated_on_other_records": self.on_others,
-            "validation": [check.to_dict() for check in self.validation],
-            "adequacy": [item.to_dict() for item in self.adequacy],
-        }
-        if self.forces is not None:
-            data["force_map"] = {
-                "nodes": self.forces.force.shape[::-1],
-                "written": int(self.forces.observed.sum()),
-                "assumed": self.forces.assumed,
-            }
-        return data
-
-    def figures(self) -> list[Figure]:
-        """Return what was found, how surely, and how it does on records."""
-        from ambkit.identification.maximum_likelihood import figures as plots
-
-        record, first = self.records[0], self.validation[0]
-        model = self.likelihood.model
-        return [
-            plots.identified_figure(self.likelihood, self.validation),
-            *self.likelihood.figures(),
-            plots.fit_figure(self.validation),
-            plots.prediction_figure(model, record, first.farthest, first.name),
-            plots.residual_figure(self.validation),
-        ]
-
-
-def identified_filter(
-    result: Identified, inputs: Inputs | None = None, source: str = ""
-) -> Estimator:
-    """Return the extended filter of what was found: its noise, its delay, the log's offsets."""
-    model = result.likelihood.model
-    made, raised = _following_a_load(result.machine.short, model.disturbance_noise)
-    free = {p.name for p in result.likelihood.parameters}
-    if not result.machine.single:
-        made.origin = raised
-        return made
-    made.inputs = of_log = inputs or made.inputs
-    if result.likelihood.offsets_count:
-        volts = model.current_offset / result.bearing.amplifier.gain
-        made.inputs = Inputs(y=of_log.y.shifted(-model.position_offset), u=of_log.u.shifted(volts))
-    else:
-        free -= set(OFFSETS)
-    origin = made_by("identify", f"likelihood of {source or 'records'}")
-    keys = {
-        "measurement_noise": "noise.measurement", "control_noise": "noise.control",
-        "disturbance_noise": "noise.disturbance", "position_offset": "inputs.y.offset",
-        "current_offset": "inputs.u.offset",
-    }  # fmt: skip
-    made.origin = {key: origin for name, key in keys.items() if name in free} | raised
-    return made
-
-
-def _following_a_load(
-    bearing: Machine, intensity: float
-) -> tuple[ExtendedKalmanFilter, dict[str, str]]:
-    """Return a filter that follows the stated load, and where its process noise is from."""
-    # A record whose load rests says that any small process noise is as likely: a filter with such a
-    # one follows no load that comes later.
-
-    def build(disturbance: float) -> ExtendedKalmanFilter:
-        return ExtendedKalmanFilter(bearing, noise=FilterNoise(disturbance=disturbance))
-
-    least = least_process_noise(build, intensity)
-    return build(least), {"noise.disturbance": RAISED} if least > intensity else {}
-
-
-def corpus_filter(corpus: Corpus) -> Estimator:
-    """Return the extended filter of what many logs say together."""
-    made, raised = _following_a_load(corpus.bearing, corpus.model.disturbance_noise)
-    origin = made_by("identify", f"likelihood of {len(corpus.found)} logs")
-    keys = ("noise.measurement", "noise.control", "noise.disturbance")
-    made.origin = dict.fromkeys(keys, origin) | raised
-    return made
+    pass
 
 
 def starting_model(
     machine: Machine,
     axis: str | None = None,
     *,
-    rest: AtRest | None = None,
+    rest: StandstillNoise | None = None,
     load_std: Given | None = None,
 ) -> LoopModel:
     """Return the model that identification starts from."""
@@ -400,13 +42,6 @@ def starting_model(
     if machine.single:
         return LoopModel(bearing, load_std=load_std)
     return AxisModel(bearing, load_std=load_std, machine=machine, axis=axis)
-
-
-def records_of(start: LoopModel, records: Sequence[Record]) -> list[Record]:
-    """Return records in which y and u are those of the axis that a model is of."""
-    if not isinstance(start, AxisModel):
-        return list(records)
-    return [axis_record(record, start) for record in records]
 
 
 def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> tuple[str, ...]:
@@ -424,7 +59,7 @@ def identify(
     *,
     others: Sequence[Record] = (),
     names: Sequence[str] | None = None,
-    rest: AtRest | None = None,
+    rest: StandstillNoise | None = None,
     free: Iterable[str] | None = None,
     load_std: Given | None = None,
     map_forces: bool = False,
@@ -436,7 +71,7 @@ def identify(
     records, others = (all_of_type(Record, records=item) for item in (records, others))
     start = starting_model(machine, axis, rest=rest, load_std=load_std)
     looked_for = parameters_to_find(start, free)
-    _check_unseen(others, records)
+    check_disjoint(others, records)
     if map_forces and not machine.single:
         raise AmbkitError(f"forces are mapped of one axis, {machine.name} has several")
     records, others = (records_of(start, item) for item in (records, others))
@@ -447,142 +82,10 @@ def identify(
             f"what is likely under these records is no bearing that could be ({error}): does the "
             "rotor lie on a stop, or are they of another rig?"
         ) from None
-    checks = _checks(result, others or records, names)
+    checks = validations(result, others or records, names)
     forces = None
     if map_forces:
         forces = force_map(result.model, records, nodes=nodes, settling=result.settling, note=note)
     return Identified(
         isolated(machine, axis), records, result, checks, bool(others), rest or {}, forces
     )
-
-
-def validated(identified: Identified, others: Sequence[Record]) -> Identified:
-    """Return an identified machine with other records as its validation."""
-    _check_unseen(others, identified.records)
-    others = records_of(identified.likelihood.model, others)
-    return replace(identified, validation=_checks(identified.likelihood, others), on_others=True)
-
-
-def _check_unseen(others: Sequence[Record], records: Sequence[Record]) -> None:
-    if any(record is seen for record in others for seen in records):
-        raise AmbkitError(
-            "a record is to be identified from and validated on: a model is judged on a record "
-            "that it has not seen"
-        )
-
-
-def _checks(
-    result: MaximumLikelihood, records: Sequence[Record], names: Sequence[str] | None = None
-) -> list[Validation]:
-    names = names or [f"record {number}" for number in range(1, len(records) + 1)]
-    return [
-        validate(result.model, record, start=result.start, settling=result.settling, name=name)
-        for name, record in zip(names, records, strict=True)
-    ]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class LiftedOff(Result):
-    """A bearing from the points at which its rotor lifts off."""
-
-    #: With the constant that was found, and the air gap and bias current of the operating point; as
-    #: it was given without one.
-    bearing: Bearing
-    fit: LiftOffFit  #: The law through the points.
-    operating_point: float | None  #: Distance at x = 0 [m].
-    names: Sequence[str] = ()  #: Of the recordings; none of a table of points.
-
-    TITLE = "Lift-off of {0.bearing.name}"
-
-    @property
-    def finding(self) -> str:
-        """The magnet constant."""
-        return f"{self.bearing.name}: magnet constant {self.rows[0].text()}."
-
-    @property
-    def rows(self) -> list[Row]:
-        """The law through the points, and the operating point."""
-        fit, magnet, errors = self.fit, self.bearing.magnet, self.fit.standard_errors
-        results = [
-            Row("magnet_constant", "magnet constant k", fit.magnet_constant, "N m^2/A^2",
-                error=errors["magnet_constant"], symbol="k"),
-            Row("gap_offset", "gap offset z_off", fit.gap_offset, "m", error=errors["gap_offset"],
-                symbol="z_off"),
-            Row("residual_rms", "residual current, rms", fit.residual_rms, "A"),
-            Row("points", "points", len(fit.points)),
-            Row("points_left_out", "points left out", len(fit.left_out)),
-        ]  # fmt: skip
-        if self.operating_point is not None:
-            at = engineering(self.operating_point, "m", 4)
-            results += [
-                Row("air_gap", f"air gap at {at}", magnet.air_gap, "m"),
-                Row("bias_current", "bias current there", magnet.bias_current, "A"),
-            ]
-        return results
-
-    SECTIONS = {(): Section("F = k (i / (z + z_off))²")}
-
-    @property
-    def notes(self) -> list[str]:
-        """Why points are left out."""
-        return [
-            f"{self.names[run - 1] if self.names else f'run {run}'}: {why}"
-            for run, why in sorted(self.fit.left_out.items())
-        ]
-
-    @property
-    def series(self) -> dict[str, Any]:
-        """The points that are left out."""
-        return {"left_out": dict(self.fit.left_out)}
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it to a file; as .toml the machine."""
-        if Path(path).suffix != ".toml":
-            super().save(path)
-            return
-        if self.operating_point is None:
-            raise AmbkitError("operating_point is missing: which distance is x = 0?")
-        self.bearing.save(path)
-
-    def figures(self) -> list[Figure]:
-        """Return the points and the law through them."""
-        from ambkit.identification.forces.lift_off import lift_off_figure
-
-        return [lift_off_figure(self.fit)]
-
-
-def check_lifts_off(bearing: Bearing) -> None:
-    """Refuse a bearing that lift-off points tell nothing of."""
-    if bearing.magnet.type != "one-sided":
-        raise AmbkitError(
-            f"lift-off points need a one-sided magnet; that of {bearing.name} is two-sided"
-        )
-    if bearing.rotor.gravity != "-x":
-        raise AmbkitError(
-            f"lift-off points tell of a rotor that gravity pulls straight away from the magnet; "
-            f"that of {bearing.name} hangs at an angle"
-        )
-
-
-def identify_by_lift_off(
-    bearing: Bearing,
-    points: Iterable[LiftOff],
-    *,
-    gap_range: tuple[Given, Given] = (0.0, math.inf),
-    operating_point: Given | None = None,
-    names: Sequence[str] = (),
-) -> LiftedOff:
-    """Fit the law of a one-sided magnet to the points at which its rotor lifts off."""
-    check_lifts_off(bearing)
-    near, far = (in_si("gap_range", end, "m") for end in gap_range)
-    operating_point = in_si("operating_point", operating_point, "m")
-    fit = fit_lift_off(points, bearing.rotor.mass, gap_range=(near, far))
-    if operating_point is None:
-        return LiftedOff(bearing, fit, None, names)
-    gap, bias = fit.operating_point(operating_point)
-    result = bearing.replace(
-        **bearing.magnet.with_constant(fit.magnet_constant),
-        magnet__air_gap=gap,
-        magnet__bias_current=bias,
-    )
-    return LiftedOff(result, fit, operating_point, names)

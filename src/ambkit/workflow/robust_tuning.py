@@ -20,7 +20,7 @@ from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.study import Study, load
 from ambkit.campaigns.worker import fly
 from ambkit.control.control import Control
-from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, learned_magnet
+from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.tuning import Range, candidate_of_kind
@@ -175,11 +175,8 @@ class Robust(Result):
             np.array([item.allowed for item in self.tried]), self.max_sensitivity, self.taken,
         )  # fmt: skip
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the filter, and beside it its controller; or the result, by the ending."""
-        if Path(path).suffix != FILTER_SUFFIX:
-            super().save(path)
-            return
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
+        """Write the filter, and beside it its controller."""
         study = self.plan.study
         self.estimator.save(path, bearing=study.nominal)
         if self.controller is not None:

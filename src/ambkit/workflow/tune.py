@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
@@ -20,7 +19,7 @@ from ambkit.control.pid import PID
 from ambkit.data.input_scaling import Inputs
 from ambkit.data.record import Record
 from ambkit.estimate.filter_saving import made_by, origin_of
-from ambkit.estimate.registry import FILTER_SUFFIX, kind_called, learned_magnet
+from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.criteria import EVALUATED
@@ -94,12 +93,9 @@ class Tuned(Result):
     #: Of the machine and the magnet, where they have files.
     files: Mapping[str, Any] = field(default_factory=dict)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the filter, see :meth:`ambkit.Estimator.save`; or the result, by the ending."""
-        if Path(path).suffix == FILTER_SUFFIX:
-            self.estimator.save(path, **self.files)
-        else:
-            super().save(path)
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
+        """Write the filter, see :meth:`ambkit.Estimator.save`."""
+        self.estimator.save(path, **self.files)
 
     def named(self, **files: str | os.PathLike[str] | None) -> Tuned:
         """Return it with the files of its machine and its magnet, which the filter's file names."""

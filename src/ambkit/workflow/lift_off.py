@@ -1,0 +1,169 @@
+"""A one-sided magnet from the points at which its rotor lifts off."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambkit.assessment.arguments import machine_argument
+from ambkit.base.errors import AmbkitError
+from ambkit.base.quantity_arguments import Given, in_si, names_in
+from ambkit.base.units import engineering
+from ambkit.data.reading import load
+from ambkit.identification.forces.lift_off import (
+    LiftOffFit,
+    find_lift_off,
+    fit_lift_off,
+    load_points,
+)
+from ambkit.machine.force_laws import isolated
+from ambkit.machine.machine import Bearing
+from ambkit.result.result import Result
+from ambkit.result.row import Row
+from ambkit.result.sections import Section
+
+if TYPE_CHECKING:
+    from ambkit.identification.forces.lift_off import LiftOff
+    from ambkit.result.report import Figure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LiftedOff(Result):
+    """A bearing from the points at which its rotor lifts off."""
+
+    #: With the constant that was found, and the air gap and bias current of the operating point; as
+    #: it was given without one.
+    bearing: Bearing
+    fit: LiftOffFit  #: The law through the points.
+    operating_point: float | None  #: Distance at x = 0 [m].
+    names: Sequence[str] = ()  #: Of the recordings; none of a table of points.
+
+    TITLE = "Lift-off of {0.bearing.name}"
+
+    @property
+    def finding(self) -> str:
+        """The magnet constant."""
+        return f"{self.bearing.name}: magnet constant {self.rows[0].text()}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """The law through the points, and the operating point."""
+        fit, magnet, errors = self.fit, self.bearing.magnet, self.fit.standard_errors
+        results = [
+            Row("magnet_constant", "magnet constant k", fit.magnet_constant, "N m^2/A^2",
+                error=errors["magnet_constant"], symbol="k"),
+            Row("gap_offset", "gap offset z_off", fit.gap_offset, "m", error=errors["gap_offset"],
+                symbol="z_off"),
+            Row("residual_rms", "residual current, rms", fit.residual_rms, "A"),
+            Row("points", "points", len(fit.points)),
+            Row("points_left_out", "points left out", len(fit.left_out)),
+        ]  # fmt: skip
+        if self.operating_point is not None:
+            at = engineering(self.operating_point, "m", 4)
+            results += [
+                Row("air_gap", f"air gap at {at}", magnet.air_gap, "m"),
+                Row("bias_current", "bias current there", magnet.bias_current, "A"),
+            ]
+        return results
+
+    SECTIONS = {(): Section("F = k (i / (z + z_off))²")}
+
+    @property
+    def notes(self) -> list[str]:
+        """Why points are left out."""
+        return [
+            f"{self.names[run - 1] if self.names else f'run {run}'}: {why}"
+            for run, why in sorted(self.fit.left_out.items())
+        ]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The points that are left out."""
+        return {"left_out": dict(self.fit.left_out)}
+
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
+        """Write the machine."""
+        if self.operating_point is None:
+            raise AmbkitError("operating_point is missing: which distance is x = 0?")
+        self.bearing.save(path)
+
+    def figures(self) -> list[Figure]:
+        """Return the points and the law through them."""
+        from ambkit.identification.forces.lift_off import lift_off_figure
+
+        return [lift_off_figure(self.fit)]
+
+
+def check_lifts_off(bearing: Bearing) -> None:
+    """Refuse a bearing that lift-off points tell nothing of."""
+    if bearing.magnet.type != "one-sided":
+        raise AmbkitError(
+            f"lift-off points need a one-sided magnet; that of {bearing.name} is two-sided"
+        )
+    if bearing.rotor.gravity != "-x":
+        raise AmbkitError(
+            f"lift-off points tell of a rotor that gravity pulls straight away from the magnet; "
+            f"that of {bearing.name} hangs at an angle"
+        )
+
+
+def identify_by_lift_off(
+    bearing: Bearing,
+    points: Iterable[LiftOff],
+    *,
+    gap_range: tuple[Given, Given] = (0.0, math.inf),
+    operating_point: Given | None = None,
+    names: Sequence[str] = (),
+) -> LiftedOff:
+    """Fit the law of a one-sided magnet to the points at which its rotor lifts off."""
+    check_lifts_off(bearing)
+    near, far = (in_si("gap_range", end, "m") for end in gap_range)
+    operating_point = in_si("operating_point", operating_point, "m")
+    fit = fit_lift_off(points, bearing.rotor.mass, gap_range=(near, far))
+    if operating_point is None:
+        return LiftedOff(bearing, fit, None, names)
+    gap, bias = fit.operating_point(operating_point)
+    result = bearing.replace(
+        **bearing.magnet.with_constant(fit.magnet_constant),
+        magnet__air_gap=gap,
+        magnet__bias_current=bias,
+    )
+    return LiftedOff(result, fit, operating_point, names)
+
+
+def lift_off(
+    machine: Any, records: Any, axis: str | None, channels: Any, *, gap: Any, operating_point: Any,
+    note: Callable[[str], None],
+) -> LiftedOff:  # fmt: skip
+    """Fit the law to points of a table, or to those found in recordings, one each."""
+    known = isolated(machine_argument(machine), axis)
+    check_lifts_off(known)
+    paths = [Path(path) for path in names_in(records=records)]
+    ends = _ends(gap)
+    if channels is None:
+        if len(paths) > 1:
+            raise AmbkitError("points are one table; recordings need a channel map")
+        points = load_points(paths[0])
+    else:
+        points = []
+        for run, path in enumerate(paths, 1):
+            note(f"reading {path.name}")
+            points.append(find_lift_off(load(path, channels), run))
+    return identify_by_lift_off(
+        known, points, gap_range=ends, operating_point=operating_point,
+        names=() if channels is None else [path.name for path in paths],
+    )  # fmt: skip
+
+
+def _ends(gap: Any) -> tuple[float, float]:
+    """Return the ends of a range of distances [m]."""
+    if gap is None:
+        return 0.0, math.inf
+    parts = gap.split(",") if isinstance(gap, str) else list(gap)
+    if len(parts) != 2:
+        raise AmbkitError(f'gap must be two lengths such as "4 mm,16 mm", is {gap!r}')
+    return in_si("gap", parts[0], "m"), in_si("gap", parts[1], "m")
