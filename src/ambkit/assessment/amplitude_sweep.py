@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.machine.machine import Machine
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
@@ -33,9 +34,6 @@ from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Disturbance as Load
 from ambkit.simulation.scenario import Injection, Reference, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded, Sine
-
-if TYPE_CHECKING:
-    from ambkit.result.report import Figure
 
 Kind = Literal["multisine", "stepped-sine"]
 

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 from ambkit.assessment.plausibility import check_plausibility
 from ambkit.base import files
@@ -18,7 +18,9 @@ from ambkit.base.quantity_arguments import in_si, names_in, of_type
 from ambkit.control.control import Control
 from ambkit.control.controllers import TYPES
 from ambkit.control.linear.steady_state_filter import tells
+from ambkit.control.pid import PID
 from ambkit.data.channel_map import ChannelMap, inputs_of
+from ambkit.data.input_scaling import Inputs
 from ambkit.data.reading import load_with_gaps
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
@@ -28,13 +30,9 @@ from ambkit.estimate.named import AT, PLUS, experts, factories
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.magnets import MagnetModel
 from ambkit.simulation.scenario import Scenario, control_of, fastest_of, feedback_of
 from ambkit.simulation.waveforms import Constant
-
-if TYPE_CHECKING:
-    from ambkit.control.pid import PID
-    from ambkit.data.input_scaling import Inputs
-    from ambkit.machine.magnets import MagnetModel
 
 NOTES = logging.getLogger("ambkit")
 

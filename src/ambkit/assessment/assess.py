@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from ambkit.assessment.arguments import disturbance_argument, filter_arguments
 from ambkit.assessment.assessment import HINF, LQG, Assessment
@@ -14,11 +13,9 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.threads import one_thread
 from ambkit.control.pid import PID
+from ambkit.estimate.estimator import Estimator
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.machine import Machine
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
 
 MEASUREMENT = "measurement"
 """What the loop is called whose controller is fed by the measurement."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from ambkit.base.arrays import Complex
 from ambkit.base.errors import RecordError
 from ambkit.base.quantity_arguments import Given, of_type
 from ambkit.base.units import engineering
+from ambkit.control.control import Control
+from ambkit.control.pid import PID
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.machine_model import View
@@ -22,14 +24,10 @@ from ambkit.judge.loop.loop_of import ZONES, zone_of
 from ambkit.judge.loop.measured_sensitivity import Logged, MeasuredSensitivity, measured_sensitivity
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.modes import end_of_range
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row, put
 from ambkit.result.sections import Section
-
-if TYPE_CHECKING:
-    from ambkit.control.control import Control
-    from ambkit.control.pid import PID
-    from ambkit.result.report import Figure
 
 BASIS = (
     "Zones after ISO 14839-3, of one record at the frequencies that it tells: an aid, not a "

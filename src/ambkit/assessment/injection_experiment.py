@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ambkit.assessment.arguments import filter_arguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assess_log import of_one_axis
+from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.injection import PERIODS, Injection
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
@@ -28,10 +29,6 @@ from ambkit.simulation.run import samples, simulate_run
 from ambkit.simulation.scenario import Injection as Added
 from ambkit.simulation.scenario import Scenario, settled_scenario
 from ambkit.simulation.waveforms import Recorded
-
-if TYPE_CHECKING:
-    from ambkit.assessment.assessment import Assessment
-
 
 REST = 0.05
 """Of the experiment, before the signal begins."""

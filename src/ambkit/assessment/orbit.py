@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ambkit.base.arrays import Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
+from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, Orbit
+from ambkit.estimate.estimator import Estimator
 from ambkit.judge.loop.capacity import of_unbalance, orbit, pairs_of
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import magnet_of
-
-if TYPE_CHECKING:
-    from ambkit.base.arrays import Complex
-    from ambkit.control.linear.closed_loop import Loop
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.judge.loop.loop_of import LoopOf
 
 TURNS, SAME = 60, 1e-6
 """Iterations at most, and the relative change of an orbit at which they end."""

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ambkit.assessment.loop import AssessedAxis, AssessedLoop
 from ambkit.base import units
 from ambkit.base.units import engineering
+from ambkit.control.control import Control
+from ambkit.estimate.estimator import Estimator
 from ambkit.judge.loop.capacity import ROOM
 from ambkit.judge.loop.loop_of import ZONE_A, LoopOf
 from ambkit.judge.loop.margins import UnstablePole
 from ambkit.result.row import At, Row, put
 from ambkit.rotordynamics.balance_grades import Grade
-
-if TYPE_CHECKING:
-    from ambkit.assessment.loop import AssessedAxis, AssessedLoop
-    from ambkit.control.control import Control
-    from ambkit.estimate.estimator import Estimator
 
 VERDICT = "zone overall"
 """Name of the row that judges a loop."""

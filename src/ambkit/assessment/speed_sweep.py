@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,9 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.threads import one_thread
+from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.pid import PID
+from ambkit.estimate.estimator import Estimator
 from ambkit.judge.loop.capacity import (
     ROOM,
     SIGMAS,
@@ -35,16 +37,11 @@ from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
 from ambkit.judge.modal_reduction import reduction
 from ambkit.machine.components import Unbalance
 from ambkit.machine.machine import Machine
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row, put
 from ambkit.result.sections import Section
 from ambkit.rotordynamics.separation_margins import Separation, separations
-
-if TYPE_CHECKING:
-    from ambkit.control.linear.closed_loop import Loop
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.result.report import Figure
-
 
 COUNT = 41
 """Speeds, where nobody says how many."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,9 @@ from numpy.typing import NDArray
 from ambkit.assessment.assessment_figure import LOOKS
 from ambkit.base.escaping import markdown
 from ambkit.judge.loop.capacity import ROOM, ZERO
-from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
+from ambkit.machine.machine import Machine
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule, Vector
 from ambkit.rotordynamics.campbell import SPEED
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
-    from ambkit.result.report import Vector
 
 SLOW = 2.0
 """Modes up to so many times the greatest peak's frequency or speed are shown."""

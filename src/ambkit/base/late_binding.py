@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
+from typing import Any
 
 TYPE_CHECKING = False  # without importing typing before a command starts
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from typing import Any
 
 _places: dict[str, str] = {}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +15,9 @@ from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine import geometry
 from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
-    from ambkit.models.linear import LinearSystem
-
+from ambkit.models.linear import LinearSystem
 
 TOP = 2000.0  #: Up to there a loop is looked at [Hz], or up to half the sampling rate.
 

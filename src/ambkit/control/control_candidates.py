@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -22,12 +22,10 @@ from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.control.pid import GAINS, PID
 from ambkit.control.stabilising_controller import ENOUGH, two_digits, weight_of
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.rotors.modes import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.plant import Plant
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing, Machine
 
 Feedback = Literal["measurement", "estimate"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,14 +14,11 @@ from ambkit.control.control import Control, as_control
 from ambkit.control.controllers import Controllers, arrays, controllers_of
 from ambkit.control.lift_off_sequence import MOST_COUNTED, LiftOff
 from ambkit.control.pid import PID
+from ambkit.estimate.estimator import Estimator
 from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.models.plant import Plant
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Bearing
-
 
 FLAT = 0.05
 """Share of the clearance within which an axis at rest is held by the stiffnesses of the middle."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -25,14 +25,11 @@ from ambkit.control.synchronous_compensation import (
     let_turn,
     let_turn_fields,
 )
+from ambkit.estimate.estimator import Estimator
 from ambkit.machine import geometry
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Machine
-    from ambkit.models.plant import Plant
-
+from ambkit.models.plant import Plant
 
 TYPES = ("decentralised", "translation and tilt", "lqg")  #: From simple to linear-quadratic.
 FAR = 1e9  #: No reference is beyond it [m].

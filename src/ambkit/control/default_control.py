@@ -7,16 +7,13 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
 from ambkit.control.control_candidates import ERRORS, PIDS, Candidate, Candidates, Feedback, name_of
 from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import ENOUGH
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine
 
 AS_GOOD = 1.1  #: Ratio to the lowest peak, above `ENOUGH`, that is as good: the simplest.
 

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.estimate.linear_model import LinearModel
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ConstantStiffness
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.estimate.linear_model import LinearModel
-    from ambkit.machine.machine import Bearing
-    from ambkit.models.plant import Plant
-
+from ambkit.models.plant import Plant
 
 REGULATED = (
     "position", "velocity", "bending", "bending velocity", "current", "past control",

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +24,11 @@ from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.loading import levitation_current
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time, typical_stiffness
-from ambkit.models.linear import linearised
+from ambkit.models.linear import LinearSystem, linearised
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.parts.rotor import velocities_of
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing, Machine
-    from ambkit.models.linear import LinearSystem
-
 
 PEAK = 1.8  #: Of abs(S), at most, where the bearing allows it: a tenth below 2.
 STIFFEST = 4.0  #: Proportional gain beyond which nothing is looked for, in k_s/k_i.

@@ -11,23 +11,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import rpm
+from ambkit.control.linear.linear_controller import ControlLaw
+from ambkit.estimate.estimator import Estimator
 from ambkit.machine import geometry
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.parts.synchronous import SLOWEST, unbalance_planes
-
-if TYPE_CHECKING:
-    from ambkit.control.linear.linear_controller import ControlLaw
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Machine
-    from ambkit.models.plant import Plant
-
+from ambkit.models.plant import Plant
 
 NODES, RIGID = 129, 33  #: Speeds of the table, of a flexible rotor and of a rigid one.
 LEAST, MOST = 1.5, 3.0

@@ -6,26 +6,23 @@ import math
 import os
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base import files
 from ambkit.base.arrays import Array
 from ambkit.base.config import Part
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.kalman import AdaptiveKalmanFilter, KalmanFilter
 from ambkit.export.stiffness_table import tabulate
+from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.bearing import FILES
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.machine.stiffness import stiffness_map
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.estimate.filter_file import FilterFile
-    from ambkit.fuzzy.expert import Expert
-    from ambkit.machine.machine import Bearing
-
 
 _HEADER = 116  # bytes of text that a MAT-file begins with, where SciPy writes the date
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,14 +17,11 @@ from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.fuzzy.rule_selection import FEWEST, FOLDS, Shape, blocks_of, box_of, briefly, map_of
 from ambkit.fuzzy.training import train
+from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.law_choice import law_of
+from ambkit.machine.machine import Bearing
 from ambkit.machine.stiffness import ForceFunction
-
-if TYPE_CHECKING:
-    from ambkit.machine.forces.force_points import ForcePoints
-    from ambkit.machine.machine import Bearing
-
 
 LAW, REFITTED, SURFACE, NETWORK = "the law", "the law, refitted", "the surface", "the network"
 

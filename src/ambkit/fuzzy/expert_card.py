@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
+from ambkit.machine.stiffness import StiffnessMap
 from ambkit.result.card import Card, value
 from ambkit.result.report import Axis, Figure, Heatmap, Item, Line, Panel
-
-if TYPE_CHECKING:
-    from ambkit.machine.stiffness import StiffnessMap
-
 
 CURRENT = Axis("control current $i_u$", "A")
 PLACE = Axis("displacement $x$", "mm", 1e3)

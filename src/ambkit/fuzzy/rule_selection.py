@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.training import train
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
+from ambkit.machine.machine import Bearing
 from ambkit.machine.stiffness import ForceFunction, StiffnessMap, stiffness_map
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
 
 Shape = tuple[int, int]  #: Rules along the current, and along the displacement.
 Box = tuple[tuple[float, float], tuple[float, float]]

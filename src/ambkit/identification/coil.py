@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,14 +23,11 @@ from ambkit.base.units import figure
 from ambkit.data.record import Record
 from ambkit.estimate.errors import rms
 from ambkit.identification.noise import white_noise
+from ambkit.machine.machine import Bearing
 from ambkit.result.report import Axis, Figure, Line, Panel, Points, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
-
 
 BLOCK = 0.5
 """Seconds in which errors may be alike; the standard errors count each such block once."""

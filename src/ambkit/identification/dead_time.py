@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.accessories import SHORTEST_LAG
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Bearing
 
 
 def lag_of(bearing: Bearing) -> float:

@@ -5,23 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
+from ambkit.data.record import Record
 from ambkit.data.signals import by_name, each_of, signal
 from ambkit.estimate.errors import Whiteness, errors_along, rms, whiteness
 from ambkit.estimate.estimate import Estimate, Status
+from ambkit.estimate.estimator import Estimator
+from ambkit.machine.machine import Machine
 from ambkit.result.row import Row
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Machine
-
 
 LAGS = 50
 """Lags of the whiteness test."""

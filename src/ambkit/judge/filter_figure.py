@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import cycle
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
+from ambkit.data.record import Record
 from ambkit.data.record_card import missing_spans
 from ambkit.data.signals import signal
 from ambkit.estimate.errors import true_signal
+from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimate_panels import (
     innovation_panel,
     settled_samples,
     true_noise,
     with_limits,
 )
+from ambkit.judge.evaluation import Evaluation
+from ambkit.models.model import Descriptor
 from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.report.style import style_of
 from ambkit.result.signal_styles import (
@@ -31,13 +34,6 @@ from ambkit.result.signal_styles import (
     VELOCITY,
     looks,
 )
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.estimate.estimate import Estimate
-    from ambkit.judge.evaluation import Evaluation
-    from ambkit.models.model import Descriptor
-
 
 _SMOOTHED = ("smoothed", "smoothed 2", "smoothed 3")
 

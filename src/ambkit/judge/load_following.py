@@ -5,21 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ambkit.base.arrays import Array
 from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.linear.steady_state_filter import settled_gain, tangents_known, tells
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.machine.force_laws import isolated_axes, weights_of
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, own_time
-
-if TYPE_CHECKING:
-    from ambkit.base.arrays import Array
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Machine
 
 STEP = 0.5
 """The step of the disturbance force that is to be followed, over the load capacity."""

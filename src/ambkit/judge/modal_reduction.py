@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import grid, highest
 from ambkit.judge.whirl_modes import DAMPED, whirl_modes
+from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import (
     BEYOND,
@@ -26,9 +27,6 @@ from ambkit.machine.rotors.modes import (
     speeds_of,
     whirl_error,
 )
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
 
 COARSE, NEAR = 250, 9
 """Points of a grid that finds a peak, and about each pole."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,14 +14,11 @@ from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import weights_of
 from ambkit.machine.loading import levitation_current
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.models import plant_parts
 from ambkit.models.continuous import Continuous, behind_magnets, continuous
 from ambkit.models.model import compressed_rows
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
-
 
 SOFT = 0.05  #: Depth of contact in a touch-down bearing without data [clearances].
 LOSS = 0.5  #: And what share of its speed it loses there.

@@ -6,20 +6,17 @@ import cmath
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.units import engineering
-from ambkit.machine.accessories import SHORTEST_LAG
+from ambkit.machine.accessories import SHORTEST_LAG, Runout
+from ambkit.machine.bearing import Sensor
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models.continuous import Behind, behind_magnets, continuous
 from ambkit.models.parts import BEHIND_MAGNETS
-
-if TYPE_CHECKING:
-    from ambkit.machine.accessories import Runout
-    from ambkit.machine.bearing import Sensor
-    from ambkit.machine.machine import Bearing, Machine
 
 
 def substeps(bearing: Bearing, least: int) -> int:

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.judge.loop.capacity import of_unbalance, orbit, pairs_of
 from ambkit.machine import geometry
 from ambkit.machine.components import Unbalance
 from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.machine import Machine
 from ambkit.models.parts.synchronous import unbalance_planes
-
-if TYPE_CHECKING:
-    from ambkit.control.linear.closed_loop import Loop
-    from ambkit.control.linear.linear_plant import OperatingPoint
-    from ambkit.machine.machine import Machine
 
 GRADES = (0.4e-3, 1e-3, 2.5e-3, 6.3e-3, 16e-3, 40e-3)
 """Balance quality grades of ISO 21940-11 that rotors on magnetic bearings have [m/s]."""

@@ -5,18 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import of_type
+from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
 from ambkit.result.row import Row, put
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-
 
 TOLD = 0.5  #: Share of the initial standard deviation that remains: no information.
 CLEAR = 3.0  #: Least amplitude, in standard deviations, that has an angle.

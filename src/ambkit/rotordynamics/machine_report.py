@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,17 +14,15 @@ from ambkit.control.default_control import default_control
 from ambkit.control.stabilising_controller import holding
 from ambkit.judge.modal_reduction import reduction
 from ambkit.judge.whirl_modes import stiffnesses
+from ambkit.machine.components import PlacedBearing, PlacedSensor
 from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.placement_checks import NODE
+from ambkit.machine.rotors.modes import Bending
 from ambkit.models.continuous import open_loop
 from ambkit.models.machine_parts import machine_model
 from ambkit.rotordynamics.separation_margins import separations
-
-if TYPE_CHECKING:
-    from ambkit.machine.components import PlacedBearing, PlacedSensor
-    from ambkit.machine.machine import Machine
-    from ambkit.machine.rotors.modes import Bending
 
 COUPLED = 0.01  #: Inertial coupling from which on axes are not bearings alone.
 MATTERS = 0.01  #: Residual compliance, relative to the magnets', that is reported.

@@ -12,21 +12,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import rpm
 from ambkit.control.default_control import default_control
 from ambkit.control.linear.steady_state_filter import tells
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.whirl_modes import DAMPED, CriticalSpeed, whirl_modes
+from ambkit.machine.machine import Machine
 from ambkit.result.row import Row, put
 from ambkit.rotordynamics.loop_criticals import loop_criticals
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Machine
 
 SHARE, ABOVE = 0.17, 0.10  #: Factor of the margin; what is added above the operating speed.
 MOST = 0.16  #: The greatest margin that a critical speed below the operating speed needs.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,13 +12,11 @@ from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.units import figure
+from ambkit.data.record import Record
 from ambkit.result.report import Axis, Figure, Heatmap, Item, Line, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
 from ambkit.result.signal_styles import TIME
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.control.controller_states import Controller, lies_at
 from ambkit.control.controllers import Controllers, arrays, controllers_of, gains_of
+from ambkit.control.pid import PID
+from ambkit.estimate.estimator import Estimator
 from ambkit.machine.loading import levitation_current_at
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import Law, MagnetModel, magnet_of
 from ambkit.models import plant_parts
 from ambkit.models.plant import Plant
-
-if TYPE_CHECKING:
-    from ambkit.control.pid import PID
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Bearing, Machine
-    from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import Scenario
 
 
 class StraightLine:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +14,12 @@ from ambkit.base.arrays import Array
 from ambkit.base.pickling import own_version
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
+from ambkit.machine.accessories import ColouredNoise, Hum
+from ambkit.machine.bearing import Sensor
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import core_module
-
-if TYPE_CHECKING:
-    from ambkit.machine.accessories import ColouredNoise, Hum
-    from ambkit.machine.bearing import Sensor
-    from ambkit.machine.machine import Bearing, Machine
-    from ambkit.simulation.fields import InLoops, StraightLine
-    from ambkit.simulation.scenario import Scenario
-
+from ambkit.simulation.fields import InLoops, StraightLine
+from ambkit.simulation.scenario import Scenario
 
 CONTROL, SENSOR = 0, 1
 """Streams of an axis and its reading: of the control signal, and of the sensor from here on."""

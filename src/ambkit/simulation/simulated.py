@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,11 @@ from ambkit.estimate.errors import errors_along
 from ambkit.estimate.estimate import Estimate
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import At, Row
 from ambkit.result.sections import Section
 from ambkit.simulation.run_figure import simulation_figure
-
-if TYPE_CHECKING:
-    from ambkit.result.report import Figure
 
 ERRORS = ("rmse",)
 TURNING = ("synchronous",)

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,23 +19,20 @@ from ambkit.estimate.named import USUAL, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.criteria import EVALUATED
-from ambkit.judge.comparison.score import least
+from ambkit.judge.comparison.score import Benches, least
 from ambkit.judge.comparison.seeds import Scores, compare, comparison_figure
 from ambkit.judge.comparison.study import Study, across, pieces_of, study
 from ambkit.judge.comparison.tolerance import Spread
 from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.forces.force_surface import ForceSurface
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import MagnetModel
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.simulate import scenario_for
-
-if TYPE_CHECKING:
-    from ambkit.judge.comparison.score import Benches
-    from ambkit.machine.forces.force_surface import ForceSurface
-    from ambkit.machine.machine import Machine
-    from ambkit.machine.magnets import MagnetModel
-    from ambkit.result.report import Figure
 
 RUNS = 20
 """Runs of a comparison where nobody says it: fewer make no distribution."""

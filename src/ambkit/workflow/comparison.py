@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.assessment.arguments import arguments_of_the_user
 from ambkit.base import files
@@ -18,11 +18,14 @@ from ambkit.estimate.filter_saving import NoFile, made_by, origin_of, preset_of
 from ambkit.estimate.named import AT, EXPERTS, experts, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.cases import Case
 from ambkit.judge.comparison.comparison import TRAINING
+from ambkit.judge.comparison.score import Benches
 from ambkit.judge.comparison.study import Study
 from ambkit.judge.comparison.tuning import expand, suited
 from ambkit.machine.forces.force_map import surface_in
+from ambkit.machine.machine import Machine
 from ambkit.workflow.compare_steps import (
     LoopScores,
     compare_in_all,
@@ -30,12 +33,6 @@ from ambkit.workflow.compare_steps import (
     compare_in_loops,
     loop_cases,
 )
-
-if TYPE_CHECKING:
-    from ambkit.judge.adequacy_criteria import Finding
-    from ambkit.judge.comparison.score import Benches
-    from ambkit.machine.machine import Machine
-
 
 NOTES = logging.getLogger("ambkit")
 

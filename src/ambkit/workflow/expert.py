@@ -5,15 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit._core import MAX_RULES
 from ambkit.assessment.arguments import arguments_of_the_user
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
+from ambkit.fuzzy.rule_selection import Shape
 from ambkit.fuzzy.training import train as train_network
 from ambkit.machine.force_laws import isolated
 from ambkit.machine.forces.force_points import ForcePoints, load_force_points
+from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import StiffnessMap
 from ambkit.workflow.training import (
     RULES,
@@ -23,10 +25,6 @@ from ambkit.workflow.training import (
     measured_force,
     train_expert,
 )
-
-if TYPE_CHECKING:
-    from ambkit.fuzzy.rule_selection import Shape
-    from ambkit.machine.machine import Machine
 
 AUTO = "auto"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,23 +15,21 @@ from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.record import Record
 from ambkit.data.signals import by_name, each_of, signal
 from ambkit.estimate.errors import errors_along
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.named import USUAL, Factory, FromFile, FromObject, factories
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.judge.evaluation import Evaluation, evaluate
 from ambkit.judge.filter_figure import filter_figure
 from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import MagnetModel
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.rotordynamics.harmonics import Harmonic, harmonics
 from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
 from ambkit.workflow.warnings import OutsideOperatingRange, outside_operating_range
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimate import Estimate
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.magnets import MagnetModel
-    from ambkit.result.report import Figure
 
 HORIZONS = (1, 10)
 """Steps ahead that are predicted."""

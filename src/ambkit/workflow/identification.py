@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.assessment.arguments import (
     arguments_of_the_user,
@@ -23,6 +23,7 @@ from ambkit.base.units import engineering
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.reading import load
 from ambkit.data.record import Record
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_saving import made_by
 from ambkit.identification.coil import CoilFit, fit_coil
 from ambkit.identification.corpus.corpus import Corpus, identify_corpus
@@ -30,14 +31,11 @@ from ambkit.identification.noise import standstill_noise
 from ambkit.identification.online import comparison
 from ambkit.identification.online.magnet_constant import ONLINE, identified
 from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.adequacy_criteria import Finding
 from ambkit.machine.force_laws import isolated
+from ambkit.machine.machine import Bearing
 from ambkit.workflow.identified import Identified, filter_following_load
 from ambkit.workflow.identify import identify, parameters_to_find, starting_model
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.judge.adequacy_criteria import Finding
-    from ambkit.machine.machine import Bearing
 
 LEAST = 3
 """Logs of a corpus: fewer cannot be judged by each other."""

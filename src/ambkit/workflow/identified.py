@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
@@ -16,6 +16,7 @@ from ambkit.base.quantity_arguments import all_of_type
 from ambkit.base.units import engineering
 from ambkit.data.input_scaling import Inputs
 from ambkit.data.record import Record
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_saving import made_by
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
@@ -27,20 +28,16 @@ from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.validation import Validation, validate
 from ambkit.identification.noise import Noise, StandstillNoise
 from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
 from ambkit.machine.force_laws import with_axis
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.stiffness import operating_points
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.workflow.identified_toml import annotated_toml, carried_over
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.judge.adequacy_criteria import Finding
-    from ambkit.result.report import Figure
-
 
 RAISED = made_by(
     "identify",

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.assessment.arguments import machine_argument
 from ambkit.base.errors import AmbkitError
@@ -15,6 +15,7 @@ from ambkit.base.quantity_arguments import Given, in_si, names_in
 from ambkit.base.units import engineering
 from ambkit.data.reading import load
 from ambkit.identification.forces.lift_off import (
+    LiftOff,
     LiftOffFit,
     find_lift_off,
     fit_lift_off,
@@ -22,13 +23,10 @@ from ambkit.identification.forces.lift_off import (
 )
 from ambkit.machine.force_laws import isolated
 from ambkit.machine.machine import Bearing
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.sections import Section
-
-if TYPE_CHECKING:
-    from ambkit.identification.forces.lift_off import LiftOff
-    from ambkit.result.report import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.named import factories
 from ambkit.estimate.user_filter import OwnEstimator, is_own
 from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.forces.force_map import surface_in
@@ -33,14 +34,10 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
 from ambkit.rotordynamics.harmonics import harmonics
 from ambkit.rotordynamics.separation_margins import Separations, separations
-from ambkit.simulation.run import simulate_run
+from ambkit.simulation.external_inputs import ExternalInputs
+from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Scenario, default_for, settled_scenario
 from ambkit.simulation.waveforms import Recorded, Step
-
-if TYPE_CHECKING:
-    from ambkit.judge.adequacy_criteria import Finding
-    from ambkit.simulation.external_inputs import ExternalInputs
-    from ambkit.simulation.run import Run
 
 NONE = "none"
 """Name of the filter of a loop that has none."""

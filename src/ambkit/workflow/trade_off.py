@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
@@ -14,15 +14,13 @@ from ambkit.control.pid import PID
 from ambkit.data.record import Record
 from ambkit.judge.loop.loop_of import OutOfReachError, zone_of
 from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import MagnetModel
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.workflow.tune import BUDGET, RUNS, Tuned, tune
 from ambkit.workflow.tuning_tasks import ByTruth
-
-if TYPE_CHECKING:
-    from ambkit.machine.magnets import MagnetModel
-    from ambkit.result.report import Figure
 
 SIGNALS = {"x": "m", "f_d": "N"}
 """Whose errors stand against the peak, and their units."""

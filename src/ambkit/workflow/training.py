@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import shown_in_notebooks
@@ -31,21 +32,16 @@ from ambkit.fuzzy.rule_selection import RuleChoice, Shape, choose_rules, measure
 from ambkit.fuzzy.rules_figure import with_choice, with_surface
 from ambkit.fuzzy.training import rms, train
 from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.adequacy_criteria import Finding
+from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
-from ambkit.machine.magnets import ConstantStiffness, evaluate_stiffness, magnet_of
+from ambkit.machine.machine import Bearing
+from ambkit.machine.magnets import ConstantStiffness, MagnetModel, evaluate_stiffness, magnet_of
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from ambkit.judge.adequacy_criteria import Finding
-    from ambkit.machine.forces.force_points import ForcePoints
-    from ambkit.machine.machine import Bearing
-    from ambkit.machine.magnets import MagnetModel
-    from ambkit.result.report import Figure
 
 RULES: Shape = (5, 5)
 """Rules along current and displacement where nobody says it: the paper's."""

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.arrays import Array
+from ambkit.data.record import Record
 from ambkit.data.signals import signal
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.estimator import Estimator
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.force_laws import isolated_axes, models_of
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.estimate.estimate import Estimate
-    from ambkit.estimate.estimator import Estimator
-
 
 OUTSIDE = 0.01
 """An expert that is asked outside of its box in more than this part of the samples is noted."""

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ambkit.base.arrays import Array
 from ambkit.control.linear.linear_plant import POSITION, VELOCITY, of_axes
 from ambkit.machine.force_laws import isolated_axes
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.models.linear import LinearSystem, Signal
-
-if TYPE_CHECKING:
-    from ambkit.base.arrays import Array
-    from ambkit.machine.machine import Bearing
-
 
 ControlLaw = Any  #: `ambkit.control.controllers.Controllers`, which is made of what is here.
 

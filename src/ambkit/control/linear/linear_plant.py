@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,17 +14,14 @@ from ambkit.data.signals import signal as named
 from ambkit.estimate.machine_model import View
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.loading import levitation_current_at
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import core_module, magnet_of
+from ambkit.models.declaration import Part
 from ambkit.models.linear import LinearSystem, Signal, linearised
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.parts.synchronous import SynchronousForce, across
 from ambkit.models.plant import Plant
 from ambkit.models.plant_parts import between_magnet_and_rotor
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
-    from ambkit.models.declaration import Part
 
 TURN = 64  #: Angles over which means are taken along an orbit.
 

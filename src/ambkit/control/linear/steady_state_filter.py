@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.linear_plant import POSITION, VELOCITY, OperatingPoint, of_axes
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.linear_model import LinearModel
 from ambkit.machine.magnets import core_module
 from ambkit.models.linear import LinearSystem, Signal
-
-if TYPE_CHECKING:
-    from ambkit.base.arrays import Array
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.estimate.linear_model import LinearModel
 
 
 def tells(estimator: Estimator) -> bool:

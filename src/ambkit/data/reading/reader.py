@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.units import engineering, figure
+from ambkit.data.channel_map import ChannelMap, MappedSignals
 from ambkit.data.files.log import DamagedLog, Log
 from ambkit.data.files.tables import read_log
 from ambkit.data.reading import faults as channel_faults
@@ -34,14 +35,10 @@ from ambkit.data.reading.plausibility import suspects
 from ambkit.data.reading.reading_figure import reading_figure
 from ambkit.data.reading.rejections import RejectedLog, check_times, refuse_uneven, segments_of
 from ambkit.data.record import Record, time_problems
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-
-if TYPE_CHECKING:
-    from ambkit.data.channel_map import ChannelMap, MappedSignals
-    from ambkit.result.report import Figure
-
 
 SENTENCES = 30  #: So many sentences of the account are kept with the record.
 

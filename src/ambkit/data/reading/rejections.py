@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.units import engineering
+from ambkit.data.channel_map import MappedSignals
 from ambkit.data.files.log import Log
 from ambkit.data.reading.clock import Clock, instant
-
-if TYPE_CHECKING:
-    from ambkit.data.channel_map import MappedSignals
 
 
 class RejectedLog(RecordError):

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.control.controller_states import Controller
+from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import c_literals, control
 from ambkit.export.c.c_literals import CPrecision, Name
 from ambkit.machine.loading import levitation_current_at
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Machine
-    from ambkit.simulation.scenario import Scenario
+from ambkit.machine.machine import Machine
+from ambkit.simulation.scenario import Scenario
 
 
 class ControllerStart(NamedTuple):

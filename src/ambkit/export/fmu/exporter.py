@@ -9,11 +9,12 @@ import uuid
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import kind_called
 from ambkit.export.c import c_literals
 from ambkit.export.c.c_literals import CPrecision
@@ -25,12 +26,9 @@ from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.magnets import MagnetModel
 from ambkit.result.document import Statement
 from ambkit.simulation.scenario import Scenario
-
-if TYPE_CHECKING:
-    from ambkit.estimate.filter_file import FilterFile
-    from ambkit.machine.magnets import MagnetModel
 
 
 @dataclass(frozen=True)

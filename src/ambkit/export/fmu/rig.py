@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +15,13 @@ from ambkit.export.c.c_literals import Name
 from ambkit.export.c.model import BUILT_IN, CModel
 from ambkit.export.fmu import variables
 from ambkit.export.fmu.sources import magnet_data
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module, magnet_of, own_time
 from ambkit.models import plant_parts
 from ambkit.models.continuous import continuous
 from ambkit.models.parts.typical_sizes import Typical
 from ambkit.models.plant import Plant
 from ambkit.simulation.scenario import Scenario
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
 
 
 def room_of(machine: Machine) -> CModel:

@@ -7,23 +7,21 @@ from collections.abc import Iterable
 from functools import partial
 from importlib.metadata import distribution, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base import escaping
 from ambkit.base.arrays import Array
 from ambkit.control.pid import PID
+from ambkit.estimate.estimator import Estimator
 from ambkit.export import core_sources
 from ambkit.export.c import c_literals, data_file
 from ambkit.export.c.c_literals import CPrecision, Kind
 from ambkit.export.c.model import LOOPS, CModel, c_model
 from ambkit.export.fmu.xml import Fmi, Model
+from ambkit.machine.machine import Bearing
 from ambkit.models.plant import Plant
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Bearing
 
 _PRECISION = "include/ambkit/precision.h"
 _HERE = Path(__file__).parent

@@ -6,7 +6,7 @@ import os
 import re
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.etree import ElementTree
 
 from ambkit.base.escaping import one_line
@@ -14,11 +14,9 @@ from ambkit.export.fmu import archive
 from ambkit.export.fmu.exporter import FmuExport, export_fmu
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, written
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import MagnetModel
 from ambkit.simulation.scenario import Scenario
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
-    from ambkit.machine.magnets import MagnetModel
 
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 _SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"

@@ -4,25 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from ambkit.base.arrays import Array
+from ambkit.control.control import Control
+from ambkit.control.controller_states import Controller
+from ambkit.control.pid import PID
 from ambkit.data.signals import signal
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.machine_model import several
 from ambkit.export.c.model import states
+from ambkit.export.fmu.controller import ControllerStart
 from ambkit.export.fmu.variable import TIME, Limit, Variable, per_name
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.models.continuous import continuous
 from ambkit.models.plant_parts import between_magnet_and_rotor
-
-if TYPE_CHECKING:
-    from ambkit.base.arrays import Array
-    from ambkit.control.control import Control
-    from ambkit.control.controller_states import Controller
-    from ambkit.control.pid import PID
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.export.fmu.controller import ControllerStart
-    from ambkit.machine.machine import Bearing, Machine
 
 Kind = Literal["estimator", "plant", "closed-loop", "controller", "whole-controller"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,20 +16,17 @@ from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.signals import signal
 from ambkit.data.telemetry import read_telemetry
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.filter_file import FilterFile
 from ambkit.export.c.exporter import export_c, made
 from ambkit.export.c.model import states
 from ambkit.export.pil import boards, build
 from ambkit.export.pil.processor import Processor
 from ambkit.export.pil.result import Pil, compare_bits, unequal_frames
 from ambkit.machine.machine import Machine
-from ambkit.simulation.run import simulate_run
+from ambkit.machine.magnets import MagnetModel
+from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Scenario
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.estimate.filter_file import FilterFile
-    from ambkit.machine.magnets import MagnetModel
-    from ambkit.simulation.run import Run
 
 Expected = dict[str, NDArray[Any]]
 

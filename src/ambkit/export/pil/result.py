@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.control.lift_off_sequence import Mode
+from ambkit.data.record import Record
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION
 from ambkit.export.pil import build
 from ambkit.result.report import Axis, Figure, Panel, Points
@@ -18,11 +19,8 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.result.signal_styles import TIME
+from ambkit.simulation.run import Run
 from ambkit.simulation.run_figure import simulation_figure
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.simulation.run import Run
 
 
 @dataclass(frozen=True, eq=False, repr=False)

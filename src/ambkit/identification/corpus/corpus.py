@@ -6,13 +6,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering, figure
 from ambkit.data.reading.faults import without_spikes
+from ambkit.data.record import Record
 from ambkit.estimate.errors import rms
 from ambkit.identification.corpus.magnet_strength import StrengthLoss, strength_loss
 from ambkit.identification.corpus.pooling import Pooled, pool
@@ -24,15 +25,11 @@ from ambkit.identification.maximum_likelihood.parameters import NOISES, Paramete
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.noise import white_noise, with_steps
 from ambkit.machine.accessories import Hum
+from ambkit.machine.machine import Bearing
 from ambkit.result.report import Axis, Bars, Figure, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.machine.machine import Bearing
-
 
 SAME_LINE = 0.02
 """By which share frequencies of one line may differ between logs: the mains keep to 1 %."""

@@ -11,18 +11,15 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.data.record import Record
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.machine.magnets import own_time
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 
 FEWEST = 3  #: Flights from which on a slope over the amplitude has an error.
 

@@ -8,18 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.arrays import Array, Bools
 from ambkit.data.record import Record
 from ambkit.identification.noise import white_noise
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
-
 
 UNEXPLAINED = 0.5
 """Acceleration that magnet and weight do not explain, in parts of what holds the rotor, from which

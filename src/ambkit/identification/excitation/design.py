@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,18 +24,15 @@ from ambkit.identification.maximum_likelihood.information import Expectation, ex
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import usual
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ConstantStiffness
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.simulation.run import samples, simulate
+from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Recorded
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
-    from ambkit.result.report import Figure
-    from ambkit.simulation.scenario import Scenario
-
 
 LOWEST, HIGHEST = (1 / 16, 1 / 4, 1.0), (2.0, 4.0, 8.0, 16.0, 32.0)
 """Ends of the bands that are tried, times the plant's own frequency ``sqrt(k_s/m) / (2 pi)``."""

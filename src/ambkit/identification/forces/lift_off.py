@@ -10,20 +10,16 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import astuple, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.data.files.tables import Table, read_table, write_table
+from ambkit.data.record import Record
 from ambkit.identification.noise import measurement_noise
 from ambkit.machine.bearing import GRAVITY
 from ambkit.result.report import Axis, Figure, Line, Panel, Points, Rule
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-
 
 SMOOTHING_TIME = 0.05
 """Time over which a parabola is laid through the positions to find the acceleration [s]."""

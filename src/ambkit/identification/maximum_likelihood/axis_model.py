@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,15 +17,13 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.machine.force_laws import reading_along, with_axis
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Bearing, Machine
-    from ambkit.machine.magnets import MagnetModel
+from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.magnets import MagnetModel
 
 
 @dataclass(frozen=True, kw_only=True)

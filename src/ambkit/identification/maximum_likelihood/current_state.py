@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,10 +24,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.signals import CONTROL
-
-if TYPE_CHECKING:
-    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
 LAGS, DELAYS = (3.0, 10.0, 30.0, 100.0), (-0.5, 0.3, 1.5, 2.5, 3.5, 5.5)
 """Samples from which the search may begin."""

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.reading.faults import without_spikes
+from ambkit.data.record import Record
 from ambkit.estimate.estimator import check_sampling
 from ambkit.identification.maximum_likelihood.current_state import (
     INSUFFICIENT_EXCITATION,
@@ -57,13 +58,9 @@ from ambkit.identification.maximum_likelihood.search import (
     unnecessary,
 )
 from ambkit.identification.noise import position_step
+from ambkit.machine.accessories import Hum
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import own_time
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.machine.accessories import Hum
-    from ambkit.machine.machine import Bearing
-
 
 LEAST_SAMPLES = 100  #: That a record must have after the filter has settled.
 

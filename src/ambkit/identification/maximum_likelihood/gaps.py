@@ -10,17 +10,15 @@ from __future__ import annotations
 
 import math
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.arrays import Array, Bools
 from ambkit.estimate.estimate import Status
+from ambkit.estimate.estimator import Estimator
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ConstantStiffness, own_time
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Bearing
 
 
 def filled(u: Array) -> Array:

@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
+from ambkit.data.record import Record
 from ambkit.data.signals import CONTROL
 from ambkit.identification.maximum_likelihood.current_state import (
     Coil,
@@ -26,12 +26,8 @@ from ambkit.identification.maximum_likelihood.current_state import (
     propagate,
 )
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, Local, between_blocks
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-
 
 ROUNDS, HALVINGS = 10, 6
 """Steps that are taken at most, and how often one is halved that does not lead up."""

@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,13 +18,10 @@ from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.data.record import Record
 from ambkit.estimate.batch import processors
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, log_prior
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import own_time
-
-if TYPE_CHECKING:
-    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.machine.machine import Bearing
-
 
 BLOCK = 20
 """The plant's time constants in a block: half a second of a rig whose rotor falls within 25 ms."""

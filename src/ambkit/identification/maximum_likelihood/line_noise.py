@@ -12,23 +12,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
 from ambkit.base.units import engineering
+from ambkit.data.record import Record
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, likelihood_at
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
 from ambkit.identification.maximum_likelihood.search import maximise
 from ambkit.machine.accessories import Hum
 from ambkit.machine.magnets import own_time
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-
 
 MOST = 4  #: Lines that are looked for.
 LONGEST = 16384  #: Samples of a periodogram; of longer records several are averaged.

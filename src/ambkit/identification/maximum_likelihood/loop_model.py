@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -21,10 +21,8 @@ from ambkit.identification.dead_time import delayed, lag_of, lagged
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.machine.accessories import LONGEST_DELAY, SHORTEST_LAG
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, magnet_of
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
 
 
 @dataclass(frozen=True)

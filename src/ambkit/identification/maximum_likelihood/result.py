@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import figure
+from ambkit.identification.maximum_likelihood.current_state import CurrentState
 from ambkit.identification.maximum_likelihood.figures import correlation_figure, estimates_figure
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
@@ -23,16 +24,12 @@ from ambkit.identification.maximum_likelihood.parameters import (
 )
 from ambkit.identification.maximum_likelihood.search import RULED_OUT
 from ambkit.identification.noise import with_steps
+from ambkit.machine.accessories import Hum
+from ambkit.machine.machine import Bearing
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-
-if TYPE_CHECKING:
-    from ambkit.identification.maximum_likelihood.current_state import CurrentState
-    from ambkit.machine.accessories import Hum
-    from ambkit.machine.machine import Bearing
-    from ambkit.result.report import Figure
-
 
 TOGETHER = 0.9  #: Correlation from which on two parameters are known only together.
 CONFIDENCE = 1.959964  #: Standard errors to either side that hold 95 %.

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.units import engineering
+from ambkit.data.record import Record
 from ambkit.identification.dead_time import delayed, lagged
 from ambkit.identification.maximum_likelihood.likelihood import (
     STEP,
@@ -23,10 +23,6 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
 from ambkit.identification.online.adaline import Adaline
 from ambkit.machine.magnets import ConstantStiffness
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-
 
 CONVERGED = 1e-3
 """Newton's decrement that ends the search: squared distance to the maximum in standard errors."""

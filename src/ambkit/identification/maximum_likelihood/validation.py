@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +13,10 @@ from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import RecordError
 from ambkit.base.units import engineering
 from ambkit.data.reading.faults import spike_free
+from ambkit.data.record import Record
 from ambkit.estimate.constant_velocity import tune
 from ambkit.estimate.errors import Whiteness, prediction_error, whiteness
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
 HORIZONS = (1, 2, 5, 10, 20, 50)  #: Steps ahead, where the user does not say.
 LAGS = 50  #: Of the correlations.

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.base.units import figure
+from ambkit.data.record import Record
 from ambkit.identification.online.adaline import (
     CONFIDENCE,
     CONSTANT,
@@ -23,14 +24,11 @@ from ambkit.identification.online.adaline import (
 )
 from ambkit.identification.online.magnet_constant import ONLINE, AugmentedResult
 from ambkit.identification.online.rls import LeastSquaresResult
+from ambkit.machine.machine import Bearing
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule, Span
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.machine.machine import Bearing
 
 NAMES = {
     "adaline": "ADALINE",

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given
 from ambkit.identification.online.adaline import AdalineResult, OnlineIdentifier, first_element
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import core_module
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,28 +14,23 @@ derivatives has the information J_k, and the covariance of their mean is the bou
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array
 from ambkit.base.threads import one_thread
+from ambkit.data.record import Record
 from ambkit.data.signals import displacement, signal
 from ambkit.estimate.machine_model import View, several
+from ambkit.estimate.noise_model import Variances
 from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models import machine_model
 from ambkit.models.machine_parts import PAPER_STATES
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from ambkit.data.record import Record
-    from ambkit.estimate.noise_model import Variances
-    from ambkit.machine.machine import Bearing, Machine
-    from ambkit.models.model import Model
-
+from ambkit.models.model import Model
 
 NODES = 4  #: Points of the quadrature over a sample.
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -27,18 +27,14 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.tolerance import CERTAIN, Spread
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes, slowest_time, weights_of
+from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Bearing, Machine
-from ambkit.machine.magnets import magnet_of, own_time
+from ambkit.machine.magnets import MagnetModel, magnet_of, own_time
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.many import Many, Planned, simulate_many
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
-from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Sine, Step
-
-if TYPE_CHECKING:
-    from ambkit.machine.forces.force_surface import ForceSurface
-    from ambkit.machine.magnets import MagnetModel
-    from ambkit.simulation.waveforms import Signal
+from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Signal, Sine, Step
 
 Force = Callable[[Array, Array], Array]
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import pool_of
+from ambkit.data.record import Record
 from ambkit.data.signals import displacement, signal
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
@@ -21,11 +22,7 @@ from ambkit.judge.comparison.criteria import OF_THE_LOOP, SETTLING, evaluate_run
 from ambkit.judge.comparison.score import Bench, Standing, half_width, mean
 from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Tuning, errors, tune
 from ambkit.machine.force_laws import slowest_time
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.machine.machine import Machine
-
+from ambkit.machine.machine import Machine
 
 TRAINING = 4  #: Runs that are tuned on; they are judged on others.
 BOUND_RUNS = 8  #: Runs over which the limit's expectations are taken.

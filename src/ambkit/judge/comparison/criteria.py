@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.data.files.tables import Table, write_table
+from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.errors import true_signal, whiteness
+from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.machine_model import View
+from ambkit.judge.comparison.cases import Load, Trial
 from ambkit.machine.force_laws import models_of
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import evaluate_force, magnet_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from ambkit.data.record import Record
-    from ambkit.estimate.estimate import Estimate
-    from ambkit.judge.comparison.cases import Load, Trial
-    from ambkit.machine.machine import Machine
-    from ambkit.models.model import Descriptor
-
+from ambkit.models.model import Descriptor
 
 SETTLING = 2.0
 """What counts begins after this time, in the plant's own: all have then left their start."""

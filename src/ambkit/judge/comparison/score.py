@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,14 +15,11 @@ from ambkit.judge.comparison.cases import Case
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, PerRun
 from ambkit.judge.comparison.figures import cases_figure, cost_figure, matrix_figure
 from ambkit.judge.comparison.tuning import Tuning
+from ambkit.machine.machine import Machine
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Part, Section
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
-    from ambkit.result.report import Figure
-
 
 SHOWN = ("x", "v", "f_d", "nees", "nis", "lost")
 """Criteria that are shown to all; the others are details."""

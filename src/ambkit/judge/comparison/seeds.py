@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import methodcaller
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +12,14 @@ from ambkit.base.arrays import Array
 from ambkit.base.escaping import label as escaped
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.threads import pool_of
+from ambkit.data.record import Record
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, errors_along, rms
 from ambkit.judge.comparison.figures import SHOWN
 from ambkit.judge.comparison.score import least
 from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import MagnetModel
 from ambkit.result.report import Axis, Bars, Figure, Item, Panel, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -26,10 +27,6 @@ from ambkit.result.sections import Section
 from ambkit.result.signal_styles import looks
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.machine.magnets import MagnetModel
 
 
 @dataclass(frozen=True)

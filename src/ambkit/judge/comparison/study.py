@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as with_default
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -30,16 +30,13 @@ from ambkit.judge.comparison.score import Bench, Benches
 from ambkit.judge.comparison.tolerance import CERTAIN
 from ambkit.judge.comparison.tuning import Candidate, candidates, suited
 from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import MagnetModel
+from ambkit.machine.stiffness import StiffnessMap
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.sections import Part, Section
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
-    from ambkit.machine.magnets import MagnetModel
-    from ambkit.machine.stiffness import StiffnessMap
-    from ambkit.result.report import Figure
-
 
 HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)  #: Steps whose errors are shown, in travels.
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Bearing
 
 
 @dataclass(frozen=True)

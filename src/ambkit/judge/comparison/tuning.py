@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,12 +20,10 @@ from ambkit.estimate.named import FromFile, factories
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import KINDS, check_named
 from ambkit.estimate.user_filter import OwnEstimator
+from ambkit.judge.comparison.cases import Trial
 from ambkit.judge.comparison.criteria import errors_along, rms
 from ambkit.machine.machine import Machine
-
-if TYPE_CHECKING:
-    from ambkit.judge.comparison.cases import Trial
-    from ambkit.machine.magnets import MagnetModel
+from ambkit.machine.magnets import MagnetModel
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,25 +13,20 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.control.control import Control, as_control
 from ambkit.control.pid import PID
+from ambkit.data.record import Record
 from ambkit.data.signals import displacement, signal
-from ambkit.estimate.estimate import Status
+from ambkit.estimate.estimate import Estimate, Status
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.criteria import errors_along
 from ambkit.judge.faults.faults import Channel, Fault, mixture
 from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import own_time
+from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.magnets import Precision, own_time
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Sine
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.estimate.estimate import Estimate
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Bearing
-    from ambkit.machine.magnets import Precision
 
 Mask = NDArray[np.bool_]
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,21 +17,18 @@ from ambkit.base.quantity_arguments import of_type
 from ambkit.base.threads import pool_of
 from ambkit.control.pid import PID
 from ambkit.data.files.tables import Table, write_table
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.named import factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.tuning import suited
 from ambkit.judge.faults.fault_run import BASELINE, SETTINGS, Flight, Outcome, recovery_text
 from ambkit.judge.faults.faults import CLEAN, FAULTS
 from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import Precision
 from ambkit.result.report import Axis, Cells, Figure, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.magnets import Precision
-
 
 MIXTURE = "mixture"  #: Stands for the faults that are drawn at random.
 

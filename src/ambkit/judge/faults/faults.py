@@ -9,16 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.arrays import Array
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ConstantStiffness, Precision, own_time
 from ambkit.simulation.external_inputs import Faults
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
 
 
 @dataclass(eq=False)

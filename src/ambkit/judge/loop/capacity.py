@@ -5,23 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, Complex
+from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, unbalance_columns
-from ambkit.machine.accessories import REFERENCE
+from ambkit.machine.accessories import REFERENCE, Coil
 from ambkit.machine.force_laws import isolated_axes, weights_of
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import magnet_of
-
-if TYPE_CHECKING:
-    from ambkit.control.linear.closed_loop import Loop
-    from ambkit.machine.accessories import Coil
-    from ambkit.machine.machine import Bearing
-
 
 ZERO = 273.15
 """Of degrees Celsius [K]."""

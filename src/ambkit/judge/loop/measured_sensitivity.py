@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import RecordError
 from ambkit.base.units import engineering
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
+from ambkit.data.record import Record
 
 Logged = Literal["after", "before"]
 

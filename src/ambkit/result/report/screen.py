@@ -9,15 +9,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from ambkit.result.report import style
+from ambkit.result.report.figure import Figure
 from ambkit.result.report.formula import label_html
 from ambkit.result.report.item import Axis, Json, annotation
 from ambkit.result.report.surfaces import Cells
-
-if TYPE_CHECKING:
-    from ambkit.result.report.figure import Figure
 
 SANS = "-apple-system, 'Segoe UI', Roboto, 'Noto Sans', Ubuntu, 'Liberation Sans', sans-serif"
 _TOP, _BOTTOM, _GAP, _TITLE = 56, 52, 16, 26
