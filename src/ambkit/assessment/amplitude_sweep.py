@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ambkit.assessment.arguments import disturbance_argument, filter_arguments
 from ambkit.assessment.assess import MEASUREMENT, assess
 from ambkit.assessment.loop import AssessedAxis, AssessedLoop
+from ambkit.assessment.sensitivity_figure import sweep_figure
 from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
@@ -169,8 +170,6 @@ class Sweep(Result):
 
     def figure(self) -> Figure:
         """Return the sweeps over the model's curve, and how far they are from it, as a picture."""
-        from ambkit.assessment.sensitivity_figure import sweep_figure
-
         return sweep_figure(
             self.title,
             None if self.loop is None else self.loop.loop,

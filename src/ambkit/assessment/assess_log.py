@@ -10,7 +10,9 @@ import numpy as np
 
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
+from ambkit.assessment.assessment_figure import Curves
 from ambkit.assessment.rows import of_loop
+from ambkit.assessment.sensitivity_figure import measured_figure
 from ambkit.base.arrays import Complex
 from ambkit.base.errors import RecordError
 from ambkit.base.quantity_arguments import Given, of_type
@@ -156,9 +158,6 @@ class AssessedLog(Result):
 
     def figure(self) -> Figure:
         """Return S with its interval and zones, the open loop, and the coherence as a picture."""
-        from ambkit.assessment.assessment_figure import Curves
-        from ambkit.assessment.sensitivity_figure import measured_figure
-
         models = [] if self.model is None else [
             Curves(name, loop.loop, self.axis)
             for name, loop in self.model.loops.items() if loop.stable

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.assessment.assessment_figure import LOOKS
+from ambkit.base.errors import AmbkitError
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points
 
 if TYPE_CHECKING:
@@ -20,8 +21,6 @@ def capacity_figure(
     demands: Mapping[str, tuple[float, float]] | None = None,
 ) -> Figure:
     """Show at which harmonic load current, displacement and voltage come to their limits."""
-    from ambkit.base.errors import AmbkitError
-
     if not loops:
         raise AmbkitError("no loop is stable: there is nothing to draw")
     f = next(iter(loops.values())).frequency

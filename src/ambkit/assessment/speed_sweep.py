@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ambkit.assessment.arguments import disturbance_argument, filter_arguments
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.assessment.orbit import on_orbit
+from ambkit.assessment.speed_sweep_figure import over_speed_figure, run_up_figure
 from ambkit.base import units
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
@@ -221,14 +222,10 @@ class OverSpeed(Result):
 
     def figure(self) -> Figure:
         """Return sensitivity and modes of the closed loop over the speed as a picture."""
-        from ambkit.assessment.speed_sweep_figure import over_speed_figure
-
         return over_speed_figure(self, ZONES)
 
     def run_up_figure(self) -> Figure:
         """Return displacement, current and voltage in a run-up, beside their limits."""
-        from ambkit.assessment.speed_sweep_figure import run_up_figure
-
         return run_up_figure(self)
 
 

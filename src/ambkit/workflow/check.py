@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError, ConfigError, RecordError
-from ambkit.data.files.tables import ENDINGS
+from ambkit.base.units import engineering
+from ambkit.data.files.tables import ENDINGS, read_log, read_table
 from ambkit.result.document import Document
 from ambkit.workflow.load import SHORT, documents, kind_of_toml
 
@@ -121,7 +122,6 @@ def _unknown(path: Path) -> _Described:
 
 def _describe_document(kind: str, path: Path, machine: Machine | None) -> _Described:
     from ambkit.base.config import toml_text
-    from ambkit.base.units import engineering
     from ambkit.judge.adequacy import judge_adequacy, sentences
     from ambkit.judge.adequacy_criteria import of_machine
     from ambkit.models.plant_parts import in_words
@@ -185,7 +185,6 @@ def _describe_expert(path: Path) -> _Described:
 
 
 def _kind_of_table(path: Path, machine: Machine | None) -> tuple[str, Callable[[Path], _Described]]:
-    from ambkit.data.files.tables import read_table
     from ambkit.identification.forces import lift_off
     from ambkit.machine.forces.force_points import COLUMNS
 
@@ -206,7 +205,6 @@ def _perhaps_a_force(path: Path) -> list[str]:
     """Say how a measured force is read, of a table of three or four columns without a time."""
     import numpy as np
 
-    from ambkit.data.files.tables import read_log
     from ambkit.machine.forces.force_points import NAMES
 
     try:
@@ -228,7 +226,6 @@ def _describe_points(path: Path) -> _Described:
 
 
 def _describe_force(path: Path, channels: str | os.PathLike[str] | None = None) -> _Described:
-    from ambkit.base.units import engineering
     from ambkit.machine.forces.force_points import load_force_points
 
     points = load_force_points(path, channels)
@@ -255,7 +252,6 @@ def _describe_record(
 ) -> _Described:
     import numpy as np
 
-    from ambkit.base.units import engineering
     from ambkit.data.reading import load
     from ambkit.data.reading.faults import account, find
     from ambkit.data.reading.plausibility import suspects

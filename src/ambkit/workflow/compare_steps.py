@@ -26,7 +26,6 @@ from ambkit.judge.comparison.tolerance import Spread
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import MagnetModel
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -59,53 +58,26 @@ def compare_in_case(
     case: str | Case = "paper",
     estimators: Sequence[str] | None = None,
     *,
-    runs: int = RUNS,
-    budget: int = 0,
-    seed: int = 0,
     spread: Given | None = None,
-    magnets: Mapping[str, MagnetModel] | None = None,
     plant: ForceSurface | None = None,
-    custom: Mapping[str, Any] | None = None,
     whole: bool = False,
     done: Callable[[str], None] | None = None,
-) -> Study:
-    """Compare estimators along the same records, and each in the loop, by all that counts."""
-    chosen = cases_called(case, spread)[case] if isinstance(case, str) else case
-    if plant is not None:
-        chosen = replace(chosen, magnet=plant)
-    kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
-    count = len(kinds) + len(custom or {})
-    with reporting(done, "comparing", pieces_of(count, budget, whole)) as tell:
-        return study(
-            bearing, chosen, kinds, custom=custom, runs=runs, budget=budget, seed=seed,
-            magnets=magnets, whole=whole, done=tell,
-        )  # fmt: skip
-
-
-def compare_in_all(
-    bearing: Machine,
-    estimators: Sequence[str] | None = None,
-    *,
     runs: int = RUNS,
     budget: int = 0,
-    seed: int = 0,
-    spread: Given | None = None,
-    magnets: Mapping[str, MagnetModel] | None = None,
-    plant: ForceSurface | None = None,
-    custom: Mapping[str, Any] | None = None,
-    done: Callable[[str], None] | None = None,
-) -> Benches:
-    """Compare estimators in all cases, tuned anew in each."""
-    cases = cases_called("all", spread)
+    **how: Any,
+) -> Study | Benches:
+    """Compare estimators along the same records and in the loop, in a case or in all of them."""
+    cases = cases_called(case, spread) if isinstance(case, str) else {case.name: case}
     if plant is not None:
-        cases = {name: replace(case, magnet=plant) for name, case in cases.items()}
+        cases = {name: replace(of, magnet=plant) for name, of in cases.items()}
     kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
-    count = len(kinds) + len(custom or {})
-    with reporting(done, "comparing", len(cases) * pieces_of(count, budget, False)) as tell:
-        return across(
-            bearing, cases, kinds, custom=custom, runs=runs, budget=budget, seed=seed,
-            magnets=magnets, done=tell,
-        )  # fmt: skip
+    pieces = pieces_of(len(kinds) + len(how.get("custom") or {}), budget, whole)
+    with reporting(done, "comparing", len(cases) * pieces) as tell:
+        how |= {"runs": runs, "budget": budget, "done": tell}
+        if case == "all":
+            return across(bearing, cases, kinds, **how)
+        (chosen,) = cases.values()
+        return study(bearing, chosen, kinds, whole=whole, **how)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,6 @@ from ambkit.machine.forces.force_map import surface_in
 from ambkit.machine.machine import Machine
 from ambkit.workflow.compare_steps import (
     LoopScores,
-    compare_in_all,
     compare_in_case,
     compare_in_loops,
     loop_cases,
@@ -107,22 +106,16 @@ def in_case(
     if not names and not own:
         expand("")
     names = suited(names, machine)
-    options: dict[str, Any] = {
-        "runs": len(seeds),
-        "budget": budget,
-        "seed": seeds.start,
-        "spread": spread,
-        "magnets": {kind: experts(Path(file), machine) for kind, file in files.items()},
-        "plant": _true_magnet(plant, machine),
-        "custom": own,
-        "done": done,
-    }
     with arguments_of_the_user():
-        if case == "all":
-            if whole:
-                raise AmbkitError("whole needs one case, not all")
-            return compare_in_all(machine, names, **options)
-        result = compare_in_case(machine, case, names, **options, whole=whole)
+        if case == "all" and whole:
+            raise AmbkitError("whole needs one case, not all")
+        result = compare_in_case(
+            machine, case, names, whole=whole, runs=len(seeds), budget=budget, seed=seeds.start,
+            spread=spread, plant=_true_magnet(plant, machine), custom=own, done=done,
+            magnets={kind: experts(Path(file), machine) for kind, file in files.items()},
+        )  # fmt: skip
+    if isinstance(result, Benches):
+        return result
     known = source if isinstance(source, str | os.PathLike) else None
     return replace(
         result, machine_file=known, magnet_files=files, save_filters=save_filters,

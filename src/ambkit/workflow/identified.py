@@ -21,6 +21,7 @@ from ambkit.estimate.filter_saving import made_by
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.identification.forces.force_map import ForceMap, force_map
+from ambkit.identification.maximum_likelihood import figures as plots
 from ambkit.identification.maximum_likelihood.axis_model import AxisModel, axis_record
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS
@@ -285,8 +286,6 @@ class Identified(Result):
 
     def figures(self) -> list[Figure]:
         """Return what was found, how surely, and how it does on records."""
-        from ambkit.identification.maximum_likelihood import figures as plots
-
         record, first = self.records[0], self.validation[0]
         model = self.likelihood.model
         return [

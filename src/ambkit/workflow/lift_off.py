@@ -19,6 +19,7 @@ from ambkit.identification.forces.lift_off import (
     LiftOffFit,
     find_lift_off,
     fit_lift_off,
+    lift_off_figure,
     load_points,
 )
 from ambkit.machine.force_laws import isolated
@@ -91,8 +92,6 @@ class LiftedOff(Result):
 
     def figures(self) -> list[Figure]:
         """Return the points and the law through them."""
-        from ambkit.identification.forces.lift_off import lift_off_figure
-
         return [lift_off_figure(self.fit)]
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from ambkit.base import files, installed
 from ambkit.base.progress import shown_in_notebooks
+from ambkit.result.table import screen_width
 
 if TYPE_CHECKING:
     from paper.study import Part, Study
@@ -45,7 +46,6 @@ class Outcome:
         from rich.console import Console
 
         from ambkit.result.report.terminal import print_summary
-        from ambkit.result.table import screen_width
 
         text = StringIO()
         print_summary(self.rows, Console(file=text, width=screen_width()))

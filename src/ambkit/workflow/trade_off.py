@@ -20,6 +20,7 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.workflow.tune import BUDGET, RUNS, Tuned, tune
+from ambkit.workflow.tuning_figure import trade_off_figure
 from ambkit.workflow.tuning_tasks import ByTruth
 
 SIGNALS = {"x": "m", "f_d": "N"}
@@ -103,8 +104,6 @@ class TradeOff(Result):
 
     def figure(self) -> Figure:
         """Return errors over the peak of abs(S) as a picture."""
-        from ambkit.workflow.tuning_figure import trade_off_figure
-
         reached = [point for point in self.points if point.tuned is not None]
         return trade_off_figure(
             f"{markdown(self.bearing.name)}, {self.kind} filter: error against margin",

@@ -17,7 +17,7 @@ from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.units import engineering, figure
 from ambkit.data.channel_map import ChannelMap, MappedSignals
 from ambkit.data.files.log import DamagedLog, Log
-from ambkit.data.files.tables import read_log
+from ambkit.data.files.tables import read_log, to_table
 from ambkit.data.reading import faults as channel_faults
 from ambkit.data.reading.clock import (
     HELD,
@@ -261,9 +261,6 @@ def _mapped(
     progress: Callable[[str], object],
 ) -> tuple[Log, MappedSignals]:
     """Read a log, and pick its signals out of it; a table with names and units needs no map."""
-    from ambkit.data.channel_map import ChannelMap, MappedSignals
-    from ambkit.data.files.tables import to_table
-
     if channel_map is not None and not isinstance(channel_map, ChannelMap):
         channel_map = ChannelMap.load(channel_map)
     selection, texts = (channel_map.wanted, channel_map.texts) if channel_map else (None, ())

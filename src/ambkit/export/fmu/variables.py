@@ -18,6 +18,7 @@ from ambkit.estimate.machine_model import several
 from ambkit.export.c.model import states
 from ambkit.export.fmu.controller import ControllerStart
 from ambkit.export.fmu.variable import TIME, Limit, Variable, per_name
+from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.models.continuous import continuous
 from ambkit.models.plant_parts import between_magnet_and_rotor
@@ -385,8 +386,6 @@ def _rig(machine: Machine, places: Sequence[float]) -> list[Variable]:
 
 
 def _gains(controller: PID, bearing: Bearing) -> list[Variable]:
-    from ambkit.machine.loading import levitation_current_at
-
     current = levitation_current_at(bearing)
     weight = "share of the reference that kp sees"
     return [

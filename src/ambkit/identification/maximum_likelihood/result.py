@@ -26,6 +26,7 @@ from ambkit.identification.maximum_likelihood.search import RULED_OUT
 from ambkit.identification.noise import with_steps
 from ambkit.machine.accessories import Hum
 from ambkit.machine.machine import Bearing
+from ambkit.machine.magnets import magnet_of
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -138,7 +139,6 @@ class MaximumLikelihood(Result):
     ) -> dict[str, tuple[Array, Array]]:
         """K_i [N/A] and k_s [N/m] over operating points, tangents, each with its standard error."""
         # currents (ni,) [A]; displacements (nx,) [m]
-        from ambkit.machine.magnets import magnet_of
 
         coordinates = Coordinates(self.model, self.parameters)
         iu, x = np.meshgrid(currents, displacements)

@@ -17,7 +17,7 @@ from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.data.record import Record
 from ambkit.identification.dead_time import acting
 from ambkit.machine.machine import Bearing
-from ambkit.machine.magnets import core_module, magnet_of
+from ambkit.machine.magnets import ConstantStiffness, core_module, magnet_of
 from ambkit.result.row import Row
 
 CONSTANT = "N m^2/A^2"  #: Unit of a magnet constant.
@@ -242,8 +242,6 @@ def first_element(
     least_excitation: float,
 ) -> dict[str, Any]:
     """Check what finds the force (eq. 24), and write it down for the core."""
-    from ambkit.machine.magnets import ConstantStiffness
-
     start = in_si("start", start, "N m^2/A^2")
     bandwidth = in_si("bandwidth", bandwidth, "Hz")
     if not 0 < rate_force < 2:

@@ -15,6 +15,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.base.units import figure
 from ambkit.data.record import Record
+from ambkit.estimate.estimator import check_sampling
 from ambkit.identification.online.adaline import (
     CONFIDENCE,
     CONSTANT,
@@ -213,7 +214,6 @@ def compare_online(
     """Learn the magnet constant along a record: ADALINE, least squares, and the Kalman filter."""
     # All from the same two signals and the same start, each with its defaults.
     # disturbance (n,) [N]
-    from ambkit.estimate.estimator import check_sampling
 
     check_sampling(bearing, record)
     return OnlineComparison(
@@ -229,8 +229,6 @@ def compare_online(
 
 def true_constant(record: Record) -> float | None:
     """The magnet constant of the simulated bearing [N m^2/A^2]; None where it is measured."""
-    from ambkit.machine.machine import Bearing
-
     text = record.meta.get("bearing")
     if not (record.has_truth and isinstance(text, str)):
         return None

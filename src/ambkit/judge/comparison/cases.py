@@ -30,6 +30,7 @@ from ambkit.machine.force_laws import isolated_axes, slowest_time, weights_of
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import MagnetModel, magnet_of, own_time
+from ambkit.machine.stiffness import stiffness_map
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.many import Many, Planned, simulate_many
 from ambkit.simulation.run import samples, simulate
@@ -323,7 +324,6 @@ def _magnet(case: Case, plant: Bearing, nominal: Bearing) -> MagnetModel | None:
         return case.magnet if ratio == 1 else case.magnet.scaled(ratio)
     if not case.saturates:
         return None
-    from ambkit.machine.stiffness import stiffness_map
 
     max_displacement = min(plant.rotor.clearance, 0.95 * plant.magnet.air_gap)
     return stiffness_map(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.fuzzy.training import train
 from ambkit.judge.comparison.cases import (
     CASES,
     REACH,
@@ -32,7 +33,7 @@ from ambkit.judge.comparison.tuning import Candidate, candidates, suited
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
-from ambkit.machine.stiffness import StiffnessMap
+from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row
@@ -200,8 +201,6 @@ def learned(
     if not bearing.single:
         known = {name: learned_magnet(name, bearing) for name in asking}
         return results | {name: magnet for name, magnet in known.items() if magnet is not None}
-    from ambkit.fuzzy.training import train
-    from ambkit.machine.stiffness import stiffness_map
 
     max_displacement = REACH * bearing.rotor.clearance
     force = saturating(bearing) if case.saturates else None
