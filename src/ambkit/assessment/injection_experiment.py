@@ -11,13 +11,13 @@ import numpy as np
 from ambkit.assessment.arguments import filter_arguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assess_log import of_one_axis
-from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.injection import PERIODS, Injection
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
+from ambkit.data.signals import displacement as displacement_of
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation import Limits
@@ -98,13 +98,9 @@ def design_injection(
     current = in_si("current", current, "A")
     displacement = in_si("displacement", displacement, "m")
     of_type(Scenario, scenario=scenario)
-    if not bearing.single:
-        of: _Experiment = _OfMachine(bearing, scenario, filter, axis, current, displacement)
-    else:
-        if axis is not None:
-            raise AmbkitError(f"{bearing.name} has one axis: leave its name out")
-        of = _OfBearing(bearing.isolated_axis(""), scenario, filter, current, displacement)
-    return of.designed(band)
+    if bearing.single and axis is not None:
+        raise AmbkitError(f"{bearing.name} has one axis: leave its name out")
+    return _Experiment(bearing, scenario, filter, axis, current, displacement).designed(band)
 
 
 class _Run(NamedTuple):
@@ -119,18 +115,19 @@ class _Experiment:
     """The simulated loop, with noise, and a signal that is added to its measurement."""
 
     def __init__(
-        self,
-        result: Assessment,
-        n: int,
-        held: float,
-        axis: str | None,
-        limits: Sequence[float | None],
-    ) -> None:
+        self, bearing: Machine, scenario: Scenario, filter: Any, axis: str | None,
+        current: float | None, displacement: float | None,
+    ) -> None:  # fmt: skip
+        scenario = self.scenario = settled_scenario(bearing, scenario.replace(noise=True))
+        self.filter = (filter or "linear") if scenario.feedback == "estimate" else None
+        result = assess(bearing, self.filter, scenario.controller)
         self.bearing: Any = result.bearing
-        self.T, self.n = self.bearing.sampling_time, n
-        self.t = self.T * np.arange(n)
-        self.rest = math.ceil(REST * n)
-        self.period = (n - self.rest) // PERIODS
+        self.T, self.n = self.bearing.sampling_time, samples(bearing, scenario)
+        self.t = self.T * np.arange(self.n)
+        self.names = tuple(of.name for of in bearing.axes)
+        held = float(np.abs(scenario.along("reference", self.names, self.t)).max())
+        self.rest = math.ceil(REST * self.n)
+        self.period = (self.n - self.rest) // PERIODS
         loop = list(result.loops.values())[-1]
         if loop.worst is None:
             raise AmbkitError(
@@ -145,7 +142,7 @@ class _Experiment:
         self.at = axes.index(chosen)
         self.axis = chosen if len(result.of.axes) > 1 else ""
         self.name = f"{self.bearing.name} {self.axis}".strip()
-        self.all_limits = [_limits(b, held, limits[0], limits[1]) for b in result.of.isolated]
+        self.all_limits = [_limits(b, held, current, displacement) for b in result.of.isolated]
         self.limits = self.all_limits[self.at]
 
     def designed(self, band: tuple[float, float] | None) -> Injection:
@@ -207,7 +204,26 @@ class _Experiment:
 
     def run(self, added: Array, other: int = 0) -> _Run:
         """Simulate with a signal (n,) [m], and with other noise than the seed's."""
-        raise NotImplementedError
+        there = Added.model_construct(axis=self.axis, position=Recorded.of(self.t, added))
+        others = (
+            Added.model_construct(axis=name, position=item)
+            for name, item in self.scenario.by_axis("injection", self.names[0])
+        )
+        scenario = self.scenario.model_copy(
+            update={"seed": self.scenario.seed + other, "injection": (*others, there)}
+        )
+        inner = next(iter(filter_arguments(self.filter, self.bearing).values()), None)
+        run = simulate_run(self.bearing, scenario, estimator=inner)
+        record = run.record
+        level = self.taken(
+            [record[signal("iu", name)] for name in self.names],
+            [record[displacement_of(name)] for name in self.names],
+        )
+        if self.axis:
+            _, own = of_one_axis(record, self.bearing)
+            own_signals = {"iu": record[signal("iu", self.axis)], "x": record[f"s_{self.axis}"]}
+            record = Record(record.t, {name: own[name] for name in own} | own_signals)
+        return _Run(record, level, run.estimate)
 
     def level(self, added: Array) -> float:
         """How far the loop goes towards its limits under several noises; 1: up to one."""
@@ -252,67 +268,6 @@ class _Experiment:
         if best == 0:
             raise AmbkitError("no signal keeps the limits")
         return best * unit
-
-
-class _OfBearing(_Experiment):
-    """Of one axis."""
-
-    def __init__(
-        self, bearing: Bearing, scenario: Scenario, filter: Any, *limits: float | None
-    ) -> None:
-        self.scenario = scenario.replace(noise=True).of_one_axis(bearing)
-        pid = self.scenario.controller
-        self.filter = (filter or "linear") if pid.feedback == "estimate" else None
-        n = samples(bearing, scenario)
-        held = scenario.along("reference", ("",), bearing.sampling_time * np.arange(n))
-        far = float(np.abs(held).max())
-        super().__init__(assess(bearing, self.filter, pid), n, far, None, limits)
-
-    def run(self, added: Array, other: int = 0) -> _Run:
-        """Simulate the bearing."""
-        scenario = self.scenario.model_copy(
-            update={"seed": self.scenario.seed + other, "injection": Recorded.of(self.t, added)}
-        )
-        inner = next(iter(filter_arguments(self.filter, self.bearing).values()), None)
-        run = simulate_run(self.bearing, scenario, estimator=inner)
-        level = self.taken([run.record["iu"]], [run.record["x"]])
-        return _Run(run.record, level, run.estimate)
-
-
-class _OfMachine(_Experiment):
-    """Of one axis of a machine, all others closed."""
-
-    def __init__(
-        self, machine: Machine, scenario: Scenario, filter: Any, axis: str | None,
-        *limits: float | None,
-    ) -> None:  # fmt: skip
-        scenario = self.flight = settled_scenario(machine, scenario.replace(noise=True))
-        self.filter = (filter or "linear") if scenario.feedback == "estimate" else None
-        n = max(2, round(scenario.duration / machine.sampling_time) + 1)
-        t = machine.sampling_time * np.arange(n)
-        names = tuple(axis.name for axis in machine.axes)
-        held = float(np.abs(scenario.along("reference", names, t)).max())
-        result = assess(machine, self.filter, scenario.controller)
-        super().__init__(result, n, held, axis, limits)
-
-    def run(self, added: Array, other: int = 0) -> _Run:
-        """Simulate the machine."""
-        there = Added.model_construct(axis=self.axis, position=Recorded.of(self.t, added))
-        others = (
-            Added.model_construct(axis=name, position=item)
-            for name, item in self.flight.by_axis("injection", self.bearing.axes[0].name)
-        )
-        run_scenario = self.flight.model_copy(
-            update={"seed": self.flight.seed + other, "injection": (*others, there)}
-        )
-        inner = next(iter(filter_arguments(self.filter, self.bearing).values()), None)
-        run = simulate_run(self.bearing, run_scenario, estimator=inner)
-        names = list(self.loop.axes)
-        level = self.taken(*([run.record[f"{of}_{name}"] for name in names] for of in ("iu", "s")))
-        _, axis_record = of_one_axis(run.record, self.bearing)
-        own = {"iu": run.record[signal("iu", self.axis)], "x": run.record[signal("s", self.axis)]}
-        signals = {"y": axis_record["y"], "injected": axis_record["injected"]} | own
-        return _Run(Record(run.record.t, signals), level, run.estimate)
 
 
 def _limits(

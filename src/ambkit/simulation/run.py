@@ -124,7 +124,10 @@ class Loop:
             machine,
             ExternalInputs() if external_inputs is None else external_inputs,
         )
-        self.scenario = self._settled(scenario, made=controllers is not None)
+        self.scenario = (
+            settled_scenario(machine, scenario) if controllers is None
+            else scenario.fed(feedback_of(scenario))
+        )  # fmt: skip
         self._t, self._reference, self._load, self._injected = (
             Sampled.of(machine, self.scenario) if sampled is None else sampled
         )
@@ -153,14 +156,6 @@ class Loop:
     def fed(self) -> bool:
         """Whether the estimate feeds the controllers."""
         return self.scenario.feedback == "estimate"
-
-    def _settled(self, scenario: Scenario, *, made: bool) -> Scenario:
-        """Return a scenario with its controllers complete."""
-        if self._straight:
-            return scenario.of_one_axis(self.machine.isolated_axis(""))
-        if made:
-            return scenario.fed(feedback_of(scenario))
-        return settled_scenario(self.machine, scenario)
 
     def _impose(self, magnet: MagnetModel | None) -> None:
         """Check and put in what is given from outside."""

@@ -340,6 +340,8 @@ def control_of(machine: Machine, scenario: Scenario) -> Control:
 
 def settled_scenario(machine: Machine, scenario: Scenario) -> Scenario:
     """Return a scenario with controllers and feedback chosen where they are not stated."""
+    if machine.single:
+        return scenario.of_one_axis(machine.isolated_axis(""))
     if is_default(scenario.controller):
         result = default_for(machine, scenario)
         if not result.held:
