@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import PurePath
@@ -21,16 +21,25 @@ from ambkit.base.escaping import json_text
 from ambkit.campaigns import sampling
 from ambkit.campaigns.distributions import Marginal, OneOf
 from ambkit.campaigns.keys import OF_RUN, Key, changed, nested
-from ambkit.campaigns.loop_cases import happening
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.study_checks import key_of
 from ambkit.campaigns.study_tables import UNITS
 from ambkit.control.control import Control
+from ambkit.control.controllers import TYPES, Controllers, controllers_of
+from ambkit.control.default_control import is_default
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.machine.bearing import FILES
 from ambkit.machine.loading import load_machine
+from ambkit.models.plant import Plant
 from ambkit.simulation.many import Planned
+from ambkit.simulation.scenario import Scenario, settled_scenario
+
+IN_PROPORTION = ("kp", "ki", "kd", "feed_forward")
+"""Gains of a PID that go with those of amplifier and sensor."""
+
+IN_AMPERES = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
+"""Feedback that is of currents, as against positions."""
 
 
 class Drawn(NamedTuple):
@@ -52,11 +61,6 @@ class Plan:
     def nominal(self) -> Any:
         """The machine that controllers and estimator know; of one axis its short form."""
         return load_machine(self.study.nominal)
-
-    @cached_property
-    def _run(self) -> Any:
-        """What happens, and who controls it."""
-        return happening(self.nominal, self.study)
 
     @property
     def several(self) -> bool:
@@ -121,8 +125,13 @@ class Plan:
     @cached_property
     def scenario(self) -> Any:
         """The run, with the study's seed and controllers that are made for the nominal machine."""
-        unfed = "none" in self._estimator_names
-        return self._run.settled(unfed=unfed, chosen=bool(self._choices("controller")))
+        run = self.study.scenario.model_copy(update={"seed": self.study.seed})
+        if "none" in self._estimator_names and run.feedback is None:
+            run = run.fed("measurement")
+        if self.several and self._choices("controller") and is_default(run.controller):
+            plain = run.controller.model_copy(update={"type": "decentralised"})
+            run = run.model_copy(update={"controller": plain})
+        return settled_scenario(self.nominal, run)
 
     @cached_property
     def fingerprint(self) -> str:
@@ -213,7 +222,7 @@ class Plan:
         if own and not wrong:
             plant = changed(plant, nested(own))
             wrong = next(iter(plant.contradictions(self.nominal)), "")
-        return Drawn(run, values, self._run.planned(plant, scenario, estimator, noise), wrong)
+        return Drawn(run, values, self._planned(plant, scenario, estimator, noise), wrong)
 
     def beyond(self, values: Mapping[str, Any]) -> str:
         """Say which value is out of its range."""
@@ -245,10 +254,55 @@ class Plan:
         return made
 
     @cached_property
-    def controllers(self) -> dict[str, Any]:
+    def controllers(self) -> dict[str, Control]:
         """The controllers to choose from, made for the nominal machine."""
-        result: dict[str, Any] = self._run.controllers(self.scenario)
-        return result
+        nominal, own, tuned = self.nominal, self.study.controllers, self.scenario.controller
+        if self.several:
+            usual = (*(Control.model_validate({"type": name}) for name in TYPES), tuned)
+            return {str(item.type): item for item in usual} | own
+        fed_by = tuned.feedback
+        textbook = Control.textbook(nominal).fed_by(fed_by)
+        return {"tuned": tuned, "textbook": textbook} | {
+            name: controller.completed(nominal).fed_by(controller.feedback or fed_by)
+            for name, controller in own.items()
+        }
+
+    def _planned(
+        self, plant: Any, run: Scenario, estimator: Estimator | None, noise: int
+    ) -> Planned:
+        """Return a run whose controllers go by the nominal gains of amplifiers and sensor."""
+        # The simulated ones divide by the plant's. What they lack is a factor on their gains.
+        if self.several:
+            made = self._made(run, estimator)
+            ratio = np.array([
+                own.bearing.amplifier.gain / nominal.bearing.amplifier.gain
+                for own, nominal in zip(plant.axes, self.nominal.axes, strict=True)
+            ])[:, None]  # fmt: skip
+            if (ratio != 1).any():
+                fed = {
+                    name: ratio * item if name in IN_AMPERES else item
+                    for name, item in made.feedback.items()
+                }
+                made = replace(made, spread=ratio * made.spread, feedback=fed)
+            return Planned(plant, run, estimator, number=noise, controllers=made)
+        pid, gain = run.controller, plant.amplifier.gain / self.nominal.amplifier.gain
+        if pid.feedback == "measurement":
+            gain *= plant.sensor.gain / self.nominal.sensor.gain
+        if gain != 1:
+            changes = {name: gain * getattr(pid, name) for name in IN_PROPORTION}
+            run = run.model_copy(update={"controller": pid.model_copy(update=changes)})
+        return Planned(plant, run, estimator, number=noise)
+
+    @cached_property
+    def _controllers_made(self) -> dict[Any, Controllers]:
+        return {}
+
+    def _made(self, run: Scenario, estimator: Estimator | None) -> Controllers:
+        key, known = (id(estimator), run.controller.model_dump_json()), self._controllers_made
+        if key not in known:
+            fed = estimator if run.feedback == "estimate" else None
+            known[key] = controllers_of(Plant(self.nominal), run.controller, fed)
+        return known[key]
 
     @property
     def _estimator_names(self) -> list[str]:
@@ -295,7 +349,7 @@ class Plan:
         for estimator in self.estimators.values():
             for values in [{"controller": name} for name in chosen] or [{}]:
                 run = self._scenarios(tuple(values.items())) if values else self.scenario
-                self._run.planned(self.nominal, run, estimator, 0)
+                self._planned(self.nominal, run, estimator, 0)
         self.points(0, 1)
 
     @property
