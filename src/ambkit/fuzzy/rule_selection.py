@@ -95,6 +95,17 @@ class RuleChoice:
         enough = [c for c in self.candidates if c.error <= self.limit]
         return min(enough, key=lambda c: (c.rules, c.error))
 
+    @property
+    def sentence(self) -> str:
+        """Which rules cross-validation chose, and why."""
+        name, best, limit = self.chosen.name, self.best.name, f"{self.limit:.3g}"
+        why = (
+            f"the best; no smaller one is within a standard error ({limit})"
+            if name == best
+            else f"the smallest within a standard error of {best} ({limit})"
+        )
+        return f"Chosen: {name}, {why}; any number of rules has {self.surface_error:.3g}."
+
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data."""
         return {

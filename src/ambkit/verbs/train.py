@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 from ambkit.verbs.words import Axis, File, Force, Length, Machine, MapFile, Rules, Source
 
 if TYPE_CHECKING:
-    from ambkit.workflow.training import TrainedExpert
+    from ambkit.workflow.trained_expert import TrainedExpert
 
 
 def train(

@@ -17,9 +17,9 @@ from ambkit.machine.force_laws import isolated
 from ambkit.machine.forces.force_points import ForcePoints, load_force_points
 from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import StiffnessMap
+from ambkit.workflow.trained_expert import TrainedExpert
 from ambkit.workflow.training import (
     RULES,
-    TrainedExpert,
     check_within_gap,
     how_to_train,
     measured_force,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
 
+pass
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.quantity_arguments import Given, all_of_type, in_si, of_type
@@ -19,9 +19,6 @@ from ambkit.identification.noise import Noise, StandstillNoise
 from ambkit.machine.force_laws import axis_named, isolated
 from ambkit.machine.machine import Machine
 from ambkit.workflow.identified import Identified, check_disjoint, records_of, validations
-
-if TYPE_CHECKING:
-    pass
 
 
 def starting_model(
