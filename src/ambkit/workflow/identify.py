@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 
-pass
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.quantity_arguments import Given, all_of_type, in_si, of_type
