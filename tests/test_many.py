@@ -145,13 +145,10 @@ def rms(error: NDArray[np.float64]) -> float:
 
 
 def test_the_figures_are_those_of_the_samples() -> None:
-    places = range(len(MIXED))
-    many = simulate_many(MIXED, traces=places)
-    for place in places:
-        run = many.traces[place]
-        single = (
-            MIXED[place].estimator is not None and MIXED[place].estimator.precision != "float64"
-        )
+    many = simulate_many(MIXED)
+    for place, planned in enumerate(MIXED):
+        run = planned.simulated()
+        single = planned.estimator is not None and planned.estimator.precision != "float64"
         for name, expected in by_hand(run).items():
             got = many.figures[name][place]
             tolerance = 1e-5 if single else 1e-12
@@ -188,10 +185,10 @@ def test_where_a_step_and_a_load_can_be_judged() -> None:
 
 def test_a_number_stands_for_the_run_of_the_scenario() -> None:
     own = simulate_many([Planned(BEARING, SCENARIO.replace(run=9), KALMAN)])
-    given = simulate_many([Planned(BEARING, SCENARIO, KALMAN, number=9)], traces=[0])
-    assert_same(given.columns(), own.columns())
+    given = Planned(BEARING, SCENARIO, KALMAN, number=9)
+    assert_same(simulate_many([given]).columns(), own.columns())
     record = ambkit.simulate(BEARING, SCENARIO.replace(run=9), filter=KALMAN).record
-    assert (given.traces[0].record["y"] == record["y"]).all()
+    assert (given.simulated().record["y"] == record["y"]).all()
     assert record.meta["run"] == 9
 
 
@@ -199,8 +196,6 @@ def test_what_cannot_be_done_is_said() -> None:
     run = Planned(BEARING, SCENARIO, KALMAN)
     with pytest.raises(ValueError, match=r"settling must be less than the 0\.08 s of a run"):
         simulate_many([run], settling=1.0)
-    with pytest.raises(ValueError, match="traces holds 3, and there are 1 runs"):
-        simulate_many([run], traces=[0, 3])
     with pytest.raises(ValueError, match="threads must be 1 or more, got 0"):
         simulate_many([run], threads=0)
     with pytest.raises(ValueError, match="no instructions called 'sse9'"):
@@ -214,10 +209,10 @@ def test_runs_of_several_axes_are_those_of_a_run_alone() -> None:
     machine, scenario = Machine.preset("tum_mlps"), Scenario(duration=0.01, seed=2)
     kalman = KalmanFilter(machine)
     runs = [Planned(machine, scenario, kalman, number=number) for number in range(3)]
-    many = simulate_many(runs, traces=[2])
+    many, again = simulate_many(runs), runs[2].simulated()
     alone = simulate(machine, scenario.replace(run=2), filter=KalmanFilter(machine))
     for name in ("y_La1", "iu_B2"):
-        assert np.array_equal(many.traces[2].record[name], alone.record[name])
+        assert np.array_equal(again.record[name], alone.record[name])
     farthest = max(np.abs(alone.record[f"s_{axis}"]).max() for axis in alone.axes)
     assert many.figures["displacement_peak"][2] == farthest
 

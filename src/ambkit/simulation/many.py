@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pickle
 import threading
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import chain, islice
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -104,8 +104,6 @@ class Many:
     figures: Mapping[str, Array]
     #: (runs,) By the names of :class:`ambkit.Status` in lower case: samples at which it was said.
     status: Mapping[str, Counts]
-    #: Of those that were asked for, by their place, with all samples.
-    traces: Mapping[int, Run] = field(default_factory=dict)
 
     @classmethod
     def none(cls, figures: Iterable[str]) -> Many:
@@ -154,7 +152,6 @@ def simulate_many(
     *,
     settling: float = 0.0,
     band: float = 0.05,
-    traces: Collection[int] = (),
     threads: int | None = None,
     instructions: str | None = None,
     done: Callable[[int], None] | None = None,
@@ -173,8 +170,6 @@ def simulate_many(
         Time at the start of each run that errors leave out [s]; the first sample always is.
     band : float
         Control error that a rotor has recovered within, as a share of its clearance.
-    traces : collection of int
-        Places of runs whose samples are kept.
     threads : int, optional
         Default: as many as the process may use.
     instructions : str, optional
@@ -189,8 +184,7 @@ def simulate_many(
     Raises
     ------
     ValueError
-        A run has no sample after the settling, a trace is asked of a run that is not there, or some
-        runs have one axis and others several.
+        A run has no sample after the settling, or some runs have one axis and others several.
 
     Examples
     --------
@@ -204,18 +198,15 @@ def simulate_many(
     threads = processors() if threads is None else threads
     of_one, planned = _parted(runs)
     if of_one:
-        engine = _Engine(settling, band, threads, instructions)
-        figures, flags, traced_runs, n = _in_lanes(planned, engine, traces, done)
+        figures, flags = _in_lanes(planned, _Engine(settling, band, threads, instructions), done)
     else:
-        figures, flags, traced_runs, n = _in_threads(planned, settling, band, traces, threads, done)
-    if missing := set(traces) - traced_runs.keys():
-        raise ValueError(f"traces holds {min(missing)}, and there are {n} runs")
+        figures, flags = _in_threads(planned, settling, band, threads, done)
     known = FIGURES if of_one else OF_SEVERAL
-    return Many(_columns(known, figures, float), _columns(FLAGS, flags, np.int64), traced_runs)
+    return Many(_columns(known, figures, float), _columns(FLAGS, flags, np.int64))
 
 
-_Judged = tuple[Sequence[Array], Sequence[Counts], dict[int, Run], int]
-"""Tables of figures and of counts of flags, the runs that are kept, and how many there were."""
+_Judged = tuple[Sequence[Array], Sequence[Counts]]
+"""Tables of figures, and of counts of flags."""
 
 
 def _parted(runs: Iterable[Planned]) -> tuple[bool, Iterator[Planned]]:
@@ -241,8 +232,8 @@ def _parted(runs: Iterable[Planned]) -> tuple[bool, Iterator[Planned]]:
 
 
 def _in_threads(
-    runs: Iterator[Planned], settling: float, band: float, traces: Collection[int],
-    threads: int, done: Callable[[int], None] | None,
+    runs: Iterator[Planned], settling: float, band: float, threads: int,
+    done: Callable[[int], None] | None,
 ) -> _Judged:  # fmt: skip
     """Fly runs of several axes: while one is in C, another is got ready."""
     own = threading.local()  # an estimator has a state: each thread has its own
@@ -258,21 +249,14 @@ def _in_threads(
         result = figures_of(run, planned.estimator, settling, band)
         return [result[name] for name in OF_SEVERAL], flags_of(run)
 
-    rows, flags, traced_runs = list[Array](), list[Counts](), dict[int, Run]()
-
-    def counted() -> Iterator[Planned]:
-        for place, planned in enumerate(runs):
-            if place in traces:
-                traced_runs[place] = planned.simulated()
-            yield planned
-
+    rows, flags = list[Array](), list[Counts]()
     with ThreadPoolExecutor(threads) as pool:
-        for row, flag_counts in pool.map(fly, counted()):
+        for row, flag_counts in pool.map(fly, runs):
             rows.append(np.array([row]))
             flags.append(np.array([flag_counts], np.int64))
             if done is not None:
                 done(1)
-    return rows, flags, traced_runs, len(rows)
+    return rows, flags
 
 
 def _copied(estimator: Estimator) -> Estimator:
@@ -281,13 +265,10 @@ def _copied(estimator: Estimator) -> Estimator:
 
 
 def _in_lanes(
-    runs: Iterator[Planned], engine: _Engine, traces: Collection[int],
-    done: Callable[[int], None] | None,
-) -> _Judged:  # fmt: skip
+    runs: Iterator[Planned], engine: _Engine, done: Callable[[int], None] | None
+) -> _Judged:
     """Fly runs of one axis, many at once in C."""
     parts: list[tuple[Array, Counts]] = []
-    traced_runs: dict[int, Run] = {}
-    place = 0
     # While some are flown, the next ones are planned: C needs no interpreter.
     ahead: Future[tuple[Array, Counts]] | None = None
     last = 0
@@ -299,22 +280,13 @@ def _in_lanes(
                 if done is not None:
                     done(last)
 
-        for chunk in _chunked(runs, CHUNK):
+        while chunk := list(islice(runs, CHUNK)):
             ready = engine.ready(chunk)
             landed()
             ahead, last = pilot.submit(engine.flown, ready), len(chunk)
-            for planned in chunk:
-                if place in traces:
-                    traced_runs[place] = planned.simulated()
-                place += 1
         landed()
     figures, flags = zip(*parts, strict=True) if parts else ((), ())
-    return figures, flags, traced_runs, place
-
-
-def _chunked(runs: Iterator[Planned], size: int) -> Iterator[list[Planned]]:
-    while chunk := list(islice(runs, size)):
-        yield chunk
+    return figures, flags
 
 
 def _columns(names: Iterable[str], parts: Sequence[NDArray[Any]], kind: Any) -> dict[str, Any]:
