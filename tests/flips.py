@@ -37,6 +37,7 @@ static void begin(rig_state *s) { BEGIN; }
 
 AXIS = """
 typedef struct { int k; } outside;
+static void transfer(rig_state *s) { rig_transfer(s, 0, 0); }
 static heard sample(rig_state *s, const amb_real y[], amb_real iu[])
 {
   rig_output now;
@@ -49,8 +50,8 @@ static heard sample(rig_state *s, const amb_real y[], amb_real iu[])
 """The whole controller of one axis."""
 
 CONTROLLER = """
-static void begin(rig_state *s) { rig_transfer(s, 0, 0); }
-static heard step(rig_state *s, outside *o, const amb_real y[], amb_real iu[])
+static void begin(NAME_STATE *s) { transfer(s); }
+static heard step(NAME_STATE *s, outside *o, const amb_real y[], amb_real iu[])
 {
   (void)o;
   return sample(s, y, iu);
@@ -60,10 +61,14 @@ static heard step(rig_state *s, outside *o, const amb_real y[], amb_real iu[])
 CALIBRATED = """
 static void begin(memory *s)
 {
-  rig_transfer(&s->rig, 0, 0);
+  transfer(&s->rig);
   rig_cal_init(&s->cal);
-  s->cal.wanted[AMB_VAR_Y] *= (amb_real)1.1;
-  s->cal.wanted[AMB_MASS] *= (amb_real)1.01;
+  for (int n = 0; n < AMB_PARAMETERS; n++) {
+    if (rig_base.kind[n] == AMB_VAR_Y)
+      s->cal.wanted[n] *= (amb_real)1.1;
+    if (rig_base.kind[n] == AMB_MASS)
+      s->cal.wanted[n] *= (amb_real)1.01;
+  }
   s->cal.request++;
   rig_calibrate(&s->cal, &s->rig);
 }
@@ -75,16 +80,15 @@ static heard step(memory *s, outside *o, const amb_real y[], amb_real iu[])
 }
 """
 
-MACHINE = """
+SEVERAL = """
 typedef struct { int k; } outside;
 static const amb_real middle[AMB_CONTROLS], nowhere[AMB_SENSORS];
-static void begin(rig_control_state *s)
+static void transfer(rig_control_state *s)
 {
   rig_control_transfer(s, nowhere, SPEED, middle);
 }
-static heard step(rig_control_state *s, outside *o, const amb_real y[], amb_real iu[])
+static heard sample(rig_control_state *s, const amb_real y[], amb_real iu[])
 {
-  (void)o;
   rig_command now;
   const amb_status status = rig_control_step(s, y, middle, SPEED, true, &now);
   const heard h = {now.estimates.feed_back, now.mode == AMB_FLYING, status};
@@ -93,6 +97,7 @@ static heard step(rig_control_state *s, outside *o, const amb_real y[], amb_real
   return h;
 }
 """
+"""The whole controller of several axes."""
 
 
 class Found(NamedTuple):
@@ -114,9 +119,10 @@ def source(text: str, **macros: object) -> str:
     """Return a campaign's program: what is stepped, and how."""
     headers = str(macros.pop("header", "rig.h")).split()
     includes = [f'#include "{name}"' for name in (*headers, "rig_data.h", "src/kalman_step.h")]
+    rig = macros.pop("rig", "rig_state")
     macros = {"NOISE": 1.0, "LOAD": 0.0, "NAME_STATE": "rig_state", "PLACE": "filter"} | macros
     lines = [f"#define {name} {value}" for name, value in macros.items()]
-    memory = "typedef struct { rig_state rig; amb_calibration cal; } memory;\n"
+    memory = f"typedef struct {{ {rig} rig; amb_calibration cal; }} memory;\n"
     lines += ["#define FILTER(s) ((const amb_kalman_state *)(const void *)&(s)->PLACE)"]
     lines += ["typedef struct heard { bool fed; bool up; amb_status status; } heard;"]
     lines += [memory] if macros["NAME_STATE"] == "memory" else []

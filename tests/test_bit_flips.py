@@ -67,7 +67,7 @@ def of_machine(kind: str, precision: Any, out: Path) -> Case:
     made = export_c(flown, magnet, out, kind=of, prefix="rig", precision=precision,
                     scenario=flight)  # fmt: skip
     source = flips.source(
-        flips.MACHINE, header="rig_control.h", NAME_STATE="rig_control_state",
+        flips.SEVERAL + flips.CONTROLLER, header="rig_control.h", NAME_STATE="rig_control_state",
         PLACE="filter.filter", KF="rig_kalman", LOAD=1.0, SPEED=300, **flips.magnets_of(made),
     )  # fmt: skip
     return made, source, flips.settling_in(made)

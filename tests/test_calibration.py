@@ -7,153 +7,239 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import flips
 import numpy as np
 import pytest
-from export_cases import INCLUDES, SAME_BITS, STRICT, program
+from export_cases import CORE_PRECISION, INCLUDES, SAME_BITS, STRICT, program
+from quick import quick
 
-from ambkit import Bearing, FilterNoise, KalmanFilter, Scenario
+from ambkit import FilterNoise, KalmanFilter, Machine, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.control.control import Control
 from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.data.signals import signal
+from ambkit.estimate.registry import learned_magnet
 from ambkit.export import a2l
 from ambkit.export.c import CExport, export_c
 from ambkit.export.c.calibration import PARAMETERS
+from ambkit.export.c.control import controller_of
+from ambkit.machine.force_laws import weights_of
 from ambkit.simulation.run import simulate
+from ambkit.simulation.waveforms import Ramp
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 TIMES = LiftOff(wait=2e-3, lift=0.02, land=0.02)
 SCENARIO = Scenario(duration=0.08, start="landed", sequence=TIMES, controller=Control())
 SWAP = 400  # sample at which other numbers fly, in flight
 
 PROGRAM = """#include "rig_calibration.h"
 #include <stdio.h>
+#define N (int)(sizeof y / sizeof y[0])
 amb_calibration calibration;
-static rig_state rig;
-static const float y[] = {%(y)s};
-static const float wanted[] = {%(wanted)s};
+static %(rig)s_state rig;
+static const amb_real y[][AMB_SENSORS] = {%(y)s};
+static const amb_real wanted[] = {%(wanted)s};
 int main(void)
 {
-  rig_output out;
-  rig_init(&rig);
+  %(output)s out;
+  %(rig)s_init(&rig);
   rig_cal_init(&calibration);
-  for (int k = 0; k < %(n)d; k++) {
+  for (int k = 0; k < N; k++) {
     if (k == %(swap)d) {
       for (int i = 0; i < AMB_PARAMETERS; i++)
         calibration.wanted[i] = wanted[i];
       calibration.request++;
     }
     rig_calibrate(&calibration, &rig);
-    (void)rig_step(&rig, y[k], 0.0F, true, &out);
-    printf("%%.9g %%.9g\\n", (double)out.iu, (double)out.f_d);
+    %(step)s
+    printf("\\n");
   }
   printf("%%u %%u %%u", calibration.answered, calibration.refused, calibration.flying);
   for (int i = 0; i < AMB_PARAMETERS; i++)
-    printf(" %%.9g", (double)calibration.in_use[i]);
+    printf(" %%.17g", (double)calibration.in_use[i]);
   return 0;
 }
 """
+ONE = """(void)rig_step(&rig, y[k][0], 0.0F, true, &out);
+    printf("%.17g %.17g", (double)out.iu, (double)out.f_d);"""
+SEVERAL = """static const amb_real middle[AMB_CONTROLS];
+    (void)rig_control_step(&rig, y[k], middle, (amb_real)SPEED, true, &out);
+    for (int f = 0; f < AMB_CONTROLS; f++)
+      printf("%.17g ", (double)out.iu[f]);
+    """
+"""What a sample prints: all currents, then all loads."""
+
+
+class Calibrated(NamedTuple):
+    """A machine's controller, exported with calibration, and readings of a flight."""
+
+    machine: Machine
+    made: CExport
+    y: Any
+
+    @property
+    def precision(self) -> Any:
+        return CORE_PRECISION[self.made.precision]
+
+    @property
+    def told(self) -> dict[str, Any]:
+        return json.loads((self.made.folder / "calibration.json").read_text())
+
+    @property
+    def exported(self) -> dict[str, float]:
+        return {each["name"]: each["exported"] for each in self.told["parameters"]}
+
+    def filter(self, **options: Any) -> KalmanFilter:
+        return KalmanFilter(self.machine.short, precision=self.precision, **options)
+
+    def controller(self, estimator: KalmanFilter) -> Controller:
+        return controller_of(estimator, SCENARIO)
+
+    def run(self, controller: Controller, **other: Any) -> tuple[Any, Any]:
+        """Currents and loads, as the core computes them here."""
+        number = np.dtype(self.precision).type
+        n, p = len(self.y), len(self.machine.axes)
+        here = controller.in_core(**other).run(
+            self.y.astype(number), np.zeros((n, p), number), np.ones(n, number),
+            float(self.machine.speed or 0.0),
+        )  # fmt: skip
+        loads = [s.role == "disturbance force" for s in controller.estimator.states]
+        return here["iu"], here["mean"][:, loads]
+
+
+def export_of(name: str, precision: Any, place: Path) -> Calibrated:
+    machine = Machine.preset(name)
+    made = export_c(machine, None, place / "rig", prefix="rig", scenario=SCENARIO, calibrated=True,
+                    precision=precision)  # fmt: skip
+    estimator = KalmanFilter(machine, precision=CORE_PRECISION[precision])
+    record = simulate(machine, SCENARIO, estimator=estimator)
+    readings = [signal("y", at.name) for at in machine.readings]
+    return Calibrated(machine, made, np.column_stack([record[name] for name in readings]))
+
+
+START = ("std", "start", "start_by", "hold", "hold_by", "place", "settling", "bound")
+"""Fields of the controller that stay those of the export."""
+
+LOAD = 2  # of the states of an axis
+
+NAMES = ("zittau_axial", "tum_mlps", "tum_mlps_flexible")
+MACHINES = quick(
+    [f"{name} {precision}" for name in NAMES for precision in ("float", "double")],
+    ["zittau_axial float", "tum_mlps double"],
+)
+
+
+@pytest.fixture(scope="module", params=MACHINES)
+def of(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Calibrated:
+    return export_of(*request.param.split(), tmp_path_factory.mktemp("calibrated"))
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> CExport:
-    out = tmp_path_factory.mktemp("calibrated") / "rig"
-    return export_c(BEARING, None, out, prefix="rig", scenario=SCENARIO, calibrated=True)
-
-
-@pytest.fixture(scope="module")
-def y() -> Any:
-    return simulate(BEARING, SCENARIO, estimator=KalmanFilter(BEARING, precision="float32"))["y"]
-
-
-def exported(made: CExport) -> dict[str, float]:
-    import json
-
-    told = json.loads((made.folder / "calibration.json").read_text())
-    return {each["name"]: each["exported"] for each in told["parameters"]}
+def axis(tmp_path_factory: pytest.TempPathFactory) -> Calibrated:
+    return export_of("zittau_axial", "float", tmp_path_factory.mktemp("calibrated"))
 
 
 def flown(
-    made: CExport, place: Path, y: Any, wanted: dict[str, float], swap: int = SWAP
-) -> tuple[Any, list[int], list[float]]:
-    """Fly through readings; what was told, the counts, and what is in use in the end."""
+    of: Calibrated, place: Path, wanted: dict[str, float], swap: int = SWAP
+) -> tuple[Any, Any, list[int], list[float]]:
+    """Fly through readings: currents and loads, the counts, and what is in use in the end."""
+    several = not of.machine.single
+    loads = "".join(
+        f'printf("%.17g ", (double)out.estimates.f_d_{axis.name});' for axis in of.machine.axes
+    )
     numbers = {
-        "y": ", ".join(f"{value:.9g}F" if value % 1 else f"{value:.1f}F" for value in y),
-        "wanted": ", ".join(f"(float){value:.17g}" for value in wanted.values()),
-        "n": len(y), "swap": swap,
-    }  # fmt: skip
+        "y": ",\n".join("{" + ", ".join(f"(amb_real){v:.17g}" for v in row) + "}" for row in of.y),
+        "wanted": ", ".join(f"(amb_real){value:.17g}" for value in wanted.values()),
+        "swap": swap,
+        "rig": "rig_control" if several else "rig",
+        "output": "rig_command" if several else "rig_output",
+        "step": SEVERAL.replace("SPEED", str(of.machine.speed)) + loads if several else ONE,
+    }
     source, program = place / "main.c", place / "main"
     source.write_text(PROGRAM % numbers)
-    files = [made.folder / file for file in made.sources]
+    files = [of.made.folder / file for file in of.made.sources]
     flags = [flag for flag in STRICT if flag != "-Wdouble-promotion"]
     command = ["gcc", "-std=c99", *flags, *SAME_BITS, *INCLUDES]
     words = [*command, source, *files, "-lm", "-o", program]
-    done = subprocess.run(words, cwd=made.folder, capture_output=True, text=True)
+    done = subprocess.run(words, cwd=of.made.folder, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     rows = subprocess.run([program], capture_output=True, text=True, check=True).stdout.split("\n")
-    told = np.array([row.split() for row in rows[:-1]], np.float32).astype(float)
-    last = rows[-1].split()
-    return told, [int(word) for word in last[:3]], [float(word) for word in last[3:]]
+    told = np.array([row.split() for row in rows[:-1]], float)
+    last, p = rows[-1].split(), len(of.machine.axes)
+    return told[:, :p], told[:, p:], [int(word) for word in last[:3]], [float(w) for w in last[3:]]
 
 
-def test_what_is_as_exported_flies_the_same_bits(made: CExport, y: Any, tmp_path: Path) -> None:
-    told, counts, in_use = flown(made, tmp_path, y, exported(made), swap=0)
+def test_what_is_as_exported_flies_the_same_bits(of: Calibrated, tmp_path: Path) -> None:
+    iu, loads, counts, in_use = flown(of, tmp_path, of.exported, swap=0)
     assert counts == [1, 0, 1]
-    estimator = KalmanFilter(BEARING, precision="float32")
-    here = Controller.of_axis(
-        BEARING, estimator, SCENARIO.controller.completed(BEARING), TIMES
-    ).run(y, np.zeros(len(y)), np.ones(len(y)))
-    np.testing.assert_array_equal(told[:, 0], here["iu"])
-    np.testing.assert_array_equal(told[:, 1], here["mean"][:, 2])
-    np.testing.assert_allclose(in_use, list(exported(made).values()), rtol=1e-7)
+    here = of.run(of.controller(of.filter()))
+    np.testing.assert_array_equal(iu, here[0])
+    np.testing.assert_array_equal(loads, here[1])
+    np.testing.assert_allclose(in_use, list(of.exported.values()), rtol=1e-7)
 
 
-def test_other_noise_and_gains_fly_from_the_next_sample_on(
-    made: CExport, y: Any, tmp_path: Path
-) -> None:
+def test_other_noise_and_gains_fly_from_the_next_sample_on(of: Calibrated, tmp_path: Path) -> None:
     """Those of a filter and a controller that were made with them, to the last bit."""
-    wanted = exported(made) | {"kp": 2200.0, "kd": 14.0}
-    wanted["var_y"] *= 2
-    told, counts, in_use = flown(made, tmp_path, y, wanted)
+    gains = {name: 1.1 * v for name, v in of.exported.items() if name.startswith(("kp", "kd"))}
+    noise = {name: 1.2 * v for name, v in of.exported.items() if name.startswith("var_y")}
+    wanted = of.exported | gains | noise
+    iu, loads, counts, in_use = flown(of, tmp_path, wanted)
     assert counts == [1, 0, 1]
-    assert in_use[6] == 2200.0
-    before, _, _ = flown(made, tmp_path, y, exported(made))
-    np.testing.assert_array_equal(told[:SWAP], before[:SWAP])
-    assert (told[SWAP:] != before[SWAP:]).any(axis=0).all()
+    np.testing.assert_allclose(in_use, list(wanted.values()), rtol=1e-7)
+    before = flown(of, tmp_path, of.exported)
+    np.testing.assert_array_equal(iu[:SWAP], before[0][:SWAP])
+    assert (iu[SWAP:] != before[0][SWAP:]).any(axis=0).all()
+    assert (loads[SWAP:] != before[1][SWAP:]).any(axis=0).all()
     # From the start: the same as Python's, which starts as the export does.
-    from_start, _, _ = flown(made, tmp_path, y, wanted, swap=0)
-    pid = SCENARIO.controller.completed(BEARING)
-    old = Controller.of_axis(BEARING, KalmanFilter(BEARING, precision="float32"), pid, TIMES).fields
-    noise = FilterNoise(measurement=2 * KalmanFilter(BEARING).variances.measurement)
-    other = KalmanFilter(BEARING, noise=noise, precision="float32")
-    new = Controller.of_axis(
-        BEARING, other, pid.model_copy(update={"kp": 2200.0, "kd": 14.0}), TIMES
-    )
-    kept = {key: old[key] for key in ("std", "start", "start_by", "hold", "hold_by", "place")}
-    here = new.run(y, np.zeros(len(y)), np.ones(len(y)), other=kept)
-    np.testing.assert_array_equal(from_start[:, 0], here["iu"])
+    from_start = flown(of, tmp_path, wanted, swap=0)
+    old = of.controller(of.filter())
+    other = of.filter(noise=FilterNoise(measurement=tuple(noise.values()) if len(noise) > 1
+                                        else next(iter(noise.values()))))  # fmt: skip
+    new = of.controller(other)
+    values = list(gains.values())
+    half = len(values) // 2
+    pids = [
+        [kp, pid[1], kd, *pid[3:]]
+        for kp, kd, pid in zip(values[:half], values[half:], old.law.pids, strict=True)
+    ]
+    kept = {key: old.fields[key] for key in START}
+    here = of.run(new, **kept, pid=pids)
+    np.testing.assert_array_equal(from_start[0], here[0])
 
 
 @pytest.mark.parametrize("name", ["mass", "strong"])
 def test_mass_and_magnet_constant_are_worked_into_the_model(
-    name: str, made: CExport, y: Any, tmp_path: Path
+    name: str, of: Calibrated, tmp_path: Path
 ) -> None:
     """What acts between two samples goes with both: the load that is found changes."""
-    wanted = exported(made)
-    wanted[name] *= 1.15
-    told, counts, _ = flown(made, tmp_path, y, wanted, swap=0)
-    same, _, _ = flown(made, tmp_path, y, exported(made), swap=0)
+    wanted = {key: v * (1.1 if key.startswith(name) else 1.0) for key, v in of.exported.items()}
+    _, loads, counts, _ = flown(of, tmp_path, wanted, swap=0)
+    _, same, _, _ = flown(of, tmp_path, of.exported, swap=0)
     assert counts == [1, 0, 1]
     late = slice(600, None)
     if name == "mass":  # it is known, and the load then makes up for the weight that is not there
-        expected = 0.15 * 5.08
-        assert np.mean(told[late, 1] - same[late, 1]) == pytest.approx(expected, rel=0.1)
+        weight = 0.1 * -np.array(weights_of(of.machine.long))
+        assert np.mean((loads - same)[late], axis=0) == pytest.approx(weight, rel=0.1)
     else:
-        assert np.abs(told[late, 1] - same[late, 1]).mean() > 0.1
+        assert (np.abs((loads - same)[late]).mean(axis=0) > 0.02 * np.abs(same).std(axis=0)).all()
+
+
+def test_a_rotor_of_another_mass_is_that_of_another_model(axis: Calibrated, tmp_path: Path) -> None:
+    """What the filter finds with the number is what one finds that was made for such a rotor."""
+    wanted = axis.exported | {"mass": 1.1 * axis.machine.rotor.mass}
+    iu, loads, _, _ = flown(axis, tmp_path, wanted, swap=0)
+    heavy = axis.machine.replace(rotor__mass=wanted["mass"])
+    old, noise = axis.controller(axis.filter()), FilterNoise(*axis.filter().variances)
+    made = KalmanFilter(heavy, noise=noise, precision="float32")
+    kept = {key: old.fields[key] for key in START}
+    kept["std"] = [v * (1.1 if k == LOAD else 1.0) for k, v in enumerate(kept["std"])]
+    here = axis.run(axis.controller(made), **kept, pid=old.fields["pid"])
+    np.testing.assert_allclose(iu, here[0], atol=2e-5)
+    np.testing.assert_allclose(loads, here[1], atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -172,29 +258,38 @@ def test_mass_and_magnet_constant_are_worked_into_the_model(
     ],
 )
 def test_what_cannot_be_is_refused_and_the_old_flies_on(
-    name: str, value: float, made: CExport, y: Any, tmp_path: Path
+    name: str, value: float, axis: Calibrated, tmp_path: Path
 ) -> None:
-    wanted = exported(made) | {name: value}
+    wanted = axis.exported | {name: value}
     if value != value or value > 1e38:
         wanted[name] = 1e39  # infinite in float
-    flags = "(float)1e+39"
-    told, counts, in_use = flown(made, tmp_path, y, wanted)
-    place = [each.name for each in PARAMETERS].index(name)
-    assert counts == [1, 1 << place, 0], flags
-    same, _, _ = flown(made, tmp_path, y, exported(made))
-    np.testing.assert_array_equal(told, same)
-    np.testing.assert_allclose(in_use, list(exported(made).values()), rtol=1e-7)
+    check_refused(axis, wanted, [name], tmp_path)
 
 
-@pytest.mark.parametrize("precision", ["float", "double"])
-def test_its_own_self_test_passes(precision: Any, tmp_path: Path) -> None:
-    export_c(BEARING, None, tmp_path / "rig", prefix="rig", scenario=SCENARIO,
-             calibrated=True, precision=precision)  # fmt: skip
-    done = program("gcc", tmp_path / "rig", tmp_path / "out")
+def test_numbers_of_each_axis_are_refused_by_their_kinds(of: Calibrated, tmp_path: Path) -> None:
+    last = {"kp": 30.0, "strong": 2.0, "var_y": -1.0}
+    wanted = of.exported
+    for kind, share in last.items():
+        wanted[[name for name in wanted if name.startswith(kind)][-1]] *= share
+    check_refused(of, wanted, list(last), tmp_path)
+
+
+def check_refused(of: Calibrated, wanted: dict[str, float], kinds: list[str], place: Path) -> None:
+    iu, loads, counts, in_use = flown(of, place, wanted)
+    names = [each.name for each in PARAMETERS]
+    assert counts == [1, sum(1 << names.index(kind) for kind in kinds), 0]
+    same = flown(of, place, of.exported)
+    np.testing.assert_array_equal(iu, same[0])
+    np.testing.assert_array_equal(loads, same[1])
+    np.testing.assert_allclose(in_use, list(of.exported.values()), rtol=1e-7)
+
+
+def test_its_own_self_test_passes(of: Calibrated, tmp_path: Path) -> None:
+    done = program("gcc", of.made.folder, tmp_path / "out")
     assert done.returncode == 0, done.stderr
     said = subprocess.run([tmp_path / "out"], capture_output=True, text=True).stdout
-    assert said.startswith("pass")
-    assert "equal to the last bit" in said
+    assert "FAIL" not in said
+    assert said.count("equal to the last bit") == 1 + (not of.machine.single)
 
 
 def test_what_is_made_of_more_is_not_calibrated(tmp_path: Path) -> None:
@@ -205,10 +300,13 @@ def test_what_is_made_of_more_is_not_calibrated(tmp_path: Path) -> None:
         export_c(BEARING, None, tmp_path, scenario=lqg, calibrated=True)
     with pytest.raises(AmbkitError, match="calibration needs a controller"):
         export_c(BEARING, None, tmp_path, calibrated=True)
+    run_up = SCENARIO.replace(speed=Ramp(slope=600.0))
+    with pytest.raises(AmbkitError, match="calibration is for one speed of rotation"):
+        export_c(Machine.preset("tum_mlps"), None, tmp_path, scenario=run_up, calibrated=True)
 
 
 def draws(made: CExport, n: int, seed: int) -> Any:
-    """Return n sets (n, 12): within the limits, at their ends, and one or all numbers beyond."""
+    """Return n sets of numbers: within the limits, at their ends, and one or all numbers beyond."""
     told = json.loads((made.folder / "calibration.json").read_text())["parameters"]
     low, high = (np.array([each[end] for each in told]) for end in ("low", "high"))
     random = np.random.default_rng(seed)
@@ -222,41 +320,59 @@ def draws(made: CExport, n: int, seed: int) -> Any:
         elif k % 4 == 3:
             wanted = wanted * 10.0 ** random.uniform(-3, 3, len(low))
         sets.append(wanted)
-    return np.array(sets, np.float32), (low, high)
+    number = np.float32 if made.precision == "float" else np.float64
+    kinds = [each.name for each in PARAMETERS]
+    of = [
+        max(kinds.index(kind) for kind in kinds if each["name"].startswith(kind)) for each in told
+    ]
+    wanted = np.array(sets, number)
+    beyond = (wanted < low.astype(number)) | (wanted > high.astype(number))
+    refused = [sum(1 << kind for kind in {of[i] for i in np.flatnonzero(row)}) for row in beyond]
+    return wanted, np.array(refused)
 
 
 @pytest.mark.parametrize(
-    ("kind", "feedback", "n"),
+    ("name", "kind", "feedback", "precision", "n"),
     [
-        ("linear", "estimate", 40), ("extended", "measurement", 40),
-        *(pytest.param(kind, feedback, 1000, marks=pytest.mark.study)
+        ("zittau_axial", "linear", "estimate", "float", 40),
+        ("zittau_axial", "extended", "measurement", "float", 40),
+        ("tum_mlps", "linear", "estimate", "float", 200),
+        *(pytest.param(name, kind, feedback, precision, 200, marks=pytest.mark.long)
+          for name, kind, feedback, precision in (
+              ("tum_mlps", "linear", "estimate", "double"),
+              ("tum_mlps", "extended", "measurement", "float"),
+              ("tum_mlps_flexible", "linear", "estimate", "float"),
+              ("tum_mlps_flexible", "linear", "measurement", "double"))),
+        *(pytest.param("zittau_axial", kind, feedback, "float", 1000, marks=pytest.mark.study)
           for kind in ("linear", "extended") for feedback in ("estimate", "measurement")),
     ],
 )  # fmt: skip
 def test_no_set_that_is_taken_lets_a_hovering_rotor_fall(
-    kind: str, feedback: Any, n: int, tmp_path: Path
+    name: str, kind: str, feedback: Any, precision: Any, n: int, tmp_path: Path
 ) -> None:
     """One set after the other in one flight; what is refused changes nothing."""
+    machine = Machine.preset(name)
     scenario = Scenario(duration=0.1, sequence=LiftOff(), controller=Control(feedback=feedback))
-    made = export_c(BEARING, None, tmp_path / "rig", prefix="rig", scenario=scenario,
-                    calibrated=True, kind=kind)  # fmt: skip
+    magnet = None if kind == "linear" else learned_magnet(kind, machine)
+    made = export_c(machine, magnet, tmp_path / "rig", prefix="rig", scenario=scenario,
+                    calibrated=True, kind=kind, precision=precision)  # fmt: skip
+    sampled = flips.AXIS if machine.single else flips.SEVERAL
     program = flips.source(
-        flips.AXIS + flips.CALIBRATED, KF="rig_kalman", LOAD=0.5, NAME_STATE="memory",
-        PLACE="rig.filter", header="rig_calibration.h", **flips.magnets_of(made),
+        sampled + flips.CALIBRATED, KF="rig_kalman", LOAD=0.5, NAME_STATE="memory",
+        PLACE="rig.filter" + ".filter" * (not machine.single), header="rig_calibration.h",
+        rig="rig_state" if machine.single else "rig_control_state", SPEED=machine.speed or 0,
+        **flips.magnets_of(made),
     )  # fmt: skip
-    sets, (low, high) = draws(made, n, seed=1)
-    rows = "\n".join(" ".join(f"{value:.9g}" for value in each) for each in sets)
+    sets, refused = draws(made, n, seed=1)
+    rows = "\n".join(" ".join(f"{value:.17g}" for value in each) for each in sets)
     out = flips.compiled(made, program, "-DDRAWS")
     done = subprocess.run([out, "1500"], input=rows, capture_output=True, text=True, check=True)
     told = np.array([line.split() for line in done.stdout.splitlines()], np.int64)
-    beyond = ((sets < low.astype(np.float32)) | (sets > high.astype(np.float32))) @ 2 ** np.arange(
-        len(low)
-    )
-    np.testing.assert_array_equal(told[:, 0], beyond)
-    np.testing.assert_array_equal(told[:, 1], beyond == 0)
+    np.testing.assert_array_equal(told[:, 0], refused)
+    np.testing.assert_array_equal(told[:, 1], refused == 0)
     assert told[:, 2].all()
     assert not told[:, 3].any()
-    assert 0.4 * n < (beyond == 0).sum() < 0.6 * n
+    assert 0.4 * n < (refused == 0).sum() < 0.6 * n
 
 
 # ---- A2L ----
@@ -267,12 +383,12 @@ needs_readelf = pytest.mark.skipif(
 
 
 @needs_readelf
-def test_addresses_come_from_the_program(made: CExport, y: Any, tmp_path: Path) -> None:
+def test_addresses_come_from_the_program(of: Calibrated, tmp_path: Path) -> None:
     """Each is where the program itself says that the member is."""
-    _, _, _ = flown(made, tmp_path, y[:2], exported(made))
+    flown(of, tmp_path, of.exported)
     program = tmp_path / "main"
     with pytest.raises(SystemExit) as left:
-        main(["export", "a2l", str(made.folder), "--elf", str(program), "--out",
+        main(["export", "a2l", str(of.made.folder), "--elf", str(program), "--out",
               str(tmp_path / "rig.a2l")])  # fmt: skip
     assert not left.value.code
     text = (tmp_path / "rig.a2l").read_text()
@@ -282,7 +398,8 @@ def test_addresses_come_from_the_program(made: CExport, y: Any, tmp_path: Path) 
     )
     base = a2l.symbol(program, "calibration").address
     places = tmp_path / "places.c"
-    fields = [f"wanted[{k}]" for k in range(12)] + [f"in_use[{k}]" for k in range(12)]
+    names = list(of.exported)
+    fields = [f"{which}[{k}]" for which in ("wanted", "in_use") for k in range(len(names))]
     fields += ["request", "answered", "refused", "flying"]
     rows = "".join(f'printf("%zu\\n", offsetof(amb_calibration, {field}));' for field in fields)
     places.write_text(
@@ -290,9 +407,8 @@ def test_addresses_come_from_the_program(made: CExport, y: Any, tmp_path: Path) 
         f"int main(void) {{ {rows} return 0; }}\n"
     )
     subprocess.run(["gcc", *INCLUDES, str(places), "-o", str(tmp_path / "places")],
-                   cwd=made.folder, check=True)  # fmt: skip
+                   cwd=of.made.folder, check=True)  # fmt: skip
     offsets = subprocess.run([tmp_path / "places"], capture_output=True, text=True).stdout.split()
-    names = [each.name for each in PARAMETERS]
     expected = dict(zip(
         [f"calibration.wanted.{n}" for n in names] + [f"calibration.in_use.{n}" for n in names]
         + [f"calibration.{n}" for n in ("request", "answered", "refused", "flying")],
@@ -303,19 +419,20 @@ def test_addresses_come_from_the_program(made: CExport, y: Any, tmp_path: Path) 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # its own
 @pytest.mark.parametrize("big_endian", [False, True])
-def test_another_reads_the_a2l_file(made: CExport, tmp_path: Path, big_endian: bool) -> None:
+def test_another_reads_the_a2l_file(of: Calibrated, tmp_path: Path, big_endian: bool) -> None:
     """pya2l, by its grammar of ASAP2 1.7: each parameter with its address, limits and unit."""
     from pya2l import import_a2l, model
 
     at = a2l.Symbol(0x20000100, 1000, big_endian=big_endian)
     path = tmp_path / "rig.a2l"
-    told = json.loads((made.folder / "calibration.json").read_text())
+    told = of.told
     path.write_text(a2l.text(told, at, "calibration"))
     session = import_a2l(str(path), in_memory=True, loglevel="ERROR")
     wanted = {each.name: each for each in session.query(model.Characteristic)}
     shown = {each.name: each for each in session.query(model.Measurement)}
     methods = {each.name: each for each in session.query(model.CompuMethod)}
-    real, n = 4, len(told["parameters"])
+    kind, real = {"float": ("FLOAT32_IEEE", 4), "double": ("FLOAT64_IEEE", 8)}[of.made.precision]
+    n = len(told["parameters"])
     for k, each in enumerate(told["parameters"]):
         one, flies = (f"calibration.{which}.{each['name']}" for which in ("wanted", "in_use"))
         assert wanted[one].address == at.address + k * real
@@ -325,7 +442,7 @@ def test_another_reads_the_a2l_file(made: CExport, tmp_path: Path, big_endian: b
         assert (shown[flies].lowerLimit, shown[flies].upperLimit) == limits
         assert limits[0] <= each["exported"] <= limits[1] < 1e3 * each["exported"]
         assert shown[flies].ecu_address.address == at.address + (n + k) * real
-        assert shown[flies].datatype == "FLOAT32_IEEE"
+        assert shown[flies].datatype == kind
         assert methods[wanted[one].conversion].unit == each["unit"]
     assert wanted["calibration.request"].address == at.address + 2 * n * real
     assert (len(wanted), len(shown)) == (n + 1, n + 3)
@@ -340,14 +457,14 @@ def test_another_reads_the_a2l_file(made: CExport, tmp_path: Path, big_endian: b
     [("program", "nothing", "has no variable nothing"), ("text", "calibration", "is no ELF file")],
 )
 def test_what_is_not_there_is_said(
-    elf: str, symbol: str, said: str, made: CExport, y: Any, tmp_path: Path,
+    elf: str, symbol: str, said: str, axis: Calibrated, tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    flown(made, tmp_path, y[:2], exported(made))
+    flown(axis, tmp_path, axis.exported)
     (tmp_path / "text").write_text("no program")
     path = tmp_path / ("main" if elf == "program" else "text")
     words = ["--elf", str(path), "--symbol", symbol, "--out", str(tmp_path / "rig.a2l")]
     with pytest.raises(SystemExit) as left:
-        main(["export", "a2l", str(made.folder), *words])
+        main(["export", "a2l", str(axis.made.folder), *words])
     assert left.value.code == 2
     assert said in capsys.readouterr().err

@@ -349,7 +349,7 @@ def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
     ("words", "said"),
     [
         (
-            ["tum_mlps", "--calibration"],
+            ["tum_mlps", "--calibration", "--filter", "augmented"],
             "more than noise, gate, mass and k",
         ),
         (["zittau_axial", "--filter", "linear+unbalance"], "is of a rotor that turns"),

@@ -84,7 +84,7 @@ def worst(machine, control, estimated, speeds=3):
     peaks = []
     for speed in np.linspace(0, machine.speed, speeds):
         there = machine.model_copy(update={"speed": float(speed)})
-        loop = LoopOf(there, control, point=of.point, flown=flown)
+        loop = LoopOf(there, control, point=of.point, law=flown)
         peaks.append(loop.peak(KalmanFilter(there) if estimated else None))
     return max(peaks)
 

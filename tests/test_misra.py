@@ -155,6 +155,7 @@ MACHINES: dict[str, dict[str, Any]] = {
     "lift-off and run-up": {
         "scenario": Scenario(start="landed", sequence=LiftOff(), speed=Ramp(slope=2000.0)),
     },
+    "calibration": {"scenario": Scenario(), "calibrated": True},
 }
 
 

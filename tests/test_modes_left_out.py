@@ -168,7 +168,7 @@ def off_near_the_whirl(machine: Machine, kept: int) -> float:
     flown, f = of.flown_by(kalman), np.linspace(700.0, 900.0, 201)
     peaks = []
     for plant in (own, many):
-        loop = LoopOf(plant, of.control, point=of.point, flown=flown).loop(kalman)
+        loop = LoopOf(plant, of.control, point=of.point, law=flown).loop(kalman)
         assert loop.is_stable
         peaks.append(np.abs(np.einsum("kii->ki", loop.along_axes(f))).max(axis=0))
     return float(np.max(np.abs(peaks[0] / peaks[1] - 1)))

@@ -1,7 +1,5 @@
 #include "ambkit/calibration.h"
 
-#if !defined(AMB_MODEL_LOOPS)
-
 static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
 {
   const amb_scaled *scaled = (const amb_scaled *)self;
@@ -26,74 +24,145 @@ static amb_stiffness scaled_tangent(const void *self, amb_real iu, amb_real x)
   return scaled_by(scaled, scaled->of.methods->tangent(scaled->of.self, iu, x));
 }
 
-/* Which of the numbers are beyond their limits, or none. */
+/* The kinds of the numbers that are beyond their limits, or none. */
 static uint32_t refused(const amb_calibration_base *base, const amb_real wanted[AMB_PARAMETERS])
 {
   uint32_t wrong = 0U;
-  for (int n = 0; n < (int)AMB_PARAMETERS; n++) {
+  for (int n = 0; n < base->parameters; n++) {
     if (!((wanted[n] >= base->low[n]) && (wanted[n] <= base->high[n]))) {
-      wrong |= (uint32_t)1U << (uint32_t)n;
+      wrong |= (uint32_t)1U << (uint32_t)base->kind[n];
     }
   }
   return wrong;
 }
 
-/* Work the numbers into the filter's constants. What is as it was exported is so to the last bit.
- */
-static amb_status filter(const amb_calibration_base *base, const amb_real wanted[AMB_PARAMETERS],
-                         amb_kalman *kf)
+/* Where a number of a filter goes to; of a PID NULL. */
+static amb_real *of_filter(int kind, int i, amb_kalman_settings *settings, amb_real *mass,
+                           amb_scaled scaled[AMB_FORCES])
 {
-  const amb_kalman *exported = base->control->estimator->kf;
-  const amb_real heavier = wanted[AMB_MASS] / base->exported[AMB_MASS];
-  amb_kalman_settings set = exported->set;
-  amb_model model;
-  amb_model_init(&model, set.T, wanted[AMB_MASS], set.K_sen[0], set.lag[0]);
-  if (base->as_printed) {
-    amb_model_as_printed(&model);
+  amb_real *place = NULL;
+  switch (kind) {
+  case AMB_VAR_Y:
+    place = &settings->var_y[i];
+    break;
+  case AMB_VAR_U:
+    place = &settings->var_u[i];
+    break;
+  case AMB_VAR_D:
+    place = &settings->var_d[i];
+    break;
+  case AMB_GATE:
+    place = &settings->gate;
+    break;
+  case AMB_MASS:
+    place = mass;
+    break;
+  case AMB_STRONG:
+    place = &scaled[i].scale;
+    break;
+  default:
+    break;
   }
-  set.var_y[0] = wanted[AMB_VAR_Y];
-  set.var_u[0] = wanted[AMB_VAR_U];
-  set.var_d[0] = wanted[AMB_VAR_D];
-  set.gate = wanted[AMB_GATE];
-  set.f_0[0] +=
-      (base->carried * (heavier - AMB_C(1.0))) + (base->bias * (wanted[AMB_STRONG] - AMB_C(1.0)));
-  for (int i = 0; i < amb_states(&model); i++) {
-    if (amb_model_role(&model, i) == AMB_LOAD) {
-      set.cap[i] *= heavier;
-    }
-  }
-  return amb_kalman_init(kf, &model, &set);
+  return place;
 }
 
-static void controller(const amb_calibration_base *base, const amb_real wanted[AMB_PARAMETERS],
+static amb_real *of_pid(int kind, amb_pid *pid)
+{
+  amb_real *place = &pid->weight;
+  switch (kind) {
+  case AMB_KP:
+    place = &pid->kp;
+    break;
+  case AMB_KI:
+    place = &pid->ki;
+    break;
+  case AMB_KD:
+    place = &pid->kd;
+    break;
+  case AMB_T_F:
+    place = &pid->T_f;
+    break;
+  case AMB_T_T:
+    place = &pid->T_t;
+    break;
+  default:
+    break;
+  }
+  return place;
+}
+
+static bool drives_a_load(const amb_model *model, int noise)
+{
+  bool drives = false;
+  for (int i = 0; i < amb_states(model); i++) {
+    const bool load = amb_model_role(model, i) == AMB_LOAD;
+    drives = drives || (load && amb_model_drives(model, noise, i));
+  }
+  return drives;
+}
+
+/* A rotor of so many times the mass moves as the exported one does under all forces by it: the
+ * model stays, and loads are in parts of `heavier`. What is as it was exported is so to the last
+ * bit. */
+static void weigh(const amb_calibration_base *base, amb_real heavier, amb_kalman_settings *settings,
+                  amb_scaled scaled[AMB_FORCES])
+{
+  const amb_model *model = &base->control->estimator->kf->model;
+  for (int f = 0; f < amb_forces(model); f++) {
+    const amb_real more = (base->carried[f] * (heavier - AMB_C(1.0))) +
+                          (base->bias[f] * (scaled[f].scale - AMB_C(1.0)));
+    settings->f_0[f] = (settings->f_0[f] + more) / heavier;
+    scaled[f].scale /= heavier;
+  }
+  for (int k = 0; k < amb_noises(model); k++) {
+    settings->var_d[k] /= drives_a_load(model, k) ? (heavier * heavier) : AMB_C(1.0);
+  }
+}
+
+/* Work the numbers into the constants of filter and controllers. */
+static amb_status take(const amb_calibration_base *base, const amb_real wanted[AMB_PARAMETERS],
                        amb_calibration_set *set)
 {
-  const amb_controllers *exported = base->control->law;
-  set->pid = exported->pid[0];
-  set->pid.kp = wanted[AMB_KP];
-  set->pid.ki = wanted[AMB_KI];
-  set->pid.kd = wanted[AMB_KD];
-  set->pid.T_f = wanted[AMB_T_F];
-  set->pid.T_t = wanted[AMB_T_T];
-  set->pid.weight = wanted[AMB_WEIGHT];
-  set->law = *exported;
-  set->law.pid = &set->pid;
+  const amb_kalman *exported = base->control->estimator->kf;
+  const amb_controllers *law = base->control->law;
+  amb_kalman_settings settings = exported->set;
+  amb_real mass = base->mass;
+  for (int f = 0; f < amb_forces(&exported->model); f++) {
+    set->scaled[f].of = base->control->estimator->magnet[f];
+    set->scaled[f].scale = AMB_C(1.0);
+  }
+  for (int j = 0; j < law->pids; j++) {
+    set->pid[j] = law->pid[j];
+  }
+  for (int n = 0; n < base->parameters; n++) {
+    const int i = (int)base->index[n];
+    amb_real *place = of_filter((int)base->kind[n], i, &settings, &mass, set->scaled);
+    if (place == NULL) {
+      place = of_pid((int)base->kind[n], &set->pid[i]);
+    }
+    *place = wanted[n];
+  }
+  const amb_real heavier = mass / base->mass;
+  weigh(base, heavier, &settings, set->scaled);
+  set->control = *base->control;
+  set->control.excess = heavier - AMB_C(1.0);
+  return amb_kalman_init(&set->kf, &exported->model, &settings);
 }
 
 /* A set whose parts point to each other. */
-static void tie(const amb_calibration_base *base, amb_real strong, amb_calibration_set *set)
+static void tie(const amb_calibration_base *base, amb_calibration_set *set)
 {
   static const amb_magnet_methods scaled_magnet = {scaled_force, scaled_through_origin,
                                                    scaled_tangent};
-  const amb_estimator *exported = base->control->estimator;
-  set->scaled.of = exported->magnet[0];
-  set->scaled.scale = strong;
-  set->magnet.methods = &scaled_magnet;
-  set->magnet.self = &set->scaled;
-  set->estimator = *exported;
+  for (int f = 0; f < amb_forces(&set->kf.model); f++) {
+    set->magnet[f].methods = &scaled_magnet;
+    set->magnet[f].self = &set->scaled[f];
+  }
+  set->estimator = *base->control->estimator;
   set->estimator.kf = &set->kf;
-  set->estimator.magnet = &set->magnet;
-  set->control = *base->control;
+  set->estimator.magnet = set->magnet;
+  set->law = *base->control->law;
+  set->law.pid = set->pid;
   set->control.estimator = &set->estimator;
   set->control.law = &set->law;
 }
@@ -114,18 +183,17 @@ uint32_t amb_calibration_sum(const amb_calibration_kept *kept)
   return sum;
 }
 
-/* Work a set out of numbers. Returns which of them cannot be. */
+/* Work a set out of numbers. Returns of which kinds are those that cannot be. */
 static uint32_t work(const amb_calibration_base *base, const amb_real numbers[AMB_PARAMETERS],
                      amb_calibration_kept *kept)
 {
   amb_calibration_set *set = &kept->of.set;
   uint32_t wrong = refused(base, numbers);
-  if ((wrong == 0U) && (filter(base, numbers, &set->kf) != AMB_OK)) {
+  if ((wrong == 0U) && (take(base, numbers, set) != AMB_OK)) {
     wrong = UINT32_MAX;
   }
   if (wrong == 0U) {
-    controller(base, numbers, set);
-    tie(base, numbers[AMB_STRONG], set);
+    tie(base, set);
     copy(numbers, set->numbers);
     kept->sum = amb_calibration_sum(kept);
   }
@@ -191,8 +259,3 @@ const amb_control *amb_calibration_flown(const amb_calibration_base *base, amb_w
   }
   return control;
 }
-
-#else
-/* The matrices of any model are given, and what they were made from is not known here. */
-typedef int amb_calibration_is_of_the_built_in_model;
-#endif

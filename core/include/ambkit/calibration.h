@@ -1,6 +1,5 @@
 /* Calibration on the running rig: numbers that a tool writes, checked, worked into a second set of
- * constants by a slower task, and taken over between two samples. One axis, whose model is built
- * in.
+ * constants by a slower task, and taken over between two samples.
  *
  * `wanted` is written by the tool, then `request` is counted up. amb_calibration_update, called by
  * a task that the sampling interrupts and never the other way about, looks at it: what is good is
@@ -17,31 +16,39 @@
 extern "C" {
 #endif
 
+/* What a number is of: its kind, and an index where there are several of the kind. */
 typedef enum amb_parameter {
-  AMB_VAR_Y,  /* variance of the measurement [m^2] */
-  AMB_VAR_U,  /* variance of the control signal [V^2] */
-  AMB_VAR_D,  /* what the disturbance force's variance grows by in a sample [N^2] */
-  AMB_GATE,   /* innovations beyond so many standard deviations are outliers [1] */
-  AMB_MASS,   /* of the rotor [kg] */
-  AMB_STRONG, /* the magnet's force over that of the export [1]: k over the exported k */
-  AMB_KP,     /* gains of the PID: [A/m], */
+  AMB_VAR_Y, /* variance of a sensor's measurement [m^2] */
+  AMB_VAR_U, /* variance of a control signal [V^2] */
+  AMB_VAR_D, /* what a noise of the model grows by in a sample: a disturbance force's variance [N^2]
+              */
+  AMB_GATE,  /* innovations beyond so many standard deviations are outliers [1] */
+  AMB_MASS,  /* of the rotor [kg]; inertia, weight and bending stiffness go with it */
+  AMB_STRONG, /* a magnet's force over that of the export [1]: k over the exported k */
+  AMB_KP,     /* gains of a PID: [A/m], */
   AMB_KI,     /* [A/(m s)], */
   AMB_KD,     /* [A s/m], */
   AMB_T_F,    /* derivative filter [s], */
   AMB_T_T,    /* tracking time [s], */
-  AMB_WEIGHT, /* set-point weight [1] */
-  AMB_PARAMETERS
+  AMB_WEIGHT  /* set-point weight [1] */
 } amb_parameter;
+
+/* The most numbers of a machine, in the order of their kinds: with one of each, a number is at its
+ * kind. */
+#define AMB_PARAMETERS (AMB_SENSORS + (7 * AMB_CONTROLS) + AMB_NOISES + AMB_FORCES + 2)
 
 /* What does not change. */
 typedef struct amb_calibration_base {
-  const amb_control *control; /* as exported */
+  const amb_control *control;          /* as exported */
+  int parameters;                      /* how many numbers there are, <= AMB_PARAMETERS */
+  unsigned char kind[AMB_PARAMETERS];  /* amb_parameter of each, ... */
+  unsigned char index[AMB_PARAMETERS]; /* ... and of which sensor, control, noise, magnet or PID */
   amb_real exported[AMB_PARAMETERS];
   amb_real low[AMB_PARAMETERS];  /* limits of each: within them all sets hold the rotor, with ... */
   amb_real high[AMB_PARAMETERS]; /* ... margins that the export names */
-  amb_real carried;              /* weight of the rotor, as far as the filter knows it [N] ... */
-  amb_real bias;   /* ... and bias force of the magnet [N]: parts of the settings' f_0 */
-  bool as_printed; /* eq. 19 as the paper prints it */
+  amb_real mass;                 /* of the exported rotor [kg] */
+  amb_real carried[AMB_FORCES];  /* what each magnet carries of the weight, as far as the filter */
+  amb_real bias[AMB_FORCES];     /* knows it [N], and its bias force [N]: parts of f_0 */
 } amb_calibration_base;
 
 /* A magnet whose force is another's, times a factor. */
@@ -54,10 +61,10 @@ typedef struct amb_scaled {
 typedef struct amb_calibration_set {
   amb_control control;
   amb_kalman kf;
-  amb_scaled scaled;
-  amb_magnet magnet;
+  amb_scaled scaled[AMB_FORCES];
+  amb_magnet magnet[AMB_FORCES];
   amb_estimator estimator;
-  amb_pid pid;
+  amb_pid pid[AMB_CONTROLS];
   amb_controllers law;
   amb_real numbers[AMB_PARAMETERS]; /* that it was made from */
 } amb_calibration_set;
@@ -77,8 +84,7 @@ typedef struct amb_calibration {
   amb_real in_use[AMB_PARAMETERS];
   uint32_t request;
   uint32_t answered;
-  uint32_t
-      refused; /* 0; or a sum of 1 << amb_parameter, of all bits where they do not go together */
+  uint32_t refused; /* 0; or a sum of 1 << kind, of all bits where they do not go together */
   uint32_t flying;  /* 0: as exported; else the set that flies */
   uint32_t copy[2]; /* of that: a bit in memory may flip */
   amb_calibration_kept kept[2];

@@ -37,6 +37,8 @@ typedef struct amb_control {
   const amb_real *down;         /* [p]: where the rotor lies when it has landed [m] */
   const amb_real *hold;         /* [q]: integrals that hold a rotor at place 0 [A] ... */
   const amb_real *hold_by;      /* q x p: and what 1 m of each place adds [A/m] */
+  amb_real excess; /* by which share the rotor is heavier than in the estimator's model, whose loads
+                    * are in parts of that [1] */
 } amb_control;
 
 /* What a controller works by. The pointer stands three times: nothing else tells that a bit of it

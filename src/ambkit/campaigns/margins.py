@@ -81,7 +81,7 @@ def peak_of(run: Planned) -> float:
     if fed is not None and not tells(fed):
         return math.nan
     try:
-        of = LoopOf(run.bearing, run.scenario.controller, flown=run.controllers)
+        of = LoopOf(run.bearing, run.scenario.controller, law=run.controllers)
         loop = of.loop(fed)
     except AmbkitError:  # nothing holds the rotor
         return math.inf

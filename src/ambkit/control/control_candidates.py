@@ -224,10 +224,10 @@ class _AtSpeed:
         m = len(self.machine.readings)
         K = compensator(control, inner, control_law.shown, system.outputs[:m])
         loop = Loop(system, K, m, self.shown, self.added)
-        return _highest(loop, end_of_range(loop.T, self.machine.speed))
+        return highest_sensitivity(loop, end_of_range(loop.T, self.machine.speed))
 
 
-def _highest(loop: Loop, top: float) -> float:
+def highest_sensitivity(loop: Loop, top: float) -> float:
     """Return the peak of abs(S) of the axes up to a frequency [Hz], by the closed loop's poles."""
     closed, m = loop.closed, loop.measurements
     poles, V = np.linalg.eig(closed.A)

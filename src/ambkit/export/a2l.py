@@ -70,7 +70,7 @@ def export_a2l(
         )
     at = symbol(Path(elf), variable)
     real = 4 if export["precision"] == "float" else 8
-    n = len(export["parameters"])
+    n = export["room"]
     least = 2 * n * real + 4 * len(_COUNTS)
     if at.size < least:
         raise AmbkitError(
@@ -84,7 +84,7 @@ def text(export: dict[str, Any], at: Symbol, variable: str) -> str:
     """Return the A2L file."""
     prefix, parameters = export["prefix"], export["parameters"]
     kind, real = ("FLOAT32_IEEE", 4) if export["precision"] == "float" else ("FLOAT64_IEEE", 8)
-    n = len(parameters)
+    n = export["room"]
     body = []
     for k, parameter in enumerate(parameters):
         own, about = parameter["name"], parameter["about"]

@@ -250,7 +250,7 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
                 item.model_copy(update={"speed": speed}),
                 of.control,
                 point=of.point,
-                flown=control_law,
+                law=control_law,
             ).loop(estimator)
             for item in (machine, many)
         ]

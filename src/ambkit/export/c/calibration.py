@@ -9,21 +9,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.data.signals import signal
 from ambkit.export.c import c_literals
 from ambkit.export.c.c_literals import CPrecision, Name
+from ambkit.export.c.controller_test_cases import speeds_of
 from ambkit.export.c.crc import Constants
-from ambkit.export.c.limits import Limits, limits
-from ambkit.machine.magnets import bias_force_of
+from ambkit.export.c.limits import Limits, Number, limits
+from ambkit.machine.force_laws import bias_forces_of
 
 if TYPE_CHECKING:
     from ambkit.control.controller_states import Controller
+    from ambkit.simulation.scenario import Scenario
 
 SOURCES = ("src/calibration.c",)
 TEMPLATES = {"{}_calibration.h": "calibration.h", "{}_calibration.c": "calibration.c"}
 
 
 class Parameter(NamedTuple):
-    """One number of ``amb_parameter``."""
+    """One kind of number of ``amb_parameter``."""
 
     name: str
     unit: str
@@ -47,51 +50,75 @@ PARAMETERS = (
 """In the order of ``amb_parameter``."""
 
 
-def check(controller: Controller) -> None:
+def check(controller: Controller, scenario: Scenario) -> None:
     """Refuse what cannot be calibrated."""
-    filter = controller.estimator
+    filter, machine = controller.estimator, controller.plant.machine
     called = c_literals.called(filter)
-    if not filter.engine.built_in or called.has_own or called.has_state:
+    roles = {state.role for state in filter.states}
+    if called.has_own or called.has_state or "unbalance" in roles:
         raise AmbkitError(
-            f"{filter.machine.name}, {filter.name}: what it works by is made of more than "
-            "noise, gate, mass and k; calibration is for linear, adaptive and extended filters of "
-            "an axis without parts"
+            f"{machine.name}, {filter.name}: what it works by is made of more than "
+            "noise, gate, mass and k; calibration is for linear, adaptive and extended filters"
         )
     if controller.law.schedule is not None:
         raise AmbkitError("calibration has one set of gains; this controller has them by speed")
-    if controller.pid.type == "lqg":
+    if scenario.controller.type == "lqg":
         raise AmbkitError("calibration has the gains of a PID; this controller has a regulator")
+    if speeds_of(machine, scenario) is not None:
+        raise AmbkitError("calibration is for one speed of rotation; this scenario has several")
 
 
-def exported(controller: Controller) -> dict[str, float]:
-    """Return the values that are exported, by the names in `PARAMETERS`."""
-    filter, bearing = controller.estimator, controller.bearing
+def numbers(controller: Controller) -> list[Number]:
+    """Return what can be changed, in the order of ``amb_parameter`` and with the exported value."""
+    filter, machine, law = controller.estimator, controller.plant.machine, controller.law
     set_ = filter.core.parameters["set"]
-    results = {name: float(set_[name][0]) for name in ("var_y", "var_u", "var_d")}
-    results |= {"gate": float(set_["gate"]), "mass": bearing.rotor.mass, "strong": 1.0}
+    forces = [state.name for state in filter.states if state.role == "disturbance force"]
+    noises = [noise.name for noise in filter.model.noises]
+    axes = [axis.name for axis in machine.axes]
     gains = ("kp", "ki", "kd", "T_f", "T_t", "weight")
-    return results | dict(zip(gains, controller.law.pids[0], strict=False))
+    values: dict[str, list[tuple[int, str, float]]] = {
+        "var_y": [(k, at.name, set_["var_y"][k]) for k, at in enumerate(machine.readings)],
+        "var_u": [(k, name, set_["var_u"][k]) for k, name in enumerate(axes)],
+        "var_d": [
+            (k, noise.removeprefix("f_d").removeprefix("_"), set_["var_d"][k])
+            for k, noise in enumerate(noises)
+            if noise in forces
+        ],
+        "gate": [(0, "", set_["gate"])],
+        "mass": [(0, "", machine.rotor.mass)],
+        "strong": [(k, name, 1.0) for k, name in enumerate(axes)],
+    } | {
+        gain: [(k, name, law.pids[k][at]) for k, name in enumerate(law.names)]
+        for at, gain in enumerate(gains)
+    }
+    return [
+        Number(kind.name, index, signal(kind.name, of), float(value))
+        for kind in PARAMETERS for index, of, value in values[kind.name]
+    ]  # fmt: skip
 
 
 @lru_cache(maxsize=4)
 def limits_of(controller: Controller) -> Limits:
-    """Return what is taken on the running rig, by the names in `PARAMETERS`."""
-    return limits(controller, exported(controller))
+    """Return what is taken on the running rig, by the names of the numbers."""
+    return limits(controller, numbers(controller))
 
 
 def _fields(controller: Controller, name: str) -> dict[str, Any]:
-    filter, bearing = controller.estimator, controller.bearing
-    bias = bias_force_of(filter.magnet, bearing)
-    within = limits_of(controller)
-    known = float(filter.core.parameters["set"]["f_0"][0])
+    filter, machine = controller.estimator, controller.plant.machine
+    bias = np.array(bias_forces_of(filter.magnet, machine))
+    within, of = limits_of(controller), numbers(controller)
+    kinds = [item.name for item in PARAMETERS]
     return {
         "control": Name(f"&{name}_control"),
-        "exported": np.array(list(exported(controller).values())),
-        "low": np.array([within.low[item.name] for item in PARAMETERS]),
-        "high": np.array([within.high[item.name] for item in PARAMETERS]),
-        "carried": known - bias,
+        "parameters": len(of),
+        "kind": np.array([kinds.index(item.kind) for item in of], np.uint8),
+        "index": np.array([item.position for item in of], np.uint8),
+        "exported": np.array([item.exported for item in of]),
+        "low": np.array([within.low[item.name] for item in of]),
+        "high": np.array([within.high[item.name] for item in of]),
+        "mass": machine.rotor.mass,
+        "carried": filter.core.parameters["set"]["f_0"] - bias,
         "bias": bias,
-        "as_printed": filter.engine.as_printed,
     }
 
 
@@ -107,15 +134,18 @@ def constants(controller: Controller, name: str, crc: Constants) -> None:
 
 def described(controller: Controller, name: str, precision: CPrecision) -> str:
     """Return what the A2L file is made of, as JSON."""
-    values, within = exported(controller), limits_of(controller)
+    within, by_kind = limits_of(controller), {item.name: item for item in PARAMETERS}
     parameters = [
-        item._asdict()
-        | {"exported": values[item.name], "low": within.low[item.name],
-           "high": within.high[item.name]}
-        for item in PARAMETERS
+        {"name": item.name, "unit": by_kind[item.kind].unit,
+         "about": by_kind[item.kind].about + item.name.removeprefix(item.kind).replace("_", " of "),
+         "exported": item.exported, "low": within.low[item.name], "high": within.high[item.name]}
+        for item in numbers(controller)
     ]  # fmt: skip
+    set_ = controller.estimator.core.parameters["set"]
+    sizes = [len(set_[name]) for name in ("var_y", "var_d", "f_0")]
     description = {
         "prefix": name, "precision": precision, "peak_of_sensitivity": within.peak,
+        "room": 2 + sum(sizes) + 7 * len(set_["var_u"]),
         "parameters": parameters,
     }  # fmt: skip
     return json.dumps(description, indent=2) + "\n"

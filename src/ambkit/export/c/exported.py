@@ -117,7 +117,7 @@ class Export:
     def sources(self) -> tuple[str, ...]:
         """What a controller compiles."""
         more = ("_telemetry",) if self.framed else ()
-        changed = ("_calibration",) if self.calibrated else ("_control",) if self.beside else ()
+        changed = (*("_control",) * self.beside, *("_calibration",) * self.calibrated)
         own = (f"{self.name}{file}.c" for file in ("", *changed, "_data", *more))
         return (*own, *(file for file in self.core_files if file.endswith(".c")))
 

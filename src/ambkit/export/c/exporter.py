@@ -120,9 +120,9 @@ def export_c(
         controller, scenario = _controller(filter, scenario, editable=editable)
         spent = None if filter.machine.single else spent
     if calibrated:
-        if controller is None:
+        if controller is None or scenario is None:
             raise AmbkitError("calibration needs a controller (a scenario)")
-        calibration.check(controller)
+        calibration.check(controller, scenario)
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if wrong:
         facts = {"MUST NOT FLY": "; ".join(wrong)} | facts

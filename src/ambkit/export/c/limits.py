@@ -1,20 +1,27 @@
-"""Limits of what can be calibrated on the running rig: within all of them the loop has margins."""
+"""Limits of what can be calibrated on the running rig: within all of them the loop has margins.
+
+With one axis every corner of the limits is a loop that has them. With several their corners are too
+many: the numbers of all axes are varied alike, those of one axis at a time, and all at random.
+"""
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ambkit.control.linear.closed_loop import Loop
+from ambkit.base.threads import one_thread
+from ambkit.control.control_candidates import highest_sensitivity
 from ambkit.control.linear.linear_controller import compensator, controllers, fed
-from ambkit.control.linear.linear_plant import POSITION, VELOCITY, OperatingPoint, plant
+from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.linear.steady_state_filter import estimator_at
-from ambkit.control.stabilising_controller import frequencies
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
+from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 
 if TYPE_CHECKING:
@@ -45,7 +52,16 @@ clearance, and within what holding the rotor leaves of the current's range. Wher
 numbers take more of either, a twentieth more than that."""
 
 DIGITS = 3
-POINTS = 200
+RANDOM, SEED = (8, 8), 1  #: Filters at random corners, and gains for each, of several axes.
+
+
+class Number(NamedTuple):
+    """A number that can be changed."""
+
+    kind: str  #: The name of its ``amb_parameter``.
+    position: int  #: Of the sensor, control, noise, magnet or PID.
+    name: str  #: Its kind and what it is of: ``kp_A1``.
+    exported: float
 
 
 class Limits(NamedTuple):
@@ -56,36 +72,49 @@ class Limits(NamedTuple):
     peak: float
 
 
-def limits(controller: Controller, exported: dict[str, float]) -> Limits:
+Parts = dict[str, float]
+"""Parts of the exported numbers by their names; of those that are not in it 1."""
+
+
+def limits(controller: Controller, numbers: Sequence[Number]) -> Limits:
     """Return the widest limits between which every set of numbers leaves margins."""
-    loops = _Loops(controller, exported)
-    one = dict.fromkeys(WIDEST, 1.0)
-    least = loops.peak(one, one)
-    most = max(PEAK, 1.1 * least)
-    low, high, peak = one, one, least
-    for share in SHARES:
-        ends = [{name: span[k] ** share for name, span in WIDEST.items()} for k in (0, 1)]
-        wider = loops.peak(*ends)
-        if not wider <= most:
-            break
-        low, high, peak = *ends, wider
-    results = [
-        {name: _rounded(by[name] * exported[name], up) if by[name] != 1.0 else exported[name]
-         for name in WIDEST}
-        for by, up in ((low, True), (high, False))
-    ]  # fmt: skip
-    T_t = exported["T_t"]
-    sampled = LEAST_TRACKING * controller.bearing.sampling_time
-    beside = {
-        "gate": (min(GATE[0], exported["gate"]), max(GATE[1], exported["gate"])),
-        "T_t": (min(T_t, max(sampled, TRACKING[0] * T_t)), TRACKING[1] * T_t),
-        "weight": (0.0, max(1.0, exported["weight"])),
-    }  # fmt: skip
+    with one_thread():
+        low, high, peak = _widest(controller, numbers)
     lowest, highest = (
-        {name: beside[name][k] if name in beside else results[k][name] for name in exported}
-        for k in (0, 1)
+        {at.name: _limit(at, by.get(at.name, 1.0), k, controller) for at in numbers}
+        for k, by in enumerate((low, high))
     )
     return Limits(lowest, highest, peak)
+
+
+def _widest(controller: Controller, numbers: Sequence[Number]) -> tuple[Parts, Parts, float]:
+    """Return the ends of all parts, and the highest peak of abs(S) between them."""
+    loops = _Loops(controller, numbers)
+    varied = [number for number in numbers if number.kind in WIDEST]
+    low: Parts = {}
+    high: Parts = {}
+    peak = loops.peak(low, high)
+    most = max(PEAK, 1.1 * peak)
+    for share in SHARES:
+        ends = [{at.name: WIDEST[at.kind][k] ** share for at in varied} for k in (0, 1)]
+        wider = loops.peak(ends[0], ends[1], most)
+        if not wider <= most:
+            break
+        low, high, peak = ends[0], ends[1], wider
+    return low, high, peak
+
+
+def _limit(number: Number, part: float, end: int, controller: Controller) -> float:
+    """Return the lower or the upper limit of a number."""
+    value = number.exported
+    if number.kind in WIDEST:
+        return value if part == 1.0 else _rounded(part * value, up=end == 0)
+    sampled = LEAST_TRACKING * controller.plant.machine.sampling_time
+    return {
+        "gate": (min(GATE[0], value), max(GATE[1], value)),
+        "T_t": (min(value, max(sampled, TRACKING[0] * value)), TRACKING[1] * value),
+        "weight": (0.0, max(1.0, value)),
+    }[number.kind][end]
 
 
 def _rounded(value: float, up: bool) -> float:
@@ -100,86 +129,125 @@ def _rounded(value: float, up: bool) -> float:
 class _Loops:
     """The loop of a controller with other numbers than those of the export."""
 
-    def __init__(self, controller: Controller, exported: dict[str, float]) -> None:
-        self.controller, self.exported = controller, exported
-        bearing = controller.bearing
-        self.point = OperatingPoint.nearest(bearing)
-        P = plant(bearing, self.point)
-        self.plant = P.select(["y", "x"], P.inputs[0][:1])
-        self.f = frequencies(bearing, POINTS)
-        self.y, self.x = self.plant.response(self.f)[:, :, 0].T
-        room = min(bearing.current_max - self.point.iu, self.point.iu - bearing.current_min)
-        self.room = np.array([bearing.rotor.clearance, room]) / SIGMAS
-        one = dict.fromkeys(WIDEST, 1.0)
-        self.share = max(1.0, 1.05 * self._corners(one, one)[1])
+    def __init__(self, controller: Controller, numbers: Sequence[Number]) -> None:
+        self.controller, self.numbers = controller, numbers
+        machine, isolated = controller.plant.machine, controller.plant.isolated
+        point = OperatingPoint.nearest(isolated[0]) if machine.single else None
+        self.of = LoopOf(machine, point=point, law=controller.law)
+        self.gains = np.array([b.amplifier.gain for b in isolated])
+        room = [
+            min(b.current_max - iu, iu - b.current_min)
+            for b, iu in zip(isolated, np.atleast_1d(self.of.point.iu), strict=True)
+        ]
+        travel = [b.rotor.clearance for b in isolated]
+        self.room = np.concatenate([np.array(travel) / SIGMAS[0], np.array(room) / SIGMAS[1]])
+        self.share = math.inf
+        self.share = max(1.0, 1.05 * self._worst({}, {}, math.inf)[1])
 
-    def peak(self, low: dict[str, float], high: dict[str, float]) -> float:
-        """Return the highest peak of abs(S) of all corners."""
+    def peak(self, low: Parts, high: Parts, most: float = math.inf) -> float:
+        """Return the highest peak of abs(S) of all corners; infinite beyond `most`."""
         # Infinite where one is not stable, or where noise takes too much of the room that there is.
-        peak, share = self._corners(low, high)
-        return peak if share <= self.share else math.inf
+        return self._worst(low, high, most)[0]
 
-    def _corners(self, low: dict[str, float], high: dict[str, float]) -> tuple[float, float]:
+    def _worst(self, low: Parts, high: Parts, most: float) -> tuple[float, float]:
         """Return the highest peak of abs(S), and the greatest share of the room for noise [1]."""
-        bearing = self.controller.bearing
-        measured = self.controller.pid.feedback == "measurement"
-        filters = [None] if measured else [
-            self._filter(m, s, noise)
-            for m, s in itertools.product(*_ends(("mass", "strong"), low, high))
-            for noise in ({"var_y": low, "var_u": high, "var_d": high},
-                          {"var_y": high, "var_u": low, "var_d": low})
-        ]  # fmt: skip
-        names = ("kp", "ki", "kd", *(("T_f",) if measured else ()))
-        worst = share = 0.0
-        for E in filters:
-            for gains in itertools.product(*_ends(names, low, high)):
-                law = self._law(dict(zip(names, gains, strict=True)))
-                K = compensator(law, E, np.array([[1 / bearing.sensor.gain]]))
-                loop = Loop(self.plant, K)
-                if not loop.is_stable:
+        measured = not self.controller.fed
+        noise, worst, share = self.of.noise()[0], 0.0, 0.0
+        readings = self.of.plant.outputs[: len(noise)]
+        for parts, gains in self._corners(low, high):
+            E = None if measured else self._filter(parts)
+            for by in gains:
+                law = self._law(by)
+                K = compensator(law, E, self.controller.law.shown, readings)
+                loop = self.of.around(K)
+                worst = max(worst, highest_sensitivity(loop, loop.nyquist))
+                if not worst <= most:
                     return math.inf, math.inf
-                C = K.response(self.f)[:, 0, 0]
-                S = 1 / (1 - self.y * C)
-                worst = max(worst, float(np.abs(S).max()))
-                moved = np.abs(np.array([self.x * C * S, bearing.amplifier.gain * C * S])) ** 2
-                noise_density = 2 * bearing.sampling_time * bearing.sensor.noise_variance
-                noise = np.sqrt(noise_density * np.trapezoid(moved, self.f))
-                share = max(share, float((noise / self.room).max()))
+                moved = loop.noise_covariance(noise, np.zeros(len(self.gains)))
+                size = np.sqrt(np.diag(moved))
+                size[len(self.gains) :] *= self.gains
+                share = max(share, float((size / self.room).max()))
+                if not share <= self.share:
+                    return math.inf, math.inf
         return worst, share
 
-    def _law(self, by: dict[str, float]) -> Any:
+    def _corners(self, low: Parts, high: Parts) -> Iterator[tuple[Parts, list[Parts]]]:
+        """Give parts of a filter's numbers, and all parts of the gains that go with them."""
+        measured, axes = not self.controller.fed, range(len(self.gains))
+        gains = ("kp", "ki", "kd", *(("T_f",) if measured else ()))
+        own = [at for at in self.numbers if at.kind in ("strong", *gains)]
+        groups = [list(self.numbers)]
+        if len(axes) > 1 and low:
+            groups += [[at for at in own if at.position == k] for k in axes]
+        for group in groups:
+            noisy = any(at.kind == "var_y" for at in group)
+            filters = [{}] if measured else [
+                _parts(group, {"mass": m, "strong": s} | noise)
+                for m, s in itertools.product((low, high), repeat=2)
+                for noise in ({"var_y": low, "var_u": high, "var_d": high},
+                              {"var_y": high, "var_u": low, "var_d": low})[: 1 + noisy]
+            ]  # fmt: skip
+            all_gains = [
+                _parts(group, dict(zip(gains, ends, strict=True)))
+                for ends in itertools.product((low, high), repeat=len(gains))
+            ]
+            for one in _different(filters):
+                yield one, _different(all_gains)
+        if len(axes) > 1 and low:
+            yield from self._random(low, high)
+
+    def _random(self, low: Parts, high: Parts) -> Iterator[tuple[Parts, list[Parts]]]:
+        random = np.random.default_rng(SEED)
+
+        def corner() -> Parts:
+            return {name: (low, high)[random.integers(2)][name] for name in low}
+
+        for _ in range(RANDOM[0]):
+            yield corner(), [corner() for _ in range(RANDOM[1])]
+
+    def _law(self, by: Parts) -> Any:
         """Return the controllers with gains of these parts of the exported ones."""
-        result = self.controller.law
-        (pid,) = result.pids
-        names = ("kp", "ki", "kd", "T_f")
-        other = [gain * by.get(name, 1.0) for name, gain in zip(names, pid, strict=False)]
-        law = type(result)([[*other, *pid[4:]]], *list(vars(result).values())[1:])
-        measured = self.controller.pid.feedback == "measurement"
-        return controllers(law, self.controller.bearing, measured=measured)
+        result, names = self.controller.law, ("kp", "ki", "kd", "T_f")
+        of = {(at.kind, at.position): by.get(at.name, 1.0) for at in self.numbers}
+        pids = [
+            [gain * of[name, k] for name, gain in zip(names, pid, strict=False)] + pid[4:]
+            for k, pid in enumerate(result.pids)
+        ]
+        return controllers(
+            replace(result, pids=pids), self.of.machine, measured=not self.controller.fed
+        )
 
-    def _filter(self, m: float, s: float, noise: dict[str, dict[str, float]]) -> Any:
-        """Return the filter of a rotor and a magnet of these parts, and with such noise."""
-        controller, nominal = self.controller, self.exported
-        bearing = controller.bearing
-        rotor = bearing.rotor.model_copy(update={"mass": m * nominal["mass"]})
-        other = bearing.model_copy(update={"rotor": rotor})
-        k = ConstantStiffness.of(bearing)
-        variances = {name: by[name] * nominal[name] for name, by in noise.items()}
-        assumed = FilterNoise(
-            measurement=variances["var_y"], control=variances["var_u"],
-            disturbance=variances["var_d"] / bearing.sampling_time,
-        )  # fmt: skip
+    def _filter(self, by: Parts) -> Any:
+        """Return the filter of a rotor and of magnets of these parts, and with such noise."""
+        # As the core has it: forces and loads are in parts of the mass, and the model stays.
+        of: dict[str, list[float]] = {}
+        for at in self.numbers:
+            of.setdefault(at.kind, []).append(by.get(at.name, 1.0) * at.exported)
+        (mass,) = of["mass"]
+        heavier = mass / self.of.machine.rotor.mass
+        magnets = [
+            ConstantStiffness(s / heavier * k.k_i, s / heavier * k.k_s)
+            for s, b in zip(of["strong"], self.controller.plant.isolated, strict=True)
+            for k in (ConstantStiffness.of(b),)
+        ]
+        intensity = [v / heavier**2 / self.of.machine.sampling_time for v in of["var_d"]]
+        noise = FilterNoise(*(values if len(values) > 1 else values[0]
+                              for values in (of["var_y"], of["var_u"], intensity)))  # fmt: skip
         filter = KalmanFilter(
-            other, ConstantStiffness(s * k.k_i, s * k.k_s), noise=assumed,
-            as_printed=controller.estimator.engine.as_printed,
+            self.of.machine.short, magnets if len(magnets) > 1 else magnets[0], noise=noise,
+            as_printed=self.controller.estimator.engine.as_printed,
         )  # fmt: skip
-        rows = fed(controller.law, len(filter.states), 0.0)
-        signals = (POSITION, VELOCITY, POSITION)
-        return estimator_at(filter, self.point, (rows, signals))
+        rows = fed(self.controller.law, len(filter.states), self.of.machine.speed)
+        rows[:, [at.role == "disturbance force" for at in filter.states]] *= heavier
+        signals = self._law({}).inputs[: len(rows)]
+        return estimator_at(filter, self.of.point, (rows, signals))
 
 
-def _ends(
-    names: tuple[str, ...], low: dict[str, float], high: dict[str, float]
-) -> list[tuple[float, ...]]:
-    """Return the two ends of each, or its one."""
-    return [(low[n],) if low[n] == high[n] else (low[n], high[n]) for n in names]
+def _parts(group: Sequence[Number], of: dict[str, Parts]) -> Parts:
+    """Return the parts of the numbers of a group, each from the end of its kind."""
+    return {at.name: of[at.kind].get(at.name, 1.0) for at in group if at.kind in of}
+
+
+def _different(parts: list[Parts]) -> list[Parts]:
+    """Return those that are not alike."""
+    return [one for k, one in enumerate(parts) if one not in parts[:k]]

@@ -118,6 +118,7 @@ class State(NamedTuple):
     field: str
     about: str
     equilibrium: str
+    load: bool
 
 
 OF_PAPER = {
@@ -137,6 +138,7 @@ def states(described: Sequence[Descriptor], current: str = "AMB_C(0.0)") -> list
             state.name + "_" * (state.name in emit.KEYWORDS or state.name in OTHERS),
             OF_PAPER.get(state.name, f"{state.role} [{state.unit}]"),
             equilibrium.get(state.role, "AMB_C(0.0)"),
+            state.role == "disturbance force",
         )
         for state in described
     ]

@@ -59,8 +59,8 @@ def render(export: Export) -> Content:
         )
     context = _context(export)
     described = {}
-    if export.calibrated and export.one is not None:
-        calibration_json = calibration.described(export.one, export.name, export.precision)
+    if export.calibrated and export.controller is not None:
+        calibration_json = calibration.described(export.controller, export.name, export.precision)
         described["calibration.json"] = calibration_json
     if export.framed:
         T = export.filter.bearing.sampling_time
@@ -126,8 +126,8 @@ def _context(export: Export) -> dict[str, Any]:
         ),
     }  # fmt: skip
     context["proof"] = None if export.calibrated else proof.context(export, context)
-    if export.calibrated and one is not None:
-        context["base_of_calibration"] = calibration.context(one, name, precision)
+    if export.calibrated and export.controller is not None:
+        context["base_of_calibration"] = calibration.context(export.controller, name, precision)
     context["configuration"] = _configuration(filter, context, export.core_files)
     context["frame"] = telemetry.frame(export, context["states"])
     return context

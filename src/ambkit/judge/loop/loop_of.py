@@ -84,12 +84,12 @@ class LoopOf:
         load: Any = None,
         *,
         point: OperatingPoint | None = None,
-        flown: Controllers | None = None,
+        law: Controllers | None = None,
     ) -> None:
         self.machine = bearing.long
         self.isolated = isolated_axes(self.machine)
         self.control = Control() if controller is None else as_control(controller)
-        self._flown = flown
+        self._law = law
         self.axes = tuple(axis.name or "x" for axis in self.machine.axes)
         self.point = point or OperatingPoint.of_machine(self.machine, load, x)
         view = View(self.machine)
@@ -128,7 +128,7 @@ class LoopOf:
 
     def choice(self, estimator: Any) -> str | None:
         """Return what default controllers were chosen for what feeds them, in a sentence."""
-        if not self.machine.turns or self._flown or not is_default(self.control):
+        if not self.machine.turns or self._law or not is_default(self.control):
             return None
         return default_control(self.machine, "estimate" if estimator else "measurement").summary
 
@@ -139,8 +139,8 @@ class LoopOf:
 
     def flown_by(self, estimator: Estimator | None, max_speed: float | None = None) -> Controllers:
         """Return the controllers as they fly, fed by an estimator or the measurement."""
-        if self._flown is not None:
-            return self._flown
+        if self._law is not None:
+            return self._law
         if custom := self.control.custom:
             raise AmbkitError(
                 f"controller.custom: {name_of(custom)} is Python, from which no margins follow; "
@@ -178,7 +178,7 @@ class LoopOf:
     def with_plant(self, plant: Machine, estimator: Estimator | None) -> LoopOf:
         """Return the same controllers, as an estimator feeds them, with another plant."""
         control = self.control_for(estimator)
-        return LoopOf(plant, control, point=self.point, flown=self.flown_by(estimator))
+        return LoopOf(plant, control, point=self.point, law=self.flown_by(estimator))
 
     def at(self, point: OperatingPoint) -> LoopOf:
         """Return the same loop at another operating point."""
@@ -189,7 +189,7 @@ class LoopOf:
     def at_speed(self, speed: float, fed_by: Estimator | None) -> tuple[LoopOf, Estimator | None]:
         """Return the same controllers at another speed [rad/s], and the filter, which knows it."""
         machine = self.machine.model_copy(update={"speed": speed})
-        of = LoopOf(machine, self.control, point=self.point, flown=self._flown)
+        of = LoopOf(machine, self.control, point=self.point, law=self._law)
         if fed_by is None:
             return of, None
         fed_by = fed_by.nominal
@@ -201,7 +201,7 @@ class LoopOf:
     def with_controllers(self, fed_by: Estimator | None, max_speed: float) -> LoopOf:
         """Return the same loop with its controllers chosen up to a speed [rad/s]."""
         moved = copy(self)
-        moved._flown = self.flown_by(fed_by, max_speed)
+        moved._law = self.flown_by(fed_by, max_speed)
         return moved
 
     def with_unbalance(self, scale: float) -> LoopOf:
@@ -219,7 +219,11 @@ class LoopOf:
         m = len(self.shown[0])
         inner, control, transform = self._by_states(estimator)
         K = compensator(control, inner, transform, self.plant.outputs[:m])
-        return Loop(self.plant, K, m, self.shown, self.added)
+        return self.around(K)
+
+    def around(self, compensator: LinearSystem) -> Loop:
+        """Return the loop of another compensator, from the measurements to u."""
+        return Loop(self.plant, compensator, len(self.shown[0]), self.shown, self.added)
 
     def _by_states(
         self, estimator: Estimator | None
@@ -250,9 +254,7 @@ class LoopOf:
         pids = control_law.pids_at(self.machine.speed)
         without = [[kp, 0.0, *rest] for kp, _ki, *rest in pids]
         control_law = replace(control_law, pids=without, schedule=None)
-        loop = LoopOf(self.machine, self.control, point=self.point, flown=control_law).loop(
-            estimator
-        )
+        loop = LoopOf(self.machine, self.control, point=self.point, law=control_law).loop(estimator)
         if not loop.is_stable:
             return None
         return float(np.abs(np.diagonal(loop.compliance([0.0])[0])).max())
@@ -264,8 +266,7 @@ class LoopOf:
         variances = KalmanFilter(self.machine).variances
         sensors, amplifiers = self.noise()
         noise = Noise(sensors, amplifiers, tuple(np.atleast_1d(variances.disturbance)))
-        K = LQG(self.plant, noise).compensator()
-        return Loop(self.plant, K, len(sensors), self.shown, self.added)
+        return self.around(LQG(self.plant, noise).compensator())
 
     def hinf(self) -> Loop:
         """Return the loop of H-infinity controllers, of each axis one for the axis alone."""
@@ -277,7 +278,7 @@ class LoopOf:
             parts.append(replace(result, B=gain * result.B, D=gain * result.D))
         K = beside_each_other(parts, self.shown, [axis.name for axis in self.machine.axes])
         K = replace(K, inputs=(*self.plant.outputs[: len(self.shown[0])], *K.inputs[-len(parts) :]))
-        return Loop(self.plant, K, len(self.shown[0]), self.shown, self.added)
+        return self.around(K)
 
     def noise(self) -> tuple[list[float], list[float]]:
         """Return the variances of the measurements [m^2] and of the control signals [V^2]."""
