@@ -51,14 +51,39 @@ def test_it_takes_one_set_of_eigenvectors_and_no_factorisation(
     assert sum(solved) < 0.05 * len(f), "those near z = 1 alone are factorised"
 
 
-def test_nearly_dependent_eigenvectors_are_not_used() -> None:
+@pytest.mark.parametrize("machine", MACHINES)
+def test_a_plant_with_a_dead_time_needs_no_factorisation_either(machine: str) -> None:
+    late = ambkit.Machine.preset(machine)
+    late = late.model_copy(update={"delay": 2.4 * late.sampling_time})
+    loop = LoopOf(late).loop()
+    system, f = loop.plant.part(slice(loop.measurements), slice(2)), grid(loop, 60, 5)
+    assert system._modes is not None
+    found, expected = system.response(f), np.array(by_factorisation(system, f))
+    off = np.abs(found - expected).max(axis=(1, 2)) / np.abs(expected).max(axis=(1, 2))
+    assert off.max() < 1e-8
+
+
+def test_dependent_eigenvectors_of_a_dead_time_are_split_off() -> None:
     n = 12  # a dead time of many samples: one chain of states, all of whose poles are 0
     chain = LinearSystem(
         np.eye(n, k=-1), np.eye(n)[:, :1], np.eye(n)[-1:], np.zeros((1, 1)), 1e-4, (), (), ()
     )  # fmt: skip
     f = np.geomspace(1, 5000, 50)
     late = np.exp(-2j * np.pi * f * n * 1e-4)
+    assert chain._modes is not None
     assert np.abs(chain.response(f)[:, 0, 0] - late).max() < 1e-12
+
+
+def test_nearly_dependent_eigenvectors_are_not_used() -> None:
+    n = 12  # a chain of low-passes, all of whose poles are 0.5
+    chain = LinearSystem(
+        0.5 * np.eye(n) + np.eye(n, k=-1), np.eye(n)[:, :1], np.eye(n)[-1:], np.zeros((1, 1)),
+        1e-4, (), (), (),
+    )  # fmt: skip
+    assert chain._modes is None
+    f = np.geomspace(1, 5000, 50)
+    expected = (np.exp(2j * np.pi * f * 1e-4) - 0.5) ** -n
+    assert np.abs(chain.response(f)[:, 0, 0] / expected - 1).max() < 1e-9
 
 
 def test_units_of_the_states_change_nothing() -> None:

@@ -177,8 +177,13 @@ def test_the_controller_of_the_loop_is_the_one_that_is_given() -> None:
 
 
 def test_a_ceiling_that_cannot_be_kept_is_refused() -> None:
-    with pytest.raises(AmbkitError, match=r"none keeps the peak of \|S\| below 1.1, the least is"):
+    with pytest.raises(
+        AmbkitError, match=r"none keeps the peak of \|S\| below 1.1, the least is"
+    ) as left:
         ambkit.tune(LATE, filter="linear", budget=4, seeds=1, max_sensitivity=1.1)
+    nearest = left.value.nearest  # a design takes it, without a second search
+    assert len(nearest.trace) == 4
+    assert min(nearest.peaks) <= nearest.peak < 1.05 * min(nearest.peaks)
     with pytest.raises(AmbkitError, match=r"max_sensitivity must be above 1\.0"):
         ambkit.tune(LATE, filter="linear", budget=4, seeds=1, max_sensitivity=1.0)
     with pytest.raises(AmbkitError, match="no steady-state gain"):

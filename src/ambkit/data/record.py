@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -97,7 +98,7 @@ class Record(Shown):
         """Mean time between two samples [s]."""
         return float(self.t[-1] - self.t[0]) / (len(self) - 1)
 
-    @property
+    @cached_property
     def truth(self) -> dict[str, Array]:
         """The signals that only a simulation knows; empty for a measured record.
 

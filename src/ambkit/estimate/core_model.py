@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from ambkit.models.declaration import Part, Plan
 from ambkit.models.machine_parts import compose, machine_parts, paper_pattern, printed
 from ambkit.models.model import ENUMERATORS, ROLES, Model, compressed_rows
 from ambkit.models.parts import SYNCHRONOUS
+from ambkit.models.sampling import Sampling
 
 NODE = 0.02
 """Radians a sample between the speeds at which a model that turns is computed."""
@@ -71,7 +72,7 @@ class Engine:
     ) -> None:
         self.machine = machine
         self.precision = precision
-        self._parts = partial(parts, noise=noise, synchronous=tuple(synchronous))
+        self._made_of = parts, noise, tuple(synchronous)
         self.turned = False  # whether the core's model has been at another speed
         self._nodes: dict[int, tuple[Array, Array]] = {}  # by number of steps
         self.as_printed, self.noise, self.synchronous = as_printed, noise, tuple(synchronous)
@@ -83,9 +84,7 @@ class Engine:
             raise ValueError("synchronous states are of a rotor that turns; a mass does not")
         if as_printed and not machine.single:
             raise ValueError(f"eq. 19 as printed has one axis; {machine.name} has several")
-        plan = Plan(machine.sampling_time)
-        for part in self._parts(machine):
-            plan.add(part)
+        plan = _plan(machine, *self._made_of)
         self.states, self.noises = tuple(plan.states), tuple(plan.noises)
         self.built_in = self._built_in(plan)
         self.core: ModuleType = core_module(precision, any_model=not self.built_in)
@@ -143,7 +142,12 @@ class Engine:
         # They are kept, as one run of a campaign after the other asks for the same nodes.
         if number not in self._nodes:
             there = self.machine.model_copy(update={"speed": number * step})
-            still, faster = (self._model(there, speeding=speeding) for speeding in (0.0, GROWTH))
+            parts, noise, synchronous = self._made_of
+            parts_of = partial(parts, there, noise=noise, synchronous=synchronous)
+            still, faster = (
+                compose(parts_of(speeding=speeding), there.sampling_time, name="machine")
+                for speeding in (0.0, GROWTH)
+            )
             own = numbers(still)
             by_growth = np.zeros_like(own)
             grown = (faster.L - still.L)[still.pattern["L"] > 0] / GROWTH
@@ -161,11 +165,29 @@ class Engine:
     @cached_property
     def model(self) -> Model:
         """The model as data, sampled when it is first asked for."""
-        model = self._model(self.machine)
+        model = _model(self.machine, *self._made_of)
         return printed(model) if self.as_printed else model
 
-    def _model(self, machine: Machine, **more: float) -> Model:
-        return compose(self._parts(machine, **more), machine.sampling_time, name="machine")
+
+@lru_cache(maxsize=8)
+def _plan(
+    machine: Machine, parts: Callable[..., list[Part]], noise: bool, synchronous: tuple[str, ...]
+) -> Plan:
+    """Return what the parts of a machine declare; filters with other noise ask for it again."""
+    plan = Plan(machine.sampling_time)
+    for part in parts(machine, noise=noise, synchronous=synchronous):
+        plan.add(part)
+    return plan
+
+
+@lru_cache(maxsize=8)
+def _model(
+    machine: Machine, parts: Callable[..., list[Part]], noise: bool, synchronous: tuple[str, ...]
+) -> Model:
+    """Return the sampled model of a machine."""
+    plan = _plan(machine, parts, noise, synchronous)
+    plan.check()
+    return Sampling(plan).model("machine")
 
 
 def check_room(core: ModuleType, plan: Plan, name: str) -> None:

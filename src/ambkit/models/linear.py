@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,10 @@ MANY_STATES, WORST_VECTORS, NEAR_ONE = 10, 1e9, 1e-6
 """A response is summed over the eigenvectors from so many states on, where their condition number
 is below this; not where z is that near to 1, since rounding grows there with the inverse powers of
 z - 1 that a chain of integrators has."""
+
+LATE, LEFT = 1e-3, 8
+"""Magnitude of z below which a pole is one of a dead time, whose eigenvectors are dependent, and
+terms of their series in 1/z beyond their number."""
 
 
 class Signal(NamedTuple):
@@ -46,10 +50,14 @@ class LinearSystem:
 
     def select(self, outputs: Sequence[str], inputs: Sequence[str]) -> LinearSystem:
         """Return the same system with some of its outputs and inputs, by their names."""
-        z, w = _places(self.outputs, outputs), _places(self.inputs, inputs)
-        return LinearSystem(
-            self.A, self.B[:, w], self.C[z], self.D[np.ix_(z, w)], self.T, self.states,
-            tuple(self.inputs[i] for i in w), tuple(self.outputs[i] for i in z),
+        return self.part(_places(self.outputs, outputs), _places(self.inputs, inputs))
+
+    def part(self, outputs: slice | list[int], inputs: slice | list[int]) -> LinearSystem:
+        """Return the same system with some of its outputs and inputs, by their places."""
+        z, w = np.arange(len(self.outputs))[outputs], np.arange(len(self.inputs))[inputs]
+        return replace(
+            self, B=self.B[:, w], C=self.C[z], D=self.D[np.ix_(z, w)],
+            inputs=tuple(self.inputs[i] for i in w), outputs=tuple(self.outputs[i] for i in z),
         )  # fmt: skip
 
     def response(self, frequency: ArrayLike) -> Complex:
@@ -70,25 +78,46 @@ class LinearSystem:
             solved = np.linalg.solve(shift[at, None, None] * np.eye(n) - A, self.B + 0j)
             result[at] = self.D + self.C @ solved
         if modes is not None:
-            poles, C, B = modes
+            poles, parts = modes
             for at in _pieces(np.flatnonzero(~near)):
-                result[at] = self.D + (C / (shift[at, None, None] - poles)) @ B
+                late = (1 + shift[at, None]) ** -np.arange(1, len(parts) - len(poles) + 1)
+                sums = np.hstack([1 / (shift[at, None] - poles), late]) @ parts
+                result[at] = self.D + sums.reshape(len(at), *self.D.shape)
         return result
 
     @cached_property
-    def _modes(self) -> tuple[Complex, Complex, Complex] | None:
-        """Poles of z - 1, C V, and V^-1 B; None where the eigenvectors V are nearly dependent."""
-        from scipy.linalg import matrix_balance
+    def _modes(self) -> tuple[Complex, Complex] | None:
+        """Poles (m,) of z - 1 and the residues; then the series in 1/z of those of a dead time."""
+        # None where the eigenvectors of the former are nearly dependent. The residues are
+        # (m + terms, outputs inputs). The latter are split off (Bavely and Stewart 1979, An
+        # algorithm for computing reducing subspaces by block diagonalization).
+        from scipy.linalg import matrix_balance, schur, solve_sylvester
 
         A, (size, _) = matrix_balance(self.A - np.eye(len(self.A)), permute=False, separate=True)
-        poles, V = np.linalg.eig(A)
-        if not np.linalg.cond(V) < WORST_VECTORS:
+        late_first: Any = lambda pole: abs(1 + pole) < LATE  # noqa: E731
+        R, Q, n = schur(A, output="complex", sort=late_first)
+        poles, V = np.linalg.eig(R[n:, n:])
+        shared = solve_sylvester(R[:n, :n], -R[n:, n:], -R[:n, n:]) @ V if 0 < n < len(R) else 0
+        basis = Q @ np.block(
+            [[np.eye(n), np.zeros((n, len(V))) + shared], [np.zeros((len(V), n)), V]]
+        )
+        if not np.linalg.cond(basis) < WORST_VECTORS:
             return None
-        seen, driven = self.C * size @ V, np.linalg.solve(V, self.B / size[:, None] + 0j)
-        return np.asarray(poles, complex), np.asarray(seen, complex), np.asarray(driven, complex)
+        C, B = self.C * size @ basis, np.linalg.solve(basis, self.B / size[:, None] + 0j)
+        residues = C.T[n:, :, None] * B[n:, None, :]
+        late, powers = C[:, :n], []
+        for _ in range(n + LEFT if n else 0):
+            powers.append(late @ B[:n])
+            late = late @ (R[:n, :n] + np.eye(n))
+        parts = np.concatenate([residues, np.reshape(powers, (-1, *self.D.shape))])
+        return np.asarray(poles, complex), np.asarray(parts.reshape(len(parts), -1), complex)
 
     def poles(self) -> Complex:
         """Return the poles (n,): of z, or in continuous time of s [1/s]."""
+        return self._poles
+
+    @cached_property
+    def _poles(self) -> Complex:
         return np.asarray(np.linalg.eigvals(self.A), complex)
 
     def unstable(self) -> Complex:

@@ -50,7 +50,8 @@ def design(
     free : sequence of str, optional
         Parameter to identify. By default those usually identifiable.
     max_sensitivity : float, optional
-        Limit of the sensitivity peak; 3 is the end of zone A, inf means no limit.
+        Limit of the sensitivity peak; 3 is the end of zone A, inf means no limit. If no filter
+        keeps it, the one with the least error near the lowest peak is used.
     precision : {"float", "double"}, optional
         Precision of the C.
     prefix : str, optional

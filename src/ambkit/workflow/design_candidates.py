@@ -123,11 +123,12 @@ class TunedCandidate:
 
 
 def tuned_within(peak_limit: float | None, *arguments: Any, **options: Any) -> Tuned:
-    """Tune a filter below a ceiling on the peak of abs(S), or without where none can be."""
+    """Tune a filter below a ceiling on the peak of abs(S), or as near to it as one comes."""
     try:
         return tune(*arguments, max_sensitivity=peak_limit, **options)
-    except OutOfReachError:
-        return tune(*arguments, **options)
+    except OutOfReachError as error:
+        nearest: Tuned | None = error.nearest
+        return nearest or tune(*arguments, **options)
 
 
 def exported_filter(

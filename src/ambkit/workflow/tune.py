@@ -50,6 +50,9 @@ BEYOND, FARTHEST = 100.0, 1e3
 """Cost of a peak beyond its ceiling by a factor of e, far above what else may change; and a ratio
 to it from which on it costs no more."""
 
+NEARLY = 1.05
+"""Peak over the least one, up to which errors decide where no filter keeps its ceiling."""
+
 AT_THE_END = 0.02
 """Share of the range, in its logarithm, within which a value has run into its end."""
 
@@ -266,22 +269,17 @@ def tune(
 
     def cost(values: Mapping[str, float]) -> float:
         """Return what the search makes small: beyond the ceiling it rises, whatever else."""
-        costs.append(task.cost(lambda: build(values)))
+        made = build(values)
+        costs.append(task.cost(lambda: made))
         if max_sensitivity is None:
             return costs[-1]
-        peaks.append(loop.peak(build(values)))
+        peaks.append(loop.peak(made))
         over = min(peaks[-1] / max_sensitivity, FARTHEST)
         return costs[-1] + (BEYOND * math.log(over) if over > 1 else 0.0)
 
     result = search(chosen, cost, budget, seeds.start, done)
     trials = [Tried(item.values, real) for item, real in zip(result.tried, costs, strict=True)]
     of_tried = tuple(peaks)
-    if max_sensitivity is not None and not min(of_tried) < max_sensitivity:
-        raise OutOfReachError(
-            f"of {len(trials)} {kind} filters that were tried none keeps the peak of |S| below "
-            f"{max_sensitivity:g}, the least is {min(of_tried):.4g}: allow more, or take another "
-            "controller"
-        )
     untuned = of_tried[0] if of_tried else loop.peak(build({})) if gives_estimate else math.nan
     # Where the untuned filter holds the loop no other has to be looked at.
     stands = not math.isinf(untuned) or any(
@@ -292,16 +290,14 @@ def tune(
             f"{bearing.name}: the loop is unstable with each of the {len(trials)} {kind} filters "
             f"that were tried; {loop.choice(True) or 'give another controller'}"
         )
-    beyond = [
-        max_sensitivity is not None and peak >= max_sensitivity
-        for peak in of_tried or (0.0,) * len(trials)
-    ]
-    within = [item for item, far in zip(result.tried, beyond, strict=True) if not far]
-    best = task.cautious(min(within, key=lambda entry: entry.cost), chosen, cost, build)
+    limit = _peak_limit(max_sensitivity, of_tried)
+    beyond = [peak >= limit for peak in of_tried or (0.0,) * len(trials)]
+    within = [item for item, far in zip(trials, beyond, strict=True) if not far]
+    best = task.best(within, chosen, cost, build)
     before = task.figures(lambda: build({}))
     after = task.figures(lambda: build(best.values))
     use_tuned = (
-        bool(best.values) and best is not result.tried[0]
+        bool(best.values) and best is not trials[0]
         and (after[task.judge] < before[task.judge] or beyond[0])
     )  # fmt: skip
     estimator = build(best.values if use_tuned else {})
@@ -313,7 +309,7 @@ def tune(
     if use_tuned and gives_estimate:
         warnings += _in_the_loop(loop.peak(estimator), untuned, max_sensitivity)
     validation = {name: (before[name], after[name]) for name in before}
-    return Tuned(
+    tuned = Tuned(
         estimator,
         kind,
         task.by,
@@ -330,6 +326,21 @@ def tune(
         else controller,
         tuple(warnings),
     )
+    if max_sensitivity is not None and limit > max_sensitivity:
+        raise OutOfReachError(
+            f"of {len(trials)} {kind} filters that were tried none keeps the peak of |S| below "
+            f"{max_sensitivity:g}, the least is {min(of_tried):.4g}: allow more, or take another "
+            "controller",
+            tuned,
+        )
+    return tuned
+
+
+def _peak_limit(peak_limit: float | None, peaks: Sequence[float]) -> float:
+    """Return what the peak of abs(S) must stay below: the limit, or nearly the least there is."""
+    if peak_limit is None:
+        return math.inf
+    return peak_limit if min(peaks) < peak_limit else NEARLY * min(peaks)
 
 
 def _chosen(candidate: Candidate, names: tuple[str, ...]) -> tuple[Range, ...]:

@@ -43,6 +43,9 @@ VALIDATION_SHARE = 0.5
 HALVINGS = 8
 """Of the range above the likeliest growth of the load, in which the largest likely one is found."""
 
+COMPARED = 3
+"""Filters of a search in few simulated runs that are compared in all of them."""
+
 
 JUDGED: Mapping[By, str] = {
     "likelihood": "negative log-likelihood per sample",
@@ -93,13 +96,15 @@ class ByLikelihood:
         own = [item.name for item in candidate.tunable if not item.name.startswith("noise.")]
         return (*NOISE, *own)
 
-    def cautious(
-        self, best: Tried, free: Sequence[Range], cost: Callable[[Mapping[str, float]], float],
+    def best(
+        self, evaluated: Sequence[Tried], free: Sequence[Range],
+        cost: Callable[[Mapping[str, float]], float],
         build: Callable[[Mapping[str, float]], Estimator],
     ) -> Tried:  # fmt: skip
         """Take the fastest load that the records do not rule out (Edwards 1972)."""
         # With a constant load the likelihood cannot bound Q from below, and a filter with a small Q
         # follows no later load: Q is raised to what the stated load needs.
+        best = min(evaluated, key=lambda entry: entry.cost)
         noise_range = next((item for item in free if item.name == "noise.disturbance"), None)
         if noise_range is None:
             return best
@@ -197,7 +202,12 @@ class ByTruth:
         self.unseen = self._trials(2 * seeds.start + 2)
         if not (self.seen and self.unseen):
             raise AmbkitError(f"{bearing.name}: the rotor met a stop in all simulated runs")
-        self.reference = self.errors(lambda: KalmanFilter(bearing), self.seen).mean(axis=0)
+        # Each run has a step along each axis, so that few runs tell what a filter is worth; the
+        # best are compared in all of them.
+        self.few = self.seen[: math.ceil(len(self.seen) / len(bearing.axes))]
+        untuned = self.errors(lambda: KalmanFilter(bearing), self.seen)
+        self.reference = untuned.mean(axis=0)
+        self._reference_of_few = untuned[: len(self.few)].mean(axis=0)
 
     def errors(self, build: Callable[[], Estimator], trials: Sequence[Trial]) -> Any:
         """Return the errors of x, v and f_d along the axes in each run (runs, 3)."""
@@ -221,19 +231,28 @@ class ByTruth:
             name for name in names if not (has_process_noise and name == "noise.measurement")
         )
 
-    def cautious(self, best: Tried, _free: Any, _cost: Any, _build: Any) -> Tried:
-        """Return the best of the search as it is."""
-        return best
+    def best(
+        self, evaluated: Sequence[Tried], _free: Any, _cost: Any,
+        build: Callable[[Mapping[str, float]], Estimator],
+    ) -> Tried:  # fmt: skip
+        """Return the best in all runs of those that are best in the few of the search."""
+        best = sorted(evaluated, key=lambda entry: entry.cost)
+        if len(self.few) == len(self.seen):
+            return best[0]
+        return min(
+            best[:COMPARED],
+            key=lambda at: self._share(self.errors(lambda: build(at.values), self.seen)),
+        )
 
     def check(self, estimator: Estimator, kind: str) -> None:
         """There is nothing that could not be tuned so."""
 
     def cost(self, build: Callable[[], Estimator]) -> float:
         """Return what the search makes small, for the filters that `build` makes."""
-        return self._share(self.errors(build, self.seen))
+        return self._share(self.errors(build, self.few), self._reference_of_few)
 
-    def _share(self, result: Any) -> float:
-        shares = result.mean(axis=0) / self.reference
+    def _share(self, result: Any, reference: Any = None) -> float:
+        shares = result.mean(axis=0) / (self.reference if reference is None else reference)
         known = shares[~np.isnan(shares)]
         return float(known.mean()) if known.size else math.inf
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -77,12 +77,17 @@ class Loop:
         """Return the unstable poles of the open loop: of plant and compensator, each alone."""
         return np.concatenate([self.plant.unstable(), self.compensator.unstable()])
 
+    @cached_property
+    def _broken(self) -> tuple[LinearSystem, LinearSystem]:
+        """Plant and compensator between control signals and measurements."""
+        y, u = slice(self.measurements), slice(len(self.compensator.outputs))
+        return self.plant.part(y, u), self.compensator.part(u, y)
+
     def open(self, frequency: ArrayLike) -> Complex:
         """Return the open loop L (k, m, m) at the measurements, such that ``S = 1/(1 + L)``."""
         # frequency (k,) [Hz]
-        m, c = self.measurements, len(self.compensator.outputs)
-        P, K = self.plant.response(frequency), self.compensator.response(frequency)
-        L = -P[:, :m, :c] @ K[:, :, :m]
+        P, K = (part.response(frequency) for part in self._broken)
+        L = -P @ K
         if self.delay:
             late = np.exp(-2j * np.pi * self.delay * np.atleast_1d(np.asarray(frequency, float)))
             L = late[:, None, None] * L
@@ -114,12 +119,7 @@ class Loop:
         return np.asarray(np.linalg.norm(self.along_axes(frequency), 2, axis=(1, 2)))
 
     def _of(self, outputs: slice, inputs: slice, frequency: ArrayLike) -> Complex:
-        closed = self.closed
-        part = replace(
-            closed, B=closed.B[:, inputs], C=closed.C[outputs], D=closed.D[outputs, inputs],
-            inputs=closed.inputs[inputs], outputs=closed.outputs[outputs],
-        )  # fmt: skip
-        return part.response(frequency)
+        return self.closed.part(outputs, inputs).response(frequency)
 
     @property
     def _positions(self) -> slice:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -48,8 +48,19 @@ COARSE = 500
 """Points of a grid that finds a peak, where nothing else is asked."""
 
 
+@lru_cache(maxsize=4)
+def _plant_of(machine: Machine) -> Plant:
+    """Return the plant of a machine; each filter that is tried in its loop asks for it."""
+    return Plant(machine)
+
+
 class OutOfReachError(AmbkitError):
     """A filter cannot be held to a ceiling on the peak of the sensitivity."""
+
+    def __init__(self, message: str, nearest: Any = None) -> None:
+        super().__init__(message)
+        #: What comes nearest to the ceiling (`ambkit.workflow.tune.Tuned`); None where none can.
+        self.nearest = nearest
 
 
 def ideal_pieces(machine: Machine) -> dict[str, Machine]:
@@ -147,7 +158,7 @@ class LoopOf:
                 '"ambkit assess sweep" measures them on the simulated loop'
             )
         control = self.control_for(estimator)
-        return controllers_of(Plant(self.machine), control, estimator, fastest=max_speed)
+        return controllers_of(_plant_of(self.machine), control, estimator, fastest=max_speed)
 
     def plain(self, estimator: Estimator | None) -> str | None:
         """Return a sentence where unbalance control is plain control at the machine's speed."""
@@ -299,7 +310,8 @@ class LoopOf:
         f = grid(loop, COARSE)
         within = np.append(f[f < self.top], self.top)
         S = np.abs(np.einsum("kii->ki", loop.along_axes(within)))
-        return max(highest(partial(loop.of_axis, k), within, S[:, k])[0] for k in range(loop.axes))
+        worst = np.flatnonzero(S.max(axis=0) > 0.9 * S.max()).tolist()
+        return max(highest(partial(loop.of_axis, k), within, S[:, k])[0] for k in worst)
 
     def check(self, estimator: Estimator, peak_limit: float) -> None:
         """Refuse a ceiling on the peak of abs(S) that this filter cannot be held to."""
