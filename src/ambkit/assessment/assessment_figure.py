@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -32,6 +33,11 @@ class Curves(NamedTuple):
     axis: int = 0
 
 
+# What the Nyquist plot shows: the surroundings of -1, with circles that are nearly round.
+NYQUIST_REAL = Axis("real part of L", limits=(-3.2, 1.2))
+NYQUIST_IMAGINARY = Axis("imaginary part of L", limits=(-2.1, 2.1))
+
+
 def assessment_figure(
     title: str,
     loops: Sequence[Curves],
@@ -52,9 +58,9 @@ def assessment_figure(
     compliance: list[Item] = []
     stiffness: list[Item] = []
     noise: list[Item] = []
-    if static is not None:
-        compliance.append(Rule(static, signal="bound", label="static, without the integral"))
-        stiffness.append(Rule(1 / static, signal="bound", label="static, without the integral"))
+    for items, value in (compliance, static), (stiffness, static and 1 / static):
+        if value is not None:
+            items.append(Rule(value, signal="bound", label="static, without the integral"))
     peaks, softest = list[float](), 0.0
     for k, (name, loop, axis) in enumerate(loops):
         look = LOOKS[k % len(LOOKS)]
@@ -75,8 +81,6 @@ def assessment_figure(
     withstands = Axis("dynamic stiffness", "N/µm", 1e-6, scale="log", limits=limits)
     passes = Axis("current by noise", "A/µm", 1e-6, scale="log")
     heights = Axis("sensitivity |S|", "dB", limits=(-14.0, max(16.0, 2 + max(peaks))))
-    real = Axis("real part of L", limits=NYQUIST_REAL)
-    imaginary = Axis("imaginary part of L", limits=NYQUIST_IMAGINARY)
     return Figure(
         "assessment",
         title,
@@ -85,7 +89,7 @@ def assessment_figure(
         f"rate; loads are held over a sample.{_unstable(left_out)}",
         [
             Panel(frequency, heights, bode, title="Sensitivity"),
-            Panel(real, imaginary, nyquist_items, title="Open loop"),
+            Panel(NYQUIST_REAL, NYQUIST_IMAGINARY, nyquist_items, title="Open loop"),
             Panel(frequency, yields, compliance, title="Compliance"),
             Panel(frequency, withstands, stiffness, title="Dynamic stiffness"),
             Panel(frequency, passes, noise, title="Noise to current"),
@@ -125,9 +129,8 @@ def unstable_figure(
             text = f"{item.frequency:.4g} Hz, {item.growth:+.3g}/s" if item is poles[0] else ""
             gains.append(Rule(item.frequency, axis="x", signal="spike", label="", text=text))
     frequency = Axis("frequency", "Hz", scale="log", limits=(SHOWN * nyquist, nyquist))
-    real = Axis("real part of L", limits=NYQUIST_REAL)
     panels = [
-        Panel(real, Axis("imaginary part of L", limits=NYQUIST_IMAGINARY), curves,
+        Panel(NYQUIST_REAL, NYQUIST_IMAGINARY, curves,
               title="Open loop"),
         _of_poles(loop, poles),
         Panel(frequency, Axis("loop gain |L|", "dB", limits=(-60.0, 60.0)), gains,
@@ -210,13 +213,9 @@ def _of_whole(
     return [
         Panel(frequency, heights, items, title="Singular values"),
         Panel(Axis("real part", limits=(-2.2, 2.2)),
-              Axis("imaginary part", limits=NYQUIST_IMAGINARY), [origin, curve],
+              replace(NYQUIST_IMAGINARY, label="imaginary part"), [origin, curve],
               title=f"det(1 + L), its magnitude to the power of 1/{loop.axes}"),
     ]  # fmt: skip
-
-
-NYQUIST_REAL, NYQUIST_IMAGINARY = (-3.2, 1.2), (-2.1, 2.1)
-"""What the Nyquist plot shows: the surroundings of -1, with circles that are nearly round."""
 
 
 def zone_lines(zones: Sequence[tuple[str, float]], top: float) -> list[Item]:

@@ -72,8 +72,7 @@ def measured_figure(
         "−1 the same for the open loop.",
         [
             Panel(frequency, heights, bode, title="Sensitivity"),
-            Panel(Axis("real part of L", limits=NYQUIST_REAL),
-                  Axis("imaginary part of L", limits=NYQUIST_IMAGINARY), nyquist,
+            Panel(NYQUIST_REAL, NYQUIST_IMAGINARY, nyquist,
                   title="Open loop"),
             Panel(frequency, Axis("coherence", limits=(0.0, 1.05)),
                   [Points(f, result.coherence, signal="estimate", label="")],

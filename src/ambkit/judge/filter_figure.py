@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import cycle
 
@@ -38,6 +38,17 @@ from ambkit.result.signal_styles import (
 _SMOOTHED = ("smoothed", "smoothed 2", "smoothed 3")
 
 
+CAPTION = (
+    "Bounds: two standard deviations of the innovation as the filter expects it. First guesses, at "
+    "the start and after a long gap, may reach beyond the axes."
+)
+LOGGED = {
+    "x": ((("y", "measured"), ("r", "reference")), (("x_logged", "logged"),)),
+    "v": ((("v_logged", "logged"),), ()),
+}
+"""Signals of a record drawn below and above the estimates of a state, with their styles."""
+
+
 def filter_figure(
     record: Record,
     evaluated: Mapping[str, Evaluation],
@@ -48,14 +59,11 @@ def filter_figure(
     time = replace(TIME, limits=(float(t[0]), float(t[-1])))
     smoothed = smoothed or {}
 
-    def known(signal: str, style: str, **label: str) -> list[Item]:
-        return [Line(t, record[signal], signal=style, **label)] if signal in record else []
-
     def true(state: str) -> list[Item]:
         truth = true_signal(record, state)
         return [] if truth is None else [Line(t, truth, signal="truth")]
 
-    def told(signal: str) -> list[Item]:
+    def estimated(signal: str) -> list[Item]:
         return drawn(lambda estimate: estimate[signal] if signal in estimate.names else None)
 
     def drawn(read: Callable[[Estimate], Array | None]) -> list[Item]:
@@ -68,29 +76,27 @@ def filter_figure(
             if (values := read(estimate)) is not None
         ]
 
-    estimates = [evaluation.estimate for evaluation in evaluated.values()]
+    estimates = [item.estimate for item in evaluated.values()]
     absent = _absent(record, estimates[0])
     innovations = [
-        innovation_panel(name, evaluation.estimate, time, absent)
-        for name, evaluation in evaluated.items()
+        innovation_panel(name, item.estimate, time, absent) for name, item in evaluated.items()
     ]
     settled = settled_samples(t, estimates)
 
+    def logged(signals: Sequence[tuple[str, str]]) -> list[Item]:
+        return [Line(t, record[name], signal=style) for name, style in signals if name in record]
+
     def panel(state: Descriptor) -> Panel:
         axis = of_state(state)
-        items = [*true(state.name), *told(state.name)]
-        if state.name == "x":
-            items = [*known("y", "measured"), *known("r", "reference"), *items]
-            items += known("x_logged", "logged")
-        if state.name == "v":
-            items = [*known("v_logged", "logged"), *items]
+        below, above = LOGGED.get(state.name, ((), ()))
+        items = [*logged(below), *true(state.name), *estimated(state.name), *logged(above)]
         if state.role != "position":
             axis = with_limits(axis, items, settled)
         return Panel(time, axis, [*items, *absent])
 
     late = {n: None for item in estimates for n in item.of_role("current")}
     currents = [
-        Panel(time, CURRENT, [*true(f"iu{name.removeprefix('i')}"), *told(name), *absent])
+        Panel(time, CURRENT, [*true(f"iu{name.removeprefix('i')}"), *estimated(name), *absent])
         for name in late
     ]
     coloured = [] if any(estimates[0].readings) else drawn(lambda entry: entry.sensor_noise)
@@ -98,15 +104,12 @@ def filter_figure(
     return Figure(
         id="filter",
         title=f"Estimates along {markdown(record.meta.get('source') or 'the record')}",
-        caption="Bounds: two standard deviations of the innovation as the filter expects it. First "
-        "guesses, at the start and after a long gap, may reach beyond the axes.",
+        caption=CAPTION,
         panels=[
             *(panel(state) for state in estimates[0].states if state.role in AXES),
-            *currents,
-            *noises,
-            *innovations,
+            *currents, *noises, *innovations,
         ],
-    )
+    )  # fmt: skip
 
 
 AXES = {"position": POSITION, "velocity": VELOCITY, "disturbance force": DISTURBANCE}
