@@ -287,4 +287,4 @@ def test_voltage_and_copper_of_a_machine():
     assert over.voltage.shape == (4, 4)
     assert over.voltage[0] == pytest.approx(2.0 * (1 + np.abs(LoopOf(wired).point.iu)) / 30.0)
     assert (over.voltage[-1] > over.voltage[0]).all()
-    assert len(over.run_up_figure().panels) == 3
+    assert len(over.figures()[1].panels) == 3

@@ -39,7 +39,7 @@ def test_over_speed_goes_through_the_machines_own():
     assert all(each.holds for each in over.integrals.values())
     assert over.voltage is None
     assert len(over.figure().panels) == 3
-    assert len(over.run_up_figure().panels) == 2
+    assert len(over.figures()[1].panels) == 2
 
 
 def test_a_filter_over_speed_is_told_the_speed():

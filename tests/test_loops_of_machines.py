@@ -17,7 +17,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.control.stabilising_controller import holding
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import bode_integral, grid, highest
-from ambkit.judge.loop.synthesis import least_peak_of_delay, least_peaks
+from ambkit.judge.loop.synthesis import EDGE, _growing, _ratio, least_peaks
 from ambkit.models.linear import LinearSystem, Signal
 
 RPM = math.pi / 30
@@ -107,6 +107,24 @@ def test_sampled_reference(dead_time, peaks, largest):
     integral = bode_integral(loop)
     assert 2 * math.pi * integral.integral == pytest.approx(0.99075025, rel=1e-7)
     assert integral.holds
+
+
+def least_peak_of_delay(plant: LinearSystem, delay: float) -> float:
+    """Return what no controller in continuous time is below, by the dead time alone [1]."""
+    # Sampling, zeros, and that control is late for other reasons make it only worse. It is ``e^(p
+    # delay)`` of the fastest pole where the poles' directions are at right angles.
+    from scipy.linalg import expm, solve_continuous_lyapunov
+
+    if not len(plant.unstable()):
+        return 1.0
+    edge = EDGE * float(np.abs(plant.poles()).max())
+    R, unstable_block = _growing(plant.A, lambda pole: pole.real > edge)
+    seen = plant.C @ R
+    own, gramian = (
+        solve_continuous_lyapunov(unstable_block.T, item.T @ item)
+        for item in (seen, seen @ expm(delay * unstable_block))
+    )
+    return _ratio(gramian, own)
 
 
 def test_least_peak_by_the_dead_time_is_that_of_the_fastest_pole():

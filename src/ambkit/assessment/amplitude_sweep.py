@@ -165,19 +165,10 @@ class Sweep(Result):
         }
 
     def figures(self) -> list[Figure]:
-        """Return the sweeps."""
-        return [self.figure()]
-
-    def figure(self) -> Figure:
-        """Return the sweeps over the model's curve, and how far they are from it, as a picture."""
-        return sweep_figure(
-            self.title,
-            None if self.loop is None else self.loop.loop,
-            self.axis,
-            [(item.amplitude, item.frequency, item.sensitivity, item.model) for item in self.swept],
-            zones=ZONES,
-            top=self.top,
-        )
+        """Return the sweeps over the model's curve, and how far they are from it."""
+        swept = [(of.amplitude, of.frequency, of.sensitivity, of.model) for of in self.swept]
+        model = None if self.loop is None else self.loop.loop
+        return [sweep_figure(self.title, model, self.axis, swept, zones=ZONES, top=self.top)]
 
 
 @one_thread()

@@ -153,20 +153,14 @@ class AssessedLog(Result):
         }
 
     def figures(self) -> list[Figure]:
-        """Return the sensitivity."""
-        return [self.figure()]
-
-    def figure(self) -> Figure:
-        """Return S with its interval and zones, the open loop, and the coherence as a picture."""
+        """Return S with its interval and zones, the open loop, and the coherence."""
         models = [] if self.model is None else [
             Curves(name, loop.loop, self.axis)
             for name, loop in self.model.loops.items() if loop.stable
         ]  # fmt: skip
         name = "" if self.model is None else f"{self.name}: "
-        return measured_figure(
-            f"{name}measured sensitivity, zone {self.zone}", self.measured, models,
-            zones=ZONES, top=self.top,
-        )  # fmt: skip
+        title = f"{name}measured sensitivity, zone {self.zone}"
+        return [measured_figure(title, self.measured, models, zones=ZONES, top=self.top)]
 
 
 def assess_log(

@@ -112,12 +112,8 @@ class Injection(Result):
         return {"bearing": self.name, "kind": self.excitation.kind}
 
     def figures(self) -> list[Figure]:
-        """Return the experiment."""
-        return [self.figure()]
-
-    def figure(self) -> Figure:
-        """Return the experiment over time, and the error that is expected, as a picture."""
-        return injection_figure(self.name, self.record, self.limits, self.expected)
+        """Return the experiment over time, and the error that is expected."""
+        return [injection_figure(self.name, self.record, self.limits, self.expected)]
 
 
 def injection_figure(

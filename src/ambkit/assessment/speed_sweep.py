@@ -217,16 +217,8 @@ class OverSpeed(Result):
         }
 
     def figures(self) -> list[Figure]:
-        """Return sensitivity over the speed, and the run-up."""
-        return [self.figure(), self.run_up_figure()]
-
-    def figure(self) -> Figure:
-        """Return sensitivity and modes of the closed loop over the speed as a picture."""
-        return over_speed_figure(self, ZONES)
-
-    def run_up_figure(self) -> Figure:
-        """Return displacement, current and voltage in a run-up, beside their limits."""
-        return run_up_figure(self)
+        """Return sensitivity and modes over the speed, and the run-up beside its limits."""
+        return [over_speed_figure(self, ZONES), run_up_figure(self)]
 
 
 @one_thread()

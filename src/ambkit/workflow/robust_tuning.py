@@ -162,18 +162,14 @@ class Robust(Result):
 
     def figures(self) -> list[Figure]:
         """Return the Pareto front."""
-        return [self.figure()]
-
-    def figure(self) -> Figure:
-        """Return the Pareto front as a picture."""
         from ambkit.campaigns.figures import front_figure
 
-        return front_figure(
+        return [front_figure(
             f"{markdown(self.plan.study.name)}: {100 * self.quantile:g} % of the machines are no "
             "worse",
             [item.error for item in self.tried], [item.peak for item in self.tried], self.front,
             np.array([item.allowed for item in self.tried]), self.max_sensitivity, self.taken,
-        )  # fmt: skip
+        )]  # fmt: skip
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
         """Write the filter, and beside it its controller."""

@@ -99,17 +99,11 @@ class TradeOff(Result):
         return {"bearing": self.bearing.name, "kind": self.kind, "points": values}
 
     def figures(self) -> list[Figure]:
-        """Return errors over the peak."""
-        return [self.figure()]
-
-    def figure(self) -> Figure:
-        """Return errors over the peak of abs(S) as a picture."""
+        """Return errors over the peak of abs(S)."""
         reached = [point for point in self.points if point.tuned is not None]
-        return trade_off_figure(
-            f"{markdown(self.bearing.name)}, {self.kind} filter: error against margin",
-            [item.peak for item in reached],
-            {name: [item.errors[name] for item in reached] for name in SIGNALS},
-        )
+        title = f"{markdown(self.bearing.name)}, {self.kind} filter: error against margin"
+        errors = {name: [item.errors[name] for item in reached] for name in SIGNALS}
+        return [trade_off_figure(title, [item.peak for item in reached], errors)]
 
 
 def trade_off(

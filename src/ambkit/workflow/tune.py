@@ -145,16 +145,6 @@ class Tuned(Result):
         """What became of it, in a sentence."""
         return f"The {'tuned' if self.kept else 'untuned'} filter is used."
 
-    def figure(self) -> Figure:
-        """Return the picture of all that was tried."""
-        from ambkit.workflow.tuning_figure import tuning_figure
-
-        title = f"Tuning of the {self.estimator.name} for {markdown(self.estimator.machine.name)}"
-        return tuning_figure(
-            title, self.free, self.trace, self.values, JUDGED[self.by], self.outcome,
-            self.peaks, self.max_sensitivity,
-        )  # fmt: skip
-
     TITLE = "Tuning of the {0.estimator.name} for {0.estimator.machine.name}"
 
     @property
@@ -225,7 +215,13 @@ class Tuned(Result):
 
     def figures(self) -> list[Figure]:
         """Return all that was tried."""
-        return [self.figure()]
+        from ambkit.workflow.tuning_figure import tuning_figure
+
+        title = f"Tuning of the {self.estimator.name} for {markdown(self.estimator.machine.name)}"
+        return [tuning_figure(
+            title, self.free, self.trace, self.values, JUDGED[self.by], self.outcome,
+            self.peaks, self.max_sensitivity,
+        )]  # fmt: skip
 
 
 @one_thread()

@@ -37,11 +37,6 @@ class Heating:
     #: where it never is, None where time constant or limit are not known.
     until_limit: float | None
 
-    @property
-    def celsius(self) -> float:
-        """Of the coil, in degrees Celsius."""
-        return self.temperature - ZERO
-
 
 def heating(bearing: Bearing, squares: list[float]) -> Heating | None:
     """Return how warm the coils of an axis become."""

@@ -52,24 +52,6 @@ def least_peaks(plant: LinearSystem) -> tuple[float, float]:
     return bound, bound
 
 
-def least_peak_of_delay(plant: LinearSystem, delay: float) -> float:
-    """Return what no controller in continuous time is below, by the dead time alone [1]."""
-    # Sampling, zeros, and that control is late for other reasons make it only worse. It is ``e^(p
-    # delay)`` of the fastest pole where the poles' directions are at right angles.
-    from scipy.linalg import expm, solve_continuous_lyapunov
-
-    if not len(plant.unstable()):
-        return 1.0
-    edge = EDGE * float(np.abs(plant.poles()).max())
-    R, unstable_block = _growing(plant.A, lambda pole: pole.real > edge)
-    seen = plant.C @ R
-    own, gramian = (
-        solve_continuous_lyapunov(unstable_block.T, item.T @ item)
-        for item in (seen, seen @ expm(delay * unstable_block))
-    )
-    return _ratio(gramian, own)
-
-
 def _scaled(plant: LinearSystem) -> tuple[Array, Array, Array]:
     """Return A, B, C with states counted in what a pulse of the controls makes of them."""
     pulsed = [plant.B]
