@@ -359,6 +359,6 @@ def test_a_record_with_a_sign_swapped_is_named_in_python_too(
     assert not caplog.messages
     swapped = ambkit.Record(record.t, {"y": record["y"], "u": -record["u"]})
     ambkit.tune(AXIS, swapped, "linear", budget=1)
-    assert caplog.messages[0].startswith("record 1: u rises where y does")
+    assert caplog.messages[0].startswith("record 1: the sign of y or of u is wrong")
     notes = ambkit.filter(swapped, "linear", machine=AXIS).notes
-    assert any(text.startswith("the record: u rises where y does") for text in notes)
+    assert any(text.startswith("the record: the sign of y or of u is wrong") for text in notes)

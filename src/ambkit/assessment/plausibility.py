@@ -18,14 +18,13 @@ MOST = 0.5
 
 
 def check_plausibility(record: Record, machine: Machine) -> list[str]:
-    """Return what is odd about a record of a machine with one axis, or refuse it."""
-    if len(machine.axes) > 1:  # each moves by the forces on all
+    """Return what is odd about a record of a machine, or refuse it."""
+    machine = machine.short
+    if off_rate(record, machine):
         return []
-    bearing = machine.isolated_axis(machine.axes[0].name)
-    if off_rate(record, bearing):
-        return []
-    verdict = evaluate_record(record, bearing)
-    if "y" in record:
+    verdict = evaluate_record(record, machine)
+    if machine.single and "y" in record:
+        bearing = machine.isolated_axis("")
         y = record["y"][np.isfinite(record["y"])] / bearing.sensor.gain
         beyond = float(np.mean(np.abs(y) > bearing.magnet.air_gap)) if y.size else 0.0
         if beyond > MOST:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,15 +17,13 @@ from ambkit.data.reading.faults import noise
 from ambkit.data.reading.plausibility import longest_run, suspects
 from ambkit.data.reading.position_search import NO_NOISE, in_steps, rotor
 from ambkit.data.reading.signal_roles import LOOKED_AT, filled
+from ambkit.judge.signs import judge_signs
 from ambkit.machine.magnets import ConstantStiffness, own_time
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Bearing, Machine
 
-
-SURE = 0.6
-"""Correlation of slow position and slow control signal from which their signs can be told."""
 
 _START = 0.25  # part of a record that may be a start, with the rotor on its stop
 
@@ -58,31 +57,44 @@ class Verdict(NamedTuple):
     """What is odd."""
 
 
-def evaluate_record(record: Record, bearing: Bearing) -> Verdict:
-    """Compare a record with the bearing that it is said to be of."""
-    swapped = list(_signs(record, bearing))
-    problems = [*_rate(record, bearing), *swapped]
-    remarks = [] if swapped else list(_gravity(record, bearing))
+def evaluate_record(record: Record, machine: Machine) -> Verdict:
+    """Compare a record with the machine that it is said to be of."""
+    problems = list(_rate(record, machine))
+    remarks = list(suspects(record.t, record.signals, record.units))
+    if not machine.single:  # each axis moves by the forces on all
+        signs = [] if problems else list(judge_signs(record, machine))
+        return _verdict(problems, [(False, text) for text in remarks] + signs)
+    bearing = machine.isolated_axis("")
+    limits = [*_position(record, bearing), *_control(record, bearing)]
+    fit = not problems and not any(wrong for wrong, _ in limits)
+    signs = list(judge_signs(_without_stops(record, bearing), bearing)) if fit else []
     lying = list(_lies(record, bearing))
-    findings = suspects(record.t, record.signals, record.units)
-    remarks += [*lying, *(text for text in findings if not (lying and "lie on" in text))]
-    if not problems:
-        remarks += [*_motion(record, bearing)] or _balance(record, bearing)
-    for wrong, text in (*_position(record, bearing), *_control(record, bearing)):
-        (problems if wrong else remarks).append(text)
-    return Verdict(tuple(problems), tuple(remarks))
+    remarks = [*lying, *(text for text in remarks if not (lying and "lie on" in text))]
+    if not any(wrong for wrong, _ in signs):
+        remarks = [*_gravity(record, bearing), *remarks]
+        if not problems:
+            remarks += [*_motion(record, bearing)] or [*_balance(record, bearing)]
+    return _verdict(problems, [*signs, *((False, text) for text in remarks), *limits])
 
 
-def off_rate(record: Record, bearing: Bearing) -> bool:
-    """Whether a record's sampling time is not the bearing's."""
-    return abs(record.sampling_time / bearing.sampling_time - 1) > 1e-3
+def _verdict(problems: Sequence[str], findings: Sequence[tuple[bool, str]]) -> Verdict:
+    wrong, odd = (
+        [text for is_wrong, text in findings if is_wrong is which] for which in (True, False)
+    )
+    return Verdict((*problems, *wrong), tuple(odd))
 
 
-def _rate(record: Record, bearing: Bearing) -> Iterator[str]:
-    ours, theirs = record.sampling_time, bearing.sampling_time
-    if off_rate(record, bearing):
+def off_rate(record: Record, machine: Machine) -> bool:
+    """Whether a record's sampling time is not the machine's."""
+    return abs(record.sampling_time / machine.sampling_time - 1) > 1e-3
+
+
+def _rate(record: Record, machine: Machine) -> Iterator[str]:
+    ours, theirs = record.sampling_time, machine.sampling_time
+    if off_rate(record, machine):
+        what = "bearing" if machine.single else "machine"
         yield (
-            f"it is sampled every {engineering(ours, 's', digits=4)}, the bearing's sampling_time "
+            f"it is sampled every {engineering(ours, 's', digits=4)}, the {what}'s sampling_time "
             f"is {engineering(theirs, 's', digits=4)}"
         )
 
@@ -246,6 +258,14 @@ def _lies(record: Record, bearing: Bearing) -> Iterator[str]:
             )
 
 
+def _without_stops(record: Record, bearing: Bearing) -> Record:
+    """Return a record without the positions of a rotor that is on a stop."""
+    if "y" not in record:
+        return record
+    lies = _at_stop(record, bearing, -1) | _at_stop(record, bearing, 1)
+    return replace(record, signals={**record.signals, "y": np.where(lies, np.nan, record["y"])})
+
+
 def _at_stop(record: Record, bearing: Bearing, side: int) -> NDArray[np.bool_]:
     """Where a rotor is on the stop of a side (n,); nowhere if noise hides the travel."""
     y, gain, travel = record["y"], bearing.sensor.gain, bearing.rotor.clearance
@@ -278,18 +298,6 @@ def _control(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
     )
     wrong = beyond > 0.5
     yield wrong, f"{text}: is a unit, scale or offset wrong?" if wrong else text
-
-
-def _signs(record: Record, bearing: Bearing) -> Iterator[str]:
-    if "y" not in record or "u" not in record:
-        return
-    likeness = mirror_correlation(record, bearing)
-    if likeness > SURE:
-        yield (
-            f"u rises where y does (correlation {likeness:.2f} of what is slow in them), but an "
-            "unstable rotor at x is only held by a current against x: the sign of y or of u is "
-            "swapped (or a load moved with the rotor)"
-        )
 
 
 def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
@@ -325,22 +333,6 @@ def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
             "be on the rotor. Is an offset or a scale of y or of u wrong, or the record of another "
             "rig?".format(*force_texts)
         )
-
-
-def mirror_correlation(record: Record, bearing: Bearing) -> float:
-    """Correlation of the slow parts of y and u, whose sign the plant dictates."""
-    # Of the undamped plant ``m a = k_i iu + k_s x`` with k_i, k_s > 0, the response from current to
-    # displacement is ``-k_i / (m w^2 + k_s)``: real and negative at every frequency w, whatever the
-    # controller does; and a controller that holds the rotor answers a displacement by the other
-    # load with a current against it. So the two move against each other. Noise makes them do so
-    # too, where the signs are right, and the other way where one is swapped: it is averaged away
-    # over half the plant's time constant sqrt(m / k_s).
-    y, u, _ = _flying(record, bearing)
-    if y.size < 20:
-        return 0.0
-    y, u = y - y.mean(), u - u.mean()
-    scale = math.sqrt(float(y @ y) * float(u @ u))
-    return float(y @ u) / scale if scale > 0 else 0.0
 
 
 def _means(values: Array, size: int) -> Array:

@@ -273,10 +273,9 @@ def _describe_record(
         if fault.kind != "missing"
     ]
     remarks = account(faults, record.sampling_time)
-    if machine is None or not machine.single:  # of several each axis moves by the forces on all
-        findings = suspects(record.t, record.signals, record.units)
-        return _Described(about, (), (*remarks, *findings))
-    verdict = evaluate_record(record, machine.isolated_axis(""))
+    if machine is None:
+        return _Described(about, (), (*remarks, *suspects(record.t, record.signals, record.units)))
+    verdict = evaluate_record(record, machine)
     return _Described(
         about, tuple(f"{path}: {p}" for p in verdict.problems), (*remarks, *verdict.remarks)
     )

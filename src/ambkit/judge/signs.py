@@ -1,0 +1,185 @@
+"""Signs of a record's channels, by how well a machine's model predicts it with one reversed.
+
+The log likelihood of the innovations (Schweppe 1965) holds in closed loop too, whatever the
+controller: only the past enters a prediction. Noise intensities are fitted to either hypothesis, so
+that their ratio tells signs and not noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ambkit.base.errors import ConfigError
+from ambkit.data.reading.signal_roles import filled
+from ambkit.data.record import Record
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.estimate.noise_model import FilterNoise
+from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.magnets import own_time
+
+if TYPE_CHECKING:
+    from ambkit.base.arrays import Array
+    from ambkit.machine.machine import Machine
+
+LEAST_TOTAL, LEAST_MEAN = 10.0, 0.02
+"""Log-likelihood ratio, in all and at each instant, from which on it is decisive. Records with the
+right signs have 0.05 and more at each, with a step of 30 standard deviations too."""
+
+_BLOCK = 0.25
+"""Length of the means that are predicted, in the rotor's time constant: what converters, filters
+and amplifiers do within it does not matter."""
+
+_FEWEST = 200  # means of a record that is long enough for them
+
+_BENDING, _RIGID = 600, 24000  # instants that are looked at, the last ones
+
+_INTENSITIES = (1e-3, 1.0, 1e3)  # of the disturbance force, over the usual
+
+_OUTLIER = 16.0  # normalised innovation squared beyond which a measurement tells no more
+
+_MEDIAN = 0.455  # of chi-square with one degree of freedom
+
+
+class SignTest(NamedTuple):
+    """The channel whose reversed sign the model takes best."""
+
+    channel: str
+    log_likelihood_ratio: float
+    """Of the record with it reversed over the record as it is."""
+    instants: int
+
+    @property
+    def decisive(self) -> bool:
+        """Whether it tells anything."""
+        least = max(LEAST_TOTAL, LEAST_MEAN * self.instants)
+        return abs(self.log_likelihood_ratio) > least
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the sign is wrong."""
+        return self.decisive and self.log_likelihood_ratio > 0
+
+
+def sign_test(record: Record, machine: Machine) -> SignTest | None:
+    """Try each channel with its sign reversed; None where there is nothing to predict."""
+    names = (
+        ["y", "u"]
+        if machine.single
+        else [
+            *(f"y_{reading.name}" for reading in machine.readings),
+            *(f"u_{axis.name}" for axis in machine.axes),
+        ]
+    )
+    if any(name not in record or not np.ptp(filled(record[name])) for name in names):
+        return None
+    prediction = _Prediction(record, machine, names)
+    if prediction.n < 20:
+        return None
+    as_it_is = prediction.best()
+    # Of one axis the model is the same with both reversed.
+    candidates = names[1:] if machine.single else names
+    ratios = {name: prediction.best(name) - as_it_is for name in candidates}
+    channel = max(ratios, key=lambda name: ratios[name])
+    return SignTest(channel, ratios[channel], prediction.n)
+
+
+class _Prediction:
+    """Means of a record, predicted by the linear model of a machine."""
+
+    def __init__(self, record: Record, machine: Machine, names: list[str]) -> None:
+        rigid = machine.single or machine.bending is None
+        block = _BLOCK * min(map(own_time, isolated_axes(machine))) / machine.sampling_time
+        block = min(block, len(record) / _FEWEST) if rigid else 1
+        self.filters, k = _filters(machine, max(1, round(block)))
+        # Positions are means around the instant at which the control signal's begins to act.
+        columns = {name: _means(record[name], k, 0) for name in names if name[0] == "y"}
+        columns |= {
+            name: _means(filled(record[name]), k, k // 2) for name in names if name[0] == "u"
+        }
+        if not machine.single and "speed" in record:
+            columns["speed"] = _means(filled(record["speed"]), k, 0)
+        self.n = min(map(len, columns.values()))
+        last = _RIGID if rigid else _BENDING
+        self.columns = {name: values[: self.n][-last:] for name, values in columns.items()}
+        self.n = min(self.n, last)
+        self.t = self.filters[0].bearing.sampling_time * np.arange(self.n)
+        self.units = {name: record.units[name] for name in columns}
+
+    def best(self, reversed_channel: str = "") -> float:
+        """Return the log likelihood with a channel reversed, by the noise that fits best."""
+        signals = dict(self.columns)
+        if reversed_channel:
+            signals[reversed_channel] = -signals[reversed_channel]
+        record = Record(self.t, signals, self.units)
+        return max(self._log_likelihood(one, record) for one in self.filters)
+
+    def _log_likelihood(self, estimator: KalmanFilter, record: Record) -> float:
+        """Return it for the scale of all noise that fits best, outliers held to a limit."""
+        estimate = estimator.run(record)
+        e, S = estimate.innovation[self.n // 50 :], estimate.innovation_variance[self.n // 50 :]
+        taken = (S > 0) & (e != 0) & np.isfinite(e)
+        nis = e[taken] ** 2 / S[taken]
+        if not nis.any():
+            return -np.inf
+        scale = float(np.median(nis)) / _MEDIAN
+        for _ in range(10):
+            scale *= float(np.minimum(nis / scale, _OUTLIER).mean())
+        return -0.5 * float(np.sum(np.log(scale * S[taken]) + np.minimum(nis / scale, _OUTLIER)))
+
+
+def _filters(machine: Machine, k: int) -> tuple[list[KalmanFilter], int]:
+    """Return filters of means over k samples, or of samples where a frequency is beyond these."""
+    try:
+        slow = machine.replace(sampling_time=k * machine.sampling_time)
+    except ConfigError:
+        slow, k = machine, 1
+    usual = KalmanFilter(slow).variances
+    steps = np.array([reading.sensor.quantisation or 0.0 for reading in machine.long.readings])
+    R = (
+        np.array(usual.measurement) + (steps[0] if machine.single else steps) ** 2 / 4
+    )  # no interval
+    turns = not machine.single and bool(machine.speed)
+    return [
+        KalmanFilter(
+            slow,
+            noise=FilterNoise(
+                R.tolist(), usual.control, (factor * np.array(usual.disturbance)).tolist()
+            ),
+            gravity="disturbance",
+            frozen_limit=0,
+            synchronous=("unbalance", "runout") if turns else (),
+        )
+        for factor in _INTENSITIES
+    ], k
+
+
+def _means(values: Array, k: int, first: int) -> Array:
+    n = (values.size - first) // k
+    result: Array = values[first : first + n * k].reshape(n, k).mean(axis=1)
+    return result
+
+
+def judge_signs(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
+    """Tell of a wrong sign, or that the record does not tell (False)."""
+    result = sign_test(record, machine)
+    if result is None or (result.decisive and not result.wrong):
+        return
+    name = result.channel
+    what = "y or of u" if machine.single else f"{name}, or of what belongs to its axis,"
+    if result.wrong:
+        yield (
+            True,
+            f"the sign of {what} is wrong: with {name} reversed the model predicts the record "
+            f"better, by {result.log_likelihood_ratio:.0f} of log likelihood in "
+            f"{result.instants} means",
+        )
+    else:
+        yield (
+            False,
+            f"the record does not tell the signs of y and u: the log-likelihood ratio of "
+            f"{result.instants} means is {-result.log_likelihood_ratio:.1f}; let the "
+            "rotor move",
+        )
