@@ -14,6 +14,7 @@ from ambkit.judge.comparison.tuning import candidate_of_kind
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tuning import log_likelihood
+from ambkit.workflow.tuning_tasks import _with_few_modes
 
 TUM = Machine.preset("tum_mlps")
 
@@ -113,3 +114,23 @@ def test_commands(arguments, code, said, capsys, tmp_path, monkeypatch):
     shown = capsys.readouterr()
     assert int(left.value.code or 0) == code, shown.err
     assert said in " ".join((shown.out + shown.err).split())
+
+
+def test_the_same_filter_of_another_machine_keeps_its_noise() -> None:
+    still = TUM.model_copy(update={"speed": 0.0})
+    noise = FilterNoise(measurement=1e-12)
+    for made in (KalmanFilter(TUM, noise=noise), KalmanFilter(bearing=TUM, noise=noise)):
+        other = made.for_machine(still)
+        assert other.machine == still
+        assert other.variances == made.variances
+    around = ambkit.AdaptiveNoise(made, memory=0.2)
+    assert around.for_machine(still).nominal.machine == still
+    assert around.for_machine(still).options["memory"] == 0.2
+
+
+def test_a_search_leaves_out_modes_beyond_the_range_of_the_standard() -> None:
+    rotor = Machine.preset("compressor").rotor.model_copy(update={"modes_up_to": 9000.0})
+    many = Machine.preset("compressor").model_copy(update={"rotor": rotor})
+    found = _with_few_modes(many)
+    assert len(found.bending.frequency) < len(many.bending.frequency)
+    assert _with_few_modes(found) is found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -231,8 +231,10 @@ def assess_over_speed(
     count: int = COUNT,
     load: Mapping[str, Given] | None = None,
     orbit: bool = False,
+    apart: Sequence[Separation] | None = None,
 ) -> OverSpeed:
     """Look at a machine's loop over its speed of rotation, whose gyroscopics change it."""
+    # apart: of the same loop, where it is known.
     of_type(Machine, machine=machine)
     if machine.rotor.type == "mass":
         raise AmbkitError(f"{machine.name} does not turn: its rotor moves along one axis")
@@ -273,6 +275,8 @@ def assess_over_speed(
         integrals={speed: bode_integral(run.loop(speed)[1]) for speed in checked},
         apart=tuple(
             separations(machine, loop=run.of, fed_by=estimator, max_speed=float(speeds[-1]))
+            if apart is None
+            else apart
         ),
     )
 

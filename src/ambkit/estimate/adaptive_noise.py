@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.noise_model import Variances
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
 
 METHODS = ("innovation", "sage-husa")
 ADAPTS = ("measurement", "disturbance", "both")
@@ -113,6 +116,10 @@ class AdaptiveNoise(Estimator):
     def nominal(self) -> Estimator:
         """The filter inside, with the noise that it starts from."""
         return self.inner
+
+    def for_machine(self, machine: Machine) -> Self:
+        """Return the same filter of another machine with the same axes."""
+        return type(self)(self.inner.for_machine(machine), **self.options)
 
     @property
     def noise(self) -> Variances:

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -180,6 +180,19 @@ class Estimator(Described, Copyable):
         """What it was made with beside bearing, magnet, noise and precision."""
         apart = ("bearing", "magnet", "noise", "precision")
         return {name: value for name, value in self._made[1].items() if name not in apart}
+
+    def for_machine(self, machine: Machine) -> Self:
+        """Return the same filter of a machine with the same axes, such as at another speed.
+
+        Parameters
+        ----------
+        machine : Machine
+            The other machine.
+        """
+        args, options = self._made
+        if args:
+            return type(self)(machine, *args[1:], **options)
+        return type(self)(**options | {"bearing": machine})
 
     @staticmethod
     def load(path: str | os.PathLike[str], *, precision: Precision = "float64") -> Estimator:

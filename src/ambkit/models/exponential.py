@@ -25,22 +25,22 @@ def transition(A: Array, time: float) -> Array:
 
 
 def growth(A: Array, intensity: Array, time: float) -> Array:
-    """Return the covariance that white noise leaves in the state over a time (n, n)."""
+    """Return the covariances that white noises leave in the state over a time (k, n, n)."""
     # It solves ``dN/dt = A N + N A' + W`` (Van Loan 1978): by its series over a share of the time,
     # and from there by ``N(2t) = N(t) + Phi(t) N(t) Phi(t)'``, a sum of squares. Van Loan's own
     # exponential holds exp(-A t), which overflows for a fast sensor.
-    # A (n, n); intensity (n,)
+    # A (n, n); intensity (k, n)
     share, doublings = _share(A * time)
     Phi = _series(share)
-    N = term = np.diag(intensity * (time / 2.0**doublings))
+    N = term = np.eye(len(A)) * (intensity * (time / 2.0**doublings))[:, None, :]
     for k in range(2, TERMS + 2 * len(A)):
         driven = share @ term
-        term = (driven + driven.T) / k
+        term = (driven + driven.swapaxes(1, 2)) / k
         N = N + term
     for _ in range(doublings):
         N = N + Phi @ N @ Phi.T
         Phi = Phi @ Phi
-    return np.asarray((N + N.T) / 2)
+    return np.asarray((N + N.swapaxes(1, 2)) / 2)
 
 
 def _series(share: Array) -> Array:

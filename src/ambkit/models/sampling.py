@@ -188,17 +188,16 @@ class Sampling:
         n = self.sizes[0]
         A, kinds = self.generator(0.0, riders=True)[:n, :n], pattern_of(self.driven(riders=True))
         reached = kinds[:n, :n] != ZERO
-        N, pattern = np.zeros((2, len(self.plan.sources), n, n))
+        pattern = np.zeros((len(self.plan.sources), n, n))
+        intensity = np.zeros((len(self.plan.sources), n))
         for k, (row, walk) in enumerate(self.plan.sources):
-            intensity = np.zeros(n)
             for state, value in row.items():
                 source = self.at(state)
-                intensity[source] = value
+                intensity[k, source] = value
                 pattern[k][np.outer(reached[:, source], reached[:, source])] = NUMBER
                 if walk and kinds[source, source] == ONE:
                     pattern[k, source, source] = ONE
-            N[k], pattern[k] = structured(exponential.growth(A, intensity, self.plan.T), pattern[k])
-        return N, pattern.astype(np.int8)
+        return structured(exponential.growth(A, intensity, self.plan.T), pattern)
 
     def _rest(self) -> Kinds:
         """Return what each state is at rest, each dependent one traced back to free ones."""

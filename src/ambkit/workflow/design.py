@@ -141,7 +141,9 @@ def design(
         pages: list[Any] = [assessed]
         if result.rotor.type != "mass":
             note("looking at one speed after the other")
-            pages.append(assess_over_speed(result, {chosen.kind: estimator}, control))
+            pages.append(assess_over_speed(
+                result, {chosen.kind: estimator}, control, apart=assessed.separations
+            ))  # fmt: skip
         write_result(pages, place / "verdict.html")
     run = Scenario(controller=control)
     adequacy = tuple(adequacy_of(chosen, run))

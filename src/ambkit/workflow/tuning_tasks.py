@@ -20,6 +20,8 @@ from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.load_following import least_process_noise
 from ambkit.machine.force_laws import slowest_time
+from ambkit.machine.rotors.descriptions import OfMatrices
+from ambkit.machine.rotors.modes import above, end_of_range
 from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, log_likelihood
 
 if TYPE_CHECKING:
@@ -202,12 +204,17 @@ class ByTruth:
         self.unseen = self._trials(2 * seeds.start + 2)
         if not (self.seen and self.unseen):
             raise AmbkitError(f"{bearing.name}: the rotor met a stop in all simulated runs")
-        # Each run has a step along each axis, so that few runs tell what a filter is worth; the
-        # best are compared in all of them.
-        self.few = self.seen[: math.ceil(len(self.seen) / len(bearing.axes))]
-        untuned = self.errors(lambda: KalmanFilter(bearing), self.seen)
-        self.reference = untuned.mean(axis=0)
-        self._reference_of_few = untuned[: len(self.few)].mean(axis=0)
+        self.reference = self.errors(lambda: KalmanFilter(bearing), self.seen).mean(axis=0)
+        # Each run has a step along each axis, so that few runs, of a rotor with the modes that the
+        # loop hears, tell what a filter is worth; the best are compared in all runs.
+        few = math.ceil(len(self.seen) / len(bearing.axes))
+        self.coarse = _with_few_modes(bearing)
+        self.few = self.seen[:few]
+        if self.coarse is not bearing:
+            made = [item for item in loaded(self.coarse, few, 2 * seeds.start + 1) if not item.lost]
+            self.coarse, self.few = (self.coarse, made) if made else (bearing, self.few)
+        untuned = self.errors(lambda: KalmanFilter(self.coarse), self.few)
+        self.reference_of_few = untuned.mean(axis=0)
 
     def errors(self, build: Callable[[], Estimator], trials: Sequence[Trial]) -> Any:
         """Return the errors of x, v and f_d along the axes in each run (runs, 3)."""
@@ -237,7 +244,7 @@ class ByTruth:
     ) -> Tried:  # fmt: skip
         """Return the best in all runs of those that are best in the few of the search."""
         best = sorted(evaluated, key=lambda entry: entry.cost)
-        if len(self.few) == len(self.seen):
+        if self.few == self.seen:
             return best[0]
         return min(
             best[:COMPARED],
@@ -249,7 +256,10 @@ class ByTruth:
 
     def cost(self, build: Callable[[], Estimator]) -> float:
         """Return what the search makes small, for the filters that `build` makes."""
-        return self._share(self.errors(build, self.few), self._reference_of_few)
+        made = build()
+        if self.coarse is not self.bearing:
+            made = made.for_machine(self.coarse)
+        return self._share(self.errors(lambda: made, self.few), self.reference_of_few)
 
     def _share(self, result: Any, reference: Any = None) -> float:
         shares = result.mean(axis=0) / (self.reference if reference is None else reference)
@@ -283,6 +293,21 @@ class ByTruth:
             )
         if not kept:
             yield "validation runs have no smaller errors: the untuned filter is used"
+
+
+def _with_few_modes(machine: Machine) -> Machine:
+    """Return a machine whose rotor has no bending modes beyond the range of ISO 14839-3."""
+    rotor, bending = machine.rotor, machine.bending
+    if not isinstance(rotor, OfMatrices) or bending is None:
+        return machine
+    f = rotor.every_mode.frequency / (2 * math.pi)
+    heard = f <= end_of_range(machine.sampling_time, machine.speed)
+    count = max(1, int(np.count_nonzero(heard)))
+    if count >= len(bending.frequency) - bending.attached:
+        return machine
+    return machine.model_copy(
+        update={"rotor": rotor.model_copy(update={"modes_up_to": above(f, count)})}
+    )
 
 
 def _check_records(machine: Machine, records: Iterable[Record]) -> None:

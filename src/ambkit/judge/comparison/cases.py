@@ -194,7 +194,7 @@ def _with_constant(machine: Machine, factor: float) -> Machine:
     return machine.replace(bearing=bearings)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
     """Make records with a step of load along each axis, of random size at a random time."""
     rng, made = np.random.default_rng(seed), []

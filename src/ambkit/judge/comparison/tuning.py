@@ -153,18 +153,18 @@ class Tuning:
 def errors(build: Callable[[], Any], training: Sequence[Trial], first: int) -> Array:
     """Return the RMSE of x, v, f_d on each training run, (runs, 3); infinite where it is lost."""
     records = [trial.record for trial in training]
-    estimator = build()
-    if isinstance(estimator, Estimator) and estimator.view.single and records:
+    built = build()
+    if isinstance(built, Estimator) and built.view.single and records:
         y, u, *truth = (np.array([r[name] for r in records]) for name in ("y", "u", *SIGNALS))
         many = run_many(
-            estimator, y, u, truth=np.stack(truth, axis=-1), skip=first, history=(), threads=1
+            built, y, u, truth=np.stack(truth, axis=-1), skip=first, history=(), threads=1
         )
         result = np.asarray(many.rmse, float)
     else:  # of several axes, or the user's own in Python
         result = np.empty((len(records), len(SIGNALS)))
-        view = View(estimator.bearing)
+        view = View(built.bearing)
         for row, record in zip(result, records, strict=True):
-            made = estimator if isinstance(estimator, Estimator) else build()
+            made = built if isinstance(built, Estimator) else build()
             wrong = errors_along(made.run(record), record, view)
             row[:] = [rms(wrong[name][:, first:]) for name in SIGNALS]
     result[~np.isfinite(result[:, 0])] = math.inf

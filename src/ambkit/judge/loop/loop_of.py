@@ -201,13 +201,7 @@ class LoopOf:
         """Return the same controllers at another speed [rad/s], and the filter, which knows it."""
         machine = self.machine.model_copy(update={"speed": speed})
         of = LoopOf(machine, self.control, point=self.point, law=self._law)
-        if fed_by is None:
-            return of, None
-        fed_by = fed_by.nominal
-        args, options = fed_by._made
-        if args:
-            return of, type(fed_by)(machine, *args[1:], **options)
-        return of, type(fed_by)(**options | {"bearing": machine})
+        return of, None if fed_by is None else fed_by.nominal.for_machine(machine)
 
     def with_controllers(self, fed_by: Estimator | None, max_speed: float) -> LoopOf:
         """Return the same loop with its controllers chosen up to a speed [rad/s]."""
