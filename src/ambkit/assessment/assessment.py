@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from ambkit.assessment import rows as rows
 from ambkit.assessment.loop import AssessedLoop
 from ambkit.base import units
+from ambkit.base.arrays import grouped
 from ambkit.base.units import engineering
 from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.pid import PID
@@ -313,19 +314,13 @@ class Assessment(Result):
 
     def alike(self, filter: str) -> list[list[str]]:
         """Return the names of a loop's axes, those together whose curves are the same."""
-        results: list[list[str]] = []
-        axes = self.loops[filter].axes
-        for name, axis in axes.items():
-            for same in results:
-                other = axes[same[0]]
-                if math.isclose(axis.peak, other.peak, rel_tol=1e-6) and math.isclose(
-                    axis.margins.crossover, other.margins.crossover, rel_tol=1e-6
-                ):
-                    same.append(name)
-                    break
-            else:
-                results.append([name])
-        return results
+        axes = list(self.loops[filter].axes.values())
+
+        def alike(k: int, other: int) -> bool:
+            a, b = ((axes[at].peak, axes[at].margins.crossover) for at in (k, other))
+            return all(map(partial(math.isclose, rel_tol=1e-6), a, b))
+
+        return [[axes[k].name for k in same] for same in grouped(len(axes), alike)]
 
     def capacity_figure(self, filter: str | None = None) -> Figure:
         """Return the load that each loop, or each of several axes, bears over the frequency."""

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ambkit.base.arrays import grouped
 from ambkit.judge.loop.margins import grid, rates
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 
 if TYPE_CHECKING:
-    from ambkit.base.arrays import Complex
     from ambkit.control.linear.closed_loop import Loop
     from ambkit.judge.loop.margins import UnstablePole
     from ambkit.result.report import Vector
@@ -115,7 +115,11 @@ def unstable_figure(
     one = [Points(np.array([-1.0]), np.array([0.0]), signal="spike", label="−1")]
     curves, gains, phases = list[Item](one), list[Item](), list[Item]()
     gains.append(Rule(0.0, signal="limit", label=""))
-    for count, same in enumerate(_alike(S)):
+
+    def alike(k: int, other: int) -> bool:
+        return np.allclose(S[:, k, k], S[:, other, other], rtol=1e-6, atol=0)
+
+    for count, same in enumerate(grouped(S.shape[1], alike)):
         look, L = LOOKS[count % len(LOOKS)], 1 / S[:, same[0], same[0]] - 1
         names = " and ".join(axes[k] for k in same)
         label = f"axis {names}" if len(axes) > 1 else "loop"
@@ -148,19 +152,6 @@ def unstable_figure(
         f"loop: {grows}.",
         panels, columns=2, panel_height=2.8,
     )  # fmt: skip
-
-
-def _alike(S: Complex) -> list[list[int]]:
-    """Return the axes of sensitivities (k, a, a), those together whose curves are the same."""
-    results: list[list[int]] = []
-    for k in range(S.shape[1]):
-        for same in results:
-            if np.allclose(S[:, k, k], S[:, same[0], same[0]], rtol=1e-6, atol=0):
-                same.append(k)
-                break
-        else:
-            results.append([k])
-    return results
 
 
 def _of_poles(loop: Loop, poles: Sequence[UnstablePole]) -> Panel:

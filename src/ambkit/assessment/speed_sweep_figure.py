@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.assessment.assessment_figure import LOOKS
+from ambkit.base.arrays import grouped
 from ambkit.base.escaping import markdown
 from ambkit.judge.loop.capacity import ROOM, ZERO
-from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule, Vector
 from ambkit.rotordynamics.campbell import SPEED
 
@@ -23,40 +22,7 @@ DAMPED = 0.995
 """Damping ratio from which on a mode does not swing."""
 
 
-class _OverSpeed(Protocol):
-    """What is shown of `ambkit.assessment.speed_sweep.OverSpeed`."""
-
-    @property
-    def machine(self) -> Machine: ...
-    @property
-    def fed_by(self) -> str: ...
-    @property
-    def axes(self) -> tuple[str, ...]: ...
-    @property
-    def speed(self) -> Vector: ...
-    @property
-    def peaks(self) -> Vector: ...
-    @property
-    def largest(self) -> Vector: ...
-    @property
-    def poles(self) -> tuple[NDArray[np.complex128], ...]: ...
-    @property
-    def orbit(self) -> Vector: ...
-    @property
-    def clearance(self) -> Vector: ...
-    @property
-    def current(self) -> Vector: ...
-    @property
-    def current_limit(self) -> Vector: ...
-    @property
-    def voltage(self) -> Vector | None: ...
-    @property
-    def temperature(self) -> Vector | None: ...
-    @property
-    def temperature_limit(self) -> float | None: ...
-
-
-def over_speed_figure(result: _OverSpeed, zones: Sequence[tuple[str, float]]) -> Figure:
+def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure:
     """Show sensitivity of each axis, and frequency and damping of the closed loop's modes."""
     peaks: list[Item] = [
         Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
@@ -98,7 +64,7 @@ def over_speed_figure(result: _OverSpeed, zones: Sequence[tuple[str, float]]) ->
     )
 
 
-def run_up_figure(result: _OverSpeed) -> Figure:
+def run_up_figure(result: Any) -> Figure:
     """Show displacement, current and voltage in a slow run-up, beside their limits."""
     shares = result.orbit / result.clearance
     room: list[Item] = [
@@ -155,26 +121,22 @@ def _share(label: str, values: Vector, least: float) -> Axis:
     return Axis(label, "%", 100.0, limits=(0.0, max(least, 1.1 * highest)))
 
 
-def _of_axes(result: _OverSpeed, values: Vector) -> list[Item]:
+def _of_axes(result: Any, values: Vector) -> list[Item]:
     """Return a line for each axis, one for those that are the same."""
-    groups: list[list[int]] = []
-    for k in range(values.shape[1]):
-        for same in groups:
-            if np.allclose(values[:, k], values[:, same[0]], rtol=1e-3, equal_nan=True):
-                same.append(k)
-                break
-        else:
-            groups.append([k])
+
+    def alike(k: int, other: int) -> bool:
+        return np.allclose(values[:, k], values[:, other], rtol=1e-3, equal_nan=True)
+
     return [
         Line(
             result.speed, values[:, same[0]], signal=LOOKS[k % len(LOOKS)],
             label=" and ".join(result.axes[axis] for axis in same),
         )
-        for k, same in enumerate(groups)
+        for k, same in enumerate(grouped(values.shape[1], alike))
     ]  # fmt: skip
 
 
-def _busy(result: _OverSpeed) -> float:
+def _busy(result: Any) -> float:
     """Return the frequency of the fastest mode that swings at rest with little damping [Hz]."""
     poles = result.poles[0]
     swings = (poles.imag > 0) & (-poles.real < 0.7 * np.abs(poles))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -30,3 +31,15 @@ def check_finite(**values: ArrayLike) -> None:
         wrong = array[~np.isfinite(array)]
         if wrong.size:
             raise AmbkitError(f"{name} must be finite, has {wrong[0]}")
+
+
+def grouped(count: int, alike: Callable[[int, int], bool]) -> list[list[int]]:
+    """Return the numbers below a count, each with those before it whose first is alike."""
+    results: list[list[int]] = []
+    for k in range(count):
+        same = next((of for of in results if alike(k, of[0])), None)
+        if same is None:
+            results.append([k])
+        else:
+            same.append(k)
+    return results

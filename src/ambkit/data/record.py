@@ -172,10 +172,10 @@ class Record(Shown):
         AmbkitError
             The file cannot be written; an older one is left as it was.
         """
-        from ambkit.data.files.tables import Table, write_table
+        from ambkit.data.files.tables import Table
 
         units = {"t": "s"} | dict(self.units)
-        write_table(path, Table({"t": self.t, **self.signals}, units, dict(self.meta)))
+        Table({"t": self.t, **self.signals}, units, dict(self.meta)).save(path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Record:

@@ -132,7 +132,7 @@ class Reduction:
         deviation = "as with the full matrices"
         if w.share:
             deviation = (
-                f"off by {_percent(w.share)} at most, {engineering(w.kept / 2 / math.pi, 'Hz', 4)} "
+                f"off by {percent(w.share)} at most, {engineering(w.kept / 2 / math.pi, 'Hz', 4)} "
                 f"where the full matrices have {_way(w.full)} at {rpm(w.speed)}"
             )
         if not math.isnan(w.left_out):
@@ -150,7 +150,7 @@ class Reduction:
             for kept, full in self.critical
         )  # fmt: skip
         share = self.critical_error
-        off = "one is missing" if math.isinf(share) else f"off by {_percent(share)} at most"
+        off = "one is missing" if math.isinf(share) else f"off by {percent(share)} at most"
         return [f"critical speeds: {parts}; {off}"]
 
     def _of_peak(self) -> str:
@@ -164,7 +164,7 @@ class Reduction:
                 f"at {rpm(p.speed)} a mode at {f} grows by {self.grows.real:.3g}/s"
             )
         return (
-            f"sensitivity of the default loop: peak off by {_percent(p.share)} at most, "
+            f"sensitivity of the default loop: peak off by {percent(p.share)} at most, "
             f"{p.kept:.4g} where all modes give {p.full:.4g}, axis {p.axis} at {rpm(p.speed)}"
         )
 
@@ -173,14 +173,14 @@ class Reduction:
         what = f"{self.kept} of {self.every} bending modes kept, against all: "
         lead = what + "; ".join(self.sentences())
         if self.good:
-            return f"{lead}; {'' if self.peak is None else 'all '}within {_percent(self.tolerance)}"
+            return f"{lead}; {'' if self.peak is None else 'all '}within {percent(self.tolerance)}"
         help = "leave out rotor.modes_up_to, so that enough modes are kept"
         if max(self.whirl.error, self.critical_error) <= self.tolerance:  # it is the loop's
             help = f"give rotor.modes_up_to = {engineering(self.needed, 'Hz', 4)}, so that the "
             help += "default controllers are chosen with more modes"
         elif self.needed:
             help += f", or raise it to {engineering(self.needed, 'Hz', 4)}"
-        return f"{lead}; not within {_percent(self.tolerance)} (rotor.modes_within): {help}"
+        return f"{lead}; not within {percent(self.tolerance)} (rotor.modes_within): {help}"
 
 
 @lru_cache(maxsize=32)
@@ -280,10 +280,6 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
 def _way(whirl: float) -> str:
     way = "forward" if whirl > 0 else "backward"
     return f"{engineering(abs(whirl) / 2 / math.pi, 'Hz', 4)} {way}"
-
-
-def _percent(share: float) -> str:
-    return percent(share)
 
 
 def _finite(number: float) -> float | None:

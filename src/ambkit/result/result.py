@@ -109,8 +109,7 @@ class Result(Stated, Drawn):
             The file has another ending, or it cannot be written.
         """
         ending = Path(path).suffix
-        made = self.file()
-        if made is not None and ending in (".csv", ".parquet"):
+        if ending in (".csv", ".parquet") and (made := self.file()) is not None:
             made.save(path)
         elif ending == ".html":
             self.page(path)

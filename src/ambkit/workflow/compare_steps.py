@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.base.quantity_arguments import Given, in_si, names_in
 from ambkit.base.units import engineering
-from ambkit.data.files.tables import Table, write_table
+from ambkit.data.files.tables import Table
 from ambkit.estimate.named import USUAL, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES, Case
@@ -180,11 +179,8 @@ class LoopScores(Result):
             "load": next(iter(self.loop_cases.values())).load if self.loop_cases else None,
         }
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it to a file; as .csv and .parquet the errors of each run."""
-        if Path(path).suffix not in (".csv", ".parquet"):
-            super().save(path)
-            return
+    def file(self) -> Table:
+        """Return the errors of each run."""
         scores, count = self.scores, len(self.seeds)
         columns: dict[str, Any] = {"case": np.repeat(np.arange(len(scores), dtype=float), count)}
         units = {"case": "1", "step": "m", "seed": "1"}
@@ -198,7 +194,7 @@ class LoopScores(Result):
                 columns[key] = np.concatenate([case[name].rmse[signal] for case in scores.values()])
             units[f"{name}_nis"] = "1"
             columns[f"{name}_nis"] = np.concatenate([case[name].nis for case in scores.values()])
-        write_table(path, Table(columns, {k: units[k] for k in columns}, {"cases": list(scores)}))
+        return Table(columns, {k: units[k] for k in columns}, {"cases": list(scores)})
 
     def figures(self) -> list[Figure]:
         """Return the errors as bars."""

@@ -58,21 +58,20 @@ class Table(NamedTuple):
     units: Mapping[str, str]
     meta: dict[str, Any]
 
-
-def write_table(path: str | os.PathLike[str], table: Table) -> None:
-    """Write a table as ``.csv`` or ``.parquet``, through a temporary file."""
-    try:
-        meta = {key: json.dumps(value, ensure_ascii=False) for key, value in table.meta.items()}
-    except (TypeError, ValueError, RecursionError) as error:
-        raise RecordError(f"{path}: meta cannot be written as JSON: {error}") from None
-    match Path(path).suffix.lower():
-        case ".csv":
-            files.write_text(path, csv_text.dump(table.columns, table.units, meta))
-        case ".parquet":
-            parquet.write(path, table.columns, table.units, meta)
-        case ending:
-            what = ending or "a file without ending"
-            raise RecordError(f"{path}: cannot write {what}, use .csv or .parquet")
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it as ``.csv`` or ``.parquet``, through a temporary file."""
+        try:
+            meta = {key: json.dumps(value, ensure_ascii=False) for key, value in self.meta.items()}
+        except (TypeError, ValueError, RecursionError) as error:
+            raise RecordError(f"{path}: meta cannot be written as JSON: {error}") from None
+        match Path(path).suffix.lower():
+            case ".csv":
+                files.write_text(path, csv_text.dump(self.columns, self.units, meta))
+            case ".parquet":
+                parquet.write(path, self.columns, self.units, meta)
+            case ending:
+                what = ending or "a file without ending"
+                raise RecordError(f"{path}: cannot write {what}, use .csv or .parquet")
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
-from ambkit.data.files.tables import Table, read_table, write_table
+from ambkit.data.files.tables import Table, read_table
 from ambkit.data.record import Record
 from ambkit.identification.noise import measurement_noise
 from ambkit.machine.bearing import GRAVITY
@@ -100,7 +100,7 @@ def save_points(path: str | os.PathLike[str], points: Iterable[LiftOff]) -> None
     numbers = np.array([astuple(p)[:-1] for p in points], dtype=np.float64)
     columns = {name: numbers[:, k] for k, name in enumerate(COLUMNS)}
     problems = {str(p.run): p.problem for p in points if p.problem}
-    write_table(path, Table(columns, COLUMNS, {"problems": problems}))
+    Table(columns, COLUMNS, {"problems": problems}).save(path)
 
 
 def load_points(path: str | os.PathLike[str]) -> list[LiftOff]:

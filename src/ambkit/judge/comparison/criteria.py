@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -11,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.data.files.tables import Table, write_table
+from ambkit.data.files.tables import Table
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.errors import true_signal, whiteness
@@ -256,27 +255,21 @@ def delay(estimated: Array, load: Load, T: float) -> float:
     return float((at + np.clip(between, -0.5, 0.5)) * T)
 
 
-@dataclass(frozen=True)
-class PerRun:
-    """A row for each case and run, columns by filter and criterion."""
-
-    benches: Mapping[str, Any]  #: Of each case its `ambkit.judge.comparison.score.Bench`.
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write them as ``.csv`` or ``.parquet``."""
-        columns: dict[str, list[Any]] = {"case": [], "run": []}
-        units = {"case": "1", "run": "1"}
-        for place, bench in enumerate(self.benches.values()):
-            count = bench.runs - bench.stopped
-            columns["case"].append(np.full(count, float(place)))
-            columns["run"].append(np.arange(count, dtype=float))
-            for how, scores in (("default", bench.default), ("tuned", bench.tuned)):
-                for name, score in scores.items():
-                    for criterion, values in score.figures.items():
-                        key = f"{name}_{how}_{criterion}"
-                        columns.setdefault(key, []).append(values)
-                        units[key] = CRITERIA[criterion].si
-        first = next(iter(self.benches.values()))
-        meta = {"bearing": first.bearing.name, "cases": list(self.benches), "seed": first.seed}
-        whole = {key: np.concatenate(parts) for key, parts in columns.items()}
-        write_table(path, Table(whole, units, meta))
+def per_run(benches: Mapping[str, Any]) -> Table:
+    """Return a row for each case and run, columns by filter and criterion."""
+    # Of each case its `ambkit.judge.comparison.score.Bench`.
+    columns: dict[str, list[Any]] = {"case": [], "run": []}
+    units = {"case": "1", "run": "1"}
+    for place, bench in enumerate(benches.values()):
+        count = bench.runs - bench.stopped
+        columns["case"].append(np.full(count, float(place)))
+        columns["run"].append(np.arange(count, dtype=float))
+        for how, scores in (("default", bench.default), ("tuned", bench.tuned)):
+            for name, score in scores.items():
+                for criterion, values in score.figures.items():
+                    key = f"{name}_{how}_{criterion}"
+                    columns.setdefault(key, []).append(values)
+                    units[key] = CRITERIA[criterion].si
+    first = next(iter(benches.values()))
+    meta = {"bearing": first.bearing.name, "cases": list(benches), "seed": first.seed}
+    return Table({key: np.concatenate(parts) for key, parts in columns.items()}, units, meta)

@@ -11,8 +11,9 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.units import figure, percent
+from ambkit.data.files.tables import Table
 from ambkit.judge.comparison.cases import Case
-from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, PerRun
+from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, per_run
 from ambkit.judge.comparison.figures import cases_figure, cost_figure, matrix_figure
 from ambkit.judge.comparison.tuning import Tuning
 from ambkit.machine.machine import Machine
@@ -205,9 +206,9 @@ class Benches(Result, dict[str, Bench]):
     def _first(self) -> Bench:
         return next(iter(self.values()))
 
-    def file(self) -> PerRun:
+    def file(self) -> Table:
         """Return the figures of each run, which is what is written as ``.csv``."""
-        return PerRun(self)
+        return per_run(self)
 
     @property
     def title(self) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ambkit.data.files.tables import Table
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.fuzzy.training import train
 from ambkit.judge.comparison.cases import (
@@ -25,7 +26,7 @@ from ambkit.judge.comparison.cases import (
     walk_case,
 )
 from ambkit.judge.comparison.comparison import TRAINING, Sweep, bench, sweep
-from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, PerRun
+from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, per_run
 from ambkit.judge.comparison.figures import efficiency_figure, run_figure, sweep_figure
 from ambkit.judge.comparison.score import Bench, Benches
 from ambkit.judge.comparison.tolerance import CERTAIN
@@ -96,9 +97,9 @@ class Study(Result):
     #: Files with what kinds ask of their magnet, by kind.
     magnet_files: Mapping[str, str] = with_default(default_factory=dict)
 
-    def file(self) -> PerRun:
+    def file(self) -> Table:
         """Return the figures of each run, which is what is written as ``.csv``."""
-        return PerRun({self.bench.case.name: self.bench})
+        return per_run({self.bench.case.name: self.bench})
 
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
         """Write the filters that were tuned, a file for each kind, into a folder."""

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,7 @@ from ambkit.base.progress import reporting
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.threads import pool_of
 from ambkit.control.pid import PID
-from ambkit.data.files.tables import Table, write_table
+from ambkit.data.files.tables import Table
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.named import factories
 from ambkit.estimate.registry import KINDS
@@ -202,11 +200,8 @@ class FaultCampaign(Result):
             ],
         }
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it; as .csv or .parquet a line for each flight, names as places in lists."""
-        if Path(path).suffix not in (".csv", ".parquet"):
-            super().save(path)
-            return
+    def file(self) -> Table:
+        """Return a line for each flight, names as places in lists."""
         columns, lists = {}, {}
         for name in [*vars(self.outcomes[0]), "recovered"]:
             values = [getattr(outcome, name) for outcome in self.outcomes]
@@ -215,7 +210,7 @@ class FaultCampaign(Result):
                 values = [lists[f"{name}s"].index(value) for value in values]
             columns[name] = np.array(values, dtype=float)
         units = {name: FLIGHT_UNITS.get(name, "1") for name in columns}
-        write_table(path, Table(columns, units, {"bearing": self.bearing.name} | lists))
+        return Table(columns, units, {"bearing": self.bearing.name} | lists)
 
     def figures(self) -> list[Figure]:
         """Return each estimator in each fault."""

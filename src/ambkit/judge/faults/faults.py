@@ -91,29 +91,26 @@ class Fault:
         return self.samples + round(span / bearing.sampling_time)
 
 
-def _nothing(_channel: Channel, _window: slice) -> None:
-    pass
-
-
 def _lift_off(channel: Channel, _window: slice) -> None:
     side = -1.0 if channel.bearing.weight < 0 else 1.0
     channel.place = side * channel.bearing.rotor.clearance
 
 
-def _knock(channel: Channel, window: slice) -> None:
-    channel.force[window] = 2 * channel.greatest * channel.draw.choice([-1.0, 1.0])
+def _pushed(times: float) -> Callable[[Channel, slice], None]:
+    def put(channel: Channel, window: slice) -> None:
+        channel.force[window] = times * channel.greatest * channel.draw.choice([-1.0, 1.0])
+
+    return put
 
 
-def _overload(channel: Channel, window: slice) -> None:
-    channel.force[window] = 1.5 * channel.greatest * channel.draw.choice([-1.0, 1.0])
+def _set(series: str, value: float) -> Callable[[Channel, slice], None]:
+    def put(channel: Channel, window: slice) -> None:
+        getattr(channel.faults, series)[window] = value
+
+    return put
 
 
-def _weak(channel: Channel, window: slice) -> None:
-    channel.faults.current[window] = 0.1
-
-
-def _missing(channel: Channel, window: slice) -> None:
-    channel.faults.y_plus[window] = np.nan
+_knock, _overload, _missing = _pushed(2), _pushed(1.5), _set("y_plus", np.nan)
 
 
 def _bursts(channel: Channel, window: slice) -> None:
@@ -143,13 +140,6 @@ def _rail(channel: Channel, window: slice) -> None:
     channel.read(window, channel.travel * channel.draw.choice([-1.0, 1.0]) + noise)
 
 
-def _late(samples: float) -> Callable[[Channel, slice], None]:
-    def put(channel: Channel, window: slice) -> None:
-        channel.faults.late[window] = samples
-
-    return put
-
-
 def _reads(y: Callable[[np.finfo], float]) -> Callable[[Channel, slice], None]:
     def put(channel: Channel, window: slice) -> None:
         signs = channel.draw.choice([-1.0, 1.0], window.stop - window.start)
@@ -162,10 +152,6 @@ def _told(u: Callable[[np.finfo], float]) -> Callable[[Channel, slice], None]:
     return lambda channel, window: channel.tell(window, u(channel.real))
 
 
-def _amplified(channel: Channel, window: slice) -> None:
-    channel.faults.u_times[window] = 20.0
-
-
 def _overdriven(channel: Channel, window: slice) -> None:
     limit = channel.bearing.current_max / channel.bearing.amplifier.gain
     channel.tell(window, 100 * limit * channel.draw.choice([-1.0, 1.0]))
@@ -173,7 +159,7 @@ def _overdriven(channel: Channel, window: slice) -> None:
 
 _LONGEST = 2.0  # the last that a loop may survive, in time constants
 
-CLEAN = Fault("clean", "nothing is wrong", _nothing)
+CLEAN = Fault("clean", "nothing is wrong", lambda _channel, _window: None)
 
 FAULTS = {
     fault.name: fault
@@ -183,7 +169,7 @@ FAULTS = {
         Fault("overload", "a load beyond the magnet for one time constant", _overload, own=1),
         Fault("long-overload", "a load beyond the magnet: rotor on a stop, current at its limit",
               _overload, own=60),
-        Fault("weak-amplifier", "a tenth of the current is left", _weak, own=0.5),
+        Fault("weak-amplifier", "a tenth of the current is left", _set("current", 0.1), own=0.5),
         Fault("nan-bursts", "bursts of 1 to 19 missing samples", _bursts, own=5),
         Fault("outage-1ms", "no measurement", _missing, seconds=1e-3),
         Fault("outage-10ms", "no measurement", _missing, seconds=1e-2),
@@ -197,9 +183,9 @@ FAULTS = {
         Fault("rail", "the sensor reads the travel's end for 100 samples, noise and all", _rail,
               samples=100, in_loop=False),
         Fault("long-rail", "the sensor reads the travel's end", _rail, own=60, in_loop=False),
-        Fault("late-0.5", "the measurement is half a sample late", _late(0.5), own=20),
-        Fault("late-1", "the measurement is one sample late", _late(1), own=20),
-        Fault("late-3", "the measurement is three samples late", _late(3), own=20),
+        Fault("late-0.5", "the measurement is half a sample late", _set("late", 0.5), own=20),
+        Fault("late-1", "the measurement is one sample late", _set("late", 1), own=20),
+        Fault("late-3", "the measurement is three samples late", _set("late", 3), own=20),
         Fault("huge-y", "the sensor reads ±1e30 m", _reads(lambda _: 1e30), own=0.5),
         Fault("greatest-y", "the sensor reads the greatest number there is",
               _reads(lambda real: float(real.max)), own=0.5),
@@ -213,8 +199,8 @@ FAULTS = {
               _told(lambda real: float(real.max)), own=_LONGEST),
         Fault("overdriven", "the estimator is told 100 times the current's limit", _overdriven,
               own=_LONGEST),
-        Fault("long-saturation", "the estimator is told 20 times the control signal", _amplified,
-              own=120, in_loop=False),
+        Fault("long-saturation", "the estimator is told 20 times the control signal",
+              _set("u_times", 20.0), own=120, in_loop=False),
         Fault("long-overdriven", "the estimator is told 100 times the current's limit",
               _overdriven, own=120, in_loop=False),
     )

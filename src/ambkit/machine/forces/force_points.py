@@ -65,13 +65,13 @@ class ForcePoints:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write them as ``.csv`` or ``.parquet``, as ``ambkit train map`` reads them."""
-        from ambkit.data.files.tables import Table, write_table
+        from ambkit.data.files.tables import Table
 
         columns = {"iu": self.current, "x": self.displacement, "f_mag": self.force}
         if self.standard_error is not None:
             columns["f_std"] = self.standard_error
         units = {"iu": "A", "x": "m", "f_mag": "N", "f_std": "N"}
-        write_table(path, Table(columns, {name: units[name] for name in columns}, {}))
+        Table(columns, {name: units[name] for name in columns}, {}).save(path)
 
     def within(
         self, currents: tuple[float, float], displacements: tuple[float, float]
