@@ -10,9 +10,10 @@ import ambkit
 from ambkit import Bearing, Record, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.maximum_likelihood.information import expect
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.likelihood import BLOCK, Likelihood, between_blocks
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
+from ambkit.machine.magnets import own_time
 
 BEARING = Bearing.preset("zittau_axial")
 CALM = LoopModel(BEARING, disturbance_noise=1e-4)
@@ -52,6 +53,14 @@ def test_predicted_errors_are_the_scatter_of_estimates() -> None:
     correlation = np.corrcoef(found.T)
     assert np.abs(correlation - predicted.correlation).max() < 0.45
     assert predicted.correlation[0, 1] > 0.8
+
+
+def test_what_scores_scatter_by_holds_all_that_correlates_them_within_a_block() -> None:
+    """Scores that are one for a block each, with its sign: the variance is that of their sums."""
+    length = round(BLOCK * own_time(BEARING) / BEARING.sampling_time)
+    signs = np.random.default_rng(4).choice([-1.0, 1.0], 100)
+    scores = np.repeat(signs, length)[None, :]
+    assert between_blocks(scores, BEARING) == pytest.approx(100 * length**2, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", FREE[:4])

@@ -7,8 +7,13 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Record, Scenario, Sine, simulate
-from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
+from ambkit.identification.maximum_likelihood import (
+    MaximumLikelihood,
+    line_noise,
+    maximum_likelihood,
+)
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.machine.accessories import Hum
 
 BALL = Bearing.preset("inteco_ml").replace(sensor__noise_variance="9e-12 m^2")
 LINES = [{"frequency": f, "amplitude": "25 um"} for f in ("170 Hz", "230 Hz")]
@@ -45,6 +50,18 @@ def test_two_lines_are_found_and_taken_out_of_the_prediction() -> None:
     states = [s.name for s in ambkit.ExtendedKalmanFilter(found.bearing).states]
     assert {"hum_c", "hum_s", "hum2_c", "hum2_s"} < set(states)
     assert [h["frequency"] for h in found.to_dict()["lines"]] == [h.frequency for h in found.lines]
+
+
+def test_a_line_that_the_likelihood_hardly_gains_by_is_not_taken_in(monkeypatch) -> None:
+    """Whatever the periodogram says: three figures more are likelier by chance alone."""
+    monkeypatch.setattr(
+        line_noise, "_candidate",
+        lambda records, model: Hum(frequency=190.0, amplitude=3e-7, bandwidth=0.1),
+    )  # fmt: skip
+    record = flown(BALL, 3, 1.0)
+    found = found_of(record)
+    model = line_noise.with_lines([record], found.model, [], found.settling)
+    assert model == found.model
 
 
 @pytest.mark.study

@@ -280,6 +280,14 @@ def test_a_coarse_sensor_is_not_frozen(read_columns, step, seed):
     assert reading.channels[0].resolution == pytest.approx(step * 1e-3, rel=1e-6)
 
 
+def test_a_converter_with_uneven_steps_has_their_median_as_its_resolution():
+    """A few hundred values that come again and again, though on no one ladder."""
+    rng = np.random.default_rng(2)
+    levels = 1e-6 * np.cumsum(rng.uniform(0.5, 1.5, 500))
+    values = levels[rng.integers(0, levels.size, 8000)]
+    assert faults.resolution(values) == pytest.approx(np.median(np.diff(levels)), rel=1e-9)
+
+
 def test_a_stretch_that_is_coarser_than_the_rest_is_found(read_columns):
     columns = sound()
     columns["pos"][1000:2000] = np.round(columns["pos"][1000:2000] / 0.04) * 0.04
