@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
@@ -26,6 +27,7 @@ from ambkit.models.parts import (
     Rotor,
     Sensor,
 )
+from ambkit.models.sampling import Sampling
 
 Array = NDArray[np.float64]
 
@@ -168,6 +170,24 @@ def test_a_new_part_is_one_class_and_its_registration(monkeypatch: pytest.Monkey
 def test_parts_that_do_not_fit_are_refused(parts: list[Part], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         compose(parts, 1e-3)
+
+
+def test_a_model_that_was_composed_before_is_kept_and_no_other_one() -> None:
+    one = [Rotor(1.0, 1.0, 1.0), MagnetPlace(1.0), Sensor(1.0, 1.0, 1e-4)]
+    assert compose(one, 1e-3) is compose([replace(part) for part in one], 1e-3)
+    assert compose(one, 1e-3, name="other").name == "other"
+    heavier = compose([Rotor(math.nextafter(1.0, 2.0), 1.0, 1.0), *one[1:]], 1e-3)
+    assert (heavier.b != compose(one, 1e-3).b).any()
+    assert Sampling(pickle.loads(pickle.dumps(_plan(one)))).model("model").pattern_key() == (
+        Sampling(_plan(one)).model("model").pattern_key()
+    ), "a one by structure is still one"
+
+
+def _plan(parts: list[Part]) -> Plan:
+    plan = Plan(1e-3)
+    for part in parts:
+        plan.add(part)
+    return plan
 
 
 # ---- random models ----

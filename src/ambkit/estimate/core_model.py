@@ -15,10 +15,9 @@ from ambkit.base.arrays import Array
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
 from ambkit.models.declaration import Part, Plan
-from ambkit.models.machine_parts import compose, machine_parts, paper_pattern, printed
+from ambkit.models.machine_parts import compose, machine_parts, paper_pattern, printed, sampled
 from ambkit.models.model import ENUMERATORS, ROLES, Model, compressed_rows
 from ambkit.models.parts import SYNCHRONOUS
-from ambkit.models.sampling import Sampling
 
 NODE = 0.02
 """Radians a sample between the speeds at which a model that turns is computed."""
@@ -165,7 +164,7 @@ class Engine:
     @cached_property
     def model(self) -> Model:
         """The model as data, sampled when it is first asked for."""
-        model = _model(self.machine, *self._made_of)
+        model = sampled(_plan(self.machine, *self._made_of), "machine")
         return printed(model) if self.as_printed else model
 
 
@@ -178,16 +177,6 @@ def _plan(
     for part in parts(machine, noise=noise, synchronous=synchronous):
         plan.add(part)
     return plan
-
-
-@lru_cache(maxsize=8)
-def _model(
-    machine: Machine, parts: Callable[..., list[Part]], noise: bool, synchronous: tuple[str, ...]
-) -> Model:
-    """Return the sampled model of a machine."""
-    plan = _plan(machine, parts, noise, synchronous)
-    plan.check()
-    return Sampling(plan).model("machine")
 
 
 def check_room(core: ModuleType, plan: Plan, name: str) -> None:

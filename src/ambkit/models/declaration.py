@@ -11,6 +11,9 @@ from ambkit.models.model import Descriptor
 class _Unit(float):
     """One in every machine of this kind."""
 
+    def __reduce__(self) -> str:
+        return "UNIT"  # it is told from other ones by its identity
+
 
 UNIT: Final = _Unit(1.0)  #: One by structure; 1.0 may be another number elsewhere.
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -25,8 +26,18 @@ def compose(parts: Sequence[Part], T: float, *, name: str = "model") -> Model:
     plan = Plan(T)
     for part in parts:
         plan.add(part)
+    return sampled(plan, name)
+
+
+def sampled(plan: Plan, name: str) -> Model:
+    """Return the model of a plan, sampled; of equal numbers, the one that was made before."""
     plan.check()
-    return Sampling(plan).model(name)
+    return _sampled(pickle.dumps(plan), name)
+
+
+@lru_cache(maxsize=256)
+def _sampled(plan: bytes, name: str) -> Model:
+    return Sampling(pickle.loads(plan)).model(name)
 
 
 def machine_parts(

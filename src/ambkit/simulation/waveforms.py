@@ -12,7 +12,13 @@ from typing import Annotated, Any, Literal, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BeforeValidator, Field
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializationInfo,
+    SerializerFunctionWrapHandler,
+    WrapSerializer,
+)
 
 from ambkit.base.arrays import Array, real
 from ambkit.base.config import Part, Read
@@ -28,8 +34,15 @@ def _plain_list(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-Values = Annotated[tuple[Value, ...], BeforeValidator(_plain_list)]
-Times = Annotated[tuple[Time, ...], BeforeValidator(_plain_list)]
+def _serialized(
+    values: tuple[float, ...], one_by_one: SerializerFunctionWrapHandler, info: SerializationInfo
+) -> Any:
+    """Return numbers as they are; only a file has each one written with its unit."""
+    return values if info.context is None else one_by_one(values)
+
+
+Values = Annotated[tuple[Value, ...], BeforeValidator(_plain_list), WrapSerializer(_serialized)]
+Times = Annotated[tuple[Time, ...], BeforeValidator(_plain_list), WrapSerializer(_serialized)]
 
 
 class Waveform(Part, ABC):
