@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import ambkit
 from ambkit import _core
+from ambkit.models.plant_parts import axis_fields
 from benchmarks.work import NOISE, Settings, Work
 
 Array = NDArray[np.float64]
@@ -54,19 +55,8 @@ class ClosedLoop:
         b, pid = self.bearing, self.scenario.controller
         self.filter.reset()
         start = np.array([self.integral])
-        loop = {
-            "axis": {
-                "magnet": ambkit.ClosedLaw(b).in_core(_core),
-                "m": b.rotor.mass,
-                "f_0": b.weight,
-                "bias": 0.0,
-                "K_sen": b.sensor.gain,
-                "T_sen": b.sensor.lag,
-                "travel": b.rotor.clearance,
-                "substeps": self.scenario.substeps,
-                "parts": {},
-                "coil": None,
-            },
+        magnet = ambkit.ClosedLaw(b).in_core(_core)
+        loop = axis_fields(b, magnet, None, 0.0, self.scenario.substeps) | {
             "T": b.sampling_time,
             "k_ui": [b.amplifier.gain],
             "pid": [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup, 1.0,

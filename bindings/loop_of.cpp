@@ -28,8 +28,6 @@ amb_parts parts_of(const nb::dict &given)
   take("pair", parts.pair);
   take("behind", parts.behind);
   take("behind_d", parts.behind_d);
-  take("delay", parts.delay);
-  take("delay_rest", parts.delay_rest);
   take("quadratic", parts.quadratic);
   take("cubic", parts.cubic);
   take("step", parts.step);
@@ -38,12 +36,8 @@ amb_parts parts_of(const nb::dict &given)
   take("speed", parts.speed);
   take("stiffness", parts.stiffness);
   take("damping", parts.damping);
-  take("farthest", parts.farthest);
   if (parts.orders < 0 || parts.orders > AMB_RUNOUT_MOST)
     throw std::invalid_argument("orders must be 0 to " + std::to_string(AMB_RUNOUT_MOST));
-  if (parts.delay < 0 || parts.delay > AMB_DELAY_MOST)
-    throw std::invalid_argument("delay must be 0 to " + std::to_string(AMB_DELAY_MOST) +
-                                " samples");
   if (parts.behind < 0 || parts.behind > AMB_BEHIND_MOST)
     throw std::invalid_argument("a plant has 0 to " + std::to_string(AMB_BEHIND_MOST) +
                                 " states between a magnet and the rotor");
@@ -111,24 +105,6 @@ std::vector<amb_parts> LoopOf::all_parts(const char *name, size_t n) const
   return all;
 }
 
-void LoopOf::set_axis(const nb::dict &of)
-{
-  const auto real = [&of](const char *name) { return nb::cast<amb_real>(of[name]); };
-  const nb::object coil = of["coil"];
-  of_axis = parts_of(nb::cast<nb::dict>(of["parts"]));
-  axis = {nb::cast<const Magnet &>(of["magnet"]).magnet,
-          real("m"),
-          real("f_0"),
-          real("bias"),
-          real("K_sen"),
-          real("T_sen"),
-          real("travel"),
-          nb::cast<int>(of["substeps"]),
-          &of_axis,
-          coil.is_none() ? amb_magnet{} : nb::cast<const Magnet &>(coil).magnet};
-  loop.plant = amb_plant_of_axis(&axis, &room);
-}
-
 void LoopOf::set_plant()
 {
   const auto within = [this](const char *what, size_t most) {
@@ -139,19 +115,27 @@ void LoopOf::set_plant()
     return n;
   };
   amb_plant &at = loop.plant;
-  const int n = at.states = within("states", AMB_STATES);
+  const int n = at.states = within("states", AMB_PLANT_STATES);
   const auto p = static_cast<size_t>(at.axes = within("axes", AMB_FORCES));
   const auto m = static_cast<size_t>(at.sensors = within("sensors", AMB_SENSORS));
   const auto q =
       static_cast<size_t>(at.positions = within("positions", static_cast<size_t>(n / 2)));
-  at.H = rows("H", p, q);
-  at.B = rows("B", q, p);
-  at.C = rows("C", m, q);
-  at.A = rows("A", q, 2 * q);
-  at.spin = numbers("spin", at.A.start[q]);
+  at.own = given.contains("mass");
+  if (at.own) {
+    same_length(q, p, "axes of their own");
+    same_length(q, m, "sensors of their own");
+    at.mass = numbers("mass", q);
+    at.plain = nb::cast<bool>(given["plain"]);
+  } else {
+    at.H = rows("H", p, q);
+    at.B = rows("B", q, p);
+    at.C = rows("C", m, q);
+    at.A = rows("A", q, 2 * q);
+    at.spin = numbers("spin", at.A.start[q]);
+    at.base = places("base", 3, at.positions, -1);
+  }
   at.current = places("current", p, n, -1);
   at.second = places("second", p, n, -1);
-  at.base = places("base", 3, at.positions, -1);
   at.bias = numbers("bias", p);
   at.farthest = numbers("farthest", p);
   at.g = numbers("g", q);
@@ -169,8 +153,11 @@ void LoopOf::set_plant()
   at.delay = count("delay");
   at.delay_rest = number("delay_rest");
   at.substeps = count("substeps");
-  if (at.delay < 0 || at.delay > AMB_DELAY_MOST || at.substeps < 1)
-    throw std::invalid_argument("delay or substeps out of range");
+  if (at.delay < 0 || at.delay > AMB_DELAY_MOST)
+    throw std::invalid_argument("delay must be 0 to " + std::to_string(AMB_DELAY_MOST) +
+                                " samples");
+  if (at.substeps < 1)
+    throw std::invalid_argument("substeps must be at least 1");
 }
 
 void LoopOf::set_magnets(size_t p)
@@ -244,10 +231,7 @@ LoopOf::LoopOf(const nb::dict &said, Estimator *estimator, Control *control) : g
 {
   if (control != nullptr && &control->estimator != estimator)
     throw std::invalid_argument("the controller has another estimator than the loop");
-  if (given.contains("axis"))
-    set_axis(nb::cast<nb::dict>(given["axis"]));
-  else
-    set_plant();
+  set_plant();
   if (estimator != nullptr) {
     loop.estimator = &estimator->estimator;
     const Sizes of = estimator->sizes();

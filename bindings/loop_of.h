@@ -10,8 +10,7 @@ extern "C" {
 // The parts of a plant, by the names of amb_parts; what is not named is 0.
 amb_parts parts_of(const nb::dict &given);
 
-// Plant and controllers of a loop, and all that they point to. Of several axes by the names of
-// amb_plant; `axis` holds one by the names of amb_axis.
+// Plant and controllers of a loop, by the names of amb_plant, and all that they point to.
 class LoopOf
 {
 public:
@@ -34,7 +33,6 @@ public:
   amb_loop loop{};
 
 private:
-  void set_axis(const nb::dict &given);
   void set_plant();
   void set_magnets(size_t p);
   void set_rings();
@@ -54,9 +52,6 @@ private:
   std::vector<amb_parts> amplifiers, sensor_parts;
   std::list<amb_parts> stops;
   std::vector<amb_ring> rings;
-  amb_axis axis{};
-  amb_axis_room room{};
-  amb_parts of_axis{};
   Law law;
 };
 

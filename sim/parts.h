@@ -32,10 +32,6 @@ typedef struct amb_parts {
   amb_real behind_d;
   amb_real behind_rest[AMB_BEHIND_MOST]; /* e at rest, for 1 N */
 
-  /* Dead time from a sample to the change of the demanded current. */
-  int delay;           /* whole samples, 0 to AMB_DELAY_MOST */
-  amb_real delay_rest; /* and that much of one [s], 0 to less than the sampling time */
-
   /* Sensor: it sees x and the runout, bent by 1 + quadratic x + cubic x^2, and lags; after the
    * noise it is rounded. */
   amb_real quadratic; /* [1/m] */
@@ -51,7 +47,6 @@ typedef struct amb_parts {
    * and Crossley 1975). A slow impact of v keeps 1 - damping v of its speed. */
   amb_real stiffness; /* [N/m^1.5]; 0: a hard stop, at which the rotor stays */
   amb_real damping;   /* [s/m] */
-  amb_real farthest;  /* where the stop gives way no more, between travel and air gap [m] */
 } amb_parts;
 
 /* Rate of the control current of the coil towards +x [A/s], within its voltage, at this multiple of

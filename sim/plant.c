@@ -558,49 +558,6 @@ amb_acting amb_plant_acting(const amb_plant *plant, const amb_plant_state *state
   return acting;
 }
 
-/* ---- A plant with one axis ---- */
-
-amb_plant amb_plant_of_axis(const amb_axis *axis, amb_axis_room *room)
-{
-  static const int none[1] = {-1}, first[1] = {3}, second[1] = {4}, shows[1] = {2};
-  const amb_parts nothing = {0};
-  room->parts = axis->parts != NULL ? *axis->parts : nothing;
-  const amb_parts *parts = &room->parts;
-  const bool soft = parts->stiffness > 0, lags = parts->corner > 0;
-  for (int k = 0; k < parts->behind; k++)
-    room->parts.behind_at[k] = axis_with_parts.states + k;
-  const amb_ring ring = {0, -1, axis->travel, parts};
-  room->ring = ring;
-  room->farthest = soft ? parts->farthest : axis->travel;
-  const bool shown_as_it_is = (parts->orders == 0) && !(parts->quadratic < 0) &&
-                              !(parts->quadratic > 0) && !(parts->cubic < 0) && !(parts->cubic > 0);
-  const amb_plant plant = {.positions = 1,
-                           .axes = 1,
-                           .sensors = 1,
-                           .states = axis_with_parts.states + parts->behind,
-                           .own = true,
-                           .mass = &axis->m,
-                           .g = &axis->f_0,
-                           .magnet = &axis->magnet,
-                           .coil = &axis->coil,
-                           .bias = &axis->bias,
-                           .farthest = &room->farthest,
-                           .current = lags ? first : none,
-                           .second = lags && parts->pair ? second : none,
-                           .shows = shows,
-                           .gain = &axis->K_sen,
-                           .lag = &axis->T_sen,
-                           .amplifier = parts,
-                           .sensor = parts,
-                           .rings = 1,
-                           .ring = &room->ring,
-                           .delay = parts->delay,
-                           .delay_rest = parts->delay_rest,
-                           .substeps = axis->substeps,
-                           .plain = shown_as_it_is && !soft && !lags && (parts->behind == 0)};
-  return plant;
-}
-
 void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, const amb_real q[],
                       const amb_real iu[])
 {

@@ -60,9 +60,10 @@ typedef struct amb_plant {
   const amb_parts *sensor;    /* [sensors]: runout, non-linearity, rounding */
   int rings;
   const amb_ring *ring;
-  int delay; /* as in parts.h, of all axes */
-  amb_real delay_rest;
-  int substeps; /* Runge-Kutta steps in a sample, >= 1 */
+  int delay;           /* dead time from a sample to the change of the demanded currents: whole
+                        * samples, 0 to AMB_DELAY_MOST, ... */
+  amb_real delay_rest; /* ... and that much of one [s], 0 to less than the sampling time */
+  int substeps;        /* Runge-Kutta steps in a sample, >= 1 */
   bool plain; /* no currents of their own, nothing between magnet and rotor, nothing that depends on
                * velocities or on the angle, and no soft stop */
 } amb_plant;
@@ -125,30 +126,5 @@ void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, const amb_
 
 /* Whether it is one axis with the closed law of two sides, and plain: it may fly in lanes. */
 bool amb_plant_is_plain_axis(const amb_plant *plant);
-
-/* ---- A plant with one axis. ---- */
-
-typedef struct amb_axis {
-  amb_magnet magnet;
-  amb_real m;             /* mass of the rotor [kg] */
-  amb_real f_0;           /* weight and bias force [N] */
-  amb_real bias;          /* the bias force of the magnet [N] */
-  amb_real K_sen;         /* sensor gain [1] */
-  amb_real T_sen;         /* sensor lag [s], > 0 */
-  amb_real travel;        /* mechanical stop at +-travel [m] */
-  int substeps;           /* Runge-Kutta steps in a sample, >= 1 */
-  const amb_parts *parts; /* or NULL: none */
-  amb_magnet coil;        /* one of a pair, or without methods */
-} amb_axis;
-
-/* What its plant points to beside the axis. */
-typedef struct amb_axis_room {
-  amb_parts parts;
-  amb_ring ring;
-  amb_real farthest;
-} amb_axis_room;
-
-/* The plant, which points to both. */
-amb_plant amb_plant_of_axis(const amb_axis *axis, amb_axis_room *room);
 
 #endif

@@ -11,15 +11,42 @@ from ambkit.machine.magnets import core_module
 PID = ("kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")
 
 
+SENSOR = ("quadratic", "cubic", "step", "rise", "orders", "speed", "runout_cosine", "runout_sine")
+STOP = ("stiffness", "damping")
+
+
+def plant(magnet: Any, told: dict[str, Any]) -> dict[str, Any]:
+    """The fields of ``amb_plant``: parts by the names of ``amb_parts``, and what is beside them."""
+    amplifier = dict(told.get("parts") or {})
+    sensor, stop, late = (
+        {name: amplifier.pop(name) for name in names if name in amplifier}
+        for names in (SENSOR, STOP, ("delay", "delay_rest"))
+    )
+    far, behind = amplifier.pop("farthest", told["travel"]), amplifier.get("behind", 0)
+    bent = any(name in sensor for name in ("orders", "quadratic", "cubic"))
+    lags = amplifier.get("corner", 0) > 0
+    return {
+        "states": 5 + behind, "positions": 1, "axes": 1, "sensors": 1,
+        "mass": [told["m"]], "g": [told["f_0"]], "bias": [told.get("f_bias", 0.0)],
+        "magnets": [magnet], "coils": [told.get("coil")], "amplifiers": [amplifier],
+        "behind": [[5 + k for k in range(behind)]], "current": [3 if lags else -1],
+        "second": [4 if lags and amplifier.get("pair") else -1],
+        "farthest": [far if stop.get("stiffness", 0) > 0 else told["travel"]], "shows": [2],
+        "sensor_parts": [sensor], "gain": [told["K_sen"]], "lag": [told["T_sen"]],
+        "rings": [{"first": 0, "second": -1, "travel": told["travel"], "stop": stop}],
+        **({"delay": 0, "delay_rest": 0.0} | late), "substeps": told["substeps"],
+        "plain": not (bent or lags or behind or stop),
+    }  # fmt: skip
+
+
 def fly(magnet: Any, **told: Any) -> dict[str, Any]:
     """A run with a PID that the measurement feeds: columns by the names of a record."""
     f_0 = told["f_0"]
     gains = {"weight": 1.0} | {name: told[name] for name in PID if name in told}
-    names = ("m", "f_0", "K_sen", "T_sen", "travel", "substeps")
-    axis = {"magnet": magnet, "bias": told.get("f_bias", 0.0), "coil": told.get("coil"),
-            "parts": told.get("parts") or {}} | {name: told[name] for name in names}  # fmt: skip
-    loop = {"axis": axis, "T": told["T"], "k_ui": [told["k_ui"]], "feedback_estimate": False,
-            "pid": [gains[name] for name in PID]}  # fmt: skip
+    loop = plant(magnet, told) | {
+        "T": told["T"], "k_ui": [told["k_ui"]], "feedback_estimate": False,
+        "pid": [gains[name] for name in PID],
+    }  # fmt: skip
     held = np.array([told["integral"]])
     out = core_module().simulate(
         loop, r=told["r"], load=told["f_d"], noise_u=told["noise_u"], noise_y=told["noise_y"],

@@ -77,7 +77,9 @@ def coils(**changes: Any) -> dict[str, Any]:
 def test_a_bearing_without_parts_is_simulated_without_them() -> None:
     for name in presets.names():
         bearing = Bearing.preset(name)
-        assert plant_parts.parts_of(bearing) == {}
+        fields = plant_parts.axis_fields(bearing, None, None, 0.0, 4)
+        assert fields["plain"]
+        assert (fields["amplifiers"], fields["sensor_parts"], fields["delay"]) == ([{}], [{}], 0)
         assert plant_parts.coil_fields(bearing) is None
 
 
@@ -292,8 +294,7 @@ def test_a_delay_shifts_the_control_between_the_samples(halves: int) -> None:
 
 def test_a_delay_is_told_in_whole_samples_and_the_rest() -> None:
     def delay(text: str) -> tuple[int, float]:
-        parts = plant_parts.parts_of(BEARING.replace(delay=text))
-        assert parts is not None
+        parts = plant_parts.axis_fields(BEARING.replace(delay=text), None, None, 0.0, 4)
         return parts["delay"], parts["delay_rest"]
 
     assert delay("0.1 ms") == (1, 0)
@@ -318,7 +319,7 @@ def test_runout_comes_through_the_lag() -> None:
         ],
     )
     assert bearing.speed == speed
-    parts = plant_parts.parts_of(bearing)
+    (parts,) = plant_parts.axis_fields(bearing, None, None, 0.0, 4)["sensor_parts"]
     n = 200_000
     run = driven(np.zeros(n), parts, m=HEAVY, magnet=core_module().Constant(0.0, 0.0), substeps=16)
     t = T * np.arange(n)

@@ -3,6 +3,7 @@
 #include "ambkit/observer.h"
 #include "family.h"
 #include "lanes_run.h"
+#include "plant_axis.h"
 #include <math.h>
 
 #define MOST 5
@@ -99,7 +100,7 @@ static void fill(one *o, size_t i, size_t n, const amb_estimator_methods *method
                          .travel = PAPER_X_MAX,
                          .substeps = 4};
   o->axis = axis;
-  const amb_loop loop = {.plant = amb_plant_of_axis(&o->axis, &o->room),
+  const amb_loop loop = {.plant = plant_of_axis(&o->axis, &o->room),
                          .pid = {.T = PAPER_T,
                                  .kp = 3000,
                                  .ki = 20000,

@@ -2,6 +2,7 @@
  * what is no number. */
 #include "check.h"
 #include "loop.h"
+#include "plant_axis.h"
 
 static const amb_law law = {AMB_C(6.7e-6), AMB_C(2e-3), AMB_C(1.5), true, 1, AMB_C(1e-3)};
 static const amb_law coil = {AMB_C(6.7e-6), AMB_C(2e-3), AMB_C(1.5), false, 1, AMB_C(1e-3)};
@@ -27,21 +28,21 @@ static amb_axis axis_of(const amb_parts *parts)
 /* On by T with this current [A] and load [N]. */
 static bool advance(const amb_axis *axis, amb_plant_state *s, amb_real T, amb_real iu, amb_real f_d)
 {
-  const amb_plant plant = amb_plant_of_axis(axis, &room);
+  const amb_plant plant = plant_of_axis(axis, &room);
   const amb_acts acts = {.demanded = &iu, .load = &f_d, .scale = 1};
   return amb_plant_advance(&plant, s, T, &acts);
 }
 
 static void settle(const amb_axis *axis, amb_plant_state *s, amb_real x, amb_real iu)
 {
-  const amb_plant plant = amb_plant_of_axis(axis, &room);
+  const amb_plant plant = plant_of_axis(axis, &room);
   amb_plant_settle(&plant, s, &x, &iu);
 }
 
 /* What acts just after a sample at which iu [A] is demanded; before one, with `until`. */
 static amb_acting acting_at(const amb_axis *axis, const amb_plant_state *s, amb_real iu, bool until)
 {
-  const amb_plant plant = amb_plant_of_axis(axis, &room);
+  const amb_plant plant = plant_of_axis(axis, &room);
   const amb_acts acts = {.demanded = &iu, .load = &iu, .scale = 1};
   const amb_real now =
       until ? amb_plant_until_now(&plant, s, 0, iu) : amb_plant_from_now(&plant, s, 0, iu);
@@ -93,8 +94,9 @@ static void test_voltage(void)
 
 static void test_delay(void)
 {
-  amb_parts parts = {.delay = 2, .delay_rest = AMB_C(5e-5)};
-  const amb_axis axis = axis_of(&parts);
+  amb_axis axis = axis_of(NULL);
+  axis.delay = 2;
+  axis.delay_rest = AMB_C(5e-5);
   amb_plant_state s;
   settle(&axis, &s, 0, 0);
   for (int k = 0; k < 2; k++) {
@@ -105,7 +107,7 @@ static void test_delay(void)
   (void)advance(&axis, &s, AMB_C(1e-4), 1, 0); /* half of it under 1 A */
   CHECK_WITHIN(s.X[1], AMB_C(10.05) * AMB_C(5e-5) / AMB_C(0.518), AMB_C(1e-4));
   CHECK(same(acting_at(&axis, &s, 1, true).iu, 1));
-  parts.delay = AMB_DELAY_MOST; /* the longest */
+  axis.delay = AMB_DELAY_MOST; /* the longest */
   settle(&axis, &s, 0, 0);
   for (int k = 0; k < AMB_DELAY_MOST; k++)
     (void)advance(&axis, &s, AMB_C(1e-4), 1, 0);
@@ -117,8 +119,9 @@ static void test_delay(void)
 /* Half of the digits of the energy are kept by an elastic stop, and the damped one loses some. */
 static void test_contact(void)
 {
-  amb_parts parts = {.stiffness = AMB_C(1e9), .farthest = AMB_C(1.9e-3)};
+  amb_parts parts = {.stiffness = AMB_C(1e9)};
   amb_axis axis = axis_of(&parts);
+  axis.farthest = AMB_C(1.9e-3);
   axis.magnet.methods = &amb_constant_magnet;
   axis.magnet.self = &none;
   for (int damped = 0; damped < 2; damped++) {
@@ -138,9 +141,9 @@ static void test_no_number(void)
 {
   amb_parts parts = amplifier();
   parts.stiffness = AMB_C(1e8);
-  parts.farthest = AMB_C(1.9e-3);
   parts.step = AMB_C(1e-6);
-  const amb_axis axis = axis_of(&parts);
+  amb_axis axis = axis_of(&parts);
+  axis.farthest = AMB_C(1.9e-3);
   amb_plant_state s;
   settle(&axis, &s, 0, 0);
   (void)advance(&axis, &s, AMB_C(1e-4), 0, NOT_A_NUMBER); /* it ends */

@@ -2,6 +2,7 @@
  */
 #include "family.h"
 #include "loop.h"
+#include "plant_axis.h"
 
 #define N 2000
 
@@ -58,7 +59,7 @@ static amb_axis_room room;
 /* On by 0.1 ms with this current [A] and load [N]. */
 static bool advance(const amb_axis *of, amb_plant_state *s, amb_real iu, amb_real f_d)
 {
-  const amb_plant plant = amb_plant_of_axis(of, &room);
+  const amb_plant plant = plant_of_axis(of, &room);
   const amb_acts acts = {.demanded = &iu, .load = &f_d, .scale = 1};
   return amb_plant_advance(&plant, s, AMB_C(1e-4), &acts);
 }
@@ -87,7 +88,7 @@ static void test_plant(void)
 static amb_loop loop_of(const amb_estimator *estimator, bool fed_by_estimate)
 {
   const amb_loop loop = {
-      .plant = amb_plant_of_axis(&axis, &room),
+      .plant = plant_of_axis(&axis, &room),
       .pid = pid,
       .T = AMB_C(1e-4),
       .k_ui = &gain,

@@ -38,17 +38,36 @@ def _corner(bearing: Bearing) -> float:
     return 0.0 if bandwidth is None else min(2 * math.pi * bandwidth, most)
 
 
-def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any]:
-    """Return the parts of a bearing by the names of ``amb_parts``."""
+CURRENTS = (3, 4)  #: States of the two control currents of an isolated axis, after x, v and x_m.
+
+
+def axis_fields(
+    bearing: Bearing, magnet: Any, coil: Any, bias: float, least: int, dtype: str = "float64"
+) -> dict[str, Any]:
+    """Return the fields of ``amb_plant`` of an isolated axis, whose C has no loops."""
     sensor = of_sensor(bearing.sensor, bearing.sensor.runout, dtype)
     if bearing.sensor.runout:
         sensor["speed"] = bearing.speed
-    parts = amplifier_of(bearing) | delay_of(bearing) | sensor
-    if bearing.stop is not None:
-        far = max_displacement(bearing.rotor.clearance, bearing.magnet.air_gap)
-        stop = bearing.stop
-        parts |= {"stiffness": stop.stiffness, "damping": stop.damping, "farthest": far}
-    return parts | behind_fields(_behind(bearing), dtype)
+    amplifier, between = amplifier_of(bearing), behind_fields(_behind(bearing), dtype)
+    clearance, stop = bearing.rotor.clearance, bearing.stop
+    far = clearance if stop is None else max_displacement(clearance, bearing.magnet.air_gap)
+    bent = any(name in sensor for name in ("orders", "quadratic"))
+    states, behind = CURRENTS[-1] + 1, between.get("behind", 0)
+    return {
+        "states": states + behind, "positions": 1, "axes": 1, "sensors": 1,
+        "mass": [bearing.rotor.mass], "g": [bearing.weight + bias], "bias": [bias],
+        "magnets": [magnet], "coils": [coil], "amplifiers": [amplifier | between],
+        "behind": [[states + k for k in range(behind)]],
+        "current": [CURRENTS[0] if amplifier else -1],
+        "second": [CURRENTS[1] if amplifier.get("pair") else -1],
+        "farthest": [far], "shows": [2], "sensor_parts": [sensor],
+        "gain": [bearing.sensor.gain], "lag": [bearing.sensor_lag],
+        "rings": [{"first": 0, "second": -1, "travel": clearance,
+                   "stop": {} if stop is None else stop.model_dump()}],
+        **({"delay": 0, "delay_rest": 0.0} | delay_of(bearing)),
+        "substeps": substeps(bearing, least),
+        "plain": not (bent or amplifier or between or stop),
+    }  # fmt: skip
 
 
 def max_displacement(clearance: float, air_gap: float) -> float:

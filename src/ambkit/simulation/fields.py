@@ -1,4 +1,4 @@
-"""A plant and its controllers as C takes them: by the fields of ``amb_axis`` or ``amb_plant``."""
+"""A plant and its controllers as C takes them: by the fields of ``amb_plant``."""
 
 from __future__ import annotations
 
@@ -59,13 +59,16 @@ class StraightLine:
         """Return what a core is told of plant, controller and start."""
         bearing, pid = self.machine, self.scenario.controller
         precision = "float64" if estimator is None else estimator.precision
-        loop = {
-            "axis": self._axis(core, precision),
+        coil = None if self.coil is None else core.Law("closed", **self.coil)
+        loop = plant_parts.axis_fields(
+            bearing, self.magnet.in_core(core), coil, self.law.bias_force, self.scenario.substeps,
+            precision,
+        ) | {
             "T": bearing.sampling_time,
             "k_ui": [bearing.amplifier.gain],
             "pid": gains_of(pid, bearing.sampling_time, bearing.current_min, bearing.current_max),
             "feedback_estimate": pid.feedback == "estimate",
-        }
+        }  # fmt: skip
         told: dict[str, Any] = {
             "loop": loop, "place": self.place if elsewhere is None else elsewhere,
             "current": self.current,
@@ -80,22 +83,6 @@ class StraightLine:
                 told |= {"hovers": False, "current": 0.0}
         numbers = ("place", "current", "integral")
         return told | {name: np.array([told[name]], precision) for name in numbers}
-
-    def _axis(self, core: ModuleType, precision: str) -> dict[str, Any]:
-        """Return the fields of ``amb_axis``."""
-        bearing = self.machine
-        return {
-            "magnet": self.magnet.in_core(core),
-            "m": bearing.rotor.mass,
-            "f_0": bearing.weight + self.law.bias_force,
-            "bias": self.law.bias_force,
-            "K_sen": bearing.sensor.gain,
-            "T_sen": bearing.sensor_lag,
-            "travel": bearing.rotor.clearance,
-            "substeps": plant_parts.substeps(bearing, self.scenario.substeps),
-            "parts": plant_parts.parts_of(bearing, precision),
-            "coil": None if self.coil is None else core.Law("closed", **self.coil),
-        }
 
 
 class InLoops:

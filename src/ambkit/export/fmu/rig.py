@@ -50,28 +50,21 @@ def rig_data(machine: Machine, start: RigStart) -> dict[str, Any]:
     }
     arrays = {f"rig_{name}": np.array(values, float) for name, values in of_axes.items()}
     fields: dict[str, Any] = {name: Name(f"rig_{name}") for name in of_axes}
-    core, plant = core_module("float64", any_model=not single), None
+    core = core_module("float64", any_model=not single)
     if single:
-        bearing = axes[0]
-        parts = plant_parts.parts_of(bearing)
-        fields |= {
-            "axis": {
-                "m": bearing.rotor.mass, "K_sen": bearing.sensor.gain,
-                "T_sen": bearing.sensor_lag, "travel": bearing.rotor.clearance,
-                "substeps": plant_parts.substeps(bearing, Scenario().substeps),
-                "parts": Name("&rig_parts"),
-            },
-            "weight": bearing.weight, "with_parts": bool(parts),
-        }  # fmt: skip
-        structs = [("amb_parts", "rig_parts", _parts(parts))]
+        bearing, least = axes[0], Scenario().substeps
+        of_plant = plant_parts.axis_fields(bearing, None, None, laws[0].bias_force, least)
+        parts = (of_plant["delay"], of_plant["delay_rest"], *of_plant["sensor_parts"][0])
+        fields |= {"weight": bearing.weight, "with_parts": not of_plant["plain"] or any(parts)}
     else:
-        plant = _plant_fields(Plant(machine).arrays(core, start.substeps, start.max_speed))
-        arrays |= plant.arrays
-        structs = plant.structs
+        of_plant = Plant(machine).arrays(core, start.substeps, start.max_speed)
+        fields |= {"with_parts": True}
         of_start = {"q": start.q, "place": start.place, "q_by_place": start.q_by_place.ravel()}
         arrays |= {f"rig_{name}": values for name, values in of_start.items()}
-        fields |= {"plant": Name("&rig_plant"), "with_parts": True}
         fields |= {name: Name(f"rig_{name}") for name in of_start}
+    plant = _plant_fields(of_plant)
+    arrays |= plant.arrays
+    fields["plant"] = Name("&rig_plant")
     base = [f"VR_{name}" if name else "-1" for name in variables.base_inputs(machine)]
     fields |= {
         "axes": len(axes), "T": machine.sampling_time,
@@ -88,8 +81,8 @@ def rig_data(machine: Machine, start: RigStart) -> dict[str, Any]:
             None if of is None else magnet_data(of, f"rig_coil_{k}") for k, of in enumerate(closed)
         ],
         "arrays": c_literals.declared(arrays, "double"),
-        "structs": structs,
-        "plant": None if plant is None else c_literals.struct(plant.fields, "double", {}),
+        "structs": plant.structs,
+        "plant": c_literals.struct(plant.fields, "double", {}),
         "text": c_literals.struct(fields, "double", {}),
     }
 
@@ -135,8 +128,10 @@ _STRUCTS = {"amplifiers": "amplifier", "sensor_parts": "sensor"}
 
 
 def _plant_fields(fields_of_plant: dict[str, Any]) -> _PlantFields:
-    """Return the fields of ``amb_plant`` of several axes, as C."""
+    """Return the fields of ``amb_plant``, as C."""
     fields: dict[str, Any] = {"rings": len(fields_of_plant["rings"]), "ring": Name("rig_ring")}
+    if "mass" in fields_of_plant:
+        fields["own"] = True
     arrays: dict[str, NDArray[Any]] = {}
     structs = []
     for name, value in fields_of_plant.items():

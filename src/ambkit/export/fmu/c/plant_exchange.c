@@ -6,7 +6,7 @@
 static void turn(amb_unit *model, double time)
 {
   amb_plant_state *s = &model->state;
-  const double turns = amb_data_rig.axis.parts->speed * time / TURN;
+  const double turns = amb_data_rig.plant->sensor->speed * time / TURN;
   const double rest = turns - (double)(int64_t)turns;
   const double within = (rest > 0.5) ? rest - 1 : ((rest < -0.5) ? rest + 1 : rest);
   amb_parts_turn(within * TURN, &s->cosine, &s->sine);
@@ -26,7 +26,7 @@ void amb_unit_follow(amb_unit *model, double time, const double value[AMB_VARIAB
 /* Where a state that an importer integrates is in the plant's: currents come first, if they lag. */
 static int place(int i)
 {
-  const int between = amb_data_rig.with_parts ? amb_data_rig.axis.parts->behind : 0;
+  const int between = amb_data_rig.plant->amplifier->behind;
   const int first = AMB_CONTINUOUS_STATES - between;
   return (i < first) ? i : (5 + i - first);
 }
@@ -81,8 +81,7 @@ void amb_plant_show_rates(const amb_unit *model, double value[])
 /* Where the rotor's way ends: at a hard stop, or where a soft one gives way no more. */
 static amb_real end_of(void)
 {
-  const amb_parts *parts = amb_data_rig.with_parts ? amb_data_rig.axis.parts : NULL;
-  return (parts != NULL) && (parts->stiffness > 0) ? parts->farthest : amb_data_rig.axis.travel;
+  return amb_data_rig.plant->farthest[0];
 }
 
 /* What is left of the way on both sides [m]; at a stop, how hard it is pressed there [m/s^2]. */

@@ -42,7 +42,6 @@ void amb_rig_tune(amb_rig *rig, const double value[])
 amb_plant amb_rig_plant(const amb_rig *rig, amb_rig_room *room)
 {
   const amb_rig_data *data = &amb_data_rig;
-  const amb_parts *amplifier = data->plant != NULL ? data->plant->amplifier : data->axis.parts;
   amb_real more[AMB_PLANT_AXES];
   for (int f = 0; f < data->axes; f++) {
     const amb_real scale = rig->k[f] / data->k[f];
@@ -56,21 +55,15 @@ amb_plant amb_rig_plant(const amb_rig *rig, amb_rig_room *room)
     room->coil[f] = data->coil[f].methods != NULL ? of_coil : none;
     room->bias[f] = data->bias[f] * scale;
     more[f] = room->bias[f] - data->bias[f];
-    room->amplifier[f] = amplifier[f];
+    room->amplifier[f] = data->plant->amplifier[f];
     room->amplifier[f].k = rig->k[f];
   }
-  if (data->plant == NULL) {
-    room->axis = data->axis;
-    room->axis.magnet = room->magnet[0];
-    room->axis.coil = room->coil[0];
-    room->axis.m = rig->m;
-    room->axis.f_0 = data->weight * (rig->m / data->axis.m) + room->bias[0];
-    room->axis.bias = room->bias[0];
-    room->axis.parts = data->with_parts ? room->amplifier : NULL;
-    return amb_plant_of_axis(&room->axis, &room->of_axis);
-  }
   amb_plant plant = *data->plant;
-  for (int k = 0; k < plant.positions; k++) {
+  if (plant.own) {
+    plant.mass = &rig->m;
+    room->g[0] = data->weight * (rig->m / data->plant->mass[0]) + room->bias[0];
+  }
+  for (int k = 0; !plant.own && (k < plant.positions); k++) {
     room->g[k] = plant.g[k];
     for (int e = plant.B.start[k]; e < plant.B.start[k + 1]; e++)
       room->g[k] += plant.B.value[e] * more[plant.B.column[e]];

@@ -1,4 +1,4 @@
-/* The plant as plain data, which can be tuned: an isolated axis, or a machine. */
+/* The plant as plain data, which can be tuned. */
 #ifndef AMBKIT_FMU_RIG_H
 #define AMBKIT_FMU_RIG_H
 
@@ -6,9 +6,8 @@
 
 /* What does not change. */
 typedef struct amb_rig_data {
-  const amb_plant *plant; /* of a machine; NULL: the axis */
-  amb_axis axis;          /* but for magnet and coil, which come below ... */
-  amb_real weight;        /* ... of its rotor [N] */
+  const amb_plant *plant; /* but for magnets and coils, which come below */
+  amb_real weight;        /* of the rotor of an isolated axis [N] */
   int axes;
   amb_real T;               /* sampling time [s] */
   bool with_parts;          /* goes on from sample to sample, not by any step */
@@ -55,8 +54,6 @@ typedef struct amb_rig_room {
   amb_real bias[AMB_PLANT_AXES];
   amb_real g[AMB_PLANT_STATES];
   amb_parts amplifier[AMB_PLANT_AXES];
-  amb_axis axis;
-  amb_axis_room of_axis;
 } amb_rig_room;
 
 amb_plant amb_rig_plant(const amb_rig *rig, amb_rig_room *room);
