@@ -22,6 +22,7 @@ from ambkit.control.blocks import (
     SecondOrder,
     StateSpace,
     gain_at_rest,
+    sections_of,
 )
 from ambkit.control.linear.linear_controller import controller
 from ambkit.export.c import export_c
@@ -75,12 +76,12 @@ def test_a_system_of_python_control_is_a_block() -> None:
     known = Control(block=[continuous])
     assert known.block[0].type == "state space"
     np.testing.assert_allclose(
-        answer(known.sections(T), np.array([0.0, 500.0])),
+        answer(sections_of(known.block, T), np.array([0.0, 500.0])),
         answer(LeadLag(zero=1e12, pole=900 / W).sections(T), np.array([0.0, 500.0])), rtol=1e-6,
     )  # fmt: skip
     late = Control(block=[control.sample_system(continuous, T, "zoh")])
     wanted = control.sample_system(continuous, T, "zoh")(np.exp(2j * np.pi * 500 * T))
-    np.testing.assert_allclose(answer(late.sections(T), 500.0), wanted, rtol=1e-9)
+    np.testing.assert_allclose(answer(sections_of(late.block, T), 500.0), wanted, rtol=1e-9)
 
 
 def test_they_are_data() -> None:
@@ -99,7 +100,7 @@ def test_what_flies_is_what_is_assessed(k: int) -> None:
         Scenario(duration=200 * BEARING.sampling_time, controller=law, noise=False),
         external_inputs=ExternalInputs(sensor_noise=shaken),
     ).record
-    behind = law.sections(BEARING.sampling_time)
+    behind = sections_of(law.block, BEARING.sampling_time)
     linear = controller(law, BEARING, measured=True)
     x, y, u = np.zeros(len(linear.A)), run["y"] / BEARING.sensor.gain, []
     last = [name.name for name in linear.states].index("last")
@@ -155,9 +156,9 @@ def test_a_notch_is_in_the_margins() -> None:
 )
 def test_what_cannot_be_flown_is_said(block: Any, said: str) -> None:
     with pytest.raises(AmbkitError, match=said):
-        Control(block=[block]).sections(T)
+        sections_of(Control(block=[block]).block, T)
     with pytest.raises(AmbkitError, match="there may be 8"):
-        Control(block=[Notch(frequency=99.0)] * 9).sections(T)
+        sections_of([Notch(frequency=99.0)] * 9, T)
     with pytest.raises(AmbkitError, match="lqg"):
         Control(type="lqg", block=BLOCKS[:1])
 

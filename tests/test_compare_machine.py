@@ -13,6 +13,7 @@ from ambkit.control.stabilising_controller import holding
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.simulation.run import simulate_run
+from ambkit.simulation.scenario import by_axis
 
 MACHINE = Machine.preset("tum_mlps")
 
@@ -75,7 +76,7 @@ def test_each_closes_its_own_loop_on_a_machine(tmp_path, monkeypatch, capsys):
                           seeds=2)  # fmt: skip
     score = found.scores["20 µm"]["linear"]
     happening = found.loop_cases["20 µm"].scenario
-    assert [axis for axis, _ in happening.by_axis("disturbance", "A1")] == ["A1"]
+    assert [axis for axis, _ in by_axis(happening, "disturbance", "A1")] == ["A1"]
     for seed, error in enumerate(score.rmse["f_d"]):
         run = simulate_run(MACHINE, happening.replace(seed=seed), estimator=KalmanFilter(MACHINE))
         wrong = [run.estimate[f"f_d_{a}"] - run.record[f"f_d_{a}"] for a in run.axes]

@@ -5,6 +5,7 @@ import pytest
 
 import ambkit
 from ambkit import Machine
+from ambkit.assessment.injection_experiment import design_injection
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.simulation.scenario import Scenario
@@ -14,7 +15,7 @@ TUM = Machine.preset("tum_mlps").replace(unbalance=[], speed="0 rpm")
 
 @pytest.fixture(scope="module")
 def designed():
-    return ambkit.design_injection(
+    return design_injection(
         TUM, Scenario(duration=1.0, feedback="measurement"), axis="B1", band=(20.0, 1500.0)
     )
 
@@ -69,6 +70,6 @@ def test_commands_design_play_and_assess_it(designed, tmp_path, monkeypatch, cap
 
 def test_what_cannot_be_is_refused():
     with pytest.raises(AmbkitError, match="no axis Q; there are A1"):
-        ambkit.design_injection(TUM, Scenario(duration=1.0), axis="Q")
+        design_injection(TUM, Scenario(duration=1.0), axis="Q")
     with pytest.raises(AmbkitError, match="the limit of the current"):
-        ambkit.design_injection(TUM, Scenario(duration=1.0), current="99 A")
+        design_injection(TUM, Scenario(duration=1.0), current="99 A")

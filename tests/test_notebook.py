@@ -18,6 +18,7 @@ from quick import quick
 
 import ambkit
 from ambkit import Bearing, Estimate, Expert, KalmanFilter, Record
+from ambkit.assessment.injection_experiment import design_injection
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
 from ambkit.control.control import Control
@@ -49,7 +50,7 @@ def shown() -> dict[str, Any]:
     candidate = TunedCandidate("linear", Path("a.toml"), True, "truth", {}, errors, 9e-6, 3e-6)
     assessed = ambkit.assess(BEARING, "linear")
     one_sided = Bearing.preset("inteco_ml")
-    injection = ambkit.design_injection(BEARING, ambkit.Scenario(duration=1.0))
+    injection = design_injection(BEARING, ambkit.Scenario(duration=1.0))
     points = [
         LiftOff(0, gap, 0.1 + 200 * gap, 0.0, gap, 1e-12, "") for gap in (1e-3, 2e-3, 3e-3, 4e-3)
     ]

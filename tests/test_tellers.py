@@ -21,6 +21,7 @@ from rich.console import Console
 
 import ambkit
 from ambkit import Result
+from ambkit.assessment.injection_experiment import design_injection
 from ambkit.base import units
 from ambkit.base.units import typeset
 from ambkit.result.card import MOST_ROWS, card_of
@@ -248,7 +249,7 @@ def some() -> Iterator[tuple[str, Any]]:
         "filter",
         lambda: ambkit.filter(ambkit.simulate(bearing, duration="0.1 s").record, machine=bearing),
     )
-    yield "injection", lambda: ambkit.design_injection(bearing, ambkit.Scenario(duration=1.0))
+    yield "injection", lambda: design_injection(bearing, ambkit.Scenario(duration=1.0))
 
 
 @pytest.mark.parametrize(("name", "make"), [*some()])

@@ -1,6 +1,5 @@
 """What ambkit exports, by the modules that hold it; `__init__.py` imports from here when asked."""
 
-from ambkit.assessment.injection_experiment import design_injection as design_injection
 from ambkit.base.errors import AmbkitError as AmbkitError
 from ambkit.base.errors import ConfigError as ConfigError
 from ambkit.base.errors import RecordError as RecordError

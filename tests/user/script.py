@@ -163,7 +163,7 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
     traded = ambkit.tune_trade_off(bearing, peaks=[2.5], filter="linear", budget=2, seeds=1)
     assert_type(traded.points[0].peak, float)
     assert_type(ambkit.assess_sweep(bearing, "none", amplitudes=["1 um"]).swept[0].deviation, float)
-    injection = ambkit.design_injection(bearing, ambkit.Scenario(duration=1.0))
+    injection = ambkit.excite_sensitivity(bearing, duration=1.0)
     assert_type(ambkit.assess_log(injection.record, bearing, "none").zone, str)
 
 

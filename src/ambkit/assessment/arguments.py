@@ -31,7 +31,14 @@ from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import MagnetModel
-from ambkit.simulation.scenario import Scenario, control_of, fastest_of, feedback_of
+from ambkit.simulation.scenario import (
+    Scenario,
+    by_axis,
+    control_of,
+    fastest_of,
+    feedback_of,
+    wrong_for,
+)
 from ambkit.simulation.waveforms import Constant
 
 NOTES = logging.getLogger("ambkit")
@@ -196,14 +203,15 @@ def controller_argument(machine: Machine, value: Any) -> tuple[PID | None, dict[
             "that ends with .toml"
         )
     scenario, axes = Scenario.load(value), tuple(axis.name for axis in machine.axes)
-    wrong = list(scenario.wrong_for(axes, body=not machine.single))
+    wrong = list(wrong_for(scenario, axes, body=not machine.single))
     if wrong:
         raise AmbkitError(f"{value}: {'; '.join(wrong)}")
     if machine.single:
         return scenario.controller, {}, False
     forces = {
         axis: signal.value
-        for axis, signal in scenario.by_axis("disturbance", axes[0]) if isinstance(signal, Constant)
+        for axis, signal in by_axis(scenario, "disturbance", axes[0])
+        if isinstance(signal, Constant)
     }  # fmt: skip
     control = scenario.controller
     if fastest_of(machine, scenario) > abs(machine.speed):

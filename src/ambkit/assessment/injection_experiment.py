@@ -27,7 +27,7 @@ from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.rotors.modes import end_of_range
 from ambkit.simulation.run import samples, simulate_run
 from ambkit.simulation.scenario import Injection as Added
-from ambkit.simulation.scenario import Scenario, settled_scenario
+from ambkit.simulation.scenario import Scenario, along, by_axis, settled_scenario
 from ambkit.simulation.waveforms import Recorded
 
 REST = 0.05
@@ -60,40 +60,12 @@ def design_injection(
     displacement: Given | None = None,
     band: tuple[float, float] | None = None,
 ) -> Injection:
-    """Design the signal whose answer tells the sensitivity, within limits on current and position.
-
-    A multisine of few lines, so that each has much power, again and again, so that the scatter
-    between its periods tells the error. Its lines are away from hum and from orders of the speed.
-    They are as high as the noise that comes to the same place, of sensor and amplifier: both are
-    passed on by S, and each line is told equally well. Above the peak of S, where current by signal
-    grows and S goes to 1, they fall as that current rises.
-
-    Parameters
-    ----------
-    bearing : Bearing or Machine
-        The plant.
-    scenario : Scenario
-        Duration, controller, reference, load, and seed of the noise.
-    filter : Estimator, str or path, optional
-        What feeds the controller, where the scenario lets an estimate do so.
-    axis : str, optional
-        Of a machine, by its name; by default that which decides its zone. All axes keep within
-        their limits.
-    current : float or str, optional
-        Greatest control current [A]; by default 80 % of what it can be.
-    displacement : float or str, optional
-        Greatest displacement from the centre [m]; by default 5 % of the air gap beyond where the
-        rotor is held, or half of the travel.
-    band : tuple of float, optional
-        Lowest and highest frequency [Hz]; by default from the lowest that a period tells to the end
-        of the range of ISO 14839-3.
-
-    Raises
-    ------
-    AmbkitError
-        The experiment is too short for the band, the loop is not stable, or exceeds a limit even
-        without a signal.
-    """
+    """Design the signal that tells the sensitivity, within limits on current and position."""
+    # A multisine of few lines, so that each has much power, again and again, so that the scatter
+    # between its periods tells the error. Its lines are away from hum and from orders of the speed.
+    # They are as high as the noise that comes to the same place, of sensor and amplifier: both are
+    # passed on by S, and each line is told equally well. Above the peak of S, where current by
+    # signal grows and S goes to 1, they fall as that current rises.
     of_type(Machine, bearing=bearing)
     current = in_si("current", current, "A")
     displacement = in_si("displacement", displacement, "m")
@@ -125,7 +97,7 @@ class _Experiment:
         self.T, self.n = self.bearing.sampling_time, samples(bearing, scenario)
         self.t = self.T * np.arange(self.n)
         self.names = tuple(of.name for of in bearing.axes)
-        held = float(np.abs(scenario.along("reference", self.names, self.t)).max())
+        held = float(np.abs(along(scenario, "reference", self.names, self.t)).max())
         self.rest = math.ceil(REST * self.n)
         self.period = (self.n - self.rest) // PERIODS
         loop = list(result.loops.values())[-1]
@@ -207,7 +179,7 @@ class _Experiment:
         there = Added.model_construct(axis=self.axis, position=Recorded.of(self.t, added))
         others = (
             Added.model_construct(axis=name, position=item)
-            for name, item in self.scenario.by_axis("injection", self.names[0])
+            for name, item in by_axis(self.scenario, "injection", self.names[0])
         )
         scenario = self.scenario.model_copy(
             update={"seed": self.scenario.seed + other, "injection": (*others, there)}

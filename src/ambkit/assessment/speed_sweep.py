@@ -18,7 +18,7 @@ from ambkit.assessment.speed_sweep_figure import over_speed_figure, run_up_figur
 from ambkit.base import units
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.base.quantity_arguments import Given, of_type
 from ambkit.base.threads import one_thread
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.pid import PID
@@ -36,6 +36,7 @@ from ambkit.judge.loop.capacity import (
 from ambkit.judge.loop.loop_of import ZONE_A, ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
 from ambkit.judge.modal_reduction import reduction
+from ambkit.judge.whirl_modes import max_speed
 from ambkit.machine.components import Unbalance
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
@@ -49,10 +50,6 @@ COUNT = 41
 
 COARSE, NEAR = 250, 9
 """Points of a grid that finds a peak at one speed, and about each pole."""
-
-UNKNOWN = 1000.0
-"""Up to where a machine is looked at that does not turn [rad/s]."""
-
 
 GREATEST = ("greatest",)
 """Section of the greatest figures."""
@@ -236,15 +233,11 @@ def assess_over_speed(
     """Look at a machine's loop over its speed of rotation, whose gyroscopics change it."""
     # apart: of the same loop, where it is known.
     of_type(Machine, machine=machine)
-    if machine.rotor.type == "mass":
-        raise AmbkitError(f"{machine.name} does not turn: its rotor moves along one axis")
-    fastest = in_si("fastest", fastest, "rad/s")
-    fastest = (2 * abs(machine.speed) or UNKNOWN) if fastest is None else fastest
-    limit = math.pi / machine.sampling_time
-    if not 0 < fastest < limit:
+    fastest, limit = max_speed(machine, fastest), math.pi / machine.sampling_time
+    if not fastest < limit:
         raise AmbkitError(
-            f"fastest must be greater than 0 rad/s and less than {limit:.6g} rad/s, half a "
-            f"revolution within a sample; is {fastest:g} rad/s"
+            f"fastest must be less than {limit:.6g} rad/s, half a revolution within a sample; is "
+            f"{fastest:g} rad/s"
         )
     if count < 2:
         raise AmbkitError(f"count must be 2 or more, is {count}")

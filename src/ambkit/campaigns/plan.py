@@ -33,7 +33,7 @@ from ambkit.machine.bearing import FILES
 from ambkit.machine.loading import load_machine
 from ambkit.models.plant import Plant
 from ambkit.simulation.many import Planned
-from ambkit.simulation.scenario import Scenario, settled_scenario
+from ambkit.simulation.scenario import Scenario, settled_scenario, wrong_for
 
 IN_PROPORTION = ("kp", "ki", "kd", "feed_forward")
 """Gains of a PID that go with those of amplifier and sensor."""
@@ -338,7 +338,7 @@ class Plan:
     def check(self) -> None:
         """Make all that is made once, so that what cannot be is said before any run."""
         axes = tuple(axis.name for axis in self.nominal.axes)
-        if wrong := list(self.scenario.wrong_for(axes, body=self.several)):
+        if wrong := list(wrong_for(self.scenario, axes, body=self.several)):
             raise AmbkitError(f"{self.study.name}: scenario.{'; scenario.'.join(wrong)}")
         if "none" in self.estimators and self.scenario.feedback == "estimate":
             raise AmbkitError(

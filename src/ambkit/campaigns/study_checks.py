@@ -109,13 +109,13 @@ def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:
 
 def completed(run: Any, plant: Any) -> Any:
     """Return a scenario whose controller has all its gains, tuned to the nominal machine."""
-    from ambkit.simulation.scenario import Scenario
+    from ambkit.simulation.scenario import Scenario, settled_scenario
 
     if not plant.single:
         return run
     if not isinstance(run, Scenario):
         return Scenario()
-    return run.of_one_axis(plant)
+    return settled_scenario(plant, run)
 
 
 def _estimator(key: str, name: str) -> Iterator[Problem]:

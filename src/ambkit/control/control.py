@@ -10,9 +10,8 @@ from pydantic import BeforeValidator, Field
 from ambkit.base.config import Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Name
-from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import OwnClass
-from ambkit.control.pid import GAINS, PID
+from ambkit.control.pid import GAINS, PID, overlaid
 from ambkit.machine.machine import Bearing
 
 OLD = {"fought": "off", "still": "compensation"}
@@ -101,20 +100,6 @@ class Control(PID):
         has_gains = self.model_fields_set >= GAINS
         return {"x": self.gains, **self.pid} if has_gains else self.pid
 
-    def own(self, name: str) -> PID:
-        """Return what is said of an axis or a coordinate, of it alone or of all.
-
-        Parameters
-        ----------
-        name : str
-            The axis or the coordinate.
-        """
-        own_pid = self.pid.get(name)
-        overrides = (
-            {} if own_pid is None else {k: getattr(own_pid, k) for k in own_pid.model_fields_set}
-        )
-        return self.gains.model_copy(update=overrides)
-
     def completed(self, bearing: Bearing) -> Self:
         """Return that of a single axis with what was not given tuned to it; see `PID.completed`.
 
@@ -129,7 +114,7 @@ class Control(PID):
             return self
         result = self.model_copy(update={"pid": {}})
         for own in self.pid.values():
-            result = result.overlaid(own, bearing)
+            result = overlaid(result, own, bearing)
         return super(Control, result).completed(bearing).fed_by(self.feedback or "estimate")
 
     def fed_by(self, feedback: Literal["measurement", "estimate"]) -> Self:
@@ -155,25 +140,6 @@ class Control(PID):
         if any(pid.feed_forward for pid in (self, *self.pid.values())):
             return "feed_forward"
         return None if self.unbalance == "off" else f'unbalance = "{self.unbalance}"'
-
-    def check_names(self, known: list[str]) -> None:
-        """Refuse PIDs of what the machine has not.
-
-        Parameters
-        ----------
-        known : list of str
-            Names of what it has.
-
-        Raises
-        ------
-        AmbkitError
-            There is such a PID.
-        """
-        for name in self.pid:
-            if name not in known:
-                raise AmbkitError(
-                    f"controller.pid.{name}: there is no {name}; known: {', '.join(known)}"
-                )
 
 
 def as_control(value: Any) -> Any:

@@ -13,10 +13,10 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.control.axis_sensitivity import shown_along_axes
-from ambkit.control.blocks import gain_at_rest
+from ambkit.control.blocks import gain_at_rest, sections_of
 from ambkit.control.control import Control
 from ambkit.control.gain_schedule import GainSchedule, schedule_fields
-from ambkit.control.pid import GAINS, PID
+from ambkit.control.pid import GAINS, PID, overlaid, unseen
 from ambkit.control.regulator import regulator, scheduled
 from ambkit.control.stabilising_controller import holding
 from ambkit.control.synchronous_compensation import (
@@ -110,14 +110,26 @@ def pids_of(
     names = [axis.name for axis in machine.axes]
     if control.custom:  # which has none
         return [PID()] * len(names)
-    control.check_names(names)
-    own = [control.own(name) for name in names]
+    own = _stated(control, names)
     if all(pid.model_fields_set >= GAINS for pid in own):
         return own
     usual = [PID(**item._asdict()) for item in holding(machine, feedback).pids]
     return [
-        pid.overlaid(overrides, machine.isolated_axis(name)) if overrides.model_fields_set else pid
+        overlaid(pid, overrides, machine.isolated_axis(name)) if overrides.model_fields_set else pid
         for name, pid, overrides in zip(names, usual, own, strict=True)
+    ]
+
+
+def _stated(control: Control, names: list[str]) -> list[PID]:
+    """Return what is said of axes or coordinates, of each alone or of all."""
+    if unknown := [name for name in control.pid if name not in names]:
+        raise AmbkitError(
+            f"controller.pid.{unknown[0]}: there is no {unknown[0]}; known: {', '.join(names)}"
+        )
+    own = [control.pid.get(name, PID.model_construct()) for name in names]
+    return [
+        control.gains.model_copy(update={key: getattr(pid, key) for key in pid.model_fields_set})
+        for pid in own
     ]
 
 
@@ -146,7 +158,7 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
 def gains_of(pid: PID, T: float, low: float, high: float) -> list[float]:
     """Return a PID as ``amb_pid`` has it after T, and the sections behind it one by one."""
     return [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup, pid.setpoint_weight,
-            low, high, *chain.from_iterable(pid.sections(T))]  # fmt: skip
+            low, high, *chain.from_iterable(sections_of(pid.block, T))]  # fmt: skip
 
 
 def behind(gains: Sequence[float]) -> list[Sequence[float]]:
@@ -170,7 +182,7 @@ def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | Non
     T = plant.machine.sampling_time
     return Controllers(
         [gains_of(pid, T, *ends) for pid, ends in zip(pids, limits, strict=True)],
-        names, one, one, np.array([pid.unseen(1.0) for pid in pids]), transform, feedback,
+        names, one, one, np.array([unseen(pid, 1.0) for pid in pids]), transform, feedback,
         schedule=GainSchedule.of(pids),
     )  # fmt: skip
 
@@ -229,7 +241,7 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
     # Each counts in metres at the radius at which the magnets are, and in amperes of a first axis
     # that were to hold the coordinate alone.
     masses = dict(zip(plant.machine.rigid_positions, plant.machine.masses, strict=False))
-    control.check_names(list(masses))
+    stated = _stated(control, list(masses))
     k = [ConstantStiffness.of(isolated) for isolated in plant.isolated]
     k_i, k_s = np.array([item.k_i for item in k]), np.array([item.k_s for item in k])
     H, first = _rigid(plant), plant.isolated[0]
@@ -243,7 +255,7 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
             across = float(explained[at] @ explained[at])
             lever = 1 / math.sqrt(across * len(k_s) / 2)
         alike = first.replace(rotor__mass=mass * k_s[0] / stiffness, rotor__gravity="none")
-        pid = control.own(name).completed(alike)
+        pid = stated[at].completed(alike)
         amperes = to_axes[:, at] * k_i[0] * stiffness / (k_s[0] * lever)
         room = min(
             abs(end / share)
@@ -257,7 +269,7 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
     transform = np.array(of_axes) @ shown_along_axes(plant.machine)
     return Controllers(
         gains, tuple(masses), np.array(of_axes), np.array(spread).T,
-        np.array([pid.unseen(1.0) for pid in pids]), transform, schedule=GainSchedule.of(pids),
+        np.array([unseen(pid, 1.0) for pid in pids]), transform, schedule=GainSchedule.of(pids),
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Name
 from ambkit.base.quantity_arguments import of_type
-from ambkit.control.blocks import AnyBlock, gain_at_rest, sections_of
+from ambkit.control.blocks import AnyBlock
 from ambkit.control.gain_schedule import ScheduledGains
 from ambkit.control.stabilising_controller import Gains, chosen, textbook, two_digits, weight_of
 from ambkit.machine.machine import Bearing
@@ -115,63 +115,23 @@ class PID(Part):
         """
         if self.model_fields_set >= GAINS:
             return self
-        return type(self).for_bearing(bearing).overlaid(self, bearing)
+        result: Self = overlaid(type(self).for_bearing(bearing), self, bearing)
+        return result
 
-    def overlaid(self, given: PID, bearing: Bearing) -> Self:
-        """Return the controller with what was given of another instead of its own.
 
-        Parameters
-        ----------
-        given : PID
-            The other.
-        bearing : Bearing
-            What both are to hold: the set-point weight is its, where it was not given.
-        """
-        overrides = {name: getattr(given, name) for name in given.model_fields_set}
-        all_, changed = vars(self) | overrides, {*overrides, "setpoint_weight"}
-        if overrides.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in overrides:
-            weight = weight_of(bearing, all_["kp"], all_["ki"], all_["kd"])
-            all_["setpoint_weight"] = two_digits(weight)
-        return self.model_copy(update={name: all_[name] for name in changed})
+def overlaid(pid: Any, overrides: PID, bearing: Bearing) -> Any:
+    """Return a PID with what was given of another instead of its own, and a weight that fits."""
+    given = {name: getattr(overrides, name) for name in overrides.model_fields_set}
+    all_, changed = vars(pid) | given, {*given, "setpoint_weight"}
+    if given.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in given:
+        weight = weight_of(bearing, all_["kp"], all_["ki"], all_["kd"])
+        all_["setpoint_weight"] = two_digits(weight)
+    return pid.model_copy(update={name: all_[name] for name in changed})
 
-    def unseen(self, r: float) -> float:
-        """Return the current [A] by which the integral is ahead where the rotor is held at rest.
 
-        Parameters
-        ----------
-        r : float
-            The reference there [m].
-        """
-        return (1 - self.setpoint_weight) * self.kp * r
-
-    def sections(self, T: float) -> list[list[float]]:
-        """Return the sections of second order b0, b1, b2, a1, a2 that its blocks are.
-
-        Parameters
-        ----------
-        T : float
-            The sampling time [s].
-
-        Raises
-        ------
-        AmbkitError
-            There are too many, or nothing passes them at rest.
-        """
-        return sections_of(self.block, T)
-
-    def integral(self, current: float, r: float, T: float) -> float:
-        """Return the integral [A] with which a rotor is held at rest.
-
-        Parameters
-        ----------
-        current : float
-            The current that holds it [A].
-        r : float
-            The reference there [m].
-        T : float
-            The sampling time [s].
-        """
-        return current / gain_at_rest(self.sections(T)) + self.unseen(r)
+def unseen(pid: PID, r: float) -> float:
+    """Return the current [A] by which the integral is ahead where a rotor is held at r [m]."""
+    return (1 - pid.setpoint_weight) * pid.kp * r
 
 
 GAINS = frozenset(Gains._fields)  #: What is to be known of a PID.

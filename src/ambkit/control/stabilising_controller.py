@@ -64,10 +64,6 @@ class Gains(NamedTuple):
     anti_windup: float
     setpoint_weight: float
 
-    def sections(self, _T: float) -> list[list[float]]:
-        """Return none: nothing is behind it."""
-        return []
-
 
 @lru_cache(maxsize=128)
 def chosen(bearing: Bearing) -> Gains:

@@ -30,7 +30,7 @@ from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
-from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import Scenario, by_axis
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
@@ -390,7 +390,7 @@ def _axes(plant: Any) -> list[str]:
 
 def _demanded(scenario: Scenario, axis: str, first: str) -> tuple[list[Any], list[Any]]:
     reference, force = (
-        [signal for name, signal in scenario.by_axis(what, first) if name == axis]
+        [signal for name, signal in by_axis(scenario, what, first) if name == axis]
         for what in ("reference", "disturbance")
     )
     return reference, force

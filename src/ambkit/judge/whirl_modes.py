@@ -113,7 +113,7 @@ def whirl_modes(
 def max_speed(machine: Machine, fastest: Given | None) -> float:
     """Return up to which speed a rotor is looked at [rad/s]."""
     if machine.rotor.type == "mass":
-        raise AmbkitError(f"{machine.name}: its rotor is a mass that does not turn")
+        raise AmbkitError(f"{machine.name} does not turn: its rotor moves along one axis")
     fastest = in_si("fastest", fastest, "rad/s")
     fastest = (2 * abs(machine.speed) or 1000.0) if fastest is None else fastest
     if not (math.isfinite(fastest) and fastest > 0):

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.arrays import Array
+from ambkit.control.blocks import gain_at_rest, sections_of
 from ambkit.control.controller_states import Controller, lies_at
 from ambkit.control.controllers import Controllers, arrays, controllers_of, gains_of
-from ambkit.control.pid import PID
+from ambkit.control.pid import PID, unseen
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Bearing, Machine
@@ -72,7 +73,8 @@ class StraightLine:
         told: dict[str, Any] = {
             "loop": loop, "place": self.place if elsewhere is None else elsewhere,
             "current": self.current,
-            "integral": pid.integral(self.held, self.held_at, bearing.sampling_time),
+            "integral": self.held / gain_at_rest(sections_of(pid.block, bearing.sampling_time))
+            + unseen(pid, self.held_at),
         }  # fmt: skip
         sequence = self.scenario.sequence
         if estimator is not None and (sequence is not None or pid.needs_estimate):

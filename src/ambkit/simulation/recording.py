@@ -19,7 +19,7 @@ from ambkit.machine.bearing import Sensor
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.fields import InLoops, StraightLine
-from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import Scenario, by_axis
 
 CONTROL, SENSOR = 0, 1
 """Streams of an axis and its reading: of the control signal, and of the sensor from here on."""
@@ -159,7 +159,7 @@ def recorded(
         signals["speed"] = series["speed"], "rad/s"
     if moved is None:
         signals = {name: signals[name] for name in UNITS}
-    for name, _ in scenario.by_axis("injection", axes[0]):
+    for name, _ in by_axis(scenario, "injection", axes[0]):
         signals[signal("injected", name)] = series["injected"][:, axes.index(name)], "m"
     # Just after the sample, where the voltage is limited: that of a coil, and of a pair's other.
     for name in ("u_coil", "u_coil_2"):

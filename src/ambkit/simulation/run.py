@@ -29,7 +29,14 @@ from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.simulation.external_inputs import ExternalInputs, Faults, OwnPlant, columns, series_of
 from ambkit.simulation.fields import InLoops, StraightLine
 from ambkit.simulation.recording import drawn, recorded, white
-from ambkit.simulation.scenario import AXES, Scenario, feedback_of, settled_scenario
+from ambkit.simulation.scenario import (
+    AXES,
+    Scenario,
+    along,
+    check_for,
+    feedback_of,
+    settled_scenario,
+)
 from ambkit.simulation.simulated import Run as Run
 
 
@@ -90,7 +97,7 @@ class Sampled(NamedTuple):
         """Sample a scenario as often as a machine is sampled."""
         t = machine.sampling_time * np.arange(samples(machine, scenario), dtype=float)
         names = tuple(axis.name for axis in machine.axes)
-        return cls(t, *(scenario.along(what, names, t) for what in AXES))
+        return cls(t, *(along(scenario, what, names, t) for what in AXES))
 
 
 class Loop:
@@ -118,7 +125,7 @@ class Loop:
             of_type(Estimator, filter=estimator)
         names = tuple(axis.name for axis in machine.axes)
         self._straight = machine.single and controllers is None
-        scenario.check_for(names, body=not self._straight)
+        check_for(scenario, names, body=not self._straight)
         machine = machine.short if self._straight else machine
         self.machine, self.external_inputs = (
             machine,

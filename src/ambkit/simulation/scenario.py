@@ -28,7 +28,7 @@ from ambkit.control.control import Control, as_control, merged
 from ambkit.control.control_candidates import Feedback
 from ambkit.control.default_control import DefaultControl, default_control, is_default, settled
 from ambkit.control.lift_off_sequence import LiftOff
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.result.showing import Described
 from ambkit.simulation.waveforms import (
     Constant,
@@ -215,98 +215,56 @@ class Scenario(Described, Document):
             changes["controller"] = merged(known, control, feedback)
         return super().replace(**changes)
 
-    def by_axis(self, what: str, first: str) -> list[tuple[str, Waveform]]:
-        """Return the signals at a key that are not zero throughout, each with its axis.
-
-        Parameters
-        ----------
-        what : str
-            The key: reference, disturbance or injection.
-        first : str
-            Name of the machine's first axis, which a signal without an axis is of.
-        """
-        waveforms = getattr(self, what)
-        if isinstance(waveforms, tuple):
-            return [(waveform.axis, waveform.signal) for waveform in waveforms]
-        return [] if waveforms == _NOTHING else [(first, waveforms)]
-
-    def along(self, what: str, axes: tuple[str, ...], t: NDArray[np.floating]) -> Array:
-        """Return the signals at a key along all axes (n, p) [SI unit of the key].
-
-        Parameters
-        ----------
-        what : str
-            The key: reference, disturbance or injection.
-        axes : tuple of str, (p,)
-            Names of the machine's axes.
-        t : ndarray, (n,)
-            Times [s].
-        """
-        values = np.zeros((len(t), len(axes)))
-        for name, waveform in self.by_axis(what, axes[0]):
-            values[:, axes.index(name)] += waveform.sample(t)
-        return values
-
-    def wrong_for(self, axes: tuple[str, ...], *, body: bool) -> Iterator[str]:
-        """Yield what it says that a machine has not.
-
-        Parameters
-        ----------
-        axes : tuple of str, (p,)
-            Names of the machine's axes.
-        body : bool
-            Whether its rotor is a body, and no mass that moves along one axis.
-        """
-        for what in AXES:
-            for at, (axis, _) in enumerate(self.by_axis(what, axes[0])):
-                if axis not in axes:
-                    known = f"there are {', '.join(axes)}" if axes[0] else "the one axis has none"
-                    yield f"{what}[{at}].axis: there is no axis {axis}; {known}"
-        if not body:
-            control = self.controller
-            for name in control.pid.keys() - {"x", axes[0]}:
-                yield f"controller.pid.{name}: there is no {name}; known: {axes[0] or 'x'}"
-            for key in OF_BODY:
-                if getattr(control, key) != Control.model_fields[key].default:
-                    yield f"controller.{key}: is of a rotor that is a body; this one is a mass"
-            for key in ("schedule", "sees"):
-                if any(getattr(pid, key) for pid in (control, *control.pid.values())):
-                    yield f"controller.{key}: is of a rotor that is a body; this one is a mass"
-            if control.type == "translation and tilt":
-                yield f'controller.type: "{control.type}" is of a body; this rotor is a mass'
-            for key in sorted(OF_MACHINE & self.model_fields_set):
-                if getattr(self, key) != type(self).model_fields[key].default:
-                    yield f"{key}: is of a rotor that is a body; this one is a mass"
-
-    def check_for(self, axes: tuple[str, ...], *, body: bool) -> None:
-        """Raise AmbkitError with all that `wrong_for` yields.
-
-        Parameters
-        ----------
-        axes, body
-            As there.
-
-        Raises
-        ------
-        AmbkitError
-            There is one.
-        """
-        if wrong := list(self.wrong_for(axes, body=body)):
-            raise AmbkitError("; ".join(wrong))
-
-    def of_one_axis(self, bearing: Bearing) -> Self:
-        """Return it with its controller complete: what is not said is tuned to the bearing.
-
-        Parameters
-        ----------
-        bearing : Bearing
-            What the controller is to hold.
-        """
-        result = self.controller.completed(bearing)
-        return self if result is self.controller else self.model_copy(update={"controller": result})
-
 
 _NOTHING = Constant(value=0.0)
+
+
+def by_axis(scenario: Scenario, what: str, first: str) -> list[tuple[str, Any]]:
+    """Return the signals at a key that are not zero throughout, each with its axis."""
+    # first: name of the machine's first axis, which a signal without an axis is of
+    waveforms = getattr(scenario, what)
+    if isinstance(waveforms, tuple):
+        return [(waveform.axis, waveform.signal) for waveform in waveforms]
+    return [] if waveforms == _NOTHING else [(first, waveforms)]
+
+
+def along(scenario: Scenario, what: str, axes: tuple[str, ...], t: NDArray[np.floating]) -> Array:
+    """Return the signals at a key along all axes (n, p) [SI unit of the key], at times (n,) [s]."""
+    values = np.zeros((len(t), len(axes)))
+    for name, waveform in by_axis(scenario, what, axes[0]):
+        values[:, axes.index(name)] += waveform.sample(t)
+    return values
+
+
+def wrong_for(scenario: Scenario, axes: tuple[str, ...], *, body: bool) -> Iterator[str]:
+    """Yield what a scenario says that a machine has not, whose rotor is a body or a mass."""
+    for what in AXES:
+        for at, (axis, _) in enumerate(by_axis(scenario, what, axes[0])):
+            if axis not in axes:
+                known = f"there are {', '.join(axes)}" if axes[0] else "the one axis has none"
+                yield f"{what}[{at}].axis: there is no axis {axis}; {known}"
+    if body:
+        return
+    control = scenario.controller
+    for name in control.pid.keys() - {"x", axes[0]}:
+        yield f"controller.pid.{name}: there is no {name}; known: {axes[0] or 'x'}"
+    for key in OF_BODY:
+        if getattr(control, key) != Control.model_fields[key].default:
+            yield f"controller.{key}: is of a rotor that is a body; this one is a mass"
+    for key in ("schedule", "sees"):
+        if any(getattr(pid, key) for pid in (control, *control.pid.values())):
+            yield f"controller.{key}: is of a rotor that is a body; this one is a mass"
+    if control.type == "translation and tilt":
+        yield f'controller.type: "{control.type}" is of a body; this rotor is a mass'
+    for key in sorted(OF_MACHINE & scenario.model_fields_set):
+        if getattr(scenario, key) != Scenario.model_fields[key].default:
+            yield f"{key}: is of a rotor that is a body; this one is a mass"
+
+
+def check_for(scenario: Scenario, axes: tuple[str, ...], *, body: bool) -> None:
+    """Raise AmbkitError with all that `wrong_for` yields."""
+    if wrong := list(wrong_for(scenario, axes, body=body)):
+        raise AmbkitError("; ".join(wrong))
 
 
 TIMES = 2001
@@ -341,7 +299,9 @@ def control_of(machine: Machine, scenario: Scenario) -> Control:
 def settled_scenario(machine: Machine, scenario: Scenario) -> Scenario:
     """Return a scenario with controllers and feedback chosen where they are not stated."""
     if machine.single:
-        return scenario.of_one_axis(machine.isolated_axis(""))
+        made = scenario.controller.completed(machine.isolated_axis(""))
+        same = made is scenario.controller
+        return scenario if same else scenario.model_copy(update={"controller": made})
     if is_default(scenario.controller):
         result = default_for(machine, scenario)
         if not result.held:

@@ -13,6 +13,7 @@ from ambkit.base.errors import AmbkitError, ConfigError, RecordError
 from ambkit.base.units import engineering
 from ambkit.data.files.tables import ENDINGS, read_log, read_table
 from ambkit.result.document import Document
+from ambkit.simulation.scenario import by_axis
 from ambkit.workflow.load import SHORT, documents, kind_of_toml
 
 if TYPE_CHECKING:
@@ -161,7 +162,7 @@ def _of_signals(scenario: Any) -> str:
     """Say of which type the signals of a scenario are."""
     descriptions = [
         f"{what} {item.type} {axis}".strip()
-        for what in ("reference", "disturbance") for axis, item in scenario.by_axis(what, "")
+        for what in ("reference", "disturbance") for axis, item in by_axis(scenario, what, "")
     ]  # fmt: skip
     speed = [] if scenario.speed is None else [f"speed {scenario.speed.type}"]
     return ", ".join([*descriptions, *speed]) or "nothing demanded"

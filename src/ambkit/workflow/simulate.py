@@ -36,7 +36,7 @@ from ambkit.rotordynamics.harmonics import harmonics
 from ambkit.rotordynamics.separation_margins import Separations, separations
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Run, simulate_run
-from ambkit.simulation.scenario import Scenario, default_for, settled_scenario
+from ambkit.simulation.scenario import Scenario, check_for, default_for, settled_scenario
 from ambkit.simulation.waveforms import Recorded, Step
 
 NONE = "none"
@@ -106,9 +106,9 @@ def scenario_for(
     if not from_estimate and full_scenario.feedback is None:
         full_scenario = full_scenario.fed("measurement")
     axes = tuple(axis.name for axis in machine.axes)
-    full_scenario.check_for(axes, body=not machine.single)
+    check_for(full_scenario, axes, body=not machine.single)
     if machine.single:
-        full_scenario = full_scenario.of_one_axis(machine.isolated_axis(""))
+        full_scenario = settled_scenario(machine, full_scenario)
     if duration is not None:
         full_scenario = full_scenario.replace(duration=duration)
     if reference is not None:

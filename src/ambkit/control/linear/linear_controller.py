@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.arrays import Array
+from ambkit.control.blocks import sections_of
 from ambkit.control.linear.linear_plant import POSITION, VELOCITY, of_axes
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Bearing, Machine
@@ -21,7 +22,7 @@ def controller(pid: Any, bearing: Bearing, *, measured: bool) -> LinearSystem:
     """Return the controller of a `PID` as ``core/src/controller.c`` computes it, without limits."""
     T = bearing.sampling_time
     gains = pid.kp, pid.ki, pid.kd, pid.derivative_filter, 0.0, pid.setpoint_weight
-    result = _passed(_pid(gains, T, measured), pid.sections(T))
+    result = _passed(_pid(gains, T, measured), sections_of(getattr(pid, "block", ()), T))
     volts = 1 / bearing.amplifier.gain
     return replace(result, C=volts * result.C, D=volts * result.D, outputs=(Signal("u", "V"),))
 

@@ -68,8 +68,7 @@ def controller_of(filter: Estimator, scenario: Scenario) -> Controller:
             f"controller.custom: {name_of(scenario.controller.custom)} is Python, and has no C"
         )
     if machine.single:
-        pid = scenario.of_one_axis(filter.bearing).controller
-        return Controller.of_axis(filter.bearing, filter, pid, scenario.sequence)
+        return Controller.of_axis(filter.bearing, filter, scenario.controller, scenario.sequence)
     settled = settled_scenario(machine, scenario)
     feeding = filter if settled.feedback == "estimate" else None
     plant, speeds = Plant(machine), controller_test_cases.speeds_of(machine, settled)

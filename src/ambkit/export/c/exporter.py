@@ -28,7 +28,7 @@ from ambkit.machine.magnets import Precision
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
-from ambkit.simulation.scenario import Scenario, settled_scenario
+from ambkit.simulation.scenario import Scenario, check_for, settled_scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator
@@ -238,7 +238,7 @@ def _controller(
 ) -> tuple[Controller, Scenario]:
     """Return the controller, and the scenario as its self-test flies it."""
     machine, sequence = filter.machine, scenario.sequence or LiftOff()
-    scenario.check_for(tuple(axis.name for axis in machine.axes), body=not machine.single)
+    check_for(scenario, tuple(axis.name for axis in machine.axes), body=not machine.single)
     if editable:
         raise AmbkitError("editable applies to filters only, not to controllers")
     controller = control.controller_of(filter, scenario.model_copy(update={"sequence": sequence}))

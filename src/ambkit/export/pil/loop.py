@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array, Index
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
-from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.signals import signal
 from ambkit.data.telemetry import read_telemetry
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile
+from ambkit.export.c.control import controller_of
 from ambkit.export.c.exporter import export_c, made
 from ambkit.export.c.model import states
 from ambkit.export.pil import boards, build
@@ -99,8 +99,7 @@ def _expected(
     """Return what the processor is to answer: as simulated, or along a rig's rounded numbers."""
     record = run.record
     if run.machine.single and (filter.inputs.y.gain != 1 or filter.inputs.y.zero):
-        pid = scenario.of_one_axis(filter.bearing).controller
-        controller = Controller.of_axis(filter.bearing, filter, pid, scenario.sequence)
+        controller = controller_of(filter, scenario)
         rounded = y[:, 0].astype("f4").astype(float)
         return controller.run(rounded, r[:, 0], flies)
     assert run.estimate is not None

@@ -31,7 +31,7 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.simulation.run import samples, simulate
-from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import Scenario, along
 from ambkit.simulation.waveforms import Recorded
 
 LOWEST, HIGHEST = (1 / 16, 1 / 4, 1.0), (2.0, 4.0, 8.0, 16.0, 32.0)
@@ -267,7 +267,7 @@ class _Loop:
         self.n = samples(bearing, scenario)
         self.duration = self.n * self.T
         self.t: Array = self.T * np.arange(self.n, dtype=float)
-        self.known = scenario.along("disturbance", ("",), self.t)[:, 0]
+        self.known = along(scenario, "disturbance", ("",), self.t)[:, 0]
 
     def run(self, reference: Array, other: int = 0) -> Record:
         """Simulate with a reference [m]; with `other` noise and load than the scenario's seed's."""

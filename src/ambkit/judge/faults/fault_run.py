@@ -145,19 +145,14 @@ class Flight:
         reference = Sine(amplitude=0.1 * axis.rotor.clearance, frequency=1 / (40 * period))
         disturbance = Sine(amplitude=0.2 * weight, frequency=1 / (90 * period))
         feedback: Any = "estimate" if self.in_loop and estimator else "measurement"
-        machine: Machine = axis
-        controller: PID | Control = self.controller or PID.for_bearing(axis)
-        happens: dict[str, Any] = {"reference": reference, "disturbance": disturbance}
-        force, faults = channel.force, channel.faults
-        if not self.bearing.single:
-            machine, k, controller = self.bearing, self.at, self.controller or Control()
-            p, name = len(machine.axes), machine.axes[k].name
-            happens = {"reference": (Reference(axis=name, position=reference),),
-                       "disturbance": (Disturbance(axis=name, force=disturbance),)}  # fmt: skip
-            force = np.outer(force, np.arange(p) == k)
-            faults = faults.among(self.reading, len(machine.readings), k, p)
+        machine, k, controller = self.bearing, self.at, self.controller or Control()
+        p, name = len(machine.axes), machine.axes[k].name
+        force = np.outer(channel.force, np.arange(p) == k)
+        faults = channel.faults.among(self.reading, len(machine.readings), k, p)
         scenario = Scenario(
-            duration=duration, seed=self.seed, plant=self.plant, **happens,
+            duration=duration, seed=self.seed, plant=self.plant,
+            reference=(Reference(axis=name, position=reference),),
+            disturbance=(Disturbance(axis=name, force=disturbance),),
             controller=as_control(controller).fed_by(feedback),
         )  # fmt: skip
         external_inputs = ExternalInputs(force, faults=faults, place=channel.place)
