@@ -129,7 +129,7 @@ def test_a_record_that_does_not_tell_its_signs_is_called_so():
     short = Record(few.t[:40], {name: few[name][:40] for name in ("y", "u")})
     problems, remarks = evaluate_record(short, BEARING)
     assert problems == ()
-    assert any("does not tell the signs of y and u" in remark for remark in remarks)
+    assert any("does not determine the signs of y and u" in remark for remark in remarks)
     still = Record(t, {"y": np.zeros(5000), "u": np.zeros(5000)})
     assert sign_test(still, BEARING) is None
     gone = Record(t, {"y": np.full(5000, np.nan), "u": np.zeros(5000)})

@@ -57,6 +57,21 @@ def test_coarse_steps_are_no_frozen_sensor_and_no_worse_than_raw(ratio, feedback
     assert rms(ours.T) <= most * rms(raw.T)
 
 
+@pytest.mark.parametrize("noise", [1e-7, 1e-8])
+@pytest.mark.parametrize("kind", ["linear", "extended", "steady-state", "observer"])
+def test_by_default_a_sensor_as_quiet_as_can_be_makes_no_estimate_worse_than_raw(kind, noise):
+    """The process noise let filters undo the sensor's lag; observers were slower than the rotor."""
+    for ball in (ambkit.Bearing.preset("inteco_ml"), ambkit.Bearing.preset("zittau_axial")):
+        for ratio in (0, 5):
+            steps = {"sensor__quantisation": ratio * noise} if ratio else {}
+            rig = ball.replace(sensor__noise_variance=noise**2, **steps)
+            scenario = Scenario(duration=2000 * rig.sampling_time, seed=1,
+                                controller=ambkit.PID.for_bearing(rig))  # fmt: skip
+            run = simulate_run(rig, scenario, estimator=KINDS[kind].make(rig))
+            x = run.record["x"]
+            assert rms(run.estimate["x"] - x) < rms(run.record["y"] / rig.sensor.gain - x)
+
+
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
 @pytest.mark.parametrize("ratio", [1, 3, 5, 10, 20, 50, 100])
 def test_coarse_steps_that_are_not_stated_are_no_frozen_sensor(ratio, feedback):

@@ -18,7 +18,7 @@ from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import bias_forces_of, isolated_axes, models_of, weights_of
 from ambkit.machine.loading import levitation_current
-from ambkit.machine.magnets import own_time
+from ambkit.machine.magnets import ConstantStiffness, own_time
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -112,13 +112,31 @@ class View:
         own = Variances(
             [r.sensor.noise_variance for r in self.machine.readings],
             [b.amplifier.noise_variance for b in axes],
-            [(2 * (b.rotor.mass * GRAVITY)) ** 2 for b in axes],
+            [self._usual_intensity(axis) for axis in axes],
         )
         for name, text in self.count_of(noise):
             raise ValueError(f"{name} {text}")
         full = Variances(*(self._each(name, noise, usual) for name, usual in own._asdict().items()))
         check_variances(full)
         return full
+
+    def _usual_intensity(self, axis: Bearing) -> float:
+        """Return the process noise intensity of an axis by default [N^2/s]."""
+        # A filter of bandwidth w takes the force from positions with R every T, with a noise of
+        # R T (m w^3)^2, and from what the amplifier's noise leaves of it: of a random walk of this
+        # intensity it has that bandwidth. Beyond one over the sensor's lag and 1.5 T it would only
+        # undo the lag, and make more of the noise than the measurement has; up to eight times the
+        # unstable pole it is needed.
+        sensors = [reading.sensor for reading in self.machine.readings]
+        variances = self.steps**2 / 12 + [sensor.noise_variance for sensor in sensors]
+        T, R = axis.sampling_time, float(np.min(variances / self.gains**2))
+        max_bandwidth = max(
+            1 / (1.5 * T + min(sensor.lag for sensor in sensors)), 8 / own_time(axis)
+        )
+        amplifier, k_i = axis.amplifier, ConstantStiffness.of(axis).k_i
+        by_control = amplifier.noise_variance * (k_i * amplifier.gain) ** 2
+        known = R * (axis.rotor.mass * max_bandwidth**2) ** 2 + by_control
+        return min((2 * (axis.rotor.mass * GRAVITY)) ** 2, known * T * max_bandwidth**2)
 
     def count_of(self, noise: FilterNoise) -> Iterator[tuple[str, str]]:
         """Yield which variances of a noise are too few or too many, by their keys."""

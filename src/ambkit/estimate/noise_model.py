@@ -38,7 +38,8 @@ class FilterNoise:
         ``B var B'`` (paper, below eq. 21).
     disturbance : float or str, or sequence of them, optional
         Growth of the disturbance force's variance [N^2/s]; times T a sample. Default ``(2 m g)^2``:
-        a force that wanders by twice the rotor's weight in a second. The paper leaves it to
+        a random walk by twice the rotor's weight in a second; less where a quiet sensor would
+        give the filter a bandwidth beyond one over its lag. The paper leaves it to
         experiment: larger follows a load faster and lets more noise through.
 
     Of a machine one number is for all readings or axes, several are for each.

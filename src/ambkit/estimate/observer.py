@@ -37,6 +37,10 @@ WANDER = 0.01
 """Of its frequency, how fast a line of hum is taken to wander that is said to stand still: a gain
 that is constant could not find such a line."""
 
+BANDWIDTHS = (8, 12, 16, 24, 32, 48, 64)
+"""Of an observer, over the unstable pole: the first by default. Where the noise of the control
+signal leaves a greater error of it than the measurement has, that with the least error."""
+
 LED = ("position", "velocity", "disturbance force", "sensor")
 """Roles of the states whose poles are placed; currents follow from the controls."""
 
@@ -52,8 +56,11 @@ class _Observer(Estimator):
     several_axes = False
     steady = "constant"
 
-    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
-        """Return the gain (n,) of all states; coarse: the estimate is held to very coarse steps."""
+    def _gain(
+        self, model: LinearModel, quiet: Array, states: Sequence[Descriptor], *, coarse: bool
+    ) -> Array:
+        """Return the gain (n,) of all states, of a model and its Q (n, n) without a disturbance."""
+        # coarse: the estimate is held to very coarse steps.
         raise NotImplementedError
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
@@ -72,8 +79,11 @@ class _Observer(Estimator):
         small = LinearModel.of(full_model, k.k_i, k.k_s, settings | {"var_d": intensity}).scaled(
             units
         )
+        quiet = LinearModel.of(
+            full_model, k.k_i, k.k_s, settings | {"var_d": [0.0 for _ in intensity]}
+        ).scaled(units)
         R = held_rounding(variance, step, dwell / 4)
-        L = self._gain(small._replace(R=R), full_model.states, coarse=coarse)
+        L = self._gain(small._replace(R=R), quiet.Q, full_model.states, coarse=coarse)
         P, S = _steady(small._replace(R=max(R, small.R)), L)
         most = np.array(self.view.caps(full_model.states)) / units
         state_limits = np.minimum(2 * _grown(small, L, most) * units, np.finfo(np.float32).max)
@@ -107,7 +117,8 @@ class ExtendedStateObserver(_Observer):
         What the observer knows of its magnet; by default the constant stiffnesses of the origin,
         for which the gain is computed whatever the magnet.
     bandwidth : float or str, optional
-        Of the estimation error [rad/s]. Default: eight times the plant's unstable pole.
+        Of the estimation error [rad/s]. Default: eight times the plant's unstable pole, more where
+        the noise of the control signal would else leave a greater error than the sensor's.
     **options
         As for :class:`KalmanFilter`. Of the noise only the stated covariance knows.
 
@@ -134,20 +145,34 @@ class ExtendedStateObserver(_Observer):
         **options: Any,
     ) -> None:
         bandwidth = in_si("bandwidth", bandwidth, "rad/s")
-        if bandwidth is None:
-            bandwidth = 8 * unstable_pole(bearing)
-        if not (math.isfinite(bandwidth) and bandwidth > 0):
+        if bandwidth is not None and not (math.isfinite(bandwidth) and bandwidth > 0):
             raise ValueError(f"bandwidth must be greater than 0 rad/s, got {bandwidth!r}")
         self.bandwidth = bandwidth
         super().__init__(bearing, magnet, **options)
 
-    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
-        pole = math.exp(-self.bandwidth * self.bearing.sampling_time)
+    def _gain(
+        self, model: LinearModel, quiet: Array, states: Sequence[Descriptor], *, coarse: bool
+    ) -> Array:
         led = [i for i, state in enumerate(states) if state.role in LED]
         A, H = _of_the_led(model.A, led), model.H[:, led]
-        gain = np.zeros(len(states))
-        gain[led] = placed(model._replace(A=A, H=H), pole, keep_sensor=coarse)
-        return gain
+
+        def gain(bandwidth: float) -> Array:
+            pole = math.exp(-bandwidth * self.bearing.sampling_time)
+            result = np.zeros(len(states))
+            result[led] = placed(model._replace(A=A, H=H), pole, keep_sensor=coarse)
+            return result
+
+        if self.bandwidth is None:
+            k = [state.role for state in states].index("position")
+            unit = self.view.start_std(self.variances, states)[k] * self.bearing.sensor.gain
+
+            def error(bandwidth: float) -> float:
+                return float(_steady(model._replace(Q=quiet), gain(bandwidth))[0][k, k] * unit**2)
+
+            usual, *others = (n * unstable_pole(self.bearing) for n in BANDWIDTHS)
+            poor = error(usual) > model.R
+            self.bandwidth = min((usual, *others), key=error) if poor else usual
+        return gain(self.bandwidth)
 
 
 class SteadyStateKalmanFilter(_Observer):
@@ -168,7 +193,9 @@ class SteadyStateKalmanFilter(_Observer):
 
     name = "steady-state Kalman filter"
 
-    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
+    def _gain(
+        self, model: LinearModel, quiet: Array, states: Sequence[Descriptor], *, coarse: bool
+    ) -> Array:
         from scipy.linalg import solve_discrete_are
 
         predicted = solve_discrete_are(model.A.T, model.H.T, model.Q, np.array([[model.R]]))

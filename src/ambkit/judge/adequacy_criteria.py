@@ -221,7 +221,7 @@ def noise(filter: Estimator, plant: Machine) -> Iterator[Finding]:
     for name, unit, what, of in (
         ("measurement", "m^2", "measurement noise", "the sensor's"),
         ("control", "V^2", "control noise", "the amplifier's"),
-        ("disturbance", "N^2/s", "process noise intensity", "the usual (2 m g)^2/s"),
+        ("disturbance", "N^2/s", "process noise intensity", "the usual"),
     ):
         ours, theirs = (np.atleast_1d(getattr(v, name)) for v in (filter.variances, usual))
         with np.errstate(divide="ignore"):

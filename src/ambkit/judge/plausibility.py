@@ -183,7 +183,7 @@ def averaged(y: Array) -> int:
 
 
 def _motion(record: Record, bearing: Bearing) -> Iterator[str]:
-    """Tell of a rotor that falls, or answers its current, quite otherwise than the bearing's."""
+    """Yield how a rotor falls, or answers its current, quite otherwise than the bearing's."""
     if "y" not in record or "u" not in record or len(record) < _LEAST:
         return
     rows = np.array([filled(record[name])[:LOOKED_AT] for name in ("y", "u")])
@@ -208,7 +208,7 @@ def _motion(record: Record, bearing: Bearing) -> Iterator[str]:
 
 
 def _balance(record: Record, bearing: Bearing) -> Iterator[str]:
-    """Tell of a control signal that is too small to hold the bearing's rotor where it goes."""
+    """Yield that a control signal is too small to hold the bearing's rotor where it goes."""
     # Held at rest, the rotor needs a current of k_s/k_i for each metre; moved, or held stiffly by
     # its controller, it takes more, and never less.
     if "y" not in record or "u" not in record:

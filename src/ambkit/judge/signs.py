@@ -116,9 +116,9 @@ class _Prediction:
         record = Record(self.t, signals, self.units)
         return max(self._log_likelihood(one, record) for one in self.filters)
 
-    def _log_likelihood(self, estimator: KalmanFilter, record: Record) -> float:
+    def _log_likelihood(self, kalman: KalmanFilter, record: Record) -> float:
         """Return it for the scale of all noise that fits best, outliers held to a limit."""
-        estimate = estimator.run(record)
+        estimate = kalman.run(record)
         e, S = estimate.innovation[self.n // 50 :], estimate.innovation_variance[self.n // 50 :]
         taken = (S > 0) & (e != 0) & np.isfinite(e)
         nis = e[taken] ** 2 / S[taken]
@@ -163,7 +163,7 @@ def _means(values: Array, k: int, first: int) -> Array:
 
 
 def judge_signs(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
-    """Tell of a wrong sign, or that the record does not tell (False)."""
+    """Yield the sentence of a wrong sign, or that a record does not determine it (False)."""
     result = sign_test(record, machine)
     if result is None or (result.decisive and not result.wrong):
         return
@@ -179,7 +179,7 @@ def judge_signs(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
     else:
         yield (
             False,
-            f"the record does not tell the signs of y and u: the log-likelihood ratio of "
+            f"the record does not determine the signs of y and u: the log-likelihood ratio of "
             f"{result.instants} means is {-result.log_likelihood_ratio:.1f}; let the "
             "rotor move",
         )

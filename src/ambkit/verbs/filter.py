@@ -49,7 +49,7 @@ def filter(
         Process noise intensity of the disturbance force, such as "1 N^2/s". auto: maximum
         likelihood on the second quarter of the record, kept if it makes the second half more
         likely; "auto 2 s": on the first 2 s, which are excluded from the table. By default auto for
-        measured and (2 m g)^2 per second for simulated records.
+        measured and the default of FilterNoise for simulated records.
     smooth : bool, optional
         Add a smoother, which uses the whole record for each sample.
 
