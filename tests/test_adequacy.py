@@ -25,7 +25,7 @@ from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.machine.presets import machine_names
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Step
-from ambkit.workflow import design_candidates, identify
+from ambkit.workflow import design_candidates, identified
 
 AXIS, BALL = Bearing.preset("zittau_axial"), Bearing.preset("inteco_ml")
 MLPS = Machine.preset("tum_mlps")
@@ -286,10 +286,11 @@ def test_check_judges_a_filter_on_a_machine_with_several_axes(
 
 
 def test_identify_writes_no_process_noise_that_follows_no_load() -> None:
-    made, raised = identify._following_a_load(AXIS, 1.12e-3)  # as a log whose load rests has it
+    # As a record whose load rests has it.
+    made, raised = identified.filter_following_load(AXIS, 1.12e-3)
     assert sentences(judge_adequacy(made)) == []
-    assert raised == {"noise.disturbance": identify.RAISED}
-    kept, raised = identify._following_a_load(AXIS, 9620.0)
+    assert raised == {"noise.disturbance": identified.RAISED}
+    kept, raised = identified.filter_following_load(AXIS, 9620.0)
     assert (kept.variances.disturbance, raised) == (9620.0, {})
 
 
