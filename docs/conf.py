@@ -12,6 +12,8 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE / "extensions"), str(HERE)]  # and the chapters of paper/
 # The commands of this Python, for the pages that run `ambkit`.
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+# Matrices are small here: threads of linear algebra would wait for each other, in each kernel too.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # models/ is no part of the package; one page shows it.
 os.environ["PYTHONPATH"] = str(HERE.parent)
 

@@ -52,6 +52,25 @@ def call(
     return run
 
 
+DEAREST = (
+    "campaign_cluster", "mutants_of_machines", "cli", "c", "contributing", "export_fmu",
+    "no_traceback", "export_bits", "export_control", "selftest", "misra", "export_c_compiled",
+    "pil", "firmware", "assess_machine", "design", "reproduction", "machine_bending", "sensors",
+)  # fmt: skip
+"""Files of minutes, before all others: the last ones to end are then short."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let pytest-xdist keep our order; by itself it puts files of few tests at the end."""
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the dearest files first."""
+    place = {f"test_{name}": k for k, name in enumerate(DEAREST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
+
+
 class Drawing:
     """Whether pictures are drawn, which takes most of their time, or only built."""
 

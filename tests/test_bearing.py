@@ -17,6 +17,7 @@ from ambkit.identification.forces.lift_off import fit_lift_off, load_points
 from ambkit.machine import bearing as bearing_module
 from ambkit.machine import presets
 from ambkit.machine.bearing import GRAVITY, MU_0, Amplifier, Magnet, Rotor, Sensor, magnet_constant
+from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import magnet_of
 
@@ -109,6 +110,14 @@ def test_the_levitation_current_carries_the_rotor(name: str) -> None:
         pull -= magnet.magnet_constant * ((magnet.bias_current - iu) / magnet.air_gap) ** 2
     assert pull == pytest.approx(-bearing.weight, rel=1e-12)
     assert bearing.current_min < iu < bearing.current_max
+
+
+@pytest.mark.parametrize("load", [-1e4, 1e4])
+def test_a_load_beyond_all_currents_gets_the_one_that_comes_closest(load: float) -> None:
+    bearing = Bearing.preset("zittau_axial")
+    ends = (bearing.current_min, bearing.current_max)
+    left = [abs(magnet_of(bearing).force(iu, 0.0) + bearing.weight + load) for iu in ends]
+    assert levitation_current_at(bearing, load=load) == ends[int(np.argmin(left))]
 
 
 def test_the_one_sided_rig_rests_at_its_operating_point_without_control_current() -> None:

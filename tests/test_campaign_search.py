@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import Choice, Uniform
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.results import Machines
-from ambkit.campaigns.sobol_indices import indices
+from ambkit.campaigns.sobol_indices import _of_choice, indices
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.subset_simulation import rare_failure, subset
 from ambkit.workflow import robust_tuning
@@ -73,6 +73,12 @@ def test_the_share_of_a_choice_is_that_of_its_means() -> None:
     constant = Known(lambda z, x: np.ones(len(x)), "random", 100)
     with pytest.raises(AmbkitError, match="is the same for all machines"):
         indices(constant, "f_d_rms")
+
+
+def test_a_share_is_without_what_chance_makes_of_it() -> None:
+    """Two levels of two runs: 25 of 35 between them, of which 1 / 2 of the 10 within is chance."""
+    share, _ = _of_choice(np.array([0.0, 0.0, 1.0, 1.0]), np.array([1.0, 3.0, 5.0, 9.0]), 0.95)
+    assert share == pytest.approx(20 / 35)
 
 
 @pytest.mark.parametrize("beta", [3.0, 4.5])

@@ -271,6 +271,14 @@ def test_anything_in_the_place_of_a_file_is_an_exit_code(call, tmp_path, command
         assert "Traceback" not in err
 
 
+@pytest.mark.parametrize("name", ["zero", "tiny"])
+def test_nothing_is_identified_from_a_rotor_that_stands_still(call, tmp_path, name):
+    odd(tmp_path, "csv")
+    code, _out, err = call("identify", "zittau_axial", f"{name}.csv")
+    assert code == 2
+    assert err.splitlines()[-1] == "ambkit: y stands still: nothing can be identified from it"
+
+
 ABSURD = ("", "nan", "0", "-1", "1e9999999 mm", "1e300 s", "1e-300 s", "1e300 m", "1e300 N", "1,,2",
           "7" * 5000, "\U0001f642")  # fmt: skip
 WITH_NUMBERS = {

@@ -130,6 +130,7 @@ def test_whatever_stands_beside_a_value_has_its_unit(other, value, unit):
         (0.51234, 0.0123, "0.512 ± 0.012"),
         (0.1, math.nan, "0.1"),
         (92.0, 0.0, "92 ± 0"),
+        (12.3, 2e6, "12.3 ± 2e+06"),
         (3.2e12, 4.56e11, "3.2e+12 ± 4.6e+11"),
     ],
 )

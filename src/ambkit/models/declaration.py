@@ -12,7 +12,7 @@ class _Unit(float):
     """One in every machine of this kind."""
 
     def __reduce__(self) -> str:
-        return "UNIT"  # it is told from other ones by its identity
+        return "UNIT"  # its identity distinguishes it from other ones
 
 
 UNIT: Final = _Unit(1.0)  #: One by structure; 1.0 may be another number elsewhere.

@@ -63,6 +63,7 @@ from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import own_time
 
 LEAST_SAMPLES = 100  #: That a record must have after the filter has settled.
+STILL = 1e-9  #: Of the clearance: a position that changes by less does not move.
 
 
 def maximum_likelihood(
@@ -292,6 +293,9 @@ def _check_records(records: Sequence[Record], model: LoopModel, settling: float)
                 f"a record has {len(record)} samples, {least} are needed to identify from: "
                 f"{settling:.3g} s until the filter has settled, and {LEAST_SAMPLES}"
             )
+        y = record["y"][np.isfinite(record["y"])] / model.bearing.sensor.gain
+        if y.size and np.ptp(y) < STILL * model.bearing.rotor.clearance:
+            raise RecordError("y stands still: nothing can be identified from it")
 
 
 def _movable(model: LoopModel, parameters: Sequence[Parameter]) -> LoopModel:
