@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ambkit.base.errors import RecordError
+from ambkit.data.record import Record
 from ambkit.judge.plausibility import evaluate_record, off_rate
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine
 
 MOST = 0.5
 """Share of the measurements beyond the air gap, where no rotor can be, with which nothing works."""

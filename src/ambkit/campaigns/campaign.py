@@ -5,31 +5,28 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.campaigns import figures as pictures
+from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.results import Machines, Worst
+from ambkit.campaigns.sobol_indices import Indices
 from ambkit.campaigns.stopping_rule import Counted, Share
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study_tables import UNITS
 from ambkit.campaigns.subset_simulation import told
+from ambkit.data.record import Record
+from ambkit.machine.machine import Machine
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Part, Section
+from ambkit.simulation.many import Planned
+from ambkit.simulation.run import Run
 from ambkit.simulation.run_figure import simulation_figure
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from ambkit.campaigns.plan import Plan
-    from ambkit.campaigns.sobol_indices import Indices
-    from ambkit.data.record import Record
-    from ambkit.machine.machine import Machine
-    from ambkit.result.report import Figure
-    from ambkit.simulation.many import Planned
-    from ambkit.simulation.run import Run
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from textwrap import wrap
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,11 @@ from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
 from ambkit.campaigns.distributions import OneOf
+from ambkit.campaigns.results import Machines
+from ambkit.campaigns.sobol_indices import Indices
 from ambkit.campaigns.study_tables import UNITS, limit_of
 from ambkit.judge.loop.loop_of import ZONES
 from ambkit.result.report import Axis, Figure, Intervals, Item, Line, Note, Panel, Points, Rule
-
-if TYPE_CHECKING:
-    from ambkit.campaigns.results import Machines
-    from ambkit.campaigns.sobol_indices import Indices
 
 TENTH = 0.1  #: Of the machines, those in which a quantity counts as low, and as high.
 SERIES = 4  #: Curves of one panel that have a look of their own.

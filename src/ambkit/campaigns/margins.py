@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +21,12 @@ from ambkit.control.linear.linear_controller import compensator, controller
 from ambkit.control.linear.linear_plant import OperatingPoint, alike, plants
 from ambkit.control.linear.steady_state_filter import estimator_at, estimators_at, tells
 from ambkit.estimate.batch import processors
+from ambkit.estimate.estimator import Estimator
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.rotors.modes import end_of_range
+from ambkit.models.linear import LinearSystem
 from ambkit.simulation.many import Planned
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.models.linear import LinearSystem
-
 
 GRID = 160
 """Frequencies that each loop is looked at, besides those of its own poles."""

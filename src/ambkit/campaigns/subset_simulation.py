@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,10 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.units import engineering
+from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study_tables import UNITS
 from ambkit.result.document import Statement
-
-if TYPE_CHECKING:
-    from ambkit.campaigns.plan import Plan
 
 Limit = Callable[[Array], Array]
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import Any, Literal, Self
 
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.noise_model import Variances
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine
 
 METHODS = ("innovation", "sage-husa")
 ADAPTS = ("measurement", "disturbance", "both")

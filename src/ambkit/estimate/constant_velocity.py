@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,13 +21,10 @@ from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import bank_of, isolated_axes
-from ambkit.machine.magnets import ConstantStiffness, own_time
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import ConstantStiffness, MagnetModel, own_time
+from ambkit.models.declaration import Part
 from ambkit.models.parts.free import free_parts
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
-    from ambkit.machine.magnets import MagnetModel
-    from ambkit.models.declaration import Part
 
 
 def usual_acceleration(bearing: Machine) -> float:

@@ -38,7 +38,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
@@ -49,6 +49,7 @@ from ambkit.base.config.text_types import Description, Line, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
 from ambkit.data.input_scaling import Inputs
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise
@@ -56,10 +57,7 @@ from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
 from ambkit.machine.force_laws import bank_of, isolated_axes
 from ambkit.machine.forces.force_map import surface_in
 from ambkit.machine.machine import Bearing, Machine
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.magnets import MagnetModel, Precision
+from ambkit.machine.magnets import MagnetModel, Precision
 
 Limit = Annotated[int, Field(ge=0, strict=True)]
 

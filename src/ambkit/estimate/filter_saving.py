@@ -7,12 +7,13 @@ import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.config.quantities import InOther
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile, written
 from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
 from ambkit.estimate.noise_model import UNITS
@@ -21,10 +22,7 @@ from ambkit.machine import presets
 from ambkit.machine.force_laws import Bank
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.magnets import MagnetModel, Precision
+from ambkit.machine.magnets import MagnetModel, Precision
 
 
 def described(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +12,16 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.config.quantities import InOther
 from ambkit.base.errors import AmbkitError
+from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.noise_model import FilterNoise, Variances, check_variances, dwell
 from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import bias_forces_of, isolated_axes, models_of, weights_of
 from ambkit.machine.loading import levitation_current
-from ambkit.machine.magnets import ConstantStiffness, own_time
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.machine.machine import Bearing, Machine
-    from ambkit.machine.magnets import MagnetModel
-    from ambkit.models.model import Descriptor
-
+from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.magnets import ConstantStiffness, MagnetModel, own_time
+from ambkit.models.model import Descriptor
 
 VAGUE = 3.0
 """At the start unbalance and runout are anywhere within so many times what is expected: in a run-up

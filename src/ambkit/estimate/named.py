@@ -9,25 +9,22 @@ from copy import deepcopy
 from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK, load_class
 from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_magnet
 from ambkit.estimate.user_filter import OwnEstimator, is_own, own_factory
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.force_laws import bank_of, isolated_axes
 from ambkit.machine.forces.force_map import surface_in
-
-if TYPE_CHECKING:
-    from ambkit.estimate.noise_model import FilterNoise
-    from ambkit.machine.forces.force_surface import ForceSurface
-    from ambkit.machine.machine import Bearing, Machine
-    from ambkit.machine.magnets import MagnetModel, Precision
-
+from ambkit.machine.forces.force_surface import ForceSurface
+from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.magnets import MagnetModel, Precision
 
 EXPERTS = (".json", ".csv", ".parquet")
 """Endings of an expert's file, and of the points of a force map."""

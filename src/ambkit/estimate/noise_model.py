@@ -6,17 +6,14 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from ambkit.base import units
 from ambkit.base.config.quantities import InOther
 from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import own_time
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
-    from ambkit.models.model import Descriptor
-
+from ambkit.models.model import Descriptor
 
 COARSE, VERY_COARSE = 4.0, 121.0
 """AMB_COARSE and AMB_VERY_COARSE of the core: square of a step over the variance of the noise."""

@@ -13,15 +13,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.force_law import MagnetModel
-    from ambkit.machine.machine import Bearing, Machine
+from ambkit.estimate.estimator import Estimator
+from ambkit.machine.force_law import MagnetModel
+from ambkit.machine.machine import Bearing, Machine
 
 
 @dataclass(frozen=True)

@@ -7,18 +7,16 @@ import logging
 import math
 import pickle
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge import adequacy_criteria as criteria
+from ambkit.judge.adequacy_criteria import Finding
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.scenario import Scenario, control_of, feedback_of
-
-if TYPE_CHECKING:
-    from ambkit.judge.adequacy_criteria import Finding
 
 
 def judge_adequacy(

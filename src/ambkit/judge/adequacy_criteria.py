@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.control.linear.steady_state_filter import tangents_known
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise, Variances
@@ -28,14 +29,10 @@ from ambkit.judge.loop.margins import grid
 from ambkit.judge.modal_reduction import reduction
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes, weights_of
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 from ambkit.simulation.scenario import Scenario, by_axis
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.machine import Bearing
-    from ambkit.simulation.waveforms import Waveform
+from ambkit.simulation.waveforms import Waveform
 
 NIS_BAND = (0.25, 4.0)
 """Mean NIS between which innovations are within a factor of two of what the filter expects."""

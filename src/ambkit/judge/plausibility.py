@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,10 @@ from ambkit.data.reading.faults import noise
 from ambkit.data.reading.plausibility import longest_run, suspects
 from ambkit.data.reading.position_search import NO_NOISE, in_steps, rotor
 from ambkit.data.reading.signal_roles import LOOKED_AT, filled
+from ambkit.data.record import Record
 from ambkit.judge.signs import judge_signs
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import ConstantStiffness, own_time
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.machine.machine import Bearing, Machine
-
 
 _START = 0.25  # part of a record that may be a start, with the rotor on its stop
 

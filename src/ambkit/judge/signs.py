@@ -8,21 +8,19 @@ that their ratio tells signs and not noise.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
 from ambkit.data.reading.signal_roles import filled
 from ambkit.data.record import Record
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
-
-if TYPE_CHECKING:
-    from ambkit.base.arrays import Array
-    from ambkit.machine.machine import Machine
 
 LEAST_TOTAL, LEAST_MEAN = 10.0, 0.02
 """Log-likelihood ratio, in all and at each instant, from which on it is decisive. Records with the

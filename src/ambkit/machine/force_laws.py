@@ -6,12 +6,13 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.geometry import Line
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import (
     ConstantStiffness,
@@ -20,9 +21,6 @@ from ambkit.machine.magnets import (
     magnet_of,
     own_time,
 )
-
-if TYPE_CHECKING:
-    from ambkit.machine.geometry import Line
 
 
 @dataclass(frozen=True)

@@ -12,17 +12,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.machine.bearing import along_x
-
-if TYPE_CHECKING:
-    from ambkit.machine.components import Body, PlacedBearing, PlacedSensor
-    from ambkit.machine.rotors.modes import Bending
-
+from ambkit.machine.components import Body, PlacedBearing, PlacedSensor
+from ambkit.machine.rotors.modes import Bending
 
 POSITIONS = ("x", "y", "th_x", "th_y")
 """The coordinates across the shaft [m, m, rad, rad]."""

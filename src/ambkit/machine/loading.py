@@ -5,18 +5,14 @@ from __future__ import annotations
 import difflib
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import presets
 from ambkit.machine.force_law import MagnetModel, core_module
-from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import Law, magnet_of
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Bearing
 
 
 def levitation_current(bearing: Bearing, plant: MagnetModel, x: float, balance: float) -> float:

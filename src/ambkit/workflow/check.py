@@ -6,18 +6,16 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError, ConfigError, RecordError
 from ambkit.base.units import engineering
 from ambkit.data.files.tables import ENDINGS, read_log, read_table
+from ambkit.machine.machine import Machine
 from ambkit.result.document import Document
 from ambkit.simulation.scenario import by_axis
 from ambkit.workflow.load import SHORT, documents, kind_of_toml
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
 
 
 @dataclass(frozen=True)

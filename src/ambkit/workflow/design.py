@@ -6,9 +6,10 @@ import os
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.assessment.assess import assess
+from ambkit.assessment.loop import AssessedLoop
 from ambkit.assessment.speed_sweep import assess_over_speed
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
@@ -21,6 +22,7 @@ from ambkit.control.stabilising_controller import overshoot
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.input_scaling import Inputs
 from ambkit.data.reading import load_with_gaps
+from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.registry import kind_called
@@ -48,11 +50,6 @@ from ambkit.workflow.identified import identified_filter
 from ambkit.workflow.identified_toml import annotated_toml
 from ambkit.workflow.identify import identify
 from ambkit.workflow.tune import BUDGET, RUNS
-
-if TYPE_CHECKING:
-    from ambkit.assessment.loop import AssessedLoop
-    from ambkit.data.record import Record
-
 
 DIGITS = 3
 """Of the gains that are written down."""

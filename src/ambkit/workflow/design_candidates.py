@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +18,9 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.machine_model import several
+from ambkit.estimate.noise_model import Variances
 from ambkit.estimate.registry import KINDS
+from ambkit.export.c import CExport
 from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.cases import CASES, load_case, trials
@@ -28,16 +30,11 @@ from ambkit.judge.comparison.tuning import SIGNALS, Candidate, errors
 from ambkit.judge.load_following import STEP, load_capacity
 from ambkit.judge.loop.loop_of import OutOfReachError
 from ambkit.machine.force_laws import slowest_time
+from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tune import Tuned, tune
 from ambkit.workflow.tuning import default_disturbance
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED, RAW, By
-
-if TYPE_CHECKING:
-    from ambkit.estimate.noise_model import Variances
-    from ambkit.export.c import CExport
-    from ambkit.machine.machine import Machine
-
 
 STATE = "design.json"
 """What was made from what, in the folder of a design."""

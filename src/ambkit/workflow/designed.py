@@ -6,17 +6,21 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ambkit.assessment.assessment import Assessment
+from ambkit.assessment.loop import AssessedLoop
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering, percent
 from ambkit.control.control import Control
 from ambkit.control.control_candidates import name_of
 from ambkit.control.pid import GAINS, PID
+from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
+from ambkit.export.c import CExport
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.evaluation import evaluate
@@ -28,12 +32,6 @@ from ambkit.result.row import Row, put
 from ambkit.result.sections import Part, Section
 from ambkit.workflow.design_candidates import TunedCandidate, evidence_for
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
-
-if TYPE_CHECKING:
-    from ambkit.assessment.assessment import Assessment
-    from ambkit.assessment.loop import AssessedLoop
-    from ambkit.data.record import Record
-    from ambkit.export.c import CExport
 
 UNITS = {"kp": "A/m", "ki": "A/(m s)", "kd": "A s/m", "derivative_filter": "s", "anti_windup": "s"}
 """Of gains; the others have none."""

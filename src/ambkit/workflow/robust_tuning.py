@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,20 +20,17 @@ from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.study import Study, load
 from ambkit.campaigns.worker import fly
 from ambkit.control.control import Control
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.tuning import Range, candidate_of_kind
 from ambkit.judge.loop.loop_of import ZONE_A
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.simulation.scenario import Scenario
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.result.report import Figure
-
 
 EVALUATIONS = 60
 """Where nobody says it."""

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
@@ -18,6 +18,7 @@ from ambkit.control.linear.steady_state_filter import tells
 from ambkit.control.pid import PID
 from ambkit.data.input_scaling import Inputs
 from ambkit.data.record import Record
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_saving import made_by, origin_of
 from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge.adequacy import judge_adequacy, sentences
@@ -26,16 +27,13 @@ from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.comparison.tuning import Candidate, Range, Tried, candidate_of_kind, search
 from ambkit.judge.loop.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import MagnetModel
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.sections import Section
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tuning_tasks import JUDGED, RAW, By, ByLikelihood, ByTruth
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.machine.magnets import MagnetModel
-    from ambkit.result.report import Figure
 
 BUDGET = 60
 """Evaluations where nobody says it."""

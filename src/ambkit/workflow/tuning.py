@@ -6,20 +6,18 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.data.reading.faults import spike_free
+from ambkit.data.record import Record
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.machine.machine import Machine
+from ambkit.machine.machine import Machine
 
 DECADES = (-8.0, 1.0)
 """Range of the search, in decades around ``(2 m g)^2`` a second."""

@@ -5,31 +5,28 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.reading.faults import without_spikes
+from ambkit.data.record import Record
 from ambkit.data.signals import each_of, signal
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.cases import CASES, Trial, loaded, trials
 from ambkit.judge.comparison.comparison import raw_error
-from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors
+from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Range, Tried, errors
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.load_following import least_process_noise
 from ambkit.machine.force_laws import slowest_time
+from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import above, end_of_range
 from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, log_likelihood
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.estimate.estimate import Estimate
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.judge.comparison.tuning import Candidate, Range
-    from ambkit.machine.machine import Machine
 
 By = Literal["likelihood", "truth"]
 

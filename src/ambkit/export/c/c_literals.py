@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import InCore, in_core_of
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
 
 CPrecision = Literal["float", "double"]
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.control.controller_states import Controller
 from ambkit.data.signals import signal
 from ambkit.export.c import c_literals
 from ambkit.export.c.c_literals import CPrecision, Name
@@ -16,10 +17,7 @@ from ambkit.export.c.controller_test_cases import speeds_of
 from ambkit.export.c.crc import Constants
 from ambkit.export.c.limits import Limits, Number, limits
 from ambkit.machine.force_laws import bias_forces_of
-
-if TYPE_CHECKING:
-    from ambkit.control.controller_states import Controller
-    from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import Scenario
 
 SOURCES = ("src/calibration.c",)
 TEMPLATES = {"{}_calibration.h": "calibration.h", "{}_calibration.c": "calibration.c"}

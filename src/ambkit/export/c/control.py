@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,16 +12,13 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import name_of
 from ambkit.control.controller_states import Controller
 from ambkit.control.controllers import controllers_of
+from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import c_literals, controller_test_cases, selftest
 from ambkit.export.c.c_literals import CPrecision, Name
 from ambkit.export.c.crc import Constants
 from ambkit.machine.magnets import own_time
 from ambkit.models.plant import Plant
-from ambkit.simulation.scenario import settled_scenario
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import Scenario, settled_scenario
 
 SOURCES = ("src/control.c", "src/controllers.c", "src/controller.c", "src/sequence.c")
 

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, Bools
-from ambkit.control.controller_states import settling_of
+from ambkit.control.controller_states import Controller, settling_of
 from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.signals import signal
 from ambkit.estimate.core_model import NODE
 from ambkit.estimate.estimate import Status
 from ambkit.export.c.snapshots import Snapshots, restorable, snapshots_of
 from ambkit.export.c.test_vectors import without_digits
+from ambkit.machine.machine import Machine
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
-
-if TYPE_CHECKING:
-    from ambkit.control.controller_states import Controller
-    from ambkit.machine.machine import Machine
-
 
 FAST_SEQUENCE: dict[str, Any] = {
     "waiting": 5, "lost": 30, "overloaded": 12, "rise": 0.012, "descent": 0.018, "settling": 17,

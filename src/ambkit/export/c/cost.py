@@ -10,17 +10,15 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.units import engineering
+from ambkit.estimate.estimator import Estimator
 from ambkit.export.c.c_literals import arrays_of
 from ambkit.machine.magnets import core_module
 from ambkit.result.row import Row, put
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
 
 STORED = Path(__file__).with_name("cost.json")
 

@@ -6,7 +6,7 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
@@ -14,6 +14,8 @@ from ambkit.base.units import engineering
 from ambkit.control.control import Control
 from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import calibration, control, cost, data_file, folder, render
 from ambkit.export.c.c_literals import CPrecision, called
@@ -24,16 +26,11 @@ from ambkit.export.stiffness_table import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import Precision
+from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.simulation.scenario import Scenario, check_for, settled_scenario
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.estimate.filter_file import FilterFile
-    from ambkit.machine.magnets import MagnetModel
 
 MOST_COUNTED = 65535  #: What an unsigned int of 16 bits holds, as a TI C2000 has.
 

@@ -10,12 +10,13 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ambkit.base.threads import one_thread
 from ambkit.control.control_candidates import highest_sensitivity
+from ambkit.control.controller_states import Controller
 from ambkit.control.linear.linear_controller import compensator, controllers, fed
 from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.linear.steady_state_filter import estimator_at
@@ -23,10 +24,6 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
-
-if TYPE_CHECKING:
-    from ambkit.control.controller_states import Controller
-
 
 PEAK = 4.0
 """Of abs(S): the end of zone B of ISO 14839-3, or a tenth above that of the exported numbers."""

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.core_model import NUMBERS, Nodes, arrays
+from ambkit.estimate.estimator import Estimator
 from ambkit.export.c.c_literals import Name
 from ambkit.models import emit
 from ambkit.models.model import Descriptor, Model
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
 
 MOST_UNROLLED = 12  #: States up to which straight-line code is smaller and faster than loops.
 

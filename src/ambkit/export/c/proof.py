@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from ambkit.control.control import Control
+from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import cost
-
-if TYPE_CHECKING:
-    from ambkit.control.control import Control
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.export.c.c_literals import CPrecision
-    from ambkit.export.c.exported import Export
+from ambkit.export.c.c_literals import CPrecision
+from ambkit.export.c.exported import Export
 
 STORED = Path(__file__).with_name("proof.json")
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from ambkit.base import escaping
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.control.controller_states import bound_of, settling_of
+from ambkit.estimate.estimator import Estimator
 from ambkit.export import core_sources
 from ambkit.export.c import (
     c_literals,
@@ -27,9 +28,6 @@ from ambkit.export.c.c_literals import CPrecision
 from ambkit.export.c.exported import Export
 from ambkit.machine.bearing import FILES
 from ambkit.machine.machine import Machine
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 _PROVED = (

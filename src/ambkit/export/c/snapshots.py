@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, Bools
+from ambkit.control.controller_states import Controller
 from ambkit.export.c import c_literals
-
-if TYPE_CHECKING:
-    from ambkit.control.controller_states import Controller
 
 STATE_TOLERANCE, CURRENT_TOLERANCE = 1e-2, 2e-4
 """What float may be off by, as double shows from an equal start: states over their standard

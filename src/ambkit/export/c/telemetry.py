@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from ambkit.data.signals import signal
+from ambkit.export.c.exported import Export
 from ambkit.export.c.model import State
-
-if TYPE_CHECKING:
-    from ambkit.export.c.exported import Export
 
 TEMPLATES = {"{}_telemetry.h": "telemetry.h", "{}_telemetry.c": "telemetry.c"}
 

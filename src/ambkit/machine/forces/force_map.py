@@ -5,16 +5,13 @@ from __future__ import annotations
 import os
 from functools import lru_cache
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import progress
-from ambkit.machine.forces.force_points import load_force_points
+from ambkit.machine.force_law import Bearing
+from ambkit.machine.forces.force_points import ForcePoints, load_force_points
 from ambkit.machine.forces.force_surface import ForceSurface
-
-if TYPE_CHECKING:
-    from ambkit.machine.force_law import Bearing
-    from ambkit.machine.forces.force_points import ForcePoints
 
 
 def surface_of(bearing: Bearing) -> ForceSurface:
