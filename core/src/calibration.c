@@ -1,29 +1,5 @@
 #include "ambkit/calibration.h"
 
-static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
-{
-  const amb_scaled *scaled = (const amb_scaled *)self;
-  return scaled->scale * scaled->of.methods->force(scaled->of.self, iu, x);
-}
-
-static amb_stiffness scaled_by(const amb_scaled *scaled, amb_stiffness k)
-{
-  const amb_stiffness by = {scaled->scale * k.k_i, scaled->scale * k.k_s};
-  return by;
-}
-
-static amb_stiffness scaled_through_origin(const void *self, amb_real iu, amb_real x)
-{
-  const amb_scaled *scaled = (const amb_scaled *)self;
-  return scaled_by(scaled, scaled->of.methods->through_origin(scaled->of.self, iu, x));
-}
-
-static amb_stiffness scaled_tangent(const void *self, amb_real iu, amb_real x)
-{
-  const amb_scaled *scaled = (const amb_scaled *)self;
-  return scaled_by(scaled, scaled->of.methods->tangent(scaled->of.self, iu, x));
-}
-
 /* The kinds of the numbers that are beyond their limits, or none. */
 static uint32_t refused(const amb_calibration_base *base, const amb_real wanted[AMB_PARAMETERS])
 {
@@ -152,10 +128,8 @@ static amb_status take(const amb_calibration_base *base, const amb_real wanted[A
 /* A set whose parts point to each other. */
 static void tie(const amb_calibration_base *base, amb_calibration_set *set)
 {
-  static const amb_magnet_methods scaled_magnet = {scaled_force, scaled_through_origin,
-                                                   scaled_tangent};
   for (int f = 0; f < amb_forces(&set->kf.model); f++) {
-    set->magnet[f].methods = &scaled_magnet;
+    set->magnet[f].methods = &amb_scaled_magnet;
     set->magnet[f].self = &set->scaled[f];
   }
   set->estimator = *base->control->estimator;

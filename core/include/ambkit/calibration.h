@@ -51,12 +51,6 @@ typedef struct amb_calibration_base {
   amb_real bias[AMB_FORCES];     /* knows it [N], and its bias force [N]: parts of f_0 */
 } amb_calibration_base;
 
-/* A magnet whose force is another's, times a factor. */
-typedef struct amb_scaled {
-  amb_magnet of;
-  amb_real scale; /* [1] */
-} amb_scaled;
-
 /* A set of constants that flies, or is worked on. It begins with what a controller points to. */
 typedef struct amb_calibration_set {
   amb_control control;

@@ -11,11 +11,11 @@ from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, mode
 from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Name
-from ambkit.base.quantity_arguments import of_type
 from ambkit.control.blocks import AnyBlock
 from ambkit.control.gain_schedule import ScheduledGains
 from ambkit.control.stabilising_controller import Gains, chosen, textbook, two_digits, weight_of
-from ambkit.machine.machine import Bearing
+from ambkit.machine.force_laws import axis_of
+from ambkit.machine.machine import Bearing, Machine
 
 
 class PID(Part):
@@ -78,30 +78,28 @@ class PID(Part):
                 yield f"schedule.{k}.speed", "must be above the one before"
 
     @classmethod
-    def for_bearing(cls, bearing: Bearing) -> Self:
+    def for_bearing(cls, bearing: Machine) -> Self:
         """Return the gains that the margins of a bearing's loop allow, see `holding.chosen`.
 
         Parameters
         ----------
-        bearing : Bearing
-            What is to be held.
+        bearing : Machine
+            What is to be held, with one axis.
         """
-        of_type(Bearing, bearing=bearing)
-        return cls(**chosen(bearing)._asdict())
+        return cls(**chosen(axis_of(bearing))._asdict())
 
     @classmethod
-    def textbook(cls, bearing: Bearing) -> Self:
+    def textbook(cls, bearing: Machine) -> Self:
         """Return gains by a rule of thumb, with which a step overshoots by a half.
 
         ``kp = 4 k_s/k_i``, a damping of 0.56, and all of the reference to kp.
 
         Parameters
         ----------
-        bearing : Bearing
-            What is to be held.
+        bearing : Machine
+            What is to be held, with one axis.
         """
-        of_type(Bearing, bearing=bearing)
-        return cls(**textbook(bearing)._asdict())
+        return cls(**textbook(axis_of(bearing))._asdict())
 
     def completed(self, bearing: Bearing) -> Self:
         """Return the controller with what was not given tuned to a bearing, see `for_bearing`.

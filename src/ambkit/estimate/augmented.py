@@ -31,7 +31,7 @@ class AugmentedKalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Bearing or Machine
+    bearing : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.
@@ -105,7 +105,7 @@ class MultipleModelFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Bearing or Machine
+    bearing : Machine
         What is filtered.
     magnet : optional
         What the filters know of their magnet; by default the bearing's own law.

@@ -47,7 +47,7 @@ class ConstantVelocity(KalmanFilter):
 
     Parameters
     ----------
-    bearing : Bearing or Machine
+    bearing : Machine
         What is filtered.
     magnet : optional
         Not used.

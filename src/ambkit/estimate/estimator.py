@@ -45,7 +45,7 @@ class Estimator(Described, Copyable):
 
     Parameters
     ----------
-    bearing : Bearing or Machine
+    bearing : Machine
         What is filtered: one axis, or a machine with all its axes and readings.
     magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin. Of a

@@ -163,7 +163,7 @@ class FilterFile(Document):
         ----------
         path : path
             The file.
-        bearing : Bearing or Machine
+        bearing : Machine
             What it is to filter; it assumes its own.
 
         Raises

@@ -22,7 +22,7 @@ class KalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Bearing or Machine
+    bearing : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin.
@@ -52,7 +52,7 @@ class AdaptiveKalmanFilter(KalmanFilter):
 
     Parameters
     ----------
-    bearing : Bearing or Machine
+    bearing : Machine
         What is filtered.
     magnet : Expert, StiffnessMap, ClosedLaw or ConstantStiffness
         What is asked: the trained expert, its table, or the force law itself.
@@ -71,7 +71,7 @@ class ExtendedKalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Bearing or Machine
+    bearing : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.
@@ -102,7 +102,7 @@ class UDKalmanFilter(ExtendedKalmanFilter):
 
     Parameters
     ----------
-    bearing : Bearing or Machine
+    bearing : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.

@@ -161,6 +161,20 @@ def factories(
     return results
 
 
+def filter_of(filter: Any, machine: Machine) -> Estimator:
+    """Return the one filter of a loop: an estimator itself, anything else made for the machine."""
+    if isinstance(filter, str | os.PathLike):
+        built = factories([os.fspath(filter)], machine)
+        if len(built) > 1:
+            raise AmbkitError("a loop has one filter: name one of them, not all")
+        return built[os.fspath(filter)]()
+    if is_own(filter):
+        return OwnEstimator(machine, filter)
+    of_type(Estimator, str, filter=filter)
+    made: Estimator = filter
+    return made
+
+
 def _factory(name: str, item: Any, machine: Machine) -> Factory:
     if isinstance(item, FromKind | FromFile | FromObject):
         return item

@@ -23,7 +23,7 @@ class UnscentedKalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Bearing or Machine
+    bearing : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the closed law.

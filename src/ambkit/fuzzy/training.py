@@ -21,7 +21,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.fuzzy.expert import Expert, Method, Training
 from ambkit.fuzzy.network import Scaling, network
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
@@ -89,7 +89,7 @@ WIDTH_COST, WEIGHT_COST = 1e-3, 3e-3
 
 
 def train(
-    source: StiffnessMap | Bearing,
+    source: StiffnessMap | Machine,
     *,
     method: Method = "least-squares",
     weights: bool = False,
@@ -102,7 +102,7 @@ def train(
 ) -> Expert:
     """Train a network with one rule at each node of a stiffness map (paper, section D)."""
     # The same input always gives the same result: nothing is random, every rule starts alike.
-    of_type(Bearing, StiffnessMap, source=source)
+    of_type(Machine, StiffnessMap, source=source)
     if method not in ("least-squares", "steepest-gradient"):
         raise AmbkitError(f'method must be "least-squares" or "steepest-gradient", is {method!r}')
     if weights and method == "steepest-gradient":

@@ -108,6 +108,13 @@ def isolated(machine: Machine, axis: str | None) -> Bearing:
     return machine.isolated_axis(axis_named(machine, axis))
 
 
+def axis_of(bearing: Any) -> Bearing:
+    """Return the axis of a machine that has one."""
+    of_type(Machine, bearing=bearing)
+    machine: Machine = bearing
+    return machine.isolated_axis("") if machine.single else isolated(machine, None)
+
+
 def reading_along(machine: Machine, axis: str) -> int:
     """Return the number of the reading that shows an axis, at its place or next to it."""
     if machine.single:

@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.machine.force_laws import axis_of
 from ambkit.machine.forces.force_points import check_nodes
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import equally_far, magnet_of
 
 if TYPE_CHECKING:
@@ -178,7 +179,7 @@ def operating_points(bearing: Bearing) -> tuple[Array, Array]:
 
 
 def stiffness_map(
-    bearing: Bearing,
+    bearing: Machine,
     *,
     currents: ArrayLike | None = None,
     displacements: ArrayLike | None = None,
@@ -190,8 +191,8 @@ def stiffness_map(
 
     Parameters
     ----------
-    bearing : Bearing
-        Gives the limits of the box and, by default, the force.
+    bearing : Machine
+        With one axis: gives the limits of the box and, by default, the force.
     currents : array_like (ni,), optional
         Nodes of the control current [A]. Default: those of `operating_points`.
     displacements : array_like (nx,), optional
@@ -214,7 +215,7 @@ def stiffness_map(
         Nodes that are too few, not finite or not ascending; a step that is not positive; a
         displacement at or beyond the air gap; a force that is not finite.
     """
-    of_type(Bearing, bearing=bearing)
+    bearing = axis_of(bearing)
     usual_current, usual_displacement = operating_points(bearing)
     ampere, metre = equally_far(bearing)
     delta_current = in_si("delta_current", delta_current, "A")

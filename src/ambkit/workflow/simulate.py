@@ -22,8 +22,7 @@ from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.estimate.named import factories
-from ambkit.estimate.user_filter import OwnEstimator, is_own
+from ambkit.estimate.named import filter_of
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.loop.loop_of import LoopOf
@@ -65,7 +64,7 @@ def scenario_for(
 
     Parameters
     ----------
-    bearing : Bearing or Machine
+    bearing : Machine
         The controller of a single axis is tuned to it, as far as `scenario` does not say otherwise.
     scenario : Scenario or path, optional
         What is said already.
@@ -162,20 +161,12 @@ def flown(
             f'{place}the controller is fed by the estimate (feedback = "estimate"), so the '
             "estimator cannot be none"
         )
-    made: Any = filter
-    if isinstance(filter, str | os.PathLike) and named:
-        built = factories([os.fspath(filter)], machine)
-        if len(built) > 1:
-            raise AmbkitError("a loop has one filter: name one of them, not all")
-        made = built[os.fspath(filter)]()
+    estimator = filter_of(filter, machine) if named else None
     magnet = plant
     if isinstance(plant, str | os.PathLike):
         if not machine.single:
             raise AmbkitError(f"plant: a force map is of one axis, and {machine.name} has several")
         magnet = surface_in(plant, machine.isolated_axis(""))
-    estimator = OwnEstimator(machine, made) if is_own(made) else made if named else None
-    if estimator is not None:
-        of_type(Estimator, str, filter=estimator)
     run = simulate_run(
         machine.short, full_scenario, estimator=estimator, magnet=magnet,
         external_inputs=external_inputs,
@@ -188,7 +179,7 @@ def flown(
                 _separations, machine.long, full_scenario, estimator, run.final_speed
             ),
         )
-    return replace(run, judge=partial(_judged, full_scenario, made))
+    return replace(run, judge=partial(_judged, full_scenario, estimator or NONE))
 
 
 def _separations(

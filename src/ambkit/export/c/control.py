@@ -64,14 +64,13 @@ def controller_of(filter: Estimator, scenario: Scenario) -> Controller:
         raise AmbkitError(
             f"controller.custom: {name_of(scenario.controller.custom)} is Python, and has no C"
         )
-    if machine.single:
-        return Controller.of_axis(filter.bearing, filter, scenario.controller, scenario.sequence)
     settled = settled_scenario(machine, scenario)
     feeding = filter if settled.feedback == "estimate" else None
-    plant, speeds = Plant(machine), controller_test_cases.speeds_of(machine, settled)
+    plant, speeds = Plant(machine.long), controller_test_cases.speeds_of(machine, settled)
     max_speed = machine.speed if speeds is None else max(map(abs, speeds))
     result = controllers_of(plant, settled.controller, feeding, fastest=max_speed)
-    return Controller(plant, filter, result, settled.sequence, feeding is not None)
+    control = settled.controller
+    return Controller(plant, filter, result, settled.sequence, feeding is not None, control)
 
 
 def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Structs:

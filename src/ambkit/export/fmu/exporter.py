@@ -155,10 +155,8 @@ def _estimator(filter: Estimator) -> _Parts:
 
 
 def _plant(machine: Machine, scenario: Scenario) -> _Parts:
-    what = "Bearing" if machine.single else "Machine"
-    about = f"{what} {machine.name}: amplifier, magnet, rotor and sensor"
-    if not machine.single:
-        about = f"{what} {machine.name}: amplifiers, magnets, rotor and sensors"
+    s = "" if machine.single else "s"
+    about = f"{machine.name}: amplifier{s}, magnet{s}, rotor and sensor{s}"
     start = rig.RigStart.of(machine, scenario)
     plant_variables = variables.of_plant(machine, start.place.tolist())
     rates = [variable.rate_of for variable in plant_variables if variable.rate_of]
@@ -177,7 +175,7 @@ def _pid(bearing: Bearing, scenario: Scenario) -> _Parts:
         k_ui=[c_literals.number(bearing.amplifier.gain, "double")],
         K_sen=c_literals.number(1.0 if estimate else bearing.sensor.gain, "double"),
     )  # fmt: skip
-    about = f"The PID controller of bearing {bearing.name}, fed by {source}"
+    about = f"The PID controller of {bearing.name}, fed by {source}"
     return _Parts(about, "pid", variables.of_controller(bearing, controller), data, None)
 
 
@@ -204,7 +202,7 @@ def _loop(filter: Estimator, scenario: Scenario) -> _Parts:
         rig=rig.rig_data(bearing, rig.RigStart.of(bearing, scenario)),
         pid=sources.pid_data(bearing, controller), feedback_estimate=estimate,
     )  # fmt: skip
-    about = f"Bearing {bearing.name}, held by a PID controller that {source} feeds"
+    about = f"{bearing.name}, held by a PID controller that {source} feeds"
     return _Parts(about, "loop-pid", variables.of_loop(filter, controller), data, filter)
 
 

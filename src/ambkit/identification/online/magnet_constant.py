@@ -26,7 +26,8 @@ from ambkit.identification.online.adaline import (
     OnlineResult,
 )
 from ambkit.identification.online.rls import RecursiveLeastSquares
-from ambkit.machine.machine import Bearing
+from ambkit.machine.force_laws import axis_of
+from ambkit.machine.machine import Bearing, Machine
 from ambkit.result.report import Axis, Figure, Line, Panel, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row
@@ -135,7 +136,7 @@ ONLINE: Mapping[str, Learner] = {
 
 def identify_online(
     record: Record,
-    bearing: Bearing,
+    bearing: Machine,
     *,
     method: str = "adaline",
     disturbance: ArrayLike | None = None,
@@ -152,8 +153,8 @@ def identify_online(
     ----------
     record : Record
         With ``y`` [m] and ``u`` [V].
-    bearing : Bearing
-        Mass, gap, bias current, sensor and amplifier; its magnet constant is the start.
+    bearing : Machine
+        With one axis: mass, gap, bias current, sensor, amplifier; its magnet constant is the start.
     method : {"adaline", "rls", "augmented"}
         Who learns: ADALINE, recursive least squares, or the extended Kalman filter with k.
     disturbance : array_like (n,), optional
@@ -169,7 +170,7 @@ def identify_online(
         what was learned is no magnet constant.
     """
     of_type(Record, record=record)
-    of_type(Bearing, bearing=bearing)
+    bearing = axis_of(bearing)
     if method not in ONLINE:
         raise AmbkitError(f'there is no method "{method}"; known: {", ".join(ONLINE)}')
     history: OnlineResult = ONLINE[method](bearing, **options).run(record, disturbance=disturbance)

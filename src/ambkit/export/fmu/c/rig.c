@@ -1,35 +1,6 @@
 #include "rig.h"
 #include "model.h"
 
-/* Any magnet's force goes with its constant. */
-static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
-{
-  const amb_rig_magnet *magnet = (const amb_rig_magnet *)self;
-  return magnet->scale * magnet->of.methods->force(magnet->of.self, iu, x);
-}
-
-static amb_stiffness scaled(const amb_rig_magnet *magnet, amb_stiffness k)
-{
-  k.k_i *= magnet->scale;
-  k.k_s *= magnet->scale;
-  return k;
-}
-
-static amb_stiffness scaled_through_origin(const void *self, amb_real iu, amb_real x)
-{
-  const amb_rig_magnet *magnet = (const amb_rig_magnet *)self;
-  return scaled(magnet, magnet->of.methods->through_origin(magnet->of.self, iu, x));
-}
-
-static amb_stiffness scaled_tangent(const void *self, amb_real iu, amb_real x)
-{
-  const amb_rig_magnet *magnet = (const amb_rig_magnet *)self;
-  return scaled(magnet, magnet->of.methods->tangent(magnet->of.self, iu, x));
-}
-
-static const amb_magnet_methods scaled_magnet = {scaled_force, scaled_through_origin,
-                                                 scaled_tangent};
-
 void amb_rig_tune(amb_rig *rig, const double value[])
 {
   for (int f = 0; f < amb_data_rig.axes; f++)
@@ -46,11 +17,11 @@ amb_plant amb_rig_plant(const amb_rig *rig, amb_rig_room *room)
   for (int f = 0; f < data->axes; f++) {
     const amb_real scale = rig->k[f] / data->k[f];
     const amb_magnet none = {NULL, NULL};
-    const amb_rig_magnet magnet = {data->magnet[f], scale}, coil = {data->coil[f], scale};
+    const amb_scaled magnet = {data->magnet[f], scale}, coil = {data->coil[f], scale};
     room->of_magnet[f] = magnet;
     room->of_coil[f] = coil;
-    const amb_magnet of_magnet = {&scaled_magnet, &room->of_magnet[f]};
-    const amb_magnet of_coil = {&scaled_magnet, &room->of_coil[f]};
+    const amb_magnet of_magnet = {&amb_scaled_magnet, &room->of_magnet[f]};
+    const amb_magnet of_coil = {&amb_scaled_magnet, &room->of_coil[f]};
     room->magnet[f] = of_magnet;
     room->coil[f] = data->coil[f].methods != NULL ? of_coil : none;
     room->bias[f] = data->bias[f] * scale;

@@ -41,15 +41,9 @@ typedef struct amb_rig {
  * and bias forces. */
 void amb_rig_tune(amb_rig *rig, const double value[]);
 
-/* A magnet whose force is another's, times a factor. */
-typedef struct amb_rig_magnet {
-  amb_magnet of;
-  amb_real scale; /* [1] */
-} amb_rig_magnet;
-
 /* What the plant of a rig points to. */
 typedef struct amb_rig_room {
-  amb_rig_magnet of_magnet[AMB_PLANT_AXES], of_coil[AMB_PLANT_AXES];
+  amb_scaled of_magnet[AMB_PLANT_AXES], of_coil[AMB_PLANT_AXES];
   amb_magnet magnet[AMB_PLANT_AXES], coil[AMB_PLANT_AXES];
   amb_real bias[AMB_PLANT_AXES];
   amb_real g[AMB_PLANT_STATES];
