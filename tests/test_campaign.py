@@ -25,8 +25,8 @@ from ambkit.campaigns.distributions import Choice, Normal, Truncated, Uniform
 from ambkit.campaigns.keys import changed, nested
 from ambkit.campaigns.margins import peaks
 from ambkit.campaigns.plan import Plan
+from ambkit.campaigns.results import clopper_pearson, looks
 from ambkit.campaigns.sobol_indices import problem_of, vary_from
-from ambkit.campaigns.stopping_rule import clopper_pearson, looks
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.study_tables import UNITS
 from ambkit.campaigns.worker import compute

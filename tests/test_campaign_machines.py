@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.assessment.arguments import of_machine
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.figures import in_words
@@ -203,7 +202,7 @@ def test_peaks_are_those_that_assess_finds(feedback: str, control: str) -> None:
     plan = Plan(Study.from_toml(f'{text}control = {{ type = "{control}" }}\n'))
     (drawn,) = plan.machines(plan.points(0, 1), plan.noise(0, 1), 0)
     machine = ambkit.Machine.preset("tum_mlps")
-    fed = of_machine("linear", machine) if feedback == "estimate" else None
+    fed = ambkit.KalmanFilter(machine) if feedback == "estimate" else None
     expected = LoopOf(machine, Control(type=control)).peak(fed)
     assert peak_of(drawn.planned) == pytest.approx(expected, rel=1e-6)
 
@@ -214,7 +213,7 @@ def test_figures_of_a_nominal_run() -> None:
     flight = ambkit.Scenario(duration=0.02, seed=1, disturbance=[
         {"axis": "A2", "force": {"type": "step", "amplitude": 5.0, "time": 0.01}},
     ])  # fmt: skip
-    kalman = of_machine("linear", machine)
+    kalman = ambkit.KalmanFilter(machine)
     run = simulate_run(machine, flight, estimator=kalman)
     assert run.first_touch is None
     figures = figures_of(run, kalman, settling=0.002)

@@ -13,7 +13,7 @@ from test_export_control import run
 
 import ambkit
 from ambkit import PID, AmbkitError, Control, KalmanFilter, Scenario
-from ambkit.control.gain_schedule import GainSchedule, ScheduledGains
+from ambkit.control.pid import GainSchedule, ScheduledGains
 from ambkit.export.c import export_c
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation.waveforms import Constant, Ramp, Step

@@ -7,8 +7,7 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Machine
-from ambkit.assessment.assess import MEASUREMENT
-from ambkit.assessment.orbit import on_orbit
+from ambkit.assessment.assess import MEASUREMENT, on_orbit
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.control.linear.linear_plant import OperatingPoint, Orbit, plant

@@ -257,13 +257,6 @@ def filter_arguments(filters: Any, machine: Machine) -> dict[str, Estimator]:
     return {name: make() for name, make in factories(filters, machine).items()}
 
 
-def of_machine(
-    name: str, machine: Machine, *, synchronous: Sequence[str] = (), noise: Any = None
-) -> Estimator:
-    """Return an estimator for a machine, of a kind or in a file."""
-    return factories([name], machine, synchronous=synchronous)[name](noise)
-
-
 class Chosen(NamedTuple):
     """A kind of estimator to export, and what it asks for k_i and k_s; None for the kind's own."""
 

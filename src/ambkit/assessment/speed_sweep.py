@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.assessment.arguments import disturbance_argument, filter_arguments
-from ambkit.assessment.assess import MEASUREMENT
-from ambkit.assessment.orbit import on_orbit
+from ambkit.assessment.assess import MEASUREMENT, on_orbit
 from ambkit.assessment.speed_sweep_figure import over_speed_figure, run_up_figure
 from ambkit.base import units
 from ambkit.base.arrays import Array

@@ -12,9 +12,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.campaigns import figures as pictures
 from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.results import Machines, Worst
+from ambkit.campaigns.results import Counted, Machines, Share, Worst
 from ambkit.campaigns.sobol_indices import Indices
-from ambkit.campaigns.stopping_rule import Counted, Share
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study_tables import UNITS
 from ambkit.campaigns.subset_simulation import told

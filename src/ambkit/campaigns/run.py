@@ -16,7 +16,7 @@ from ambkit.base.progress import reporting
 from ambkit.base.quantity_arguments import of_type
 from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.stopping_rule import Counted, Share, looks_of
+from ambkit.campaigns.results import Counted, Share, looks_of
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study import Study, load
 from ambkit.campaigns.worker import Rows, compute, part_of, versions

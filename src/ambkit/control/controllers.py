@@ -15,8 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.axis_sensitivity import shown_along_axes
 from ambkit.control.blocks import gain_at_rest, sections_of
 from ambkit.control.control import Control
-from ambkit.control.gain_schedule import GainSchedule, schedule_fields
-from ambkit.control.pid import GAINS, PID, overlaid, unseen
+from ambkit.control.pid import GAINS, PID, GainSchedule, overlaid, schedule_fields, unseen
 from ambkit.control.regulator import regulator, scheduled
 from ambkit.control.stabilising_controller import holding
 from ambkit.control.synchronous_compensation import (

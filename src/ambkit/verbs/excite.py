@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ambkit.verbs.words import Axis, Band, Filter, Limit, Machine, Scenario, Time, Wander
 
 if TYPE_CHECKING:
-    from ambkit.assessment.injection import Injection
+    from ambkit.assessment.injection_experiment import Injection
     from ambkit.identification.excitation import Design
 
 
