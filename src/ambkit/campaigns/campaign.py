@@ -13,10 +13,11 @@ from ambkit.base.escaping import markdown
 from ambkit.campaigns import figures as pictures
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.results import Counted, Machines, Share, Worst
-from ambkit.campaigns.sobol_indices import Indices
+from ambkit.campaigns.sobol_indices import Indices, indices
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study_tables import UNITS
 from ambkit.campaigns.subset_simulation import told
+from ambkit.campaigns.worker import compute
 from ambkit.data.record import Record
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
@@ -90,8 +91,6 @@ class Replayed(Result):
 
 def replay(plan: Plan, number: int) -> Replayed:
     """Simulate a run of a study again, with all its samples."""
-    from ambkit.campaigns.worker import compute
-
     if not 0 <= number < plan.runs:
         raise AmbkitError(f"there is no run {number}; the study has runs 0 to {plan.runs - 1}")
     points, noise = plan.points(number, number + 1), plan.noise(number, number + 1)
@@ -163,8 +162,6 @@ class Campaign(Result, Machines):
         AmbkitError
             SALib is not installed; there is no such figure; or nothing of it can be told.
         """
-        from ambkit.campaigns.sobol_indices import indices
-
         return indices(self, figure or ("peak_S" if "peak_S" in self.columns else "tracking_peak"))
 
     @property

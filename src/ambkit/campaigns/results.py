@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.errors import AmbkitError
+from ambkit.base.errors import AmbkitError, ExtraMissing
 from ambkit.campaigns.distributions import OneOf
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.store import RUNS, Folder, array_of
 from ambkit.campaigns.study_tables import UNITS, ZONES
+from ambkit.campaigns.worker import schema
 
 
 class Share(NamedTuple):
@@ -201,8 +202,6 @@ class Machines:
     @cached_property
     def columns(self) -> tuple[str, ...]:
         """Names of all columns."""
-        from ambkit.campaigns.worker import schema
-
         return tuple(schema(self.plan).names)
 
     @cached_property
@@ -325,8 +324,6 @@ class Machines:
             pandas is not installed.
         """
         import pyarrow as pa
-
-        from ambkit.base.errors import ExtraMissing
 
         column_names = None if columns is None else list(columns)
         tables = [self._place.table(part, column_names) for part in self.parts]

@@ -44,6 +44,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import Vary
 from ambkit.campaigns.study_tables import Correlated, Passes, Recorded, Stop
 from ambkit.control.control import Control
+from ambkit.machine import presets
 from ambkit.simulation.scenario import Scenario
 
 Way = Literal["sobol", "latin-hypercube", "random", "grid", "saltelli"]
@@ -52,8 +53,6 @@ MOST_RUNS = 10**9  #: Runs of a study: a Sobol sequence of 30 bits has no more.
 
 
 def _is_machine_file(value: Any) -> bool:
-    from ambkit.machine import presets
-
     return value not in (*presets.names(), *presets.machine_names())
 
 

@@ -18,9 +18,11 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.units import engineering
+from ambkit.campaigns import sampling
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study_tables import UNITS
+from ambkit.campaigns.worker import fly
 from ambkit.result.document import Statement
 
 Limit = Callable[[Array], Array]
@@ -158,9 +160,6 @@ def rare_failure(
     # Each candidate of a chain has noise of its own: the walk is over the machines and their noise.
     # A machine that cannot be fails.
     from scipy.special import ndtr
-
-    from ambkit.campaigns import sampling
-    from ambkit.campaigns.worker import fly
 
     if figure not in UNITS or (figure == "peak_S" and not plan.study.record.margins):
         raise AmbkitError(f"there is no figure {figure} in this study")

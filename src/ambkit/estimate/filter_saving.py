@@ -20,6 +20,7 @@ from ambkit.estimate.noise_model import UNITS
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
 from ambkit.machine import presets
 from ambkit.machine.force_laws import Bank
+from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
@@ -179,7 +180,6 @@ def _each_beside(path: Path, machine: Machine, magnet: MagnetModel) -> dict[str,
 def _written_beside(path: Path, magnet: MagnetModel) -> Path:
     """Write what a filter asks beside its file, and return where."""
     from ambkit.fuzzy.expert import Expert
-    from ambkit.machine.forces.force_surface import ForceSurface
 
     if isinstance(magnet, Expert):
         magnet.save(beside := path.with_suffix(".expert.json"))

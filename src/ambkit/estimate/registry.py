@@ -19,6 +19,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.force_law import MagnetModel
+from ambkit.machine.force_laws import Bank, bank_of, constants_of, laws_of
 from ambkit.machine.machine import Bearing, Machine
 
 
@@ -157,14 +158,10 @@ MEMORY = Tunable("memory", "s", lambda _bearing: 0.5, decades=1.0)
 
 
 def _constant(bearing: Machine) -> MagnetModel:
-    from ambkit.machine.force_laws import constants_of
-
     return constants_of(bearing)
 
 
 def _law(bearing: Machine) -> MagnetModel:
-    from ambkit.machine.force_laws import laws_of
-
     return laws_of(bearing)
 
 
@@ -309,7 +306,6 @@ def in_core_of(estimator: Estimator) -> InCore | None:
 def kind_of(estimator: Estimator) -> str:
     """Return the name of an estimator's kind."""
     # Of the kinds that share a class, what the estimator knows of its magnet tells which it is.
-    from ambkit.machine.force_laws import Bank
 
     inner = getattr(estimator, "inner", estimator)
     of = f"{type(inner).__module__.rpartition('.')[2]}.{type(inner).__name__}"
@@ -327,8 +323,6 @@ def kind_of(estimator: Estimator) -> str:
 
 def learned_magnet(name: str, bearing: Machine) -> MagnetModel | None:
     """Return what a kind that must be given its magnet knows of it where nobody says otherwise."""
-    from ambkit.machine.force_laws import bank_of
-
     if KINDS[name].magnet is not None:
         return None
     machine, learned = bearing, {}

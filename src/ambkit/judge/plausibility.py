@@ -20,7 +20,7 @@ from ambkit.data.reading.signal_roles import LOOKED_AT, filled
 from ambkit.data.record import Record
 from ambkit.judge.signs import judge_signs
 from ambkit.machine.machine import Bearing, Machine
-from ambkit.machine.magnets import ConstantStiffness, own_time
+from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 
 _START = 0.25  # part of a record that may be a start, with the rotor on its stop
 
@@ -301,7 +301,6 @@ def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
     """Tell of a magnet that pulls with gravity, as in a record whose signs are both swapped."""
     # On the mean of a record the magnet's force, the weight and the load are in balance. Mirrored,
     # the force that holds the weight adds to it, and a load of twice the weight is left.
-    from ambkit.machine.magnets import magnet_of
 
     weight = bearing.weight
     if weight == 0.0 or "y" not in record or "u" not in record:

@@ -9,10 +9,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ambkit.base import files
+from ambkit.base.config import toml_text
 from ambkit.base.errors import AmbkitError, ConfigError, RecordError
 from ambkit.base.units import engineering
 from ambkit.data.files.tables import ENDINGS, read_log, read_table
+from ambkit.machine.forces.force_points import COLUMNS, NAMES, load_force_points
 from ambkit.machine.machine import Machine
+from ambkit.models.plant_parts import in_words
 from ambkit.result.document import Document
 from ambkit.simulation.scenario import by_axis
 from ambkit.workflow.load import SHORT, documents, kind_of_toml
@@ -120,10 +123,8 @@ def _unknown(path: Path) -> _Described:
 
 
 def _describe_document(kind: str, path: Path, machine: Machine | None) -> _Described:
-    from ambkit.base.config import toml_text
     from ambkit.judge.adequacy import judge_adequacy, sentences
     from ambkit.judge.adequacy_criteria import of_machine
-    from ambkit.models.plant_parts import in_words
     from ambkit.rotordynamics import machine_report
 
     result = documents()[kind].load(path)
@@ -185,7 +186,6 @@ def _describe_expert(path: Path) -> _Described:
 
 def _kind_of_table(path: Path, machine: Machine | None) -> tuple[str, Callable[[Path], _Described]]:
     from ambkit.identification.forces import lift_off
-    from ambkit.machine.forces.force_points import COLUMNS
 
     try:
         columns = set(read_table(path).columns)
@@ -203,8 +203,6 @@ def _kind_of_table(path: Path, machine: Machine | None) -> tuple[str, Callable[[
 def _perhaps_a_force(path: Path) -> list[str]:
     """Say how a measured force is read, of a table of three or four columns without a time."""
     import numpy as np
-
-    from ambkit.machine.forces.force_points import NAMES
 
     try:
         columns = read_log(path).arrays
@@ -225,8 +223,6 @@ def _describe_points(path: Path) -> _Described:
 
 
 def _describe_force(path: Path, channels: str | os.PathLike[str] | None = None) -> _Described:
-    from ambkit.machine.forces.force_points import load_force_points
-
     points = load_force_points(path, channels)
     (low, high), (left, right) = (
         [engineering(end, unit, digits=3) for end in (values.min(), values.max())]

@@ -20,7 +20,7 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.machine_model import several
 from ambkit.estimate.noise_model import Variances
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import CExport
+from ambkit.export.c import CExport, export_c
 from ambkit.judge.adequacy import judge_adequacy
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.cases import CASES, load_case, trials
@@ -133,8 +133,6 @@ def exported_filter(
     run: Scenario | None = None,
 ) -> CExport:  # fmt: skip
     """Return the design's filter as C, with a run its controllers too; it is judged before."""
-    from ambkit.export.c import export_c
-
     file = FilterFile.load(place / "filter.toml")
     return export_c(
         plant, file.asked(), place / folder, filter_file=file, prefix=prefix,

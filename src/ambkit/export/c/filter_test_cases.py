@@ -12,8 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ambkit.base.arrays import Array, Bools
+from ambkit.control.control import Control
 from ambkit.estimate.estimate import Status
 from ambkit.machine.bearing import GRAVITY
+from ambkit.simulation.run import simulate
+from ambkit.simulation.scenario import Disturbance, Scenario
+from ambkit.simulation.waveforms import Step
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -59,11 +63,6 @@ def _of_axis(filter: Estimator, settling: int) -> Iterator[TestCase]:
 
 def _flight(filter: Estimator, sign: float) -> TestCase:
     """Hover, then a step of half the expert's reach."""
-    from ambkit.control.control import Control
-    from ambkit.simulation.run import simulate
-    from ambkit.simulation.scenario import Scenario
-    from ambkit.simulation.waveforms import Step
-
     bearing = filter.bearing
     T = bearing.sampling_time
     reference = Step(amplitude=sign * bearing.rotor.clearance / 4, time=20 * T)
@@ -237,10 +236,6 @@ def _outage_of_machine(filter: Estimator, lost: Bools, name: str) -> TestCase:
 
 def _levitated(filter: Estimator, sign: float) -> tuple[Array, Array]:
     """Let a machine hover under a load."""
-    from ambkit.simulation.run import simulate
-    from ambkit.simulation.scenario import Disturbance, Scenario
-    from ambkit.simulation.waveforms import Step
-
     machine, machine_view = filter.bearing, filter.whole
     assert machine_view is not None
     T = machine.sampling_time

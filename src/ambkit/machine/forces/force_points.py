@@ -13,7 +13,7 @@ from ambkit.base.arrays import Array, real
 from ambkit.base.config import Document, Read
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.channel_map import Channel, ChannelMap
-from ambkit.data.files.tables import read_log, read_table
+from ambkit.data.files.tables import Table, read_log, read_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,6 @@ class ForcePoints:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write them as ``.csv`` or ``.parquet``, as ``ambkit train map`` reads them."""
-        from ambkit.data.files.tables import Table
-
         columns = {"iu": self.current, "x": self.displacement, "f_mag": self.force}
         if self.standard_error is not None:
             columns["f_std"] = self.standard_error
