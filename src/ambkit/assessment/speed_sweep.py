@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -248,22 +248,21 @@ def assess_over_speed(
     ((name, estimator),) = estimators.items() or [(MEASUREMENT, None)]
     run = _Run(machine, estimator, controller, disturbance_argument(machine, load), orbit, fastest)
     speeds = np.linspace(0.0, fastest, count)
-    parts = [run.at(float(speed)) for speed in speeds]
+    parts = zip(*(run.at(float(speed)) for speed in speeds), strict=True)
+    peaks, largest, poles, far, current, volts, warm = parts
     checked = sorted({0.0, fastest, *([machine.speed] if 0 < machine.speed < fastest else [])})
-    volts = [one.voltage for one in parts if one.voltage is not None]
-    warm = [one.temperature for one in parts if one.temperature is not None]
     return OverSpeed(
         machine=machine,
         fed_by=name,
         axes=run.axes,
         speed=speeds,
-        peaks=np.array([one.peaks for one in parts]),
-        largest=np.array([one.largest for one in parts]),
-        poles=tuple(one.poles for one in parts),
-        orbit=np.array([one.orbit for one in parts]),
-        current=np.array([one.current for one in parts]),
-        voltage=np.array(volts) if len(volts) == count else None,
-        temperature=np.array(warm) if len(warm) == count else None,
+        peaks=np.array(peaks),
+        largest=np.array(largest),
+        poles=poles,
+        orbit=np.array(far),
+        current=np.array(current),
+        voltage=None if any(item is None for item in volts) else np.array(volts),
+        temperature=None if any(item is None for item in warm) else np.array(warm),
         integrals={speed: bode_integral(run.loop(speed)[1]) for speed in checked},
         apart=tuple(
             separations(machine, loop=run.of, fed_by=estimator, max_speed=float(speeds[-1]))
@@ -271,18 +270,6 @@ def assess_over_speed(
             else apart
         ),
     )
-
-
-class _AtSpeed(NamedTuple):
-    """A loop at one speed; see `OverSpeed`."""
-
-    peaks: Array
-    largest: float
-    poles: NDArray[np.complex128]
-    orbit: Array
-    current: Array
-    voltage: Array | None
-    temperature: Array | None
 
 
 class _Run:
@@ -314,15 +301,15 @@ class _Run:
             of = on_orbit(of, inner)
         return of, of.loop(inner)
 
-    def at(self, speed: float) -> _AtSpeed:
-        """Return what there is at a speed [rad/s]."""
+    def at(self, speed: float) -> tuple[Any, ...]:
+        """Return what `OverSpeed` has at a speed [rad/s], from the peaks to the temperature."""
         of, loop = self.loop(speed)
         with np.errstate(divide="ignore"):
             poles = np.asarray(np.log(loop.closed.poles()) / loop.T, complex)
         p = loop.axes
         if not loop.is_stable:
             unknown = np.full(p, math.nan)
-            return _AtSpeed(unknown, math.nan, poles, unknown, unknown, unknown, unknown)
+            return unknown, math.nan, poles, unknown, unknown, unknown, unknown
         f = grid(loop, COARSE, NEAR)
         f = np.unique(np.append(f, of.top))
         S, counts = loop.along_axes(f), f <= of.top
@@ -330,7 +317,7 @@ class _Run:
         sizes = np.linalg.norm(S, 2, axis=(1, 2))
         largest = highest(loop.largest_sensitivity, f, sizes)[0]
         responses = of.turned(loop)
-        return _AtSpeed(np.array(peaks), largest, poles, *self.asked(of, loop, responses))
+        return np.array(peaks), largest, poles, *self.asked(of, loop, responses)
 
     def asked(
         self, of: LoopOf, loop: Loop, responses: list[Turned]
