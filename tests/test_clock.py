@@ -63,6 +63,15 @@ def test_stamps_rounded_to_milliseconds(step, gap):
     assert abs(np.isnan(resampled).sum() - gap) <= 2
 
 
+def test_what_is_held_lasts_for_one_step_after_the_last_sample():
+    clock = examine("t", even(10, 1e-3))
+    times = clock.times[-1] + 1e-3 * np.array([-0.5, 0.0, 0.5, 1.5])
+    values = np.arange(10.0)
+    held = resample(values, clock, times, held=True)
+    np.testing.assert_array_equal(held, [8.0, 9.0, 9.0, np.nan])
+    np.testing.assert_allclose(resample(values, clock, times, held=False), [8.5, 9, *2 * [np.nan]])
+
+
 def test_each_tenth_row_lost_is_no_rounding():
     clock = examine("t", np.delete(even(5000, 1e-3), slice(5, None, 10)))
     assert clock.gaps.size == 500

@@ -89,6 +89,8 @@ def test_somebody_elses_frame_is_converted() -> None:
         pandas.to_timedelta([0, 1, 2], unit="s"),
     ):
         assert Record.from_pandas(frame[["y"]].set_index(index)).t.tolist() == t
+    later = pandas.to_timedelta([5, 6, 7], unit="s")  # a span of time has a zero, a date has none
+    assert Record.from_pandas(frame[["y"]].set_index(later)).t.tolist() == [5.0, 6.0, 7.0]
     dataset = xarray.Dataset({"y": ("t", t, {"units": "mm"})}, {"t": ("t", t, {"units": "ms"})})
     read = Record.from_xarray(dataset)
     assert (read.t[-1], read["y"][-1]) == pytest.approx((2e-3, 2e-3))

@@ -38,9 +38,10 @@ def test_at_constant_speed_there_is_a_covariance_and_no_amplitude() -> None:
     assert abs(off) < 4 * found["U1"].std
 
 
-def test_after_a_run_up_there_is_an_amplitude_with_its_angle() -> None:
+@pytest.mark.parametrize("duration", [2.05, 2.0507])  # after whole turns, and at 50 degrees
+def test_after_a_run_up_there_is_an_amplitude_with_its_angle(duration: float) -> None:
     dirty, _ = spoilt()
-    found = told(Scenario(duration=2.05, seed=1, speed=RUN_UP), noise=steady(dirty))
+    found = told(Scenario(duration=duration, seed=1, speed=RUN_UP), noise=steady(dirty))
     one = found["U1"]
     assert one.amplitude is not None
     assert one.angle is not None

@@ -41,6 +41,26 @@ def test_far_above_the_criticals_a_rotor_turns_about_its_axis_of_inertia() -> No
     np.testing.assert_allclose(found.amplitude[-1], 2e-6, rtol=0.01)
 
 
+def test_far_above_the_criticals_a_couple_of_unbalance_is_opposed_by_the_forward_whirl() -> None:
+    """By I_t - I_p: it would be their sum if the unbalance turned against the rotor."""
+    rotor = {"mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.08}
+    one = machine(unbalance=[{"place": 0.1, "amount": 8e-6}], rotor=rotor)
+    found = ambkit.unbalance_response(one, 1e5, count=50)
+    places = np.array([axis.line.place for axis in one.axes])
+    expected = abs(8e-6 * (1 / 4.0 + places * 0.1 / (0.16 - 0.08)))
+    np.testing.assert_allclose(found.amplitude[-1], expected, rtol=0.01)
+
+
+def test_the_limit_that_is_drawn_is_the_nearest_stop() -> None:
+    one = machine(unbalance=[{"place": 0.1, "amount": 2e-3}])
+    narrow = one.replace(
+        bearing=(one.bearing[0].model_copy(update={"clearance": 2e-4}), *one.bearing[1:])
+    )
+    (picture,) = ambkit.unbalance_response(narrow).figures()
+    limits = [item for item in picture.panels[0].items if item.signal == "limit"]
+    assert [set(item.y) for item in limits] == [{2e-4}]
+
+
 def test_a_run_up_stands_on_the_speed_of_rotation() -> None:
     one = machine(unbalance=[{"place": 0.1, "amount": 5e-5}])
     flight = Scenario(duration=1.0, noise=False, speed=Ramp(slope=1000.0))

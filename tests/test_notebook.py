@@ -24,6 +24,7 @@ from ambkit.base.quantity_arguments import in_si
 from ambkit.control.control import Control
 from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.score import Benches
+from ambkit.result.card import spread
 from ambkit.result.report import Axis, Figure, Heatmap, Panel
 from ambkit.result.report.figure import paper_style
 from ambkit.workflow.compare_steps import LoopScores, compare_in_case
@@ -81,6 +82,11 @@ NAMES = (
 def read(html: str) -> str:
     """What there is to read in a table."""
     return " ".join(unescape(re.sub(r"<[^>]+>", " ", html)).split())
+
+
+def test_a_signal_is_summed_up_by_its_ends_and_its_root_mean_square() -> None:
+    values = np.array([np.nan, 1e-3, 3e-3, 5e-3])  # about a mean: no standard deviation
+    assert spread(values, "m") == ["1\u00a0mm", "5\u00a0mm", "3.416\u00a0mm"]
 
 
 @pytest.mark.parametrize("name", NAMES)

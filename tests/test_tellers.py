@@ -27,7 +27,7 @@ from ambkit.base.units import typeset
 from ambkit.result.card import MOST_ROWS, card_of
 from ambkit.result.latex import escaped
 from ambkit.result.plain import plain
-from ambkit.result.row import FORMS, ZERO, Row, singles
+from ambkit.result.row import FORMS, ZERO, At, Row, singles
 from ambkit.result.sections import Section
 from ambkit.result.table import Table
 from ambkit.result.tables import MISSED, by_name
@@ -59,14 +59,28 @@ def check_cell(row: Row, cell: str) -> None:
     elif isinstance(value, str | int):
         assert text == str(value).strip()
     elif isinstance(value, float) and math.isfinite(value) and text != "creeps":
-        number = re.sub(r"^(\S+) ± \S+", r"\1", text)
+        number, error = text, ""
+        if match := re.fullmatch(r"(\S+) ± (\S+)( \S+)?", text):
+            number, error = (f"{part}{match[3] or ''}" for part in match.groups()[:2])
+        assert bool(error) == bool(row.error)
+        if row.error:
+            assert math.isclose(units.parse(error, row.unit), row.error, rel_tol=0.06)
         read = READ[row.unit](number) if row.unit in FORMS else units.parse(number, row.unit)
-        coarse = 0.0 if row.error else COARSE.get(row.unit, 0.0)
-        if row.unit == "1":
-            coarse = 0.6 * 10.0 ** (1 - row.digits)
-        relative = 0.5 if row.error else 6 * 10.0 ** -min(row.digits, 3)
+        coarse = 0.6 * 10.0 ** (1 - row.digits) if row.unit == "1" else COARSE.get(row.unit, 0.0)
+        coarse = 0.6 * row.error if row.error else coarse
+        relative = 1e-9 if row.error else 6 * 10.0 ** -min(row.digits, 3)
         assert math.isclose(read, value, rel_tol=relative, abs_tol=coarse + 6e-7 * (value == 0))
-    assert (row.kept is False) == cell.endswith(MISSED)
+    assert (kept(row) is False) == cell.endswith(MISSED)
+
+
+def kept(row: Row) -> bool | None:
+    """Whether a row keeps its limit, by the words of the limit: a least value is itself kept."""
+    if row.value is None or row.value != row.value or row.least is row.below is None:
+        return None
+    value: Any = row.value
+    if row.least is not None:
+        return not value < row.least
+    return not value > row.below if isinstance(row.below, str) else not value >= row.below
 
 
 def check_grid(table: Table, rows: Sequence[Row], *, across: bool) -> None:
@@ -124,6 +138,15 @@ def check_json(result: Result) -> None:
         for name in (*row.section, *([row.of] if row.of else []), *row.key.split(".")):
             place = place[name]
         assert place == json.loads(json.dumps(plain(row.value)))
+        before = "" if name == "value" else f"{name}_"
+        for key, value in {
+            row.error_key: row.error, "interval_95": row.interval, "kept": kept(row),
+            "limit": row.least if row.least is not None else row.below, "note": row.note or None,
+        }.items():  # fmt: skip
+            within = data
+            for part in (*row.section, *([row.of] if row.of else []), *row.key.split(".")[:-1]):
+                within = within[part]
+            assert within.get(f"{before}{key}") == json.loads(json.dumps(plain(value)))
 
 
 def check_pandas(result: Result) -> None:
@@ -135,6 +158,13 @@ def check_pandas(result: Result) -> None:
         assert (line.name, line.unit) == (row.name.strip(), row.si)
         unknown = row.value is None or row.value != row.value
         assert pandas.isna(line.value) if unknown else line.value == row.value
+        for cell, value in (
+            (line.standard_error, row.error), (line.kept, kept(row)),
+            *zip((line.low, line.high), row.interval or (None, None), strict=True),
+            *zip((line.at, line.at_unit), (row.at or (None,) * 3)[1:], strict=True),
+        ):  # fmt: skip
+            assert pandas.isna(cell) if value is None else cell == value
+        assert (line.limit, line.note) == (row.limit(), row.note)
 
 
 def written(table: Table, width: int) -> str:
@@ -212,11 +242,16 @@ def results(draw: st.DrawFn) -> Result:
                 number = isinstance(value, float) and not math.isnan(value)
                 positive = number and unit in ("dB", "turns", "degC", "%", "|S|", "deg", "mm/s")
                 value = min(abs(value), 1e3) + 0.1 if positive else value
-                error = draw(st.none() | st.just(0.01)) if number and unit not in FORMS else None
+                error = draw(st.none() | st.sampled_from([1e-5, 0.01, 3.0]))
+                error = error if number and unit not in FORMS else None
+                least = draw(st.none() | st.sampled_from([value, 0.5])) if number else None
                 rows.append(Row(
                     f"k_{name}", f"  {name}" if len(name) == 3 else f"the {name}", value, unit,
                     digits, of, section, error=error and abs(value) * error,
-                    below=limit if number else None, detail=draw(st.booleans()),
+                    below=limit if number else None, detail=draw(st.booleans()), least=least,
+                    interval=(value - 1, value + 2) if number and draw(st.booleans()) else None,
+                    at=draw(st.none() | st.just(At("frequency", 12.5))),
+                    note=draw(st.sampled_from(["", "of a note"])),
                 ))  # fmt: skip
     return Given(rows, draw(st.booleans()))
 
