@@ -6,6 +6,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import ambkit
 from ambkit import PID, Bearing, Control, Scenario
@@ -192,6 +193,48 @@ def test_margins_are_those_of_python_control(name):
     disk = control.disk_margins(L, 2 * np.pi * everywhere)[0]
     assert found.disk == pytest.approx(disk, rel=1e-6)
     assert found.disk <= disk * (1 + 1e-9)
+
+
+class Analytic:
+    """An open loop of a formula."""
+
+    measurements, shown = 1, None
+
+    def __init__(self, L):
+        self.L = L
+
+    def open(self, f):
+        return self.L(2j * np.pi * f)[:, None, None]
+
+    def of_axis(self, _axis, f):
+        return 1 / (1 + self.open(f)[:, 0, 0])
+
+
+def test_a_dead_time_turns_each_crossing_one_way_only():
+    """A resonance crosses 1 before its phase is at -180 degrees, and again far below."""
+    loop = Analytic(lambda s: -0.5 / ((s / 100) ** 2 + 0.001 * s + 1))
+    f = np.geomspace(1, 1000, 20001)
+    late = margins(loop, f=f).delay
+
+    def distance(dead_time):
+        return np.abs(1 + loop.open(f)[:, 0, 0] * np.exp(-2j * np.pi * f * dead_time)).min()
+
+    assert distance(late) < 3e-3
+    assert min(map(distance, np.linspace(0, 0.99 * late, 500))) > 1e-2
+
+
+def test_of_several_crossings_the_nearest_limit_the_gain():
+    """A lag and a dead time of 1 s: L < 0 wherever they turn by an odd number of halves."""
+    loop, f = Analytic(lambda s: 2 * np.exp(-s) / (1 + s / 20)), np.geomspace(0.01, 100, 20001)
+    crossings = [
+        brentq(lambda w, n=n: w + np.arctan(w / 20) - (2 * n + 1) * np.pi, 0, 200)
+        for n in range(16)
+    ]
+    gains = np.hypot(1, np.array(crossings) / 20) / 2
+    found = margins(loop, f=f)
+    assert (gains < 1).sum() > 2
+    assert found.gain_down == pytest.approx(gains[gains < 1].max(), rel=1e-6)
+    assert found.gain_up == pytest.approx(gains[gains > 1].min(), rel=1e-6)
 
 
 @pytest.mark.parametrize("name", [None, "linear"])

@@ -153,6 +153,15 @@ def test_wrong_units_are_told(factors, problem, remark):
             assert any(re.search(expected, each) for each in found), found
 
 
+@pytest.mark.parametrize(("each", "wrong"), [(20, True), (200, False)])
+def test_a_wild_sample_is_a_spike_and_five_in_a_hundred_are_a_wrong_map(each, wrong):
+    record = run()
+    y = record["y"].copy()
+    y[::each] = 1.5 * BEARING.magnet.air_gap * BEARING.sensor.gain
+    problems = evaluate_record(Record(record.t, {"y": y, "u": record["u"]}), BEARING).problems
+    assert any("air gap" in text for text in problems) == wrong
+
+
 def test_a_wrong_rate_is_a_problem_of_the_file(tmp_path):
     record = run()
     Record(10 * record.t, {"y": record["y"], "u": record["u"]}).save(tmp_path / "r.csv")

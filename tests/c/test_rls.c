@@ -38,6 +38,13 @@ static void test_holds_what_is_not_excited(void)
     CHECK(amb_rls_step(&rls, &s, nothing, 1) == AMB_UNEXCITED);
   CHECK(same(s.theta[1], 3));
   CHECK(all_finite(s.moment, 3) && all_finite(s.theta, 2));
+  /* What rounding leaves between two alike is no excitation, however little is asked for. */
+  const amb_rls any = {2, AMB_C(0.9), 0};
+  const amb_real rounded[2] = {AMB_C(0.1), AMB_C(0.3)};
+  CHECK(amb_rls_reset(&any, &s, theta, known) == AMB_OK);
+  for (int n = 0; n < 1000; n++)
+    CHECK(amb_rls_step(&any, &s, rounded, 1) == AMB_UNEXCITED);
+  CHECK(same(s.theta[1], 3));
 }
 
 static void test_bad_input(void)
@@ -92,6 +99,19 @@ static const amb_magnet_rls element = {
 };
 static const amb_real k_true = AMB_C(6.7e-6);
 
+static void test_settles_first(void)
+{
+  amb_magnet_rls_state s;
+  CHECK(amb_magnet_rls_reset(&element, &s, k_true) == AMB_OK);
+  const amb_real begun = s.rls.moment[0];
+  unsigned int samples = 0;
+  while (same(s.rls.moment[0], begun) && (samples < 1000U)) {
+    (void)amb_magnet_rls_step(&element, &s, 0, AMB_C(0.5), 0);
+    samples++;
+  }
+  CHECK(samples == element.settling + 1U);
+}
+
 static void test_learns_from_the_weight(void)
 {
   const amb_real k_i =
@@ -131,6 +151,7 @@ int main(void)
   test_finds_a_line();
   test_holds_what_is_not_excited();
   test_bad_input();
+  test_settles_first();
   test_learns_from_the_weight();
   return failures;
 }
