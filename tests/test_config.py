@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import ambkit
 from ambkit.base import escaping
 from ambkit.base.config import Document, Part, toml_text
 from ambkit.base.config.quantities import Quantity
@@ -242,3 +243,20 @@ def test_the_json_schema_says_units_examples_and_defaults() -> None:
     assert (radius["type"], radius["examples"]) == ("string", ["30 cm"])
     assert radius["description"] == "Radius of the wheel [m]."
     assert schema["properties"]["drag"]["default"] == 0.3
+
+
+def test_checked_values_make_the_same_model_as_unchecked_ones_of_pydantic() -> None:
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    rotor = bearing.rotor.model_copy(update={"mass": 0.7})
+    update = {"rotor": rotor, "speed": 3.0}
+    bearing.axes  # noqa: B018 computed of it, and not to be kept
+    copy = bearing.with_checked(update)
+    assert copy == bearing.model_copy(update=update)
+    assert vars(copy).keys() == type(bearing).model_fields.keys()
+    assert copy.model_fields_set == bearing.model_fields_set | update.keys()
+    assert copy.axes[0].bearing.clearance == rotor.clearance
+    values = {"gain": 1.0, "lag": 2e-4, "noise_variance": 1e-12}
+    made = type(bearing.sensor).of_checked(values)
+    assert made == type(bearing.sensor).model_construct(**values)
+    assert made.model_fields_set == values.keys()
+    assert copy.model_dump() == bearing.model_copy(update=update).model_dump()

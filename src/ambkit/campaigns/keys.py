@@ -111,7 +111,7 @@ def changed(model: Any, tree: Mapping[str, Any]) -> Any:
         return tuple(results)
     if isinstance(model, Magnet):
         return _magnet(model, dict(tree))
-    return model.model_copy(update={name: other(getattr(model, name), name) for name in tree})
+    return model.with_checked({name: other(getattr(model, name), name) for name in tree})
 
 
 def _magnet(magnet: Magnet, values: dict[str, Any]) -> Magnet:
@@ -121,8 +121,9 @@ def _magnet(magnet: Magnet, values: dict[str, Any]) -> Magnet:
     if "magnet_constant" in values:
         new = magnet.with_constant(values.pop("magnet_constant"))
         values |= {key.removeprefix("magnet__"): value for key, value in new.items()}
-    made = magnet.model_copy(update=values)
-    if made.turns is None or made.pole_area is None:
-        return made
-    k = magnet_constant(made.turns, made.pole_area, made.pole_angle or 0.0)
-    return made.model_copy(update={"magnet_constant": k})
+    turns, area, angle = (
+        values.get(name, getattr(magnet, name)) for name in ("turns", "pole_area", "pole_angle")
+    )
+    if turns is not None and area is not None:
+        values["magnet_constant"] = magnet_constant(turns, area, angle or 0.0)
+    return magnet.with_checked(values)

@@ -290,7 +290,7 @@ class Plan:
             gain *= plant.sensor.gain / self.nominal.sensor.gain
         if gain != 1:
             changes = {name: gain * getattr(pid, name) for name in IN_PROPORTION}
-            run = run.model_copy(update={"controller": pid.model_copy(update=changes)})
+            run = run.with_checked({"controller": pid.with_checked(changes)})
         return Planned(plant, run, estimator, number=noise)
 
     @cached_property

@@ -279,6 +279,10 @@ class View:
         currents: Any = None, precision: str = "float64",
     ) -> Array:  # fmt: skip
         """Return the states (n,) or (runs, n) of a rotor at rest: `Estimator.equilibrium_state`."""
+        if self.single and readings is None and currents is not None and np.ndim(x) == 0:
+            reading, current = float(self.gains[0] * (self.C[0, 0] * x)), float(currents)
+            of = {"position": x, "sensor": reading, "current": current, "past control": current}
+            return np.array([float(of.get(state.role, 0.0)) for state in states])
         q, y, i = (self._last(item) for item in (x, readings, currents))
         q = np.broadcast_to(q, (*q.shape[:-1], self.H.shape[1]))
         if y is None:

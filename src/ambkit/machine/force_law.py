@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, runtime_checkable
@@ -69,6 +70,7 @@ NEAR = 2e-15
 """Of a current, how far from the root that is found the last bits are looked for."""
 
 
+@cache
 def core_module(precision: Precision = "float64", *, any_model: bool = False) -> ModuleType:
     """Return a build of the C core."""
     if precision not in _BUILDS:

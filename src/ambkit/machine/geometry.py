@@ -96,6 +96,10 @@ class Reading(NamedTuple):
     """Whose reading it is."""
 
 
+TRANSLATION = Line(math.nan, 1.0, 0.0)
+"""Along the one coordinate of a mass."""
+
+
 class Shaft(NamedTuple):
     """What turns a place on a rotor into lines."""
 
@@ -115,7 +119,7 @@ class Shaft(NamedTuple):
     def line(self, place: float, angle: float) -> Line:
         """Return a direction across the shaft."""
         if self.translation:
-            return Line(math.nan, 1.0, 0.0)
+            return TRANSLATION
         out = () if self.bending is None else tuple(self.bending.shape(place).tolist())
         return Line.across(place - self.centre, angle, out)
 

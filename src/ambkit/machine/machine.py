@@ -298,9 +298,10 @@ class Machine(Described, Document):
         AmbkitError
             There is no such axis.
         """
-        if axis not in self.isolated_made:
-            self.isolated_made[axis] = self._make_isolated(axis)
-        return self.isolated_made[axis]
+        made = self.isolated_made
+        if axis not in made:
+            made[axis] = self._make_isolated(axis)
+        return made[axis]
 
     @cached_property
     def isolated_made(self) -> dict[str, Bearing]:
@@ -487,17 +488,24 @@ class Bearing(Shown, Machine):
     def bearings(self) -> tuple[PlacedBearing, ...]:
         """Its one bearing."""
         # Each part was checked when this was made.
-        return (
-            PlacedBearing.model_construct(
-                type="single", clearance=self.rotor.clearance, magnet=self.magnet,
-                amplifier=self.amplifier, stop=self.stop, coil=self.coil,
-            ),
-        )  # fmt: skip
+        of = {"type": "single", "clearance": self.rotor.clearance, "magnet": self.magnet,
+              "amplifier": self.amplifier, "stop": self.stop, "coil": self.coil}  # fmt: skip
+        return (PlacedBearing.of_checked(of),)
 
     @cached_property
     def sensors(self) -> tuple[PlacedSensor, ...]:
         """Its one sensor."""
-        return (PlacedSensor.model_construct(type="single", **dict(self.sensor)),)
+        return (PlacedSensor.of_checked({"type": "single"} | dict(self.sensor)),)
+
+    @cached_property
+    def axes(self) -> tuple[Axis, ...]:
+        """Its one axis."""
+        return (Axis("", geometry.TRANSLATION, self.bearings[0]),)
+
+    @cached_property
+    def readings(self) -> tuple[Reading, ...]:
+        """Its one reading."""
+        return (Reading("", geometry.TRANSLATION, self.sensors[0]),)
 
     @property
     def isolated_made(self) -> dict[str, Bearing]:

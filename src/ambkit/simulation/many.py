@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain, islice
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -23,9 +24,9 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.run import Loop, Run, Sampled, simulate_run
+from ambkit.simulation.run import Loop, Run, Sampled, samples, simulate_run
 from ambkit.simulation.run_figures import FIGURES, FLAGS, OF_SEVERAL, figures_of, first_of, flags_of
-from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import AXES, Scenario, along
 
 Counts = NDArray[np.int64]
 
@@ -133,7 +134,7 @@ def windows(r: Array, f_d: Array, first: int) -> Windows:
     """Find where a step response and a recovery can be seen."""
     # r (n,) [m]; f_d (n,) [N]
     n = len(r)
-    steps, loads = np.flatnonzero(np.diff(r)) + 1, np.flatnonzero(np.diff(f_d)) + 1
+    steps, loads = (np.flatnonzero(of[1:] != of[:-1]) + 1 for of in (r, f_d))
     step = load = None
     if steps.size:
         start = int(steps[-1])
@@ -318,7 +319,7 @@ class _Engine:
         self.threads, self.instructions = threads, instructions
         # By the identity of what a run is made of, which is kept, so that no other takes its place.
         self._plans: dict[tuple[int, ...], tuple[Planned, ModuleType, Any]] = {}
-        self._signals: dict[tuple[Any, ...], tuple[Scenario, Sampled]] = {}
+        self._signals: dict[tuple[Any, ...], tuple[Any, Array]] = {}
         self._last: tuple[Any, tuple[Array, Array], Windows] | None = None
 
     def ready(self, runs: Sequence[Planned]) -> Ready:
@@ -362,16 +363,21 @@ class _Engine:
         return result[1:]
 
     def _sampled(self, planned: Planned) -> Sampled:
-        """Return the signals of a scenario, which many bearings and controllers share."""
-        of = planned.scenario
-        signals = id(of.reference), id(of.disturbance), id(of.injection)
-        key = *signals, of.duration, planned.axis.sampling_time
-        if key not in self._signals:
-            if len(self._signals) > MOST_PLANS:
-                self._signals.clear()
-            sampled_signals = Sampled.of(planned.axis, planned.scenario)
-            self._signals[key] = planned.scenario, sampled_signals
-        return self._signals[key][1]
+        """Return the signals of a scenario, each of which many runs share."""
+        of, T = planned.scenario, planned.axis.sampling_time
+        if len(self._signals) > MOST_PLANS:
+            self._signals.clear()
+
+        def known(signal: Any, make: Callable[[], Array]) -> Array:
+            key = id(signal), of.duration, T
+            if key not in self._signals:
+                self._signals[key] = signal, make()
+            return self._signals[key][1]
+
+        t = known(None, lambda: T * np.arange(samples(planned.axis, of), dtype=float))
+        return Sampled(
+            t, *(known(getattr(of, what), partial(along, of, what, ("",), t)) for what in AXES)
+        )
 
     def _windows(self, bearing: Bearing, r: Array, f_d: Array, sampled: Sampled) -> Windows:
         """Return where figures are taken; of signals that nothing was added to they are shared."""

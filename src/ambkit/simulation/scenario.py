@@ -94,8 +94,11 @@ OF_MACHINE = frozenset({"speed", "off", "base"})
 """Keys of a machine whose rotor is a body."""
 
 
-OF_BODY = ("cross_feedback", "gain_scheduling", "unbalance", "unbalance_from")
-"""Keys of the controllers of such a rotor."""
+OF_BODY = {
+    key: Control.model_fields[key].default
+    for key in ("cross_feedback", "gain_scheduling", "unbalance", "unbalance_from")
+}
+"""Keys of the controllers of such a rotor, and their defaults."""
 
 
 class Scenario(Described, Document):
@@ -216,16 +219,14 @@ class Scenario(Described, Document):
         return super().replace(**changes)
 
 
-_NOTHING = Constant(value=0.0)
-
-
 def by_axis(scenario: Scenario, what: str, first: str) -> list[tuple[str, Any]]:
     """Return the signals at a key that are not zero throughout, each with its axis."""
     # first: name of the machine's first axis, which a signal without an axis is of
     waveforms = getattr(scenario, what)
     if isinstance(waveforms, tuple):
         return [(waveform.axis, waveform.signal) for waveform in waveforms]
-    return [] if waveforms == _NOTHING else [(first, waveforms)]
+    nothing = isinstance(waveforms, Constant) and waveforms.value == 0
+    return [] if nothing else [(first, waveforms)]
 
 
 def along(scenario: Scenario, what: str, axes: tuple[str, ...], t: NDArray[np.floating]) -> Array:
@@ -248,8 +249,8 @@ def wrong_for(scenario: Scenario, axes: tuple[str, ...], *, body: bool) -> Itera
     control = scenario.controller
     for name in control.pid.keys() - {"x", axes[0]}:
         yield f"controller.pid.{name}: there is no {name}; known: {axes[0] or 'x'}"
-    for key in OF_BODY:
-        if getattr(control, key) != Control.model_fields[key].default:
+    for key, usual in OF_BODY.items():
+        if getattr(control, key) != usual:
             yield f"controller.{key}: is of a rotor that is a body; this one is a mass"
     for key in ("schedule", "sees"):
         if any(getattr(pid, key) for pid in (control, *control.pid.values())):

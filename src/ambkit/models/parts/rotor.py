@@ -40,12 +40,16 @@ class Rotor:
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Rotor]:
         """Return it with its gyroscopics at the machine's speed, and its bending modes."""
+        way, fast = max(s.displacement for s in sizes), max(s.velocity for s in sizes)
+        if machine.rotor.type == "mass":  # of which campaigns ask for each run
+            return [
+                cls({(0, 0): machine.rotor.mass}, way, fast, turns=(False,), speed=machine.speed)
+            ]
         positions = machine.positions
         max_lever = max(
             (abs(a.line.place) for a in machine.axes if not (a.line.axial or a.line.translation)),
             default=1.0,
         )
-        way, fast = max(s.displacement for s in sizes), max(s.velocity for s in sizes)
         at = {q: k for k, q in enumerate(positions)}
         polar = {("th_x", "th_y"): machine.rotor.polar_inertia} if "th_x" in positions else {}
         stiffness: dict[str, float] = {}
