@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.units import engineering, percent
 from ambkit.data.reading.clock import instant
-from ambkit.data.reading.faults import noise
+from ambkit.data.reading.faults import find, noise
 from ambkit.data.reading.plausibility import longest_run, suspects
 from ambkit.data.reading.position_search import NO_NOISE, in_steps, rotor
 from ambkit.data.reading.signal_roles import LOOKED_AT, filled
 from ambkit.data.record import Record
-from ambkit.judge.signs import judge_signs
+from ambkit.estimate.noise_model import COARSE
+from ambkit.judge.signs import channels, judge_signs
+from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 
@@ -40,6 +42,8 @@ _HELD = 1.0  # load in parts of the weight, that a ball below one magnet hardly 
 
 _CLEAR = 10.0  # a slow motion over what noise makes of it, from which on it tells something
 
+_CUT_OFF = {"y": 0.01, "u": 0.2}  # shares of samples; a control signal repeats with a coarse y
+
 _LONGEST = 30  # samples of a mean that is looked for
 
 _WHITE = 0.5  # logarithm of the ratio that tells colour, as far as white noise never gets
@@ -57,7 +61,10 @@ class Verdict(NamedTuple):
 def evaluate_record(record: Record, machine: Machine) -> Verdict:
     """Compare a record with the machine that it is said to be of."""
     problems = list(_rate(record, machine))
-    remarks = list(suspects(record.t, record.signals, record.units))
+    sensors = [reading.sensor for reading in machine.long.readings]
+    coarse = any((s.quantisation or 0.0) ** 2 > COARSE * s.noise_variance for s in sensors)
+    remarks = list(suspects(record.t, record.signals, record.units, coarse=coarse))
+    remarks += _cut_off(record, machine)
     if not machine.single:  # each axis moves by the forces on all
         signs = [] if problems else list(judge_signs(record, machine))
         return _verdict(problems, [(False, text) for text in remarks] + signs)
@@ -96,6 +103,35 @@ def _rate(record: Record, machine: Machine) -> Iterator[str]:
         )
 
 
+def _cut_off(record: Record, machine: Machine) -> Iterator[str]:
+    """Yield which signals stand at the ends of their range, below the machine's limits."""
+    for name in channels(machine):
+        if name not in record or np.ptp(filled(record[name])) == 0:
+            continue
+        kinds = ("saturated", "frozen") if name[0] == "y" else ("saturated",)
+        stretches = [
+            fault
+            for fault in find(name, record[name], record.t, record.units[name])
+            if fault.kind in kinds
+        ]
+        share = sum(fault.samples for fault in stretches) / len(record)
+        if share < _CUT_OFF[name[0]]:
+            continue
+        limits = [
+            abs(limit / axis.amplifier.gain)
+            for axis in isolated_axes(machine)
+            for limit in (axis.current_min, axis.current_max)
+        ]
+        ends = float(np.nanmax(record[name])), float(np.nanmin(record[name]))
+        if name[0] == "u" and max(map(abs, ends)) > 0.98 * min(limits):
+            continue
+        yield (
+            f"{name} stands still, at {engineering(ends[0], record.units[name], digits=3)} or "
+            f"{engineering(ends[1], record.units[name], digits=3)} or in between, in "
+            f"{_percent(share)} of the samples: was it cut off, or the sensor stuck?"
+        )
+
+
 def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
     if "y" not in record or not np.isfinite(record["y"]).any():
         return
@@ -124,15 +160,17 @@ def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
             f"y moves by {engineering(float(np.ptp(y)), 'm', digits=3)} alone, less than a "
             f"thousandth of clearance: is its unit wrong?",
         )
-    rough, expected = noise(record["y"]), math.sqrt(bearing.sensor.noise_variance)
+    step = bearing.sensor.quantisation or 0.0
+    rough, expected = noise(record["y"]), math.sqrt(bearing.sensor.noise_variance + step**2 / 12)
     if rough < NO_NOISE * float(y.std()):
         rough = 0.0  # what rounding leaves
     if expected > 0 and not 0.2 < rough / expected < 5:
-        less = "; was y smoothed before it was logged, which a filter does better itself?"
+        less = "was y smoothed before it was logged, which a filter does better itself?"
+        why = less if rough < expected else "is a unit or scale wrong, or the sensor disturbed?"
         yield (
             False,
             f"the noise of y is about {engineering(rough, 'm', digits=2)} rms, the bearing's "
-            f"sensor has {engineering(expected, 'm', digits=2)}{less if rough < expected else ''}",
+            f"sensor has {engineering(expected, 'm', digits=2)}; {why}",
         )
     elif expected > 0 and bearing.sensor.coloured_noise is None and (mean := averaged(y)):
         yield (

@@ -61,16 +61,17 @@ class SignTest(NamedTuple):
         return self.decisive and self.log_likelihood_ratio > 0
 
 
+def channels(machine: Machine) -> list[str]:
+    """Return the names of all positions and control signals of a record of a machine."""
+    if machine.single:
+        return ["y", "u"]
+    positions = [f"y_{reading.name}" for reading in machine.readings]
+    return positions + [f"u_{axis.name}" for axis in machine.axes]
+
+
 def sign_test(record: Record, machine: Machine) -> SignTest | None:
     """Try each channel with its sign reversed; None where there is nothing to predict."""
-    names = (
-        ["y", "u"]
-        if machine.single
-        else [
-            *(f"y_{reading.name}" for reading in machine.readings),
-            *(f"u_{axis.name}" for axis in machine.axes),
-        ]
-    )
+    names = channels(machine)
     if any(name not in record or not np.ptp(filled(record[name])) for name in names):
         return None
     prediction = _Prediction(record, machine, names)
@@ -174,10 +175,10 @@ def judge_signs(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
             f"better, by {result.log_likelihood_ratio:.0f} of log likelihood in "
             f"{result.instants} means",
         )
-    else:
+    elif result.instants > _FEWEST // 2:
         yield (
             False,
             f"the record does not determine the signs of y and u: the log-likelihood ratio of "
-            f"{result.instants} means is {-result.log_likelihood_ratio:.1f}; let the "
-            "rotor move",
+            f"{result.instants} means is {-result.log_likelihood_ratio:.1f}; is "
+            "the rotor moved by this control signal?",
         )
