@@ -7,7 +7,7 @@ import pytest
 
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert
-from ambkit.fuzzy.training import LeastSquares, TrainingSet, train
+from ambkit.fuzzy.training import LeastSquares, TrainingSet, _least_squares, train
 from ambkit.machine import paper
 from ambkit.machine.forces.force_points import ForceTable
 from ambkit.machine.machine import Bearing
@@ -174,3 +174,12 @@ def test_a_force_that_never_changes_cannot_be_learnt() -> None:
     stiff = stiffness_map(ZITTAU, force=lambda iu, x: 0 * iu + 5.0)
     with pytest.raises(AmbkitError, match="the force is the same all over the box"):
         train(stiff)
+
+
+def test_a_training_that_was_done_before_is_kept() -> None:
+    before, one = _least_squares.cache_info(), train(ZITTAU, samples=7)
+    again, other = train(ZITTAU, samples=7), train(ZITTAU, samples=8)
+    after = _least_squares.cache_info()
+    assert (after.hits - before.hits, after.misses - before.misses) == (1, 2)
+    assert np.array_equal(one.widths, again.widths)
+    assert not np.array_equal(one.widths, other.widths)

@@ -11,6 +11,8 @@ The paper trains on the second, each output by itself. Least squares here trains
 
 from __future__ import annotations
 
+import pickle
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -118,7 +120,7 @@ def train(
     start = Expert.from_map(stiff, widths=widths, normalised=normalised, scaling=scaling)
     data = TrainingSet(stiff, start, samples)
     if method == "least-squares":
-        result = _least_squares(data, weights, epochs)
+        result = _least_squares(pickle.dumps((data, weights, epochs)))
     else:
         result = _steepest_gradient(data, epochs, learning_rate)
     force_rms, k_i_rms, k_s_rms = np.array(result.curve).T.tolist()
@@ -199,10 +201,13 @@ class LeastSquares:
         return self._latest[1]
 
 
-def _least_squares(data: TrainingSet, weights: bool, epochs: int) -> _Trained:
+@lru_cache(maxsize=64)
+def _least_squares(task: bytes) -> _Trained:
     """Levenberg and Marquardt's method (Moré 1978), from the start until it converges."""
+    # The same task comes again: a network is compared with others and then trained, say.
     from scipy.optimize import least_squares
 
+    data, weights, epochs = pickle.loads(task)
     problem = LeastSquares(data, weights)
     # MINPACK's own QR: for 100 parameters the threads of a BLAS cost more than they bring.
     solution = least_squares(
@@ -215,6 +220,8 @@ def _least_squares(data: TrainingSet, weights: bool, epochs: int) -> _Trained:
         xtol=1e-8,
     )
     result = problem.parameters(solution.x)
+    for array in result:
+        array.setflags(write=False)
     return _Trained(*result, [*problem.curve, data.errors(data.outputs(*result).value)])
 
 
