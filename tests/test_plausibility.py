@@ -214,7 +214,7 @@ def test_a_wrong_rate_is_a_problem_of_the_file(tmp_path):
     Record(10 * record.t, {"y": record["y"], "u": record["u"]}).save(tmp_path / "r.csv")
     found = inspect(tmp_path / "r.csv", machine=BEARING)
     assert found.problems == (
-        f"{tmp_path / 'r.csv'}: it is sampled every 1 ms, the bearing's sampling_time is 0.1 ms",
+        f"{tmp_path / 'r.csv'}: it is sampled every 1 ms, the machine's sampling_time is 0.1 ms",
     )
     assert inspect(tmp_path / "r.csv").ok
 

@@ -202,15 +202,14 @@ def controller_argument(machine: Machine, value: Any) -> tuple[PID | None, dict[
             f"controller: {value!r} is none of {', '.join(TYPES)}, no file.py:Class, and no file "
             "that ends with .toml"
         )
-    scenario, axes = Scenario.load(value), tuple(axis.name for axis in machine.axes)
-    wrong = list(wrong_for(scenario, axes, body=not machine.single))
-    if wrong:
+    scenario = Scenario.load(value)
+    if wrong := list(wrong_for(scenario, machine)):
         raise AmbkitError(f"{value}: {'; '.join(wrong)}")
     if machine.single:
         return scenario.controller, {}, False
     forces = {
         axis: signal.value
-        for axis, signal in by_axis(scenario, "disturbance", axes[0])
+        for axis, signal in by_axis(scenario, "disturbance", machine.axes[0].name)
         if isinstance(signal, Constant)
     }  # fmt: skip
     control = scenario.controller

@@ -337,8 +337,7 @@ class Plan:
 
     def check(self) -> None:
         """Make all that is made once, so that what cannot be is said before any run."""
-        axes = tuple(axis.name for axis in self.nominal.axes)
-        if wrong := list(wrong_for(self.scenario, axes, body=self.several)):
+        if wrong := list(wrong_for(self.scenario, self.nominal)):
             raise AmbkitError(f"{self.study.name}: scenario.{'; scenario.'.join(wrong)}")
         if "none" in self.estimators and self.scenario.feedback == "estimate":
             raise AmbkitError(

@@ -96,9 +96,8 @@ def off_rate(record: Record, machine: Machine) -> bool:
 def _rate(record: Record, machine: Machine) -> Iterator[str]:
     ours, theirs = record.sampling_time, machine.sampling_time
     if off_rate(record, machine):
-        what = "bearing" if machine.single else "machine"
         yield (
-            f"it is sampled every {engineering(ours, 's', digits=4)}, the {what}'s sampling_time "
+            f"it is sampled every {engineering(ours, 's', digits=4)}, the machine's sampling_time "
             f"is {engineering(theirs, 's', digits=4)}"
         )
 

@@ -123,9 +123,8 @@ class Loop:
         of_type(Scenario, scenario=scenario)
         if estimator is not None:
             of_type(Estimator, filter=estimator)
-        names = tuple(axis.name for axis in machine.axes)
         self._straight = machine.single and controllers is None
-        check_for(scenario, names, body=not self._straight)
+        check_for(scenario, machine)
         machine = machine.short if self._straight else machine
         self.machine, self.external_inputs = (
             machine,

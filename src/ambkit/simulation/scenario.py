@@ -237,14 +237,15 @@ def along(scenario: Scenario, what: str, axes: tuple[str, ...], t: NDArray[np.fl
     return values
 
 
-def wrong_for(scenario: Scenario, axes: tuple[str, ...], *, body: bool) -> Iterator[str]:
+def wrong_for(scenario: Scenario, machine: Machine) -> Iterator[str]:
     """Yield what a scenario says that a machine has not, whose rotor is a body or a mass."""
+    axes = [axis.name for axis in machine.axes]
     for what in AXES:
         for at, (axis, _) in enumerate(by_axis(scenario, what, axes[0])):
             if axis not in axes:
                 known = f"there are {', '.join(axes)}" if axes[0] else "the one axis has none"
                 yield f"{what}[{at}].axis: there is no axis {axis}; {known}"
-    if body:
+    if not machine.single:
         return
     control = scenario.controller
     for name in control.pid.keys() - {"x", axes[0]}:
@@ -262,9 +263,9 @@ def wrong_for(scenario: Scenario, axes: tuple[str, ...], *, body: bool) -> Itera
             yield f"{key}: is of a rotor that is a body; this one is a mass"
 
 
-def check_for(scenario: Scenario, axes: tuple[str, ...], *, body: bool) -> None:
+def check_for(scenario: Scenario, machine: Machine) -> None:
     """Raise AmbkitError with all that `wrong_for` yields."""
-    if wrong := list(wrong_for(scenario, axes, body=body)):
+    if wrong := list(wrong_for(scenario, machine)):
         raise AmbkitError("; ".join(wrong))
 
 

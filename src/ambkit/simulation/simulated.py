@@ -120,7 +120,7 @@ class Run(Result):
     @property
     def series(self) -> dict[str, Any]:
         """Modes of lift-off and landing, critical speeds near the speed at the end."""
-        results: dict[str, Any] = {"bearing" if self.plant.single else "machine": self.plant.name}
+        results: dict[str, Any] = {"machine": self.plant.name}
         if "mode" in self.record:
             results["modes"] = self.modes
         if self.adequacy:

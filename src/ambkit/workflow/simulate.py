@@ -105,7 +105,7 @@ def scenario_for(
     if not from_estimate and full_scenario.feedback is None:
         full_scenario = full_scenario.fed("measurement")
     axes = tuple(axis.name for axis in machine.axes)
-    check_for(full_scenario, axes, body=not machine.single)
+    check_for(full_scenario, machine)
     if machine.single:
         full_scenario = settled_scenario(machine, full_scenario)
     if duration is not None:

@@ -235,7 +235,7 @@ def _controller(
 ) -> tuple[Controller, Scenario]:
     """Return the controller, and the scenario as its self-test flies it."""
     machine, sequence = filter.machine, scenario.sequence or LiftOff()
-    check_for(scenario, tuple(axis.name for axis in machine.axes), body=not machine.single)
+    check_for(scenario, machine)
     if editable:
         raise AmbkitError("editable applies to filters only, not to controllers")
     controller = control.controller_of(filter, scenario.model_copy(update={"sequence": sequence}))
