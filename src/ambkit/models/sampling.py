@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,11 @@ class Sampling:
         past, share = self.plan.past.get(control, ([], 0.0))
         return [control, *past][len(past) - (after >= share if past else 0)]
 
+    @cached_property
+    def _terms(self) -> tuple[list[tuple[int, str, float]], ...]:
+        """The terms without riders and with them."""
+        return self.terms(riders=False), self.terms(riders=True)
+
     def terms(self, *, riders: bool) -> list[tuple[int, str, float]]:
         """Return what drives each state, as (row, name, value); sums of equal places."""
         plan = self.plan
@@ -102,18 +108,20 @@ class Sampling:
 
     def generator(self, after: float, *, riders: bool = False) -> Array:
         """Return A of the whole state, from some share of the sample on [1/s, times the units]."""
-        terms = self.terms(riders=riders)
-        alike = np.broadcast_shapes(*(np.shape(value) for _, _, value in terms))
+        rows, names, values = zip(*self._terms[riders], strict=True)
+        acting = {at.name: self.acting(at.name, after) for at in self.plan.controls}
+        columns = [self.at(acting.get(name, name)) for name in names]
+        alike = np.broadcast_shapes(*{getattr(value, "shape", ()) for value in values})
         A = np.zeros((*alike, *(self.sizes[3],) * 2))
-        controls = {at.name for at in self.plan.controls}
-        for i, name, value in terms:
-            A[..., i, self.at(self.acting(name, after) if name in controls else name)] += value
+        place: Any = (..., rows, columns)
+        alike_values = np.stack(np.broadcast_arrays(*values), axis=-1) if alike else values
+        np.add.at(A, place, alike_values)
         return A
 
     def driven(self, *, riders: bool = False) -> Bools:
         """Return what drives what in some part of the sample, by structure."""
         A = np.zeros((self.sizes[3],) * 2, bool)
-        for i, name, _ in self.terms(riders=riders):
+        for i, name, _ in self._terms[riders]:
             past, _share = self.plan.past.get(name, ([], 0.0))
             for source in [name, *past][-2:]:
                 A[i, self.at(source)] = True
