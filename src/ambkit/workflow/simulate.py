@@ -152,7 +152,7 @@ def flown(
     **settings: Any,
 ) -> Run:  # fmt: skip
     """Simulate a machine with the filter that a user names, and judge whether that may fly."""
-    named = filter != NONE
+    named = filter is not None and filter != NONE
     settings |= _of_signals(signals)
     full_scenario = scenario_for(machine, scenario, from_estimate=named, **settings)
     if not named and full_scenario.feedback == "estimate":
