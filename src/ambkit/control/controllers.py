@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.axis_sensitivity import shown_along_axes
 from ambkit.control.blocks import gain_at_rest, sections_of
 from ambkit.control.control import Control
-from ambkit.control.pid import GAINS, PID, GainSchedule, overlaid, schedule_fields, unseen
+from ambkit.control.pid import GAINS, PID, GainSchedule, integral_lead, overlaid, schedule_fields
 from ambkit.control.regulator import regulator, scheduled
 from ambkit.control.stabilising_controller import holding
 from ambkit.control.synchronous_compensation import (
@@ -42,7 +42,7 @@ class Controllers:
     names: tuple[str, ...]  #: What each PID is of: an axis, or a coordinate of the rigid rotor.
     of_axes: Array  #: (q, p) Of the axes' positions, what each PID looks at.
     spread: Array  #: (p, q) What each PID's current [A] is to the axes' [A].
-    unseen: Array  #: (q,) What each integral is ahead at a reference of 1 [A/m], see `PID.unseen`.
+    lead: Array  #: (q,) What each integral is ahead at a reference of 1 [A/m].
     shown: Array  #: (q, m) Of the readings, what each PID looks at where these feed it.
     feedback: dict[str, Array] = field(default_factory=dict)  #: (q, n), (p, n) By name.
     let_turn: LetTurn | None = None  #: Synchronous motion that is left to the rotor.
@@ -62,7 +62,7 @@ class Controllers:
             currents = currents - self.feedback["fed_back"] @ states
         held = np.linalg.lstsq(self.spread, currents, rcond=None)[0]
         held = held / np.array([gain_at_rest(behind(gains)) for gains in self.pids])
-        return np.asarray(held + self.unseen * (self.of_axes @ place))
+        return np.asarray(held + self.lead * (self.of_axes @ place))
 
 
 def controllers_of(
@@ -181,7 +181,7 @@ def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | Non
     T = plant.machine.sampling_time
     return Controllers(
         [gains_of(pid, T, *ends) for pid, ends in zip(pids, limits, strict=True)],
-        names, one, one, np.array([unseen(pid, 1.0) for pid in pids]), transform, feedback,
+        names, one, one, np.array([integral_lead(pid, 1.0) for pid in pids]), transform, feedback,
         schedule=GainSchedule.of(pids),
     )  # fmt: skip
 
@@ -268,7 +268,8 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
     transform = np.array(of_axes) @ shown_along_axes(plant.machine)
     return Controllers(
         gains, tuple(masses), np.array(of_axes), np.array(spread).T,
-        np.array([unseen(pid, 1.0) for pid in pids]), transform, schedule=GainSchedule.of(pids),
+        np.array([integral_lead(pid, 1.0) for pid in pids]), transform,
+        schedule=GainSchedule.of(pids),
     )  # fmt: skip
 
 

@@ -179,16 +179,16 @@ class PID(Part):
 
 
 def overlaid(pid: Any, overrides: PID, bearing: Bearing) -> Any:
-    """Return a PID with what was given of another instead of its own, and a weight that fits."""
-    given = {name: getattr(overrides, name) for name in overrides.model_fields_set}
-    all_, changed = vars(pid) | given, {*given, "setpoint_weight"}
-    if given.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in given:
+    """Return a PID with what another states instead of its own, and a weight that fits."""
+    stated = {name: getattr(overrides, name) for name in overrides.model_fields_set}
+    all_, changed = vars(pid) | stated, {*stated, "setpoint_weight"}
+    if stated.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in stated:
         weight = weight_of(bearing, all_["kp"], all_["ki"], all_["kd"])
         all_["setpoint_weight"] = two_digits(weight)
     return pid.model_copy(update={name: all_[name] for name in changed})
 
 
-def unseen(pid: PID, r: float) -> float:
+def integral_lead(pid: PID, r: float) -> float:
     """Return the current [A] by which the integral is ahead where a rotor is held at r [m]."""
     return (1 - pid.setpoint_weight) * pid.kp * r
 

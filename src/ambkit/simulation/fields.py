@@ -12,7 +12,7 @@ from ambkit.base.arrays import Array
 from ambkit.control.blocks import gain_at_rest, sections_of
 from ambkit.control.controller_states import Controller, lies_at
 from ambkit.control.controllers import Controllers, arrays, controllers_of, gains_of
-from ambkit.control.pid import PID, unseen
+from ambkit.control.pid import PID, integral_lead
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Bearing, Machine
@@ -74,7 +74,7 @@ class StraightLine:
             "loop": loop, "place": self.place if elsewhere is None else elsewhere,
             "current": self.current,
             "integral": self.held / gain_at_rest(sections_of(pid.block, bearing.sampling_time))
-            + unseen(pid, self.held_at),
+            + integral_lead(pid, self.held_at),
         }  # fmt: skip
         sequence = self.scenario.sequence
         if estimator is not None and (sequence is not None or pid.needs_estimate):

@@ -96,7 +96,7 @@ def _lift_off(channel: Channel, _window: slice) -> None:
     channel.place = side * channel.bearing.rotor.clearance
 
 
-def _pushed(times: float) -> Callable[[Channel, slice], None]:
+def _force(times: float) -> Callable[[Channel, slice], None]:
     def put(channel: Channel, window: slice) -> None:
         channel.force[window] = times * channel.greatest * channel.draw.choice([-1.0, 1.0])
 
@@ -110,7 +110,7 @@ def _set(series: str, value: float) -> Callable[[Channel, slice], None]:
     return put
 
 
-_knock, _overload, _missing = _pushed(2), _pushed(1.5), _set("y_plus", np.nan)
+_knock, _overload, _missing = _force(2), _force(1.5), _set("y_plus", np.nan)
 
 
 def _bursts(channel: Channel, window: slice) -> None:
