@@ -363,3 +363,21 @@ def test_a_record_with_a_sign_swapped_is_named_in_python_too(
     assert caplog.messages[0].startswith("record 1: the sign of y or of u is wrong")
     notes = ambkit.filter(swapped, "linear", machine=AXIS).notes
     assert any(text.startswith("the record: the sign of y or of u is wrong") for text in notes)
+
+
+def test_design_names_what_is_wrong_with_a_record_before_it_identifies(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(*_: Any, **__: Any) -> None:
+        raise AmbkitError("no further")
+
+    monkeypatch.setattr("ambkit.workflow.design.identify", stop)
+    record = ambkit.simulate(AXIS, step="0.5 mm", duration="0.3 s", seed=1).record
+    path = tmp_path / "run.csv"
+    ambkit.Record(record.t, {"y": record["y"], "u": -record["u"]}).save(path)
+    with pytest.raises(AmbkitError, match="no further"):
+        ambkit.design(AXIS, [str(path)], out=tmp_path / "design")
+    assert "the sign of y or of u is wrong" in caplog.messages[0]
+    ambkit.Record(record.t, {"y": 1e3 * record["y"], "u": record["u"]}).save(path)
+    with pytest.raises(AmbkitError, match="beyond the air gap"):
+        ambkit.design(AXIS, [str(path)], out=tmp_path / "other")

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from ambkit.assessment.arguments import record_arguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.loop import AssessedLoop
 from ambkit.assessment.speed_sweep import assess_over_speed
@@ -282,7 +283,7 @@ def _identified(
     free: Sequence[str] | None,
     place: Path,
 ) -> None:
-    records = [load_with_gaps(path, channels) for path in logs]
+    records = record_arguments(logs, machine, channels)
     result = identify(machine.short, records, free=free)
     inputs = None if channels is None else inputs_of(ChannelMap.load(channels))
     files.write_text(place / "machine.toml", annotated_toml(result.likelihood, place))
