@@ -6,8 +6,7 @@ Writes recording.png into the folder in which it is started.
 from pathlib import Path
 
 import ambkit
-from ambkit.judge.evaluation import evaluate
-from ambkit.judge.filter_figure import filter_figure
+from ambkit.judge.evaluation import evaluate, filter_figure
 from ambkit.workflow.tuning import tune_disturbance
 
 TUNED_ON = 1.5  # s

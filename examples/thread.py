@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ambkit
-from ambkit.judge.evaluation import evaluate
-from ambkit.judge.filter_figure import filter_figure
+from ambkit.judge.evaluation import evaluate, filter_figure
 
 place = Path("thread")
 place.mkdir(exist_ok=True)

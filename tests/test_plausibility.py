@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.assessment.plausibility import check_plausibility
+from ambkit.assessment.arguments import check_plausibility
 from ambkit.base.errors import RecordError
 from ambkit.data import recordings
 from ambkit.data.record import Record

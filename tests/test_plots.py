@@ -15,8 +15,7 @@ from ambkit.identification.forces.lift_off import fit_lift_off, lift_off_figure,
 from ambkit.identification.online.magnet_constant import identification_figure
 from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.seeds import comparison_figure
-from ambkit.judge.evaluation import evaluate
-from ambkit.judge.filter_figure import filter_figure
+from ambkit.judge.evaluation import evaluate, filter_figure
 from ambkit.machine.forces.force_points import load_force_points
 from ambkit.result.report import Band, Bars, Heatmap, Line, Note, Points, style
 from ambkit.result.report.style import SIGNALS

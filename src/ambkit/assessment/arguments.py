@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from ambkit.assessment.plausibility import check_plausibility
+import numpy as np
+
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.own_class import MARK
@@ -28,6 +29,7 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.filter_saving import in_memory
 from ambkit.estimate.named import AT, PLUS, experts, factories
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
+from ambkit.judge.plausibility import evaluate_record, off_rate
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import MagnetModel
@@ -40,6 +42,25 @@ from ambkit.simulation.scenario import (
     wrong_for,
 )
 from ambkit.simulation.waveforms import Constant
+
+MOST = 0.5
+"""Share of the measurements beyond the air gap, where no rotor can be, with which nothing works."""
+
+
+def check_plausibility(record: Record, machine: Machine) -> list[str]:
+    """Return what is odd about a record of a machine, or refuse it."""
+    machine = machine.short
+    if off_rate(record, machine):
+        return []
+    verdict = evaluate_record(record, machine)
+    if machine.single and "y" in record:
+        bearing = machine.isolated_axis("")
+        y = record["y"][np.isfinite(record["y"])] / bearing.sensor.gain
+        beyond = float(np.mean(np.abs(y) > bearing.magnet.air_gap)) if y.size else 0.0
+        if beyond > MOST:
+            raise RecordError(verdict.problems)
+    return [*verdict.problems, *(remark for remark in verdict.remarks if remark.endswith("?"))]
+
 
 NOTES = logging.getLogger("ambkit")
 

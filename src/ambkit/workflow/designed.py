@@ -23,8 +23,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CExport
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.criteria import EVALUATED
-from ambkit.judge.evaluation import evaluate
-from ambkit.judge.filter_figure import filter_figure
+from ambkit.judge.evaluation import evaluate, filter_figure
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Bars, Figure, Item, Panel, Rule
 from ambkit.result.result import Result

@@ -19,8 +19,7 @@ from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.named import USUAL, Factory, FromFile, FromObject, factories
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.judge.evaluation import Evaluation, evaluate
-from ambkit.judge.filter_figure import filter_figure
+from ambkit.judge.evaluation import Evaluation, evaluate, filter_figure
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.result.report import Figure

@@ -9,10 +9,10 @@ from typing import Any
 
 from ambkit.assessment.arguments import (
     arguments_of_the_user,
+    check_plausibility,
     machine_argument,
     record_argument,
 )
-from ambkit.assessment.plausibility import check_plausibility
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.quantity_arguments import in_si, names_in
 from ambkit.base.units import figure, percent
