@@ -165,7 +165,8 @@ def by_corpus(
     if len(set(names)) < len(names):
         raise AmbkitError("two logs of a corpus have the same name")
     note("reading the logs")
-    logs = {path.name: record_argument(path, channels, window) for path in paths}
+    read = record_arguments([str(path) for path in paths], known, channels, window)
+    logs = dict(zip(names, read, strict=True))
     corpus = identify_corpus(logs, start, free, note=note)
     return IdentifiedCorpus(**vars(corpus), known=known)
 
