@@ -264,11 +264,11 @@ def tune(
     def cost(values: Mapping[str, float]) -> float:
         """Return what the search makes small: beyond the ceiling it rises, whatever else."""
         made = build(values)
-        costs.append(task.cost(lambda: made))
-        if max_sensitivity is None:
-            return costs[-1]
-        peaks.append(loop.peak(made))
-        over = min(peaks[-1] / max_sensitivity, FARTHEST)
+        over = 0.0
+        if max_sensitivity is not None:
+            peaks.append(loop.peak(made))
+            over = min(peaks[-1] / max_sensitivity, FARTHEST)
+        costs.append(task.cost(lambda: made, few=over > 1))  # where the peak decides, few will do
         return costs[-1] + (BEYOND * math.log(over) if over > 1 else 0.0)
 
     result = search(chosen, cost, budget, seeds.start, done)

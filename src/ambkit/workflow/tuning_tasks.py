@@ -43,7 +43,7 @@ HALVINGS = 8
 """Of the range above the likeliest growth of the load, in which the largest likely one is found."""
 
 COMPARED = 3
-"""Filters of a search in few simulated runs that are compared in all of them."""
+"""Filters of a search that are compared in all simulated runs, with all modes."""
 
 
 JUDGED: Mapping[By, str] = {
@@ -138,7 +138,7 @@ class ByLikelihood:
                 "likely for its values: tune it on simulated runs, without records"
             )
 
-    def cost(self, build: Callable[[], Estimator]) -> float:
+    def cost(self, build: Callable[[], Estimator], *, few: bool = False) -> float:
         """Return what the search makes small, for the filters that `build` makes."""
         return self._unlikely(build().run(record) for record in self.seen)
 
@@ -201,17 +201,17 @@ class ByTruth:
         self.unseen = self._trials(2 * seeds.start + 2)
         if not (self.seen and self.unseen):
             raise AmbkitError(f"{bearing.name}: the rotor met a stop in all simulated runs")
-        self.reference = self.errors(lambda: KalmanFilter(bearing), self.seen).mean(axis=0)
-        # Each run has a step along each axis, so that few runs, of a rotor with the modes that the
-        # loop hears, tell what a filter is worth; the best are compared in all runs.
-        few = math.ceil(len(self.seen) / len(bearing.axes))
-        self.coarse = _with_few_modes(bearing)
-        self.few = self.seen[:few]
+        self.untuned = self.errors(lambda: KalmanFilter(bearing), self.seen)
+        self.reference = self.untuned.mean(axis=0)
+        # The search hears the modes that the loop hears; the best filters are compared with all.
+        self.coarse, self.heard = _with_few_modes(bearing), self.seen
         if self.coarse is not bearing:
-            made = [item for item in loaded(self.coarse, few, 2 * seeds.start + 1) if not item.lost]
-            self.coarse, self.few = (self.coarse, made) if made else (bearing, self.few)
-        untuned = self.errors(lambda: KalmanFilter(self.coarse), self.few)
-        self.reference_of_few = untuned.mean(axis=0)
+            made = loaded(self.coarse, self.runs, 2 * seeds.start + 1)
+            self.heard = [item for item in made if not item.lost]
+            if self.heard:
+                self.untuned = self.errors(lambda: KalmanFilter(self.coarse), self.heard)
+            else:
+                self.coarse, self.heard = bearing, self.seen
 
     def errors(self, build: Callable[[], Estimator], trials: Sequence[Trial]) -> Any:
         """Return the errors of x, v and f_d along the axes in each run (runs, 3)."""
@@ -239,27 +239,32 @@ class ByTruth:
         self, evaluated: Sequence[Tried], _free: Any, _cost: Any,
         build: Callable[[Mapping[str, float]], Estimator],
     ) -> Tried:  # fmt: skip
-        """Return the best in all runs of those that are best in the few of the search."""
+        """Return the best, of several axes in all runs and with all modes."""
         best = sorted(evaluated, key=lambda entry: entry.cost)
-        if self.few == self.seen:
+        if len(self.bearing.axes) == 1:
             return best[0]
         return min(
             best[:COMPARED],
-            key=lambda at: self._share(self.errors(lambda: build(at.values), self.seen)),
+            key=lambda at: self._share(
+                self.errors(lambda: build(at.values), self.seen), self.reference
+            ),
         )
 
     def check(self, estimator: Estimator, kind: str) -> None:
         """There is nothing that could not be tuned so."""
 
-    def cost(self, build: Callable[[], Estimator]) -> float:
+    def cost(self, build: Callable[[], Estimator], *, few: bool = False) -> float:
         """Return what the search makes small, for the filters that `build` makes."""
+        # Each run has a step along each axis: as many steps as of one axis are in few of them.
+        count = math.ceil(len(self.heard) / len(self.bearing.axes)) if few else len(self.heard)
         made = build()
         if self.coarse is not self.bearing:
             made = made.for_machine(self.coarse)
-        return self._share(self.errors(lambda: made, self.few), self.reference_of_few)
+        result = self.errors(lambda: made, self.heard[:count])
+        return self._share(result, self.untuned[:count].mean(axis=0))
 
-    def _share(self, result: Any, reference: Any = None) -> float:
-        shares = result.mean(axis=0) / (self.reference if reference is None else reference)
+    def _share(self, result: Any, reference: Any) -> float:
+        shares = result.mean(axis=0) / reference
         known = shares[~np.isnan(shares)]
         return float(known.mean()) if known.size else math.inf
 
@@ -268,7 +273,7 @@ class ByTruth:
         result = self.errors(build, self.unseen)
         by_signal = dict(zip(SIGNALS, result.mean(axis=0).tolist(), strict=True))
         errors = {f"error of {name}": value for name, value in by_signal.items()}
-        return {self.judge: self._share(result)} | errors | {RAW: self.raw}
+        return {self.judge: self._share(result, self.reference)} | errors | {RAW: self.raw}
 
     @cached_property
     def raw(self) -> float:
