@@ -349,6 +349,21 @@ def test_a_missing_stretch_is_not_counted(records):
     assert np.all(np.abs(found.values / whole.values - 1)[:3] < 0.1)
 
 
+def test_a_machine_that_the_description_can_hardly_mean_is_named(found):
+    """A control signal that was cut off gives a magnet a thousand times as strong, and a delay
+    below zero; each was stated like any number."""
+    bearing = Bearing.preset("zittau_axial")
+    record = simulate(bearing, duration="1 s", step="0.2 mm").record
+    u = record["u"]
+    near = 0.3 * np.median(np.abs(u - u.mean()))
+    cut = {"y": record["y"], "u": np.clip(u, u.mean() - near, u.mean() + near)}
+    notes = " ".join(maximum_likelihood(Record(record.t, cut, {"y": "m", "u": "V"}), bearing).notes)
+    assert "The magnet constant is" in notes
+    assert "times the initial one: is the record of this machine" in notes
+    assert "The delay is negative" in notes
+    assert not any("of this machine" in note for one in found for note in one.notes)
+
+
 def test_unknown_parameter_is_named():
     record = simulate(Bearing.preset("zittau_axial"), Scenario(duration=0.02)).record
     with pytest.raises(AmbkitError, match="did you mean mass"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +33,8 @@ from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 
 TOGETHER = 0.9  #: Correlation from which on two parameters are known only together.
+DESCRIBED = ("magnet_constant", "air_gap", "mass", "sensor_gain", "amplifier_gain")
+FAR = 3.0  #: Times what a description has of these, it is hardly the machine that was described.
 CONFIDENCE = 1.959964  #: Standard errors to either side that hold 95 %.
 
 
@@ -222,12 +224,25 @@ class MaximumLikelihood(Result):
             for line in self.lines
         ]
         notes += [f"{remark[0].upper()}{remark[1:]}." for remark in (*self.touched, *self.remarks)]
+        notes += [*self._far_from_the_prior()]
         if not self.converged:
             notes.append(
                 "The search did not converge to a maximum: give a closer initial "
                 "model or fewer free parameters."
             )
         return notes
+
+    def _far_from_the_prior(self) -> Iterator[str]:
+        """Say what no magnetic bearing that was described can be."""
+        hint = "is the record of this machine, and neither cut off nor late?"
+        for p in self.parameters:
+            low, high = self.interval(p.name)
+            if p.name == "delay" and high < 0:
+                yield f"The delay is negative, the position answers before the control: {hint}"
+            start = p.of(self.start)
+            if p.name in DESCRIBED and (low > FAR * start or high < start / FAR):
+                name = p.name.replace("_", " ")
+                yield f"The {name} is {self[p.name] / start:.2g} times the initial one: {hint}"
 
     @property
     def series(self) -> dict[str, Any]:
