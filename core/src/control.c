@@ -197,7 +197,8 @@ static void see(const amb_control *c, const amb_real mean[], const amb_real y[],
 {
   const amb_model *model = &c->estimator->kf->model;
   const amb_real counts = (AMB_C(2.0) * way) - AMB_C(1.0);
-  const amb_real share = ((counts > AMB_C(0.0)) ? counts : AMB_C(0.0)) * (AMB_C(1.0) + c->excess);
+  amb_real share = (counts > AMB_C(0.0)) ? counts : AMB_C(0.0);
+  share *= AMB_C(1.0) + c->excess;
   if (c->feedback_estimate) {
     for (int i = 0; i < amb_states(model); i++) {
       x[i] = (amb_model_role(model, i) == AMB_LOAD) ? (share * mean[i]) : mean[i];

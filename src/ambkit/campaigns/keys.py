@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
+from ambkit.base.config.document import updated
 from ambkit.base.config.problems import quantity_of, unknown_key
 from ambkit.base.config.quantities import InOther, Quantity, SignalIn
 from ambkit.base.errors import AmbkitError
@@ -111,7 +112,7 @@ def changed(model: Any, tree: Mapping[str, Any]) -> Any:
         return tuple(results)
     if isinstance(model, Magnet):
         return _magnet(model, dict(tree))
-    return model.with_checked({name: other(getattr(model, name), name) for name in tree})
+    return updated(model, {name: other(getattr(model, name), name) for name in tree})
 
 
 def _magnet(magnet: Magnet, values: dict[str, Any]) -> Magnet:
@@ -126,4 +127,4 @@ def _magnet(magnet: Magnet, values: dict[str, Any]) -> Magnet:
     )
     if turns is not None and area is not None:
         values["magnet_constant"] = magnet_constant(turns, area, angle or 0.0)
-    return magnet.with_checked(values)
+    return updated(magnet, values)

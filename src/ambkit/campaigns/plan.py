@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ambkit.base import files, units
 from ambkit.base.arrays import Array
+from ambkit.base.config.document import updated
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
 from ambkit.campaigns import sampling
@@ -290,7 +291,7 @@ class Plan:
             gain *= plant.sensor.gain / self.nominal.sensor.gain
         if gain != 1:
             changes = {name: gain * getattr(pid, name) for name in IN_PROPORTION}
-            run = run.with_checked({"controller": pid.with_checked(changes)})
+            run = updated(run, {"controller": updated(pid, changes)})
         return Planned(plant, run, estimator, number=noise)
 
     @cached_property

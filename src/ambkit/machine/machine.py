@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base.config import Document, Read, reader, toml_text
+from ambkit.base.config.document import assembled
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Description, Name
 from ambkit.base.errors import AmbkitError
@@ -490,12 +491,12 @@ class Bearing(Shown, Machine):
         # Each part was checked when this was made.
         of = {"type": "single", "clearance": self.rotor.clearance, "magnet": self.magnet,
               "amplifier": self.amplifier, "stop": self.stop, "coil": self.coil}  # fmt: skip
-        return (PlacedBearing.of_checked(of),)
+        return (assembled(PlacedBearing, of),)
 
     @cached_property
     def sensors(self) -> tuple[PlacedSensor, ...]:
         """Its one sensor."""
-        return (PlacedSensor.of_checked({"type": "single"} | dict(self.sensor)),)
+        return (assembled(PlacedSensor, {"type": "single"} | dict(self.sensor)),)
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:

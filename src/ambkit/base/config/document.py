@@ -80,17 +80,6 @@ class Part(BaseModel, metaclass=_OwnNames):
         return [name for name in super().__dir__() if name not in _OF_PYDANTIC]
 
     @classmethod
-    def of_checked(cls, values: Mapping[str, Any]) -> Self:
-        """Return one of values that are checked: `model_construct`, ten times as fast."""
-        return _assembled(cls, {**_defaults(cls), **values}, set(values))
-
-    def with_checked(self, update: Mapping[str, Any]) -> Self:
-        """Return a copy with other values: `model_copy`, five times as fast."""
-        own = vars(self)
-        values = {**{name: own[name] for name in _defaults(type(self))}, **update}
-        return _assembled(type(self), values, self.model_fields_set | update.keys())
-
-    @classmethod
     def _title(cls) -> str:
         return cls.model_config.get("title") or cls.__name__
 
@@ -308,6 +297,18 @@ def _defaults(model: type[BaseModel]) -> dict[str, Any]:
         name: None if field.is_required() else field.get_default(call_default_factory=True)
         for name, field in model.model_fields.items()
     }
+
+
+def assembled(model: type[_Made], values: Mapping[str, Any]) -> _Made:
+    """Return a model of values that were checked: `model_construct`, ten times as fast."""
+    return _assembled(model, {**_defaults(model), **values}, set(values))
+
+
+def updated(model: _Made, update: Mapping[str, Any]) -> _Made:
+    """Return a copy with other values, which were checked: `model_copy`, five times as fast."""
+    own = vars(model)
+    values = {**{name: own[name] for name in _defaults(type(model))}, **update}
+    return _assembled(type(model), values, model.model_fields_set | update.keys())
 
 
 def _assembled(model: type[_Made], values: Any, fields_set: set[str]) -> _Made:
