@@ -10,6 +10,7 @@ from typing import Any
 
 from ambkit.assessment.arguments import record_arguments
 from ambkit.assessment.assess import assess
+from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.loop import AssessedLoop
 from ambkit.assessment.speed_sweep import assess_over_speed
 from ambkit.base import files
@@ -133,16 +134,8 @@ def design(
     estimator = Estimator.load(chosen.file)
     estimator.save(place / "filter.toml", bearing=place / "machine.toml")
     note("assessing the loop")
-    assessed = assess(result, {chosen.kind: estimator}, control)
+    assessed = _assessed(result, chosen.kind, estimator, control, place, note)
     loop = assessed.loops[chosen.kind]
-    if loop.stable:
-        pages: list[Any] = [assessed]
-        if result.rotor.type != "mass":
-            note("looking at one speed after the other")
-            pages.append(assess_over_speed(
-                result, {chosen.kind: estimator}, control, apart=assessed.separations
-            ))  # fmt: skip
-        write_result(pages, place / "verdict.html")
     run = Scenario(controller=control)
     adequacy = tuple(adequacy_of(chosen, run))
     fatal = [item for item in adequacy if item.fatal and item.name != "peak of |S|"]
@@ -166,6 +159,24 @@ def design(
     note("drawing")
     design.page(place / "design.html")
     return design
+
+
+def _assessed(
+    machine: Machine, kind: str, filter: Estimator, control: Control, place: Path,
+    note: Callable[[str], None],
+) -> Assessment:  # fmt: skip
+    """Assess a loop; of a stable one write the verdict, over speed too where the rotor turns."""
+    assessed = assess(machine, {kind: filter}, control)
+    if not assessed.loops[kind].stable:
+        return assessed
+    pages: list[Any] = [assessed]
+    if machine.rotor.type != "mass":
+        note("looking at one speed after the other")
+        pages.append(
+            assess_over_speed(machine, {kind: filter}, control, apart=assessed.separations)
+        )
+    write_result(pages, place / "verdict.html")
+    return assessed
 
 
 FILES = {

@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 from ambkit.base.errors import AmbkitError
@@ -247,54 +248,28 @@ def tune(
     magnet = learned_magnet(kind, bearing) if magnet is None else magnet
     candidate = candidate_of_kind(kind, bearing, magnet, whole=True)
     task = ByLikelihood(bearing, logs, validate) if logs else ByTruth(bearing, seeds)
-
-    def build(values: Mapping[str, float]) -> Estimator:
-        made: Estimator = candidate.build(**values)
-        return made
-
-    task.check(build({}), kind)
-    chosen = _chosen(candidate, task.usual(candidate) if free is None else tuple(free))
-
     loop = LoopOf(bearing, controller)
-    gives_estimate = tells(build({}))
+    trials = _Trials(candidate, task, loop, max_sensitivity)
+    task.check(trials.build(), kind)
+    chosen = _chosen(candidate, task.usual(candidate) if free is None else tuple(free))
+    gives_estimate = tells(trials.build())
     if max_sensitivity is not None:
-        loop.check(build({}), max_sensitivity)
-    peaks, costs = list[float](), list[float]()
-
-    def cost(values: Mapping[str, float]) -> float:
-        """Return what the search makes small: beyond the ceiling it rises, whatever else."""
-        made = build(values)
-        over = 0.0
-        if max_sensitivity is not None:
-            peaks.append(loop.peak(made))
-            over = min(peaks[-1] / max_sensitivity, FARTHEST)
-        costs.append(task.cost(lambda: made, few=over > 1))  # where the peak decides, few will do
-        return costs[-1] + (BEYOND * math.log(over) if over > 1 else 0.0)
-
-    result = search(chosen, cost, budget, seeds.start, done)
-    trials = [Tried(item.values, real) for item, real in zip(result.tried, costs, strict=True)]
-    of_tried = tuple(peaks)
-    untuned = of_tried[0] if of_tried else loop.peak(build({})) if gives_estimate else math.nan
-    # Where the untuned filter holds the loop no other has to be looked at.
-    stands = not math.isinf(untuned) or any(
-        math.isfinite(peak) for peak in of_tried or (loop.peak(build(t.values)) for t in trials)
-    )
-    if gives_estimate and not stands:
-        raise AmbkitError(
-            f"{bearing.name}: the loop is unstable with each of the {len(trials)} {kind} filters "
-            f"that were tried; {loop.choice(True) or 'give another controller'}"
-        )
-    limit = _peak_limit(max_sensitivity, of_tried)
-    beyond = [peak >= limit for peak in of_tried or (0.0,) * len(trials)]
-    within = [item for item, far in zip(trials, beyond, strict=True) if not far]
-    best = task.best(within, chosen, cost, build)
-    before = task.figures(lambda: build({}))
-    after = task.figures(lambda: build(best.values))
+        loop.check(trials.build(), max_sensitivity)
+    optimum = search(chosen, trials.cost, budget, seeds.start, done)
+    evaluated = [Tried(t.values, real) for t, real in zip(optimum.tried, trials.costs, strict=True)]
+    peaks = tuple(trials.peaks)
+    untuned = trials.untuned_peak(evaluated, kind) if gives_estimate else math.nan
+    limit = _peak_limit(max_sensitivity, peaks)
+    beyond = [peak >= limit for peak in peaks or (0.0,) * len(evaluated)]
+    within = [item for item, far in zip(evaluated, beyond, strict=True) if not far]
+    best = task.best(within, chosen, trials.cost, trials.build)
+    before = task.figures(trials.build)
+    after = task.figures(lambda: trials.build(best.values))
     use_tuned = (
-        bool(best.values) and best is not trials[0]
+        bool(best.values) and best is not evaluated[0]
         and (after[task.judge] < before[task.judge] or beyond[0])
     )  # fmt: skip
-    estimator = build(best.values if use_tuned else {})
+    estimator = trials.build(best.values if use_tuned else {})
     if inputs is not None:
         estimator.inputs = inputs
     if use_tuned:
@@ -303,31 +278,66 @@ def tune(
     if use_tuned and gives_estimate:
         warnings += _in_the_loop(loop.peak(estimator), untuned, max_sensitivity)
     validation = {name: (before[name], after[name]) for name in before}
+    own = loop.machine.single and controller is None
     tuned = Tuned(
-        estimator,
-        kind,
-        task.by,
-        chosen,
-        tuple(trials),
-        best.values,
-        validation,
-        use_tuned,
-        of_tried,
-        magnet,
-        max_sensitivity,
-        loop.control.completed(loop.isolated[0]).fed_by("measurement")
-        if loop.machine.single and controller is None
-        else controller,
+        estimator, kind, task.by, chosen, tuple(evaluated), best.values, validation, use_tuned,
+        peaks, magnet, max_sensitivity,
+        loop.control.completed(loop.isolated[0]).fed_by("measurement") if own else controller,
         tuple(warnings),
-    )
+    )  # fmt: skip
     if max_sensitivity is not None and limit > max_sensitivity:
         raise OutOfReachError(
-            f"of {len(trials)} {kind} filters that were tried none keeps the peak of |S| below "
-            f"{max_sensitivity:g}, the least is {min(of_tried):.4g}: allow more, or take another "
+            f"of {len(evaluated)} {kind} filters that were tried none keeps the peak of |S| below "
+            f"{max_sensitivity:g}, the least is {min(peaks):.4g}: allow more, or take another "
             "controller",
             tuned,
         )
     return tuned
+
+
+class _Trials:
+    """The filter of each trial, its cost, and the peak of |S| with it where that has a limit."""
+
+    def __init__(
+        self, candidate: Candidate, task: ByLikelihood | ByTruth, loop: LoopOf,
+        max_sensitivity: float | None,
+    ) -> None:  # fmt: skip
+        self.candidate, self.task, self.loop = candidate, task, loop
+        self.max_sensitivity = max_sensitivity
+        self.peaks: list[float] = []
+        self.costs: list[float] = []
+
+    def build(self, values: Mapping[str, float] = MappingProxyType({})) -> Estimator:
+        """Return the filter with some values; by default the untuned one."""
+        made: Estimator = self.candidate.build(**values)
+        return made
+
+    def cost(self, values: Mapping[str, float]) -> float:
+        """Return what the search makes small: beyond the ceiling it rises, whatever else."""
+        made = self.build(values)
+        over = 0.0
+        if self.max_sensitivity is not None:
+            self.peaks.append(self.loop.peak(made))
+            over = min(self.peaks[-1] / self.max_sensitivity, FARTHEST)
+        # Where the peak decides, few runs will do.
+        self.costs.append(self.task.cost(lambda: made, few=over > 1))
+        return self.costs[-1] + (BEYOND * math.log(over) if over > 1 else 0.0)
+
+    def untuned_peak(self, evaluated: Sequence[Tried], kind: str) -> float:
+        """Return the peak of |S| with the untuned filter; refused where none holds the loop."""
+        peaks = self.peaks or [self.loop.peak(self.build())]
+        if not math.isinf(peaks[0]):  # then no other has to be looked at
+            return peaks[0]
+        if not any(
+            math.isfinite(peak)
+            for peak in self.peaks or (self.loop.peak(self.build(t.values)) for t in evaluated)
+        ):
+            raise AmbkitError(
+                f"{self.loop.machine.name}: the loop is unstable with each of the {len(evaluated)} "
+                f"{kind} filters that were tried; "
+                f"{self.loop.choice(True) or 'give another controller'}"
+            )
+        return peaks[0]
 
 
 def _peak_limit(peak_limit: float | None, peaks: Sequence[float]) -> float:
