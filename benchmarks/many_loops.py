@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import ambkit
-from ambkit.simulation.many import Planned, simulate_many
+from ambkit.simulation.many import simulate_many
+from ambkit.simulation.planned import Planned
 from ambkit.simulation.recording import CONTROL, SENSOR, Stream
 from benchmarks.batch import CORES
 from benchmarks.closed_loop import ClosedLoop

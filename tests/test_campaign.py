@@ -33,7 +33,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint, plant, plants
 from ambkit.control.linear.steady_state_filter import estimator_at, estimators_at
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine import loading
-from ambkit.simulation import many
+from ambkit.simulation import lanes, planned
 from ambkit.simulation.scenario import AXES
 
 ROOT = Path(__file__).parent.parent
@@ -304,7 +304,7 @@ def test_peaks_of_many_loops_are_those_of_each(preset: str, kind: str, feedback:
         for m, g in rng.uniform(0.9, 1.1, (3, 2))
     ]
     scenario = ambkit.Scenario(controller=pid)
-    found = peaks([many.Planned(p, scenario, fed) for p in plants])
+    found = peaks([planned.Planned(p, scenario, fed) for p in plants])
     expected = [LoopOf(p, pid).peak(fed) for p in plants]
     np.testing.assert_allclose(found, expected, rtol=2e-6)
 
@@ -371,8 +371,8 @@ def test_a_part_is_computed_with_rare_collections(monkeypatch: pytest.MonkeyPatc
 
 def test_signals_are_sampled_once_where_amplifiers_vary(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[int] = []
-    old = many.along
-    monkeypatch.setattr(many, "along", lambda *of: (made.append(1), old(*of))[1])
+    old = lanes.along
+    monkeypatch.setattr(lanes, "along", lambda *of: (made.append(1), old(*of))[1])
     gain = Uniform(what="amplifier.gain", tolerance="3 %")
     compute(varied("sobol", gain, runs=16, scenario={"duration": 0.002}), 0, 16)
     assert len(made) <= len(AXES)
@@ -381,7 +381,7 @@ def test_signals_are_sampled_once_where_amplifiers_vary(monkeypatch: pytest.Monk
 def test_an_unstable_loop_has_an_infinite_peak() -> None:
     b = ambkit.Bearing.preset("zittau_axial")
     weak = ambkit.PID.for_bearing(b).model_copy(update={"kp": 10.0, "feedback": "measurement"})
-    assert peaks([many.Planned(b, ambkit.Scenario(controller=weak))]) == np.inf
+    assert peaks([planned.Planned(b, ambkit.Scenario(controller=weak))]) == np.inf
 
 
 # --- shares

@@ -25,7 +25,7 @@ from ambkit import (
 from ambkit.estimate.batch import instruction_sets
 from ambkit.estimate.registry import KINDS
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
-from ambkit.simulation.many import windows
+from ambkit.simulation.lanes import windows
 from ambkit.simulation.recording import Stream
 from ambkit.simulation.run import Run
 from ambkit.simulation.run_figures import FIGURES, FLAGS
@@ -101,7 +101,7 @@ def test_neither_order_nor_splitting_changes_a_bit(order: list[int], cut: int) -
 
 def test_runs_of_several_chunks_are_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ambkit.simulation.many.CHUNK", 7)
-    monkeypatch.setattr("ambkit.simulation.many.MOST_PLANS", 10)
+    monkeypatch.setattr("ambkit.simulation.lanes.MOST_PLANS", 10)
     told: list[int] = []
     many = simulate_many(iter(MIXED), done=told.append)
     assert_same(many.columns(), ONE_BY_ONE)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 import ambkit
 from ambkit import AmbkitError, Bearing, Machine, Scenario
 from ambkit.estimate.user_filter import OwnEstimator
-from ambkit.simulation.many import Planned
+from ambkit.simulation.planned import Planned
 
 AXIS, MACHINE = Bearing.preset("zittau_axial"), Machine.preset("tum_mlps")
 

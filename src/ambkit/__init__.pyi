@@ -46,8 +46,8 @@ from ambkit.machine.stiffness import stiffness_map as stiffness_map
 from ambkit.result.result import Result as Result
 from ambkit.rotordynamics.harmonics import harmonics as harmonics
 from ambkit.simulation.external_inputs import PlantProtocol as PlantProtocol
-from ambkit.simulation.many import Planned as Planned
 from ambkit.simulation.many import simulate_many as simulate_many
+from ambkit.simulation.planned import Planned as Planned
 from ambkit.simulation.scenario import Scenario as Scenario
 from ambkit.simulation.waveforms import Constant as Constant
 from ambkit.simulation.waveforms import HalfSine as HalfSine

@@ -24,7 +24,7 @@ from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Part, Section
-from ambkit.simulation.many import Planned
+from ambkit.simulation.planned import Planned
 from ambkit.simulation.run import Run
 from ambkit.simulation.run_figure import simulation_figure
 

@@ -26,7 +26,7 @@ from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.rotors.modes import end_of_range
 from ambkit.models.linear import LinearSystem
-from ambkit.simulation.many import Planned
+from ambkit.simulation.planned import Planned
 
 GRID = 160
 """Frequencies that each loop is looked at, besides those of its own poles."""

@@ -15,7 +15,8 @@ from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Name
 from ambkit.control.blocks import AnyBlock
-from ambkit.control.stabilising_controller import Gains, chosen, textbook, two_digits, weight_of
+from ambkit.control.held_loop import Gains
+from ambkit.control.stabilising_controller import chosen, textbook, two_digits, weight_of
 from ambkit.machine.force_laws import axis_of
 from ambkit.machine.machine import Bearing, Machine
 

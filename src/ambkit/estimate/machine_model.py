@@ -104,11 +104,10 @@ class View:
 
     def variances(self, noise: FilterNoise) -> Variances:
         """Return what a filter assumes, one number for each reading and axis."""
-        axes = self.isolated
         own = Variances(
             [r.sensor.noise_variance for r in self.machine.readings],
-            [b.amplifier.noise_variance for b in axes],
-            [self._usual_intensity(axis) for axis in axes],
+            [b.amplifier.noise_variance for b in self.isolated],
+            [self._usual_intensity(axis) for axis in self.isolated],
         )
         for name, text in self.count_of(noise):
             raise ValueError(f"{name} {text}")
@@ -126,9 +125,8 @@ class View:
         sensors = [reading.sensor for reading in self.machine.readings]
         variances = self.steps**2 / 12 + [sensor.noise_variance for sensor in sensors]
         T, R = axis.sampling_time, float(np.min(variances / self.gains**2))
-        max_bandwidth = max(
-            1 / (1.5 * T + min(sensor.lag for sensor in sensors)), 8 / own_time(axis)
-        )
+        lag = min(sensor.lag for sensor in sensors)
+        max_bandwidth = max(1 / (1.5 * T + lag), 8 / own_time(axis))
         amplifier, k_i = axis.amplifier, ConstantStiffness.of(axis).k_i
         by_control = amplifier.noise_variance * (k_i * amplifier.gain) ** 2
         known = R * (axis.rotor.mass * max_bandwidth**2) ** 2 + by_control

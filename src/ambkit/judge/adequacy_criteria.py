@@ -58,8 +58,7 @@ GATES = (3.0, 1.0)
 STEPS = 50.0
 """Quantisation over the noise's deviation from which on an estimate in the loop gains little."""
 
-WEIGHTS = 1e3
-"""Load capacity in weights from which on mass or magnet is doubtful."""
+WEIGHTS = 1e3  #: Load capacity in weights from which on mass or magnet is doubtful.
 
 
 class Finding(NamedTuple):

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si
+from ambkit.control.held_loop import Gains
 from ambkit.control.pid import PID
-from ambkit.control.stabilising_controller import Gains, holding
+from ambkit.control.stabilising_controller import holding
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import continuous

@@ -19,8 +19,8 @@ from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.base.threads import one_thread
 from ambkit.control.control import Control
 from ambkit.control.default_control import default_control
+from ambkit.control.held_loop import overshoot
 from ambkit.control.pid import GAINS, PID
-from ambkit.control.stabilising_controller import overshoot
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.input_scaling import Inputs
 from ambkit.data.reading import load_with_gaps

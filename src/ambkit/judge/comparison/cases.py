@@ -24,6 +24,7 @@ from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.comparison.load import Load, random_walk
 from ambkit.judge.comparison.tolerance import CERTAIN, Spread
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes, slowest_time, weights_of
@@ -32,7 +33,8 @@ from ambkit.machine.machine import Bearing, Machine
 from ambkit.machine.magnets import MagnetModel, magnet_of, own_time
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.many import Many, Planned, simulate_many
+from ambkit.simulation.many import Many, simulate_many
+from ambkit.simulation.planned import Planned
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Signal, Sine, Step
@@ -167,7 +169,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
             t = T * np.arange(max(2, round(duration / T) + 1))
             rng = np.random.default_rng([1000 * seed + run, 3])
             for name, intensity in zip(names, np.atleast_1d(case.growth(machine)), strict=True):
-                mean, walks[name] = _walk(rng, intensity * T, len(t))
+                mean, walks[name] = random_walk(rng, intensity * T, len(t))
                 loads[name] = Recorded.of(t, mean)
         scenario = Scenario.model_construct(
             duration=duration, seed=1000 * seed + run, controller=control.fed_by("estimate"),
@@ -214,13 +216,6 @@ def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
     return made
 
 
-def _walk(rng: np.random.Generator, variance: float, n: int) -> tuple[Array, Array]:
-    """Return a random walk's means over the samples, and where it stands at them (n,)."""
-    steps, within = rng.normal(0.0, math.sqrt(variance), (2, n))
-    walk = np.cumsum(steps) - steps
-    return walk + 0.5 * steps + within / math.sqrt(12), walk  # of a Brownian bridge: its mean
-
-
 def _external_inputs(
     case: Case, bearing: Bearing, plant: Bearing, scenario: Scenario
 ) -> tuple[ExternalInputs, Array | None]:
@@ -236,7 +231,7 @@ def _external_inputs(
     if case.drift:
         scale = np.linspace(1.0, 1.0 + case.drift, n)
     if case.walks:
-        load, walk = _walk(on_load, case.growth(bearing) * T, n)
+        load, walk = random_walk(on_load, case.growth(bearing) * T, n)
     if case.correlation:
         from scipy.signal import lfilter
 
@@ -246,53 +241,6 @@ def _external_inputs(
         white[1:] *= math.sqrt(1 - pole**2)
         noise = np.asarray(lfilter([1.0], [1.0, -pole], white))
     return ExternalInputs(disturbance=load, sensor_noise=noise, magnet_scale=scale), walk
-
-
-class Load:
-    """A load that estimates of it are compared with, lag by lag."""
-
-    # spread, still (furthest + 1,) Root of its variance in the stretch that each lag sees, and
-    # where that is but rounding.
-    # signal (n,) The load [N].
-
-    def __init__(self, signal: Array) -> None:
-        from scipy.fft import next_fast_len, rfft
-
-        n, deviation = signal.size, signal - signal.mean()
-        self.furthest = min(n // 8, period_of(signal) // 2)
-        self.moves = bool(np.ptp(signal) > 0)
-        self.transform_size = next_fast_len(n, real=True)
-        self.transform = rfft(deviation, self.transform_size)
-        sums, squares = (np.concatenate([[0.0], np.cumsum(deviation**k)]) for k in (1, 2))
-        starts = self.furthest - np.arange(self.furthest + 1)
-        length = n - self.furthest
-        mean = (sums[starts + length] - sums[starts]) / length
-        variance = (squares[starts + length] - squares[starts]) / length - mean**2
-        self.still = variance <= 1e-9 * variance.max()
-        self.spread = np.sqrt(np.where(self.still, 1.0, variance))
-
-
-def period_of(signal: Array) -> int:
-    """Return after how many samples a signal comes again; its length where it does not."""
-    # signal (n,)
-    from scipy.signal import correlate
-
-    n = signal.size
-    s = signal - signal.mean()
-    squares = np.concatenate([[0.0], np.cumsum(s**2)])
-    if not squares[-1] > 0:
-        return n
-    lags = np.arange(n // 2)
-    energy = np.sqrt((squares[n] - squares[lags]) * squares[n - lags])
-    alike = correlate(s, s, method="fft")[n - 1 :][: n // 2] / np.maximum(energy, 1e-300)
-    apart = np.flatnonzero(alike < 0.5)
-    if apart.size == 0:
-        return n
-    again = apart[0] + np.flatnonzero(alike[apart[0] :] > 0.95)
-    if again.size == 0:
-        return n
-    end = again[0] + int(np.argmin(np.append(alike[again[0] :], 0.0) > 0.95))
-    return int(again[0] + np.argmax(alike[again[0] : max(end, again[0] + 1)]))
 
 
 def saturating(bearing: Bearing) -> Force:

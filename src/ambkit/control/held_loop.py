@@ -1,0 +1,156 @@
+"""A machine held by a PID for each axis: the poles of that loop, and how well they are damped."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ambkit.base.arrays import Array, Complex
+from ambkit.control.axis_sensitivity import shown_along_axes
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.machine.force_laws import isolated_axes, weights_of
+from ambkit.machine.loading import levitation_current
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import magnet_of, own_time
+from ambkit.models.linear import linearised
+from ambkit.models.machine_parts import machine_parts
+from ambkit.models.parts.rotor import velocities_of
+
+TIMES = 300  #: Points at which a step is looked at.
+STIFF = 0.4  #: Of the magnets' own stiffness, what is to be left against it.
+WELL_DAMPED = 0.3  #: Damping ratio of the rigid body that is good enough.
+LEFT_TO_IT = 0.5  #: Share of its own damping that a controller may take from a bending mode.
+
+
+class Gains(NamedTuple):
+    """Gains of a PID, as `ambkit.PID` has them."""
+
+    kp: float
+    ki: float
+    kd: float
+    derivative_filter: float
+    anti_windup: float
+    setpoint_weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Holding:
+    """Controllers of a machine's axes, and the poles of the loop with them."""
+
+    pids: tuple[Gains, ...]  #: Of each axis.
+    poles: Complex  #: (n,) Of the sampled loop at the machine's speed, with its delay [1/s].
+    score: float  #: At most 1, where all is well damped; not above 0 where the rotor is not held.
+
+    @property
+    def held(self) -> bool:
+        """Whether nothing grows."""
+        return self.score > 0
+
+    @property
+    def growing(self) -> list[complex]:
+        """Poles that grow, of pairs the one above [1/s], the fastest growing first."""
+        grow = self.poles[(self.poles.real > 0) & (self.poles.imag >= 0)]
+        return sorted(grow.tolist(), key=lambda pole: -pole.real)
+
+
+def overshoot(loop: Loop, own: float, axes: int = 1) -> float:
+    """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
+    # own: of the slowest axis [s]
+    closed, m = loop.closed, loop.measurements
+    return _beyond(closed.A, closed.B[:, -axes:], closed.C[m : m + axes], own / loop.T)
+
+
+def _beyond(A: Array, B: Array, C: Array, own: float) -> float:
+    """Return how far the k-th output goes beyond 1 after a step of the k-th input, at most."""
+    n, p = B.shape
+    step = np.block([[A, B], [np.zeros((p, n)), np.eye(p)]])
+    several = np.linalg.matrix_power(step, max(1, round(30 * own / TIMES)))
+    state, most = np.eye(n + p)[:, n:], 0.0
+    for _ in range(TIMES):
+        state = several @ state
+        most = max(most, float(np.diagonal(C @ state[:n]).max()) - 1)
+    return most
+
+
+def _hovering(machine: Machine) -> tuple[Array, Array]:
+    """Return k_i [N/A] and k_s [N/m] of the axes (p,) where they carry the rotor."""
+    tangents = []
+    for isolated, force in zip(isolated_axes(machine), weights_of(machine), strict=True):
+        law = magnet_of(isolated)
+        iu = levitation_current(isolated, law, 0.0, law.bias_force + force)
+        tangents.append([float(k) for k in law.tangent(iu, 0.0)])
+    k_i, k_s = np.array(tangents).T
+    return k_i, k_s
+
+
+class HeldLoop:
+    """A machine with linear magnets, sampled, and what controllers make of it."""
+
+    def __init__(self, machine: Machine, feedback: str) -> None:
+        self.isolated = isolated_axes(machine)
+        self.k_i, self.k_s = _hovering(machine)
+        self.T = machine.sampling_time
+        parts = machine_parts(machine, noise=False)
+        system = linearised(parts, self.T, self.k_i, self.k_s)
+        p, m = len(machine.axes), len(machine.readings)
+        self.A, self.B = system.A, system.B[:, :p]
+        self.seen = shown_along_axes(machine) @ system.C[:m]
+        self.velocity = None
+        if feedback == "estimate":
+            at = {state.name: k for k, state in enumerate(system.states)}
+            rates = dict(zip(machine.positions, velocities_of(machine.positions), strict=True))
+            self.seen, self.velocity = np.zeros((2, p, len(self.A)))
+            for k, axis in enumerate(machine.axes):
+                for q, value in axis.line.form.items():
+                    self.seen[k, at[q]] = self.velocity[k, at[rates[q]]] = value
+        self.own = machine.bending
+        self.slowest = math.inf if self.own is None else 0.7 * float(self.own.frequency[0])
+
+    def with_(self, pids: tuple[Gains, ...]) -> Holding:
+        """Return the loop with controllers."""
+        z = np.linalg.eigvals(self._closed(pids)).astype(complex)
+        poles = np.log(z[np.abs(z) > math.exp(-3)]) / self.T  # what is gone at once is no motion
+        springs = np.array([pid.kp for pid in pids]) * self.k_i / self.k_s - 1
+        return Holding(pids, poles, min(self._score(poles), float(springs.min()) / STIFF))
+
+    def overshoot(self, pids: tuple[Gains, ...]) -> float:
+        """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
+        F, n, p = self._closed(pids), len(self.A), len(pids)
+        B = np.zeros((len(F), p))
+        for k, pid in enumerate(pids):
+            B[n + 3 * k, k] = self.T * pid.ki
+            B[:n, k] = self.B[:, k] * pid.kp * pid.setpoint_weight
+        C = np.hstack([self.seen, np.zeros((p, len(F) - n))])
+        return _beyond(F, B, C, max(map(own_time, self.isolated)) / self.T)
+
+    def _closed(self, pids: tuple[Gains, ...]) -> Array:
+        """Return the states' matrix with controllers as ``core/src/controller.c`` has them."""
+        n, p, T = len(self.A), len(pids), self.T
+        F = np.zeros((n + 3 * p, n + 3 * p))
+        F[:n, :n] = self.A
+        for k, pid in enumerate(pids):
+            integral, velocity, last = range(n + 3 * k, n + 3 * k + 3)
+            share = 1 / (pid.derivative_filter + T)
+            F[last, :n] = self.seen[k]
+            if self.velocity is None:
+                F[velocity, :n] = share * self.seen[k]
+                F[velocity, velocity], F[velocity, last] = 1 - T * share, -share
+            else:
+                F[velocity, :n] = self.velocity[k]
+            F[integral, :n], F[integral, integral] = -T * pid.ki * self.seen[k], 1.0
+            demanded = -pid.kp * F[last] - pid.kd * F[velocity]
+            demanded[integral] += 1.0
+            F[:n] += np.outer(self.B[:, k], demanded)
+        return F
+
+    def _score(self, poles: Complex) -> float:
+        ratio = -poles.real / np.abs(poles)
+        if self.own is None:
+            return float(np.minimum(ratio / WELL_DAMPED, 1.0).min())
+        bends = np.abs(poles.imag) > self.slowest
+        nearest = np.abs(np.abs(poles.imag)[:, None] - self.own.frequency).argmin(axis=1)
+        target_damping = np.where(bends, LEFT_TO_IT * self.own.damping_ratio[nearest], WELL_DAMPED)
+        return float(np.minimum(ratio / target_damping, 1.0).min())

@@ -1,0 +1,77 @@
+"""One of many runs, before it is simulated."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass
+
+from ambkit.control.controllers import Controllers
+from ambkit.estimate.estimator import Estimator
+from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.magnets import MagnetModel
+from ambkit.simulation.external_inputs import ExternalInputs
+from ambkit.simulation.run import Run, simulate_run
+from ambkit.simulation.scenario import Scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """One run of many: what is simulated, and with which noise.
+
+    Attributes
+    ----------
+    bearing : Machine
+        The plant.
+    scenario : Scenario
+        What happens to it, the controllers among it.
+    estimator, magnet, external_inputs
+        As for :func:`ambkit.simulation.run.simulate_run`. The estimator is not changed, and one may
+        serve all runs: each begins afresh.
+    number : int, optional
+        Number of the run, which is with the scenario's seed the key of its noise, in place of
+        ``scenario.run``.
+    controllers : Controllers, optional
+        Of several axes, where they are made already, as for another machine.
+    """
+
+    bearing: Machine
+    scenario: Scenario
+    estimator: Estimator | None = None
+    magnet: MagnetModel | None = None
+    external_inputs: ExternalInputs | None = None
+    number: int | None = None
+    controllers: Controllers | None = None
+
+    @property
+    def axis(self) -> Bearing:
+        """The plant, which has one axis."""
+        return self.bearing.isolated_axis("")
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """Seed and number of the run."""
+        return self.scenario.seed, self.scenario.run if self.number is None else self.number
+
+    @property
+    def numbered(self) -> Scenario:
+        """The scenario with the number of the run."""
+        if self.number is None:
+            return self.scenario
+        return self.scenario.model_copy(update={"run": self.number})
+
+    def simulated(self) -> Run:
+        """Simulate it by itself, with every sample kept."""
+        return self._flown(None if self.estimator is None else copied(self.estimator))
+
+    def _flown(self, estimator: Estimator | None) -> Run:
+        """Simulate it with an estimator of the same kind."""
+        return simulate_run(
+            self.bearing, self.numbered, estimator=estimator, magnet=self.magnet,
+            external_inputs=self.external_inputs, controllers=self.controllers,
+        )  # fmt: skip
+
+
+def copied(estimator: Estimator) -> Estimator:
+    """Return an estimator with a state of its own."""
+    result: Estimator = pickle.loads(pickle.dumps(estimator))
+    return result
