@@ -317,6 +317,11 @@ _ROOM = "room that no sum of rows uses up"
 _FLIPPED = "for bits that flip in memory"
 
 MACHINE = (
+    Unseen("controller.c", "state->started = true;", "the estimate has the velocity"),
+    Unseen(
+        "kalman.c", "!(step > AMB_C(0.0))", "no converter of theirs is so coarse",
+        "amb_kalman_repeats",
+    ),
     Unseen("real.h", "(a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)", _GIVEN),
     Unseen("equilibrium.c", "bool seen = false;", _RESIDUAL, "amb_rest_sees"),
     Unseen("equilibrium.c", "i < amb_states(model)", _RESIDUAL, "amb_rest_sees"),
