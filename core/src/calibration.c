@@ -143,7 +143,7 @@ static void tie(const amb_calibration_base *base, amb_calibration_set *set)
 
 static void copy(const amb_real from[AMB_PARAMETERS], amb_real to[AMB_PARAMETERS])
 {
-  for (int n = 0; n < (int)AMB_PARAMETERS; n++) {
+  for (int n = 0; n < AMB_PARAMETERS; n++) {
     to[n] = from[n];
   }
 }

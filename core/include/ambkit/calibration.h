@@ -10,6 +10,7 @@
 #define AMBKIT_CALIBRATION_H
 
 #include "ambkit/control.h"
+#include "ambkit/scaled.h"
 #include <stdint.h>
 
 #ifdef __cplusplus

@@ -43,14 +43,6 @@ typedef struct amb_magnet {
 /* ---- Constant stiffness (paper, eq. 14): `self` is an amb_stiffness. ---- */
 extern const amb_magnet_methods amb_constant_magnet;
 
-/* ---- Another magnet's force, times a factor: `self` is an amb_scaled. ---- */
-typedef struct amb_scaled {
-  amb_magnet of;
-  amb_real scale; /* [1] */
-} amb_scaled;
-
-extern const amb_magnet_methods amb_scaled_magnet;
-
 #ifdef __cplusplus
 }
 #endif

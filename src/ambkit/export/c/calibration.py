@@ -19,7 +19,7 @@ from ambkit.export.c.limits import Limits, Number, limits
 from ambkit.machine.force_laws import bias_forces_of
 from ambkit.simulation.scenario import Scenario
 
-SOURCES = ("src/calibration.c", "src/magnet.c")
+SOURCES = ("src/calibration.c", "src/scaled.c")
 TEMPLATES = {"{}_calibration.h": "calibration.h", "{}_calibration.c": "calibration.c"}
 
 

@@ -269,7 +269,7 @@ def _casts(export: Export) -> tuple[str, ...]:
     if export.in_core is not None:
         stems += ["estimator", *export.in_core.casts]
         stems += ["control"] if export.controller is not None else []
-        stems += ["calibration"] if export.calibrated else []
+        stems += ["calibration", "scaled"] if export.calibrated else []
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
 
 

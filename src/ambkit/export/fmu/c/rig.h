@@ -2,6 +2,7 @@
 #ifndef AMBKIT_FMU_RIG_H
 #define AMBKIT_FMU_RIG_H
 
+#include "ambkit/scaled.h"
 #include "sim/plant.h"
 
 /* What does not change. */

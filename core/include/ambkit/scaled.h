@@ -1,0 +1,22 @@
+/* Another magnet's force, times a factor: `self` is an amb_scaled. */
+#ifndef AMBKIT_SCALED_H
+#define AMBKIT_SCALED_H
+
+#include "ambkit/magnet.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct amb_scaled {
+  amb_magnet of;
+  amb_real scale; /* [1] */
+} amb_scaled;
+
+extern const amb_magnet_methods amb_scaled_magnet;
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
