@@ -39,9 +39,14 @@ MOVED = Scenario(duration=0.3, reference=Sine(amplitude=2e-4, frequency=40.0))
 # ---- The plant
 
 
+def between(bearing: Bearing) -> dict[str, Any]:
+    """Return what is between the control and the force, as the plant takes it."""
+    (parts,) = plant_parts.axis_fields(bearing, None, None, 0.0, 4)["amplifiers"]
+    return parts
+
+
 def test_the_force_of_a_held_rotor_follows_as_a_first_order_lag() -> None:
-    fields = plant_parts.parts_of(LATE)
-    run = driven(np.full(40, 0.5), fields, m=HEAVY, substeps=16)
+    run = driven(np.full(40, 0.5), between(LATE), m=HEAVY, substeps=16)
     expected = 10.05 * 0.5 * (1 - np.exp(-1e-4 * np.arange(40) / LAG))
     np.testing.assert_allclose(run["force"], expected, atol=1e-7)
 
@@ -72,7 +77,7 @@ def test_the_rotor_moves_as_another_solver_says() -> None:
     T = 1e-4
     exact = solve_ivp(slope, (0, (n - 1) * T), [0.0] * 4, t_eval=T * np.arange(n),
                       method="DOP853", rtol=1e-12, atol=1e-18).y  # fmt: skip
-    run = driven(np.full(n, demanded), plant_parts.parts_of(bearing), f_d=1.0, substeps=16)
+    run = driven(np.full(n, demanded), between(bearing), f_d=1.0, substeps=16)
     assert exact[0].max() > 5e-5
     np.testing.assert_allclose(run["x"], exact[0], rtol=0, atol=1e-14)
     np.testing.assert_allclose(run["iu"], exact[2], rtol=0, atol=1e-8)
