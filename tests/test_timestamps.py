@@ -346,5 +346,6 @@ def test_no_loop_of_python_goes_over_the_rows():
     rows = np.datetime_as_string(np.datetime64("2024-05-03", "us") + np.arange(50_000))
     few, many = (lines_run(lambda n=n: timestamps.read(rows[:n].tolist(), "", "time", str))
                  for n in (2000, 50_000))  # fmt: skip
-    assert many < few + 2000
+    # A loop would be 48,000 more; what Python collects meanwhile runs lines of its own.
+    assert many < few + 20_000
     assert timestamps.read(rows.tolist(), "", "time", str).seconds[-1] == 0.049999

@@ -215,7 +215,7 @@ def with_error(value: float, error: float) -> str:
     """Print a plain number with its error, both to the place of the error's second digit."""
     if not math.isfinite(error):
         return f"{value:.3g}"
-    if max(abs(value), error) >= 1e12:
+    if abs(value) >= 1e12 or error >= 1e6:
         return f"{value:.3g} ± {error:.2g}"
     if error == 0:
         return f"{value:.4g} ± 0"
