@@ -137,9 +137,8 @@ def _filters(machine: Machine, k: int) -> tuple[list[KalmanFilter], int]:
         slow, k = machine, 1
     usual = KalmanFilter(slow).variances
     steps = np.array([reading.sensor.quantisation or 0.0 for reading in machine.long.readings])
-    R = (
-        np.array(usual.measurement) + (steps[0] if machine.single else steps) ** 2 / 4
-    )  # no interval
+    # A mean has no interval: its rounding is noise.
+    R = np.array(usual.measurement) + (steps[0] if machine.single else steps) ** 2 / 4
     turns = not machine.single and bool(machine.speed)
     return [
         KalmanFilter(

@@ -24,8 +24,7 @@ Counts = NDArray[np.int64]
 LEAST = 50
 """Samples that a step, or a load, must be followed by to be judged."""
 
-MOST_PLANS = 4096
-"""Of which so many are kept for runs that come later."""
+MOST_PLANS = 4096  #: That are kept for runs that come later.
 
 
 class Windows(NamedTuple):

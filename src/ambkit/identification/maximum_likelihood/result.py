@@ -224,7 +224,7 @@ class MaximumLikelihood(Result):
             for line in self.lines
         ]
         notes += [f"{remark[0].upper()}{remark[1:]}." for remark in (*self.touched, *self.remarks)]
-        notes += [*self._far_from_the_prior()]
+        notes += self._far_from_the_prior()
         if not self.converged:
             notes.append(
                 "The search did not converge to a maximum: give a closer initial "
