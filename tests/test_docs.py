@@ -4,7 +4,10 @@ That every snippet on the pages runs, and every reference leads somewhere, is ch
 build, which .ci/run does with warnings as errors.
 """
 
+import ast
+import json
 import re
+import subprocess
 import tomllib
 from importlib import import_module
 from importlib.metadata import version
@@ -98,6 +101,119 @@ def test_resolve_notices_what_does_not_exist():
     assert resolve("nowhere.at.all") is None
 
 
+# --- names of the package on pages, in examples, benchmarks and long tests
+
+DOTTED = re.compile(r"(?<![\w/.-])ambkit(?:\.[A-Za-z_]\w*)+")
+NO_NAMES = {"ambkit.sha256", "ambkit.toml"}  # files
+
+
+def python_names(source: str) -> set[str]:
+    """Return what Python takes from the package: what it imports, and attributes of that."""
+    if source.lstrip().startswith("%%"):  # another language
+        return set()
+    nodes = list(ast.walk(ast.parse(re.sub(r"(?m)^ *[%!].*", "", source))))
+    imported: dict[str, str] = {}
+    for node in nodes:
+        if isinstance(node, ast.ImportFrom) and str(node.module).split(".")[0] == "ambkit":
+            imported |= {a.asname or a.name: f"{node.module}.{a.name}" for a in node.names}
+        elif isinstance(node, ast.Import):
+            names = [a for a in node.names if a.name.split(".")[0] == "ambkit"]
+            imported |= {a.asname or a.name: a.name for a in names}
+    found = set(imported.values())
+    bound = {n.id for n in nodes if isinstance(n, ast.Name) and not isinstance(n.ctx, ast.Load)}
+    bound |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+    for node in nodes:
+        dotted = ast.unparse(node) if isinstance(node, ast.Attribute) else ""
+        first, _, rest = dotted.partition(".")
+        if first in imported and first not in bound and re.fullmatch(r"[\w.]+", rest):
+            found.add(f"{imported[first]}.{rest}")
+    return found
+
+
+def directive_names(text: str) -> set[str]:
+    """Return what the directives of a page of the reference document."""
+    module, found = "", set()
+    for directive, name in re.findall(r"^ *\.\. (\w+):: (\S+)$", text, re.MULTILINE):
+        if directive in ("currentmodule", "automodule"):
+            module = name
+            found.add(name)
+        elif directive.startswith("auto"):
+            found.add(name if name.startswith("ambkit.") else f"{module}.{name}")
+    return found
+
+
+def package_names(path: Path) -> set[str]:
+    """Return the names of the package that a page, a notebook or a file of Python uses."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".py":
+        return python_names(text)
+    if path.suffix == ".ipynb":
+        cells = [
+            "".join(cell["source"])
+            for cell in json.loads(text)["cells"]
+            if cell["cell_type"] == "code"
+        ]
+        return set().union(*map(python_names, cells))
+    if path.name == "changes.md":  # what it was called before is gone
+        text = re.sub(r"(?m)^\| .*? \|", "", text)
+    names = set(DOTTED.findall(text)) | directive_names(text)
+    snippets = re.findall(
+        r"^```+(?:python|\{code-cell\})[^\n]*\n(.*?)^```", text, re.DOTALL | re.MULTILINE
+    )
+    options = re.compile(r"\A(?:---\n(?:.*\n)*?---\n|(?::.*\n)*)")
+    return names.union(*(python_names(options.sub("", snippet)) for snippet in snippets))
+
+
+def missing(names: set[str]) -> list[str]:
+    """Return which of some names lead nowhere."""
+
+    def leads_nowhere(name: str) -> bool:
+        try:
+            return resolve(name) is None
+        except AttributeError:
+            return True
+
+    return sorted(name for name in names - NO_NAMES if leads_nowhere(name))
+
+
+LISTED = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
+USERS = [
+    name
+    for name in LISTED.stdout.split()
+    if name.endswith((".md", ".rst", ".py", ".ipynb"))
+    and not name.startswith(("src/", "tests/user/"))
+    and name not in ("CONTRIBUTING.md", "tests/test_contributing.py")  # their modules are to come
+]
+
+
+def test_names_on_pages_and_in_examples_exist():
+    used = {name: package_names(ROOT / name) for name in USERS}
+    assert len(used["docs/how-to/tune.md"]) > 2
+    assert len(used["examples/thread.ipynb"]) > 2
+    assert {name: gone for name, names in used.items() if (gone := missing(names))} == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.md", "Call {py:func}`ambkit.identify_all`."),
+        ("a.md", "```{code-cell}\n:tags: [a]\n\nfrom ambkit.base import nowhere\n```"),
+        ("a.rst", ".. currentmodule:: ambkit.export.c\n\n.. autofunction:: export_d"),
+        ("a.rst", ".. automodule:: ambkit.exports"),
+        ("a.py", "from ambkit.machine import bearing as b\n\nprint(b.Sensor.lags)"),
+        ("a.py", "import ambkit\n\nambkit.export.d()"),
+        (
+            "a.ipynb",
+            json.dumps({"cells": [{"cell_type": "code", "source": ["import ambkit.bases"]}]}),
+        ),
+    ],
+)
+def test_a_name_that_moved_is_noticed(tmp_path, name, text):
+    file = tmp_path / name
+    file.write_text(text, encoding="utf-8")
+    assert len(missing(package_names(file))) == 1
+
+
 # --- the floors of the house
 
 
@@ -120,14 +236,8 @@ def test_contributing_shows_the_floors_that_are_checked():
 
 
 def test_every_public_name_is_in_the_reference():
-    documented = set()
-    for page in (DOCS / "reference" / "api").glob("*.rst"):
-        module = ""
-        for directive, name in re.findall(r"^\.\. (\w+):: (\S+)$", page.read_text(), re.MULTILINE):
-            if directive == "currentmodule":
-                module = name
-            elif directive.startswith("auto"):
-                documented.add(f"{module}.{name}")
+    pages = (DOCS / "reference" / "api").glob("*.rst")
+    documented = set().union(*(directive_names(page.read_text()) for page in pages))
     public = {f"ambkit.{name}" for name in ambkit.__all__ if not name.startswith("_")}
     assert public - documented == set()
 

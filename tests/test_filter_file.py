@@ -101,7 +101,7 @@ def test_a_start_of_its_own(tmp_path: Path, record: Record) -> None:
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_raw_inputs_are_scaled_in_the_filter_s_precision(precision: ambkit.Precision) -> None:
+def test_raw_inputs_are_scaled_in_the_filter_s_precision(precision: str) -> None:
     kf = ambkit.KalmanFilter(BEARING, precision=precision)
     kf.inputs = Inputs(
         y=Scaling(unit="mm", sign=-1, offset="10 mm"),
