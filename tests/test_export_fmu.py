@@ -60,10 +60,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """Export an FMU, each one once."""
     folder, done = tmp_path_factory.mktemp("fmu"), {}
 
-    def make(kind: Any = "estimator", fmi: Any = 3, bearing: Bearing = BEARING) -> Path:
-        key = f"{bearing.name}-{kind}-{fmi}.fmu"
+    def make(
+        kind: Any = "estimator", fmi: Any = 3, bearing: Bearing = BEARING, **options: Any
+    ) -> Path:
+        key = f"{bearing.name}-{kind}-{fmi}-{'-'.join(map(str, options.values()))}.fmu"
         if key not in done:
-            done[key] = export_fmu(bearing, None, folder / key, kind=kind, fmi=fmi).path
+            done[key] = export_fmu(bearing, None, folder / key, kind=kind, fmi=fmi, **options).path
+            assert validate_fmu(str(done[key])) == []
         return done[key]
 
     return make
@@ -128,6 +131,23 @@ def check_estimate(result: Any, estimate: ambkit.Estimate, prefix: str = "") -> 
     for name in dict.fromkeys((*ESTIMATES, *estimate.names)):
         expected = estimate.status if name == "status" else estimate[names.get(name, name)]
         np.testing.assert_array_equal(result[prefix + name][1:], expected, name)
+
+
+def check_loop(path: Path, scenario: ambkit.Scenario, estimator: Any) -> None:
+    """Hold a closed loop in FMPy to the simulation with the same estimator."""
+    bearing = estimator.machine
+    run = simulate_run(bearing, scenario, estimator=estimator)
+    record = run.record
+    noise_u, noise_y = (noise[:, 0] for noise in drawn(bearing, scenario, len(record.t)))
+    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
+    found = simulated(path, bearing.sampling_time, {}, **inputs)
+    for name in ("x", "v", "x_m"):
+        np.testing.assert_array_equal(found[name][:-1], record[name], name)
+    for name in ("y", "u", "iu"):
+        np.testing.assert_array_equal(found[name][1:], record[name], name)
+    assert run.estimate is not None
+    check_estimate(found, run.estimate, "estimate.")
+    assert np.ptp(record["x"]) > 1e-5
 
 
 # ---- What the tools say ----
@@ -303,33 +323,6 @@ def test_a_plant_with_parts_in_fmpy_equals_the_library(bearing: Bearing, tmp_pat
     assert (record.meta["stop_touched"] > 0) == (bearing.stop is not None)
 
 
-EDDY = {"magnet__eddy_current_lag": "0.2 ms"}
-
-
-@pytest.mark.parametrize(
-    "changes", [PARTS | LATE, {"delay": "0.12 ms"}, EDDY], ids=["all", "late", "eddy"]
-)
-def test_a_closed_loop_with_parts_in_fmpy_equals_the_library(
-    changes: dict[str, Any], tmp_path: Path
-) -> None:
-    bearing = BEARING.replace(**changes)
-    scenario = disturbed(bearing)
-    run = simulate_run(bearing, scenario)
-    record = run.record
-    noise_u, noise_y = (noise[:, 0] for noise in drawn(bearing, scenario, len(record.t)))
-    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
-    path = export_fmu(
-        bearing, None, tmp_path / "loop.fmu", kind="closed-loop", scenario=scenario
-    ).path
-    found = simulated(path, bearing.sampling_time, {}, **inputs)
-    for name in ("x", "v", "x_m"):
-        np.testing.assert_array_equal(found[name][:-1], record[name], name)
-    for name in ("y", "u", "iu"):
-        np.testing.assert_array_equal(found[name][1:], record[name], name)
-    assert run.estimate is not None
-    check_estimate(found, run.estimate, "estimate.")
-
-
 # All that adds a state, and iron that saturates.
 STATES: dict[str, Any] = {
     "amplifier__bandwidth": "500 Hz",
@@ -355,73 +348,38 @@ def test_an_estimator_with_more_states_in_fmpy_equals_the_library(
     check_estimate(found, estimate)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        STATES,
-        PARTS
-        | STATES
-        | {
-            "rotor__clearance": "0.1 mm",
-            "sensor__runout": [{"order": 2, "amplitude": "3 um"}],
-        },
-    ],
-    ids=["soft", "stops"],
-)
-def test_a_closed_loop_with_more_states_in_fmpy_equals_the_library(
-    changes: dict[str, Any], tmp_path: Path
+SOFT = {"reference": ambkit.Step(amplitude=5e-5, time=2e-3)}
+STOPS = PARTS | STATES | {
+    "rotor__clearance": "0.1 mm", "sensor__runout": [{"order": 2, "amplitude": "3 um"}],
+}  # fmt: skip
+LOOPS: dict[str, tuple[Callable[[Path], Bearing], str, int, dict[str, Any]]] = {
+    "two-sided, FMI 2": (lambda _: BEARING, "linear", 2, {}),
+    "two-sided, FMI 3": (lambda _: BEARING, "linear", 3, {}),
+    "one-sided, FMI 2": (lambda _: ONE_SIDED, "linear", 2, {}),
+    "one-sided, FMI 3": (lambda _: ONE_SIDED, "linear", 3, {}),
+    "iron, FMI 2": (lambda _: IRON, "linear", 2, {}),
+    "iron, FMI 3": (lambda _: IRON, "linear", 3, {}),
+    "all parts": (lambda _: BEARING.replace(name="all", **PARTS, **LATE), "linear", 3, {}),
+    "late": (lambda _: BEARING.replace(name="late", delay="0.12 ms"), "linear", 3, {}),
+    "eddy current": (
+        lambda _: BEARING.replace(name="eddy", magnet__eddy_current_lag="0.2 ms"), "linear", 3, {},
+    ),
+    "more states": (lambda _: IRON.replace(name="soft", **STATES), "extended", 2, SOFT),
+    "more states and stops": (lambda _: IRON.replace(name="stops", **STOPS), "extended", 2, SOFT),
+    "force map": (lambda folder: Bearing.load(fe_map.written(folder)), "extended", 3, {}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_closed_loop_in_fmpy_equals_the_library(
+    made: Callable[..., Path], name: str, tmp_path: Path
 ) -> None:
-    bearing = IRON.replace(**changes)
-    scenario = disturbed(bearing).replace(reference=ambkit.Step(amplitude=5e-5, time=2e-3))
-    run = simulate_run(bearing, scenario, estimator=REGISTRY["extended"].make(bearing))
-    record = run.record
-    noise_u, noise_y = (noise[:, 0] for noise in drawn(bearing, scenario, len(record.t)))
-    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
-    made = export_fmu(
-        bearing, None, tmp_path / "loop.fmu", kind="closed-loop", fmi=2, filter="extended",
-        scenario=scenario,
-    )  # fmt: skip
-    assert validate_fmu(str(made.path)) == []
-    found = simulated(made.path, bearing.sampling_time, {}, **inputs)
-    for name in ("x", "v", "x_m"):
-        np.testing.assert_array_equal(found[name][:-1], record[name], name)
-    assert run.estimate is not None
-    check_estimate(found, run.estimate, "estimate.")
-    assert np.ptp(record["x"]) > 1e-5
-
-
-def test_a_force_map_is_plant_and_what_the_filter_knows(tmp_path: Path) -> None:
-    bearing = Bearing.load(fe_map.written(tmp_path))
-    scenario = disturbed(bearing)
-    run = simulate_run(bearing, scenario, estimator=REGISTRY["extended"].make(bearing))
-    record = run.record
-    noise_u, noise_y = (noise[:, 0] for noise in drawn(bearing, scenario, len(record.t)))
-    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
-    export_fmu(bearing, None, tmp_path / "map.fmu", kind="closed-loop", filter="extended",
-               scenario=scenario)  # fmt: skip
-    found = simulated(tmp_path / "map.fmu", bearing.sampling_time, {}, **inputs)
-    for name in ("x", "v", "x_m"):
-        np.testing.assert_array_equal(found[name][:-1], record[name], name)
-    assert np.ptp(record["x"]) > 1e-5
-
-
-@pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED, IRON], ids=lambda b: b.name)
-def test_closed_loop_in_fmpy_equals_the_library(
-    made: Callable[..., Path], bearing: Bearing, fmi: int
-) -> None:
-    scenario = disturbed(bearing)
-    run = simulate_run(bearing, scenario)
-    record = run.record
-    noise_u, noise_y = (noise[:, 0] for noise in drawn(bearing, scenario, len(record.t)))
-    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
-    found = simulated(made("closed-loop", fmi, bearing), bearing.sampling_time, {}, **inputs)
-    for name in ("x", "v", "x_m"):
-        np.testing.assert_array_equal(found[name][:-1], record[name], name)
-    for name in ("y", "u", "iu"):
-        np.testing.assert_array_equal(found[name][1:], record[name], name)
-    assert run.estimate is not None
-    check_estimate(found, run.estimate, "estimate.")
+    bearing_of, kind, fmi, changes = LOOPS[name]
+    bearing = bearing_of(tmp_path)
+    scenario = disturbed(bearing).replace(**changes)
+    options = {} if kind == "linear" and bearing in (BEARING, ONE_SIDED, IRON) else {"filter": kind}
+    path = made("closed-loop", fmi, bearing, **options)
+    check_loop(path, scenario, REGISTRY[kind].make(bearing))
 
 
 def test_a_scenario_s_controller_closes_the_loop(command: Command, tmp_path: Path) -> None:
@@ -431,16 +389,7 @@ def test_a_scenario_s_controller_closes_the_loop(command: Command, tmp_path: Pat
     out = tmp_path / "loop.fmu"
     words = ("--kind", "closed-loop", "--scenario", str(tmp_path / "run.toml"))
     assert command(*words, "--filter", "closed-law", "--out", str(out)).code == 0
-    estimator = AdaptiveKalmanFilter(BEARING, ClosedLaw(BEARING))
-    run = simulate_run(BEARING, scenario, estimator=estimator)
-    noise_u, noise_y = (noise[:, 0] for noise in drawn(BEARING, scenario, len(run.record.t)))
-    inputs = {"r": run.record["r"], "f_d": run.record["f_d"]}
-    inputs |= {"noise_u": noise_u, "noise_y": noise_y}
-    found = simulated(out, BEARING.sampling_time, {}, **inputs)
-    np.testing.assert_array_equal(found["u"][1:], run.record["u"])
-    np.testing.assert_array_equal(found["x"][:-1], run.record["x"])
-    assert run.estimate is not None
-    check_estimate(found, run.estimate, "estimate.")
+    check_loop(out, scenario, AdaptiveKalmanFilter(BEARING, ClosedLaw(BEARING)))
 
 
 @pytest.mark.skipif(not shutil.which("cmake") or not shutil.which("make"), reason="cmake and make")
