@@ -754,13 +754,13 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
     def stand_in(out, *, seed, progress):
         progress("chapter 1")
         assert seed == 3
-        return reproduction.Outcome(Path(out), [row])
+        return reproduction.Reproduction(Path(out), [row])
 
     monkeypatch.setattr(reproduction, "reproduce", stand_in)
     found = call("reproduce", "--out", "there", "--seed", "3")
     assert "agrees" in found.out
     assert f"wrote {Path('there', 'report.html')}" in found.err
-    assert call("reproduce", "--out", "there", "--seed", "3", "--json").json == [row]
+    assert call("reproduce", "--out", "there", "--seed", "3", "--json").json["summary"] == [row]
 
 
 # What is refused

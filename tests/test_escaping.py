@@ -45,6 +45,7 @@ from ambkit.result.report import (
     write_report,
 )
 from ambkit.result.report import Text as Paragraph
+from ambkit.result.table import table
 from tests.hostile import NOT_PRINTABLE, TEXTS, Page, called
 
 BEARING = Bearing.preset("zittau_axial")
@@ -297,7 +298,7 @@ def test_pictures_of_a_log_bear_any_name(text: str, tmp_path: Path) -> None:
 def test_errors_and_tables_do_not_move_the_cursor(text: str, capsys: Any, tmp_path: Path) -> None:
     assert escaping.lines(text) == str(AmbkitError(text))
     printing.note(text)
-    printing.show([printing.table(text, [text, text], [[text, "[red]1[/red]"]]), text])
+    printing.show([table(text, [text, text], [[text, "[red]1[/red]"]]), text])
     printing.deliver({"name": text}, [], as_json=True)
     said = capsys.readouterr()
     for stream in said:

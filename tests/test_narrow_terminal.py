@@ -2,13 +2,15 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from ambkit.base.units import engineering
 from ambkit.cli import printing
-from ambkit.result.report.terminal import print_summary
+from ambkit.result.table import table
+from ambkit.workflow.reproduction import Reproduction
 
 FILTERS = "linear,steady-state,observer,low-pass,extended"
 EACH = " ".join(f"--filter {name}" for name in FILTERS.split(","))
@@ -22,10 +24,10 @@ def _seen(text):
 def _wide(tables):
     """Return the words of all cells, as they are in a terminal with room for all."""
     words = []
-    for table in tables:
-        if not isinstance(table, str):
-            cells = [cell for row in [table.headers, *table.rows] for cell in row]
-            words += _seen(" ".join([table.title, *cells]))
+    for of in tables:
+        if not isinstance(of, str):
+            cells = [cell for row in [of.headers, *of.rows] for cell in row]
+            words += _seen(" ".join([of.title, *cells]))
     return words
 
 
@@ -105,7 +107,7 @@ def test_columns_that_have_no_room_come_below(narrow, capsys):
     narrow(44)
     heads = ["", *(f"a-long-name-{k}" for k in range(5))]
     row = [engineering(k / 7, "m", digits=6) for k in range(5)]
-    printing.show([printing.table("Errors", heads, [["first row", *row], ["second", *row]])])
+    printing.show([table("Errors", heads, [["first row", *row], ["second", *row]])])
     out = capsys.readouterr().out
     assert max(map(len, out.splitlines())) <= 44
     for word in (*heads, *row):
@@ -113,13 +115,14 @@ def test_columns_that_have_no_room_come_below(narrow, capsys):
     assert out.count("first row") == 3
 
 
-def test_summary_of_the_paper_cuts_nothing(capsys):
+def test_summary_of_the_paper_cuts_nothing(narrow, capsys):
     row = {
         "id": "figure8.rms", "what": "root mean square of the error of the speed, adaptive filter",
         "paper": 0.123456789, "ours": 1.23456789e-5, "unit": "mm/s",
         "verdict": "agrees", "runs": None, "spread": None,
     }  # fmt: skip
-    print_summary([row], Console(width=60))
+    narrow(60)
+    printing.show(printing.on_screen(Reproduction(Path("out"), [row]), verbose=False))
     out = capsys.readouterr().out
     assert "…" not in out
     assert set(row["what"].split()) <= set(_seen(out))

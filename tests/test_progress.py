@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import ambkit
-from ambkit.base.progress import in_notebook, progress, reporting, shown_in_notebooks
+from ambkit.base.progress import in_notebook, progress, reporting
 
 
 @pytest.fixture
@@ -85,14 +85,3 @@ def test_who_tells_is_not_told_by_a_bar(notebook: list[Any]) -> None:
 def test_long_functions_show_it_by_themselves(notebook: list[Any]) -> None:
     ambkit.inject_faults("zittau_axial", ["linear"], faults=["knock"], samples=0)
     assert any("knock" in each["text/html"] for each in notebook)
-
-    @shown_in_notebooks("adding", by="note")
-    def add(a: int, b: int, *, note: Any = None) -> int:
-        note("so far")
-        return a + b
-
-    assert add(1, b=2) == 3
-    assert any("so far" in each["text/html"] for each in notebook)
-    notebook.clear()
-    assert add(1, 2, note=lambda text: None) == 3
-    assert notebook == []

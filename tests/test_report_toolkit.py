@@ -2,7 +2,6 @@
 
 import base64
 import gzip
-import io
 import itertools
 import json
 import os
@@ -23,6 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambkit.base.errors import AmbkitError
+from ambkit.cli import printing
 from ambkit.data.reading import RejectedLog, read
 from ambkit.data.reading.reading_figure import reading_figure
 from ambkit.data.reading.rejected_log_figure import refused_figure
@@ -58,7 +58,7 @@ from ambkit.result.report.decimate import decimate
 from ambkit.result.report.figure import paper_style
 from ambkit.result.report.items import BUCKETS
 from ambkit.result.report.page import render_page
-from ambkit.result.report.terminal import print_summary
+from ambkit.workflow.reproduction import Reproduction
 
 TIME = Axis("time $t$", "s")
 
@@ -870,12 +870,10 @@ def test_numbers_are_written_for_humans(value, text):
 
 
 @pytest.mark.parametrize("width", [60, 100])
-def test_terminal_table_fits_and_tells_the_verdict_without_colour(width):
-    from rich.console import Console
-
-    out = io.StringIO()
-    print_summary(ROWS, Console(file=out, width=width))
-    text = out.getvalue()
+def test_terminal_table_fits_and_tells_the_verdict_without_colour(width, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", str(width))
+    printing.show(printing.on_screen(Reproduction(Path("out"), ROWS), verbose=False))
+    text = capsys.readouterr().out
     assert max(map(len, text.splitlines())) <= width
     assert "✓ agrees" in text
     assert "≠ differs" in text

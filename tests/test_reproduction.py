@@ -29,7 +29,7 @@ def outcome(tmp_path_factory):
 
 
 def by_id(outcome):
-    return {row["id"]: row for row in outcome.rows}
+    return {row["id"]: row for row in outcome.summary}
 
 
 def table(path):
@@ -49,14 +49,14 @@ def test_everything_is_written(outcome):
 
 def test_summary_file_is_the_list_that_is_returned(outcome):
     rows = json.loads((outcome.folder / "summary.json").read_text())
-    assert rows == outcome.rows
+    assert rows == outcome.summary
     columns = {"id", "what", "paper", "ours", "unit", "verdict", "spread", "runs"}
     assert all(set(r) == columns for r in rows)
     assert len({r["id"] for r in rows}) == len(rows)
 
 
 def test_nothing_is_missed(outcome):
-    assert [r["id"] for r in outcome.rows if r["verdict"] in ("missed", "differs")] == []
+    assert [r["id"] for r in outcome.summary if r["verdict"] in ("missed", "differs")] == []
 
 
 @pytest.mark.parametrize(
@@ -93,13 +93,13 @@ def test_the_expert_reaches_its_goals(outcome):
 
 
 def test_what_chance_has_a_part_in_is_of_twenty_runs_or_says_that_it_is_one(outcome):
-    for row in outcome.rows:
+    for row in outcome.summary:
         if row["spread"] is not None:
             assert row["runs"] >= 20
             assert row["spread"] > 0
         elif row["id"].startswith("recording"):
             assert row["runs"] == 1
-    counted = {row["id"] for row in outcome.rows if row["spread"] is not None}
+    counted = {row["id"] for row in outcome.summary if row["spread"] is not None}
     assert {"linear.nis", "fig12.noisy", "gain.linear", "fig13.k_i", "chain.learned"} < counted
 
 

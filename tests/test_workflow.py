@@ -7,13 +7,13 @@ import pytest
 
 import ambkit
 from ambkit.cli.main import main
-from ambkit.cli.printing import plain
 from ambkit.estimate.named import USUAL, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.fuzzy.training import train
 from ambkit.identification.noise import standstill_noise
 from ambkit.judge.comparison.study import study
 from ambkit.machine.forces.force_points import load_force_points
+from ambkit.result.plain import plain
 from ambkit.workflow import compare_steps, training
 from ambkit.workflow.filter import filter as filter_record
 from ambkit.workflow.filter import stretch_to_tune_on

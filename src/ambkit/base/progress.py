@@ -7,15 +7,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 from ambkit.base import escaping
 
 Told = Callable[..., None]  #: Called after each step, with a text that says what is done next.
-
-Wanted = ParamSpec("Wanted")
-Result = TypeVar("Result")
 
 _REDRAWN = 0.1  # s between two pictures in a notebook; each one is a message to the browser
 
@@ -90,25 +86,6 @@ def reporting(
     if done is None and in_notebook():
         return progress(what, total, **options)
     return nullcontext(done or _silent)
-
-
-def shown_in_notebooks(
-    what: str, by: str
-) -> Callable[[Callable[Wanted, Result]], Callable[Wanted, Result]]:
-    """Decorate a function that tells how far it is: a notebook shows a bar where nobody is told."""
-
-    def decorate(work: Callable[Wanted, Result]) -> Callable[Wanted, Result]:
-        @wraps(work)
-        def shown(*args: Wanted.args, **kwargs: Wanted.kwargs) -> Result:
-            if by in kwargs or not in_notebook():
-                return work(*args, **kwargs)
-            with progress(what) as tell:
-                kwargs[by] = tell
-                return work(*args, **kwargs)
-
-        return shown
-
-    return decorate
 
 
 def in_notebook() -> bool:

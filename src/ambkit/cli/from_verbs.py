@@ -27,7 +27,7 @@ from ambkit.cli.catalogue import (
     within,
 )
 
-PLAIN = ("Document", "Statement", "Outcome")
+PLAIN = ("Document", "Statement")
 """Types of results that have neither pictures nor figures for experts."""
 
 OPERANDS = ("records", "name")
@@ -253,7 +253,8 @@ def run(name: str, arguments: Sequence[str]) -> int:
     files += [(path, lambda path: result.figures()[0].save(path)) for path in plots]
     if returns(verb) in PLAIN:
         return printing.deliver_document(result, files, as_json=as_json)
-    printing.deliver_result(result, files, as_json=as_json, verbose=verbose)
+    screen = printing.on_screen(result, verbose=verbose)
+    printing.deliver(result.to_dict(), screen, files, as_json=as_json)
     if as_json:  # else it is among the notes
         printing.say_adequacy(result)
     return 0 if getattr(result, "passed", True) else 1

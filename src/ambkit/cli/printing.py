@@ -13,11 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import escaping
-from ambkit.base.progress import progress as progress
-from ambkit.result.plain import plain as plain
-from ambkit.result.table import Table as Table
-from ambkit.result.table import screen_width
-from ambkit.result.table import table as table
+from ambkit.result.plain import plain
+from ambkit.result.table import Table, screen_width
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,7 +22,7 @@ if TYPE_CHECKING:
     from ambkit.base.errors import AmbkitError
     from ambkit.result.result import Result
 
-File = tuple[Path | None, Callable[[Path], object]]
+File = tuple[Path, Callable[[Path], object]]
 
 written: list[Path] = []
 """The files that this call has written so far, for the message when it is interrupted."""
@@ -36,9 +33,8 @@ def deliver(
 ) -> None:
     """Write the files, print the results, and say where the files are."""
     for path, write in files:
-        if path is not None:
-            write(path)
-            written.append(path)
+        write(path)
+        written.append(path)
     if as_json:
         if isinstance(data, dict) and files:
             data = data | {"files": [str(path) for path in written]}
@@ -50,29 +46,6 @@ def deliver(
         show(tables)
     for path in written:
         note(f"wrote {path}")
-
-
-def deliver_result(
-    result: Result,
-    files: Sequence[File] = (),
-    *,
-    as_json: bool,
-    verbose: bool | None = None,
-    plot: Path | None = None,
-    report: Path | None = None,
-    more: Mapping[str, Any] | None = None,
-) -> None:
-    """Write a result's files, print it, and say where the files are."""
-    from ambkit.result.page import write_result
-
-    outputs: list[File] = [
-        *files,
-        (plot, lambda path: result.figures()[0].save(path)),
-        (report, lambda path: write_result([result], path)),
-    ]
-    deliver(
-        result.to_dict() | dict(more or {}), told(result, verbose=verbose), outputs, as_json=as_json
-    )
 
 
 def deliver_document(result: Any, files: Sequence[File], *, as_json: bool) -> int:
@@ -104,15 +77,14 @@ def draw_refused(error: AmbkitError, plots: Sequence[Path]) -> None:
         note(f"wrote {path}: what could be read, and where the trouble is; no record is written")
 
 
-def told(result: Result, *, verbose: bool | None = None) -> Iterator[Table | str]:
+def on_screen(result: Result, *, verbose: bool) -> Iterator[Table | str]:
     """Yield what a terminal shows: the finding, the tables, the notes."""
     from ambkit.result.tables import remarks, tables
 
     yield f"{result.finding}\n"
-    yield from tables(result, verbose=bool(verbose))
-    yield from remarks(result, verbose=bool(verbose))
-    # None where the command has no such option.
-    hidden = sum(row.detail for row in result.rows) if verbose is False else 0
+    yield from tables(result, verbose=verbose)
+    yield from remarks(result, verbose=verbose)
+    hidden = 0 if verbose else sum(row.detail for row in result.rows)
     if hidden:
         yield f"--verbose shows {hidden} more row{'s' * (hidden > 1)}."
 
@@ -174,10 +146,3 @@ def heed_notes() -> None:
     if not notes.handlers:
         notes.addHandler(Notes())
         notes.propagate = False
-
-
-def value(number: Any, unit: str, digits: int = 4, like: float | None = None) -> str:
-    """Print a value in SI as an engineer writes it; a dash where there is none."""
-    from ambkit.base.units import figure
-
-    return figure(number, unit, digits, like)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from ambkit.verbs.words import Folder
 
 if TYPE_CHECKING:
-    from ambkit.workflow.reproduction import Outcome
+    from ambkit.workflow.reproduction import Reproduction
 
 
-def reproduce(out: Folder = "out", *, seed: int = 0, open: bool = False) -> Outcome:
+def reproduce(out: Folder = "out", *, seed: int = 0, open: bool = False) -> Reproduction:
     """Reproduce the paper.
 
     Writes report.html, figures/, tables/ and summary.json, and prints the verdicts.
@@ -26,7 +26,7 @@ def reproduce(out: Folder = "out", *, seed: int = 0, open: bool = False) -> Outc
 
     Returns
     -------
-    Outcome
+    Reproduction
         The verdicts and the folder.
 
     Raises

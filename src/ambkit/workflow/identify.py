@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.quantity_arguments import Given, all_of_type, in_si, of_type
 from ambkit.data.record import Record
 from ambkit.identification.forces.force_map import force_map
@@ -47,7 +46,6 @@ def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> t
     return tuple(names)
 
 
-@shown_in_notebooks("identifying", by="note")
 def identify(
     machine: Machine,
     records: Record | Sequence[Record],

@@ -5,21 +5,21 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ambkit.base import files, installed
-from ambkit.base.progress import shown_in_notebooks
-from ambkit.result.table import screen_width
+from ambkit.result.report import Figure, Report, SummaryRow, write_report
+from ambkit.result.report.summary import number, ours, tally, verdict_of
+from ambkit.result.result import Result
+from ambkit.result.row import Row
 
 if TYPE_CHECKING:
     from paper.study import Part, Study
-
-    from ambkit.result.report.blocks import Report
-    from ambkit.result.report.summary import SummaryRow
 
 CHAPTERS = (
     "linear", "adaline", "lsm", "expert", "adaptive", "gain", "sampling", "chain", "errata",
@@ -28,44 +28,60 @@ CHAPTERS = (
 """In the order of the report; each a module, and a function of its name."""
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """Where a reproduction went, and what it found."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Reproduction(Result):
+    """Verdicts on what the paper prints, and where the report is."""
 
-    folder: Path
-    rows: list[SummaryRow]
+    folder: Path  #: Of the report, its figures and tables.
+    summary: Sequence[SummaryRow]  #: The lines of ``summary.json``.
+    pictures: Sequence[Figure] = ()  #: Those of the report.
+
+    TITLE = "The paper, reproduced"
 
     @property
     def path(self) -> Path:
         """The report."""
         return self.folder / "report.html"
 
-    def __str__(self) -> str:
-        from io import StringIO
+    @property
+    def finding(self) -> str:
+        """How often each verdict was given."""
+        verdicts = ", ".join(f"{count} × {word}" for word, count in tally(self.summary))
+        return f"{self.title}: {verdicts}."
 
-        from rich.console import Console
+    @property
+    def rows(self) -> list[Row]:
+        """The paper's value, ours and the verdict; the text before a colon is the section."""
+        results = []
+        for line in self.summary:
+            head, _, name = line["what"].rpartition(": ")
+            unit, verdict = f" {line['unit']}".rstrip(), verdict_of(line)
+            values = {
+                "paper": None if line["paper"] is None else number(line["paper"]) + unit,
+                "ours": ours(line) + unit,
+                "verdict": f"{verdict.sign} {line['verdict']}",
+            }
+            results += [Row(line["id"], name, value, of=of, section=(head,))
+                        for of, value in values.items()]  # fmt: skip
+        return results
 
-        from ambkit.result.report.terminal import print_summary
+    @property
+    def series(self) -> dict[str, Any]:
+        """The lines of ``summary.json``, with all digits."""
+        return {"summary": list(self.summary)}
 
-        text = StringIO()
-        print_summary(self.rows, Console(file=text, width=screen_width()))
-        return text.getvalue()
-
-    def to_dict(self) -> list[SummaryRow]:
-        """Return the verdicts as plain data."""
-        return self.rows
+    def figures(self) -> Sequence[Figure]:
+        """Return those of the report."""
+        return self.pictures
 
 
-@shown_in_notebooks("reproducing the paper", by="progress")
 def reproduce(
     out: str | os.PathLike[str],
     *,
     seed: int = 0,
     progress: Callable[[str], None] = lambda _message: None,
-) -> Outcome:
+) -> Reproduction:
     """Reproduce the paper's tables and figures, and judge them."""
-    from ambkit.result.report.page import write_report
-
     _find_chapters()
     from paper.study import Study
 
@@ -79,10 +95,11 @@ def reproduce(
         for part in parts:
             for name, text in part.tables.items():
                 files.write_text(temporary / "tables" / name, text)
-        write_report(_report(study, parts, rows, seed), temporary, progress)
+        report = _report(study, parts, rows, seed)
+        write_report(report, temporary, progress)
         summary = json.dumps(rows, indent=2, ensure_ascii=False)
         files.write_text(temporary / "summary.json", f"{summary}\n")
-    return Outcome(folder, rows)
+    return Reproduction(folder, rows, report.figures)
 
 
 def _find_chapters() -> None:
@@ -94,11 +111,7 @@ def _find_chapters() -> None:
 
 def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) -> Report:
     """Put the chapters together."""
-    from importlib.metadata import version
-
     from paper.study import SEEDS
-
-    from ambkit.result.report.blocks import Report
 
     return Report(
         title="Adaptive Kalman filter for active magnetic bearings",

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.units import engineering
 from ambkit.fuzzy.cross_validation import (
     choose_model,
@@ -68,7 +67,6 @@ def check_within_gap(bearing: Bearing, points: ForcePoints) -> None:
         )
 
 
-@shown_in_notebooks("finding the force", by="note")
 def measured_force(
     bearing: Bearing,
     points: ForcePoints,
@@ -92,7 +90,6 @@ def measured_force(
     return MeasuredForce(surface, stiffness, choice, law_error is not None)
 
 
-@shown_in_notebooks("training the expert", by="note")
 def train_expert(
     bearing: Bearing,
     shape: Shape = RULES,
