@@ -148,7 +148,7 @@ def test_no_good_filter_of_a_machine_is_accused(plant: Machine) -> None:
 
 @pytest.mark.parametrize("plant", GOOD)
 def test_no_good_filter_is_accused(plant: Any) -> None:
-    axis = isinstance(plant, Bearing)
+    axis = plant.single
     for name, kind in KINDS.items():
         if name == "adaptive" or not (axis or (kind.estimator.several_axes and name != "table")):
             continue  # which is trained for seconds

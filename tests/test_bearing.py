@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.identification.forces.lift_off import fit_lift_off, load_points
-from ambkit.machine import bearing as bearing_module
+from ambkit.machine import parts as parts_module
 from ambkit.machine import presets
-from ambkit.machine.bearing import GRAVITY, MU_0, Amplifier, Magnet, Rotor, Sensor, magnet_constant
 from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import magnet_of
+from ambkit.machine.parts import GRAVITY, MU_0, Amplifier, Magnet, Rotor, Sensor, magnet_constant
 
 SIX_MISTAKES = """\
 name = "mine"
@@ -358,7 +358,7 @@ def test_the_json_schema_knows_both_ways_to_give_the_magnet() -> None:
 
 
 def test_docstring_examples() -> None:
-    assert doctest.testmod(bearing_module).failed == 0
+    assert doctest.testmod(parts_module).failed == 0
 
 
 # ---- What a bearing can have beside ----

@@ -24,7 +24,7 @@ from ambkit.export.pil import boards
 from ambkit.fuzzy.training import train
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.identification.forces.lift_off import load_points
-from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.parts import GRAVITY
 from ambkit.machine.stiffness import stiffness_map
 from tests.test_coil import stepped
 
@@ -987,7 +987,7 @@ def test_filter_says_when_a_record_is_not_of_the_bearing(call, made):
 def test_identify_replaces_what_turns_and_area_gave(call, made):
     bearing = ambkit.Bearing.preset("zittau_axial")
     turns = 100
-    area = 4 * bearing.magnet.magnet_constant / (ambkit.machine.bearing.MU_0 * turns**2)
+    area = 4 * bearing.magnet.magnet_constant / (ambkit.machine.parts.MU_0 * turns**2)
     wound = bearing.to_toml().replace(
         next(line for line in bearing.to_toml().splitlines() if line.startswith("magnet_constant")),
         f'turns = {turns}\npole_area = "{area!r} m^2"',

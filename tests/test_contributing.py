@@ -149,7 +149,7 @@ def test_the_law_has_its_class_and_keys(law: Path) -> None:
         law,
         """
 from types import SimpleNamespace
-from ambkit.machine.bearing import Magnet
+from ambkit.machine.parts import Magnet
 from ambkit.machine.laws import LAWS
 magnet = SimpleNamespace(saturation=None, force_constant=12.0, reach=None)
 print(*(law.parameters_of(magnet) for law in LAWS if law.holds_for(magnet)))

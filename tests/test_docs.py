@@ -95,7 +95,7 @@ def header(anchor: str) -> str:
 
 def test_resolve_notices_what_does_not_exist():
     assert resolve("ambkit.KalmanFilter.predict")
-    assert resolve("ambkit.machine.bearing.Sensor.lag")
+    assert resolve("ambkit.machine.parts.Sensor.lag")
     with pytest.raises(AttributeError):
         resolve("ambkit.KalmanFilter.foresee")
     assert resolve("nowhere.at.all") is None

@@ -17,8 +17,8 @@ from scipy.io import loadmat
 import ambkit
 from ambkit import Bearing, KalmanFilter
 from ambkit.export.mat import export_mat
-from ambkit.machine.bearing import FILES
 from ambkit.machine.magnets import evaluate_force, evaluate_stiffness
+from ambkit.machine.parts import FILES
 from ambkit.machine.stiffness import stiffness_map
 
 BEARINGS = [Bearing.preset("zittau_axial"), Bearing.preset("inteco_ml")]

@@ -26,7 +26,7 @@ from ambkit.identification.forces.lift_off import (
     save_points,
 )
 from ambkit.identification.noise import measurement_noise
-from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.parts import GRAVITY
 
 MASS, CONSTANT, OFFSET = 0.06054, 1.0e-4, 2.1e-3
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco"

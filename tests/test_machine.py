@@ -178,3 +178,10 @@ def test_a_machine_with_one_axis_is_written_short_and_read_either_way(tmp_path: 
         path.write_text(text, encoding="utf-8")
         assert load_machine(path) == axis
     assert load_machine("tum_mlps") == Machine.preset("tum_mlps")
+
+
+def test_a_part_of_an_axis_is_found_where_there_is_one() -> None:
+    axis = Bearing.preset("zittau_axial")
+    assert axis.long.magnet is axis.magnet
+    with pytest.raises(AttributeError, match=r'it has several axes: use machine\["A1"\]'):
+        _ = Machine.preset("tum_mlps").amplifier

@@ -17,8 +17,8 @@ from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import _Search, chosen, holding
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.judge.whirl_modes import stiffnesses
-from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.parts import GRAVITY
 from ambkit.models import exponential
 from ambkit.models.continuous import continuous, open_loop
 from ambkit.models.machine_parts import machine_model

@@ -22,9 +22,9 @@ from ambkit import (
 )
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
-from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import Bank, isolated_axes, weights_of
 from ambkit.machine.magnets import magnet_of
+from ambkit.machine.parts import GRAVITY
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Ramp, Step

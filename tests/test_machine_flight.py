@@ -23,8 +23,8 @@ from machine_cases import (
 )
 
 from ambkit import AmbkitError, Machine, Scenario, magnet_of, simulate
-from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import core_module
+from ambkit.machine.parts import GRAVITY
 from ambkit.models.plant import Plant
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run

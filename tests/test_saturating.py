@@ -24,8 +24,8 @@ from ambkit.export.c import export_c
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.online.adaline import as_ideal, is_ideal
 from ambkit.identification.online.magnet_constant import identify_online
-from ambkit.machine.bearing import IRON, MU_0
 from ambkit.machine.magnets import core_module
+from ambkit.machine.parts import IRON, MU_0
 from ambkit.simulation.run import simulate_run
 from models.laws.law import Function, check
 from models.laws.saturating import saturating

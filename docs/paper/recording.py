@@ -19,9 +19,9 @@ from ambkit.fuzzy.training import train
 from ambkit.identification.forces.lift_off import LiftOff, LiftOffFit, fit_lift_off, load_points
 from ambkit.judge.comparison import ConstantVelocityFilter
 from ambkit.judge.evaluation import LAGS, Evaluation, evaluate
-from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
+from ambkit.machine.parts import GRAVITY
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.result.report import Axis, Figure, Line, Panel, Points, Rule
 from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
@@ -53,14 +53,14 @@ class Rig:
     @cached_property
     def fit(self) -> LiftOffFit:
         """The law fitted to the usable points in the range."""
-        mass = Bearing.preset("inteco_ml").rotor.mass
+        mass = Machine.preset("inteco_ml").rotor.mass
         return fit_lift_off(self.points, mass, gap_range=FIT_RANGE)
 
     @cached_property
-    def bearing(self) -> Bearing:
+    def bearing(self) -> Machine:
         """The preset with the law just fitted. The logs count iu from the preset's bias current."""
         gap, _ = self.fit.operating_point(WORK_GAP)
-        return Bearing.preset("inteco_ml").replace(
+        return Machine.preset("inteco_ml").replace(
             magnet__magnet_constant=self.fit.magnet_constant, magnet__air_gap=gap
         )
 

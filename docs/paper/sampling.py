@@ -12,7 +12,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.judge.comparison import compare
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Figure, Line, Panel
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
 from ambkit.simulation.run import simulate
@@ -102,25 +102,25 @@ def sampling(study: Study) -> Part:
     )  # fmt: skip
 
 
-def fast_sensor(bearing: Bearing) -> Bearing:
+def fast_sensor(bearing: Machine) -> Machine:
     """Return a bearing with an ordinary eddy-current probe: 20 µs, 0.5 µm."""
     return bearing.replace(sensor__lag=20e-6, sensor__noise_variance=0.25e-12)
 
 
-def lead(bearing: Bearing) -> float:
+def lead(bearing: Machine) -> float:
     """Return how far eq. 19 puts an estimate ahead of the rotor [s]."""
     T, lag = bearing.sampling_time, bearing.sensor.lag
     return T / -math.expm1(-T / lag) - lag
 
 
-def _record(study: Study, bearing: Bearing, seed: int) -> Record:
+def _record(study: Study, bearing: Machine, seed: int) -> Record:
     """Return the step, in a loop that no filter takes part in."""
     scenario = study.scenario(STEP, LOAD, seed=seed)
     measured = scenario.controller.model_copy(update={"feedback": "measurement"})
     return simulate(bearing, scenario.model_copy(update={"controller": measured}))
 
 
-def _estimates(study: Study, bearing: Bearing, record: Record) -> dict[str, Estimate]:
+def _estimates(study: Study, bearing: Machine, record: Record) -> dict[str, Estimate]:
     return {
         name: ExtendedKalmanFilter(
             bearing, noise=study.noise, as_printed=name == PRINTED
@@ -129,7 +129,7 @@ def _estimates(study: Study, bearing: Bearing, record: Record) -> dict[str, Esti
     }  # fmt: skip
 
 
-def _errors(study: Study, bearing: Bearing, seed: int) -> tuple[float, ...]:
+def _errors(study: Study, bearing: Machine, seed: int) -> tuple[float, ...]:
     """Position of raw sensor, as printed, exact [m]; disturbance force of both [N]."""
     record = _record(study, bearing, seed)
     estimates = _estimates(study, bearing, record)
@@ -146,7 +146,7 @@ def _errors(study: Study, bearing: Bearing, seed: int) -> tuple[float, ...]:
     )
 
 
-def _alike(study: Study, bearing: Bearing) -> Array:
+def _alike(study: Study, bearing: Machine) -> Array:
     """By how much the worst position of a run is above the best, (seeds,) [%]."""
     filters = study.filters_of(bearing, as_printed=False)
     scores = compare(bearing, study.scenario(STEP, LOAD), filters, study.seeds)
@@ -176,7 +176,7 @@ def _table(errors: dict[str, Array]) -> TableBlock:
     )
 
 
-def _figure(study: Study, bearings: dict[str, Bearing]) -> Figure:
+def _figure(study: Study, bearings: dict[str, Machine]) -> Figure:
     panels: list[Panel] = []
     for name, bearing in bearings.items():
         record = _record(study, bearing, study.seed)

@@ -15,7 +15,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
 from ambkit.machine.paper import INITIAL_WIDTH
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
@@ -64,9 +64,9 @@ class Study:
     seed: int = 0
 
     @cached_property
-    def bearing(self) -> Bearing:
+    def bearing(self) -> Machine:
         """The paper's rig."""
-        return Bearing.preset("zittau_axial")
+        return Machine.preset("zittau_axial")
 
     @cached_property
     def noise(self) -> FilterNoise:
@@ -116,7 +116,7 @@ class Study:
         return self.filters_of(self.bearing, as_printed=True)
 
     def filters_of(
-        self, bearing: Bearing, *, as_printed: bool
+        self, bearing: Machine, *, as_printed: bool
     ) -> dict[str, Callable[[], KalmanFilter]]:
         """Return the same filters for a bearing with another sensor, or by the exact model."""
         knows: dict[str, Callable[[], MagnetModel]] = {

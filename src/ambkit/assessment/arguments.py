@@ -31,7 +31,7 @@ from ambkit.estimate.named import AT, PLUS, experts, factories
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
 from ambkit.judge.plausibility import evaluate_record, off_rate
 from ambkit.machine.loading import load_machine
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.simulation.scenario import (
     Scenario,
@@ -181,7 +181,7 @@ def machine_argument(source: Any, *others: type) -> Machine:
     return cast(Machine, source)
 
 
-def axis_argument(source: Any) -> Bearing:
+def axis_argument(source: Any) -> Machine:
     """Return the machine that is given or named, which must have one axis."""
     machine = machine_argument(source)
     if not machine.single:
@@ -303,7 +303,7 @@ def table_options(table_error: Any) -> dict[str, Any]:
 
 def axis_to_export(
     machine: Any, filter: Any, choice: Sequence[str] = tuple(KINDS)
-) -> tuple[Bearing, Chosen]:
+) -> tuple[Machine, Chosen]:
     """Return the machine with one axis and the filter that are to be exported."""
     plant, chosen = export_arguments(machine, filter, choice)
     if not plant.single:

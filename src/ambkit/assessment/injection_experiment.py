@@ -24,7 +24,7 @@ from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation import Limits
 from ambkit.identification.excitation.signals import Excitation, sparse_multisine
 from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity, measured_sensitivity
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.modes import end_of_range
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule
 from ambkit.result.result import Result
@@ -378,7 +378,7 @@ class _Experiment:
 
 
 def _limits(
-    bearing: Bearing, held: float, current: float | None, displacement: float | None
+    bearing: Machine, held: float, current: float | None, displacement: float | None
 ) -> Limits:
     """Return the limits of an axis; by default of displacements within which magnets are linear."""
     far = min(held + LINEAR * bearing.magnet.air_gap, 0.5 * (held + bearing.rotor.clearance))

@@ -11,7 +11,7 @@ from ambkit.base.config.document import updated
 from ambkit.base.config.problems import quantity_of, unknown_key
 from ambkit.base.config.quantities import InOther, Quantity, SignalIn
 from ambkit.base.errors import AmbkitError
-from ambkit.machine.bearing import Magnet, magnet_constant
+from ambkit.machine.parts import Magnet, magnet_constant
 
 OF_RUN = "scenario."  #: How keys of the run begin; all others are the machine's.
 

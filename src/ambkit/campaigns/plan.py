@@ -30,8 +30,8 @@ from ambkit.control.controllers import TYPES, Controllers, controllers_of
 from ambkit.control.default_control import is_default
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import FILTER_SUFFIX
-from ambkit.machine.bearing import FILES
 from ambkit.machine.loading import load_machine
+from ambkit.machine.parts import FILES
 from ambkit.models.plant import Plant
 from ambkit.simulation.planned import Planned
 from ambkit.simulation.scenario import Scenario, settled_scenario, wrong_for

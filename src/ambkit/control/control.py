@@ -12,7 +12,7 @@ from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Name
 from ambkit.base.own_class import OwnClass
 from ambkit.control.pid import GAINS, PID, overlaid
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 
 OLD = {"fought": "off", "still": "compensation"}
 """Unbalance control in the words of earlier files, read for one release."""
@@ -100,12 +100,12 @@ class Control(PID):
         has_gains = self.model_fields_set >= GAINS
         return {"x": self.gains, **self.pid} if has_gains else self.pid
 
-    def completed(self, bearing: Bearing) -> Self:
+    def completed(self, bearing: Machine) -> Self:
         """Return that of a single axis with what was not given tuned to it; see `PID.completed`.
 
         Parameters
         ----------
-        bearing : Bearing
+        bearing : Machine
             What it is to hold.
         """
         if self.custom:

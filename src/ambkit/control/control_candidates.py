@@ -22,7 +22,7 @@ from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.control.pid import GAINS, PID
 from ambkit.control.stabilising_controller import ENOUGH, two_digits, weight_of
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.modes import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.plant import Plant
@@ -246,7 +246,7 @@ def highest_sensitivity(loop: Loop, top: float) -> float:
     return float(np.abs(S).max())
 
 
-def _changed(pid: PID, isolated: Bearing | None, shares: tuple[float, ...]) -> PID:
+def _changed(pid: PID, isolated: Machine | None, shares: tuple[float, ...]) -> PID:
     """Return a PID with shares of kp, ki, kd and derivative filter; of an axis its weight too."""
     keys = ("kp", "ki", "kd", "derivative_filter")
     gains = {

@@ -16,7 +16,7 @@ from ambkit.control.lift_off_sequence import MOST_COUNTED, LiftOff
 from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.force_laws import isolated_axes
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.models.plant import Plant
 
@@ -37,7 +37,7 @@ class Controller:
 
     @classmethod
     def of_axis(
-        cls, bearing: Bearing, estimator: Estimator, pid: PID, sequence: LiftOff | None = None
+        cls, bearing: Machine, estimator: Estimator, pid: PID, sequence: LiftOff | None = None
     ) -> Controller:
         """Return that of a single axis and its PID."""
         control: Control = as_control(pid).completed(bearing)
@@ -46,7 +46,7 @@ class Controller:
         return cls(plant, estimator, law, sequence, fed, control)
 
     @property
-    def bearing(self) -> Bearing:
+    def bearing(self) -> Machine:
         """The first axis, of a single one all that is held."""
         return self.plant.isolated[0]
 
@@ -139,9 +139,9 @@ class Controller:
         return output | {"coil": np.where(output["on"][:, None] > 0, np.stack(coils, 1), number(0))}
 
 
-def lies_at(bearing: Bearing) -> float:
+def lies_at(bearing: Machine) -> float:
     """Return where a rotor lies [m]: on the stop to which its weight pulls it."""
-    travel = bearing.rotor.clearance
+    travel: float = bearing.rotor.clearance
     return travel if bearing.weight > 0 else -travel
 
 

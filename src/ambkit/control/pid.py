@@ -18,7 +18,7 @@ from ambkit.control.blocks import AnyBlock
 from ambkit.control.held_loop import Gains
 from ambkit.control.stabilising_controller import chosen, textbook, two_digits, weight_of
 from ambkit.machine.force_laws import axis_of
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 
 SCHEDULED = ("kp", "ki", "kd", "derivative_filter")  #: What of a PID follows the speed.
 
@@ -163,14 +163,14 @@ class PID(Part):
         """
         return cls(**textbook(axis_of(bearing))._asdict())
 
-    def completed(self, bearing: Bearing) -> Self:
+    def completed(self, bearing: Machine) -> Self:
         """Return the controller with what was not given tuned to a bearing, see `for_bearing`.
 
         The set-point weight goes with the proportional gain that is flown, given or not.
 
         Parameters
         ----------
-        bearing : Bearing
+        bearing : Machine
             What it is to hold.
         """
         if self.model_fields_set >= GAINS:
@@ -179,7 +179,7 @@ class PID(Part):
         return result
 
 
-def overlaid(pid: Any, overrides: PID, bearing: Bearing) -> Any:
+def overlaid(pid: Any, overrides: PID, bearing: Machine) -> Any:
     """Return a PID with what another states instead of its own, and a weight that fits."""
     stated = {name: getattr(overrides, name) for name in overrides.model_fields_set}
     all_, changed = vars(pid) | stated, {*stated, "setpoint_weight"}

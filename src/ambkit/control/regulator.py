@@ -11,7 +11,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.linear_model import LinearModel
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
 
@@ -106,7 +106,7 @@ def scheduled(plant: Plant, estimator: Estimator) -> tuple[dict[str, Array], Arr
 
 
 def _regulated(
-    isolated: Sequence[Bearing], estimator: Estimator
+    isolated: Sequence[Machine], estimator: Estimator
 ) -> tuple[LinearModel, list[int], Array, Array]:
     """Return an estimator's model, which of its states are regulated, and A and B [A] of these."""
     k = [ConstantStiffness.of(item) for item in isolated]

@@ -24,7 +24,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.force_laws import isolated_axes
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, own_time, typical_stiffness
 from ambkit.models.linear import LinearSystem
 
@@ -50,7 +50,7 @@ NEARBY, FINER = (0.87, 1.0, 1.15), 2  #: What is tried next to the best of these
 
 
 @lru_cache(maxsize=128)
-def chosen(bearing: Bearing) -> Gains:
+def chosen(bearing: Machine) -> Gains:
     """Return the stiffest gains that keep the sensitivity below `PEAK` and the step calm."""
     # Both loops are looked at, as they are sampled and late: fed by the measurement, and by a
     # linear Kalman filter with its default noise. With the stiffnesses k_i, k_s at the centre and
@@ -83,13 +83,13 @@ def chosen(bearing: Bearing) -> Gains:
     return best
 
 
-def textbook(bearing: Bearing) -> Gains:
+def textbook(bearing: Machine) -> Gains:
     """Return gains by a rule of thumb: ``kp = 4 k_s/k_i``, D = 0.56, all of the reference to kp."""
     # A step overshoots by a half: it takes the rotor far out, where filters differ.
     return _gains(bearing, STIFFEST, 0.56)._replace(setpoint_weight=1.0)
 
 
-def weight_of(bearing: Bearing, kp: float, ki: float, kd: float) -> float:
+def weight_of(bearing: Machine, kp: float, ki: float, kd: float) -> float:
     """Return the set-point weight with which the integral does not show in a step."""
     # The slow pole that the integral brings is then cancelled by the zero that it brings too.
     # Without an integral the rotor would come to rest at ``kp k_i/(kp k_i - k_s)`` of the
@@ -110,7 +110,7 @@ def two_digits(value: float) -> float:
     return float(f"{value:.2g}")
 
 
-def _gains(bearing: Bearing, ratio: float, damping: float) -> Gains:
+def _gains(bearing: Machine, ratio: float, damping: float) -> Gains:
     k_i, k_s = ConstantStiffness.of(bearing).k_i, typical_stiffness(bearing)
     m = bearing.rotor.mass
     w = math.sqrt((ratio - 1) * k_s / m)
@@ -120,21 +120,21 @@ def _gains(bearing: Bearing, ratio: float, damping: float) -> Gains:
     return Gains(kp, ki, kd, two_digits(1 / (24 * w)), two_digits(5.2 / w), weight)
 
 
-def _estimator(bearing: Bearing, at: OperatingPoint) -> LinearSystem | None:
+def _estimator(bearing: Machine, at: OperatingPoint) -> LinearSystem | None:
     try:
         return estimator_at(KalmanFilter(bearing), at)
     except AmbkitError:  # a model that has no gain to settle to
         return None
 
 
-def frequencies(bearing: Bearing, count: int) -> Array:
+def frequencies(bearing: Machine, count: int) -> Array:
     """Return frequencies [Hz] from below the plant's own up to half the sampling rate."""
     min_frequency, highest = 1 / (40 * math.pi * own_time(bearing)), 0.5 / bearing.sampling_time
     return np.geomspace(min(min_frequency, highest / 2), highest, count)
 
 
 def _peaks(
-    bearing: Bearing, candidates: list[Gains], f: Array, P: Complex, E: Complex | None
+    bearing: Machine, candidates: list[Gains], f: Array, P: Complex, E: Complex | None
 ) -> Array:
     """Return the higher peak of abs(S) of both loops for each candidate, stable or not."""
     # The controller's response is written out, as `controller` has it in states: hundreds are
@@ -153,7 +153,7 @@ def _peaks(
 
 
 def _loops(
-    bearing: Bearing, gains: Gains, P: LinearSystem, E: LinearSystem | None
+    bearing: Machine, gains: Gains, P: LinearSystem, E: LinearSystem | None
 ) -> Iterator[Loop]:
     """Yield the loop that is fed by the measurement, and the one that is fed by the estimate."""
     transform = np.array([[1 / bearing.sensor.gain]])

@@ -19,10 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import bank_of, isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, own_time
+from ambkit.machine.parts import GRAVITY
 from ambkit.models.declaration import Part
 from ambkit.models.parts.free import free_parts
 

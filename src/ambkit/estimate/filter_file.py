@@ -56,7 +56,7 @@ from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
 from ambkit.machine.force_laws import bank_of, isolated_axes
 from ambkit.machine.forces.force_map import surface_in
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 
 Limit = Annotated[int, Field(ge=0, strict=True)]
@@ -241,7 +241,7 @@ class FilterFile(Document):
         return made
 
 
-def magnet_in(path: str | os.PathLike[str], bearing: Bearing) -> MagnetModel:
+def magnet_in(path: str | os.PathLike[str], bearing: Machine) -> MagnetModel:
     """Return the expert in a file, or the surface through the points of a force map."""
     if Path(path).suffix.lower() not in (".csv", ".parquet"):
         from ambkit.fuzzy.expert import Expert

@@ -16,7 +16,7 @@ from ambkit.models.linear import LinearSystem, Signal
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Machine
 
 
 class LowPass(Estimator):
@@ -29,7 +29,7 @@ class LowPass(Estimator):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Machine
         What is filtered.
     magnet : optional
         What is known of the magnet; by default the constant stiffnesses of the origin.
@@ -53,7 +53,7 @@ class LowPass(Estimator):
 
     def __init__(
         self,
-        bearing: Bearing,
+        bearing: Machine,
         magnet: MagnetModel | None = None,
         *,
         position: Given | None = None,

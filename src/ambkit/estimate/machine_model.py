@@ -16,11 +16,11 @@ from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.noise_model import FilterNoise, Variances, check_variances, dwell
 from ambkit.machine import geometry
-from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import bias_forces_of, isolated_axes, models_of, weights_of
 from ambkit.machine.loading import levitation_current
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, own_time
+from ambkit.machine.parts import GRAVITY
 from ambkit.models.model import Descriptor
 
 VAGUE = 3.0
@@ -115,7 +115,7 @@ class View:
         check_variances(full)
         return full
 
-    def _usual_intensity(self, axis: Bearing) -> float:
+    def _usual_intensity(self, axis: Machine) -> float:
         """Return the process noise intensity of an axis by default [N^2/s]."""
         # A filter of bandwidth w takes the force from positions with R every T, with a noise of
         # R T (m w^3)^2, and from what the amplifier's noise leaves of it: of a random walk of this
@@ -130,7 +130,7 @@ class View:
         amplifier, k_i = axis.amplifier, ConstantStiffness.of(axis).k_i
         by_control = amplifier.noise_variance * (k_i * amplifier.gain) ** 2
         known = R * (axis.rotor.mass * max_bandwidth**2) ** 2 + by_control
-        return min((2 * (axis.rotor.mass * GRAVITY)) ** 2, known * T * max_bandwidth**2)
+        return float(min((2 * (axis.rotor.mass * GRAVITY)) ** 2, known * T * max_bandwidth**2))
 
     def count_of(self, noise: FilterNoise) -> Iterator[tuple[str, str]]:
         """Yield which variances of a noise are too few or too many, by their keys."""
@@ -389,7 +389,7 @@ def _times(A: Array, x: Array) -> Array:
 
 
 def _levitation_current(
-    axis: Bearing, magnet: MagnetModel, states: Sequence[Descriptor], known: float
+    axis: Machine, magnet: MagnetModel, states: Sequence[Descriptor], known: float
 ) -> tuple[float, float]:
     """Return the current that holds the rotor in the middle [A], and its slope there [A/m]."""
     # Without a current among the states nobody asks: 0.

@@ -23,7 +23,7 @@ from ambkit.fuzzy.expert import Expert
 from ambkit.machine.force_laws import bank_of, isolated_axes
 from ambkit.machine.forces.force_map import surface_in
 from ambkit.machine.forces.force_surface import ForceSurface
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 
 EXPERTS = (".json", ".csv", ".parquet")
@@ -42,7 +42,7 @@ def experts(path: Path, machine: Machine) -> MagnetModel:
     return bank_of([read_expert(path, axes[0])] * len(axes), machine)
 
 
-def read_expert(path: Path, bearing: Bearing) -> Expert | ForceSurface:
+def read_expert(path: Path, bearing: Machine) -> Expert | ForceSurface:
     """Return the expert in a file, or the surface through the points of a force map."""
     if path.suffix.lower() != ".json":
         return surface_in(path, bearing)

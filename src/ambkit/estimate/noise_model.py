@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from ambkit.base import units
 from ambkit.base.config.quantities import InOther
 from ambkit.base.quantity_arguments import Given, in_si
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 from ambkit.models.model import Descriptor
 
@@ -94,7 +94,7 @@ class Variances(NamedTuple):
         return [T * self.disturbance, *(noise.size**2 for noise in others)]
 
 
-def dwell(axes: Sequence[Bearing]) -> float:
+def dwell(axes: Sequence[Machine]) -> float:
     """Return for how many samples a rotor at rest stays within a very coarse step of its sensor."""
     # Half the time in which the fastest axis falls away by e.
     return max(10.0, min(0.5 * own_time(axis) / axis.sampling_time for axis in axes))

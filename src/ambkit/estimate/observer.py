@@ -24,7 +24,7 @@ from ambkit.models.parts.line_noise import Hum
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.machine.machine import Bearing, Machine
+    from ambkit.machine.machine import Machine
 
 
 FAST_SENSOR = 0.05
@@ -111,7 +111,7 @@ class ExtendedStateObserver(_Observer):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Machine
         What is observed.
     magnet : optional
         What the observer knows of its magnet; by default the constant stiffnesses of the origin,
@@ -138,7 +138,7 @@ class ExtendedStateObserver(_Observer):
 
     def __init__(
         self,
-        bearing: Bearing,
+        bearing: Machine,
         magnet: MagnetModel | None = None,
         *,
         bandwidth: Given | None = None,
@@ -182,7 +182,7 @@ class SteadyStateKalmanFilter(_Observer):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin,

@@ -20,7 +20,7 @@ from ambkit.base.own_class import MARK
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.force_law import MagnetModel
 from ambkit.machine.force_laws import Bank, bank_of, constants_of, laws_of
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 
 
 @dataclass(frozen=True)
@@ -83,12 +83,12 @@ class Tunable:
     #: ``noise.disturbance`` for the variances of :class:`ambkit.FilterNoise`.
     name: str
     unit: str  #: Of the argument.
-    default: Callable[[Bearing], float]  #: Its value for a bearing.
+    default: Callable[[Machine], float]  #: Its value for a bearing.
     decades: float = 2.0  #: How far from the default the search goes, to either side.
 
 
-def _noise(name: str) -> Callable[[Bearing], float]:
-    def value(bearing: Bearing) -> float:
+def _noise(name: str) -> Callable[[Machine], float]:
+    def value(bearing: Machine) -> float:
         from ambkit.estimate.kalman import KalmanFilter
 
         own = getattr(KalmanFilter(bearing).variances, name)
@@ -171,14 +171,14 @@ def _no_force(bearing: Machine) -> MagnetModel:
     return no_force_of(bearing)
 
 
-def _acceleration(bearing: Bearing) -> float:
+def _acceleration(bearing: Machine) -> float:
     from ambkit.estimate.constant_velocity import usual_acceleration
 
     return usual_acceleration(bearing)
 
 
-def _poles(factor: float) -> Callable[[Bearing], float]:
-    def value(bearing: Bearing) -> float:
+def _poles(factor: float) -> Callable[[Machine], float]:
+    def value(bearing: Machine) -> float:
         from ambkit.estimate.observer import unstable_pole
 
         return factor * unstable_pole(bearing)
@@ -332,7 +332,7 @@ def learned_magnet(name: str, bearing: Machine) -> MagnetModel | None:
     return bank_of([learned[axis.bearing.name] for axis in machine.axes], machine)
 
 
-def _learned(name: str, axis: Bearing) -> Any:
+def _learned(name: str, axis: Machine) -> Any:
     if name == "table":
         from ambkit.machine.stiffness import stiffness_map
 
@@ -341,7 +341,7 @@ def _learned(name: str, axis: Bearing) -> Any:
 
 
 @lru_cache(maxsize=64)
-def _trained(axis: Bearing) -> MagnetModel:
+def _trained(axis: Machine) -> MagnetModel:
     """Return the default expert of an axis."""
     from ambkit.fuzzy.training import train
 

@@ -19,16 +19,16 @@ from ambkit.estimate.kalman import AdaptiveKalmanFilter, KalmanFilter
 from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
-from ambkit.machine.bearing import FILES
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, core_module
+from ambkit.machine.parts import FILES
 from ambkit.machine.stiffness import stiffness_map
 
 _HEADER = 116  # bytes of text that a MAT-file begins with, where SciPy writes the date
 
 
 def export_mat(
-    bearing: Bearing,
+    bearing: Machine,
     expert: Expert | None,
     out: str | os.PathLike[str],
     *,
@@ -50,7 +50,7 @@ def export_mat(
 
 
 def _estimator(
-    bearing: Bearing, expert: Expert | None, filter_file: FilterFile | None
+    bearing: Machine, expert: Expert | None, filter_file: FilterFile | None
 ) -> Estimator:
     """Return the filter whose model and noise are written."""
     if filter_file is not None:
@@ -59,7 +59,7 @@ def _estimator(
 
 
 def variables(
-    bearing: Bearing, expert: Expert | None, filter_file: FilterFile | None = None
+    bearing: Machine, expert: Expert | None, filter_file: FilterFile | None = None
 ) -> dict[str, Any]:
     """Return what the file holds, by the names in MATLAB; all in SI."""
     filter = _estimator(bearing, expert, filter_file)
@@ -106,7 +106,7 @@ def _symmetric(triangle: Array) -> Array:
     return matrix + np.triu(matrix, 1).T
 
 
-def _tables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
+def _tables(bearing: Machine, expert: Expert | None) -> dict[str, Any]:
     """Stiffnesses as the paper's Tables 4 and 5, or those of an expert within a bound."""
     stiff: Any
     if expert is None:

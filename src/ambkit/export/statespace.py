@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
     from ambkit.control.control import Control
     from ambkit.control.pid import PID
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Machine
 
 
 def to_control(
-    bearing: Bearing,
+    bearing: Machine,
     pid: PID | None = None,
     filter: Estimator | None = None,
     *,
@@ -39,7 +39,7 @@ def to_control(
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Machine
         The plant, with amplifier and sensor.
     pid : PID, optional
         Controller that closes the loop, what is not said of it tuned to the bearing; without it,
@@ -73,7 +73,7 @@ def to_control(
 
 
 def plant(
-    bearing: Bearing, *, sampled: bool | None = None, point: OperatingPoint | None = None
+    bearing: Machine, *, sampled: bool | None = None, point: OperatingPoint | None = None
 ) -> control.StateSpace:
     """Linearised plant at an operating point (paper, eq. 2, 14, 18)."""
     continuous = not _is_sampled(bearing, sampled, None)
@@ -81,7 +81,7 @@ def plant(
     return _state_space(linear_plant.plant(bearing, point, continuous=continuous), _name(bearing))
 
 
-def controller(bearing: Bearing, pid: PID) -> control.StateSpace:
+def controller(bearing: Machine, pid: PID) -> control.StateSpace:
     """Sampled controller, as ``core/src/controller.c`` computes it, without its limits."""
     tuned = as_control(pid).completed(bearing)
     return _state_space(
@@ -100,7 +100,7 @@ def estimator(filter: Estimator, *, point: OperatingPoint | None = None) -> cont
 
 
 def closed_loop(
-    bearing: Bearing,
+    bearing: Machine,
     pid: PID,
     filter: Estimator | None = None,
     *,
@@ -124,7 +124,7 @@ def closed_loop(
     return _state_space(Loop(linear_plant.plant(bearing, point), K).closed, name)
 
 
-def _is_sampled(bearing: Bearing, sampled: bool | None, filter: Estimator | None) -> bool:
+def _is_sampled(bearing: Machine, sampled: bool | None, filter: Estimator | None) -> bool:
     """Whether the system is a sampled one; checked against what is in it."""
     needed = "a filter" if filter is not None else "a delay" if bearing.delay else ""
     if needed and sampled is False:
@@ -132,7 +132,7 @@ def _is_sampled(bearing: Bearing, sampled: bool | None, filter: Estimator | None
     return bool(needed) if sampled is None else sampled
 
 
-def _continuous_loop(bearing: Bearing, pid: Control, point: OperatingPoint) -> LinearSystem:
+def _continuous_loop(bearing: Machine, pid: Control, point: OperatingPoint) -> LinearSystem:
     """Plant and PID in continuous time."""
     if pid.block:
         raise AmbkitError("a PID with blocks has no continuous state space: sampled=True")
@@ -183,5 +183,5 @@ def _state_space(system: LinearSystem, name: str) -> control.StateSpace:
     return result
 
 
-def _name(bearing: Bearing) -> str:
+def _name(bearing: Machine) -> str:
     return "".join(c if c.isalnum() else "_" for c in bearing.name)

@@ -17,7 +17,7 @@ from ambkit.machine.magnets import core_module, evaluate_force, evaluate_stiffne
 if TYPE_CHECKING:
     from ambkit._core import Table
     from ambkit.fuzzy.expert import Expert
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import Precision
 
 
@@ -49,7 +49,7 @@ class TabulatedExpert:
 
 
 def tabulate(
-    expert: Expert, bearing: Bearing, *, bound: float | None = None, precision: Precision
+    expert: Expert, bearing: Machine, *, bound: float | None = None, precision: Precision
 ) -> TabulatedExpert:
     """Find the smallest table whose force stays within a bound of the expert's."""
     # The force ``k_i iu + k_s x`` of both is compared wherever the filter can ask: over the
@@ -77,7 +77,7 @@ def tabulate(
 class _Search:
     """The expert, and the region in which it is compared with tables."""
 
-    def __init__(self, expert: Expert, bearing: Bearing, precision: Precision) -> None:
+    def __init__(self, expert: Expert, bearing: Machine, precision: Precision) -> None:
         self.expert = expert
         self.core = core_module(precision)
         stop = bearing.rotor.clearance

@@ -20,7 +20,7 @@ from ambkit.fuzzy.training import train
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.law_choice import law_of
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import ForceFunction
 
 LAW, REFITTED, SURFACE, NETWORK = "the law", "the law, refitted", "the surface", "the network"
@@ -75,14 +75,14 @@ class ModelChoice:
         return ""
 
 
-def refitted(bearing: Bearing, points: ForcePoints) -> Bearing:
+def refitted(bearing: Machine, points: ForcePoints) -> Machine:
     """Return the bearing with magnet constant and air gap as measured points have them."""
     # By least squares, beside a constant force that may be the load cell's zero.
     changes = _fit(bearing, points)[0]
     return bearing.replace(**bearing.magnet.with_constant(changes[0]), magnet__air_gap=changes[1])
 
 
-def _fit(bearing: Bearing, points: ForcePoints) -> tuple[tuple[float, float], ForceFunction]:
+def _fit(bearing: Machine, points: ForcePoints) -> tuple[tuple[float, float], ForceFunction]:
     """Return magnet constant and air gap, and the force of that law and the offset."""
     from scipy.optimize import least_squares
 
@@ -112,7 +112,7 @@ def _fit(bearing: Bearing, points: ForcePoints) -> tuple[tuple[float, float], Fo
 
 
 def choose_model(
-    bearing: Bearing,
+    bearing: Machine,
     surface: ForceSurface,
     shape: Shape = (5, 5),
     note: Callable[[str], None] = lambda text: None,
@@ -143,7 +143,7 @@ def choose_model(
 
 
 def _models(
-    bearing: Bearing, surface: ForceSurface, known: ForcePoints, box: Any, shape: Shape,
+    bearing: Machine, surface: ForceSurface, known: ForcePoints, box: Any, shape: Shape,
     training: dict[str, Any],
 ) -> list[tuple[str, ForceFunction]]:  # fmt: skip
     """Return the models as some points give them."""

@@ -21,7 +21,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.training import train
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import ForceFunction, StiffnessMap, stiffness_map
 
 Shape = tuple[int, int]  #: Rules along the current, and along the displacement.
@@ -127,7 +127,7 @@ class RuleChoice:
 
 
 def choose_rules(
-    bearing: Bearing,
+    bearing: Machine,
     points: ForcePoints,
     *,
     candidates: Sequence[Shape] | None = None,
@@ -202,14 +202,14 @@ def _allowed(candidates: Sequence[Shape] | None, remain: int) -> list[Shape]:
 
 
 def measured_map(
-    bearing: Bearing, points: ForcePoints | ForceSurface, shape: Shape = (5, 5)
+    bearing: Machine, points: ForcePoints | ForceSurface, shape: Shape = (5, 5)
 ) -> StiffnessMap:
     """Return the stiffnesses of a measured force, where the rotor can be and points are."""
     surface = ForceSurface(bearing, points) if isinstance(points, ForcePoints) else points
     return map_of(bearing, surface, box_of(bearing, surface.points), shape)
 
 
-def map_of(bearing: Bearing, surface: ForceSurface, box: Box, shape: Shape) -> StiffnessMap:
+def map_of(bearing: Machine, surface: ForceSurface, box: Box, shape: Shape) -> StiffnessMap:
     """Return the stiffnesses of a surface over a box, at so many nodes a side."""
     return stiffness_map(
         bearing,
@@ -219,7 +219,7 @@ def map_of(bearing: Bearing, surface: ForceSurface, box: Box, shape: Shape) -> S
     )
 
 
-def box_of(bearing: Bearing, points: ForcePoints) -> Box:
+def box_of(bearing: Machine, points: ForcePoints) -> Box:
     """Lowest and highest current [A] and displacement [m] of points and bearing together."""
     travel = bearing.rotor.clearance
     box = []

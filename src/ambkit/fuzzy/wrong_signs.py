@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.fuzzy.expert import Expert
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import evaluate_stiffness, magnet_of
 
 CLEAR = 0.2
@@ -26,7 +26,7 @@ class WrongSign:
     law: float
 
 
-def wrong_signs(expert: Expert, bearing: Bearing) -> dict[str, WrongSign]:
+def wrong_signs(expert: Expert, bearing: Machine) -> dict[str, WrongSign]:
     """Return where a trained k_i or k_s is not positive though the bearing's law is clearly so."""
     # Towards the ends of a one-sided magnet's box the law's own k_i and k_s, which share the force
     # between them, go through zero; there a sign tells nothing.

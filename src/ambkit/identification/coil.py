@@ -23,7 +23,7 @@ from ambkit.base.units import figure
 from ambkit.data.record import Record
 from ambkit.estimate.errors import rms
 from ambkit.identification.noise import white_noise
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Figure, Line, Panel, Points, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -92,7 +92,7 @@ class CoilFit(Result):
     distance: Mapping[str, float]  #: Mean of z in each log [m].
     records: Mapping[str, Record]  #: The logs.
     #: What is driven through it, and where its rotor is [m], for what follows from these.
-    known: Bearing | None = None
+    known: Machine | None = None
     operating_point: float | None = None
 
     TITLE = "A coil: tau di/dt = G (u - u0) - i, i >= 0, tau = a + b exp(-z/c)"
@@ -144,7 +144,7 @@ class CoilFit(Result):
         """Return a step, the time constant over the distance, and what is left of each log."""
         return [coil_figure(self)]
 
-    def bearing(self, known: Bearing, operating_point: float) -> Bearing:
+    def bearing(self, known: Machine, operating_point: float) -> Machine:
         """Return a bearing that is driven by the control signal through this coil."""
         # Its amplifier lags by the time constant at the operating point, and its loop is late by
         # the coil's delay. `offset` is what is to be added to the control signal.
@@ -157,7 +157,7 @@ class CoilFit(Result):
             delay=max(self.coil.delay, 0.0) or None,
         )
 
-    def offset(self, known: Bearing) -> float:
+    def offset(self, known: Machine) -> float:
         """What a channel map adds to the control signal, so that 0 is the bias current [V]."""
         return -(self.coil.dead_zone + known.magnet.bias_current / self.coil.gain)
 

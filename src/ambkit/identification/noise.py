@@ -15,7 +15,7 @@ from ambkit.base.units import engineering
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Machine
 
 
 FROZEN_RUN = 20  #: So many equal samples in a row are a sensor that is saturated or hangs.
@@ -191,7 +191,7 @@ def position_step(records: Iterable[Record]) -> float | None:
     return min(known) if len(known) == len(steps) else None
 
 
-def with_steps(bearing: Bearing, step: float | None, *, has_noise: bool = True) -> Bearing:
+def with_steps(bearing: Machine, step: float | None, *, has_noise: bool = True) -> Machine:
     """Return a bearing whose sensor has steps that were found."""
     total, stated = bearing.sensor.noise_variance, bearing.sensor.quantisation
     step = step if stated is None else stated

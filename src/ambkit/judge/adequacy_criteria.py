@@ -27,10 +27,10 @@ from ambkit.judge.load_following import (
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import grid
 from ambkit.judge.modal_reduction import reduction
-from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes, weights_of
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
+from ambkit.machine.parts import GRAVITY
 from ambkit.simulation.scenario import Scenario, by_axis
 from ambkit.simulation.waveforms import Waveform
 
@@ -96,7 +96,7 @@ def innovations(nis: float) -> Iterator[Finding]:
     yield Finding("mean NIS", nis, "1", limit, text, not 1 / NIS_LIMIT <= nis <= NIS_LIMIT)
 
 
-def _parameters(b: Bearing) -> dict[str, tuple[float, str]]:
+def _parameters(b: Machine) -> dict[str, tuple[float, str]]:
     """Return the parameters by which one axis differs from another."""
     return {
         "sampling_time": (b.sampling_time, "s"),
@@ -147,7 +147,7 @@ def identity(filter: Estimator, plant: Any) -> Iterator[Finding]:
     )
 
 
-def _alike(one: Bearing, other: Bearing) -> bool:
+def _alike(one: Machine, other: Machine) -> bool:
     """Return whether two magnets have the same stiffnesses, which is all that many logs tell."""
     known = [ConstantStiffness.of(item) for item in (one, other)]
     a, b = (np.array([k.k_i, k.k_s]) for k in known)

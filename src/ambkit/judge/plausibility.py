@@ -21,7 +21,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.noise_model import COARSE
 from ambkit.judge.signs import channels, judge_signs
 from ambkit.machine.force_laws import isolated_axes
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 
 _START = 0.25  # part of a record that may be a start, with the rotor on its stop
@@ -131,7 +131,7 @@ def _cut_off(record: Record, machine: Machine) -> Iterator[str]:
         )
 
 
-def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
+def _position(record: Record, bearing: Machine) -> Iterator[tuple[bool, str]]:
     if "y" not in record or not np.isfinite(record["y"]).any():
         return
     y = record["y"][np.isfinite(record["y"])] / bearing.sensor.gain
@@ -216,7 +216,7 @@ def averaged(y: Array) -> int:
     return 0
 
 
-def _motion(record: Record, bearing: Bearing) -> Iterator[str]:
+def _motion(record: Record, bearing: Machine) -> Iterator[str]:
     """Yield how a rotor falls, or answers its current, quite otherwise than the bearing's."""
     if "y" not in record or "u" not in record or len(record) < _LEAST:
         return
@@ -241,7 +241,7 @@ def _motion(record: Record, bearing: Bearing) -> Iterator[str]:
             )
 
 
-def _balance(record: Record, bearing: Bearing) -> Iterator[str]:
+def _balance(record: Record, bearing: Machine) -> Iterator[str]:
     """Yield that a control signal is too small to hold the bearing's rotor where it goes."""
     # Held at rest, the rotor needs a current of k_s/k_i for each metre; moved, or held stiffly by
     # its controller, it takes more, and never less.
@@ -263,7 +263,7 @@ def _balance(record: Record, bearing: Bearing) -> Iterator[str]:
         )
 
 
-def _flying(record: Record, bearing: Bearing) -> tuple[Array, Array, int]:
+def _flying(record: Record, bearing: Machine) -> tuple[Array, Array, int]:
     """Return what is slow in y and u where the rotor is on no stop, and over how many samples."""
     # Means over half the plant's time constant, without the first quarter: it may be a start.
     size = max(1, round(0.5 * own_time(bearing) / record.sampling_time))
@@ -274,7 +274,7 @@ def _flying(record: Record, bearing: Bearing) -> tuple[Array, Array, int]:
     return y[there], u[there], size
 
 
-def _lies(record: Record, bearing: Bearing) -> Iterator[str]:
+def _lies(record: Record, bearing: Machine) -> Iterator[str]:
     """Tell of a rotor that rests at a stop, longer than one that bounces off it."""
     if "y" not in record:
         return
@@ -292,7 +292,7 @@ def _lies(record: Record, bearing: Bearing) -> Iterator[str]:
             )
 
 
-def _without_stops(record: Record, bearing: Bearing) -> Record:
+def _without_stops(record: Record, bearing: Machine) -> Record:
     """Return a record without the positions of a rotor that is on a stop."""
     if "y" not in record:
         return record
@@ -300,7 +300,7 @@ def _without_stops(record: Record, bearing: Bearing) -> Record:
     return replace(record, signals={**record.signals, "y": np.where(lies, np.nan, record["y"])})
 
 
-def _at_stop(record: Record, bearing: Bearing, side: int) -> NDArray[np.bool_]:
+def _at_stop(record: Record, bearing: Machine, side: int) -> NDArray[np.bool_]:
     """Where a rotor is on the stop of a side (n,); nowhere if noise hides the travel."""
     y, gain, travel = record["y"], bearing.sensor.gain, bearing.rotor.clearance
     near = max(_NEAR * noise(y) / gain, _AT_STOP * travel)
@@ -315,7 +315,7 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share > 0.99 else percent(share)
 
 
-def _control(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
+def _control(record: Record, bearing: Machine) -> Iterator[tuple[bool, str]]:
     if "u" not in record or not np.isfinite(record["u"]).any():
         return
     current_command = bearing.amplifier.gain * record["u"][np.isfinite(record["u"])]
@@ -334,7 +334,7 @@ def _control(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
     yield wrong, f"{text}: is a unit, scale or offset wrong?" if wrong else text
 
 
-def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
+def _gravity(record: Record, bearing: Machine) -> Iterator[str]:
     """Tell of a magnet that pulls with gravity, as in a record whose signs are both swapped."""
     # On the mean of a record the magnet's force, the weight and the load are in balance. Mirrored,
     # the force that holds the weight adds to it, and a load of twice the weight is left.

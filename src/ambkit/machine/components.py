@@ -27,7 +27,7 @@ from ambkit.machine.accessories import (
     gap_contradictions,
     voltage_contradictions,
 )
-from ambkit.machine.bearing import Amplifier, Magnet, Mass, Rotor, Sensor
+from ambkit.machine.parts import Amplifier, Magnet, Mass, Rotor, Sensor
 from ambkit.machine.rotors.descriptions import MatrixRotor, ModalRotor, ShaftRotor
 
 Label = Annotated[str, StringConstraints(pattern=r"^([A-Za-z][A-Za-z0-9]{0,7})?$")]

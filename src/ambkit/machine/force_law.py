@@ -30,8 +30,8 @@ MU_0 = 1.25663706127e-6
 """Vacuum magnetic permeability [N/A^2] (CODATA 2022)."""
 
 
-class Bearing(Protocol):
-    """What is asked of a :class:`ambkit.Bearing` here."""
+class IsolatedAxis(Protocol):
+    """A machine with one axis, as its force law sees it."""
 
     @property
     def magnet(self) -> Any:
@@ -50,7 +50,7 @@ class Bearing(Protocol):
         """Greatest control current [A]."""
 
 
-def equally_far(bearing: Bearing) -> tuple[float, float]:
+def equally_far(bearing: IsolatedAxis) -> tuple[float, float]:
     """Current [A] and displacement [m] that count as equally far from the origin."""
     # The paper's least squares steps 0.01 A and 0.01 mm (eq. 27): on its rig, with 1.5 A and 2 mm,
     # one ampere weighs as one millimetre. Another bearing keeps the ratio to its bias current and
@@ -81,7 +81,7 @@ def core_module(precision: Precision = "float64", *, any_model: bool = False) ->
 class Law:
     """The force of a bearing's magnet, as the C core computes it."""
 
-    bearing: Bearing
+    bearing: IsolatedAxis
     ideal: ClassVar[bool] = False
     """Whether it is that of ideal iron, in which ADALINE and a coil's voltage are stated."""
 
@@ -213,7 +213,7 @@ class ForceLaw(Law):
         A machine with one axis, whose ``[magnet]``.
     """
 
-    bearing: Bearing
+    bearing: IsolatedAxis
     name: ClassVar[str]
     """As the core calls it."""
 

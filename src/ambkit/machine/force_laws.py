@@ -11,9 +11,8 @@ from typing import Any
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.machine import geometry
-from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.geometry import Line
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import (
     ConstantStiffness,
     MagnetModel,
@@ -21,6 +20,7 @@ from ambkit.machine.magnets import (
     magnet_of,
     own_time,
 )
+from ambkit.machine.parts import GRAVITY
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def models_of(magnet: Any) -> tuple[MagnetModel, ...]:
     return magnet.models if isinstance(magnet, Bank) else (magnet,)
 
 
-def isolated_axes(of: Machine) -> tuple[Bearing, ...]:
+def isolated_axes(of: Machine) -> tuple[Machine, ...]:
     """Return the axes, each with all others held still."""
     return tuple(of.isolated_axis(axis.name) for axis in of.axes)
 
@@ -61,7 +61,7 @@ def slowest_time(of: Machine) -> float:
     return max(map(own_time, isolated_axes(of)))
 
 
-def _each(of: Machine, made: Callable[[Bearing], MagnetModel]) -> MagnetModel:
+def _each(of: Machine, made: Callable[[Machine], MagnetModel]) -> MagnetModel:
     return bank_of([made(axis) for axis in isolated_axes(of)], of)
 
 
@@ -103,12 +103,12 @@ def axis_named(machine: Machine, axis: str | None) -> str:
     return axis
 
 
-def isolated(machine: Machine, axis: str | None) -> Bearing:
+def isolated(machine: Machine, axis: str | None) -> Machine:
     """Return an axis alone; its name may be left out where there is only one."""
     return machine.isolated_axis(axis_named(machine, axis))
 
 
-def axis_of(bearing: Any) -> Bearing:
+def axis_of(bearing: Any) -> Machine:
     """Return the axis of a machine that has one."""
     of_type(Machine, bearing=bearing)
     machine: Machine = bearing
@@ -133,7 +133,7 @@ def _aligned(one: Line, other: Line) -> bool:
     return one.cosine * other.cosine + one.sine * other.sine > ALIGNED
 
 
-def with_axis(machine: Machine, axis: str, result: Bearing) -> Machine:
+def with_axis(machine: Machine, axis: str, result: Machine) -> Machine:
     """Return a copy with magnet, amplifier, sensor and times of an axis, not checked."""
     machine = machine.long
     own = next(item.bearing for item in machine.axes if item.name == axis)

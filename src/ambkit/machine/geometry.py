@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.machine.bearing import along_x
 from ambkit.machine.components import Body, PlacedBearing, PlacedSensor
+from ambkit.machine.parts import along_x
 from ambkit.machine.rotors.modes import Bending
 
 POSITIONS = ("x", "y", "th_x", "th_y")

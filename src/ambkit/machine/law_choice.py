@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from ambkit.base.errors import AmbkitError
-from ambkit.machine.force_law import Bearing, Law
+from ambkit.machine.force_law import IsolatedAxis, Law
 from ambkit.machine.laws import LAWS
 
 
-def law_of(bearing: Bearing) -> Law:
+def law_of(bearing: IsolatedAxis) -> Law:
     """Return the law that a magnet's description states, whatever force map it has."""
     laws = [law for law in LAWS if law.holds_for(bearing.magnet)] or [LAWS[0]]
     if len(laws) > 1:

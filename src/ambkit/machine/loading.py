@@ -11,11 +11,11 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import presets
 from ambkit.machine.force_law import MagnetModel, core_module
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Law, magnet_of
 
 
-def levitation_current(bearing: Bearing, plant: MagnetModel, x: float, balance: float) -> float:
+def levitation_current(bearing: Machine, plant: MagnetModel, x: float, balance: float) -> float:
     """Control current [A] that holds the rotor at x [m] against ``balance`` [N], within limits."""
     from scipy.optimize import brentq
 
@@ -35,7 +35,7 @@ def levitation_current(bearing: Bearing, plant: MagnetModel, x: float, balance: 
 
 
 def levitation_current_at(
-    bearing: Bearing, x: float = 0.0, load: float = 0.0, magnet: MagnetModel | None = None
+    bearing: Machine, x: float = 0.0, load: float = 0.0, magnet: MagnetModel | None = None
 ) -> float:
     """Control current [A] with which a magnet, by default its own, carries weight and load at x."""
     # Both the flight of each machine of a campaign and its margins need it.

@@ -29,7 +29,17 @@ from ambkit.machine.accessories import (
     line_contradictions,
     parts_contradictions,
 )
-from ambkit.machine.bearing import (
+from ambkit.machine.components import (
+    ROTORS,
+    AnyRotor,
+    MassRotor,
+    PlacedBearing,
+    PlacedSensor,
+    Unbalance,
+)
+from ambkit.machine.geometry import Axis, Line, Reading, Shaft
+from ambkit.machine.magnets import magnet_of
+from ambkit.machine.parts import (
     GRAVITY,
     Amplifier,
     Magnet,
@@ -39,17 +49,6 @@ from ambkit.machine.bearing import (
     current_limits,
     levitation_current_of,
 )
-from ambkit.machine.components import (
-    ROTORS,
-    AnyRotor,
-    Body,
-    MassRotor,
-    PlacedBearing,
-    PlacedSensor,
-    Unbalance,
-)
-from ambkit.machine.geometry import Axis, Line, Reading, Shaft
-from ambkit.machine.magnets import magnet_of
 from ambkit.machine.placement_checks import beyond_the_rotor, loose, unseen
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import Bending
@@ -88,9 +87,18 @@ class Machine(Described, Document):
         def speed(self) -> float:
             """Speed of rotation, from x towards y [rad/s]."""
 
-        @property
-        def rotor(self) -> Body:
-            """The rotor."""
+        rotor: Any
+        """The rotor; only of one axis it has a clearance."""
+        magnet: Magnet
+        """The electromagnets of its one axis, as the next four."""
+        amplifier: Amplifier
+        """The amplifier."""
+        sensor: Sensor
+        """The position sensor; in the long form the list of the sensors."""
+        stop: Stop | None
+        """The stop."""
+        coil: Coil | None
+        """How the coils warm."""
 
         @property
         def bearings(self) -> tuple[PlacedBearing, ...]:
@@ -279,11 +287,11 @@ class Machine(Described, Document):
         """The same machine, of a single axis in the short form."""
         return self.isolated_axis("") if self.single else self
 
-    def __getitem__(self, axis: str) -> Bearing:
+    def __getitem__(self, axis: str) -> Machine:
         """Return an axis as a machine of one axis, see `alone`."""
         return self.isolated_axis(axis)
 
-    def isolated_axis(self, axis: str) -> Bearing:
+    def isolated_axis(self, axis: str) -> Machine:
         """Return an axis as a bearing alone, with the mass that is effective there.
 
         Its motion is that of the machine's only where the axes do not couple, see
@@ -305,11 +313,11 @@ class Machine(Described, Document):
         return made[axis]
 
     @cached_property
-    def isolated_made(self) -> dict[str, Bearing]:
+    def isolated_made(self) -> dict[str, Machine]:
         """The axes that `alone` has made, by their names: many ask for the same ones."""
         return {}
 
-    def _make_isolated(self, axis: str) -> Bearing:
+    def _make_isolated(self, axis: str) -> Machine:
         names = [item.name for item in self.axes]
         if axis not in names:
             raise AmbkitError(f"{self.name} has no axis {axis}; there are {', '.join(names)}")
@@ -332,6 +340,40 @@ class Machine(Described, Document):
             sensor=Sensor.model_construct(**{key: sensor[key] for key in Sensor.model_fields}),
             stop=one.stop, coil=one.coil,
         )  # fmt: skip
+
+    @cached_property
+    def levitation_currents(self) -> dict[tuple[float, float], float]:
+        """Control currents [A] by displacement [m] and load [N]: those computed so far."""
+        return {}
+
+    @property
+    def weight(self) -> float:
+        """Force of gravity along +x [N], negative where gravity pulls towards -x."""
+        return float(along_x(self.rotor.gravity) * self.rotor.mass * GRAVITY)
+
+    @property
+    def sensor_lag(self) -> float:
+        """Lag of the sensor in models and plants [s]: one too short to tell is 0.001 samples."""
+        return max(self.sensor.lag, SHORTEST_LAG * self.sampling_time)
+
+    @property
+    def current_min(self) -> float:
+        """Least control current iu [A]; a one-sided coil's current i0 + iu stays positive."""
+        return current_limits(self.amplifier.current_limit, self.magnet)[0]
+
+    @property
+    def current_max(self) -> float:
+        """Greatest control current iu [A]."""
+        return self.amplifier.current_limit
+
+    @property
+    def levitation_current(self) -> float:
+        """Control current iu [A] that carries the rotor at rest at x = 0.
+
+        It solves ``F(iu, 0) + weight = 0``; ideal iron, two-sided:
+        ``iu = -weight s0^2 / (4 k i0)``, one-sided: ``iu = s0 sqrt(-weight/k) - i0``.
+        """
+        return levitation_current_of(reader(self))
 
     def lag_of(self, sensor: PlacedSensor) -> float:
         """Return a sensor's lag in models and plants [s]; see `Bearing.sensor_lag`.
@@ -391,13 +433,23 @@ class PlacedMachine(Machine):
     """The rotor: rigid, or one that bends."""
     bearing: Annotated[tuple[PlacedBearing, ...], Field(min_length=1)]
     """The bearings."""
-    sensor: Annotated[tuple[PlacedSensor, ...], Field(min_length=1)]
+    sensor: Annotated[tuple[PlacedSensor, ...], Field(min_length=1)]  # type: ignore[assignment]
     """The position sensors."""
     unbalance: tuple[Unbalance, ...] = ()
     """Unbalance, by its planes."""
 
     def __repr_name__(self) -> str:
         return "Machine"
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name not in ("magnet", "amplifier", "stop", "coil"):
+                return super().__getattr__(name)
+            names = [axis.name for axis in self.axes]
+            if len(names) == 1:
+                return getattr(self.isolated_axis(names[0]), name)
+            raise AttributeError(f'it has several axes: use machine["{names[0]}"].{name}')
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -447,9 +499,10 @@ class PlacedMachine(Machine):
 
 
 class Bearing(Shown, Machine):
-    """A machine with one axis, in the short form.
+    """The short form of a `Machine` with one axis: a way to read, write and make one.
 
-    Magnet, amplifier and sensor stand without a place, and signals have no suffix.
+    Magnet, amplifier and sensor stand without a place, and signals have no suffix. Nothing in
+    ambkit distinguishes it from another machine with one axis.
 
     Examples
     --------
@@ -509,14 +562,9 @@ class Bearing(Shown, Machine):
         return (Reading("", geometry.TRANSLATION, self.sensors[0]),)
 
     @property
-    def isolated_made(self) -> dict[str, Bearing]:
+    def isolated_made(self) -> dict[str, Machine]:
         """Itself."""
         return {"": self}
-
-    @cached_property
-    def levitation_currents(self) -> dict[tuple[float, float], float]:
-        """Control currents [A] by displacement [m] and load [N]: those computed so far."""
-        return {}
 
     @property
     def single(self) -> bool:
@@ -534,35 +582,6 @@ class Bearing(Shown, Machine):
         )  # fmt: skip
         machine.isolated_made[""] = self
         return machine
-
-    @property
-    def weight(self) -> float:
-        """Force of gravity along +x [N], negative where gravity pulls towards -x."""
-        return along_x(self.rotor.gravity) * self.rotor.mass * GRAVITY
-
-    @property
-    def sensor_lag(self) -> float:
-        """Lag of the sensor in models and plants [s]: one too short to tell is 0.001 samples."""
-        return max(self.sensor.lag, SHORTEST_LAG * self.sampling_time)
-
-    @property
-    def current_min(self) -> float:
-        """Least control current iu [A]; a one-sided coil's current i0 + iu stays positive."""
-        return current_limits(self.amplifier.current_limit, self.magnet)[0]
-
-    @property
-    def current_max(self) -> float:
-        """Greatest control current iu [A]."""
-        return self.amplifier.current_limit
-
-    @property
-    def levitation_current(self) -> float:
-        """Control current iu [A] that carries the rotor at rest at x = 0.
-
-        It solves ``F(iu, 0) + weight = 0``; ideal iron, two-sided:
-        ``iu = -weight s0^2 / (4 k i0)``, one-sided: ``iu = s0 sqrt(-weight/k) - i0``.
-        """
-        return levitation_current_of(reader(self))
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

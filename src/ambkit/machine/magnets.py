@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from ambkit.machine.force_law import MU_0 as MU_0
-from ambkit.machine.force_law import Bearing as Bearing
+from ambkit.machine.force_law import IsolatedAxis
 from ambkit.machine.force_law import Law as Law
 from ambkit.machine.force_law import MagnetModel as MagnetModel
 from ambkit.machine.force_law import Precision as Precision
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from ambkit._core import Magnet
 
 
-def own_time(bearing: Bearing) -> float:
+def own_time(bearing: IsolatedAxis) -> float:
     """Return ``sqrt(m/k_s)``, in which the uncontrolled rotor falls away by e [s]."""
     return math.sqrt(bearing.rotor.mass / typical_stiffness(bearing))
 
 
-def typical_stiffness(bearing: Bearing) -> float:
+def typical_stiffness(bearing: IsolatedAxis) -> float:
     """Return ``|k_s|`` [N/m], or ``k_i i0/s0`` of a magnet that has none in the middle."""
     # Both are the same of ideal iron. A Lorentz actuator is an example of the second.
     k, m = ConstantStiffness.of(bearing), bearing.magnet
@@ -68,7 +68,7 @@ class ConstantStiffness:
                 raise ValueError(f"{name} must be finite [{unit}], got {getattr(self, name)!r}")
 
     @classmethod
-    def of(cls, bearing: Bearing) -> ConstantStiffness:
+    def of(cls, bearing: IsolatedAxis) -> ConstantStiffness:
         """Linearise the bearing's magnet at iu = 0, x = 0 (paper, eq. 3-5, corrected).
 
         Ideal iron, two-sided: ``k_i = 4 k i0 / s0^2``, ``k_s = 4 k i0^2 / s0^3``; the paper prints
@@ -76,7 +76,7 @@ class ConstantStiffness:
 
         Parameters
         ----------
-        bearing : Bearing
+        bearing : IsolatedAxis
             Whose magnet.
         """
         k_i, k_s = magnet_of(bearing).tangent(0.0, 0.0)
@@ -93,12 +93,12 @@ class ConstantStiffness:
         return core.Constant(self.k_i, self.k_s)  # type: ignore[no-any-return]
 
 
-def magnet_of(bearing: Bearing) -> Law:
+def magnet_of(bearing: IsolatedAxis) -> Law:
     """Return the magnet that a bearing describes: its force map, or else its law.
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : IsolatedAxis
         Whose ``[magnet]``.
 
     Raises
@@ -111,6 +111,6 @@ def magnet_of(bearing: Bearing) -> Law:
     return surface_of(bearing)
 
 
-def bias_force_of(magnet: MagnetModel, bearing: Bearing) -> float:
+def bias_force_of(magnet: MagnetModel, bearing: IsolatedAxis) -> float:
     """Force at iu = 0, x = 0 [N] of what an estimator knows, or else of the bearing's magnet."""
     return (magnet if isinstance(magnet, Law) else magnet_of(bearing)).bias_force

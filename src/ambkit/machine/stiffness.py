@@ -22,7 +22,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.machine.force_laws import axis_of
 from ambkit.machine.forces.force_points import check_nodes
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import equally_far, magnet_of
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ class StiffnessMap:
         return digest.hexdigest()[:16]
 
 
-def operating_points(bearing: Bearing) -> tuple[Array, Array]:
+def operating_points(bearing: Machine) -> tuple[Array, Array]:
     """Return the nodes of the paper's 25 operating points (Tables 2 and 3), for any bearing."""
     # Five control currents [A] over what the amplifier gives, and five displacements [m] over half
     # the travel to either side.

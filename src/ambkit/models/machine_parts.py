@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.models.declaration import Part, Plan
 from ambkit.models.model import ONE, Model
 from ambkit.models.parts import PARTS, SENSOR_NOISE, SYNCHRONOUS
@@ -99,4 +99,4 @@ def printed(model: Model) -> Model:
 @cache
 def paper_pattern() -> dict[str, Any]:
     """Return the pattern of the paper's axis, whatever its numbers."""
-    return dict(machine_model(Bearing.preset("zittau_axial").replace(sensor__gain=1.1)).pattern)
+    return dict(machine_model(Machine.preset("zittau_axial").replace(sensor__gain=1.1)).pattern)

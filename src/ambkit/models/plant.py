@@ -11,11 +11,11 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.data.signals import signal
 from ambkit.machine import geometry
-from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import weights_of
 from ambkit.machine.loading import levitation_current
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
+from ambkit.machine.parts import GRAVITY
 from ambkit.models import plant_parts
 from ambkit.models.continuous import Continuous, behind_magnets, continuous
 from ambkit.models.model import compressed_rows

@@ -12,14 +12,14 @@ import numpy as np
 
 from ambkit.base.units import engineering
 from ambkit.machine.accessories import SHORTEST_LAG, Runout
-from ambkit.machine.bearing import Sensor
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
+from ambkit.machine.parts import Sensor
 from ambkit.models.continuous import Behind, behind_magnets, continuous
 from ambkit.models.parts import BEHIND_MAGNETS
 
 
-def substeps(bearing: Bearing, least: int) -> int:
+def substeps(bearing: Machine, least: int) -> int:
     """Steps of Runge-Kutta in a sample."""
     # Two in the sensor's lag, which is unstable from 2.8 lags a step on; four in the time constant
     # of the current, which moves the rotor; four in a radian of the fastest runout.
@@ -32,7 +32,7 @@ def substeps(bearing: Bearing, least: int) -> int:
     return max(least, *(math.ceil(item) for item in needed))
 
 
-def _corner(bearing: Bearing) -> float:
+def _corner(bearing: Machine) -> float:
     """Corner of the amplifier [rad/s]; 0 where the current follows at once."""
     bandwidth, most = bearing.amplifier.bandwidth, 1 / (SHORTEST_LAG * bearing.sampling_time)
     return 0.0 if bandwidth is None else min(2 * math.pi * bandwidth, most)
@@ -42,7 +42,7 @@ CURRENTS = (3, 4)  #: States of the two control currents of an isolated axis, af
 
 
 def axis_fields(
-    bearing: Bearing, magnet: Any, coil: Any, bias: float, least: int, dtype: str = "float64"
+    bearing: Machine, magnet: Any, coil: Any, bias: float, least: int, dtype: str = "float64"
 ) -> dict[str, Any]:
     """Return the fields of ``amb_plant`` of an isolated axis, whose C has no loops."""
     sensor = of_sensor(bearing.sensor, bearing.sensor.runout, dtype)
@@ -75,13 +75,13 @@ def max_displacement(clearance: float, air_gap: float) -> float:
     return clearance + 0.9 * (air_gap - clearance)
 
 
-def between_magnet_and_rotor(bearing: Bearing) -> tuple[str, ...]:
+def between_magnet_and_rotor(bearing: Machine) -> tuple[str, ...]:
     """Return the names of the linear states between the magnet of an axis and its rotor."""
     behind = _behind(bearing)
     return () if behind is None else behind.states
 
 
-def _behind(bearing: Bearing) -> Behind | None:
+def _behind(bearing: Machine) -> Behind | None:
     """Return what is between the magnet of an axis and its rotor."""
     # A machine is built where there is any only: campaigns ask this of each run.
     if all(getattr(bearing.magnet, kind.key) is None for kind in BEHIND_MAGNETS):
@@ -105,7 +105,7 @@ def behind_fields(behind: Behind | None, dtype: str) -> dict[str, Any]:
     return {"behind": len(behind.states), "behind_d": behind.d} | arrays
 
 
-def in_words(bearing: Bearing) -> list[str]:
+def in_words(bearing: Machine) -> list[str]:
     """Name each part with its values, for people."""
     magnet, amplifier = bearing.magnet, bearing.amplifier
     sensor, stop = bearing.sensor, bearing.stop
@@ -145,14 +145,14 @@ def in_words(bearing: Bearing) -> list[str]:
     return features
 
 
-def coil_fields(bearing: Bearing) -> dict[str, Any] | None:
+def coil_fields(bearing: Machine) -> dict[str, Any] | None:
     """Return the law of one coil of a pair whose currents can differ, by its fields, or None."""
     # A magnet that is not known coil by coil pulls by the mean of both currents.
     pair = bearing.amplifier.voltage_limit is not None and bearing.magnet.type == "two-sided"
     return magnet_of(bearing).of_one_coil() if pair else None
 
 
-def amplifier_of(bearing: Bearing) -> dict[str, Any]:
+def amplifier_of(bearing: Machine) -> dict[str, Any]:
     """Return what an amplifier does, by the names of ``amb_parts``; nothing where it is at once."""
     amplifier, magnet = bearing.amplifier, bearing.magnet
     if amplifier.bandwidth is None:

@@ -71,7 +71,7 @@ def grade_of(machine: Machine) -> float | None:
     if not machine.speed or not machine.unbalance:
         return None
     total_unbalance = sum(amount for _, amount, _ in machine.unbalances())
-    return total_unbalance * abs(machine.speed) / machine.rotor.mass
+    return float(total_unbalance * abs(machine.speed) / machine.rotor.mass)
 
 
 def unbalance_forces(machine: Machine) -> NDArray[np.float64]:

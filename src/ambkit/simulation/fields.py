@@ -15,7 +15,7 @@ from ambkit.control.controllers import Controllers, arrays, controllers_of, gain
 from ambkit.control.pid import PID, integral_lead
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.loading import levitation_current_at
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Law, MagnetModel, magnet_of
 from ambkit.models import plant_parts
 from ambkit.models.plant import Plant
@@ -26,7 +26,7 @@ class StraightLine:
     """A single axis and its PID, whose plant is unrolled in C."""
 
     def __init__(
-        self, bearing: Bearing, scenario: Scenario, magnet: MagnetModel | None, at: float,
+        self, bearing: Machine, scenario: Scenario, magnet: MagnetModel | None, at: float,
         load: float,
     ) -> None:  # fmt: skip
         self.machine, self.scenario = bearing, scenario

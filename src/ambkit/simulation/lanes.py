@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.planned import Planned
 from ambkit.simulation.run import Loop, Sampled, samples
@@ -137,7 +137,7 @@ class Lanes:
             t, *(known(getattr(of, what), partial(along, of, what, ("",), t)) for what in AXES)
         )
 
-    def _windows(self, bearing: Bearing, r: Array, f_d: Array, sampled: Sampled) -> Windows:
+    def _windows(self, bearing: Machine, r: Array, f_d: Array, sampled: Sampled) -> Windows:
         """Return where figures are taken; of signals that nothing was added to they are shared."""
         first = first_of(self.settling, bearing.sampling_time, len(r))
         if r is not sampled.reference or f_d is not sampled.disturbance:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ambkit.control.controllers import Controllers
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Run, simulate_run
@@ -43,7 +43,7 @@ class Planned:
     controllers: Controllers | None = None
 
     @property
-    def axis(self) -> Bearing:
+    def axis(self) -> Machine:
         """The plant, which has one axis."""
         return self.bearing.isolated_axis("")
 

@@ -15,9 +15,9 @@ from ambkit.base.pickling import own_version
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.machine.accessories import ColouredNoise, Hum
-from ambkit.machine.bearing import Sensor
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
+from ambkit.machine.parts import Sensor
 from ambkit.simulation.fields import InLoops, StraightLine
 from ambkit.simulation.scenario import Scenario, by_axis
 
@@ -67,7 +67,7 @@ def drawn(machine: Machine, scenario: Scenario, n: int) -> tuple[Array, Array]:
     return noise_u, noise_y
 
 
-def white(bearing: Bearing, scenario: Scenario) -> tuple[float, float] | None:
+def white(bearing: Machine, scenario: Scenario) -> tuple[float, float] | None:
     """Return the standard deviations of the noise on control signal [V] and measurement [m]."""
     # They are all that there is to know of `drawn`; None where the sensor has noise that is not
     # white.

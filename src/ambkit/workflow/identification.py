@@ -33,7 +33,7 @@ from ambkit.identification.online.magnet_constant import ONLINE, identified
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.machine.force_laws import isolated
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.workflow.identified import Identified, filter_following_load
 from ambkit.workflow.identify import identify, parameters_to_find, starting_model
 
@@ -114,7 +114,7 @@ def _nodes(nodes: Any) -> tuple[int, int] | None:
 class IdentifiedCorpus(Corpus):
     """A machine from many logs, and its filter."""
 
-    known: Bearing | None = None  #: What was known before.
+    known: Machine | None = None  #: What was known before.
 
     @cached_property
     def filter(self) -> Estimator:
@@ -178,7 +178,7 @@ class IdentifiedOnline(comparison.OnlineComparison):
     method: str = "all"  #: Whose machine it is.
 
     @property
-    def machine(self) -> Bearing:
+    def machine(self) -> Machine:
         """The machine with what the method learned."""
         if self.method == "all":
             raise AmbkitError(f"a machine is of one method: method={', '.join(ONLINE)}")

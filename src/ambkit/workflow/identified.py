@@ -32,7 +32,7 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
 from ambkit.machine.force_laws import with_axis
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import operating_points
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
@@ -52,7 +52,7 @@ RAISED = made_by(
 class Identified(Result):
     """A bearing from records of the loop, with its uncertainty, and how it did on others."""
 
-    prior: Bearing  #: What was known before of the axis, without what `rest` says.
+    prior: Machine  #: What was known before of the axis, without what `rest` says.
     records: Sequence[Record]  #: What it was identified from.
     likelihood: MaximumLikelihood  #: What was found.
     #: How it did on each of the other records; without others, on `records`.
@@ -104,7 +104,7 @@ class Identified(Result):
         return force_map(result.model, self.records, settling=result.settling)
 
     @property
-    def bearing(self) -> Bearing:
+    def bearing(self) -> Machine:
         """The axis that was found, as a bearing alone."""
         return self.likelihood.bearing
 

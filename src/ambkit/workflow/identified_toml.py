@@ -10,7 +10,7 @@ from ambkit.base.units import engineering
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
-    from ambkit.machine.machine import Bearing, Machine
+    from ambkit.machine.machine import Machine
 
 
 def annotated_toml(
@@ -89,7 +89,7 @@ def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) 
     ]
 
 
-def _known_to_filters(bearing: Bearing) -> str:
+def _known_to_filters(bearing: Machine) -> str:
     """Say what of the loop is the bearing's, in a sentence; nothing where there is none."""
     known = [
         f"{what} of {engineering(value, unit, 4)}"

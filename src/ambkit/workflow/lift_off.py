@@ -23,7 +23,7 @@ from ambkit.identification.forces.lift_off import (
     load_points,
 )
 from ambkit.machine.force_laws import isolated
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row
@@ -36,7 +36,7 @@ class LiftedOff(Result):
 
     #: With the constant that was found, and the air gap and bias current of the operating point; as
     #: it was given without one.
-    bearing: Bearing
+    bearing: Machine
     fit: LiftOffFit  #: The law through the points.
     operating_point: float | None  #: Distance at x = 0 [m].
     names: Sequence[str] = ()  #: Of the recordings; none of a table of points.
@@ -95,7 +95,7 @@ class LiftedOff(Result):
         return [lift_off_figure(self.fit)]
 
 
-def check_lifts_off(bearing: Bearing) -> None:
+def check_lifts_off(bearing: Machine) -> None:
     """Refuse a bearing that lift-off points tell nothing of."""
     if bearing.magnet.type != "one-sided":
         raise AmbkitError(
@@ -109,7 +109,7 @@ def check_lifts_off(bearing: Bearing) -> None:
 
 
 def identify_by_lift_off(
-    bearing: Bearing,
+    bearing: Machine,
     points: Iterable[LiftOff],
     *,
     gap_range: tuple[Given, Given] = (0.0, math.inf),

@@ -28,7 +28,7 @@ from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.forces.force_map import surface_in
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
 from ambkit.rotordynamics.harmonics import harmonics
@@ -248,7 +248,7 @@ def _of_the_stop(run: Run) -> str:
     )
 
 
-def experiment_duration(bearing: Bearing) -> float:
+def experiment_duration(bearing: Machine) -> float:
     """Return how long an experiment lasts where nobody says it [s]."""
     own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass) / (2 * math.pi)
     return float(f"{OWN_PERIODS / own:.2g}")

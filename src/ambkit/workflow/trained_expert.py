@@ -33,7 +33,7 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, magnet_of
 from ambkit.machine.stiffness import StiffnessMap
 from ambkit.result.report import Figure
@@ -65,7 +65,7 @@ class MeasuredForce:
 class TrainedExpert(Result):
     """An expert, and how good it is."""
 
-    bearing: Bearing | None  #: Whose force it knows; None where only stiffnesses are known.
+    bearing: Machine | None  #: Whose force it knows; None where only stiffnesses are known.
     expert: Expert  #: What was trained.
     stiffness: StiffnessMap  #: What it was trained on.
     measured: MeasuredForce | None = None  #: None where it was trained on the bearing's law.
@@ -89,7 +89,7 @@ class TrainedExpert(Result):
         return NETWORK if models is None else models.chosen.name
 
     @property
-    def model(self) -> tuple[Bearing, MagnetModel]:
+    def model(self) -> tuple[Machine, MagnetModel]:
         """The bearing and the magnet that a filter then assumes: of a law that is refitted both."""
         assert self.bearing is not None  # checked by who needs a machine
         law = self.bearing

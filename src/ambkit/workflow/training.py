@@ -15,7 +15,7 @@ from ambkit.fuzzy.rule_selection import Shape, choose_rules, measured_map
 from ambkit.fuzzy.training import train
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 from ambkit.workflow.trained_expert import MeasuredForce, TrainedExpert
 
@@ -40,7 +40,7 @@ def how_to_train(
 
 
 def stiffness_of_law(
-    bearing: Bearing, shape: Shape = RULES, max_displacement: float | None = None
+    bearing: Machine, shape: Shape = RULES, max_displacement: float | None = None
 ) -> StiffnessMap:
     """Return the stiffnesses of a bearing's law, over all currents."""
     travel = bearing.rotor.clearance
@@ -57,7 +57,7 @@ def stiffness_of_law(
     )
 
 
-def check_within_gap(bearing: Bearing, points: ForcePoints) -> None:
+def check_within_gap(bearing: Machine, points: ForcePoints) -> None:
     """Refuse points at which no rotor can be."""
     gap, farthest = bearing.magnet.air_gap, max(points.displacement.tolist(), key=abs)
     if abs(farthest) >= gap:
@@ -68,7 +68,7 @@ def check_within_gap(bearing: Bearing, points: ForcePoints) -> None:
 
 
 def measured_force(
-    bearing: Bearing,
+    bearing: Machine,
     points: ForcePoints,
     shape: Shape | None = RULES,
     *,
@@ -91,7 +91,7 @@ def measured_force(
 
 
 def train_expert(
-    bearing: Bearing,
+    bearing: Machine,
     shape: Shape = RULES,
     *,
     reach: float | None = None,

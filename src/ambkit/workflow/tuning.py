@@ -15,9 +15,9 @@ from ambkit.data.reading.faults import spike_free
 from ambkit.data.record import Record
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
+from ambkit.machine.parts import GRAVITY
 
 DECADES = (-8.0, 1.0)
 """Range of the search, in decades around ``(2 m g)^2`` a second."""

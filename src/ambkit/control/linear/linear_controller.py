@@ -12,13 +12,13 @@ from ambkit.base.arrays import Array
 from ambkit.control.blocks import sections_of
 from ambkit.control.linear.linear_plant import POSITION, VELOCITY, of_axes
 from ambkit.machine.force_laws import isolated_axes
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.models.linear import LinearSystem, Signal
 
 ControlLaw = Any  #: `ambkit.control.controllers.Controllers`, which is made of what is here.
 
 
-def controller(pid: Any, bearing: Bearing, *, measured: bool) -> LinearSystem:
+def controller(pid: Any, bearing: Machine, *, measured: bool) -> LinearSystem:
     """Return the controller of a `PID` as ``core/src/controller.c`` computes it, without limits."""
     T = bearing.sampling_time
     gains = pid.kp, pid.ki, pid.kd, pid.derivative_filter, 0.0, pid.setpoint_weight

@@ -14,7 +14,7 @@ from ambkit.data.signals import signal as named
 from ambkit.estimate.machine_model import View
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.loading import levitation_current_at
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module, magnet_of
 from ambkit.models.declaration import Part
 from ambkit.models.linear import LinearSystem, Signal, linearised
@@ -59,7 +59,7 @@ class OperatingPoint(NamedTuple):
         return [(iu + np.real(i * turn), x + np.real(far * turn)) for iu, x, i, far in parts]
 
     @classmethod
-    def equilibrium(cls, bearing: Bearing, x: float = 0.0, load: float = 0.0) -> OperatingPoint:
+    def equilibrium(cls, bearing: Machine, x: float = 0.0, load: float = 0.0) -> OperatingPoint:
         """Return the point at which the magnet carries weight and load."""
         travel = bearing.rotor.clearance
         if not abs(x) <= travel:
@@ -75,7 +75,7 @@ class OperatingPoint(NamedTuple):
         return cls(iu, x)
 
     @classmethod
-    def nearest(cls, bearing: Bearing) -> OperatingPoint:
+    def nearest(cls, bearing: Machine) -> OperatingPoint:
         """Return the equilibrium at the centre; without a current where none holds it there."""
         try:
             return cls.equilibrium(bearing)
@@ -143,7 +143,7 @@ def plant(of: Machine, point: OperatingPoint, *, continuous: bool = False) -> Li
     )  # fmt: skip
 
 
-def plants(bearings: Sequence[Bearing], points: Sequence[OperatingPoint]) -> LinearSystem:
+def plants(bearings: Sequence[Machine], points: Sequence[OperatingPoint]) -> LinearSystem:
     """Return `plant` of bearings whose parts are alike, as matrices (bearings, ...)."""
     values = [machine_parts(b, noise=False) for b in bearings]
     parts = [_stacked(of) for of in zip(*values, strict=True)]
@@ -158,7 +158,7 @@ def plants(bearings: Sequence[Bearing], points: Sequence[OperatingPoint]) -> Lin
     return replace(system, B=B)
 
 
-def alike(bearing: Bearing) -> tuple[Any, ...]:
+def alike(bearing: Machine) -> tuple[Any, ...]:
     """Return what bearings must have in common for `plants`."""
     amplifier, sensor = bearing.amplifier, bearing.sensor
     return (

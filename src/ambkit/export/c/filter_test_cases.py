@@ -14,7 +14,7 @@ import numpy as np
 from ambkit.base.arrays import Array, Bools
 from ambkit.control.control import Control
 from ambkit.estimate.estimate import Status
-from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.parts import GRAVITY
 from ambkit.simulation.run import simulate
 from ambkit.simulation.scenario import Disturbance, Scenario
 from ambkit.simulation.waveforms import Step

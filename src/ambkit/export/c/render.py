@@ -26,8 +26,8 @@ from ambkit.export.c import (
 )
 from ambkit.export.c.c_literals import CPrecision
 from ambkit.export.c.exported import Export
-from ambkit.machine.bearing import FILES
 from ambkit.machine.machine import Machine
+from ambkit.machine.parts import FILES
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 _PROVED = (

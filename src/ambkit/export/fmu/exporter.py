@@ -25,7 +25,7 @@ from ambkit.export.fmu.variable import Variable, in_unit
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.judge.adequacy import require_adequate
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.result.document import Statement
 from ambkit.simulation.scenario import Scenario
@@ -166,7 +166,7 @@ def _plant(machine: Machine, scenario: Scenario) -> _Parts:
     return _Parts(about, model, plant_variables, data, None)
 
 
-def _pid(bearing: Bearing, scenario: Scenario) -> _Parts:
+def _pid(bearing: Machine, scenario: Scenario) -> _Parts:
     controller = scenario.controller
     estimate = controller.feedback == "estimate"
     source = "an estimator" if estimate else "the sensor"

@@ -20,7 +20,7 @@ from ambkit.export.c import c_literals, data_file
 from ambkit.export.c.c_literals import CPrecision, Kind
 from ambkit.export.c.model import LOOPS, CModel, c_model
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.models.plant import Plant
 
 _PRECISION = "include/ambkit/precision.h"
@@ -222,7 +222,7 @@ def magnet_data(held: Any, name: str, precision: CPrecision = "double") -> dict[
     }
 
 
-def pid_data(bearing: Bearing, controller: PID) -> str:
+def pid_data(bearing: Machine, controller: PID) -> str:
     """Return a PID as an initialiser."""
     fields = {
         "T": bearing.sampling_time,

@@ -19,7 +19,7 @@ from ambkit.export.c.model import states
 from ambkit.export.fmu.controller import ControllerStart
 from ambkit.export.fmu.variable import TIME, Limit, Variable, per_name
 from ambkit.machine.loading import levitation_current_at
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.models.continuous import continuous
 from ambkit.models.plant_parts import between_magnet_and_rotor
 
@@ -147,7 +147,7 @@ def in_continuous_time(machine: Machine) -> bool:
     return machine.single and machine.delay is None
 
 
-def _continuous(bearing: Bearing) -> Iterator[Variable]:
+def _continuous(bearing: Machine) -> Iterator[Variable]:
     """Currents that are states, the rates of all states, and what begins events."""
     amplifier = bearing.amplifier
     states = {"x": "m/s", "v": "m/s2", "x_m": "m/s"}
@@ -270,7 +270,7 @@ def of_regulator(controller: Controller, current: Array) -> tuple[Variable, ...]
     )  # fmt: skip
 
 
-def of_controller(bearing: Bearing, controller: Control) -> tuple[Variable, ...]:
+def of_controller(bearing: Machine, controller: Control) -> tuple[Variable, ...]:
     """Return the variables of a PID."""
     fed = "estimated displacement" if controller.feedback == "estimate" else "measured position"
     return (
@@ -385,7 +385,7 @@ def _rig(machine: Machine, places: Sequence[float]) -> list[Variable]:
     ]  # fmt: skip
 
 
-def _gains(controller: PID, bearing: Bearing) -> list[Variable]:
+def _gains(controller: PID, bearing: Machine) -> list[Variable]:
     current = levitation_current_at(bearing)
     weight = "share of the reference that kp sees"
     return [

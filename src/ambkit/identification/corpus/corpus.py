@@ -25,7 +25,7 @@ from ambkit.identification.maximum_likelihood.parameters import NOISES, Paramete
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.noise import white_noise, with_steps
 from ambkit.machine.accessories import Hum
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Bars, Figure, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -54,7 +54,7 @@ class Corpus(Result):
     strength_loss: StrengthLoss | None = None
 
     @property
-    def bearing(self) -> Bearing:
+    def bearing(self) -> Machine:
         """The bearing found: its delay, its current's lag, the smallest steps of its logs."""
         steps = [item.position_step for item in self.found.values()]
         known = [step for step in steps if step is not None]

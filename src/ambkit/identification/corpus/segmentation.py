@@ -14,7 +14,7 @@ import numpy as np
 from ambkit.base.arrays import Array, Bools
 from ambkit.data.record import Record
 from ambkit.identification.noise import white_noise
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 
 UNEXPLAINED = 0.5
@@ -42,7 +42,7 @@ class Stretch:
     end: float
 
 
-def cut(record: Record, bearing: Bearing) -> list[Stretch]:
+def cut(record: Record, bearing: Machine) -> list[Stretch]:
     """Cut a log into stretches."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
     from scipy.signal import savgol_filter
@@ -84,7 +84,7 @@ def cut(record: Record, bearing: Bearing) -> list[Stretch]:
     return [Stretch(KINDS[kind[a]], float(t[a]), float(t[b])) for a, b in pairwise(edges.tolist())]
 
 
-def flights(record: Record, stretches: list[Stretch], bearing: Bearing) -> list[Record]:
+def flights(record: Record, stretches: list[Stretch], bearing: Machine) -> list[Record]:
     """Return the flights of a log that are long enough to be identified from."""
     least = SHORTEST * own_time(bearing)
     return [

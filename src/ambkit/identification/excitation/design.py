@@ -23,9 +23,9 @@ from ambkit.identification.excitation.signals import KINDS, Band, Excitation
 from ambkit.identification.maximum_likelihood.information import Expectation, expect
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import usual
-from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
+from ambkit.machine.parts import GRAVITY
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -58,7 +58,7 @@ class Limits:
 
     @classmethod
     def of(
-        cls, bearing: Bearing, current: float | None = None, displacement: float | None = None
+        cls, bearing: Machine, current: float | None = None, displacement: float | None = None
     ) -> Limits:
         """Return limits, by default 80 % of what the current may be and half of the travel."""
         most = min(bearing.current_max, -bearing.current_min)
@@ -183,7 +183,7 @@ class Design(Result):
 
 
 def design(
-    bearing: Bearing,
+    bearing: Machine,
     scenario: Scenario,
     *,
     kind: str = "multisine",
@@ -229,7 +229,7 @@ def design(
     )
 
 
-def _bands(bearing: Bearing, duration: float) -> list[Band]:
+def _bands(bearing: Machine, duration: float) -> list[Band]:
     """Return bands to try about the plant's own frequency, as far as record and sampling go."""
     own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass) / (2 * math.pi)
     min_frequency, max_frequency = LEAST_PERIODS / duration, 0.2 / bearing.sampling_time
@@ -244,7 +244,7 @@ def _bands(bearing: Bearing, duration: float) -> list[Band]:
     return bands
 
 
-def _checked(bearing: Bearing, loop: _Loop, band: Band) -> Band:
+def _checked(bearing: Machine, loop: _Loop, band: Band) -> Band:
     low, high = band
     min_frequency, max_frequency = 1 / loop.duration, 0.4 / bearing.sampling_time
     if not min_frequency * (1 - 1e-9) <= low < high <= max_frequency * (1 + 1e-9):
@@ -260,7 +260,7 @@ def _checked(bearing: Bearing, loop: _Loop, band: Band) -> Band:
 class _Loop:
     """The simulated loop, with noise and a load that wanders, excited by its reference."""
 
-    def __init__(self, bearing: Bearing, scenario: Scenario, limits: Limits, load: float) -> None:
+    def __init__(self, bearing: Machine, scenario: Scenario, limits: Limits, load: float) -> None:
         self.bearing, self.limits, self.load = bearing, limits, load
         self.scenario = scenario.replace(noise=True)
         self.T = bearing.sampling_time

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.data.record import Record
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Machine
 
 
 FINE = 65
@@ -167,7 +167,7 @@ class _Corrected:
 
     def __init__(
         self,
-        bearing: Bearing,
+        bearing: Machine,
         current: Array,
         displacement: Array,
         w: Array,

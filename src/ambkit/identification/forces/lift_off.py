@@ -18,7 +18,7 @@ from ambkit.base.errors import RecordError
 from ambkit.data.files.tables import Table, read_table
 from ambkit.data.record import Record
 from ambkit.identification.noise import measurement_noise
-from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.parts import GRAVITY
 from ambkit.result.report import Axis, Figure, Line, Panel, Points, Rule
 
 SMOOTHING_TIME = 0.05

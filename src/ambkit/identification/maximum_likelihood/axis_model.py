@@ -22,7 +22,7 @@ from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.machine.force_laws import reading_along, with_axis
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 
 
@@ -46,7 +46,7 @@ class AxisModel(LoopModel):
         """The number of its measurement among those of the machine."""
         return reading_along(self.machine, self.axis)
 
-    def _filter(self, finer: Bearing, _magnet: MagnetModel) -> Estimator:
+    def _filter(self, finer: Machine, _magnet: MagnetModel) -> Estimator:
         machine = with_axis(self.machine, self.axis, finer)
         return ExtendedKalmanFilter(
             machine,

@@ -59,7 +59,7 @@ from ambkit.identification.maximum_likelihood.search import (
 )
 from ambkit.identification.noise import position_step
 from ambkit.machine.accessories import Hum
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 
 LEAST_SAMPLES = 100  #: That a record must have after the filter has settled.
@@ -68,7 +68,7 @@ STILL = 1e-9  #: Of the clearance: a position that changes by less does not move
 
 def maximum_likelihood(
     records: Record | Sequence[Record],
-    start: Bearing | LoopModel,
+    start: Machine | LoopModel,
     free: Sequence[str] = USUAL,
     *,
     settling: float | None = None,

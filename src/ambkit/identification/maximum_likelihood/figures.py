@@ -47,7 +47,7 @@ def estimates_figure(result: Any) -> Figure:
     return Figure(
         id="estimates",
         title="Identified parameters, 95 % intervals",
-        caption="Beside where the search began. Bearing and noise as ratios to the start, whose "
+        caption="Beside where the search began. Machine and noise as ratios to the start, whose "
         "intervals are of the logarithm: none reaches zero.",
         panels=_estimates(result),
         columns=2,

@@ -17,7 +17,7 @@ import numpy as np
 from ambkit.base.arrays import Array, Bools
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, own_time
 
 
@@ -42,7 +42,7 @@ def typical_change(u: Array, samples: int) -> float:
 
 def run_with_gaps(
     kalman: Estimator,
-    bearing: Bearing,
+    bearing: Machine,
     y: Array,
     u: Array,
     unknown: Bools,

@@ -20,7 +20,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.batch import processors
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, log_prior
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 
 BLOCK = 20
@@ -156,7 +156,7 @@ def _log_likelihood(e: Array, S: Array) -> float:
     return float(-0.5 * np.sum(np.log(2 * np.pi * S) + e**2 / S))
 
 
-def between_blocks(scores: Array, bearing: Bearing) -> Array:
+def between_blocks(scores: Array, bearing: Machine) -> Array:
     """Covariance (p, p) of the sum of scores (p, n), from their sums over blocks of `BLOCK`."""
     n = scores.shape[1]
     length = round(BLOCK * own_time(bearing) / bearing.sampling_time)

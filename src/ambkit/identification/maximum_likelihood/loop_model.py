@@ -20,9 +20,9 @@ from ambkit.estimate.noise_model import FilterNoise
 from ambkit.identification.dead_time import delayed, lag_of, lagged
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.machine.accessories import LONGEST_DELAY, SHORTEST_LAG
-from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, magnet_of
+from ambkit.machine.parts import GRAVITY
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class LoopModel:
     #: Parameters that no record of it tells, and why.
     described: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
-    bearing: Bearing  #: Magnet, rotor, amplifier and sensor.
+    bearing: Machine  #: Magnet, rotor, amplifier and sensor.
     #: Time from a logged control signal to the force, to the logged position [s]; NaN: the
     #: bearing's own. That of the whole loop, for the part before the magnet and the part after it
     #: look alike. Whole steps shift the signal; a fraction f of a step gives each step the mean of
@@ -78,11 +78,11 @@ class LoopModel:
                 object.__setattr__(self, name, value)
 
     @property
-    def undelayed_machine(self) -> Bearing:
+    def undelayed_machine(self) -> Machine:
         """The bearing as if the current followed at once, for signals that are late already."""
         return _late(self.bearing, 0.0, 0.0)
 
-    def delayed_machine(self, *, delay: bool = True) -> Bearing:
+    def delayed_machine(self, *, delay: bool = True) -> Machine:
         """Return the bearing with the model's delay and lag of the current as its own."""
         T = self.bearing.sampling_time
         held = self.delay - (0.5 * T if self.line else 0.0)  # a filter is told of steps
@@ -100,7 +100,7 @@ class LoopModel:
         )  # fmt: skip
         return self._filter(finer, self.magnet or magnet_of(b))
 
-    def _filter(self, finer: Bearing, magnet: MagnetModel) -> Estimator:
+    def _filter(self, finer: Machine, magnet: MagnetModel) -> Estimator:
         return ExtendedKalmanFilter(
             finer,
             magnet,
@@ -119,7 +119,7 @@ class LoopModel:
         return 0
 
     @property
-    def with_mean_force(self) -> Bearing:
+    def with_mean_force(self) -> Machine:
         """The bearing whose force at the mean current is the mean of the force under its noise."""
         # The pull of a coil goes with the square of its current, and a variance V of the current
         # adds to that square as to the bias current's own, ``i0^2 + V``. The gain falls as the bias
@@ -313,7 +313,7 @@ def is_interpolated(record: Record) -> bool:
     return "u" in record.meta.get("measured", ()) or CONTROL in record
 
 
-def _late(bearing: Bearing, delay: float, current_lag: float) -> Bearing:
+def _late(bearing: Machine, delay: float, current_lag: float) -> Machine:
     """Return a bearing with another delay [s] and lag of the current [s]; 0: none."""
     amplifier, bandwidth = bearing.amplifier, None
     if current_lag > SHORTEST_LAG * bearing.sampling_time:
@@ -328,7 +328,7 @@ def _late(bearing: Bearing, delay: float, current_lag: float) -> Bearing:
     return _changed(bearing, amplifier=changes, delay=delay or None)
 
 
-def _changed(bearing: Bearing, **changes: Any) -> Bearing:
+def _changed(bearing: Machine, **changes: Any) -> Machine:
     """Return a copy with some values changed, in its tables too, and not checked."""
     # Each evaluation of the likelihood needs some; to check them took most of its time.
     for name, values in changes.items():

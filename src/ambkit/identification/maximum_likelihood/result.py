@@ -25,7 +25,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
 from ambkit.identification.maximum_likelihood.search import RULED_OUT
 from ambkit.identification.noise import with_steps
 from ambkit.machine.accessories import Hum
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
@@ -80,7 +80,7 @@ class MaximumLikelihood(Result):
     position_step: float | None = None
 
     @property
-    def bearing(self) -> Bearing:
+    def bearing(self) -> Machine:
         """The bearing found: its delay where `delay_counts`, its current's lag, its steps."""
         has_noise = any(p.name == "measurement_noise" for p in self.parameters)
         late = self.model.delayed_machine(delay=self.delay_counts)

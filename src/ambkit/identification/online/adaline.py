@@ -16,7 +16,7 @@ from ambkit.base.pickling import Copyable
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.data.record import Record
 from ambkit.identification.dead_time import acting
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, core_module, magnet_of
 from ambkit.result.row import Row
 
@@ -130,7 +130,7 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
     """
 
     core: Any
-    bearing: Bearing
+    bearing: Machine
     memory: float  #: Samples over which k is averaged.
     _learned: type[Learned]
     _more: ClassVar[Sequence[str]] = ()  # what the core gives besides
@@ -194,7 +194,7 @@ class Adaline(OnlineIdentifier[AdalineResult]):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Machine
         Mass, weight, gap, bias current, lag and limits are taken from it; its magnet constant is
         where learning starts.
     start : float or str, optional
@@ -217,7 +217,7 @@ class Adaline(OnlineIdentifier[AdalineResult]):
 
     def __init__(
         self,
-        bearing: Bearing,
+        bearing: Machine,
         *,
         start: Given | None = None,
         bandwidth: Given | None = None,
@@ -235,7 +235,7 @@ class Adaline(OnlineIdentifier[AdalineResult]):
 
 
 def first_element(
-    bearing: Bearing,
+    bearing: Machine,
     start: Given | None,
     bandwidth: Given | None,
     rate_force: float,
@@ -282,12 +282,12 @@ def first_element(
     }
 
 
-def is_ideal(bearing: Bearing) -> bool:
+def is_ideal(bearing: Machine) -> bool:
     """Whether a bearing's magnet is the ideal law itself."""
     return magnet_of(bearing).ideal
 
 
-def as_ideal(bearing: Bearing, y: ArrayLike, u: ArrayLike) -> Array:
+def as_ideal(bearing: Machine, y: ArrayLike, u: ArrayLike) -> Array:
     """Return the control signal with which ideal iron of the same constant pulls as the magnet."""
     # y (n,) [m]; u (n,) [V]
     m, amplifier, travel = bearing.magnet, bearing.amplifier, bearing.rotor.clearance

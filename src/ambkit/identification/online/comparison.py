@@ -25,7 +25,7 @@ from ambkit.identification.online.adaline import (
 )
 from ambkit.identification.online.magnet_constant import ONLINE, AugmentedResult
 from ambkit.identification.online.rls import LeastSquaresResult
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule, Span
 from ambkit.result.result import Result
 from ambkit.result.row import Row, put
@@ -57,7 +57,7 @@ Sensor noise that is correlated over a sample (a low-pass at a sixth of the samp
 class OnlineComparison(Result):
     """What each learned along one record, from one start."""
 
-    bearing: Bearing  #: The one that was given.
+    bearing: Machine  #: The one that was given.
     start: float  #: Magnet constant that all began with [N m^2/A^2].
     truth: float | None  #: The simulated bearing's [N m^2/A^2]; None for a measured record.
     results: Mapping[str, OnlineResult]  #: By the names of `NAMES`.
@@ -206,7 +206,7 @@ class OnlineComparison(Result):
 
 def compare_online(
     record: Record,
-    bearing: Bearing,
+    bearing: Machine,
     *,
     start: float | None = None,
     disturbance: ArrayLike | None = None,
@@ -232,7 +232,7 @@ def true_constant(record: Record) -> float | None:
     text = record.meta.get("bearing")
     if not (record.has_truth and isinstance(text, str)):
         return None
-    return Bearing.from_toml(text).magnet.magnet_constant
+    return Machine.from_toml(text).magnet.magnet_constant
 
 
 def unknown_disturbance(result: OnlineResult) -> float | None:

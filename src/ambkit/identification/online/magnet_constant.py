@@ -27,7 +27,7 @@ from ambkit.identification.online.adaline import (
 )
 from ambkit.identification.online.rls import RecursiveLeastSquares
 from ambkit.machine.force_laws import axis_of
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Figure, Line, Panel, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row
@@ -65,7 +65,7 @@ class AugmentedIdentifier:
     # It takes the load for one that wanders, and needs no word of it; so a load that is known is
     # only taken off what it found.
 
-    def __init__(self, bearing: Bearing, *, start: float | None = None, **options: Any) -> None:
+    def __init__(self, bearing: Machine, *, start: float | None = None, **options: Any) -> None:
         if start is None:
             start = bearing.magnet.magnet_constant
         if not 0 < start < math.inf:
@@ -95,7 +95,7 @@ class AugmentedIdentifier:
 class Identification(Result):
     """What a record says about a bearing."""
 
-    bearing: Bearing  #: The one that was given, with the identified magnet constant.
+    bearing: Machine  #: The one that was given, with the identified magnet constant.
     #: Mean and standard deviation of k over the last quarter of the record [N m^2/A^2]; of
     #: ``augmented`` the k at its end.
     magnet_constant: float
@@ -177,7 +177,7 @@ def identify_online(
     return identified(bearing, history)
 
 
-def identified(bearing: Bearing, history: OnlineResult) -> Identification:
+def identified(bearing: Machine, history: OnlineResult) -> Identification:
     """Make a bearing of what was learned."""
     if history.held.all():
         seen = (

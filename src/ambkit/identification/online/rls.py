@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given
 from ambkit.identification.online.adaline import AdalineResult, OnlineIdentifier, first_element
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 
 
@@ -34,7 +34,7 @@ class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Machine
         Mass, weight, gap, bias current, lag and limits are taken from it; its magnet constant is
         where learning starts.
     start, bandwidth, rate_force : float, optional
@@ -59,7 +59,7 @@ class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
 
     def __init__(
         self,
-        bearing: Bearing,
+        bearing: Machine,
         *,
         start: Given | None = None,
         bandwidth: Given | None = None,

@@ -26,7 +26,7 @@ from ambkit.data.signals import displacement, signal
 from ambkit.estimate.machine_model import View, several
 from ambkit.estimate.noise_model import Variances
 from ambkit.machine.force_laws import isolated_axes
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models import machine_model
 from ambkit.models.machine_parts import PAPER_STATES
@@ -136,7 +136,7 @@ def _root(Q: Array) -> Array:
     return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _held(bearing: Bearing, record: Record, variances: Variances) -> tuple[Array, Array]:
+def _held(bearing: Machine, record: Record, variances: Variances) -> tuple[Array, Array]:
     """F (samples - 1, 4, 4), G (samples - 1, 4, 5) of the paper's axis, exact for held tangents."""
     from scipy.linalg import expm
 

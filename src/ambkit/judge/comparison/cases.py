@@ -26,11 +26,11 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.load import Load, random_walk
 from ambkit.judge.comparison.tolerance import CERTAIN, Spread
-from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.force_laws import isolated_axes, slowest_time, weights_of
 from ambkit.machine.forces.force_surface import ForceSurface
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, magnet_of, own_time
+from ambkit.machine.parts import GRAVITY
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.many import Many, simulate_many
@@ -59,7 +59,7 @@ class Case:
     name: str  #: As the user calls it.
     title: str  #: What happens, in a few words.
     about: str  #: What is to be seen in it, in a sentence.
-    scenario: Callable[[Bearing, float], Scenario]  #: ``scenario(bearing, load)``, load in weights.
+    scenario: Callable[[Machine, float], Scenario]  #: ``scenario(bearing, load)``, load in weights.
     spread: Spread = CERTAIN  #: What is uncertain about the plant.
     #: Factor on the plant's magnet constant, which the estimators do not know.
     magnet_constant: float = 1.0
@@ -217,7 +217,7 @@ def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
 
 
 def _external_inputs(
-    case: Case, bearing: Bearing, plant: Bearing, scenario: Scenario
+    case: Case, bearing: Machine, plant: Machine, scenario: Scenario
 ) -> tuple[ExternalInputs, Array | None]:
     """Draw the load's walk and the coloured noise, from streams of their own."""
     # A load that walks does not wait for the samples. What acts over a sample is its mean there, so
@@ -243,7 +243,7 @@ def _external_inputs(
     return ExternalInputs(disturbance=load, sensor_noise=noise, magnet_scale=scale), walk
 
 
-def saturating(bearing: Bearing) -> Force:
+def saturating(bearing: Machine) -> Force:
     """Return the force of magnets whose iron saturates at twice the flux of the bias current."""
     # The flux, proportional to i/s, bends off as ``phi/(1 + (phi/phi_s)^4)^(1/4)``. The bearing's
     # own force, by its law or force map, falls by the same share as an ideal magnet's does.
@@ -265,7 +265,7 @@ def saturating(bearing: Bearing) -> Force:
     return force
 
 
-def _magnet(case: Case, plant: Bearing, nominal: Bearing) -> MagnetModel | None:
+def _magnet(case: Case, plant: Machine, nominal: Machine) -> MagnetModel | None:
     """Return the plant's own magnet: what is given, or a map finer than its corners matter."""
     if case.magnet is not None:
         ratio = plant.magnet.magnet_constant / nominal.magnet.magnet_constant
@@ -286,7 +286,7 @@ def _magnet(case: Case, plant: Bearing, nominal: Bearing) -> MagnetModel | None:
 
 
 def _scenario(
-    bearing: Bearing, duration: float, reference: Signal, disturbance: Signal | None = None
+    bearing: Machine, duration: float, reference: Signal, disturbance: Signal | None = None
 ) -> Scenario:
     return Scenario(
         duration=duration * own_time(bearing),
@@ -296,17 +296,17 @@ def _scenario(
     )
 
 
-def against_gravity(bearing: Bearing) -> float:
+def against_gravity(bearing: Machine) -> float:
     """Loads act against gravity, as the paper's do: the way that is safe for any magnet."""
     return -1.0 if bearing.weight > 0 else 1.0
 
 
-def _load(bearing: Bearing, load: float, at: float) -> Step:
+def _load(bearing: Machine, load: float, at: float) -> Step:
     weight = bearing.rotor.mass * GRAVITY
     return Step(amplitude=against_gravity(bearing) * load * weight, time=at * own_time(bearing))
 
 
-def _positions(bearing: Bearing, plan: dict[float, float]) -> Sequence:
+def _positions(bearing: Machine, plan: dict[float, float]) -> Sequence:
     """Positions in travels, by the times at which they begin, in the plant's own."""
     return Sequence(
         times=tuple(at * own_time(bearing) for at in plan),
@@ -317,7 +317,7 @@ def _positions(bearing: Bearing, plan: dict[float, float]) -> Sequence:
 def step_case(share: float) -> Case:
     """Return the case of one step and a load, as `ambkit reproduce` has it."""
 
-    def scenario(bearing: Bearing, load: float) -> Scenario:
+    def scenario(bearing: Machine, load: float) -> Scenario:
         return _scenario(bearing, 60, _positions(bearing, {6: share}), _load(bearing, load, 30))
 
     return Case(
@@ -332,7 +332,7 @@ def step_case(share: float) -> Case:
 def walk_case(share: float) -> Case:
     """Return the case in which all is as the filters' model says, with one step."""
 
-    def scenario(bearing: Bearing, _load: float) -> Scenario:
+    def scenario(bearing: Machine, _load: float) -> Scenario:
         return _scenario(bearing, 24, _positions(bearing, {2: share}))
 
     return Case(
@@ -345,17 +345,17 @@ def walk_case(share: float) -> Case:
     )
 
 
-def _paper(bearing: Bearing, load: float) -> Scenario:
+def _paper(bearing: Machine, load: float) -> Scenario:
     plan = dict(zip((6.0, 18.0, 30.0), STEPS, strict=True))
     return _scenario(bearing, 60, _positions(bearing, plan), _load(bearing, load, 45))
 
 
-def _wrong_k(bearing: Bearing, load: float) -> Scenario:
+def _wrong_k(bearing: Machine, load: float) -> Scenario:
     plan = {6.0: 0.2, 14.0: -0.2, 22.0: 0.3, 30.0: 0.1}
     return _scenario(bearing, 60, _positions(bearing, plan), _load(bearing, load, 42))
 
 
-def _unbalance(bearing: Bearing, load: float) -> Scenario:
+def _unbalance(bearing: Machine, load: float) -> Scenario:
     weight, rate = bearing.rotor.mass * GRAVITY, 1 / (6 * own_time(bearing))
     force = Sine(amplitude=load * weight, frequency=rate)
     return _scenario(bearing, 60, _positions(bearing, {6: 0.3}), force)
@@ -364,7 +364,7 @@ def _unbalance(bearing: Bearing, load: float) -> Scenario:
 def load_case(force: float) -> Case:
     """Return the case of a position step and back, then a step of the disturbance force."""
 
-    def scenario(bearing: Bearing, _load: float) -> Scenario:
+    def scenario(bearing: Machine, _load: float) -> Scenario:
         step = Step(amplitude=against_gravity(bearing) * force, time=20 * own_time(bearing))
         return _scenario(bearing, 32, _positions(bearing, {2: STEPS[-1], 10: 0.0}), step)
 

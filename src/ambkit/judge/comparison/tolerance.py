@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Spread:
         points = sobol.random_base2(max(0, int(np.ceil(np.log2(runs)))))[:runs]
         return [Spread(*map(float, row)) for row in 1 + shares * (2 * points - 1)]
 
-    def plant(self, nominal: Bearing) -> Bearing:
+    def plant(self, nominal: Machine) -> Machine:
         """Return the bearing with its values times these factors."""
         magnet, sensor = nominal.magnet, nominal.sensor
         gap = magnet.air_gap * self.air_gap

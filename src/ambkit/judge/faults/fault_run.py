@@ -20,9 +20,9 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.criteria import errors_along
 from ambkit.judge.faults.faults import Channel, Fault, mixture
-from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, own_time
+from ambkit.machine.parts import GRAVITY
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
@@ -111,7 +111,7 @@ class Flight:
         return int(np.argmax(np.abs(self.view.H @ self.view.shown)[:, self.reading]))
 
     @property
-    def axis(self) -> Bearing:
+    def axis(self) -> Machine:
         """That axis, alone: the measure of all faults."""
         return self.view.isolated[self.at]
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, Precision, own_time
 from ambkit.simulation.external_inputs import Faults
 
@@ -22,7 +22,7 @@ from ambkit.simulation.external_inputs import Faults
 class Channel:
     """What the faults of a flight are written into, n samples."""
 
-    bearing: Bearing  #: Gives the measure.
+    bearing: Machine  #: Gives the measure.
     n: int  #: Samples.
     #: That of the estimator: what is huge and what is denormal depends on it.
     precision: Precision = "float64"
@@ -46,7 +46,7 @@ class Channel:
     @property
     def travel(self) -> float:
         """Travel as measured [m]."""
-        return self.bearing.sensor.gain * self.bearing.rotor.clearance
+        return float(self.bearing.sensor.gain * self.bearing.rotor.clearance)
 
     @property
     def sigma(self) -> float:
@@ -57,7 +57,7 @@ class Channel:
     def greatest(self) -> float:
         """Force by the linear law at the current's limit and a stop [N]."""
         bearing, k = self.bearing, ConstantStiffness.of(self.bearing)
-        return k.k_i * bearing.current_max + k.k_s * bearing.rotor.clearance
+        return float(k.k_i * bearing.current_max + k.k_s * bearing.rotor.clearance)
 
     def read(self, window: slice, y: float | Array) -> None:
         """Let the sensor read y [m], whatever the rotor does."""
@@ -85,7 +85,7 @@ class Fault:
     #: Whether it is flown with the estimator in the loop too, not only beside it.
     in_loop: bool = True
 
-    def length(self, bearing: Bearing) -> int:
+    def length(self, bearing: Machine) -> int:
         """Samples of its window."""
         span = self.own * own_time(bearing) + self.seconds
         return self.samples + round(span / bearing.sampling_time)

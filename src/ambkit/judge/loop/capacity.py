@@ -15,7 +15,7 @@ from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, unbalance_columns
 from ambkit.machine.accessories import REFERENCE, Coil
 from ambkit.machine.force_laws import isolated_axes, weights_of
-from ambkit.machine.machine import Bearing, Machine
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 
 ZERO = 273.15
@@ -38,7 +38,7 @@ class Heating:
     until_limit: float | None
 
 
-def heating(bearing: Bearing, squares: list[float]) -> Heating | None:
+def heating(bearing: Machine, squares: list[float]) -> Heating | None:
     """Return how warm the coils of an axis become."""
     # A coil at the temperature ``Th`` has the resistance ``R (1 + a (Th - 293.15 K))``, and takes
     # the loss of its mean square of the current times that. Cooled by ``(Th - ambient)/R_th`` it
@@ -185,7 +185,7 @@ def demands(
     return results
 
 
-def squares_of_coils(bearing: Bearing, iu: float, square: float) -> list[float]:
+def squares_of_coils(bearing: Machine, iu: float, square: float) -> list[float]:
     """Return the mean squares of the currents of an axis's coils [A^2]."""
     swinging = square - iu**2
     sides = (1.0, -1.0) if bearing.magnet.type == "two-sided" else (1.0,)
@@ -286,7 +286,7 @@ def of_unbalance(loop: Loop, machine: Machine, point: OperatingPoint) -> Turned:
 
 
 def _by_voltage(
-    bearing: Bearing, iu: float, at: float, f: Array, i: Complex, x: Complex
+    bearing: Machine, iu: float, at: float, f: Array, i: Complex, x: Complex
 ) -> Array | None:
     """Return the load at which a coil's voltage is at its limit [N], by i [A/N] and x [m/N]."""
     result = voltage(bearing, iu, at, f, i, x)
@@ -296,7 +296,7 @@ def _by_voltage(
 
 
 def voltage(
-    bearing: Bearing, iu: float, at: float, f: Array, i: Complex, x: Complex
+    bearing: Machine, iu: float, at: float, f: Array, i: Complex, x: Complex
 ) -> list[tuple[float, Array]] | None:
     """Return for each coil of an axis the voltage that is left to harmonics, and what they take."""
     # f (k,) [Hz]; i (k,) [A]; x (k,) [m]

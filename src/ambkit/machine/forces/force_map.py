@@ -9,12 +9,12 @@ from typing import Any, cast
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import progress
-from ambkit.machine.force_law import Bearing
+from ambkit.machine.force_law import IsolatedAxis
 from ambkit.machine.forces.force_points import ForcePoints, load_force_points
 from ambkit.machine.forces.force_surface import ForceSurface
 
 
-def surface_of(bearing: Bearing) -> ForceSurface:
+def surface_of(bearing: IsolatedAxis) -> ForceSurface:
     """Return the surface through the force map of a bearing."""
     m = bearing.magnet
     scale = 1.0 if m.force_scale is None else m.force_scale
@@ -26,7 +26,7 @@ def surface_of(bearing: Bearing) -> ForceSurface:
     return result if scale == 1.0 else result.scaled(scale)
 
 
-def surface_in(path: str | os.PathLike[str], bearing: Bearing) -> ForceSurface:
+def surface_in(path: str | os.PathLike[str], bearing: IsolatedAxis) -> ForceSurface:
     """Return the surface through the points of a force map of its own, with the usual columns."""
     points = load_force_points(path)
     try:
@@ -75,4 +75,4 @@ def _found(
         current_min=low,
         current_max=high,
     )
-    return ForceSurface(cast("Bearing", bearing), _read(path, channels, changed))
+    return ForceSurface(cast("IsolatedAxis", bearing), _read(path, channels, changed))

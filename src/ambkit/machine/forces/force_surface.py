@@ -31,7 +31,7 @@ from ambkit.machine.law_choice import law_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.machine.force_law import Bearing
+    from ambkit.machine.force_law import IsolatedAxis
 
 
 ACCURACY = 1e-4
@@ -148,7 +148,7 @@ class ForceSurface(Law):
 
     def __init__(
         self,
-        bearing: Bearing,
+        bearing: IsolatedAxis,
         points: ForcePoints,
         law_error: float | None = None,
         *,

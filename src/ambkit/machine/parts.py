@@ -112,7 +112,7 @@ class Magnet(LawKeys):
         return data
 
     def with_constant(self, constant: float) -> dict[str, float | None]:
-        """Return what :meth:`Bearing.replace` is to change for another magnet constant."""
+        """Return what :meth:`Machine.replace` is to change for another magnet constant."""
         # A coil would contradict it, and is left out; where the iron saturates and so needs its
         # turns, the pole area is what changes. A force map is scaled as much.
         ratio = constant / self.magnet_constant
