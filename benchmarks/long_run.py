@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 import ambkit
-from ambkit.cli.printing import progress
+from ambkit.base.progress import progress
 from ambkit.estimate.registry import KINDS
 
 PERIOD, CALL, GAP = 100_000, 10_000, 1_500  # samples; the gap is on either side of the seam

@@ -200,7 +200,7 @@ def test_names_on_pages_and_in_examples_exist():
         ("a.md", "```{code-cell}\n:tags: [a]\n\nfrom ambkit.base import nowhere\n```"),
         ("a.rst", ".. currentmodule:: ambkit.export.c\n\n.. autofunction:: export_d"),
         ("a.rst", ".. automodule:: ambkit.exports"),
-        ("a.py", "from ambkit.machine import bearing as b\n\nprint(b.Sensor.lags)"),
+        ("a.py", "from ambkit.machine import parts as p\n\nprint(p.Sensor.lags)"),
         ("a.py", "import ambkit\n\nambkit.export.d()"),
         (
             "a.ipynb",
