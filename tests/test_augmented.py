@@ -13,7 +13,15 @@ from filterpy.kalman import ExtendedKalmanFilter as Textbook
 from magnet_scale_cases import BEARING, LOAD_AT, jump, quieter, rms, run
 
 import ambkit
-from ambkit import AugmentedKalmanFilter, Bearing, ClosedLaw, ExtendedKalmanFilter, Record, Status
+from ambkit import (
+    AugmentedKalmanFilter,
+    Bearing,
+    ClosedLaw,
+    ExtendedKalmanFilter,
+    MultipleModelFilter,
+    Record,
+    Status,
+)
 from ambkit.machine.magnets import core_module
 
 
@@ -77,36 +85,6 @@ def estimate_start(bearing: Bearing, record: Record) -> tuple[float, ...]:
     return first / bearing.sensor.gain, 0.0, 0.0, first
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.parametrize("wrong", [1 / 1.3, 1 / 0.7])
-def test_most_of_the_lost_accuracy_comes_back(wrong: float, seed: int) -> None:
-    """k 30 % off and four steps of 0.3 mm, then the load: 80 % of what it costs, at least."""
-    record, mistaken = run(3e-4, seed), quieter(1.0, wrong)
-    right, lost, found = (
-        rms(e.run(record), record, since=LOAD_AT)
-        for e in (
-            ExtendedKalmanFilter(BEARING),
-            ExtendedKalmanFilter(mistaken),
-            AugmentedKalmanFilter(mistaken),
-        )
-    )
-    assert lost > 1.4 * right
-    assert (lost - found) / (lost - right) > 0.8
-
-
-@pytest.mark.parametrize("noise", [1.0, 0.01])
-@pytest.mark.parametrize("load", [0.0, 3.0, -3.0])
-@pytest.mark.parametrize("wrong", [1 / 1.3, 1.0, 1 / 0.7])
-def test_at_rest_it_says_so_and_does_no_harm(wrong: float, load: float, noise: float) -> None:
-    """A bearing that hangs, and a load on it: not to be told from another k, and left alone."""
-    record, mistaken = run(0.0, load=load, noise=noise), quieter(noise, wrong)
-    plain = ExtendedKalmanFilter(mistaken).run(record)
-    careful = AugmentedKalmanFilter(mistaken).run(record)
-    assert (careful.status & Status.UNEXCITED).all()
-    assert (careful.mean == plain.mean).all()
-    assert (careful.scale == 1.0).all()
-
-
 def test_without_its_care_it_would_drift() -> None:
     record = run(0.0, load=0.0)
     eager = AugmentedKalmanFilter(BEARING, excitation=math.inf).run(record)
@@ -122,18 +100,6 @@ def test_a_right_k_stays_right() -> None:
     assert rms(estimate, record, since=LOAD_AT) < 1.1 * known
     assert estimate.scale is not None
     assert abs(estimate.scale[-1] - 1) < 0.05
-
-
-@pytest.mark.parametrize(("factor", "within"), [(1.3, 0.5), (0.7, 1.4)])
-def test_a_jump_of_k_in_flight_is_found(factor: float, within: float) -> None:
-    """To 15 %, while the rotor goes to and fro by 0.1 mm; the load then is the rotor's own."""
-    record = jump(factor)
-    estimate = AugmentedKalmanFilter(BEARING).run(record)
-    assert estimate.scale is not None
-    after = record.t >= 1.0 + within
-    assert np.abs(estimate.scale[after] / factor - 1).max() < 0.15
-    plain = ExtendedKalmanFilter(BEARING).run(record)
-    assert rms(estimate, record, since=2.0) < 0.6 * rms(plain, record, since=2.0)
 
 
 def test_single_precision_finds_the_same() -> None:
@@ -179,15 +145,67 @@ def test_metres_and_micrometres_give_one_answer() -> None:
         assert (np.abs(micrometres - metres) < 1e-12 * scale).all()
 
 
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        ({"scale_std": 0.0}, "scale_std must be greater than 0, got 0.0"),
-        ({"wander": -1.0}, "wander must be 0 1/s or more, got -1.0"),
-        ({"least": 1.5}, "limits must be 0 < least <= 1 <= most, got 1.5, 5.0"),
-        ({"excitation": 0.0}, "excitation must be greater than 0, got 0.0"),
-    ],
-)
-def test_a_parameter_out_of_range_is_told(options: dict[str, Any], told: str) -> None:
+# --- what the interacting multiple models do as well
+
+BOTH = [AugmentedKalmanFilter, MultipleModelFilter]
+
+
+@pytest.mark.parametrize("kind", BOTH)
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("wrong", [1 / 1.3, 1 / 0.7])
+def test_most_of_the_lost_accuracy_comes_back(kind: Any, wrong: float, seed: int) -> None:
+    """k 30 % off and four steps of 0.3 mm, then the load: 80 % of what it costs, at least."""
+    record, mistaken = run(3e-4, seed), quieter(1.0, wrong)
+    estimators = ExtendedKalmanFilter(BEARING), ExtendedKalmanFilter(mistaken), kind(mistaken)
+    right, lost, found = (rms(e.run(record), record, since=LOAD_AT) for e in estimators)
+    assert lost > 1.4 * right
+    assert (lost - found) / (lost - right) > 0.8
+
+
+@pytest.mark.parametrize("noise", [1.0, 0.01])
+@pytest.mark.parametrize("load", [0.0, 3.0, -3.0])
+@pytest.mark.parametrize("wrong", [1 / 1.3, 1.0, 1 / 0.7])
+def test_at_rest_they_say_so_and_do_no_harm(wrong: float, load: float, noise: float) -> None:
+    """A bearing that hangs, and a load on it: not to be told from another k, and left alone."""
+    record, mistaken = run(0.0, load=load, noise=noise), quieter(noise, wrong)
+    plain = ExtendedKalmanFilter(mistaken).run(record)
+    careful = AugmentedKalmanFilter(mistaken).run(record)
+    assert (careful.status & Status.UNEXCITED).all()
+    assert (careful.mean == plain.mean).all()
+    assert (careful.scale == 1.0).all()
+    models = MultipleModelFilter(mistaken).run(record)
+    assert (models.status & Status.UNEXCITED).all()
+    for name in ("x", "f_d") if noise == 1.0 else ():
+        assert rms(models, record, name) < 1.01 * rms(plain, record, name)
+    assert models.scale == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(("kind", "factor", "within", "error"), [
+    (AugmentedKalmanFilter, 1.3, 0.5, 0.15), (AugmentedKalmanFilter, 0.7, 1.4, 0.15),
+    (MultipleModelFilter, 1.3, 0.5, 0.1), (MultipleModelFilter, 0.7, 0.9, 0.1),
+])  # fmt: skip
+def test_a_jump_of_k_in_flight_is_found(
+    kind: Any, factor: float, within: float, error: float
+) -> None:
+    """While the rotor goes to and fro by 0.1 mm; the load then is the rotor's own."""
+    record = jump(factor)
+    estimate = kind(BEARING).run(record)
+    assert estimate.scale is not None
+    after = record.t >= 1.0 + within
+    assert np.abs(estimate.scale[after] / factor - 1).max() < error
+    plain = ExtendedKalmanFilter(BEARING).run(record)
+    assert rms(estimate, record, since=2.0) < 0.6 * rms(plain, record, since=2.0)
+
+
+@pytest.mark.parametrize(("kind", "options", "told"), [
+    (AugmentedKalmanFilter, {"scale_std": 0.0}, "scale_std must be greater than 0, got 0.0"),
+    (AugmentedKalmanFilter, {"wander": -1.0}, "wander must be 0 1/s or more, got -1.0"),
+    (AugmentedKalmanFilter, {"least": 1.5}, "limits must be 0 < least <= 1 <= most, got 1.5, 5.0"),
+    (AugmentedKalmanFilter, {"excitation": 0.0}, "excitation must be greater than 0, got 0.0"),
+    (MultipleModelFilter, {"scales": (1.0,)}, "scales must be 2 to 5 positive numbers, got"),
+    (MultipleModelFilter, {"scales": (1.0, math.nan)}, "scales must be 2 to 5 positive numbers"),
+    (MultipleModelFilter, {"sojourn": 0.0}, "sojourn must be two samples or more"),
+])  # fmt: skip
+def test_a_parameter_out_of_range_is_told(kind: Any, options: dict[str, Any], told: str) -> None:
     with pytest.raises(ValueError, match=told):
-        AugmentedKalmanFilter(BEARING, **options)
+        kind(BEARING, **options)
