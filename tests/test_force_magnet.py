@@ -148,14 +148,6 @@ def test_the_surface_is_right_where_a_network_and_a_refitted_law_are_not(
     assert rms(law.force(*FINE) - truth) > 17 / 603 * size
 
 
-def test_tangents_are_slopes(surface: ForceSurface) -> None:
-    found = surface.in_core(CORE)
-    for iu, x in ((0.4, 1e-5), (-2.2, 1.7e-4), (1.1, -2.2e-4)):
-        assert tangent(found, iu, x) == pytest.approx(
-            differences(found, iu, x, 1e-5, 1e-9), rel=1e-6
-        )
-
-
 def test_points_left_out_choose_the_surface(surface: ForceSurface) -> None:
     choice = choose_model(fe_map.BEARING, surface, weights=True)
     assert choice is not None

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+import iron
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -23,29 +25,30 @@ from ambkit.machine.magnets import (
 
 TWO_SIDED = Bearing.preset("zittau_axial")
 ONE_SIDED = Bearing.preset("inteco_ml")
-BEARINGS = {"two-sided": TWO_SIDED, "one-sided": ONE_SIDED}
+CLOSED = {"two-sided": TWO_SIDED, "one-sided": ONE_SIDED}
+LAWS = CLOSED | {"iron, two-sided": iron.TWO_SIDED, "iron, one-sided": iron.ONE_SIDED}
 CORE = core_module()
 
-bearings = pytest.mark.parametrize("bearing", BEARINGS.values(), ids=BEARINGS)
+laws = pytest.mark.parametrize("bearing", LAWS.values(), ids=LAWS)
 
 
 share = st.floats(-1, 1)
 
 
 @st.composite
-def places(draw: st.DrawFn) -> tuple[Bearing, float, float]:
+def places(draw: st.DrawFn, of: Sequence[str] = tuple(LAWS)) -> tuple[Bearing, float, float]:
     """A bearing, a current within its limits and a displacement within its travel."""
-    b = BEARINGS[draw(st.sampled_from(sorted(BEARINGS)))]
+    b = LAWS[draw(st.sampled_from(of))]
     low, high = b.current_min, b.current_max
     iu = low + (high - low) * 0.5 * (1 + draw(share))
     return b, iu, b.rotor.clearance * draw(share)
 
 
-# ---- the closed law ----
+# ---- the laws ----
 
 
-@given(places())
-def test_the_law_is_eq_1(place: tuple[Bearing, float, float]) -> None:
+@given(places(tuple(CLOSED)))
+def test_the_closed_law_is_eq_1(place: tuple[Bearing, float, float]) -> None:
     b, iu, x = place
     plain = magnet_force(b, iu, x) - magnet_force(b, 0, 0)
     scale = b.magnet.magnet_constant * (2 * b.magnet.bias_current / b.magnet.air_gap) ** 2
@@ -54,10 +57,10 @@ def test_the_law_is_eq_1(place: tuple[Bearing, float, float]) -> None:
     assert ClosedLaw(b).force(iu, x) == pytest.approx(magnet_force(b, iu, x), **room)
 
 
-@bearings
+@laws
 def test_the_law_does_not_cancel_near_the_origin(bearing: Bearing) -> None:
     """Where eq. 1 as printed subtracts equal squares, the force still has all its digits."""
-    magnet = ClosedLaw(bearing).in_core(CORE)
+    magnet = magnet_of(bearing).in_core(CORE)
     k_i, k_s = tangent(magnet, 0.0, 0.0)
     for small in (1e-9, 1e-12, 1e-15):
         assert force(magnet, small, 0.0) == pytest.approx(k_i * small, rel=10 * small + 1e-15)
@@ -69,7 +72,7 @@ def test_the_law_does_not_cancel_near_the_origin(bearing: Bearing) -> None:
 @given(places())
 def test_the_tangent_is_the_slope_of_the_force(place: tuple[Bearing, float, float]) -> None:
     b, iu, x = place
-    magnet = ClosedLaw(b).in_core(CORE)
+    magnet = magnet_of(b).in_core(CORE)
     k_i, k_s = tangent(magnet, iu, x)
     d_i, d_s = differences(magnet, iu, x, 1e-5 * b.magnet.bias_current, 1e-6 * b.magnet.air_gap)
     scale_i, scale_s = tangent(magnet, 0, 0)
@@ -91,13 +94,13 @@ def test_at_the_origin_both_forms_are_the_corrected_eq_4_and_5() -> None:
 @given(places())
 def test_through_the_origin_gives_the_force_exactly(place: tuple[Bearing, float, float]) -> None:
     b, iu, x = place
-    magnet = ClosedLaw(b).in_core(CORE)
+    magnet = magnet_of(b).in_core(CORE)
     k_i, k_s = through_origin(magnet, iu, x)
     room = 1e-14 * (abs(k_i * iu) + abs(k_s * x))
     assert k_i * iu + k_s * x == pytest.approx(force(magnet, iu, x), rel=1e-13, abs=room + 1e-300)
 
 
-@bearings
+@pytest.mark.parametrize("bearing", CLOSED.values(), ids=CLOSED)
 @pytest.mark.parametrize(
     ("a", "b"), [(0.8, 0.3), (-0.5, 0.5), (0.0, 0.4), (0.6, 0.0), (-0.7, -0.9)]
 )
@@ -222,12 +225,12 @@ def test_a_table_needs_two_by_two_nodes_of_one_shape() -> None:
 # ---- single precision ----
 
 
-@bearings
+@laws
 def test_in_single_precision_the_law_is_the_same_to_its_digits(bearing: Bearing) -> None:
     rng = np.random.default_rng(2)
     iu = rng.uniform(bearing.current_min, bearing.current_max, 1000).astype(np.float32)
     x = (0.5 * bearing.rotor.clearance * rng.uniform(-1, 1, 1000)).astype(np.float32)
-    law = ClosedLaw(bearing)
+    law = magnet_of(bearing)
     single, double = law.in_core(core_module("float32")), law.in_core(CORE)
     wide = iu.astype(float), x.astype(float)
     scale = float(np.abs(double.force(*wide)).max())

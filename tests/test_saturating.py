@@ -13,7 +13,7 @@ from export_cases import INCLUDES, SAME_BITS, STRICT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from iron import IDEAL, ONE_SIDED, TOML, TWO_SIDED
-from magnet_at import differences, force, tangent, through_origin
+from magnet_at import force, tangent
 
 import ambkit
 import ambkit.simulation.scenario
@@ -82,29 +82,6 @@ def test_the_law_is_froehlichs(b: Bearing, a: float, d: float) -> None:
 
 
 @BEARINGS
-@given(a=share, d=share)
-def test_tangents_are_slopes_and_the_other_form_gives_the_force(
-    b: Bearing, a: float, d: float
-) -> None:
-    iu, x, magnet = 2.4 * a, 0.25e-3 * d, magnet_of(b).in_core(CORE)
-    assert tangent(magnet, iu, x) == pytest.approx(differences(magnet, iu, x, 1e-5, 1e-9), rel=1e-6)
-    k_i, k_s = through_origin(magnet, iu, x)
-    room = 1e-13 * (abs(k_i * iu) + abs(k_s * x)) + 1e-300
-    assert k_i * iu + k_s * x == pytest.approx(force(magnet, iu, x), rel=1e-12, abs=room)
-
-
-@BEARINGS
-def test_nothing_cancels_near_the_origin(b: Bearing) -> None:
-    magnet = magnet_of(b).in_core(CORE)
-    k_i, k_s = tangent(magnet, 0, 0)
-    for small in (1e-8, 1e-12, 1e-16):
-        assert force(magnet, small, 0) == pytest.approx(k_i * small, rel=10 * small + 1e-14)
-        assert force(magnet, 0, 1e-3 * small) == pytest.approx(
-            k_s * 1e-3 * small, rel=10 * small + 1e-14
-        )
-
-
-@BEARINGS
 @given(
     a=share, d=share, more=st.floats(1e3, 1e9)
 )  # times the permeability and the saturation of the bearing
@@ -125,19 +102,6 @@ def test_without_iron_it_is_the_ideal_law() -> None:
     grid = np.meshgrid(np.linspace(-2.5, 2.5, 11), np.linspace(-2.5e-4, 2.5e-4, 11))
     here, there = SaturatingLaw(IDEAL), ClosedLaw(IDEAL)
     np.testing.assert_allclose(here.force(*grid), there.force(*grid), rtol=1e-12, atol=1e-11)
-
-
-def test_in_single_precision_it_is_the_same_to_its_digits() -> None:
-    rng = np.random.default_rng(2)
-    iu, x = rng.uniform(-2.5, 2.5, 1000), rng.uniform(-2.5e-4, 2.5e-4, 1000)
-    single = magnet_of(TWO_SIDED).in_core(core_module("float32"))
-    double = magnet_of(TWO_SIDED).in_core(CORE)
-    iu, x = iu.astype(np.float32), x.astype(np.float32)
-    for method in ("force", "tangent", "through_origin"):
-        found = getattr(single, method)(iu, x)
-        known = getattr(double, method)(iu.astype(float), x.astype(float))
-        for a, b in zip(np.atleast_2d(found), np.atleast_2d(known), strict=True):
-            np.testing.assert_allclose(a, b, rtol=3e-6, atol=3e-6 * np.abs(b).max())
 
 
 @pytest.mark.parametrize("change", [("r1", "m1", "g1"), ("k_s", "b * other", "a * other")])
