@@ -6,14 +6,11 @@ The plant has no text of it: its linear states come from the model (`behind_magn
 from __future__ import annotations
 
 import math
-import shutil
-from pathlib import Path
 from typing import Any
 
 import control
 import numpy as np
 import pytest
-from export_cases import SAME_BITS, program
 from oracles import magnet_force
 from scipy.integrate import solve_ivp
 from test_plant_parts import HEAVY, driven
@@ -23,7 +20,6 @@ from ambkit import PID, Bearing, Machine, Scenario, Sine
 from ambkit.control.control import Control
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.estimate.registry import KINDS, learned_magnet
-from ambkit.export.c import export_c
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models import plant_parts
 from ambkit.models.continuous import Behind
@@ -211,10 +207,3 @@ def test_it_is_identified() -> None:
 
 
 # ---- C and FMU
-
-
-@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
-def test_its_c_passes_its_self_test(tmp_path: Path) -> None:
-    export_c(LATE, None, tmp_path / "out", kind="extended", force=True)
-    done = program("cc", tmp_path / "out", tmp_path / "selftest", SAME_BITS)
-    assert done.returncode == 0, done.stderr

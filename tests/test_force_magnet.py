@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,6 @@ import fe_map
 import iron
 import numpy as np
 import pytest
-from export_cases import INCLUDES, SAME_BITS, STRICT
 from hypothesis import given
 from hypothesis import strategies as st
 from magnet_at import differences, force, tangent, through_origin
@@ -250,20 +248,6 @@ def test_given_as_a_source_it_is_that_of_the_bearing(bearing: Bearing) -> None:
     filters = KINDS["extended"].make(bearing), KINDS["extended"].make(fe_map.BEARING, surface)
     mine, other = (one.run(here).mean for one in filters)
     assert rms(mine[:, 0] - other[:, 0]) < 0.2 * rms(mine[:, 0] - here["x"])
-
-
-@pytest.mark.parametrize("precision", ["float", "double"])
-def test_its_exported_c_passes_its_selftest(
-    bearing: Bearing, tmp_path: Path, precision: Any
-) -> None:
-    made = export_c(bearing, None, tmp_path / "out", kind="extended", precision=precision)
-    selftests = [str(f.relative_to(made.folder)) for f in (made.folder / "selftest").glob("*.c")]
-    subprocess.run(
-        ["cc", "-std=c99", *STRICT, *SAME_BITS, *INCLUDES, *made.sources, *selftests, "-o", "test"],
-        cwd=made.folder, check=True,
-    )  # fmt: skip
-    ran = subprocess.run([made.folder / "test"], capture_output=True, text=True, check=True)
-    assert "PASS" in ran.stdout.upper()
 
 
 # ---- from the shell ----

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-from pathlib import Path
 from typing import Any
 
 import mpmath as mp
 import numpy as np
 import pytest
-from export_cases import INCLUDES, SAME_BITS, STRICT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from iron import IDEAL, ONE_SIDED, TOML, TWO_SIDED
@@ -20,7 +17,6 @@ import ambkit.simulation.scenario
 from ambkit import Bearing, ClosedLaw, ConstantStiffness, SaturatingLaw, Scenario, magnet_of
 from ambkit.base.errors import ConfigError
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import export_c
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.online.adaline import as_ideal, is_ideal
 from ambkit.identification.online.magnet_constant import identify_online
@@ -259,23 +255,6 @@ def test_its_constant_is_identified() -> None:
         assert low < known < high
     ideal = maximum_likelihood(record, IDEAL, free=free)
     assert ideal["air_gap"] > 1.05 * 0.78e-3  # which then stands for the iron
-
-
-@pytest.mark.parametrize("precision", ["float", "double"])
-def test_its_exported_c_passes_its_selftest(tmp_path: Path, precision: Any) -> None:
-    made = export_c(TWO_SIDED, None, tmp_path / "out", kind="extended", precision=precision)
-    assert "core/src/saturating.c" in made.sources
-    selftests = [str(f.relative_to(made.folder)) for f in (made.folder / "selftest").glob("*.c")]
-    subprocess.run(
-        ["cc", "-std=c99", *STRICT, *SAME_BITS, *INCLUDES, *made.sources, *selftests, "-o", "test"],
-        cwd=made.folder, check=True,
-    )  # fmt: skip
-    assert (
-        "PASS"
-        in subprocess.run(
-            [made.folder / "test"], capture_output=True, text=True, check=True
-        ).stdout.upper()
-    )
 
 
 @pytest.mark.parametrize("bearing", [TWO_SIDED, ONE_SIDED], ids=["two-sided", "one-sided"])
