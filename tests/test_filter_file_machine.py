@@ -89,7 +89,7 @@ HEAD = 'kind = "extended"\nsampling_time = "0.1 ms"\nmachine.preset = "tum_mlps"
     ('kind = "extended"\nsampling_time = "0.25 ms"\nbearing.preset = "zittau_axial"\n'
      'synchronous = ["unbalance"]\n', "4: synchronous: is of a rotor that turns"),
     ('kind = "extended"\nsampling_time = "0.25 ms"\nbearing.preset = "zittau_axial"\n[noise]\n'
-     'control = ["1 V^2"]\n', "5: noise.control: must be one number for one axis"),
+     'control = ["1 V^2", "1 V^2"]\n', "5: noise.control: must be one number, is 2"),
 ])  # fmt: skip
 def test_what_is_wrong_is_told_with_its_line(text, told, tmp_path):
     (tmp_path / "f.toml").write_text(text)

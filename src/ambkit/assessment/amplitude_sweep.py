@@ -105,9 +105,7 @@ class Sweep(Result):
     @property
     def name(self) -> str:
         """Of the bearing, or of the machine and its axis."""
-        if not self.bearing.single:
-            return f"{self.bearing.name} {self.bearing.axes[self.axis].name}"
-        return self.bearing.name
+        return f"{self.bearing.name} {self.bearing.axes[self.axis].name}".rstrip()
 
     @property
     def model(self) -> AssessedAxis | None:
@@ -246,7 +244,9 @@ class _Rig:
             name: Constant(value=load.get(name, 0.0)) for name in names
         }
         orbit = self.of.point.orbit
-        if orbit is not None and self.machine.single:  # a body's comes of its unbalance
+        if (
+            orbit is not None and self.machine.rotor.type == "mass"
+        ):  # a body's comes of its unbalance
             assert self.model is not None
             f = self.machine.speed / (2 * math.pi)
             # Held over each sample as it is simulated; its phase does not matter.

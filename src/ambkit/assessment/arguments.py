@@ -330,7 +330,7 @@ def _chosen(filter: Any, machine: Machine, choice: Sequence[str]) -> Chosen:
     of_type(str, os.PathLike, filter=filter)
     text = os.fspath(filter)
     name, *synchronous = text.split(PLUS)
-    if synchronous and machine.single:
+    if synchronous and machine.rotor.type == "mass":
         raise AmbkitError(f"filter: {text} is of a rotor that turns; {machine.name} is a mass")
     if name in choice:
         return Chosen(name, learned_magnet(name, machine), None, tuple(synchronous))

@@ -88,8 +88,8 @@ def _of_what(read: Read, plant: Any) -> Iterator[Problem]:
         yield "machine", "give either a bearing or a machine"
     if plant is None:
         return
-    if plant.single and read("synchronous") != ():
-        yield "synchronous", "is of several axes; this machine has one"
+    if plant.rotor.type == "mass" and read("synchronous") != ():
+        yield "synchronous", "is of a rotor that turns; this one is a mass"
 
 
 def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:

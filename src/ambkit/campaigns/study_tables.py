@@ -12,22 +12,15 @@ from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Line, Name
 from ambkit.campaigns.distributions import Value
 from ambkit.data.signals import signal
-from ambkit.simulation.run_figures import FIGURES, OF_SEVERAL, Figure
+from ambkit.simulation.run_figures import FIGURES, figures_for
 
 ZONES = ("A", "B", "C", "D")  #: Zones of ISO 14839-3, the best first.
 
 TRACES = ("r", "y", "u", "x", "v", "f_d", "x_m", "iu", "f_mag")
 """Signals of a run, and with ``_estimate`` behind it each state of its estimator."""
 
-UNITS = {
-    name: figure.unit for name, figure in (OF_SEVERAL | FIGURES).items()
-} | {"peak_S": "1"}  # fmt: skip
+UNITS = {name: figure.unit for name, figure in FIGURES.items()} | {"peak_S": "1"}
 """Of the figures of a run."""
-
-
-def figures_of(plant: Any) -> dict[str, Figure]:
-    """Return the figures of a run of a machine."""
-    return FIGURES if plant is None or plant.single else OF_SEVERAL
 
 
 def traces_of(plant: Any) -> tuple[str, ...]:
@@ -86,7 +79,7 @@ class Stop(Part):
 
 def limit_of(name: str, limit: float | str, plant: Any) -> float:
     """Return a limit of a figure in SI."""
-    known = UNITS if plant is None else [*figures_of(plant), "peak_S"]
+    known = UNITS if plant is None else [*figures_for(plant), "peak_S"]
     if name not in known:
         raise ValueError(unknown_key(name, known))
     unit = UNITS[name]

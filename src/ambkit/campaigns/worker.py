@@ -18,10 +18,10 @@ from ambkit.base.threads import one_thread, rare_collections
 from ambkit.campaigns.distributions import OneOf
 from ambkit.campaigns.margins import peaks as peaks_of
 from ambkit.campaigns.plan import Drawn, Plan
-from ambkit.campaigns.study_tables import ZONES, figures_of, limit_of
+from ambkit.campaigns.study_tables import ZONES, limit_of
 from ambkit.judge.loop.loop_of import zone_of
 from ambkit.simulation.many import Many, simulate_many
-from ambkit.simulation.run_figures import FLAGS
+from ambkit.simulation.run_figures import FLAGS, figures_for
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -115,7 +115,7 @@ def fly(
         possible(), settling=record.settling, band=record.band, threads=threads, done=done
     )
     can = [at for at, sample in enumerate(samples) if not sample.wrong]
-    columns = _spread(many, can, len(samples), figures_of(plan.nominal))
+    columns = _spread(many, can, len(samples), figures_for(plan.nominal))
     if record.margins:
         peaks = np.full(len(samples), np.inf)
         with one_thread():
@@ -170,7 +170,7 @@ def schema(plan: Plan) -> pa.Schema:
     for name, of, key in zip(plan.names, plan.marginals, plan.keys, strict=True):
         words = isinstance(of, OneOf) and not key.unit
         fields.append((name, pa.string() if words else pa.float64(), key.unit))
-    figures = figures_of(plan.nominal)
+    figures = figures_for(plan.nominal)
     fields += [(name, pa.float64(), figure.unit) for name, figure in figures.items()]
     fields += [(f"samples_{name}", pa.int64(), "1") for name in FLAGS]
     if plan.study.record.margins:

@@ -209,8 +209,6 @@ class _Rotor:
 
     def __init__(self, plant: Plant, estimator: Estimator) -> None:
         machine, isolated, model = plant.machine, plant.isolated, plant.model
-        machine_view = estimator.whole
-        assert machine_view is not None
         q = len(machine.positions)
         k = [ConstantStiffness.of(item) for item in isolated]
         lines = [
@@ -227,7 +225,7 @@ class _Rotor:
         self.corners = [item.amplifier.bandwidth for item in isolated]
         self.names = [state.name for state in estimator.states]
         self.currents = [
-            (at, machine_view.axis_of(state), state)
+            (at, estimator.view.axis_of(state), state)
             for at, state in enumerate(estimator.states)
             if state.role in ("current", "past control")
         ]

@@ -128,8 +128,7 @@ class Estimator(Described, Copyable):
         noise = noise or FilterNoise()
         of_type(FilterNoise, noise=noise)
         self.machine, self.view = machine, View(machine)
-        #: Of a single axis its short form.
-        self.bearing: Any = machine.isolated_axis("") if machine.single else machine
+        self.bearing: Any = machine.short
         self.magnet = constants_of(machine) if magnet is None else bank_of(magnet, machine)
         self.precision = precision
         self.engine = Engine(
@@ -645,7 +644,7 @@ class Estimator(Described, Copyable):
         """
         mean = np.ascontiguousarray(real("estimate.mean", estimate.mean))
         _, u = self.view.signals(record)
-        return self.view.forecast(np.asarray(self.core.forecast(mean, u, ahead, estimate.scale)))
+        return self.view.column(np.asarray(self.core.forecast(mean, u, ahead, estimate.scale)))
 
     @property
     def mean(self) -> NDArray[np.float64]:

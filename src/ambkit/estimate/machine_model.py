@@ -137,10 +137,9 @@ class View:
         axes = len(self.isolated)
         for name, count in zip(Variances._fields, (len(self.gains), axes, axes), strict=True):
             variances = getattr(noise, name)
-            if isinstance(variances, tuple) and self.single:
-                yield f"noise.{name}", "must be one number for one axis, is a list"
-            elif isinstance(variances, tuple) and len(variances) != count:
-                yield f"noise.{name}", f"must be one number or {count}, is {len(variances)}"
+            if isinstance(variances, tuple) and len(variances) != count:
+                numbers = "one number" if count == 1 else f"one number or {count}"
+                yield f"noise.{name}", f"must be {numbers}, is {len(variances)}"
         control = noise.control if isinstance(noise.control, tuple) else (noise.control,)
         if self.machine.control_unit == "V" and any(isinstance(v, InOther) for v in control):
             yield "noise.control", "is in A^2; the control signal is in V"
@@ -277,10 +276,6 @@ class View:
         currents: Any = None, precision: str = "float64",
     ) -> Array:  # fmt: skip
         """Return the states (n,) or (runs, n) of a rotor at rest: `Estimator.equilibrium_state`."""
-        if self.single and readings is None and currents is not None and np.ndim(x) == 0:
-            reading, current = float(self.gains[0] * (self.C[0, 0] * x)), float(currents)
-            of = {"position": x, "sensor": reading, "current": current, "past control": current}
-            return np.array([float(of.get(state.role, 0.0)) for state in states])
         q, y, i = (self._last(item) for item in (x, readings, currents))
         q = np.broadcast_to(q, (*q.shape[:-1], self.H.shape[1]))
         if y is None:
@@ -334,9 +329,9 @@ class View:
         a = np.asarray(values, float)
         return a[..., None] if self.single or a.ndim == 0 else a
 
-    def forecast(self, readings: Array) -> Array:
-        """Return readings to come (N, m) [m]; of a single sensor (N,)."""
-        return readings[:, 0] if self.single else readings
+    def column(self, signals: NDArray[Any]) -> NDArray[Any]:
+        """Return signals (N, k), of a single axis its one (N,)."""
+        return np.ascontiguousarray(signals[:, 0]) if self.single else signals
 
     def start_form(
         self, states: Sequence[Descriptor], levitation_current: list[tuple[float, float]]

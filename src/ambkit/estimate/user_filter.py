@@ -141,8 +141,7 @@ class OwnEstimator(Estimator):
             if which is not None:
                 (y if which < m else u)[n, which if which < m else which - m] += sizes[which]
             self.reset()
-            one = (a[:, 0].copy() if view.single else a for a in (y, u))
-            mean = self.core.run(*(a.astype(self.precision) for a in one))["mean"]
+            mean = self.core.run(*(view.column(a.astype(self.precision)) for a in (y, u)))["mean"]
             self._check()
             return np.asarray(mean[n:] @ seen.T, float)
 
@@ -153,7 +152,7 @@ class OwnEstimator(Estimator):
         inputs += [Signal(signal("u", name), "V") for name in axes]
         outputs = [Signal(signal("position", name), "m") for name in axes]
         outputs += [Signal(signal("velocity", name), "m/s") for name in axes]
-        blocks = BLOCKS if view.single else BLOCKS // 4
+        blocks = BLOCKS if len(axes) == 1 else BLOCKS // 4
         return realised(np.stack(pulses, axis=2), T, inputs, outputs, blocks)
 
     def _answer(self, y: list[float], u: list[float]) -> list[float]:

@@ -117,10 +117,7 @@ def identity(filter: Estimator, plant: Any) -> Iterator[Finding]:
     if own == plant:
         yield Finding("greatest difference of a parameter", 0.0, "1", PARAMETER_DIFFERENCE)
         return
-    names = [
-        ([a.name for a in of.axes], [r.name for r in of.readings]) if not of.single else None
-        for of in (own, plant)
-    ]
+    names = [([a.name for a in of.axes], [r.name for r in of.readings]) for of in (own, plant)]
     who = f"the filter is of {own.name} (fingerprint {_fingerprint(own)}), not of {plant.name}"
     who = f"{who} (fingerprint {_fingerprint(plant)})"
     if names[0] != names[1]:
@@ -128,7 +125,7 @@ def identity(filter: Estimator, plant: Any) -> Iterator[Finding]:
         return
     worst, differ = 0.0, []
     for k, (one, other) in enumerate(zip(isolated_axes(own), isolated_axes(plant), strict=True)):
-        axis = f" of {plant.axes[k].name}" if not plant.single else ""
+        axis = f" of {name}" if (name := plant.axes[k].name) else ""
         ours, theirs = _parameters(one), _parameters(other)
         alike = _alike(one, other)
         for name, (value, unit) in ours.items():
@@ -381,7 +378,7 @@ def demands(plant: Any, scenario: Scenario) -> Iterator[Finding]:
 
 
 def _axes(plant: Any) -> list[str]:
-    return [axis.name for axis in plant.axes] if not plant.single else [""]
+    return [axis.name for axis in plant.axes]
 
 
 def _demanded(scenario: Scenario, axis: str, first: str) -> tuple[list[Any], list[Any]]:

@@ -66,11 +66,7 @@ def following(estimator: Estimator) -> list[Following]:
     owns = [own_time(b) for b in isolated]
     if len(loads) < len(isolated):  # a load that does not wander is never followed
         return [Following(k, math.inf, own, math.inf, 0.0) for k, own in enumerate(owns)]
-    machine_view = estimator.whole
-    if machine_view is None:
-        rows = np.eye(len(state_indices))[[roles.index("position")]]
-    else:
-        rows = machine_view.along_axes(estimator.states)[0][:, state_indices]
+    rows = estimator.view.along_axes(estimator.states)[0][:, state_indices]
     M, T = A @ (np.eye(len(state_indices)) - K @ H), estimator.model.T
     n, p = max(8, math.ceil(4 * LONGEST * max(owns) / T)), len(loads)
     noisy = A @ K * np.sqrt(np.atleast_1d(model.R))

@@ -16,6 +16,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
 from ambkit.data.reading.signal_roles import filled
 from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.machine.force_laws import isolated_axes
@@ -63,10 +64,8 @@ class SignTest(NamedTuple):
 
 def channels(machine: Machine) -> list[str]:
     """Return the names of all positions and control signals of a record of a machine."""
-    if machine.single:
-        return ["y", "u"]
-    positions = [f"y_{reading.name}" for reading in machine.readings]
-    return positions + [f"u_{axis.name}" for axis in machine.axes]
+    positions = [signal("y", reading.name) for reading in machine.readings]
+    return positions + [signal("u", axis.name) for axis in machine.axes]
 
 
 def sign_test(record: Record, machine: Machine) -> SignTest | None:
@@ -79,7 +78,7 @@ def sign_test(record: Record, machine: Machine) -> SignTest | None:
         return None
     as_it_is = prediction.best()
     # Of one axis the model is the same with both reversed.
-    candidates = names[1:] if machine.single else names
+    candidates = names[1:] if len(machine.axes) == 1 else names
     ratios = {name: prediction.best(name) - as_it_is for name in candidates}
     channel = max(ratios, key=lambda name: ratios[name])
     return SignTest(channel, ratios[channel], prediction.n)
@@ -89,7 +88,7 @@ class _Prediction:
     """Means of a record, predicted by the linear model of a machine."""
 
     def __init__(self, record: Record, machine: Machine, names: list[str]) -> None:
-        rigid = machine.single or machine.bending is None
+        rigid = machine.bending is None
         block = _BLOCK * min(map(own_time, isolated_axes(machine))) / machine.sampling_time
         block = min(block, len(record) / _FEWEST) if rigid else 1
         self.filters, k = _filters(machine, max(1, round(block)))
@@ -98,7 +97,7 @@ class _Prediction:
         columns |= {
             name: _means(filled(record[name]), k, k // 2) for name in names if name[0] == "u"
         }
-        if not machine.single and "speed" in record:
+        if "speed" in record:
             columns["speed"] = _means(filled(record["speed"]), k, 0)
         self.n = min(map(len, columns.values()))
         last = _RIGID if rigid else _BENDING
@@ -138,8 +137,7 @@ def _filters(machine: Machine, k: int) -> tuple[list[KalmanFilter], int]:
     usual = KalmanFilter(slow).variances
     steps = np.array([reading.sensor.quantisation or 0.0 for reading in machine.long.readings])
     # A mean has no interval: its rounding is noise.
-    R = np.array(usual.measurement) + (steps[0] if machine.single else steps) ** 2 / 4
-    turns = not machine.single and bool(machine.speed)
+    R = np.array(usual.measurement) + steps**2 / 4
     return [
         KalmanFilter(
             slow,
@@ -148,7 +146,7 @@ def _filters(machine: Machine, k: int) -> tuple[list[KalmanFilter], int]:
             ),
             gravity="disturbance",
             frozen_limit=0,
-            synchronous=("unbalance", "runout") if turns else (),
+            synchronous=("unbalance", "runout") if machine.turns else (),
         )
         for factor in _INTENSITIES
     ], k
@@ -166,7 +164,7 @@ def judge_signs(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
     if result is None or (result.decisive and not result.wrong):
         return
     name = result.channel
-    what = "y or of u" if machine.single else f"{name}, or of what belongs to its axis,"
+    what = "y or of u" if len(machine.axes) == 1 else f"{name}, or of what belongs to its axis,"
     if result.wrong:
         yield (
             True,

@@ -98,7 +98,7 @@ def axis_named(machine: Machine, axis: str | None) -> str:
         return names[0]
     if axis not in names:
         hint = "name one of them" if axis is None else f"there is no axis {axis}"
-        there = "one axis" if machine.single else f"the axes {', '.join(names)}"
+        there = f"the axes {', '.join(names)}" if any(names) else "one axis"
         raise AmbkitError(f"{machine.name} has {there}: {hint}")
     return axis
 
@@ -111,14 +111,11 @@ def isolated(machine: Machine, axis: str | None) -> Machine:
 def axis_of(bearing: Any) -> Machine:
     """Return the axis of a machine that has one."""
     of_type(Machine, bearing=bearing)
-    machine: Machine = bearing
-    return machine.isolated_axis("") if machine.single else isolated(machine, None)
+    return isolated(bearing, None)
 
 
 def reading_along(machine: Machine, axis: str) -> int:
     """Return the number of the reading that shows an axis, at its place or next to it."""
-    if machine.single:
-        return 0
     line = next(item.line for item in machine.axes if item.name == axis)
     lines = [reading.line for reading in machine.readings]
     aligned = [k for k, other in enumerate(lines) if _aligned(line, other)]

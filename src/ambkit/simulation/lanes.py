@@ -16,7 +16,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.planned import Planned
 from ambkit.simulation.run import Loop, Sampled, samples
-from ambkit.simulation.run_figures import FIGURES, FLAGS, first_of
+from ambkit.simulation.run_figures import FLAGS, figures_for, first_of
 from ambkit.simulation.scenario import AXES, Scenario, along
 
 Counts = NDArray[np.int64]
@@ -93,7 +93,7 @@ class Lanes:
     def flown(self, ready: Ready) -> tuple[Array, Counts]:
         """Return figures (runs, figures) and counts of flags (runs, flags)."""
         numbers = ready.numbers
-        figures = np.empty((len(numbers), len(FIGURES)))
+        figures = np.empty((len(numbers), len(figures_for(None))))
         counts = np.empty((len(numbers), len(FLAGS)), np.int64)
         for core, plans in ready.by_core.items():
             places = np.concatenate([np.array(plan) for plan in plans.values()])

@@ -16,9 +16,10 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import name_of
 from ambkit.estimate.batch import processors
+from ambkit.machine.machine import Machine
 from ambkit.simulation.lanes import Counts, Lanes
 from ambkit.simulation.planned import Planned, copied
-from ambkit.simulation.run_figures import FIGURES, FLAGS, OF_SEVERAL, figures_of, flags_of
+from ambkit.simulation.run_figures import FLAGS, figures_for, figures_of, flags_of
 
 CHUNK = 256
 """Runs that are planned and flown together: many times as many as there are lanes."""
@@ -95,39 +96,38 @@ def simulate_many(
     (20,)
     """
     threads = processors() if threads is None else threads
-    of_one, planned = _parted(runs)
-    if of_one:
+    machine, planned = _parted(runs)
+    if machine is None or machine.single:
         figures, flags = _in_lanes(planned, Lanes(settling, band, threads, instructions), done)
     else:
         figures, flags = _in_threads(planned, settling, band, threads, done)
-    known = FIGURES if of_one else OF_SEVERAL
-    return Many(_columns(known, figures, float), _columns(FLAGS, flags, np.int64))
+    return Many(_columns(figures_for(machine), figures, float), _columns(FLAGS, flags, np.int64))
 
 
 _Judged = tuple[Sequence[Array], Sequence[Counts]]
 """Tables of figures, and of counts of flags."""
 
 
-def _parted(runs: Iterable[Planned]) -> tuple[bool, Iterator[Planned]]:
-    """Return whether runs have one axis, and the runs; each is checked when it is taken."""
+def _parted(runs: Iterable[Planned]) -> tuple[Machine | None, Iterator[Planned]]:
+    """Return the machine of the first run, and the runs; each is checked when it is taken."""
     parts = iter(runs)
     first = next(parts, None)
     if first is None:
-        return True, parts
-    of_one = first.bearing.single
+        return None, parts
+    single = first.bearing.single
 
     def alike() -> Iterator[Planned]:
         for run in chain([first], parts):
-            if run.bearing.single != of_one:
+            if run.bearing.single != single:
                 raise ValueError("runs must all have one axis, or all several")
             own = run.scenario.controller.custom or run.scenario.plant
-            if of_one and own is not None:  # the lanes are C throughout
+            if single and own is not None:  # the lanes are C throughout
                 raise AmbkitError(
                     f"{name_of(own)}: a class of yours runs one at a time: use simulate"
                 )
             yield run
 
-    return of_one, alike()
+    return first.bearing, alike()
 
 
 def _in_threads(
@@ -145,8 +145,7 @@ def _in_threads(
             known = own.estimators.get(id(estimator))
             estimator = known or own.estimators.setdefault(id(estimator), copied(estimator))
         run = planned._flown(estimator)
-        result = figures_of(run, planned.estimator, settling, band)
-        return [result[name] for name in OF_SEVERAL], flags_of(run)
+        return list(figures_of(run, planned.estimator, settling, band).values()), flags_of(run)
 
     rows, flags = list[Array](), list[Counts]()
     with ThreadPoolExecutor(threads) as pool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,9 @@ class Figure(NamedTuple):
     unit: str
     """SI."""
     about: str
-    """What it is, in a sentence."""
+    """What it is, in a sentence; of several axes it is of the worst, where it is of an axis."""
+    only: Literal["single", "several", ""] = ""
+    """Which runs have it: those of a single axis, those of several, or all."""
 
 
 FIGURES: dict[str, Figure] = {
@@ -41,37 +43,31 @@ FIGURES: dict[str, Figure] = {
     "effort": Figure("A", "RMS change of the current asked for from sample to sample."),
     "displacement_peak": Figure("m", "Farthest that the rotor was from the centre at a sample."),
     "current_peak": Figure("A", "Greatest magnitude of the control current just after a sample."),
-    "overshoot": Figure("1", "Overshoot of the last step of the reference, before a load."),
+    "overshoot": Figure("1", "Overshoot of the last step of the reference, before a load.",
+                        "single"),
     "settling": Figure("s", "Time after that step until the rotor stays within 5 % of it; infinity "
-                       "where it does not."),
+                       "where it does not.", "single"),
     "recovery": Figure("s", "Time after the last change of the load until the rotor stays within "
                        "the band around the reference; infinity where it does not."),
-    "load_kept": Figure("N", "Greatest magnitude of the load before the rotor first met a stop."),
+    "load_kept": Figure("N", "Greatest magnitude of the loads together before the rotor first met "
+                        "a stop."),
     "touched": Figure("1", "Samples in which a stop was touched."),
-    "landed": Figure("1", "1 where the rotor touched a stop in the last sample, else 0."),
+    "landed": Figure("1", "1 where the rotor touched a stop in the last sample, else 0.", "single"),
+    "orbit_peak": Figure("m", "Farthest that the rotor was from the middle of a bearing at a "
+                         "sample, both axes together, after the settling.", "several"),
+    "orbit_share": Figure("1", "The same as a share of the travel in that bearing, of the worst "
+                          "bearing.", "several"),
 }  # fmt: skip
 """All figures by name, in the order of the arrays; NaN where one does not apply to a run."""
 
 FLAGS = tuple(str(flag.name).lower() for flag in Status if flag)
 """Names of what a step had to say."""
 
-_ALONG = ("x_rms", "v_rms", "f_d_rms", "x_peak", "v_peak", "f_d_peak", "nis", "tracking_rms",
-          "tracking_peak", "effort", "displacement_peak", "current_peak", "recovery")  # fmt: skip
 
-OF_SEVERAL: dict[str, Figure] = {
-    name: Figure(FIGURES[name].unit, f"{FIGURES[name].about[:-1]}, of the worst axis.")
-    for name in _ALONG if name != "nis"
-} | {
-    "nis": Figure("1", "Mean normalised innovation squared of all readings taken in."),
-    "orbit_peak": Figure("m", "Farthest that the rotor was from the middle of a bearing at a "
-                         "sample, both axes together, after the settling."),
-    "orbit_share": Figure("1", "The same as a share of the travel in that bearing, of the worst "
-                          "bearing."),
-    "load_kept": Figure("N", "Greatest magnitude of the loads together before the rotor first met "
-                        "a touch-down bearing."),
-    "touched": Figure("1", "Samples in which a touch-down bearing was touched."),
-}  # fmt: skip
-"""Those of several axes, the worst of them."""
+def figures_for(machine: Machine | None) -> dict[str, Figure]:
+    """Return the figures of the runs of a machine; of an unknown one those of a single axis."""
+    other = "several" if machine is None or machine.single else "single"
+    return {name: figure for name, figure in FIGURES.items() if figure.only != other}
 
 
 def figures_of(
@@ -85,7 +81,7 @@ def figures_of(
     s, r, iu, f_d = (np.column_stack([record[f"{of}_{name}"] for name in names])
                      for of in ("s", "r", "iu", "f_d"))  # fmt: skip
     off = r - s
-    result = dict.fromkeys(OF_SEVERAL, math.nan)
+    result = dict.fromkeys(figures_for(machine), math.nan)
     result |= {
         "tracking_rms": _rms(off[first:]),
         "tracking_peak": float(np.abs(off[first:]).max()),
@@ -116,10 +112,9 @@ def errors_of(run: Run, estimator: Estimator) -> dict[str, Array]:
     # Without f_d where the estimator has no loads among its states.
     machine, record, estimate = run.machine, run.record, run.estimate
     assert estimate is not None
-    assert estimator.whole is not None
     names = [axis.name for axis in machine.axes]
     x, v = (
-        np.asarray(estimate.mean) @ rows.T for rows in estimator.whole.along_axes(estimate.states)
+        np.asarray(estimate.mean) @ rows.T for rows in estimator.view.along_axes(estimate.states)
     )
     velocities = [record[f"q_{velocity_of(position)}"] for position in machine.positions]
     H = geometry.matrix([axis.line for axis in machine.axes], machine.positions)

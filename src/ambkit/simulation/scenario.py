@@ -245,7 +245,7 @@ def wrong_for(scenario: Scenario, machine: Machine) -> Iterator[str]:
             if axis not in axes:
                 known = f"there are {', '.join(axes)}" if axes[0] else "the one axis has none"
                 yield f"{what}[{at}].axis: there is no axis {axis}; {known}"
-    if not machine.single:
+    if machine.rotor.type != "mass":
         return
     control = scenario.controller
     for name in control.pid.keys() - {"x", axes[0]}:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ambkit.base.units import figure
 from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.record import Record
-from ambkit.data.signals import signal
+from ambkit.data.signals import by_name, signal
 from ambkit.estimate.errors import errors_along
 from ambkit.estimate.estimate import Estimate
 from ambkit.machine.force_laws import isolated_axes
@@ -175,8 +175,7 @@ class Run(Result):
         return float(np.mean(self.estimate.nis[first:end][1:]))
 
     def _by_axis(self, values: Mapping[str, Any]) -> Any:
-        parts = {axis: float(value) for axis, value in values.items()}
-        return parts[""] if self.plant.single else parts
+        return by_name(list(values), [float(value) for value in values.values()])
 
     @property
     def _currents(self) -> dict[str, NDArray[np.float64]]:

@@ -196,7 +196,7 @@ def _separations(
 def _judged(scenario: Scenario, filter: Any, run: Run) -> tuple[Sequence[Finding], Sequence[str]]:
     """Return whether the filter of a run may fly, and what is to be said of the run."""
     adequacy = judge_adequacy(filter, run.plant, scenario, run.nis)
-    remarks = [] if run.plant.single else list(_default_control(run.plant, scenario))
+    remarks = list(_default_control(run.plant, scenario))
     of = filter if isinstance(filter, Estimator) else None
     return adequacy, [*remarks, *sentences(adequacy), *_remarks(run, scenario, of)]
 
@@ -224,10 +224,9 @@ def _default_control(machine: Machine, scenario: Scenario) -> Iterator[str]:
 def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator[str]:
     """Yield what may help, where the rotor does not fly as it should."""
     machine, touched = run.plant, run.samples_at_the_stop
-    if not machine.single:
-        plain = plain_control(machine, scenario, filter)
-        if plain is not None:
-            yield plain
+    plain = plain_control(machine, scenario, filter)
+    if plain is not None:
+        yield plain
     if touched and scenario.start == "levitated":
         yield _of_the_stop(run)
         if machine.single or machine.speed:

@@ -86,8 +86,8 @@ def controllers(result: ControlLaw, of: Machine, *, measured: bool) -> LinearSys
     # Each PID's reference is what it looks at of those of the axes.
     B, D = (np.hstack([M[:, :-q], M[:, -q:] @ result.of_axes]) for M in (B, D))
     C, D = result.spread @ C, result.spread @ D
-    axes = [axis.name for axis in of.axes] if not of.single else []
-    names = result.names if axes else []
+    axes = [axis.name for axis in of.axes]
+    names = result.names if any(axes) else axes
     input_signals = [signal for kind in kinds[:-1] for signal in of_axes(kind, names)]
     if not measured:
         p = len(result.spread)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ambkit.base.arrays import Complex
 from ambkit.base.errors import AmbkitError
+from ambkit.data.signals import displacement
 from ambkit.data.signals import signal as named
 from ambkit.estimate.machine_model import View
 from ambkit.machine.force_laws import isolated_axes
@@ -131,7 +132,7 @@ def plant(of: Machine, point: OperatingPoint, *, continuous: bool = False) -> Li
     C = np.vstack([C[:m], along])
     names = [axis.name for axis in of.axes]
     inputs = (*of_axes(Signal("u", "V"), names), *system.inputs[len(names) :])
-    positions = of_axes(Signal("x" if of.single else "s", "m"), names)
+    positions = tuple(Signal(displacement(name), "m") for name in names)
     bent = [
         1 + (2 * r.sensor.quadratic + 3 * r.sensor.cubic * x) * x
         for r, x in zip(of.readings, seen, strict=True)

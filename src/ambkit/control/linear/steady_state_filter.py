@@ -81,16 +81,12 @@ def _assembled(
         )
         states = tuple(states[k] for k in state_indices)
     left = np.eye(len(states)) - K @ H
-    machine_view = estimator.whole
-    axes = [] if machine_view is None else [axis.name for axis in machine_view.machine.axes]
+    axes = [axis.name for axis in estimator.machine.axes]
     signals: Sequence[Signal] = (*of_axes(POSITION, axes), *of_axes(VELOCITY, axes))
     if outputs is not None:
         rows, signals = outputs[0][:, state_indices], outputs[1]
-    elif machine_view is None:
-        roles = [at.role for at in states]
-        rows = np.eye(len(states))[[roles.index("position"), roles.index("velocity")]]
     else:
-        rows = np.vstack(machine_view.along_axes(states))
+        rows = np.vstack(estimator.view.along_axes(states))
     through = rows @ K
     none = np.zeros((*through.shape[:-1], B.shape[-1]))
     return LinearSystem(

@@ -78,8 +78,7 @@ def export_fmu(
     # FMUs are for co-simulation. A plant without a dead time is for model exchange too: its
     # importer integrates it, and its outputs follow at any time.
     of_type(Machine, bearing=bearing)
-    short = bearing.short
-    machine: Any = short.isolated_axis("") if short.single else short
+    machine = short = bearing.short
     if kind not in (known := get_args(Kind)):
         raise AmbkitError(f"there is no FMU of kind {kind!r}; known: {', '.join(known)}")
     if precision == "float" and kind not in ("estimator", "whole-controller"):

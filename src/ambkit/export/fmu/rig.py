@@ -15,6 +15,7 @@ from ambkit.export.c.c_literals import Name
 from ambkit.export.c.model import BUILT_IN, CModel
 from ambkit.export.fmu import variables
 from ambkit.export.fmu.sources import magnet_data
+from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module, magnet_of, own_time
 from ambkit.models import plant_parts
@@ -36,8 +37,7 @@ def room_of(machine: Machine) -> CModel:
 
 def rig_data(machine: Machine, start: RigStart) -> dict[str, Any]:
     """Return what the data file says of a plant: that of :func:`ambkit.simulate`."""
-    single, isolated = machine.single, [machine.isolated_axis(at.name) for at in machine.axes]
-    axes: list[Any] = [machine] if single else isolated
+    single, axes = machine.single, isolated_axes(machine)
     laws = [magnet_of(item) for item in axes]
     coils = [plant_parts.coil_fields(item) for item in axes]
     of_axes = {

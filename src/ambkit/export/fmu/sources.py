@@ -190,7 +190,7 @@ def _starts(filter: Estimator) -> dict[str, Array]:
     middle, pseudo_inverse = np.zeros(view.H.shape[1]), np.linalg.pinv(view.H[:, : view.rigid])
     moved = np.zeros((len(middle), len(nothing)))
     moved[: view.rigid] = pseudo_inverse
-    levitation = middle if view.single else Plant(filter.machine).equilibrium(nothing, nothing)[0]
+    levitation = Plant(filter.machine).equilibrium(nothing, nothing)[0]
     results = {
         "rest": at(levitation, nothing),
         "by_place": np.column_stack([at(q, nothing) for q in moved.T]).ravel(),
