@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import ambkit
-from ambkit.export.pil.boards import ARM, M4F, QEMU, qemu_command
+from ambkit.export.pil.build import ARM, M4F, QEMU, qemu_command
 
 HERE = Path(__file__).resolve().parent
 BOARD = Path(ambkit.__file__).parent / "export" / "pil" / "c"

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ambkit.base.errors import AmbkitError
-from ambkit.export.pil.boards import ARM
+from ambkit.export.pil.build import ARM
 from firmware.registers import LR, PC, SP, State, Unknown
 from firmware.thumb import CONDITIONS, Instruction, execute, register
 

@@ -26,7 +26,7 @@ from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.magnets import own_time
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.workflow.compare_steps import compare_in_case
+from ambkit.workflow.comparison import compare_in_case
 
 BEARING = Bearing.preset("zittau_axial")
 VIEW = View(BEARING.long)

@@ -20,7 +20,7 @@ from scipy.io import savemat
 import ambkit
 from ambkit.data import recordings
 from ambkit.data.reading.propose import guess
-from ambkit.export.pil import boards
+from ambkit.export.pil import build
 from ambkit.fuzzy.training import train
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.identification.forces.lift_off import load_points
@@ -147,7 +147,7 @@ SLOW_EXAMPLES = {"assess", "compare", "excite", "identify", "pil", "train"}
 )
 def test_the_examples_in_the_help_work(call, made, tmp_path, name):
     examples = re.findall(r"^    (ambkit .*)$", call(name, "--help").out, re.MULTILINE)
-    tools = (boards.QEMU_BOARD.compiler, boards.QEMU) if name == "pil" else ()
+    tools = (build.QEMU_BOARD.compiler, build.QEMU) if name == "pil" else ()
     if missing := [tool for tool in tools if shutil.which(tool) is None]:
         pytest.skip(f"not here: {', '.join(missing)}")
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)

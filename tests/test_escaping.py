@@ -45,7 +45,7 @@ from ambkit.result.report import (
     write_report,
 )
 from ambkit.result.report import Text as Paragraph
-from ambkit.result.table import table
+from ambkit.result.tables import table
 from tests.hostile import NOT_PRINTABLE, TEXTS, Page, called
 
 BEARING = Bearing.preset("zittau_axial")

@@ -14,7 +14,7 @@ from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CYCLES_PER_INSTRUCTION, Cost, cost, export_c
 from ambkit.export.c.model import states
-from ambkit.export.pil import boards, build
+from ambkit.export.pil import build
 from ambkit.machine.magnets import MagnetModel
 from firmware import harness, measure, path
 
@@ -114,7 +114,7 @@ def test_a_controller_has_a_bound_on_any_path(tmp_path: Path) -> None:
     made = export_c(measure.BEARING, None, tmp_path / "c", prefix="rig", scenario=Scenario(),
                     telemetry=True).folder  # fmt: skip
     fields = [state.field for state in states(KalmanFilter(measure.BEARING).states)]
-    image = build.firmware(made, fields, boards.QEMU_BOARD, tmp_path / "qemu", False)
+    image = build.firmware(made, fields, build.QEMU_BOARD, tmp_path / "qemu", False)
     # The state and the output; the first words of the state lead to what it works by.
     works_by = {(0, 4 * k): "rig_control" for k in range(3)}
     found = path.bound(image, "rig_step", objects=0b101, points=works_by)

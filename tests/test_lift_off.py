@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import ambkit
 from ambkit import Bearing
-from ambkit.base import installed
+from ambkit.base import files
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.cli.main import main
 from ambkit.data import recordings
@@ -299,7 +299,7 @@ def test_the_shipped_recordings():
 
 
 def test_recordings_that_were_not_installed(monkeypatch):
-    monkeypatch.setattr(installed, "_PACKAGE", Path("/nowhere/src/ambkit"))
+    monkeypatch.setattr(files, "_PACKAGE", Path("/nowhere/src/ambkit"))
     with pytest.raises(AmbkitError, match="not there: /nowhere"):
         recordings.folder()
 

@@ -33,9 +33,8 @@ from ambkit.machine.rotors.modes import (
     whirl,
     whirl_error,
 )
-from ambkit.rotordynamics import loop_criticals as loop_criticals_module
-from ambkit.rotordynamics.loop_criticals import loop_criticals
-from ambkit.rotordynamics.separation_margins import Separation, separations
+from ambkit.rotordynamics import separation_margins
+from ambkit.rotordynamics.separation_margins import Separation, loop_criticals, separations
 from ambkit.workflow.check import inspect
 
 RPM = math.pi / 30
@@ -309,8 +308,8 @@ def test_two_peaks_stay_two() -> None:
     def one(w: float) -> float:
         return resonance(w, 106.0) + resonance(w, 150.0)
 
-    with mock.patch.object(loop_criticals_module, "_response", lambda at, w: at(w)):
-        damped, first, second = loop_criticals_module._distinct(one, criticals, 300.0)
+    with mock.patch.object(separation_margins, "_response", lambda at, w: at(w)):
+        damped, first, second = separation_margins._distinct(one, criticals, 300.0)
     assert first.speed == pytest.approx(106.0, rel=0.02)
     assert first.damping_ratio == pytest.approx(0.05, rel=0.15)
     assert second == criticals[-1]

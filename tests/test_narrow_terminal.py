@@ -9,7 +9,7 @@ from rich.console import Console
 
 from ambkit.base.units import engineering
 from ambkit.cli import printing
-from ambkit.result.table import table
+from ambkit.result.tables import table
 from ambkit.workflow.reproduction import Reproduction
 
 FILTERS = "linear,steady-state,observer,low-pass,extended"

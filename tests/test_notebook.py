@@ -27,7 +27,7 @@ from ambkit.judge.comparison.score import Benches
 from ambkit.result.card import spread
 from ambkit.result.report import Axis, Figure, Heatmap, Panel
 from ambkit.result.report.figure import paper_style
-from ambkit.workflow.compare_steps import LoopScores, compare_in_case
+from ambkit.workflow.comparison import LoopScores, compare_in_case
 from ambkit.workflow.design_candidates import TunedCandidate
 from ambkit.workflow.designed import Design
 from tests.hostile import NOT_PRINTABLE, PRINTABLE, Page, called

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from ambkit.export.pil.boards import ARM, QEMU_BOARD
+from ambkit.export.pil.build import ARM, QEMU_BOARD
 from firmware import path
 from firmware.registers import LR, SP, State
 

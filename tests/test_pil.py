@@ -21,12 +21,12 @@ from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.export.c import export_c
-from ambkit.export.pil import boards, build, pil
+from ambkit.export.pil import build, pil
 from ambkit.export.pil.processor import Processor
 from ambkit.simulation.waveforms import Ramp
 
 BEARING = Bearing.preset("zittau_axial")
-TOOLS = (boards.QEMU_BOARD.compiler, boards.QEMU)
+TOOLS = (build.QEMU_BOARD.compiler, build.QEMU)
 needs_tools = pytest.mark.skipif(
     not all(map(shutil.which, TOOLS)), reason=f"not there: one of {', '.join(TOOLS)}"
 )
@@ -41,7 +41,7 @@ SCENARIO = Scenario(
 def test_what_is_missing_is_said_with_what_to_install(
     tool: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(boards.shutil, "which", lambda name: None if name == tool else name)
+    monkeypatch.setattr(build.shutil, "which", lambda name: None if name == tool else name)
     with pytest.raises(SystemExit) as left:
         main(["pil", "zittau_axial"])
     assert left.value.code == 2
@@ -113,9 +113,9 @@ def test_other_bits_of_a_machine_would_be_seen(monkeypatch: pytest.MonkeyPatch) 
 
 def test_the_stack_seen_and_its_bound_are_of_one_build() -> None:
     """Where qemu can run it: a bound at -O2 holds for no build at -O3."""
-    of = {name: boards.in_qemu(board) for name, board in boards.BOARDS.items()}
-    assert of["stm32f4"] is boards.BOARDS["stm32f4"]
-    assert of["amdc"] is of["c2000"] is boards.QEMU_BOARD
+    of = {name: build.in_qemu(board) for name, board in build.BOARDS.items()}
+    assert of["stm32f4"] is build.BOARDS["stm32f4"]
+    assert of["amdc"] is of["c2000"] is build.QEMU_BOARD
 
 
 def test_the_deepest_call_is_found(tmp_path: Path) -> None:

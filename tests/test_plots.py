@@ -10,7 +10,7 @@ import pytest
 import ambkit
 from ambkit.data import recordings
 from ambkit.fuzzy.expert_card import training_figure
-from ambkit.fuzzy.rules_figure import with_surface
+from ambkit.fuzzy.rule_selection import with_surface
 from ambkit.identification.forces.lift_off import fit_lift_off, lift_off_figure, load_points
 from ambkit.identification.online.magnet_constant import identification_figure
 from ambkit.judge.comparison import compare

@@ -54,9 +54,8 @@ from ambkit.result.report import (
     summary,
     write_report,
 )
-from ambkit.result.report.decimate import decimate
 from ambkit.result.report.figure import paper_style
-from ambkit.result.report.items import BUCKETS
+from ambkit.result.report.items import BUCKETS, decimate
 from ambkit.result.report.page import render_page
 from ambkit.workflow.reproduction import Reproduction
 

@@ -15,7 +15,7 @@ import ambkit
 from ambkit import Bearing, Estimator, Expert, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison.study import Study
-from ambkit.result.plain import plain
+from ambkit.result.result import plain
 from ambkit.workflow.comparison import tuned_filters
 
 BEARING = Bearing.preset("zittau_axial")

@@ -26,11 +26,10 @@ from ambkit.base import units
 from ambkit.base.units import typeset
 from ambkit.result.card import MOST_ROWS, card_of
 from ambkit.result.latex import escaped
-from ambkit.result.plain import plain
+from ambkit.result.result import plain
 from ambkit.result.row import FORMS, ZERO, At, Row, singles
 from ambkit.result.sections import Section
-from ambkit.result.table import Table
-from ambkit.result.tables import MISSED, by_name
+from ambkit.result.tables import MISSED, Table, by_name
 
 READ = {
     "dB": lambda text: 10 ** (float(text.removesuffix(" dB")) / 20),

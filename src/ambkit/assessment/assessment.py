@@ -324,7 +324,7 @@ class Assessment(Result):
 
     def capacity_figure(self, filter: str | None = None) -> Figure:
         """Return the load that each loop, or each of several axes, bears over the frequency."""
-        from ambkit.assessment.capacity_figure import capacity_figure
+        from ambkit.assessment.assessment_figure import capacity_figure
 
         demands: dict[str, tuple[float, float]] = {}
         if len(self.of.axes) == 1:

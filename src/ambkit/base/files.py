@@ -94,3 +94,14 @@ def read_text(path: str | os.PathLike[str]) -> str:
         raise AmbkitError(f"{path}: cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise AmbkitError(f"{path}: is not UTF-8 text (byte {error.start})") from error
+
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def installed_folder(name: str, source: str) -> Path:
+    """Return a folder by its name beside the package, or by its place in the repository."""
+    for candidate in (_PACKAGE / name, _PACKAGE.parents[1] / source):
+        if candidate.is_dir():
+            return candidate
+    raise AmbkitError(f"a folder that comes with ambkit is not there: {_PACKAGE / name}")

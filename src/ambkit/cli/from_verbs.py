@@ -18,11 +18,14 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.catalogue import (
     FOLDER,
+    GROUPS,
     MAKES,
     PICTURES,
+    VERBS,
     Misused,
     products,
     returns,
+    summary,
     verb_called,
     within,
 )
@@ -306,3 +309,47 @@ def _check_files(
             problem = "is read by this command, and would be overwritten"
         if problem:
             raise AmbkitError(f"{option}: {path} {problem}")
+
+
+SHELLS = ("bash", "zsh", "tcsh")
+
+
+def completion(arguments: Sequence[str]) -> str:
+    """Return the script that a shell sources."""
+    import shtab
+
+    if len(arguments) != 1 or arguments[0] not in SHELLS:
+        raise Misused(f"--print-completion takes one of {', '.join(SHELLS)}", "ambkit")
+    return shtab.complete(_tree(), arguments[0])
+
+
+def _tree() -> argparse.ArgumentParser:
+    """Return one parser of all commands: first words, and second ones below them."""
+    top = argparse.ArgumentParser("ambkit")
+    top.add_argument("--version", action="store_true", help="Print the version.")
+    top.add_argument("--debug", action="store_true", help="With an error, show its place.")
+    commands = top.add_subparsers()
+    for first in dict.fromkeys(name.partition(" ")[0] for name in VERBS):
+        parser = commands.add_parser(
+            first, help=summary(first), parents=_parents(first), add_help=False
+        )
+        below = within(first)
+        if below:
+            more = parser.add_subparsers()
+            for name in below:
+                second = name.partition(" ")[2]
+                more.add_parser(second, help=summary(name), parents=_parents(name), add_help=False)
+    return top
+
+
+def _parents(name: str) -> list[argparse.ArgumentParser]:
+    """Return the parser of a command, whose operands that are files are completed as such."""
+    if name in GROUPS:
+        return []
+    import shtab
+
+    parser = parser_of(name, verb_called(name))
+    for action in parser._actions:
+        if action.nargs != 0 and action.choices is None:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
+    return [parser]

@@ -107,9 +107,9 @@ def _called(arguments: list[str]) -> int:
 
             print(f"ambkit {ambkit.__version__}")
         case "--print-completion":
-            from ambkit.cli import completion
+            from ambkit.cli import from_verbs
 
-            print(completion.script(following))
+            print(from_verbs.completion(following))
         case _ if name in catalogue.GROUPS and (not following or following[0] in ("-h", "--help")):
             print(catalogue.of_group(name), end="")
         case _:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import escaping
-from ambkit.result.plain import plain
-from ambkit.result.table import Table, screen_width
+from ambkit.result.result import plain
+from ambkit.result.tables import Table, screen_width
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from ambkit.base import installed
+from ambkit.base import files
 
 
 def folder() -> Path:
     """Return the folder with the recordings."""
-    return installed.folder("recordings", "examples/recordings")
+    return files.installed_folder("recordings", "examples/recordings")

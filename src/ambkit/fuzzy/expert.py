@@ -23,9 +23,9 @@ from ambkit.base.arrays import Array, check_finite, real
 from ambkit.base.config import Part, Read
 from ambkit.base.config.problems import Problem, dotted
 from ambkit.base.config.text_types import Description, Line
+from ambkit.base.config.toml_text import line_of
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.escaping import one_line
-from ambkit.base.json_lines import line_of
 from ambkit.fuzzy.network import Scaling, default_width, network, scale_factors
 from ambkit.machine import paper
 from ambkit.machine.magnets import evaluate_force, evaluate_stiffness

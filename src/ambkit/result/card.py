@@ -17,8 +17,7 @@ from ambkit.base.escaping import one_line
 from ambkit.base.units import figure, typeset
 from ambkit.result.report.figure import WIDTH, Figure
 from ambkit.result.sections import Stated
-from ambkit.result.table import table
-from ambkit.result.tables import tables
+from ambkit.result.tables import table, tables
 
 LONGEST = 300
 """Characters of a cell or a note; a description may have thousands."""

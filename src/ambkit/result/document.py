@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ambkit.base import escaping, files
-from ambkit.result.plain import plain
-from ambkit.result.result import Result
+from ambkit.result.result import Result, plain
 from ambkit.result.row import Row
 
 

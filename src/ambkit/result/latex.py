@@ -7,8 +7,7 @@ import re
 from ambkit.base.escaping import one_line
 from ambkit.base.units import typeset
 from ambkit.result.sections import Stated
-from ambkit.result.table import Table
-from ambkit.result.tables import tables
+from ambkit.result.tables import Table, tables
 
 _WRITTEN = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "#": r"\#",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base import escaping, files
 from ambkit.base.errors import AmbkitError
-from ambkit.result.plain import plain
 from ambkit.result.row import Row, singles
 from ambkit.result.sections import Stated
 from ambkit.result.showing import Drawn
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import pandas
 
     from ambkit.result.report import Figure
-
 
 ENDINGS = "must end in .json, .csv, .tex, .html, .png, .svg or .pdf"
 
@@ -191,3 +190,16 @@ def _merged(first: dict[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
         else:
             first[key] = value
     return first
+
+
+def plain(data: Any) -> Any:
+    """Turn results into what JSON knows; what is not a finite number becomes null."""
+    if isinstance(data, dict):
+        return {str(key): plain(item) for key, item in data.items()}
+    if isinstance(data, list | tuple):
+        return [plain(item) for item in data]
+    if hasattr(data, "tolist"):  # of NumPy, array or scalar
+        return plain(data.tolist())
+    if isinstance(data, float):
+        return data if math.isfinite(data) else None
+    return str(data) if isinstance(data, Path) else data

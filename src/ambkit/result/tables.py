@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ambkit.base import escaping
 from ambkit.result.row import Row, singles
 from ambkit.result.sections import Section, Stated, by_section
-from ambkit.result.table import LINE, Table, table
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions
 
 MISSED = "✗"
 """Stands behind what does not keep its limit."""
@@ -87,3 +92,101 @@ def _cell(row: Row) -> str:
 def _grouped(rows: Sequence[Row], key: Callable[[Row], str]) -> Iterator[tuple[str, list[Row]]]:
     for name in dict.fromkeys(map(key, rows)):
         yield name, [row for row in rows if key(row) == name]
+
+
+GAP = 3
+"""Columns of the screen between two columns of a table, and beside them."""
+
+LINE = 24
+"""Columns of the screen that names and sentences have in a table, if they need as many."""
+
+
+def screen_width() -> int:
+    """Return the columns of the terminal, or of COLUMNS; 80 in a pipe."""
+    return shutil.get_terminal_size().columns
+
+
+class Table(NamedTuple):
+    """A table for humans, drawn as wide as there is room; no name and no number is cut."""
+
+    title: str
+    headers: list[str]
+    rows: list[list[str]]
+    wide: bool
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Any]:
+        """Draw it, in parts one below the other where its columns need more than the width."""
+        from rich.text import Text
+
+        yield Text(self.title, style="bold", overflow="ignore")
+        columns = list(zip(self.headers, *self.rows, strict=True))
+        widths = [
+            _widths(cells, words=place == 0 or (self.wide and place == len(columns) - 1))
+            for place, cells in enumerate(columns)
+        ]
+        for part in _parts([least for least, _ in widths], options.max_width):
+            spread = _spread([widths[place] for place in part], options.max_width)
+            yield self._drawn({place: columns[place] for place in part}, spread)
+
+    def _drawn(self, columns: dict[int, tuple[str, ...]], widths: list[int]) -> Any:
+        """Draw some of the columns, by their places, with these widths."""
+        from rich import box, table
+        from rich.text import Text
+
+        rich_table = table.Table(
+            width=sum(widths) + GAP * len(widths) - 1,
+            box=box.SIMPLE_HEAD,
+            show_header=any(self.headers),
+            pad_edge=False,
+        )
+        for (place, cells), width in zip(columns.items(), widths, strict=True):
+            left = place == 0 or (self.wide and place == len(self.headers) - 1)
+            head = Text(cells[0], overflow="fold")
+            rich_table.add_column(head, justify="left" if left else "right", width=width)
+        for row in zip(*(cells[1:] for cells in columns.values()), strict=True):
+            rich_table.add_row(*(Text(cell, overflow="fold") for cell in row))
+        return rich_table
+
+
+def table(
+    title: str, headers: Sequence[str], rows: Iterable[Sequence[str]], *, wide: bool = False
+) -> Table:
+    """Build a table whose first column names its rows."""
+    cells = [[escaping.lines(cell) for cell in row] for row in rows]
+    return Table(escaping.lines(title), [escaping.lines(head) for head in headers], cells, wide)
+
+
+def _widths(cells: Sequence[str], *, words: bool) -> tuple[int, int]:
+    """Return the least width of a column that cuts nothing, and the width of its longest cell."""
+    # A number stays with its unit; lines of `words` end between any two, but not too early.
+    from rich.cells import cell_len
+
+    least = [1]
+    for cell in cells:
+        number = not words and cell[:1] in set("0123456789+-−±–")
+        least += map(cell_len, [cell] if number else cell.split())
+    full_width = max(1, *map(cell_len, cells))
+    return max(*least, min(full_width, LINE) if words else 1), full_width
+
+
+def _parts(least: Sequence[int], room: int) -> list[list[int]]:
+    """Return the columns that fit beside each other, the first one in each part."""
+    parts = [[0]]
+    for place in range(1, len(least)):
+        part = [*parts[-1], place]
+        if len(parts[-1]) > 1 and sum(least[of] + GAP for of in part) - 1 > room:
+            parts.append([0, place])
+        else:
+            parts[-1] = part
+    return parts
+
+
+def _spread(widths: Sequence[tuple[int, int]], room: int) -> list[int]:
+    """Return each column's width between its least and its whole: those that lack most get more."""
+    sizes = [least for least, _ in widths]
+    lacks = [full_width - least for least, full_width in widths]
+    for _ in range(min(sum(lacks), room + 1 - sum(sizes) - GAP * len(sizes))):
+        most = max(range(len(lacks)), key=lacks.__getitem__)
+        sizes[most] += 1
+        lacks[most] -= 1
+    return sizes

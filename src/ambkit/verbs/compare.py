@@ -21,7 +21,7 @@ from ambkit.verbs.words import (
 if TYPE_CHECKING:
     from ambkit.judge.comparison.score import Benches
     from ambkit.judge.comparison.study import Study
-    from ambkit.workflow.compare_steps import LoopScores
+    from ambkit.workflow.comparison import LoopScores
 
 
 def compare(

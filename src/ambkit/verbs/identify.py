@@ -24,8 +24,8 @@ from ambkit.verbs.words import (
 )
 
 if TYPE_CHECKING:
-    from ambkit.workflow.identification import IdentifiedCoil, IdentifiedCorpus, IdentifiedOnline
     from ambkit.workflow.identified import Identified
+    from ambkit.workflow.identify import IdentifiedCoil, IdentifiedCorpus, IdentifiedOnline
     from ambkit.workflow.lift_off import LiftedOff
 
 
@@ -93,10 +93,10 @@ def identify(
     $ ambkit identify my.toml logs/0.mat logs/1.mat --channels rig.toml --out rig.html
     """
     from ambkit.base.progress import progress
-    from ambkit.workflow import identification
+    from ambkit.workflow import identify as work
 
     with progress("identifying") as done:
-        return identification.by_likelihood(
+        return work.by_likelihood(
             machine, records, axis, channels, window, free=free, validate=validate, rest=rest,
             load_std=initial_disturbance, nodes=nodes, note=done,
         )  # fmt: skip
@@ -139,10 +139,10 @@ def identify_corpus(
     $ ambkit identify corpus my.toml logs/a.mat logs/b.mat logs/c.mat --channels rig.toml
     """
     from ambkit.base.progress import progress
-    from ambkit.workflow import identification
+    from ambkit.workflow import identify as work
 
     with progress("identifying") as done:
-        return identification.by_corpus(
+        return work.by_corpus(
             machine, records, channels, window, free=free, rest=rest,
             load_std=initial_disturbance, note=done,
         )  # fmt: skip
@@ -191,10 +191,10 @@ def identify_online(
     $ ambkit identify online my.toml run.csv --method adaline --disturbance f_d --out found.toml
     """
     from ambkit.base.progress import progress
-    from ambkit.workflow import identification
+    from ambkit.workflow import identify as work
 
     with progress("identifying"):
-        return identification.online(
+        return work.online(
             machine, record, channels, window, method=method, initial=initial,
             disturbance=disturbance,
         )  # fmt: skip
@@ -283,9 +283,9 @@ def identify_coil(
     $ ambkit identify coil inteco_ml steps/0.mat steps/1.mat steps/2.mat --channels coil.toml
     """
     from ambkit.base.progress import progress
-    from ambkit.workflow import identification
+    from ambkit.workflow import identify as work
 
     with progress("fitting") as done:
-        return identification.coil(
+        return work.coil(
             machine, records, axis, channels, window, operating_point=operating_point, note=done
         )

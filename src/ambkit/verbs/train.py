@@ -60,11 +60,11 @@ def train(
     from ambkit.assessment.arguments import machine_argument
     from ambkit.base.progress import progress
     from ambkit.machine.stiffness import StiffnessMap
-    from ambkit.workflow import expert
+    from ambkit.workflow import training
 
     known = machine_argument(machine, StiffnessMap)
     with progress("training the expert") as done:
-        return expert.trained(
+        return training.trained(
             known, axis, rules, reach=reach, method=method, plain=plain,
             scaling=scaling, source=machine, note=done,
         )  # fmt: skip
@@ -123,10 +123,10 @@ def train_map(
     """
     from ambkit.assessment.arguments import machine_argument
     from ambkit.base.progress import progress
-    from ambkit.workflow import expert
+    from ambkit.workflow import training
 
     with progress("training the expert") as done:
-        return expert.trained_on_map(
+        return training.trained_on_map(
             machine_argument(machine), force, axis, rules, channels=channels, law_error=law_error,
             method=method, plain=plain, scaling=scaling, take=model, source=machine, note=done,
         )  # fmt: skip

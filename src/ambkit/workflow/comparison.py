@@ -4,34 +4,44 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ambkit.assessment.arguments import arguments_of_the_user
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import names_in, of_type
+from ambkit.base.progress import reporting
+from ambkit.base.quantity_arguments import Given, in_si, names_in, of_type
+from ambkit.base.units import engineering
+from ambkit.data.files.tables import Table
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_saving import NoFile, made_by, origin_of, preset_of
-from ambkit.estimate.named import AT, EXPERTS, experts, factories
+from ambkit.estimate.named import AT, EXPERTS, USUAL, experts, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.judge.comparison.cases import Case
+from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.comparison import TRAINING
-from ambkit.judge.comparison.score import Benches
-from ambkit.judge.comparison.study import Study
+from ambkit.judge.comparison.criteria import EVALUATED
+from ambkit.judge.comparison.score import Benches, least
+from ambkit.judge.comparison.seeds import Scores, compare, comparison_figure
+from ambkit.judge.comparison.study import Study, across, pieces_of, study
+from ambkit.judge.comparison.tolerance import Spread
 from ambkit.judge.comparison.tuning import expand, suited
+from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.forces.force_map import surface_in
+from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
-from ambkit.workflow.compare_steps import (
-    LoopScores,
-    compare_in_case,
-    compare_in_loops,
-    loop_cases,
-)
+from ambkit.result.report import Figure
+from ambkit.result.result import Result
+from ambkit.result.row import Row, put
+from ambkit.result.sections import Section
+from ambkit.simulation.scenario import Scenario
+from ambkit.workflow.simulate import scenario_for
 
 NOTES = logging.getLogger("ambkit")
 
@@ -160,3 +170,190 @@ def _true_magnet(plant: Any, machine: Machine) -> Any:
     if isinstance(plant, str | os.PathLike):
         return surface_in(plant, machine.isolated_axis(""))
     return plant
+
+
+RUNS = 20
+"""Runs of a comparison where nobody says it: fewer make no distribution."""
+
+HEIGHTS = (0.1, 0.3, 0.5)
+"""Steps of the reference in travels, of loops where nobody says what happens."""
+
+
+def cases_called(name: str = "paper", spread: Given | None = None) -> dict[str, Case]:
+    """Return a case, or all of them."""
+    if name != "all" and name not in CASES:
+        raise AmbkitError(f'there is no case "{name}"; known: {", ".join(CASES)}, all')
+    cases = dict(CASES) if name == "all" else {name: CASES[name]}
+    spread = in_si("spread", spread, "1")
+    if spread is None:
+        return cases
+    if not 0 <= spread < 1:
+        raise ValueError(f"spread must be from 0 to below 100 %, is {100 * spread:g} %")
+    return {name: replace(case, spread=Spread.all(spread)) for name, case in cases.items()}
+
+
+def compare_in_case(
+    bearing: Machine,
+    case: str | Case = "paper",
+    estimators: Sequence[str] | None = None,
+    *,
+    spread: Given | None = None,
+    plant: ForceSurface | None = None,
+    whole: bool = False,
+    done: Callable[[str], None] | None = None,
+    runs: int = RUNS,
+    budget: int = 0,
+    **how: Any,
+) -> Study | Benches:
+    """Compare estimators along the same records and in the loop, in a case or in all of them."""
+    cases = cases_called(case, spread) if isinstance(case, str) else {case.name: case}
+    if plant is not None:
+        cases = {name: replace(of, magnet=plant) for name, of in cases.items()}
+    kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
+    pieces = pieces_of(len(kinds) + len(how.get("custom") or {}), budget, whole)
+    with reporting(done, "comparing", len(cases) * pieces) as tell:
+        how |= {"runs": runs, "budget": budget, "done": tell}
+        if case == "all":
+            return across(bearing, cases, kinds, **how)
+        (chosen,) = cases.values()
+        return study(bearing, chosen, kinds, whole=whole, **how)
+
+
+@dataclass(frozen=True)
+class LoopCase:
+    """What happens to the loops that are compared."""
+
+    scenario: Scenario  #: The run; its seed is replaced.
+    #: Step of the reference [m]; None where it is the user's own scenario, without one.
+    step: float | None = None
+    load: float | None = None  #: Load after half of the run [N], if one was put in.
+
+
+def loop_cases(
+    bearing: Machine,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
+    *,
+    steps: Iterable[Given] | None = None,
+    load: Given | None = None,
+    duration: Given | None = None,
+    name: str = "scenario",
+) -> dict[str, LoopCase]:
+    """Return what happens, by name: the user's own scenario, or a step of each height."""
+    load = in_si("load", load, "N")
+    heights: list[float | None] = [None]
+    if steps is not None:
+        heights = [in_si("steps", height, "m") for height in steps]
+    elif scenario is None:
+        heights = [share * isolated_axes(bearing)[0].rotor.clearance for share in HEIGHTS]
+    results = {}
+    for height in heights:
+        run = scenario_for(bearing, scenario, duration=duration, step=height, load=load)
+        if run.feedback is None:  # each closes its own loop
+            run = run.fed("estimate")
+        at = name if height is None else engineering(height, "m", digits=4)
+        results[at] = LoopCase(run, height, load)
+    return results
+
+
+@dataclass(frozen=True, repr=False)
+class LoopScores(Result):
+    """Estimators, each in its own loop, over the same seeds."""
+
+    bearing: Machine  #: The plant, and what the estimators know.
+    loop_cases: Mapping[str, LoopCase]  #: What happened, by name.
+    #: (mapping of str to Score) By the same names, and by estimator.
+    scores: Mapping[str, Scores]
+    seeds: range  #: Of the runs.
+
+    @property
+    def steps(self) -> list[float] | None:
+        """Height of the step of each [m]; None of the user's own scenario."""
+        heights = [
+            loop_case.step for loop_case in self.loop_cases.values() if loop_case.step is not None
+        ]
+        return heights if len(heights) == len(self.loop_cases) else None
+
+    @property
+    def title(self) -> str:
+        """Of what machine, over how many seeds."""
+        return f"{self.bearing.name}, each in its own loop, {len(self.seeds)} seeds"
+
+    @property
+    def finding(self) -> str:
+        """Who estimates the disturbance force best in the last case."""
+        case, scores = list(self.scores.items())[-1]
+        return f"{self.title}: at {case} {least(scores.rows)}."
+
+    @property
+    def rows(self) -> list[Row]:
+        """The errors in each case."""
+        return [
+            row
+            for case, scores in self.scores.items()
+            for row in put(scores.rows, section=("cases", case))
+        ]
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        """Titles of the tables."""
+        by = "step " if self.steps else ""
+        return {("cases", case): Section(f"{by}{case}: root mean square errors", across=True)
+                for case in self.scores}  # fmt: skip
+
+    @property
+    def notes(self) -> list[str]:
+        """In which loops the rotor touched a stop: their errors are not those of a levitation."""
+        return [
+            f"{case}, {name}: contact with the stop in {score.touched} of {len(self.seeds)} runs."
+            for case, scores in self.scores.items()
+            for name, score in scores.items()
+            if score.touched
+        ]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """The seeds and the load."""
+        return {
+            "bearing": self.bearing.name,
+            "seeds": [self.seeds[0], self.seeds[-1]],
+            "load": next(iter(self.loop_cases.values())).load if self.loop_cases else None,
+        }
+
+    def file(self) -> Table:
+        """Return the errors of each run."""
+        scores, count = self.scores, len(self.seeds)
+        columns: dict[str, Any] = {"case": np.repeat(np.arange(len(scores), dtype=float), count)}
+        units = {"case": "1", "step": "m", "seed": "1"}
+        if self.steps is not None:
+            columns["step"] = np.repeat(np.array(self.steps, dtype=float), count)
+        columns["seed"] = np.tile(np.array(self.seeds, dtype=float), len(scores))
+        for name in next(iter(scores.values())):
+            for signal, unit in EVALUATED.items():
+                key = f"{name}_{signal}"
+                units[key] = unit
+                columns[key] = np.concatenate([case[name].rmse[signal] for case in scores.values()])
+            units[f"{name}_nis"] = "1"
+            columns[f"{name}_nis"] = np.concatenate([case[name].nis for case in scores.values()])
+        return Table(columns, {k: units[k] for k in columns}, {"cases": list(scores)})
+
+    def figures(self) -> list[Figure]:
+        """Return the errors as bars."""
+        return [comparison_figure(self.scores, "scenario" if self.steps is None else "step")]
+
+
+def compare_in_loops(
+    bearing: Machine,
+    what: Mapping[str, LoopCase],
+    estimators: Any = USUAL,
+    *,
+    seeds: range = range(RUNS),
+    plant: ForceSurface | None = None,
+    done: Callable[[], None] = lambda: None,
+) -> LoopScores:
+    """Compare estimators, each in its own loop, against the same noise, with the same Q and R."""
+    built = factories(estimators, bearing)
+    scores = {
+        name: compare(bearing, item.scenario, built, seeds, magnet=plant, done=done)
+        for name, item in what.items()
+    }
+    return LoopScores(bearing, what, scores, seeds)

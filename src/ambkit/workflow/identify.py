@@ -3,20 +3,50 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
 
+from ambkit.assessment.arguments import (
+    arguments_of_the_user,
+    axis_argument,
+    machine_argument,
+    record_argument,
+    record_arguments,
+)
+from ambkit.base import files
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.base.quantity_arguments import Given, all_of_type, in_si, of_type
+from ambkit.base.quantity_arguments import Given, all_of_type, in_si, names_in, of_type
+from ambkit.base.units import engineering
+from ambkit.data.channel_map import ChannelMap, inputs_of
+from ambkit.data.reading import load
 from ambkit.data.record import Record
+from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.filter_saving import made_by
+from ambkit.identification.coil import CoilFit, fit_coil
+from ambkit.identification.corpus.corpus import Corpus, identify_corpus
 from ambkit.identification.forces.force_map import force_map
 from ambkit.identification.maximum_likelihood.axis_model import AxisModel
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named, usual
-from ambkit.identification.noise import Noise, StandstillNoise
+from ambkit.identification.noise import Noise, StandstillNoise, standstill_noise
+from ambkit.identification.online import comparison
+from ambkit.identification.online.magnet_constant import ONLINE, identified
+from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.adequacy_criteria import Finding
 from ambkit.machine.force_laws import axis_named, isolated
 from ambkit.machine.machine import Machine
-from ambkit.workflow.identified import Identified, check_disjoint, records_of, validations
+from ambkit.workflow.identified import (
+    Identified,
+    check_disjoint,
+    filter_following_load,
+    records_of,
+    validations,
+)
 
 
 def starting_model(
@@ -83,3 +113,221 @@ def identify(
     return Identified(
         isolated(machine, axis), records, result, checks, bool(others), rest or {}, forces
     )
+
+
+LEAST = 3
+"""Logs of a corpus: fewer cannot be judged by each other."""
+
+Note = Callable[[str], None]
+
+
+def by_likelihood(
+    machine: Any, records: Any, axis: str | None, channels: Any, window: Any, *, free: Any,
+    validate: Any, rest: Any, load_std: Any, nodes: Any, note: Note,
+) -> Identified:  # fmt: skip
+    """Identify an axis of a machine from records, and validate it."""
+    known = machine_argument(machine)
+    rest_noise = _rest_noise(rest, channels)
+    parameters_to_find(starting_model(known, axis, rest=rest_noise, load_std=load_std), free)
+    sources, others = (names_in(Record, records=item) for item in (records, validate))
+    _refuse_shared(sources, others)
+    logs, other_logs = (
+        record_arguments(item, known, channels, window) for item in (sources, others)
+    )
+    names = [Path(item).name if isinstance(item, str | os.PathLike) else f"record {k}"
+             for k, item in enumerate(others or sources, 1)]  # fmt: skip
+    with arguments_of_the_user():
+        result = identify(
+            known, logs, axis, others=other_logs, names=names, rest=rest_noise, free=free,
+            load_std=load_std, map_forces=nodes is not None, nodes=_nodes(nodes), note=note,
+        )  # fmt: skip
+    source = ", ".join(Path(s).name for s in sources if isinstance(s, str | os.PathLike))
+    return replace(result, inputs=_inputs(channels), source=source)
+
+
+def _refuse_shared(records: list[Any], others: list[Any]) -> None:
+    # Not Path.resolve, which raises where links go in a loop; reading the record says so.
+    read, validated = (
+        {os.path.realpath(item) for item in items if isinstance(item, str | os.PathLike)}
+        for items in (records, others)
+    )
+    if same := read & validated:
+        raise AmbkitError(
+            f"{Path(next(iter(same))).name} is to be identified from and validated on: a model is "
+            "judged on a record that it has not seen"
+        )
+
+
+def _rest_noise(rest: Any, channels: Any) -> dict[str, Any]:
+    """Return the noise of each signal of a record at rest, which may name its own channel map."""
+    if rest is None:
+        return {}
+    if isinstance(rest, Record):
+        return standstill_noise(rest)
+    file, _, own = os.fspath(rest).partition("@")
+    return standstill_noise(load(file, own or channels))
+
+
+def _inputs(channels: Any) -> Any:
+    """Return what the controller reads: the same numbers as the log has."""
+    if channels is None:
+        return None
+    return inputs_of(channels if isinstance(channels, ChannelMap) else ChannelMap.load(channels))
+
+
+def _nodes(nodes: Any) -> tuple[int, int] | None:
+    """Nodes along current and displacement, from ``"9x7"``, or ``"9"`` for both."""
+    if nodes is None:
+        return None
+    sides = nodes.lower().split("x") if isinstance(nodes, str) else [str(side) for side in nodes]
+    if len(sides) > 2 or not all(side.isdecimal() and 4 <= int(side) <= 33 for side in sides):
+        raise AmbkitError(
+            "nodes must be nodes along current and displacement such as 9x7, 4 to 33 each, is "
+            f"{nodes!r}"
+        )
+    return int(sides[0]), int(sides[-1])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifiedCorpus(Corpus):
+    """A machine from many logs, and its filter."""
+
+    known: Machine | None = None  #: What was known before.
+
+    @cached_property
+    def filter(self) -> Estimator:
+        """The extended filter of what the logs say together."""
+        made, raised = filter_following_load(self.bearing, self.model.disturbance_noise)
+        origin = made_by("identify", f"likelihood of {len(self.found)} logs")
+        keys = ("noise.measurement", "noise.control", "noise.disturbance")
+        made.origin = dict.fromkeys(keys, origin) | raised
+        return made
+
+    @cached_property
+    def adequacy(self) -> list[Finding]:
+        """Whether the filter may fly."""
+        return judge_adequacy(self.filter)
+
+    @property
+    def notes(self) -> list[str]:
+        """What to think of it, and of the filter."""
+        return [*super().notes, *sentences(self.adequacy)]
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """All that is no figure of merit."""
+        known = {} if self.known is None else {"bearing": self.known.name}
+        adequacy = [item.to_dict() for item in self.adequacy]
+        return dict(super().series) | known | {"adequacy": adequacy}
+
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
+        """Write the machine."""
+        self.bearing.save(path)
+
+    def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
+        """Write the filter."""
+        self.filter.save(path, bearing=beside.get(".toml"))
+
+
+def by_corpus(
+    machine: Any, records: Any, channels: Any, window: Any, *, free: Any, rest: Any, load_std: Any,
+    note: Note,
+) -> IdentifiedCorpus:  # fmt: skip
+    """Cut, identify each log, pool, and predict each by the others."""
+    known = axis_argument(machine)
+    start = starting_model(known, rest=_rest_noise(rest, channels), load_std=load_std)
+    paths = [Path(path) for path in names_in(records=records)]
+    names = [path.name for path in paths]
+    if len(names) < LEAST:
+        raise AmbkitError(f"a corpus has {LEAST} logs or more, {len(names)} are given")
+    if len(set(names)) < len(names):
+        raise AmbkitError("two logs of a corpus have the same name")
+    note("reading the logs")
+    read = record_arguments([str(path) for path in paths], known, channels, window)
+    logs = dict(zip(names, read, strict=True))
+    corpus = identify_corpus(logs, start, free, note=note)
+    return IdentifiedCorpus(**vars(corpus), known=known)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifiedOnline(comparison.OnlineComparison):
+    """What the methods learned, and the machine of one of them."""
+
+    method: str = "all"  #: Whose machine it is.
+
+    @property
+    def machine(self) -> Machine:
+        """The machine with what the method learned."""
+        if self.method == "all":
+            raise AmbkitError(f"a machine is of one method: method={', '.join(ONLINE)}")
+        return identified(self.bearing, self.results[self.method]).bearing
+
+    @property
+    def series(self) -> dict[str, Any]:
+        """All that is no figure of merit, and what the method learned once more."""
+        series = dict(super().series) | {"method": self.method}
+        if self.method == "all":
+            return series
+        of = {row.key: row.value for row in self.rows if row.of == self.method}
+        return of | series
+
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
+        """Write the machine."""
+        self.machine.save(path)
+
+
+def online(
+    machine: Any, record: Any, channels: Any, window: Any, *, method: str, initial: Any,
+    disturbance: Any,
+) -> IdentifiedOnline:  # fmt: skip
+    """Learn the magnet constant in all ways, and take that of one method for the result."""
+    known = axis_argument(machine)
+    start = in_si("initial", initial, "N m^2/A^2")
+    if start is not None and not start > 0:
+        raise AmbkitError(f"initial must be greater than 0, is {start:g} N m^2/A^2")
+    (log,) = record_arguments(record, known, channels, window)
+    if isinstance(disturbance, str):
+        if disturbance in log:
+            disturbance = log[disturbance]
+        else:
+            try:
+                disturbance = in_si("disturbance", disturbance, "N")
+            except AmbkitError as error:
+                hint = f"or a signal of the record: {', '.join(log)}"
+                raise AmbkitError(f"{error}, {hint}") from None
+    with arguments_of_the_user():
+        learned = comparison.compare_online(log, known, start=start, disturbance=disturbance)
+    result = IdentifiedOnline(**vars(learned), method=method)
+    if method != "all":
+        _ = result.machine  # refused now where nothing could be learned
+    return result
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifiedCoil(CoilFit):
+    """A coil, and the machine that is driven through it."""
+
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
+        """Write the machine, with what its channel map needs."""
+        if self.known is None or self.operating_point is None:
+            raise AmbkitError("operating_point is missing: the lag depends on where the rotor is")
+        offset = engineering(self.offset(self.known), "V", digits=6)
+        header = (
+            "# Driven by the control signal, through a coil that was identified. In its map:\n"
+            f'# [signals.u] offset = "{offset}", so that 0 is the bias current.\n'
+        )
+        machine = self.bearing(self.known, self.operating_point)
+        files.write_text(path, header + machine.to_toml(Path(path).parent))
+
+
+def coil(
+    machine: Any, records: Any, axis: str | None, channels: Any, window: Any, *,
+    operating_point: Any, note: Note,
+) -> IdentifiedCoil:  # fmt: skip
+    """Find a coil from steps of its control signal."""
+    known = isolated(machine_argument(machine), axis)
+    paths = [Path(path) for path in names_in(records=records)]
+    logs = [record_argument(path, channels, window) for path in paths]
+    fit = fit_coil(logs, [path.name for path in paths], note=note)
+    at = in_si("operating_point", operating_point, "m")
+    return IdentifiedCoil(**vars(replace(fit, known=known, operating_point=at)))

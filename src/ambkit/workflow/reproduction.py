@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ambkit.base import files, installed
+from ambkit.base import files
 from ambkit.result.report import Figure, Report, SummaryRow, write_report
 from ambkit.result.report.summary import number, ours, tally, verdict_of
 from ambkit.result.result import Result
@@ -104,7 +104,7 @@ def reproduce(
 
 def _find_chapters() -> None:
     """Let Python find the package of the chapters."""
-    docs = str(installed.folder("docs", "docs"))
+    docs = str(files.installed_folder("docs", "docs"))
     if docs not in sys.path:
         sys.path.insert(0, docs)
 

@@ -21,14 +21,15 @@ from ambkit.fuzzy.cross_validation import (
     REFITTED,
     SURFACE,
     ModelChoice,
+    WrongSign,
+    range_grid,
     refitted,
+    wrong_signs,
 )
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.expert_card import training_figure
-from ambkit.fuzzy.rule_selection import RuleChoice
-from ambkit.fuzzy.rules_figure import with_choice, with_surface
+from ambkit.fuzzy.rule_selection import RuleChoice, with_choice, with_surface
 from ambkit.fuzzy.training import rms
-from ambkit.fuzzy.wrong_signs import WrongSign, range_grid, wrong_signs
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.machine.forces.force_points import ForcePoints

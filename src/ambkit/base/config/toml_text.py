@@ -1,9 +1,12 @@
 """TOML as text: its values, and the line on which each key stands."""
 
+from __future__ import annotations
+
+import json
 import re
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -173,7 +176,7 @@ def _key_lines(text: str) -> Iterator[tuple[Path, int]]:
         yield from _pairs(node, path)
 
 
-def _pairs(node: "Node", path: Path) -> Iterator[tuple[Path, int]]:
+def _pairs(node: Node, path: Path) -> Iterator[tuple[Path, int]]:
     """Yield the paths and lines of all keys and elements in a table, pair, or value."""
     if node.type == "pair":
         key, value = node.named_children[0], node.named_children[-1]
@@ -190,7 +193,7 @@ def _pairs(node: "Node", path: Path) -> Iterator[tuple[Path, int]]:
                 yield from _pairs(child, path)
 
 
-def _key(node: "Node") -> tuple[str, ...]:
+def _key(node: Node) -> tuple[str, ...]:
     """Return the names in a bare, quoted or dotted key."""
     names: list[str] = []
     level: Any = tomllib.loads(f"{(node.text or b'').decode()} = 0")
@@ -198,3 +201,36 @@ def _key(node: "Node") -> tuple[str, ...]:
         name, level = next(iter(level.items()))
         names.append(name)
     return tuple(names)
+
+
+_SPACE = re.compile(r"[ \t\n\r,:]*")
+
+
+def line_of(text: str, path: Sequence[str | int]) -> int:
+    """Return the line, from 1, of a value; of one that is missing that of what lacks it."""
+    decode = json.JSONDecoder().raw_decode
+    at = _next(text, 0)
+    for step in path:
+        is_object = text[at] == "{"
+        if not is_object and text[at] != "[":
+            break
+        place, here = _next(text, at + 1), 0
+        while text[place] not in "}]":
+            key: str | int = here
+            if is_object:
+                key, place = decode(text, place)
+                place = _next(text, place)
+            if key == step:
+                at = place
+                break
+            _, place = decode(text, place)
+            place, here = _next(text, place), here + 1
+        else:
+            break
+    return text.count("\n", 0, at) + 1
+
+
+def _next(text: str, place: int) -> int:
+    """Return where the next value begins, or what holds it ends."""
+    match = _SPACE.match(text, place)
+    return match.end() if match else place

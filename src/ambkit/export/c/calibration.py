@@ -12,9 +12,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.controller_states import Controller
 from ambkit.data.signals import signal
 from ambkit.export.c import c_literals
-from ambkit.export.c.c_literals import CPrecision, Name
+from ambkit.export.c.c_literals import Constants, CPrecision, Name
 from ambkit.export.c.controller_test_cases import speeds_of
-from ambkit.export.c.crc import Constants
 from ambkit.export.c.limits import Limits, Number, limits
 from ambkit.machine.force_laws import bias_forces_of
 from ambkit.simulation.scenario import Scenario

@@ -13,9 +13,8 @@ from ambkit.base.own_class import name_of
 from ambkit.control.controller_states import Controller
 from ambkit.control.controllers import controllers_of
 from ambkit.estimate.estimator import Estimator
-from ambkit.export.c import c_literals, controller_test_cases, selftest
-from ambkit.export.c.c_literals import CPrecision, Name
-from ambkit.export.c.crc import Constants
+from ambkit.export.c import c_literals, controller_test_cases, test_vectors
+from ambkit.export.c.c_literals import Constants, CPrecision, Name
 from ambkit.machine.magnets import own_time
 from ambkit.models.plant import Plant
 from ambkit.simulation.scenario import Scenario, settled_scenario
@@ -178,7 +177,7 @@ def _levitated(controller: Controller, scenario: Scenario, precision: CPrecision
         stood_in = np.nan_to_num(result, nan=most, posinf=most / 2, neginf=-most / 2)
         return c_literals.array(stood_in.ravel(), precision)
 
-    between, beyond = selftest.stops(filter)
+    between, beyond = test_vectors.stops(filter)
     middle = np.ravel(filter.inputs.y.numbers(0.0))[0]
     starts = np.array([*tested.starts, *tested.transfers, len(tested.y)])
     kinds = ["from power-on"] * len(tested.starts) + ["taken over"] * len(tested.transfers)

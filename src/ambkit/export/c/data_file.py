@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from ambkit.estimate.registry import PAPER
 from ambkit.export.c import c_literals, calibration, control, model
-from ambkit.export.c.c_literals import CPrecision, Kind
-from ambkit.export.c.crc import Constants, Crc
+from ambkit.export.c.c_literals import Constants, CPrecision, Crc, Kind
 from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:

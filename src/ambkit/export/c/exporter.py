@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.units import engineering
@@ -17,7 +19,7 @@ from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import calibration, control, cost, data_file, folder, render
+from ambkit.export.c import calibration, control, cost, data_file, render
 from ambkit.export.c.c_literals import CPrecision, called
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.exported import Export
@@ -134,7 +136,7 @@ def export_c(
     if wrong and calibrated:  # which an A2L file is made from later
         calibration_data = json.loads(content.files["calibration.json"]) | {"must_not_fly": wrong}
         content.files["calibration.json"] = json.dumps(calibration_data, indent=2) + "\n"
-    written = folder.write(Path(out), content.files)
+    written = write_folder(Path(out), content.files)
     return CExport(
         written, name, precision, tuple(content.files), content.sources, content.configuration,
         table, spent,
@@ -296,3 +298,41 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
         ),
         "memory": f"{spent.state} bytes an instance, {spent.stack} bytes of stack seen",
     }
+
+
+MANIFEST = "ambkit.sha256"  #: Hashes of an export's files, by which an older export is known.
+
+
+def write_folder(folder: Path, texts: dict[str, str]) -> Path:
+    """Write all files, and take away those of an older export that are no longer there."""
+    # Where an older export is, whoever owns the folder may have put files of his own beside it; any
+    # other folder must be empty but for what is hidden, such as ``.git``.
+    if not (folder / MANIFEST).exists() and any(folder.glob("[!.]*")):
+        raise AmbkitError(
+            f"{folder}: holds other files, and the {len(texts) + 1} of an export would lie among "
+            "them; take a new folder or an empty one"
+        )
+    older = _older(folder / MANIFEST)
+    for name, text in texts.items():
+        path = folder / name
+        same = path.is_file() and path.read_bytes() == text.encode()
+        if name not in older and path.exists() and not same:
+            raise AmbkitError(f"{path} is there already, and not from an export")
+    lines = [f"{hashlib.sha256(text.encode()).hexdigest()}  {name}" for name, text in texts.items()]
+    with files.replacing_in(folder, first=MANIFEST) as temporary:
+        files.write_text(temporary / MANIFEST, "\n".join(lines) + "\n")
+        for name, text in texts.items():
+            files.make_folder((temporary / name).parent)
+            files.write_text(temporary / name, text)
+    for name in older - set(texts):
+        (folder / name).unlink(missing_ok=True)
+    return folder
+
+
+def _older(manifest: Path) -> set[str]:
+    """Return the files of an older export; none that lies outside its folder."""
+    if not manifest.exists():
+        return set()
+    names = {line.partition("  ")[2] for line in files.read_text(manifest).splitlines()}
+    folder = manifest.parent.resolve()  # a link in it may lead anywhere
+    return {name for name in names if name and (folder / name).resolve().is_relative_to(folder)}

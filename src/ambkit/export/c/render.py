@@ -20,7 +20,6 @@ from ambkit.export.c import (
     data_file,
     model,
     proof,
-    selftest,
     telemetry,
     test_vectors,
 )
@@ -187,18 +186,18 @@ def _tested(export: Export) -> dict[str, Any]:
     settling, bound = settling_of(filter), bound_of(filter)
     if export.one is None:
         tested = test_vectors.make(filter, export.magnets, settling=settling, bound=bound)
-        test_data = selftest.context(tested, filter, precision)
+        test_data = test_vectors.context(tested, filter, precision)
     else:
         test_data = {key: export.flown["levitated"][key] for key in ("runs", "coverage")}
     return {
         "bound": (_BOUNDS_OF_MACHINES if export.several else _BOUNDS)[precision],
         **test_data,
         "diagonal": test_vectors.diagonal(len(filter.states)),
-        "shown": selftest.first(filter, "sensor"),
-        "load": selftest.first(filter, "disturbance force"),
-        **selftest.of_roles(filter),
-        **selftest.stops_in_c(filter, precision),
-        "stiff": selftest.stiff(filter, export.magnets[0]),
+        "shown": test_vectors.first(filter, "sensor"),
+        "load": test_vectors.first(filter, "disturbance force"),
+        **test_vectors.of_roles(filter),
+        **test_vectors.stops_in_c(filter, precision),
+        "stiff": test_vectors.stiff(filter, export.magnets[0]),
         "settling": settling,
         "bound_of_output": f"{bound:.1f}",
     }

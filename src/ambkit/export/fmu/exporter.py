@@ -6,11 +6,14 @@ import hashlib
 import os
 import re
 import uuid
+import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
+from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.estimate.estimator import Estimator
@@ -19,7 +22,7 @@ from ambkit.estimate.registry import kind_called
 from ambkit.export.c import c_literals
 from ambkit.export.c.c_literals import CPrecision
 from ambkit.export.c.model import c_model
-from ambkit.export.fmu import archive, compiler, rig, sources, variables, xml
+from ambkit.export.fmu import compiler, rig, sources, variables, xml
 from ambkit.export.fmu import controller as start_data
 from ambkit.export.fmu.variable import Variable, in_unit
 from ambkit.export.fmu.variables import Kind
@@ -105,7 +108,7 @@ def export_fmu(
         made.in_sources, made.model.sources, made.model.identifier, fmi, everywhere=everywhere
     )
     content = {name: text.encode() for name, text in made.files.items()}
-    archive.write(Path(out), content | binaries)
+    write_archive(Path(out), content | binaries)
     names, inputs, outputs = (
         tuple(item.name for item in parts.variables if role in (None, item.role))
         for role in (None, "input", "output")
@@ -283,3 +286,17 @@ def _token(files: dict[str, str]) -> str:
     for name, text in sorted(files.items()):
         digest.update(f"{name}\0{text}\0".encode())
     return f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
+
+
+_LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the earliest time that ZIP knows
+
+
+def write_archive(path: Path, content: Mapping[str, bytes]) -> None:
+    """Write files, in alphabetical order and without their times, to an archive."""
+    with files.replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name in sorted(content):
+            entry = zipfile.ZipInfo(name, _LONG_AGO)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3  # Unix, wherever this runs
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, content[name])

@@ -10,8 +10,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ambkit.base.escaping import one_line
-from ambkit.export.fmu import archive
-from ambkit.export.fmu.exporter import FmuExport, export_fmu
+from ambkit.export.fmu.exporter import FmuExport, export_fmu, write_archive
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, written
 from ambkit.machine.machine import Machine
@@ -59,7 +58,7 @@ def export_ssp(
         content = {f"resources/{one.path.name}": one.path.read_bytes() for one in made.values()}
     wires = _wires(made, estimate=what.feedback != "measurement" and not has_sequence)
     content["SystemStructure.ssd"] = description(bearing.name, wires).encode()
-    archive.write(Path(out), content)
+    write_archive(Path(out), content)
     return tuple(made.values())
 
 

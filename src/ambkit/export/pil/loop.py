@@ -20,7 +20,7 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.export.c.control import controller_of
 from ambkit.export.c.exporter import export_c, made
 from ambkit.export.c.model import states
-from ambkit.export.pil import boards, build
+from ambkit.export.pil import build
 from ambkit.export.pil.processor import Processor
 from ambkit.export.pil.result import Pil, compare_bits, unequal_frames
 from ambkit.machine.machine import Machine
@@ -45,11 +45,11 @@ def pil(
     # The plant is simulated with the controller here, and what its sensors show goes to the
     # processor, sample by sample. Where that answers the same bits each time, which is what is
     # judged, the rotor would have moved no otherwise with the processor's own currents.
-    if board is not None and board not in boards.BOARDS:
-        raise AmbkitError(f'board must be one of {", ".join(boards.BOARDS)}, is "{board}"')
-    for_board = boards.QEMU_BOARD if board is None else boards.BOARDS[board]
-    boards.check(for_board)
-    boards.check(boards.QEMU_BOARD)
+    if board is not None and board not in build.BOARDS:
+        raise AmbkitError(f'board must be one of {", ".join(build.BOARDS)}, is "{board}"')
+    for_board = build.QEMU_BOARD if board is None else build.BOARDS[board]
+    build.check(for_board)
+    build.check(build.QEMU_BOARD)
     plant = bearing.short
     several = not plant.single
     base_scenario = scenario or Scenario(duration=1.0)
@@ -64,7 +64,7 @@ def pil(
             prefix=build.PREFIX, telemetry=True, force=force, scenario=lift_scenario,
         ).folder  # fmt: skip
         fields = [state.field for state in states(filter.states)]
-        runs = boards.in_qemu(for_board)
+        runs = build.in_qemu(for_board)
         image = build.firmware(export, fields, runs, folder / "qemu", several)
         built = build.size(export, for_board, folder / "board", several)
         run = simulate_run(plant, lift_scenario, estimator=filter)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.export.pil.boards import QEMU, qemu_command
+from ambkit.export.pil.build import QEMU, qemu_command
 
 OFTEN = 20  #: Samples from one count of instructions to the next.
 PATIENCE = 60.0  #: Seconds for an answer, which takes less than one.
