@@ -8,10 +8,10 @@
 /* Half a step, in such, from which on it says more than its rounding's variance. */
 #define NARROW AMB_C(0.5)
 
-/* Where the rotor is known no better than a step, as after a start, it stays in one for less than
- * three of its time constant constants: exponent of the chance of a repeat, over the samples that
- * it stays in a very coarse one. */
-#define UNKNOWN AMB_C(6.4)
+/* A rotor that the disturbance force moves, or of which no more is known than the step, stays in a
+ * step of up to five standard deviations for less than three of its time constants: exponent of the
+ * chance of a repeat, over the samples that it stays in a very coarse one. */
+#define LEAVES AMB_C(5.16)
 
 /* Least variance of the noise, over that in the middle (amb_noise_share). */
 #define LEAST_NOISE AMB_C(0.015625)
@@ -95,7 +95,7 @@ amb_rounded amb_kalman_rounded(const amb_kalman *kf, int r, amb_real e, amb_real
   as.chance = (near > AMB_C(0.0)) ? (d_near * mills(near) - tail)
                                   : (AMB_C(1.0) - d_near * mills(-near) - tail);
   if (half < NARROW) {
-    as.chance = amb_exp_negative(UNKNOWN / amb_at_least(kf->set.dwell, AMB_C(1.0)));
+    as.chance = amb_exp_negative(LEAVES / amb_at_least(kf->set.dwell, AMB_C(1.0)));
     return as;
   }
   const amb_real shift = (d_near - d_far) / as.chance;
@@ -146,6 +146,14 @@ amb_real amb_kalman_repeats(const amb_kalman *kf, int r, amb_real least_change, 
   const amb_real within = amb_root(AMB_C(1.0) - amb_exp_negative(wide));
   /* In a coarse step, the rotor stays and the noise leaves it there too. */
   return fine ? amb_at_most(within, stays) : (within * stays);
+}
+
+amb_real amb_kalman_rests(const amb_kalman *kf, int r, amb_real least_change, amb_real noise,
+                          amb_real chance)
+{
+  const amb_real repeats = amb_kalman_repeats(kf, r, least_change, noise);
+  const amb_real leaves = amb_exp_negative(LEAVES / amb_at_least(kf->set.dwell, AMB_C(1.0)));
+  return amb_at_least(chance, amb_at_most(repeats, leaves));
 }
 
 amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model, const amb_kalman_settings *s)

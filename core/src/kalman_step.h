@@ -393,11 +393,15 @@ AMB_INLINE amb_rounded amb_step_rounded(const amb_kalman *kf, amb_kalman_state *
                 : amb_kalman_rounded(kf, r, e, shown, noise);
     }
   }
-  if (again && (stays || !coarse)) {
-    /* What an observer says of its variance is no bound of what a rotor at rest does. */
-    const amb_real shown =
-        (interval && !stays) ? amb_model_shown_variance(&kf->model, r, base->cov) : AMB_C(0.0);
-    as.chance = amb_kalman_repeats(kf, r, sensor->least_change, shown + noise);
+  if (again) {
+    const amb_real least = sensor->least_change;
+    if (coarse && !stays) {
+      as.chance = amb_kalman_rests(kf, r, least, noise, as.chance);
+    } else { /* What an observer says of its variance is no bound of what a rotor at rest does. */
+      const amb_real shown =
+          (interval && !stays) ? amb_model_shown_variance(&kf->model, r, base->cov) : AMB_C(0.0);
+      as.chance = amb_kalman_repeats(kf, r, least, shown + noise);
+    }
   }
   amb_step_watch(kf, sensor, r, y, as.chance);
   return as;

@@ -52,8 +52,12 @@ extern "C" {
 /* Least square of a change of the measurement that counts, over the variance of the noise. */
 #define AMB_FINEST AMB_C(1e-4)
 
-/* A sensor that repeats a measurement is frozen where this is the probability that it is not. */
-#define AMB_IMPROBABLE AMB_C(1e-16)
+/* A sensor that repeats a measurement is frozen where this is the probability that it is not. A
+ * series of repeats can start at each sample: at 10 kHz, 3.6e7 times an hour. So a healthy sensor
+ * whose noise decides, with steps up to two standard deviations, is flagged at most 4e-6 times per
+ * hour of flight, once in 30 years. 1e-16 would notice a stuck one later by a fifth, at two
+ * standard deviations after 3.1 to 3.7 time constants of rotors with 22 to 25 samples in one. */
+#define AMB_IMPROBABLE AMB_C(1e-13)
 
 /* What the user sets. */
 typedef struct amb_kalman_settings {
@@ -150,6 +154,12 @@ amb_rounded amb_kalman_edge(const amb_kalman *kf, int r, amb_real e, amb_real ch
  * half a step (Polya's bound of the normal distribution). In a coarse one a rotor at rest stays
  * long, and where that step is stated, the noise must have left it there as well. */
 amb_real amb_kalman_repeats(const amb_kalman *kf, int r, amb_real least_change, amb_real S);
+
+/* The same of a coarse step, where the prediction says `chance`. That counts on the disturbance
+ * force which the filter assumes; a rotor under less stays longer. So it is no less than of a rotor
+ * at rest, or than what takes three of its time constants, where a rotor at rest takes longer. */
+amb_real amb_kalman_rests(const amb_kalman *kf, int r, amb_real least_change, amb_real noise,
+                          amb_real chance);
 
 /* Check the settings and compute the constants. Returns AMB_OK, or AMB_BAD_PARAMETER and leaves
  * `kf` as it was. */
