@@ -139,7 +139,7 @@ PUBLIC = dict(public())
 @pytest.mark.parametrize("name", PUBLIC)
 def test_every_parameter_is_documented(name):
     thing = PUBLIC[name]
-    assert inspect.cleandoc(thing.__doc__ or ""), f"{name} has no docstring"
+    assert inspect.getdoc(thing), f"{name} has no docstring"
     assert parameters(thing) - documented(thing) == set()
 
 
@@ -218,3 +218,37 @@ def definitions(node: ast.AST, within: str = "") -> Iterator[tuple[str, Any]]:
 
 def test_what_is_internal_has_one_line():
     assert list(internal()) == []
+
+
+def undocumented() -> Iterator[str]:
+    """Yield each public method without a docstring that overrides none which has one."""
+    root, known = Path(ambkit.__file__).parent, dict[str, list[ast.ClassDef]]()
+    places: dict[ast.ClassDef, Path] = {}
+    for path in root.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                known.setdefault(node.name, []).append(node)
+                places[node] = path
+
+    def inherits(of: ast.ClassDef, name: str) -> bool:
+        bases = [ast.unparse(base).rpartition(".")[2].partition("[")[0] for base in of.bases]
+        parents = [node for base in bases for node in known.get(base, ()) if node is not of]
+        return any(
+            any(m.name == name and ast.get_docstring(m) for m in methods(node))
+            or inherits(node, name)
+            for node in parents
+        )
+
+    for node, path in places.items():
+        for method in methods(node):
+            own = method.name.startswith("_") or ast.get_docstring(method)
+            if not own and not node.name.startswith("_") and not inherits(node, method.name):
+                yield f"{path.relative_to(root)}:{method.lineno} {node.name}.{method.name}"
+
+
+def methods(of: ast.ClassDef) -> list[ast.FunctionDef]:
+    return [item for item in of.body if isinstance(item, ast.FunctionDef)]
+
+
+def test_a_method_has_a_docstring_or_overrides_one_that_has():
+    assert list(undocumented()) == []

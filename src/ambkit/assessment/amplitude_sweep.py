@@ -116,7 +116,6 @@ class Sweep(Result):
 
     @property
     def finding(self) -> str:
-        """How far the loop is from its linear model; without one, its peak."""
         if self.loop is None:
             peak = max(item.peak for item in self.swept)
             return f"{self.title}: peak of |S| {peak:.3g}, zone {zone_of(peak)}."
@@ -125,7 +124,6 @@ class Sweep(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Peaks at each amplitude, and that of the model."""
         results = []
         for item in self.swept:
             results += put([
@@ -147,7 +145,6 @@ class Sweep(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """The sensitivity over the frequency."""
         return {
             "bearing": self.name,
             "kind": self.kind,
@@ -163,7 +160,6 @@ class Sweep(Result):
         }
 
     def figures(self) -> list[Figure]:
-        """Return the sweeps over the model's curve, and how far they are from it."""
         swept = [(of.amplitude, of.frequency, of.sensitivity, of.model) for of in self.swept]
         model = None if self.loop is None else self.loop.loop
         return [sweep_figure(self.title, model, self.axis, swept, zones=ZONES, top=self.top)]

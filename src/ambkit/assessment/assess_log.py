@@ -90,12 +90,10 @@ class AssessedLog(Result):
 
     @property
     def title(self) -> str:
-        """Of what."""
         return f"Measured sensitivity{f' of {self.name}' if self.name else ''}"
 
     @property
     def finding(self) -> str:
-        """The zone, and the peak with its interval."""
         low, high = self.interval
         return (
             f"Measured sensitivity: zone {self.zone}, peak {self.peak:.3f} ({low:.3f} to "
@@ -104,7 +102,6 @@ class AssessedLog(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """What the record tells, and how the models meet it."""
         m, top = self.measured, engineering(self.top, "Hz", 4)
         results = [
             Row("zone", "zone of ISO 14839-3", self.zone),
@@ -132,12 +129,10 @@ class AssessedLog(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What all of it is."""
         return [BASIS]
 
     @property
     def series(self) -> dict[str, Any]:
-        """The sensitivity, with its interval, over the frequency."""
         m, (low, high) = self.measured, self.measured.interval()
         L, spread = m.open_loop()
         return {
@@ -153,7 +148,6 @@ class AssessedLog(Result):
         }
 
     def figures(self) -> list[Figure]:
-        """Return S with its interval and zones, the open loop, and the coherence."""
         models = [] if self.model is None else [
             Curves(name, loop.loop, self.axis)
             for name, loop in self.model.loops.items() if loop.stable

@@ -119,7 +119,6 @@ class Assessment(Result):
 
     @property
     def finding(self) -> str:
-        """Zone and peak of each loop, and whether the last one keeps its limits."""
         parts = ", ".join(
             f"{name}: zone {one.verdict}, peak {one.peak:.3f} at "
             f"{engineering(one.peak_frequency, 'Hz', 4)}" if one.stable else f"{name}: unstable"
@@ -134,7 +133,6 @@ class Assessment(Result):
 
     @cached_property
     def rows(self) -> list[Row]:
-        """Figures of the loops, of each axis, of critical speeds and balance quality grades."""
         results = []
         for name, loop in self.loops.items():
             results += put(rows.of_loop(loop), section=("loops",), of=name)
@@ -156,7 +154,6 @@ class Assessment(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         machine, speed_text = self.machine, units.rpm(self.machine.speed, 6)
         several = len(self.of.axes) > 1
         at = f"{speed_text}, the worst of its axes" if several else rows.held_at(self.of)
@@ -182,12 +179,10 @@ class Assessment(Result):
 
     @property
     def facts(self) -> dict[str, str]:
-        """What the last loop holds for."""
         return rows.facts_of(self.loops[self.last], self.of, self.estimators.get(self.last))
 
     @property
     def notes(self) -> list[str]:
-        """The bound, what is not known, how the controllers were chosen, and what all of it is."""
         notes, several = [], len(self.of.axes) > 1
         S, T = ("the largest singular value of S", "that of T") if several else (
             "the peak of |S|", "that of |T|"
@@ -218,7 +213,6 @@ class Assessment(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Poles, gains and the operating point."""
         estimator = self.estimators.get(self.last)
         pids = {name: pid.model_dump(mode="json") for name, pid in self.controllers.items()}
         names = [axis.name for axis in self.machine.axes]
@@ -240,7 +234,6 @@ class Assessment(Result):
         }
 
     def figures(self) -> list[Figure]:
-        """Return margins and loads of the last loop."""
         stable = self.loops[self.last].stable
         return [self.figure(), *([self.capacity_figure()] if stable else [])]
 

@@ -76,7 +76,6 @@ class Injection(Result):
         return np.asarray((high - low) / 2 / np.abs(self.expected.sensitivity))
 
     def file(self) -> Record:
-        """Return the signal as a record, to be saved and run: ``t`` and ``injected``."""
         # Of a machine ``injected_NAME`` of its axis.
         low, high = self.band
         source = f"ambkit excite sensitivity, {low:.4g} to {high:.4g} Hz, for {self.name}"
@@ -87,7 +86,6 @@ class Injection(Result):
 
     @property
     def finding(self) -> str:
-        """What it would tell."""
         low, high = self.expected.peak_interval()
         return (
             f"{self.name}: with {engineering(self.amplitude, 'm', 4)} added to the measurement the "
@@ -96,7 +94,6 @@ class Injection(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Signal, limits and what is expected."""
         record, limits, expected = self.record, self.limits, self.expected
         current, far = (float(np.abs(record[name]).max()) for name in ("iu", "x"))
         return [
@@ -123,11 +120,9 @@ class Injection(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Of what it is."""
         return {"bearing": self.name, "kind": self.excitation.kind}
 
     def figures(self) -> list[Figure]:
-        """Return the experiment over time, and the error that is expected."""
         return [injection_figure(self.name, self.record, self.limits, self.expected)]
 
 

@@ -137,7 +137,6 @@ class OverSpeed(Result):
 
     @property
     def finding(self) -> str:
-        """The zone, and the greatest peak."""
         peak, at = self.worst
         return (
             f"{self.machine.name}, controllers fed by {self.fed_by}, to "
@@ -147,7 +146,6 @@ class OverSpeed(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """The greatest figures over the speed, and the distance from critical speeds."""
         (peak, at), (far, there), (used, where) = self.worst, self.farthest, self.hardest
         worst_rows = [
             Row("zone", "zone of ISO 14839-3", self.zone),
@@ -179,7 +177,6 @@ class OverSpeed(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         end, own = units.rpm(float(self.speed[-1])), units.rpm(self.machine.speed)
         return {
             GREATEST: Section(f"{self.machine.name}, a slow run-up from rest to {end}"),
@@ -189,13 +186,11 @@ class OverSpeed(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What the bending modes left out change, where that is too much."""
         compared = reduction(self.machine)
         return [] if compared is None or compared.good else [f"{compared.text()}."]
 
     @property
     def series(self) -> dict[str, Any]:
-        """The figures over the speed."""
         return {
             "machine": self.machine.name,
             "fed_by": self.fed_by,
@@ -213,7 +208,6 @@ class OverSpeed(Result):
         }
 
     def figures(self) -> list[Figure]:
-        """Return sensitivity and modes over the speed, and the run-up beside its limits."""
         return [over_speed_figure(self, ZONES), run_up_figure(self)]
 
 

@@ -48,20 +48,16 @@ class Statement(Result):
 
     @property
     def title(self) -> str:
-        """The sentence."""
         return self.sentence
 
     @property
     def finding(self) -> str:
-        """The sentence."""
         return self.sentence
 
     @property
     def rows(self) -> Sequence[Row]:
-        """None."""
         return ()
 
     @property
     def series(self) -> Mapping[str, Any]:
-        """The data."""
         return self.data

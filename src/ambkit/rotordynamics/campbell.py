@@ -30,7 +30,6 @@ class Campbell(WhirlModes, Result):
 
     @property
     def finding(self) -> str:
-        """Its critical speeds."""
         speeds = ", ".join(map(units.rpm, self.critical)) or "none"
         return f"Critical speeds of {self.machine.name} up to {self._end}: {speeds}."
 
@@ -40,7 +39,6 @@ class Campbell(WhirlModes, Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Each mode at rest and at the greatest speed, and the critical speeds."""
         modes = zip(self.whirl, self.forwards, self.poles[0].imag, self.poles[-1].imag, strict=True)
         results = [Row("fastest", "highest speed", float(self.speed[-1]), "rpm", detail=True)]
         for k, (whirl, forwards, first, last) in enumerate(modes, 1):
@@ -59,14 +57,12 @@ class Campbell(WhirlModes, Result):
 
     @property
     def notes(self) -> list[str]:
-        """How far the machine's speed is from critical ones, and what the modes left out change."""
         compared = self._modes_left_out
         notes = [self._separations.sentence(), IDEAL] if self.machine.speed else []
         return notes + ([] if compared is None else [compared.text()])
 
     @property
     def series(self) -> dict[str, Any]:
-        """Critical speeds, and the modes kept against all."""
         compared = self._modes_left_out
         left_out = {} if compared is None else {"modes_left_out": compared.to_dict()}
         return {"machine": self.machine.name, "critical": self.critical} | left_out
@@ -80,7 +76,6 @@ class Campbell(WhirlModes, Result):
         return reduction(self.machine)
 
     def figures(self) -> list[Figure]:
-        """Return frequencies and damping over the speed."""
         return [campbell_figure(self)]
 
 

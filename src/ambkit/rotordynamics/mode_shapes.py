@@ -43,13 +43,11 @@ class ModeShapes(Result):
 
     @property
     def finding(self) -> str:
-        """Their frequencies."""
         text = ", ".join(engineering(f / math.tau, "Hz", 4) for f in self.frequency)
         return f"Bending modes of {self.machine}, free at standstill: {text}."
 
     @property
     def rows(self) -> list[Row]:
-        """Frequency, damping and mass of each, and the deflections at magnets and sensors."""
         results: list[Row] = []
         for k, frequency in enumerate(self.frequency):
             results += put([
@@ -73,11 +71,9 @@ class ModeShapes(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Of which machine."""
         return {"machine": self.machine}
 
     def figures(self) -> list[Figure]:
-        """Return the shapes along the shaft, with magnets and sensors marked."""
         return [mode_shapes_figure(self)]
 
 

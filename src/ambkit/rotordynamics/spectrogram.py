@@ -34,7 +34,6 @@ class Waterfall(Result):
 
     @property
     def finding(self) -> str:
-        """The greatest line, and where it is."""
         high = self._highest
         where = 0.0 if high.at is None else high.at.value
         return f"{self.title}: maximum {high.text()} at {figure(where, 'Hz')}."
@@ -49,17 +48,14 @@ class Waterfall(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """The greatest line."""
         return [self._highest]
 
     @property
     def series(self) -> dict[str, Any]:
-        """The spectra."""
         arrays = {name: getattr(self, name).tolist() for name in ("t", "speed", "frequency")}
         return {"signal": self.signal, **arrays, "amplitudes": self.amplitude.tolist()}
 
     def figures(self) -> list[Figure]:
-        """Show the amplitudes over time and frequency, with the speed of rotation."""
         return [waterfall_figure(self)]
 
 

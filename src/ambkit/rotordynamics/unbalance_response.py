@@ -33,7 +33,6 @@ class UnbalanceResponse(Result):
 
     @property
     def finding(self) -> str:
-        """Where it moves most."""
         n, k = np.unravel_index(self.amplitude.argmax(), self.amplitude.shape)
         most = engineering(self.amplitude[n, k], "m", 4)
         return (
@@ -43,7 +42,6 @@ class UnbalanceResponse(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """The greatest amplitude along each axis."""
         return [
             Row("greatest_amplitude", "greatest amplitude", float(of.max()), "m", of=axis.name,
                 at=At("speed", float(self.speed[of.argmax()]), "rpm"))
@@ -52,13 +50,11 @@ class UnbalanceResponse(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Speeds [rad/s] and the amplitude of each axis [m] by its name."""
         names = [axis.name for axis in self.machine.axes]
         columns = dict(zip(names, self.amplitude.T.tolist(), strict=True))
         return {"machine": self.machine.name, "speeds": self.speed.tolist(), "amplitude": columns}
 
     def figures(self) -> list[Figure]:
-        """Return the amplitude of each axis over the speed."""
         return [unbalance_response_figure(self)]
 
 

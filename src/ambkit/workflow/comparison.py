@@ -275,18 +275,15 @@ class LoopScores(Result):
 
     @property
     def title(self) -> str:
-        """Of what machine, over how many seeds."""
         return f"{self.bearing.name}, each in its own loop, {len(self.seeds)} seeds"
 
     @property
     def finding(self) -> str:
-        """Who estimates the disturbance force best in the last case."""
         case, scores = list(self.scores.items())[-1]
         return f"{self.title}: at {case} {least(scores.rows)}."
 
     @property
     def rows(self) -> list[Row]:
-        """The errors in each case."""
         return [
             row
             for case, scores in self.scores.items()
@@ -295,14 +292,12 @@ class LoopScores(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         by = "step " if self.steps else ""
         return {("cases", case): Section(f"{by}{case}: root mean square errors", across=True)
                 for case in self.scores}  # fmt: skip
 
     @property
     def notes(self) -> list[str]:
-        """In which loops the rotor touched a stop: their errors are not those of a levitation."""
         return [
             f"{case}, {name}: contact with the stop in {score.touched} of {len(self.seeds)} runs."
             for case, scores in self.scores.items()
@@ -312,7 +307,6 @@ class LoopScores(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """The seeds and the load."""
         return {
             "bearing": self.bearing.name,
             "seeds": [self.seeds[0], self.seeds[-1]],
@@ -320,7 +314,6 @@ class LoopScores(Result):
         }
 
     def file(self) -> Table:
-        """Return the errors of each run."""
         scores, count = self.scores, len(self.seeds)
         columns: dict[str, Any] = {"case": np.repeat(np.arange(len(scores), dtype=float), count)}
         units = {"case": "1", "step": "m", "seed": "1"}
@@ -337,7 +330,6 @@ class LoopScores(Result):
         return Table(columns, {k: units[k] for k in columns}, {"cases": list(scores)})
 
     def figures(self) -> list[Figure]:
-        """Return the errors as bars."""
         return [comparison_figure(self.scores, "scenario" if self.steps is None else "step")]
 
 

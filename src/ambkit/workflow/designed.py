@@ -74,7 +74,6 @@ class Design(Result):
 
     @property
     def finding(self) -> str:
-        """Which filter is to fly, and what the loop comes to."""
         structure = name_of(self.control.model_copy(update={"pid": {}}))
         return (
             f"Use the {KINDS[self.chosen.kind].label} with {structure} control: the "
@@ -84,7 +83,6 @@ class Design(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What speaks for it, what against it, and what is to be known."""
         why = evidence_for(self.chosen, self.candidates)
         objections = [f"Objection: {objection}" for objection in self.objections]
         if not self.passed:
@@ -93,7 +91,6 @@ class Design(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Controllers, filters that were tried, and loops."""
         results: list[Row] = []
         for name, pid in self.control.pid.items():
             results += put(_of_gains(pid), section=("controllers",), of=name)
@@ -111,7 +108,6 @@ class Design(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         title = "Candidate filters, on validation data"
         return {
             ("controllers",): Section(f"Controllers of {self.machine.name}", across=True),
@@ -121,7 +117,6 @@ class Design(Result):
 
     @property
     def chapters(self) -> list[Part]:
-        """Estimates along the record, and the files."""
         files = "\n".join(f"- `{name}`: {what}" for name, what in self.made.items())
         made = Part("Files", f"All of it lies in {markdown(self.folder)}.\n\n{files}")
         if self.record is None:
@@ -132,7 +127,6 @@ class Design(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """What was chosen and why, the structure of the control, and the files."""
         control = self.control
         return {
             "folder": str(self.folder),
@@ -157,7 +151,6 @@ class Design(Result):
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:
-        """Return the errors of the filters that were tried."""
         raw = engineering(self.chosen.raw, "m", 3)
         return [
             design_figure(

@@ -139,12 +139,10 @@ class Filtering(Result):
 
     @property
     def title(self) -> str:
-        """Of what machine and record."""
         return f"{self.machine.name}, {len(self.record)} samples"
 
     @property
     def finding(self) -> str:
-        """Which filter predicts the measurement best, beside the last measurement held."""
         ahead, gain = HORIZONS[-1], {}
         for name, e in self.evaluations.items():
             pairs = zip(each_of(e.prediction[ahead]), each_of(e.held[ahead]), strict=True)
@@ -162,7 +160,6 @@ class Filtering(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Innovations, predictions, load and errors of each estimator, and what turns."""
         flags = dict.fromkeys(flag for e in self.evaluations.values() for flag in e.status)
         result, harmonic_rows = [], []
         for name, estimator in self.estimators.items():
@@ -190,7 +187,6 @@ class Filtering(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         harmonic_sections: dict[tuple[str, ...], Section] = {
             (*ESTIMATORS, name, "synchronous"): Section(f"{name}: what turns", across=True)
             for name in self.estimators
@@ -199,16 +195,13 @@ class Filtering(Result):
 
     @property
     def notes(self) -> Sequence[str]:
-        """Where filters and record do not belong together."""
         return self.remarks
 
     def file(self) -> Record:
-        """Return the estimates, which is what is written as ``.csv`` and ``.parquet``."""
         return self.to_record()
 
     @property
     def series(self) -> dict[str, Any]:
-        """Machine, and what is left of the estimators' figures."""
         adequacy = {
             name: [item.to_dict() for item in findings] for name, findings in self.adequacy.items()
         }
@@ -224,7 +217,6 @@ class Filtering(Result):
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:
-        """Return the estimates over the record."""
         return [filter_figure(self.record, self.evaluations, self.smoothed)]
 
     def to_record(self) -> Record:

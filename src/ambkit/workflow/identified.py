@@ -83,7 +83,6 @@ class Identified(Result):
         return judge_adequacy(self.filter)
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the machine, with standard errors beside its values."""
         text = annotated_toml(self.likelihood, Path(path).parent, self.machine)
         files.write_text(path, text)
 
@@ -161,7 +160,6 @@ class Identified(Result):
 
     @property
     def finding(self) -> str:
-        """What was found, and on what it was judged."""
         on = (
             ""
             if self.on_others
@@ -171,7 +169,6 @@ class Identified(Result):
 
     @cached_property
     def rows(self) -> list[Row]:
-        """The parameters, the stiffnesses, the noise at rest, and how it did on records."""
         result, stiffness = [*self.likelihood.rows], self.stiffness
         for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
             at = stiffness[name]
@@ -214,7 +211,6 @@ class Identified(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         at = self.stiffness
         where = f"{engineering(at['current'], 'A', 2)}, {engineering(at['displacement'], 'm', 2)}"
         return self.likelihood.sections | {
@@ -231,7 +227,6 @@ class Identified(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What to think of it."""
         where = "" if self.on_others else ", the identification record"
         notes = [*self.likelihood.notes, *(f"{sentence}." for sentence in self.of_the_zeros)]
         problems = {name: why for name, why in self.rest.items() if isinstance(why, str)}
@@ -264,7 +259,6 @@ class Identified(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Stiffnesses at operating points, noise at rest, residuals, and how the search went."""
         result = self.likelihood
         data = dict(result.series) | {
             "bearing": self.prior.name,
@@ -285,7 +279,6 @@ class Identified(Result):
         return data
 
     def figures(self) -> list[Figure]:
-        """Return what was found, how surely, and how it does on records."""
         record, first = self.records[0], self.validation[0]
         model = self.likelihood.model
         return [

@@ -210,18 +210,15 @@ class IdentifiedCorpus(Corpus):
 
     @property
     def notes(self) -> list[str]:
-        """What to think of it, and of the filter."""
         return [*super().notes, *sentences(self.adequacy)]
 
     @property
     def series(self) -> dict[str, Any]:
-        """All that is no figure of merit."""
         known = {} if self.known is None else {"bearing": self.known.name}
         adequacy = [item.to_dict() for item in self.adequacy]
         return dict(super().series) | known | {"adequacy": adequacy}
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the machine."""
         self.bearing.save(path)
 
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
@@ -264,7 +261,6 @@ class IdentifiedOnline(comparison.OnlineComparison):
 
     @property
     def series(self) -> dict[str, Any]:
-        """All that is no figure of merit, and what the method learned once more."""
         series = dict(super().series) | {"method": self.method}
         if self.method == "all":
             return series
@@ -272,7 +268,6 @@ class IdentifiedOnline(comparison.OnlineComparison):
         return of | series
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the machine."""
         self.machine.save(path)
 
 
@@ -308,7 +303,6 @@ class IdentifiedCoil(CoilFit):
     """A coil, and the machine that is driven through it."""
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the machine, with what its channel map needs."""
         if self.known is None or self.operating_point is None:
             raise AmbkitError("operating_point is missing: the lag depends on where the rotor is")
         offset = engineering(self.offset(self.known), "V", digits=6)

@@ -45,12 +45,10 @@ class LiftedOff(Result):
 
     @property
     def finding(self) -> str:
-        """The magnet constant."""
         return f"{self.bearing.name}: magnet constant {self.rows[0].text()}."
 
     @property
     def rows(self) -> list[Row]:
-        """The law through the points, and the operating point."""
         fit, magnet, errors = self.fit, self.bearing.magnet, self.fit.standard_errors
         results = [
             Row("magnet_constant", "magnet constant k", fit.magnet_constant, "N m^2/A^2",
@@ -73,7 +71,6 @@ class LiftedOff(Result):
 
     @property
     def notes(self) -> list[str]:
-        """Why points are left out."""
         return [
             f"{self.names[run - 1] if self.names else f'run {run}'}: {why}"
             for run, why in sorted(self.fit.left_out.items())
@@ -81,17 +78,14 @@ class LiftedOff(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """The points that are left out."""
         return {"left_out": dict(self.fit.left_out)}
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the machine."""
         if self.operating_point is None:
             raise AmbkitError("operating_point is missing: which distance is x = 0?")
         self.bearing.save(path)
 
     def figures(self) -> list[Figure]:
-        """Return the points and the law through them."""
         return [lift_off_figure(self.fit)]
 
 

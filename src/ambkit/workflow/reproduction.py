@@ -45,13 +45,11 @@ class Reproduction(Result):
 
     @property
     def finding(self) -> str:
-        """How often each verdict was given."""
         verdicts = ", ".join(f"{count} × {word}" for word, count in tally(self.summary))
         return f"{self.title}: {verdicts}."
 
     @property
     def rows(self) -> list[Row]:
-        """The paper's value, ours and the verdict; the text before a colon is the section."""
         results = []
         for line in self.summary:
             head, _, name = line["what"].rpartition(": ")
@@ -67,11 +65,9 @@ class Reproduction(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """The lines of ``summary.json``, with all digits."""
         return {"summary": list(self.summary)}
 
     def figures(self) -> Sequence[Figure]:
-        """Return those of the report."""
         return self.pictures
 
 

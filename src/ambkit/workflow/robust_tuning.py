@@ -98,12 +98,10 @@ class Robust(Result):
 
     @property
     def title(self) -> str:
-        """Of what study."""
         return f"{self.kind} for {self.plan.study.name}: {100 * self.quantile:g} % are no worse"
 
     @property
     def finding(self) -> str:
-        """What was gained."""
         before, after = self.tried[0], self.tried[self.taken]
         return (
             f"{self.title}: error of f_d {engineering(before.error, 'N', 3)} untuned, "
@@ -113,7 +111,6 @@ class Robust(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """What was tuned, and what that gained; and the Pareto front."""
         results = []
         for of, one in (("untuned", self.tried[0]), ("tuned", self.tried[self.taken])):
             results += put([
@@ -138,7 +135,6 @@ class Robust(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """All that was tried, and within which bounds."""
         return {
             "study": self.plan.study.name,
             "kind": self.kind,
@@ -154,11 +150,9 @@ class Robust(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What speaks against flying it."""
         return sentences(self.adequacy)
 
     def figures(self) -> list[Figure]:
-        """Return the Pareto front."""
         from ambkit.campaigns.figures import front_figure
 
         return [front_figure(
@@ -169,7 +163,6 @@ class Robust(Result):
         )]  # fmt: skip
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the filter, and beside it its controller."""
         study = self.plan.study
         self.estimator.save(path, bearing=study.nominal)
         if self.controller is not None:

@@ -59,7 +59,6 @@ class TradeOff(Result):
 
     @property
     def finding(self) -> str:
-        """What the margin costs."""
         parts = ", ".join(
             f"{engineering(one.errors['f_d'], 'N', 3)} below {one.ceiling:g}"
             if one.tuned is not None else f"none below {one.ceiling:g}"
@@ -69,7 +68,6 @@ class TradeOff(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Peak and errors under each ceiling."""
         results = []
         for one in self.points:
             reached = one.tuned is not None
@@ -91,7 +89,6 @@ class TradeOff(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """What was tuned to what."""
         values = {
             f"below {one.ceiling:g}": {"values": dict(one.tuned.values)}
             for one in self.points if one.tuned is not None
@@ -99,7 +96,6 @@ class TradeOff(Result):
         return {"bearing": self.bearing.name, "kind": self.kind, "points": values}
 
     def figures(self) -> list[Figure]:
-        """Return errors over the peak of abs(S)."""
         reached = [point for point in self.points if point.tuned is not None]
         title = f"{markdown(self.bearing.name)}, {self.kind} filter: error against margin"
         errors = {name: [item.errors[name] for item in reached] for name in SIGNALS}

@@ -167,11 +167,9 @@ class TrainedExpert(Result):
             super().save(path)
 
     def file(self) -> ForcePoints | None:
-        """Return the points that the surface goes through."""
         return None if self.measured is None else self.measured.surface.points
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the machine, with its law refitted where the law as it was is not taken."""
         if self.measured is None or self.bearing is None:
             super().save_toml(path)
             return
@@ -190,7 +188,6 @@ class TrainedExpert(Result):
 
     @property
     def title(self) -> str:
-        """Of what, and how it was trained."""
         training = self.expert.training
         assert training is not None  # it was just trained
         what = "widths and weights" if training.weights else "widths"
@@ -201,7 +198,6 @@ class TrainedExpert(Result):
 
     @property
     def finding(self) -> str:
-        """The error of its force, beside constant stiffnesses."""
         trained, constant = (engineering(self.error[n], "N", 4) for n in ("trained", "constant"))
         return (
             f"{self.title}; error of the force {trained} rms, with constant stiffnesses {constant}."
@@ -209,7 +205,6 @@ class TrainedExpert(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Its box and errors; with points the choice of rules, what they show, and the models."""
         errors = ("error with constant stiffnesses", "error of the untrained expert",
                   "error of the trained expert")  # fmt: skip
         result = [
@@ -263,7 +258,6 @@ class TrainedExpert(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         points = 0 if self.measured is None else len(self.measured.surface.points)
         return {
             (): Section(self.title),
@@ -280,7 +274,6 @@ class TrainedExpert(Result):
 
     @property
     def notes(self) -> list[str]:
-        """Where the expert is wrong or unknown, which rules were chosen, and what is taken."""
         measured, results = self.measured, [
             _of_wrong_sign(name, wrong, self.measured is not None)
             for name, wrong in self.wrong_signs.items()
@@ -319,7 +312,6 @@ class TrainedExpert(Result):
         ]
 
     def figures(self) -> list[Figure]:
-        """Return errors and stiffnesses; before them points, surface and the choice of rules."""
         result, measured = training_figure(self.expert, self.stiffness), self.measured
         if measured is not None:
             result = with_surface(result, measured.surface, self.stiffness)
@@ -329,7 +321,6 @@ class TrainedExpert(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """All figures as plain data, in SI."""
         expert, training = self.expert, self.expert.training
         assert training is not None  # it was just trained
         data: dict[str, Any] = {

@@ -96,7 +96,6 @@ class Tuned(Result):
     files: Mapping[str, Any] = field(default_factory=dict)
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the filter, see :meth:`ambkit.Estimator.save`."""
         self.estimator.save(path, **self.files)
 
     def named(self, **files: str | os.PathLike[str] | None) -> Tuned:
@@ -148,7 +147,6 @@ class Tuned(Result):
 
     @property
     def finding(self) -> str:
-        """Which filter is used, and its peak in the loop."""
         if math.isnan(self.peak):
             return f"{self.title}: {self.outcome}"
         below = "" if self.max_sensitivity is None else f" (limit {self.max_sensitivity:g})"
@@ -159,7 +157,6 @@ class Tuned(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """What was tuned, and the figures on data that it was not tuned on."""
         results = [
             Row(item.name, item.name, value, item.unit, of=of, section=VALUES)
             for of, values in (("untuned", {}), ("tuned", self.values))
@@ -181,7 +178,6 @@ class Tuned(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         how = f"{len(self.trace)} evaluations, by {self.by}"
         return {
             VALUES: Section(f"{self.estimator.name} for {self.estimator.machine.name}: {how}"),
@@ -191,12 +187,10 @@ class Tuned(Result):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is odd about the result, and what speaks against flying it."""
         return (*self.warnings, *sentences(self.adequacy))
 
     @property
     def series(self) -> dict[str, Any]:
-        """All that was tried, and within which bounds."""
         peaks = [self.known_peaks] if self.known_peaks else []
         return {
             "bearing": self.estimator.machine.name,
@@ -213,7 +207,6 @@ class Tuned(Result):
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:
-        """Return all that was tried."""
         from ambkit.workflow.tuning_figure import tuning_figure
 
         title = f"Tuning of the {self.estimator.name} for {markdown(self.estimator.machine.name)}"

@@ -56,12 +56,10 @@ class CExport(Result):
 
     @property
     def finding(self) -> str:
-        """Where it is."""
         return f"{self.title}: {self.folder}, {len(self.files) + 1} files."
 
     @property
     def rows(self) -> list[Row]:
-        """How far the table is from the rules."""
         if self.table is None:
             return []
         rows, columns = self.table.k_i.shape
@@ -76,7 +74,6 @@ class CExport(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Its files, and what it was made from."""
         fields = ("name", "precision", "configuration", "sources", "files")
         return {"folder": str(self.folder)} | {name: getattr(self, name) for name in fields}
 
@@ -167,7 +164,6 @@ class FilterCost(Result):
 
     @property
     def finding(self) -> str:
-        """Instructions of a step, and the rate that leaves time for it."""
         rate = engineering(self.cost.highest_rate(self.clock), "Hz", 3)
         clock = engineering(self.clock, "Hz", 4)
         return (
@@ -177,7 +173,6 @@ class FilterCost(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Instructions, flash and memory."""
         return self.cost.rows(self.clock)
 
     SECTIONS = {("cost",): Section("Cost on a Cortex-M4F, measured in qemu")}

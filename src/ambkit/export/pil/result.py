@@ -54,12 +54,10 @@ class Pil(Result):
     TITLE = "{0.run.machine.name} flown by a processor"
 
     def file(self) -> Record:
-        """Return the flight."""
         return self.record
 
     @property
     def finding(self) -> str:
-        """Whether all bits are the same."""
         verdict = "all values equal those of Python to the last bit"
         if not self.passed:
             wrong = self.unequal + self.unequal_frames + self.selftest
@@ -68,7 +66,6 @@ class Pil(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Bits, flight and cost."""
         built, clock = self.built, engineering(CLOCK, "Hz")
         modes = ", ".join(f"{name} {engineering(t, 's', 4)}" for t, name in self.modes)
         time = self.most * CYCLES_PER_INSTRUCTION / CLOCK
@@ -101,11 +98,9 @@ class Pil(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """The modes, and what it was built for."""
         return {"modes": self.modes, "board": self.board, "passed": self.passed}
 
     def figures(self) -> list[Figure]:
-        """Return the flight, and the instructions."""
         counted = self.answers["instructions"]
         return [simulation_figure(self.run),
                 instructions_figure(self.record.t, counted)]  # fmt: skip

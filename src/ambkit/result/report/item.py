@@ -173,7 +173,6 @@ class Signal(Item):
 
     @property
     def legend(self) -> str:
-        """Text of the legend: the label, or else the signal's own name. Empty: no entry."""
         return self.look.label if self.label is None else self.label
 
     @property

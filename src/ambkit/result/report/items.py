@@ -46,12 +46,10 @@ class Line(Signal):
         self._vectors("x", "y")
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        """Draw it into axes of matplotlib."""
         x, y = decimate(self.x, self.y, BUCKETS)
         ax.plot(panel.x.shown(x), panel.y.shown(y), **self._pen)
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        """Return a curve."""
         few = decimate(self.x, self.y, BUCKETS)
         curve = self._curve(panel.x.numbers(few[0]), panel.y.numbers(few[1]))
         return [curve | {"hovertemplate": panel.y.hover_format("y")}]
@@ -70,7 +68,6 @@ class Points(Signal):
         self._vectors("x", "y", *(["error"] if self.error is not None else []))
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        """Draw it into axes of matplotlib."""
         ax.errorbar(
             panel.x.shown(self.x),
             panel.y.shown(self.y),
@@ -83,7 +80,6 @@ class Points(Signal):
         ax.margins(x=0.05)
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        """Return markers."""
         return [{
             "type": "scatter", "mode": "markers", "x": panel.x.numbers(self.x),
             "y": panel.y.numbers(self.y), "error_y": error_bars(panel.y, self.error, self.look),
@@ -105,13 +101,11 @@ class Band(Signal):
         self._vectors("x", "low", "high")
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        """Draw it into axes of matplotlib."""
         x, low, high = panel.x.shown(self.x), panel.y.shown(self.low), panel.y.shown(self.high)
         colour = style.tint(self.look.colour, 0.25)
         ax.fill_between(x, low, high, color=colour, linewidth=0, zorder=1, **self.entry)
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        """Return two borders and the area between them."""
         bare = {"line": {"width": 0}, "hoverinfo": "skip", "zorder": 0}
         low, high = (
             self._curve(panel.x.numbers(self.x), panel.y.numbers(border)) | bare
@@ -139,7 +133,6 @@ class Bars(Signal):
             )
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        """Draw it into axes of matplotlib."""
         group = [item for item in panel.items if isinstance(item, Bars)]
         width, places = 0.8 / len(group), np.arange(self.values.size)
         ax.bar(
@@ -161,7 +154,6 @@ class Bars(Signal):
         ax.grid(visible=False, axis="x")
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        """Return bars."""
         shape = _HATCHES.get(self.look.dash, "")
         pattern = {"shape": shape, "fgcolor": style.PAPER, "solidity": 0.15}
         return [{
@@ -174,7 +166,6 @@ class Bars(Signal):
         }]  # fmt: skip
 
     def axis_layout(self, panel: Panel) -> tuple[Json, Json]:
-        """Names below the bars."""
         title = {"unifiedhovertitle": {"text": "<b>%{x}</b>"}}
         return {"type": "category", "showgrid": False} | title, {}
 
@@ -198,7 +189,6 @@ class Intervals(Signal):
             raise ValueError(f"Intervals: rows, texts and values differ in length: {sorted(sizes)}")
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        """Draw it into axes of matplotlib."""
         places, values = np.arange(self.values.size), panel.x.shown(self.values)
         ends = np.abs(panel.x.shown(np.array([self.low, self.high])) - values)
         over = self._marker | {"zorder": 8}  # over what they are beside
@@ -213,7 +203,6 @@ class Intervals(Signal):
         ax.grid(visible=False, axis="y")
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        """Return markers with bars, and the texts beside them."""
         look, right = self.look, {"xref": f"{x} domain", "x": 1, "yref": y}
         ends = error_bars(panel.x, self.high - self.values, look)
         ends |= {"arrayminus": panel.x.numbers(self.values - self.low), "symmetric": False}
@@ -229,7 +218,6 @@ class Intervals(Signal):
         )]  # fmt: skip
 
     def axis_layout(self, panel: Panel) -> tuple[Json, Json]:
-        """Names beside the rows."""
         ends = [self.values.size - 0.5, -0.62]
         return {}, {"type": "category", "showgrid": False, "range": ends}
 
@@ -244,7 +232,6 @@ class Rule(Signal):
     text: str = ""  #: Written at its end.
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        """Draw it into axes of matplotlib."""
         if self.axis == "y":
             value = panel.y.shown(self.value)
             ax.axhline(value, **self._pen)
@@ -255,7 +242,6 @@ class Rule(Signal):
             write(ax, self.text, (value, 1.0), ("data", "axes fraction"), (3, -3))
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        """Return a shape and its text."""
         along, across, axis = ("y", "x", panel.y) if self.axis == "y" else ("x", "y", panel.x)
         refs = {f"{along}ref": y if along == "y" else x,
                 f"{across}ref": f"{x if along == 'y' else y} domain"}  # fmt: skip
@@ -280,14 +266,12 @@ class Span(Signal):
     text: str = ""  #: Written at its top.
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        """Draw it into axes of matplotlib."""
         ends = panel.x.shown(self.start), panel.x.shown(self.stop)
         colour = style.tint(self.look.colour, 0.12)
         ax.axvspan(*ends, color=colour, linewidth=0, zorder=0.5, **self.entry)
         write(ax, self.text, (min(ends), 1.0), ("data", "axes fraction"), (3, -3))
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        """Return a shape and its text."""
         refs = {"xref": x, "yref": f"{y} domain"}
         shape = refs | {
             "type": "rect", "x0": panel.x.shown(self.start), "x1": panel.x.shown(self.stop),
@@ -308,12 +292,10 @@ class Note(Item):
     side: Literal["above", "below"] = "above"  #: Where the text stands.
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        """Draw it into axes of matplotlib."""
         place = panel.x.shown(self.x), panel.y.shown(self.y)
         write(ax, self.text, place, "data", (0, 5 if self.side == "above" else -5), ha="center")
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        """Return an annotation."""
         place = {"xref": x, "x": panel.x.position(self.x)}
         place |= {"yref": y, "y": panel.y.position(self.y)}
         anchor = "bottom" if self.side == "above" else "top"

@@ -81,7 +81,6 @@ class Heatmap(Item):
         return levels if self.zero else levels[levels != 0]
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        """Draw it into axes of matplotlib, with a colour bar beside them."""
         low, high = self.shown_limits
         x, y, z = panel.x.shown(self.x), panel.y.shown(self.y), self.bar.shown(self.z)
         mesh = ax.pcolormesh(
@@ -99,7 +98,6 @@ class Heatmap(Item):
         bar.outline.set_linewidth(0.6)
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        """Return contours with their colour bar."""
         (low, high), levels = self.shown_limits, self.levels
         at, up, value = (
             panel.x.hover_format("x"),
@@ -123,7 +121,6 @@ class Heatmap(Item):
         }]  # fmt: skip
 
     def axis_layout(self, panel: Panel) -> tuple[Json, Json]:
-        """All of the map, without a margin for the markers on it."""
         x, y = (
             {"range": [axis.position(float(end)) for end in axis.limits or (of.min(), of.max())]}
             for axis, of in ((panel.x, self.x), (panel.y, self.y))
@@ -151,7 +148,6 @@ class Cells(Item):
             raise ValueError(f"Cells: {size[0]} rows and {size[1]} columns, but shapes {shapes}")
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        """Draw it into axes of matplotlib."""
         down, across = np.arange(len(self.rows) + 1.0), np.arange(len(self.columns) + 1.0)
         ax.pcolormesh(
             across - 0.5, down - 0.5, np.ma.masked_invalid(self.shade), vmin=0.0, vmax=1.0,
@@ -170,7 +166,6 @@ class Cells(Item):
         ax.spines[:].set_visible(False)
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        """Return a heat map with texts."""
         return [{
             "type": "heatmap", "x": [*map(label_html, self.columns)],
             "y": [*map(label_html, self.rows)], "z": Axis("").numbers(self.shade),
@@ -181,6 +176,5 @@ class Cells(Item):
         }]  # fmt: skip
 
     def axis_layout(self, panel: Panel) -> tuple[Json, Json]:
-        """Names above and beside the cells."""
         bare = {"type": "category", "showgrid": False, "showline": False, "mirror": False}
         return bare | {"side": "top"}, bare | {"autorange": "reversed"}
