@@ -40,7 +40,6 @@ MANY_PARAMETERS = {
     "workflow/identify:identify": VERB,
     "workflow/simulate:scenario_for": PUBLIC,
     "workflow/trade_off:trade_off": VERB,
-    "workflow/training:trained": VERB,
     "workflow/training:trained_on_map": VERB,
     "workflow/tune:tune": VERB,
 }

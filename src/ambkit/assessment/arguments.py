@@ -125,10 +125,7 @@ class TuningGiven(NamedTuple):
     @property
     def inputs(self) -> Inputs | None:
         """What the controller reads: the same numbers as the log has."""
-        if self.channels is None:
-            return None
-        known = isinstance(self.channels, ChannelMap)
-        return inputs_of(self.channels if known else ChannelMap.load(self.channels))
+        return inputs_argument(self.channels)
 
     def others(self, records: Any) -> list[Record]:
         """Return further records."""
@@ -154,6 +151,21 @@ def tuning_given(
         machine if isinstance(machine, str | os.PathLike) else None,
         file or None,
     )
+
+
+def inputs_argument(channels: Any) -> Inputs | None:
+    """Return what the controller reads of a log with a channel map; None without one."""
+    if channels is None:
+        return None
+    return inputs_of(channels if isinstance(channels, ChannelMap) else ChannelMap.load(channels))
+
+
+def pair_argument(name: str, value: Any, example: str) -> list[Any]:
+    """Return the two ends of a range, stated as a pair or as one text with a comma."""
+    ends = value.split(",") if isinstance(value, str) else list(value)
+    if len(ends) != 2:
+        raise AmbkitError(f"{name} must be two {example}, is {value!r}")
+    return ends
 
 
 def record_arguments(
@@ -254,11 +266,8 @@ def record_argument(source: Any, channels: Any = None, window: Any = None) -> Re
     of_type(Record, record=record)
     if window is None:
         return record
-    ends = window.split(",") if isinstance(window, str) else list(window)
-    if len(ends) != 2:
-        raise AmbkitError(f'window must be two times such as "2 s,5 s", is {window!r}')
-    start, stop = (None if end in (None, "") else end for end in ends)
-    return record.between(start, stop)
+    ends = pair_argument("window", window, 'times such as "2 s,5 s"')
+    return record.between(*(None if end in (None, "") else end for end in ends))
 
 
 def disturbance_argument(bearing: Machine, load: Any) -> dict[str, float]:
@@ -361,10 +370,8 @@ def given_band(given: Any) -> tuple[float, float] | None:
     """Return the ends of a band of frequencies [Hz]."""
     if given is None:
         return None
-    ends = given.split(",") if isinstance(given, str) else list(given)
-    if len(ends) != 2:
-        raise AmbkitError(f'band must be two frequencies such as "5 Hz,100 Hz", is {given!r}')
-    return in_si("band", ends[0], "Hz"), in_si("band", ends[1], "Hz")
+    low, high = pair_argument("band", given, 'frequencies such as "5 Hz,100 Hz"')
+    return in_si("band", low, "Hz"), in_si("band", high, "Hz")
 
 
 def given_limits(given: Sequence[str]) -> tuple[float | None, float | None]:

@@ -83,12 +83,13 @@ def assessment_figure(
     withstands = Axis("dynamic stiffness", "N/µm", 1e-6, scale="log", limits=limits)
     passes = Axis("current by noise", "A/µm", 1e-6, scale="log")
     heights = Axis("sensitivity |S|", "dB", limits=(-14.0, max(16.0, 2 + max(peaks))))
+    unstable = f" Unstable, and not drawn: {', '.join(left_out)}." if left_out else ""
     return Figure(
         "assessment",
         title,
         "The loop is broken at the measurement, as ISO 14839-3 has it; lines are the upper ends "
         "of its zones, the circles about −1 the same for the open loop. Up to half the sampling "
-        f"rate; loads are held over a sample.{_unstable(left_out)}",
+        f"rate; loads are held over a sample.{unstable}",
         [
             Panel(frequency, heights, bode, title="Sensitivity"),
             Panel(NYQUIST_REAL, NYQUIST_IMAGINARY, nyquist_items, title="Open loop"),
@@ -100,10 +101,6 @@ def assessment_figure(
         columns=2,
         panel_height=2.6,
     )
-
-
-def _unstable(names: Sequence[str]) -> str:
-    return f" Unstable, and not drawn: {', '.join(names)}." if names else ""
 
 
 def unstable_figure(

@@ -348,15 +348,11 @@ class _Run:
             voltage(b, iu, x, f, np.array([response.i[axis]]), np.array([response.x[axis]]))
             for response in responses or [Turned(0 * self.point.x + 0j, 0 * self.point.x + 0j)]
         ]
-        if limit is None or any(coil_voltage is None for coil_voltage in coil_voltages):
+        known = [of_coil for of_coil in coil_voltages if of_coil is not None]
+        if limit is None or len(known) < len(coil_voltages):
             return None
-        coils = list(
-            zip(
-                *(coil_voltage for coil_voltage in coil_voltages if coil_voltage is not None),
-                strict=True,
-            )
-        )
         used = [
-            limit - coil[0][0] + sum(float(volts[0]) for _room, volts in coil) for coil in coils
+            limit - coil[0][0] + sum(float(volts[0]) for _room, volts in coil)
+            for coil in zip(*known, strict=True)
         ]
         return float(max(used) / limit)

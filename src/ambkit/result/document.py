@@ -9,7 +9,6 @@ from typing import Any
 
 from ambkit.base import escaping, files
 from ambkit.result.result import Result, plain
-from ambkit.result.row import Row
 
 
 @dataclass(frozen=True)
@@ -43,20 +42,11 @@ def json_document(data: Any) -> Document:
 class Statement(Result):
     """One sentence, and its data."""
 
-    sentence: str  #: The main finding.
+    finding: str = ""  #: The sentence.
     data: Mapping[str, Any] = field(default_factory=dict)  #: In SI.
 
-    @property
-    def title(self) -> str:
-        return self.sentence
-
-    @property
-    def finding(self) -> str:
-        return self.sentence
-
-    @property
-    def rows(self) -> Sequence[Row]:
-        return ()
+    rows = ()
+    TITLE = "{0.finding}"
 
     @property
     def series(self) -> Mapping[str, Any]:

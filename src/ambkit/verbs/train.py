@@ -63,10 +63,10 @@ def train(
     from ambkit.workflow import training
 
     known = machine_argument(machine, StiffnessMap)
-    with progress("training the expert") as done:
+    with progress("training the expert"):
         return training.trained(
-            known, axis, rules, reach=reach, method=method, plain=plain,
-            scaling=scaling, source=machine, note=done,
+            known, axis, rules, reach=reach, method=method, plain=plain, scaling=scaling,
+            source=machine,
         )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from ambkit.base.units import engineering
 from ambkit.data.files.tables import Table
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_saving import NoFile, made_by, origin_of, preset_of
-from ambkit.estimate.named import AT, EXPERTS, USUAL, experts, factories
+from ambkit.estimate.named import AT, EXPERTS, experts, factories
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
@@ -141,10 +141,12 @@ def in_loops(
     heights = None if steps is None else names_in(float, int, steps=steps)
     name = os.fspath(scenario) if isinstance(scenario, str | os.PathLike) else "scenario"
     what = loop_cases(machine, scenario, steps=heights, load=load, duration=duration, name=name)
-    return compare_in_loops(
-        machine, what, filter, seeds=seeds, plant=_true_magnet(plant, machine),
-        done=lambda: done(""),
-    )  # fmt: skip
+    built, magnet = factories(filter, machine), _true_magnet(plant, machine)
+    scores = {
+        name: compare(machine, of.scenario, built, seeds, magnet=magnet, done=lambda: done(""))
+        for name, of in what.items()
+    }
+    return LoopScores(machine, what, scores, seeds)
 
 
 def _with_files(filter: Sequence[Any]) -> tuple[list[str], dict[str, str]]:
@@ -179,19 +181,6 @@ HEIGHTS = (0.1, 0.3, 0.5)
 """Steps of the reference in travels, of loops where nobody says what happens."""
 
 
-def cases_called(name: str = "paper", spread: Given | None = None) -> dict[str, Case]:
-    """Return a case, or all of them."""
-    if name != "all" and name not in CASES:
-        raise AmbkitError(f'there is no case "{name}"; known: {", ".join(CASES)}, all')
-    cases = dict(CASES) if name == "all" else {name: CASES[name]}
-    spread = in_si("spread", spread, "1")
-    if spread is None:
-        return cases
-    if not 0 <= spread < 1:
-        raise ValueError(f"spread must be from 0 to below 100 %, is {100 * spread:g} %")
-    return {name: replace(case, spread=Spread.all(spread)) for name, case in cases.items()}
-
-
 def compare_in_case(
     bearing: Machine,
     case: str | Case = "paper",
@@ -206,7 +195,17 @@ def compare_in_case(
     **how: Any,
 ) -> Study | Benches:
     """Compare estimators along the same records and in the loop, in a case or in all of them."""
-    cases = cases_called(case, spread) if isinstance(case, str) else {case.name: case}
+    if isinstance(case, str) and case not in (*CASES, "all"):
+        raise AmbkitError(f'there is no case "{case}"; known: {", ".join(CASES)}, all')
+    if isinstance(case, str):
+        cases = dict(CASES) if case == "all" else {case: CASES[case]}
+        spread = in_si("spread", spread, "1")
+        if spread is not None:
+            if not 0 <= spread < 1:
+                raise ValueError(f"spread must be from 0 to below 100 %, is {100 * spread:g} %")
+            cases = {name: replace(of, spread=Spread.all(spread)) for name, of in cases.items()}
+    else:
+        cases = {case.name: case}
     if plant is not None:
         cases = {name: replace(of, magnet=plant) for name, of in cases.items()}
     kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
@@ -331,21 +330,3 @@ class LoopScores(Result):
 
     def figures(self) -> list[Figure]:
         return [comparison_figure(self.scores, "scenario" if self.steps is None else "step")]
-
-
-def compare_in_loops(
-    bearing: Machine,
-    what: Mapping[str, LoopCase],
-    estimators: Any = USUAL,
-    *,
-    seeds: range = range(RUNS),
-    plant: ForceSurface | None = None,
-    done: Callable[[], None] = lambda: None,
-) -> LoopScores:
-    """Compare estimators, each in its own loop, against the same noise, with the same Q and R."""
-    built = factories(estimators, bearing)
-    scores = {
-        name: compare(bearing, item.scenario, built, seeds, magnet=plant, done=done)
-        for name, item in what.items()
-    }
-    return LoopScores(bearing, what, scores, seeds)

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ambkit.assessment.arguments import record_arguments
+from ambkit.assessment.arguments import inputs_argument, record_arguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.loop import AssessedLoop
@@ -21,7 +21,7 @@ from ambkit.control.control import Control
 from ambkit.control.default_control import default_control
 from ambkit.control.held_loop import overshoot
 from ambkit.control.pid import GAINS, PID
-from ambkit.data.channel_map import ChannelMap, inputs_of
+from ambkit.data.channel_map import ChannelMap
 from ambkit.data.input_scaling import Inputs
 from ambkit.data.reading import load_with_gaps
 from ambkit.data.record import Record
@@ -296,10 +296,9 @@ def _identified(
 ) -> None:
     records = record_arguments(logs, machine, channels)
     result = identify(machine.short, records, free=free)
-    inputs = None if channels is None else inputs_of(ChannelMap.load(channels))
     files.write_text(place / "machine.toml", annotated_toml(result.likelihood, place))
     source = ", ".join(Path(path).name for path in logs)
     write_json(place / "identified.json", {"notes": result.of_the_zeros})
-    identified_filter(result, inputs, source).save(
+    identified_filter(result, inputs_argument(channels), source).save(
         place / "identified.toml", bearing=place / "machine.toml"
     )

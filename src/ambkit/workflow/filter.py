@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.record import Record
@@ -27,7 +26,12 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, put
 from ambkit.result.sections import Section
 from ambkit.rotordynamics.harmonics import Harmonic, harmonics
-from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
+from ambkit.workflow.tuning import (
+    check_signals,
+    default_disturbance,
+    log_likelihood,
+    tune_disturbance,
+)
 from ambkit.workflow.warnings import OutsideOperatingRange, outside_operating_range
 
 HORIZONS = (1, 10)
@@ -277,15 +281,6 @@ def filter(
         results[name] = one
         done(one)
     return Filtering(bearing, record, stretch, late, results)
-
-
-def check_signals(machine: Machine, record: Record) -> None:
-    """Refuse a record without a reading or a control signal of a machine."""
-    needed = [signal("y", r.name) for r in machine.readings]
-    needed += [signal("u", axis.name) for axis in machine.axes]
-    lacking = [name for name in needed if name not in record]
-    if lacking:
-        raise AmbkitError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
 
 
 def in_flight(record: Record) -> tuple[float | None, float | None]:

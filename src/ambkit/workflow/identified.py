@@ -320,14 +320,8 @@ def validations(
 def _noise_as_data(noise: Noise | str) -> dict[str, Any]:
     if isinstance(noise, str):
         return {"problem": noise}
-    return {
-        "variance": noise.variance,
-        "standard_deviation": noise.standard_deviation,
-        "unit": noise.unit,
-        "samples": noise.samples,
-        "colour": noise.colour,
-        "correlation": list(noise.correlation),
-    }
+    names = ("variance", "standard_deviation", "unit", "samples", "colour", "correlation")
+    return {name: getattr(noise, name) for name in names}
 
 
 def identified_filter(

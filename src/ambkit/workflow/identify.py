@@ -13,6 +13,7 @@ from typing import Any
 from ambkit.assessment.arguments import (
     arguments_of_the_user,
     axis_argument,
+    inputs_argument,
     machine_argument,
     record_argument,
     record_arguments,
@@ -21,7 +22,6 @@ from ambkit.base import files
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.quantity_arguments import Given, all_of_type, in_si, names_in, of_type
 from ambkit.base.units import engineering
-from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.reading import load
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
@@ -142,7 +142,7 @@ def by_likelihood(
             load_std=load_std, map_forces=nodes is not None, nodes=_nodes(nodes), note=note,
         )  # fmt: skip
     source = ", ".join(Path(s).name for s in sources if isinstance(s, str | os.PathLike))
-    return replace(result, inputs=_inputs(channels), source=source)
+    return replace(result, inputs=inputs_argument(channels), source=source)
 
 
 def _refuse_shared(records: list[Any], others: list[Any]) -> None:
@@ -166,13 +166,6 @@ def _rest_noise(rest: Any, channels: Any) -> dict[str, Any]:
         return standstill_noise(rest)
     file, _, own = os.fspath(rest).partition("@")
     return standstill_noise(load(file, own or channels))
-
-
-def _inputs(channels: Any) -> Any:
-    """Return what the controller reads: the same numbers as the log has."""
-    if channels is None:
-        return None
-    return inputs_of(channels if isinstance(channels, ChannelMap) else ChannelMap.load(channels))
 
 
 def _nodes(nodes: Any) -> tuple[int, int] | None:

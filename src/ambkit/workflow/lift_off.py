@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ambkit.assessment.arguments import machine_argument
+from ambkit.assessment.arguments import machine_argument, pair_argument
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si, names_in
 from ambkit.base.units import engineering
@@ -112,7 +112,7 @@ def identify_by_lift_off(
 ) -> LiftedOff:
     """Fit the law of a one-sided magnet to the points at which its rotor lifts off."""
     check_lifts_off(bearing)
-    near, far = (in_si("gap_range", end, "m") for end in gap_range)
+    near, far = (in_si("gap", end, "m") for end in gap_range)
     operating_point = in_si("operating_point", operating_point, "m")
     fit = fit_lift_off(points, bearing.rotor.mass, gap_range=(near, far))
     if operating_point is None:
@@ -134,7 +134,9 @@ def lift_off(
     known = isolated(machine_argument(machine), axis)
     check_lifts_off(known)
     paths = [Path(path) for path in names_in(records=records)]
-    ends = _ends(gap)
+    ends = 0.0, math.inf
+    if gap is not None:
+        ends = tuple(pair_argument("gap", gap, 'lengths such as "4 mm,16 mm"'))
     if channels is None:
         if len(paths) > 1:
             raise AmbkitError("points are one table; recordings need a channel map")
@@ -148,13 +150,3 @@ def lift_off(
         known, points, gap_range=ends, operating_point=operating_point,
         names=() if channels is None else [path.name for path in paths],
     )  # fmt: skip
-
-
-def _ends(gap: Any) -> tuple[float, float]:
-    """Return the ends of a range of distances [m]."""
-    if gap is None:
-        return 0.0, math.inf
-    parts = gap.split(",") if isinstance(gap, str) else list(gap)
-    if len(parts) != 2:
-        raise AmbkitError(f'gap must be two lengths such as "4 mm,16 mm", is {gap!r}')
-    return in_si("gap", parts[0], "m"), in_si("gap", parts[1], "m")

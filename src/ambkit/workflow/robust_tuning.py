@@ -224,16 +224,9 @@ def tune_robust(
         )
     estimator, controller = task.design(trials[chosen_index].values)
     return Robust(
-        plan,
-        task.kind,
-        quantile,
-        max_sensitivity,
-        ranges,
-        trials,
-        chosen_index,
-        estimator,
+        plan, task.kind, quantile, max_sensitivity, ranges, trials, chosen_index, estimator,
         controller,
-    )
+    )  # fmt: skip
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
@@ -307,13 +300,8 @@ class _Task:
                 raise AmbkitError(f"{study.name}: {what} varies, and is what is to be tuned")
         if any(name.startswith("scenario.control") for name in plan.names):
             raise AmbkitError(f"{study.name}: gains vary, and are what is to be tuned")
-        self.plan, self.kind, self.quantile, self.ceiling = (
-            plan,
-            study.estimator,
-            quantile,
-            peak_limit,
-        )
-        self.several = plan.several
+        self.plan, self.kind, self.several = plan, study.estimator, plan.several
+        self.quantile, self.ceiling = quantile, peak_limit
         if study.synchronous:
             raise AmbkitError(f"{study.name}: synchronous does not go with the search for a filter")
         self.points, self.noise = plan.points(0, plan.runs), plan.noise(0, plan.runs)
@@ -344,9 +332,9 @@ class _Task:
         """Return what the filter asks of its magnet: an expert of so many rules, or its kind's."""
         if self.kind != "adaptive" or self.several:
             return learned_magnet(self.kind, self.plan.nominal)
-        from ambkit.workflow.training import train_expert
+        from ambkit.workflow.training import train_on_law
 
-        return train_expert(self.plan.nominal.isolated_axis(""), (rules, rules)).expert
+        return train_on_law(self.plan.nominal.isolated_axis(""), (rules, rules)).expert
 
     def design(self, values: Mapping[str, float]) -> tuple[Estimator, Control | None]:
         """Return filter and controller with values; no controller of a machine."""

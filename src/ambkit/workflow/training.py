@@ -19,7 +19,6 @@ from ambkit.fuzzy.cross_validation import (
 )
 from ambkit.fuzzy.rule_selection import Shape, choose_rules, measured_map
 from ambkit.fuzzy.training import train
-from ambkit.fuzzy.training import train as train_network
 from ambkit.machine.force_laws import isolated
 from ambkit.machine.forces.force_points import ForcePoints, load_force_points
 from ambkit.machine.forces.force_surface import ForceSurface
@@ -31,38 +30,24 @@ RULES: Shape = (5, 5)
 """Rules along current and displacement where nobody says it: the paper's."""
 
 
-def how_to_train(
-    method: str = "least-squares",
-    weights: bool | None = None,
-    *,
-    normalised: bool = True,
-    scaling: str = "grid",
-) -> dict[str, Any]:
-    """Return the options of :func:`ambkit.train`, with what is not said."""
-    return {
-        "method": method,
-        "weights": method == "least-squares" if weights is None else weights,
-        "normalised": normalised,
-        "scaling": scaling,
-    }
-
-
-def stiffness_of_law(
-    bearing: Machine, shape: Shape = RULES, max_displacement: float | None = None
-) -> StiffnessMap:
-    """Return the stiffnesses of a bearing's law, over all currents."""
+def train_on_law(
+    bearing: Machine, shape: Shape = RULES, reach: float | None = None, *, weights: bool = True,
+    **how: Any,
+) -> TrainedExpert:  # fmt: skip
+    """Train an expert on a bearing's law, over all currents."""
     travel = bearing.rotor.clearance
-    far = travel / 2 if max_displacement is None else max_displacement
+    far = travel / 2 if reach is None else reach
     if not 0 < far <= travel:
         limit = engineering(travel, "m")
         raise ValueError(
             f"reach must be above 0 m and at most the travel, {limit}, is {engineering(far, 'm')}"
         )
-    return stiffness_map(
+    stiffness = stiffness_map(
         bearing,
         currents=np.linspace(bearing.current_min, bearing.current_max, shape[0]),
         displacements=np.linspace(-far, far, shape[1]),
     )
+    return TrainedExpert(bearing, train(stiffness, weights=weights, **how), stiffness)
 
 
 def check_within_gap(bearing: Machine, points: ForcePoints) -> None:
@@ -82,43 +67,18 @@ def measured_force(
     *,
     law_error: float | None = None,
     note: Callable[[str], None] = lambda _text: None,
-    **options: Any,
+    **how: Any,
 ) -> MeasuredForce:
     """Find the force from points of it, and where an expert needs its stiffnesses."""
     check_within_gap(bearing, points)
     surface = ForceSurface(bearing, points, law_error)
     choice = None
     if shape is None:
-        choice = choose_rules(
-            bearing, points, law_error=law_error, note=note, **how_to_train(**options)
-        )
+        choice = choose_rules(bearing, points, law_error=law_error, note=note, **how)
         shape = choice.chosen.shape
         note("training")
     stiffness = measured_map(bearing, surface, shape)
     return MeasuredForce(surface, stiffness, choice, law_error is not None)
-
-
-def train_expert(
-    bearing: Machine,
-    shape: Shape = RULES,
-    *,
-    reach: float | None = None,
-    measured: MeasuredForce | None = None,
-    take: str = "best",
-    note: Callable[[str], None] = lambda _text: None,
-    **options: Any,
-) -> TrainedExpert:
-    """Train an expert on a bearing's law, or on a measured force, and say how good it is."""
-    how = how_to_train(**options)
-    model_name = None if take == "best" else take
-    if measured is None:
-        stiffness = stiffness_of_law(bearing, shape, reach)
-        return TrainedExpert(bearing, train(stiffness, **how), stiffness, asked=model_name)
-    stiffness = measured.stiffness
-    expert = train(stiffness, **how)
-    shape = (stiffness.current.size, stiffness.displacement.size)
-    models = choose_model(bearing, measured.surface, shape, note, **how)
-    return TrainedExpert(bearing, expert, stiffness, measured, models, model_name)
 
 
 AUTO = "auto"
@@ -126,21 +86,18 @@ AUTO = "auto"
 
 def trained(
     machine: Machine | StiffnessMap, axis: str | None, rules: Any, *, reach: Any, method: str,
-    plain: bool,
-    scaling: str, source: Any, note: Callable[[str], None],
+    plain: bool, scaling: str, source: Any,
 ) -> TrainedExpert:  # fmt: skip
     """Train an expert on the law of a machine."""
+    how = _how(method, plain, scaling)
     if isinstance(machine, StiffnessMap):
-        expert = train_network(machine, **_how(method, plain, scaling))
-        return TrainedExpert(None, expert, machine)
+        return TrainedExpert(None, train(machine, **how), machine)
     shape = _shape(rules)
     if shape is None:
         raise AmbkitError("rules: auto needs points that were measured: train on a force map")
     with arguments_of_the_user():
-        result = train_expert(
-            isolated(machine, axis), shape, reach=in_si("reach", reach, "m"), note=note,
-            **_how(method, plain, scaling),
-        )  # fmt: skip
+        model = isolated(machine, axis)
+        result = train_on_law(model, shape, in_si("reach", reach, "m"), **how)
     return _named(result, source)
 
 
@@ -161,16 +118,18 @@ def trained_on_map(
         measured = measured_force(model, points, shape, law_error=error, note=note, **how)
     except AmbkitError as problem:
         raise AmbkitError(f"{force}: {problem}") from None
-    result = train_expert(
-        model, shape or RULES, measured=measured, take=take or "best", note=note, **how
-    )
-    return _named(result, source)
+    stiffness = measured.stiffness
+    expert = train(stiffness, **how)
+    nodes = (stiffness.current.size, stiffness.displacement.size)
+    models = choose_model(model, measured.surface, nodes, note, **how)
+    return _named(TrainedExpert(model, expert, stiffness, measured, models, take), source)
 
 
 def _how(method: str, plain: bool, scaling: str) -> dict[str, Any]:
-    weights = None if method == "steepest-gradient" else method == "least-squares"
-    how = "least-squares" if method == "widths" else method
-    return how_to_train(how, weights, normalised=not plain, scaling=scaling)
+    return {
+        "method": "least-squares" if method == "widths" else method,
+        "weights": method == "least-squares", "normalised": not plain, "scaling": scaling,
+    }  # fmt: skip
 
 
 def _named(result: TrainedExpert, source: Any) -> TrainedExpert:

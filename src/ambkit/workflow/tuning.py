@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.errors import AmbkitError
 from ambkit.data.reading.faults import spike_free
 from ambkit.data.record import Record
+from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.force_laws import isolated_axes
@@ -31,6 +33,15 @@ AT_THE_END = 0.1
 
 TOO_LARGE = 2.0
 """Innovations over what the filter expects, root mean square, that no load explains."""
+
+
+def check_signals(machine: Machine, record: Record) -> None:
+    """Refuse a record without a reading or a control signal of a machine."""
+    needed = [signal("y", r.name) for r in machine.readings]
+    needed += [signal("u", axis.name) for axis in machine.axes]
+    lacking = [name for name in needed if name not in record]
+    if lacking:
+        raise AmbkitError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
 
 
 def default_disturbance(machine: Machine) -> Any:

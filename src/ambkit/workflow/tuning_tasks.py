@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.reading.faults import without_spikes
 from ambkit.data.record import Record
-from ambkit.data.signals import each_of, signal
+from ambkit.data.signals import each_of
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
@@ -26,7 +26,7 @@ from ambkit.machine.force_laws import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import above, end_of_range
-from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, log_likelihood
+from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, check_signals, log_likelihood
 
 By = Literal["likelihood", "truth"]
 
@@ -69,7 +69,8 @@ class ByLikelihood:
         self, bearing: Machine, records: Sequence[Record], validate: Sequence[Record]
     ) -> None:
         self.bearing = bearing
-        _check_records(bearing, [*records, *validate])
+        for record in (*records, *validate):
+            check_signals(bearing, record)
         self.settling = SETTLING * slowest_time(bearing)
         records, self.spikes = without_spikes(records)
         validate, _ = without_spikes(validate)
@@ -310,13 +311,3 @@ def _with_few_modes(machine: Machine) -> Machine:
     return machine.model_copy(
         update={"rotor": rotor.model_copy(update={"modes_up_to": above(f, count)})}
     )
-
-
-def _check_records(machine: Machine, records: Iterable[Record]) -> None:
-    """Refuse records that lack a reading or a control signal of the machine."""
-    needed = [signal("y", r.name) for r in machine.readings]
-    needed += [signal("u", axis.name) for axis in machine.axes]
-    for record in records:
-        lacking = [name for name in needed if name not in record]
-        if lacking:
-            raise AmbkitError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")

@@ -75,7 +75,7 @@ def model_description(model: Model, fmi: Fmi) -> str:
     for reference, variable in enumerate(model.variables):
         at = _places(model.variables, 1 if fmi == 2 else 0)
         rate = {"derivative": at[variable.rate_of]} if variable.rate_of else {}
-        (_variable_2 if fmi == 2 else _variable_3)(variables, reference, variable, rate)
+        _variable(variables, reference, variable, rate, fmi)
     (_structure_2 if fmi == 2 else _structure_3)(root, model.variables)
     return written(root)
 
@@ -157,19 +157,15 @@ def _number(variable: Variable) -> dict[str, str]:
     return attributes
 
 
-def _variable_2(
-    parent: ElementTree.Element, reference: int, variable: Variable, rate: dict[str, str]
+def _variable(
+    parent: ElementTree.Element, reference: int, variable: Variable, rate: dict[str, str], fmi: Fmi
 ) -> None:
-    element = ElementTree.SubElement(parent, "ScalarVariable", _common(reference, variable))
-    kind = "Integer" if variable.integer else "Real"
-    ElementTree.SubElement(element, kind, _number(variable) | rate)
-
-
-def _variable_3(
-    parent: ElementTree.Element, reference: int, variable: Variable, rate: dict[str, str]
-) -> None:
-    kind = "Int32" if variable.integer else "Float64"
-    ElementTree.SubElement(parent, kind, _common(reference, variable) | _number(variable) | rate)
+    own, common = _number(variable) | rate, _common(reference, variable)
+    if fmi == 2:
+        element = ElementTree.SubElement(parent, "ScalarVariable", common)
+        ElementTree.SubElement(element, "Integer" if variable.integer else "Real", own)
+    else:
+        ElementTree.SubElement(parent, "Int32" if variable.integer else "Float64", common | own)
 
 
 def _places(variables: Sequence[Variable], first: int) -> Mapping[str, str]:
