@@ -493,7 +493,8 @@ def test_compare_in_a_case(call):
     Path("my.py").write_text("class Mine:\n    def step(self, y, u):\n        return y, 0, 0, y\n")
     found = call("compare", "zittau_axial", "--filter", "linear", "--filter", "closed-law",
                  "--filter", "my.py:Mine", "--case", "step", "--seeds", "2:3", "--budget", "4",
-                 "--out", "c.csv", "--plot", "m.svg", "--out", "r.html", "--json")  # fmt: skip
+                 "--out", "c.csv", "--plot", "m.svg", "--whole", "--out",
+                 "r.html", "--json")  # fmt: skip
     assert found.json["files"] == ["c.csv", "r.html", "m.svg"]
     tuned, default = found.json["tuned"], found.json["default"]
     assert list(default) == ["linear", "closed-law", "Mine"]

@@ -93,19 +93,31 @@ def _in_text(pattern: str) -> re.Pattern[str]:
     return re.compile(rf"(?<![A-Za-z0-9])(?:{joined})(?![A-Za-z0-9])", re.I)
 
 
+def _beginning(pattern: str) -> str:
+    """Return letters that are wherever a pattern matches: most texts have not even these."""
+    if "|" in pattern:
+        return ""
+    letters = re.findall(r"[a-z]+(?![a-z?*{])|^", pattern)
+    return max(letters, key=len)
+
+
 def places() -> dict[str, list[str]]:
     """Return where each pattern stands, as ``file:line``."""
     table = words()
     found: dict[str, list[str]] = {word.pattern: [] for word in table}
-    texts = [(w.pattern, _in_text(w.pattern)) for w in table if w.scope in ("text", "both")]
+    texts = [
+        (w.pattern, _beginning(w.pattern), _in_text(w.pattern))
+        for w in table if w.scope in ("text", "both")
+    ]  # fmt: skip
     for path in files():
         names, text = _parts(path)
         where = path.relative_to(ROOT).as_posix()
         for match in re.finditer(r"[A-Za-z_][A-Za-z0-9_]*", names):
             for pattern, count in _in_name(match[0]):
                 found[pattern] += [f"{where}:{names.count(chr(10), 0, match.start()) + 1}"] * count
-        for pattern, compiled in texts:
-            for match in compiled.finditer(text):
+        lower = text.lower()
+        for pattern, beginning, compiled in texts:
+            for match in compiled.finditer(text) if beginning in lower else ():
                 found[pattern].append(f"{where}:{text.count(chr(10), 0, match.start()) + 1}")
     return found
 
