@@ -20,14 +20,14 @@ if __name__ == "__main__":
     bearing = ambkit.Bearing.preset("zittau_axial")
     benches = across(bearing, CASES, list(KINDS), runs=RUNS, budget=BUDGET)
     found = study(bearing, "paper", list(KINDS), runs=RUNS, budget=BUDGET)
-    assert None not in (found.model, found.steps, found.wrong_k, found.limit)
+    assert None not in (found.model, found.steps, found.wrong_k, found.limit_steps)
     pictures = {
         "cases": figures.cases_figure(benches),
-        "matrix": figures.matrix_figure(found.bench),
-        "cost": figures.cost_figure(found.bench),
+        "matrix": figures.matrix_figure(found),
+        "cost": figures.cost_figure(found),
         "steps": figures.sweep_figure("steps", found.steps),
         "wrong_k": figures.sweep_figure("wrong_k", found.wrong_k),
-        "limit": figures.sweep_figure("limit_steps", found.limit),
+        "limit": figures.sweep_figure("limit_steps", found.limit_steps),
     }
     for name, figure in pictures.items():
         (FOLDER / f"compare_{name}.png").write_bytes(small(figure.image(".png"), 200))
@@ -44,19 +44,19 @@ if __name__ == "__main__":
             case: {name: s.mean("nees") for name, s in bench.best.items()}
             for case, bench in benches.items()
         },
-        "default_nees": {name: s.mean("nees") for name, s in found.bench.default.items()},
+        "default_nees": {name: s.mean("nees") for name, s in found.default.items()},
         "efficiency": {
             name: [found.model.efficiency(name, signal) for signal in ("x", "v", "f_d")]
             for name in found.model.best
         },
         "limit": dict(found.model.limit),
-        "cost": {name: s.mean("cost") for name, s in found.bench.best.items()},
+        "cost": {name: s.mean("cost") for name, s in found.best.items()},
         "steps": {name: list(errors["f_d"]) for name, errors in found.steps.errors.items()}
         if found.steps
         else {},
         "wrong_k": {name: list(errors["f_d"]) for name, errors in found.wrong_k.errors.items()}
         if found.wrong_k
         else {},
-        "tuned": {name: dict(s.values) for name, s in found.bench.tuned.items()},
+        "tuned": {name: dict(s.values) for name, s in found.tuned.items()},
     }
     print(json.dumps(numbers, indent=1))

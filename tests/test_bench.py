@@ -203,9 +203,9 @@ def test_on_one_s_own_iron_what_learned_it_is_best() -> None:
     force = law.force(i, x)
     plant = ForceSurface(BEARING, ForcePoints(i, x, force / np.sqrt(1 + (force / 12) ** 2)))
     names = ["closed-law", "table"]
-    found = compare_in_case(BEARING, "paper", names, runs=4, plant=plant).bench.best
+    found = compare_in_case(BEARING, "paper", names, runs=4, plant=plant).best
     assert found["table"].mean("f_d") < 0.8 * found["closed-law"].mean("f_d")
-    described = compare_in_case(BEARING, "paper", names, runs=4).bench.best
+    described = compare_in_case(BEARING, "paper", names, runs=4).best
     assert described["closed-law"].mean("f_d") < 1.1 * described["table"].mean("f_d")
 
 

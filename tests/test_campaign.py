@@ -22,13 +22,12 @@ from ambkit.campaigns import run, store, worker
 from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.distributions import Choice, Normal, Truncated, Uniform
 from ambkit.campaigns.keys import changed, nested
-from ambkit.campaigns.margins import peaks
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.results import clopper_pearson, looks
 from ambkit.campaigns.sobol_indices import problem_of, vary_from
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.study_tables import UNITS
-from ambkit.campaigns.worker import compute
+from ambkit.campaigns.worker import compute, peaks
 from ambkit.control.linear.linear_plant import OperatingPoint, plant, plants
 from ambkit.control.linear.steady_state_filter import estimator_at, estimators_at
 from ambkit.judge.loop.loop_of import LoopOf

@@ -13,11 +13,10 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.figures import in_words
 from ambkit.campaigns.keys import changed, key_in, nested
-from ambkit.campaigns.margins import peak_of
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.run import campaign
 from ambkit.campaigns.study import Study
-from ambkit.campaigns.worker import compute
+from ambkit.campaigns.worker import compute, peak_of
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.registry import KINDS

@@ -19,7 +19,7 @@ MACHINE = Machine.preset("tum_mlps")
 
 
 def test_a_machine_has_its_bound_and_its_raw_sensors_beside_the_filters():
-    found = compare(MACHINE, ["linear", "extended"], case="model", seeds=4).bench
+    found = compare(MACHINE, ["linear", "extended"], case="model", seeds=4)
     for signal in ("x", "v", "f_d"):
         assert 0.95 < found.efficiency("extended", signal) < 1.05
     # It takes what the magnets' law bends for a force.
@@ -107,7 +107,7 @@ def test_an_estimator_of_one_s_own_takes_all_readings(tmp_path):
         "    def step(self, y, u):\n"
         "        return y\n"
     )
-    found = compare(MACHINE, ["linear", f"{tmp_path}/my.py:Mine"], case="model", seeds=1).bench.best
+    found = compare(MACHINE, ["linear", f"{tmp_path}/my.py:Mine"], case="model", seeds=1).best
     for name in ("x", "v", "f_d", "delay"):
         assert found["Mine"].mean(name) == found["linear"].mean(name)
     with pytest.raises(

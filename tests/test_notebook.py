@@ -42,7 +42,6 @@ ESTIMATE = KalmanFilter(BEARING).run(RECORD, covariance=True)
 def shown() -> dict[str, Any]:
     """One of each that a notebook shows, under the name of its class."""
     from ambkit.identification.forces.lift_off import LiftOff
-    from ambkit.identification.online.comparison import compare_online
     from ambkit.workflow.lift_off import identify_by_lift_off
 
     scores = compare(BEARING, SCENARIO, {"linear": lambda: KalmanFilter(BEARING)}, [0])
@@ -56,9 +55,9 @@ def shown() -> dict[str, Any]:
         LiftOff(0, gap, 0.1 + 200 * gap, 0.0, gap, 1e-12, "") for gap in (1e-3, 2e-3, 3e-3, 4e-3)
     ]
     made = [
-        BEARING, RECORD, ESTIMATE, Expert.paper(), scores, study, study.bench,
-        Benches({"paper": study.bench}), LoopScores(BEARING, {}, {"a step": scores}, range(1)),
-        ambkit.identify_online(RECORD, BEARING), compare_online(RECORD, BEARING),
+        BEARING, RECORD, ESTIMATE, Expert.paper(), study,
+        Benches({"paper": study}), LoopScores(BEARING, {}, {"a step": scores}, range(1)),
+        ambkit.identify_online(BEARING, RECORD),
         ambkit.simulate(BEARING, duration="10 ms"),
         ambkit.filter(RECORD, ["linear"], machine=BEARING, settling="5 ms"),
         ambkit.tune(BEARING, filter="linear", budget=2, seeds=1),
@@ -73,8 +72,8 @@ def shown() -> dict[str, Any]:
 
 
 NAMES = (
-    "Bearing", "Record", "Estimate", "Expert", "Scores", "Study", "Bench", "Benches",
-    "LoopScores", "Identification", "OnlineComparison", "Run", "Filtering", "Tuned", "Design",
+    "Bearing", "Record", "Estimate", "Expert", "Study", "Benches",
+    "LoopScores", "OnlineComparison", "Run", "Filtering", "Tuned", "Design",
     "LiftedOff", "Assessment", "TradeOff", "Sweep", "Injection", "AssessedLog",
 )  # fmt: skip
 
@@ -164,7 +163,7 @@ def hostile(text: str) -> Iterator[Any]:
     yield dataclasses.replace(
         filtering, machine=machine, record=record, estimators={text: filtering["linear"]}
     )
-    yield dataclasses.replace(ambkit.identify_online(RECORD, BEARING), bearing=bearing)
+    yield dataclasses.replace(ambkit.identify_online(BEARING, RECORD), bearing=bearing)
 
 
 @pytest.mark.filterwarnings("ignore:Glyph:UserWarning")  # of characters that no font has

@@ -103,7 +103,7 @@ def test_without_a_weight_nobody_learns_at_rest() -> None:
     assert learned.agreement.startswith("Nobody learned: too little excitation")
     with pytest.raises(AmbkitError, match="nowhere be told from a load: let the rotor move"):
         ambkit.identify_online(
-            ambkit.simulate(level, Scenario(duration=0.3)).record, level, method="augmented"
+            level, ambkit.simulate(level, Scenario(duration=0.3)).record, method="augmented"
         )
 
 
@@ -144,8 +144,8 @@ def test_the_filter_is_that_of_the_registry() -> None:
     assert (result.load == plain.f_d - 1.0).all()
     told = (plain.status & np.uint16(ambkit.Status.UNEXCITED)) != 0
     assert (result.held == told).all()
-    found = ambkit.identify_online(record, BEARING, method="augmented", start=START)
-    assert found.bearing.magnet.magnet_constant == result.k[-1]
+    found = ambkit.identify_online(BEARING, record, method="augmented", initial=START)
+    assert found.machine.magnet.magnet_constant == result.k[-1]
 
 
 @pytest.mark.parametrize("windows", [0.5, 5.0, 40.0])

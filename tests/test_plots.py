@@ -12,7 +12,6 @@ from ambkit.data import recordings
 from ambkit.fuzzy.expert_card import training_figure
 from ambkit.fuzzy.rule_selection import with_surface
 from ambkit.identification.forces.lift_off import fit_lift_off, lift_off_figure, load_points
-from ambkit.identification.online.magnet_constant import identification_figure
 from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.seeds import comparison_figure
 from ambkit.judge.evaluation import evaluate, filter_figure
@@ -168,13 +167,6 @@ def test_what_the_rig_logged_is_shown():
     position, velocity, *_ = filter_figure(record, evaluated).panels
     assert "logged by the rig" in lines(position)
     np.testing.assert_array_equal(lines(velocity)["logged by the rig"].y, record["v_logged"])
-
-
-def test_an_identification_shows_how_it_learned(run, bearing):
-    found = ambkit.identify_online(run.record, bearing, start=3e-6)
-    panel = identification_figure(found, 3e-6).panels[0]
-    np.testing.assert_array_equal(lines(panel)["identified"].y, found.history.k)
-    assert panel.y.shown(np.array([6.7e-6])) == pytest.approx([6.7])
 
 
 def test_lift_off_points_lie_off_the_law_by_their_residuals():

@@ -21,8 +21,7 @@ from ambkit.data.reading import RejectedLog, faults, read
 from ambkit.data.reading.clock import describe_shift, examine, insert_missing, shifted
 from ambkit.data.reading.plausibility import suspects
 from ambkit.data.reading.propose import guess
-from ambkit.data.reading.reading_figure import reading_figure
-from ambkit.data.reading.rejected_log_figure import refused_figure
+from ambkit.data.reading.reading_figure import reading_figure, refused_figure
 from ambkit.data.record import Record
 from ambkit.judge.plausibility import evaluate_record
 from benchmarks import reading as reading_benchmark

@@ -8,8 +8,7 @@ import pytest
 from ambkit.base.errors import RecordError
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading import RejectedLog, read
-from ambkit.data.reading.reading_figure import reading_figure
-from ambkit.data.reading.rejected_log_figure import refused_figure
+from ambkit.data.reading.reading_figure import reading_figure, refused_figure
 from ambkit.result.report import Line, Rule, Span
 from ambkit.result.report.figure import ENDINGS
 from tests import logs

@@ -24,8 +24,7 @@ from hypothesis import strategies as st
 from ambkit.base.errors import AmbkitError
 from ambkit.cli import printing
 from ambkit.data.reading import RejectedLog, read
-from ambkit.data.reading.reading_figure import reading_figure
-from ambkit.data.reading.rejected_log_figure import refused_figure
+from ambkit.data.reading.reading_figure import reading_figure, refused_figure
 from ambkit.result.report import (
     Axis,
     Band,

@@ -222,14 +222,14 @@ def test_a_small_controller_can_run_it() -> None:
 def test_identify_takes_either_learner() -> None:
     scenario = SWING.replace(disturbance=ambkit.Constant(value=1.0))
     record = ambkit.simulate(BEARING, scenario).record
-    found = ambkit.identify_online(record, BEARING, method="rls", start=1.5 * K)
-    assert found.magnet_constant == found.bearing.magnet.magnet_constant
-    assert found.magnet_constant == pytest.approx(K, rel=0.02)
-    with pytest.raises(AmbkitError, match='no method "lms"; known: adaline, rls, augmented'):
-        ambkit.identify_online(record, BEARING, method="lms")
+    found = ambkit.identify_online(BEARING, record, method="rls", initial=1.5 * K)
+    assert found.results["rls"].magnet_constant == found.machine.magnet.magnet_constant
+    assert found.machine.magnet.magnet_constant == pytest.approx(K, rel=0.02)
+    with pytest.raises(AmbkitError, match='no method "lms"; known: all, adaline, rls, augmented'):
+        ambkit.identify_online(BEARING, record, method="lms")
     still = ambkit.simulate(BEARING, Scenario(duration=0.1)).record
     with pytest.raises(AmbkitError, match="let the rotor move"):
-        ambkit.identify_online(still, BEARING, method="rls")
+        ambkit.identify_online(BEARING, still, method="rls")
 
 
 def test_the_command_shows_the_learners_beside_each_other(

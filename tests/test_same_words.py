@@ -228,7 +228,7 @@ def test_compare_in_a_case_is_the_command_s(call: Any, tuned: Study) -> None:
     def errors(data: dict[str, Any]) -> dict[str, Any]:
         return {k: {s: each[s] for s in ("x", "v", "f_d")} for k, each in data["tuned"].items()}
 
-    assert errors(done.json) == errors(tuned.bench.to_dict())
+    assert errors(done.json) == errors(tuned.to_dict())
     assert "filters/table.toml: this filter knows its magnet by a StiffnessMap" in done.err
     made = {path.name for path in Path("filters").iterdir()}
     assert made == {"linear.toml", "adaptive.toml", "adaptive.expert.json", "observer.toml"}

@@ -19,7 +19,6 @@ from ambkit.base.errors import ConfigError
 from ambkit.estimate.registry import KINDS
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.online.adaline import as_ideal, is_ideal
-from ambkit.identification.online.magnet_constant import identify_online
 from ambkit.machine.magnets import core_module
 from ambkit.machine.parts import IRON, MU_0
 from ambkit.simulation.run import simulate_run
@@ -276,7 +275,5 @@ def test_who_learns_the_constant_online_knows_the_iron(method: str) -> None:
     )
     shaken = SHAKEN.model_copy(update={"duration": 1.0, "reference": REFERENCE})
     record = simulate_run(stronger, shaken).record
-    found = identify_online(
-        record, TWO_SIDED, method=method, start=TWO_SIDED.magnet.magnet_constant
-    )
-    assert found.magnet_constant == pytest.approx(stronger.magnet.magnet_constant, rel=0.01)
+    found = ambkit.identify_online(TWO_SIDED, record, method=method).machine
+    assert found.magnet.magnet_constant == pytest.approx(stronger.magnet.magnet_constant, rel=0.01)

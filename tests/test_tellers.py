@@ -277,7 +277,7 @@ def some() -> Iterator[tuple[str, Any]]:
     yield "assess", lambda: ambkit.assess(bearing, ["none", "extended"])
     yield (
         "online",
-        lambda: ambkit.identify_online(ambkit.simulate(bearing, step="0.1 mm").record, bearing),
+        lambda: ambkit.identify_online(bearing, ambkit.simulate(bearing, step="0.1 mm").record),
     )
     yield (
         "filter",

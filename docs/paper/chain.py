@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.fuzzy.training import train
-from ambkit.identification.online.magnet_constant import identify_online
+from ambkit.identification.online.adaline import Adaline
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule, Span
 from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
@@ -188,10 +188,7 @@ def _fly(study: Study, way: str, seed: int) -> Flight:
         elif way == "told":
             now = float(external_inputs.magnet_scale[round(end / bearing.sampling_time)])
         else:
-            now = (
-                identify_online(runs[-1].record, bearing, start=k[-1] * known).magnet_constant
-                / known
-            )
+            now = Adaline(bearing, start=k[-1] * known).run(runs[-1].record).magnet_constant / known
         new = _filter(study, now)
         if way == "afresh":
             y = runs[-1].record["y"][-1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.identification.online.magnet_constant import identify_online
+from ambkit.identification.online.adaline import Adaline
 from ambkit.machine import paper
 from ambkit.machine.forces.force_points import ForceTable
 from ambkit.machine.stiffness import stiffness_map
@@ -80,9 +80,7 @@ def _identified(study: Study, seed: int) -> float:
     """Error of the k that ADALINE finds from half of it [%]."""
     truth = study.bearing.magnet.magnet_constant
     record = study.run(study.scenario(0.5e-3, seed=seed)).record
-    return 100 * (
-        identify_online(record, study.bearing, start=0.5 * truth).magnet_constant / truth - 1
-    )
+    return 100 * (Adaline(study.bearing, start=0.5 * truth).run(record).magnet_constant / truth - 1)
 
 
 def _deviation(ours: Array, printed: Array, table: str) -> float:

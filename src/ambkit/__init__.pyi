@@ -32,7 +32,6 @@ from ambkit.estimate.user_filter import EstimatorProtocol as EstimatorProtocol
 from ambkit.export.statespace import to_control as to_control
 from ambkit.fuzzy.expert import Expert as Expert
 from ambkit.identification.online.adaline import Adaline as Adaline
-from ambkit.identification.online.magnet_constant import identify_online as identify_online
 from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
 from ambkit.machine.loading import preset as preset
 from ambkit.machine.machine import Bearing as Bearing
@@ -86,6 +85,7 @@ from ambkit.verbs.identify import identify as identify
 from ambkit.verbs.identify import identify_coil as identify_coil
 from ambkit.verbs.identify import identify_corpus as identify_corpus
 from ambkit.verbs.identify import identify_lift_off as identify_lift_off
+from ambkit.verbs.identify import identify_online as identify_online
 from ambkit.verbs.pil import pil as pil
 from ambkit.verbs.presets import presets as presets
 from ambkit.verbs.read import guess_channels as guess_channels

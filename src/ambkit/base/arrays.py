@@ -33,6 +33,21 @@ def check_finite(**values: ArrayLike) -> None:
             raise AmbkitError(f"{name} must be finite, has {wrong[0]}")
 
 
+def interpolated(values: Array) -> Array:
+    """Return samples (n,) with straight lines where some are missing; zeros if all are."""
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    at = np.arange(values.size)
+    return np.interp(at, at[known], values[known]) if known.any() else np.zeros(values.size)
+
+
+def stretches(where: Bools) -> list[tuple[int, int]]:
+    """Return from where to before where an array (n,) is true, each time that it is."""
+    edges = np.flatnonzero(np.diff(np.r_[False, where, False]))
+    return [(a, b) for a, b in edges.reshape(-1, 2).tolist()]
+
+
 def grouped(count: int, alike: Callable[[int, int], bool]) -> list[list[int]]:
     """Return the numbers below a count, each with those before it whose first is alike."""
     results: list[list[int]] = []

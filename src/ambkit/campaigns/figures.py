@@ -17,6 +17,7 @@ from ambkit.campaigns.distributions import OneOf
 from ambkit.campaigns.results import Machines
 from ambkit.campaigns.sobol_indices import Indices
 from ambkit.campaigns.study_tables import UNITS, limit_of
+from ambkit.data.record_card import axis_of
 from ambkit.judge.loop.loop_of import ZONES
 from ambkit.result.report import Axis, Figure, Intervals, Item, Line, Note, Panel, Points, Rule
 
@@ -27,10 +28,6 @@ FAR = 0.995  #: Share of the machines that a curve shows where the rest lies far
 BEYOND = 2.0  #: How far beyond its ceiling, and beyond what was taken, a front is shown.
 FOLDED = 14  #: Characters of a line of a name.
 LINES = 80  #: Machines of each kind among parallel coordinates.
-
-_PREFIXES = {"": 1.0, "m": 1e3, "µ": 1e6, "n": 1e9, "k": 1e-3}
-_SCALED = ("m", "s", "N", "A", "m/s", "V", "kg")
-
 
 LABELS = {
     "peak_S": "peak of |S|",
@@ -104,13 +101,7 @@ class Quantity(NamedTuple):
     def axis(self) -> Axis:
         """An axis with a prefix that fits."""
         finite = np.abs(self.values[np.isfinite(self.values)])
-        typical = float(np.median(finite)) if finite.size else 1.0
-        label = self.name
-        if self.unit not in _SCALED or self.unit == "kg" or not typical > 0:
-            return Axis(label, "" if self.unit == "1" else self.unit)
-        fits = [(p, f) for p, f in _PREFIXES.items() if 1 <= typical * f < 1000]
-        prefix, factor = fits[0] if fits else ("", 1.0)
-        return Axis(label, prefix + self.unit, factor)
+        return axis_of(self.name, self.unit, np.atleast_1d(np.median(finite) if finite.size else 0))
 
 
 def quantity(campaign: Machines, name: str) -> Quantity:

@@ -49,14 +49,10 @@ def clopper_pearson(count: int, of: int, confidence: float = 0.95) -> Share:
     # It holds the true share at least as often as the confidence says, however few the runs. After
     # Sobol points or a Latin hypercube it is wider than need be: these cover more evenly than
     # chance.
-    from scipy.stats import beta
+    from scipy.stats import binomtest
 
-    if of == 0:
-        return Share(0, 0, 0.0, 1.0)
-    tail = (1 - confidence) / 2
-    low = float(beta.ppf(tail, count, of - count + 1)) if count else 0.0
-    high = float(beta.ppf(1 - tail, count + 1, of - count)) if count < of else 1.0
-    return Share(count, of, low, high)
+    ends = binomtest(count, of).proportion_ci(confidence) if of else (0.0, 1.0)
+    return Share(count, of, *map(float, ends))
 
 
 GROWTH = 1.25  #: A study that may stop is looked at whenever it has grown by this.

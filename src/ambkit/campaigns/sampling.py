@@ -76,12 +76,9 @@ def _saltelli(seed: int, k: int, first: int, stop: int) -> Array:
 
 def _grid(plan: Any, first: int, stop: int) -> Array:
     """Return the levels of a full grid as shares of their number, the last dimension fastest."""
-    at = np.arange(first, stop) // plan.study.repeats
-    result = np.empty((stop - first, len(plan.levels)))
-    for place in reversed(range(len(plan.levels))):
-        at, level = np.divmod(at, plan.levels[place])
-        result[:, place] = level / max(plan.levels[place] - 1, 1)
-    return result
+    levels = np.array(plan.levels)
+    at = np.unravel_index(np.arange(first, stop) // plan.study.repeats, levels)
+    return np.asarray(np.column_stack(at) / np.maximum(levels - 1, 1))
 
 
 def values(plan: Any, u: Array) -> Array:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import lru_cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,15 +15,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread, rare_collections
 from ambkit.campaigns.distributions import OneOf
-from ambkit.campaigns.margins import peaks as peaks_of
 from ambkit.campaigns.plan import Drawn, Plan
 from ambkit.campaigns.study_tables import ZONES, limit_of
-from ambkit.judge.loop.loop_of import zone_of
+from ambkit.control.linear.linear_controller import compensator, controller
+from ambkit.control.linear.linear_plant import OperatingPoint, alike, plants
+from ambkit.control.linear.steady_state_filter import estimator_at, estimators_at, tells
+from ambkit.estimate.batch import processors
+from ambkit.estimate.estimator import Estimator
+from ambkit.judge.loop.loop_of import LoopOf, zone_of
+from ambkit.judge.loop.margins import peaks_by_poles
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.machine.rotors.modes import end_of_range
+from ambkit.models.linear import LinearSystem
 from ambkit.simulation.many import Many, simulate_many
+from ambkit.simulation.planned import Planned
 from ambkit.simulation.run_figures import FLAGS, figures_for
 
 if TYPE_CHECKING:
@@ -117,11 +129,11 @@ def fly(
     can = [at for at, sample in enumerate(samples) if not sample.wrong]
     columns = _spread(many, can, len(samples), figures_for(plan.nominal))
     if record.margins:
-        peaks = np.full(len(samples), np.inf)
+        highest = np.full(len(samples), np.inf)
         with one_thread():
-            peaks[can] = peaks_of([samples[at].planned for at in can], threads)
-        columns["peak_S"] = peaks
-        columns["zone"] = ["" if np.isnan(peak) else zone_of(float(peak)) for peak in peaks]
+            highest[can] = peaks([samples[at].planned for at in can], threads)
+        columns["peak_S"] = highest
+        columns["zone"] = ["" if np.isnan(peak) else zone_of(float(peak)) for peak in highest]
     fails = _fails(plan, columns, samples)
     columns["passed"] = np.array([not fail for fail in fails])
     columns["fails"] = fails
@@ -219,3 +231,112 @@ def signal(run: Run, name: str) -> Array:
         return np.asarray(run.estimate[state])
     except KeyError as error:
         raise AmbkitError(f"{name}: {error}") from None
+
+
+AT_ONCE = 512
+"""Loops side by side."""
+
+
+def peaks(runs: Sequence[Planned], threads: int | None = None) -> Array:
+    """Return the peak of abs(S) of each run's loop within the standard's range (n,) [1]."""
+    # Of the worst axis, at the machine's own speed. Infinite where the loop is unstable or nothing
+    # holds the rotor; NaN where the estimator settles to no gain. Loops of one axis with a PID are
+    # looked at many at once.
+    result = np.full(len(runs), np.nan)
+    points: dict[int, OperatingPoint] = {}
+    groups: dict[Any, list[int]] = {}
+    single_axes: list[int] = []
+    for at, run in enumerate(runs):
+        law = run.scenario.controller
+        if not run.bearing.single or law.needs_estimate or law.block:  # of as many states as others
+            single_axes.append(at)
+            continue
+        try:
+            points[at] = OperatingPoint.equilibrium(run.axis)
+        except AmbkitError:  # nothing holds the rotor
+            result[at] = math.inf
+            continue
+        fed = _fed(run)
+        if fed is None or tells(fed):
+            pid, bearing = run.scenario.controller, run.axis
+            key = (*alike(bearing), bearing.speed, pid.ki > 0, id(fed))
+            groups.setdefault(key, []).append(at)
+    for group in groups.values():
+        for start in range(0, len(group), AT_ONCE):
+            places = group[start : start + AT_ONCE]
+            batch: list[Any] = [runs[at] for at in places]
+            result[places] = _highest(batch, [points[at] for at in places])
+    with ThreadPoolExecutor(threads or processors()) as pool:
+        result[single_axes] = list(pool.map(peak_of, [runs[at] for at in single_axes]))
+    return result
+
+
+def peak_of(run: Planned) -> float:
+    """Return the peak of one, see `peaks`."""
+    fed = _fed(run)
+    if fed is not None and not tells(fed):
+        return math.nan
+    try:
+        of = LoopOf(run.bearing, run.scenario.controller, law=run.controllers)
+    except AmbkitError:  # nothing holds the rotor
+        return math.inf
+    return of.peak(fed)
+
+
+def _highest(runs: Sequence[Planned], points: Sequence[OperatingPoint]) -> Array:
+    """Return the peaks of loops alike (n,)."""
+    try:
+        opened, closed = _poles(runs, points)
+    except AmbkitError:  # an estimator of one of them has no gain
+        if len(runs) == 1:
+            return np.array([math.inf])
+        return np.concatenate([
+            _highest([run], [at]) for run, at in zip(runs, points, strict=True)
+        ])  # fmt: skip
+    stable, result = (np.abs(closed) < 1).all(axis=1), np.full(len(runs), np.inf)
+    if stable.any():
+        bearing = runs[0].axis
+        T = bearing.sampling_time
+        top = end_of_range(T, bearing.speed)
+        result[stable] = peaks_by_poles(opened[stable], closed[stable], T, top)
+    return result
+
+
+def _fed(run: Planned) -> Estimator | None:
+    """Return the estimator that feeds the controllers."""
+    return run.estimator if run.scenario.feedback == "estimate" else None
+
+
+def _poles(runs: Sequence[Planned], points: Sequence[OperatingPoint]) -> tuple[Complex, Complex]:
+    """Return the poles of plant and compensator, and of the closed loop, each (n, ...)."""
+    bearings = [run.axis for run in runs]
+    P, fed = plants(bearings, points), _fed(runs[0])
+    inner = None if fed is None else _estimators(fed, points)
+    made: dict[tuple[int, float, float], LinearSystem] = {}
+    parts = []
+    for bearing, pid in zip(bearings, (run.scenario.controller for run in runs), strict=True):
+        key = id(pid), bearing.amplifier.gain, bearing.sampling_time
+        if key not in made:
+            made[key] = controller(pid, bearing, measured=fed is None)
+        parts.append(made[key])
+    A, B, C, D = (np.array([getattr(one, name) for one in parts]) for name in "ABCD")
+    gains = np.array([1 / bearing.sensor.gain for bearing in bearings])[:, None, None]
+    K = compensator(replace(parts[0], A=A, B=B, C=C, D=D), inner, gains)
+    B_u, C_y, B_y, D_y = P.B[..., :1], P.C[..., :1, :], K.B[..., :1], K.D[..., :1]
+    closed = np.block([[P.A + B_u @ D_y @ C_y, B_u @ K.C], [B_y @ C_y, K.A]])
+    opened = [np.linalg.eigvals(of).astype(complex) for of in (P.A, K.A)]
+    return np.hstack(opened), np.linalg.eigvals(closed).astype(complex)
+
+
+def _estimators(estimator: Estimator, points: Sequence[OperatingPoint]) -> LinearSystem:
+    """Return an estimator with its gain at points; of constant stiffness it is one for all."""
+    n = len(points)
+    if isinstance(estimator.magnet, ConstantStiffness) or not estimator.by_model:
+        one = estimator_at(estimator, points[0])
+        A, B, C, D = (np.repeat(getattr(one, name)[None], n, axis=0) for name in "ABCD")
+    else:
+        one = estimators_at(estimator, points)
+        A, B, C, D = (
+            np.broadcast_to(of, (n, *of.shape[-2:])) for of in (one.A, one.B, one.C, one.D)
+        )
+    return replace(one, A=A, B=B, C=C, D=D)

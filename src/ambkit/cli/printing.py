@@ -63,7 +63,7 @@ def draw_refused(error: AmbkitError, plots: Sequence[Path]) -> None:
     """Draw where the trouble is in a log that was refused."""
     if not plots:
         return
-    from ambkit.data.reading.rejected_log_figure import refused_figure
+    from ambkit.data.reading.reading_figure import refused_figure
     from ambkit.data.reading.rejections import RejectedLog
 
     if not isinstance(error, RejectedLog):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.errors import ExtraMissing, RecordError
 from ambkit.data.signals import UNITS, to_si
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 KEY = "ambkit"  #: Where a data set of xarray has, as JSON, what no variable says.
 
@@ -24,6 +28,94 @@ class Series(NamedTuple):
     columns: Mapping[str, NDArray[Any]]
     units: Mapping[str, str]
     about: Mapping[str, Any]
+
+
+class Framed:
+    """Series over time, to and from the frames of other libraries."""
+
+    __slots__ = ()
+
+    def _series(self) -> Series:
+        raise NotImplementedError
+
+    @classmethod
+    def _of_series(cls, series: Series, units: Mapping[str, str] | None) -> Self:
+        raise NotImplementedError
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return all of it as a DataFrame over the time [s], in SI.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Its ``attrs`` hold ``units`` and what else is known.
+
+        Raises
+        ------
+        AmbkitError
+            pandas is not installed (``pip install 'ambkit[pandas]'``).
+        """
+        return to_pandas(self._series())
+
+    @classmethod
+    def from_pandas(cls, frame: pandas.DataFrame, units: Mapping[str, str] | None = None) -> Self:
+        """Make it of a DataFrame; that of `to_pandas` gives exactly its values.
+
+        Parameters
+        ----------
+        frame : pandas.DataFrame
+            Its index is the time, in seconds or as pandas counts it, or else its column ``t``.
+        units : mapping of str to str, optional
+            Unit of each column, such as ``{"y": "mm"}``; by default ``frame.attrs["units"]``, and
+            for the standard names SI. What is not SI is converted.
+
+        Raises
+        ------
+        RecordError
+            It has no time, lacks a column, has one without unit or not of numbers, or is not valid.
+        AmbkitError
+            pandas is not installed.
+        """
+        return cls._of_series(from_pandas(frame), units)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return all of it as a Dataset over the coordinate t [s], in SI.
+
+        Returns
+        -------
+        xarray.Dataset
+            Each variable has its ``units``; the rest is JSON in ``attrs``, as netCDF wants it.
+
+        Raises
+        ------
+        RecordError
+            JSON cannot hold the rest.
+        AmbkitError
+            xarray is not installed (``pip install 'ambkit[xarray]'``).
+        """
+        return to_xarray(self._series())  # type: ignore[no-any-return]
+
+    @classmethod
+    def from_xarray(cls, dataset: xarray.Dataset, units: Mapping[str, str] | None = None) -> Self:
+        """Make it of a Dataset; that of `to_xarray` gives exactly its values.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            Variables over the coordinate ``t``.
+        units : mapping of str to str, optional
+            Unit of each variable; by default what its ``attrs["units"]`` says, and for the
+            standard names SI. What is not SI is converted.
+
+        Raises
+        ------
+        RecordError
+            It has no time, lacks a variable, has one without unit or not of numbers, or is not
+            valid.
+        AmbkitError
+            xarray is not installed.
+        """
+        return cls._of_series(from_xarray(dataset), units)
 
 
 def to_pandas(series: Series) -> Any:

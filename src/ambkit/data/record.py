@@ -20,9 +20,6 @@ from ambkit.data import signals as names
 from ambkit.result.showing import Shown
 
 if TYPE_CHECKING:
-    import pandas
-    import xarray
-
     from ambkit.result.card import Card
 
 
@@ -30,7 +27,7 @@ TIME_TOLERANCE = 0.01  #: Deviation of a time step from the mean: logs print rou
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Record(Shown):
+class Record(Shown, frames.Framed):
     """Evenly sampled signals of one run, n samples; a simulated and a measured run alike.
 
     The arrays are copied and cannot be written to. NaN in a signal is a missing sample.
@@ -212,80 +209,6 @@ class Record(Shown):
             return cls(t, columns, table.units, table.meta)
         except RecordError as error:
             raise RecordError(f"{path}: {error}") from None
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return the signals as a DataFrame over the time [s], in SI.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Its ``attrs`` hold ``units`` and ``meta``.
-
-        Raises
-        ------
-        AmbkitError
-            pandas is not installed (``pip install 'ambkit[pandas]'``).
-        """
-        return frames.to_pandas(self._series())
-
-    @classmethod
-    def from_pandas(cls, frame: pandas.DataFrame, units: Mapping[str, str] | None = None) -> Record:
-        """Make a record of a DataFrame; that of `to_pandas` gives exactly its values.
-
-        Parameters
-        ----------
-        frame : pandas.DataFrame
-            Its index is the time, in seconds or as pandas counts it, or else its column ``t``.
-        units : mapping of str to str, optional
-            Unit of each column, such as ``{"y": "mm"}``; by default ``frame.attrs["units"]``, and
-            for the standard names SI. What is not SI is converted.
-
-        Raises
-        ------
-        RecordError
-            It has no time, a column without unit or not of numbers, or is no valid record.
-        AmbkitError
-            pandas is not installed.
-        """
-        return cls._of_series(frames.from_pandas(frame), units)
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return the signals as a Dataset over the coordinate t [s], in SI.
-
-        Returns
-        -------
-        xarray.Dataset
-            Each variable has its ``units``; ``meta`` is JSON in ``attrs``, as netCDF wants it.
-
-        Raises
-        ------
-        RecordError
-            JSON cannot hold ``meta``.
-        AmbkitError
-            xarray is not installed (``pip install 'ambkit[xarray]'``).
-        """
-        return frames.to_xarray(self._series())  # type: ignore[no-any-return]
-
-    @classmethod
-    def from_xarray(cls, dataset: xarray.Dataset, units: Mapping[str, str] | None = None) -> Record:
-        """Make a record of a Dataset; that of `to_xarray` gives exactly its values.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            Variables over the coordinate ``t``.
-        units : mapping of str to str, optional
-            Unit of each variable; by default what its ``attrs["units"]`` says, and for the
-            standard names SI. What is not SI is converted.
-
-        Raises
-        ------
-        RecordError
-            It has no time, a variable without unit or not of numbers, or is no valid record.
-        AmbkitError
-            xarray is not installed.
-        """
-        return cls._of_series(frames.from_xarray(dataset), units)
 
     def _series(self) -> frames.Series:
         return frames.Series(self.t, self.signals, self.units, {"meta": dict(self.meta)})

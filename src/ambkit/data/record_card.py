@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.base import escaping
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, Bools, stretches
 from ambkit.base.units import engineering, factor
 from ambkit.result.card import SPAN, Card, spread, value
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule, Span
@@ -44,13 +44,13 @@ def axis_of(name: str, unit: str, values: Array) -> Axis:
 
 
 def missing_spans(
-    stretches: Iterable[tuple[float, float]], t: Array, label: str | None = None
+    spans: Iterable[tuple[float, float]], t: Array, label: str | None = None
 ) -> Iterator[Item]:
-    """Mark stretches [s] without samples; the legend says so, or what `label` says."""
+    """Mark spans [s] without samples; the legend says so, or what `label` says."""
     # They are widened so that one sample is seen, and joined where they would overlap.
     least = NARROWEST * float(t[-1] - t[0])
     joined: list[tuple[float, float]] = []
-    for first, last in sorted(stretches):
+    for first, last in sorted(spans):
         middle, half = (first + last) / 2, max(last - first, least) / 2
         start, stop = middle - half, middle + half
         if joined and start <= joined[-1][1]:
@@ -63,6 +63,11 @@ def missing_spans(
         yield Span(*ends, signal="missing", label="" if narrow else label)
         if narrow:
             yield Rule((start + stop) / 2, axis="x", signal="missing", label=label)
+
+
+def lost_spans(lost: Bools, t: Array) -> list[Item]:
+    """Mark the samples (n,) that are lost, at the times (n,) [s]."""
+    return list(missing_spans([(float(t[a]), float(t[b - 1])) for a, b in stretches(lost)], t))
 
 
 def steps_panel(name: str, x: Array, steps: Array, axis: Axis, more: Iterable[Item]) -> Panel:
@@ -115,9 +120,7 @@ def _panel(record: Any, names: Sequence[str]) -> Panel:
         text = None if known else escaping.label(name) if several else ""
         style = SHARING[name] if known else "channel"
         items.append(Line(t, record[name], signal=style, label=text))
-    lost = np.isnan(record[names[0]])
-    edges = np.flatnonzero(np.diff(np.r_[False, lost, False])).reshape(-1, 2)
-    items += missing_spans([(float(t[a]), float(t[b - 1])) for a, b in edges], t)
+    items += lost_spans(np.isnan(record[names[0]]), t)
     values = np.concatenate([record[name] for name in names])
     time = replace(TIME, limits=(float(t[0]), float(t[-1])))
     return Panel(time, axis_of(names[0], record.units[names[0]], values), items)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,9 +19,6 @@ from ambkit.models.model import Descriptor
 from ambkit.result.showing import Shown
 
 if TYPE_CHECKING:
-    import pandas
-    import xarray
-
     from ambkit.result.card import Card
 
 
@@ -43,8 +40,12 @@ def _covariances(states: Sequence[Descriptor]) -> dict[str, str]:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate(Shown):
+class Estimate(Shown, frames.Framed):
     """Estimates of one estimator along one record, n samples.
+
+    A DataFrame of it has a column for each state, then ``k_i``, ``k_s``, ``innovation``,
+    ``innovation_variance``, ``status``, and where they are known ``scale``, ``scale_variance`` and
+    the covariances, ``cov_x_v``; a Dataset the same as variables.
 
     Attributes
     ----------
@@ -249,75 +250,6 @@ class Estimate(Shown):
             signals[name], units[name] = values.astype(float), unit
         return Record(self.t, signals, units, meta={"estimator": self.estimator})
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return all of it as a DataFrame over the time [s], in SI.
-
-        Returns
-        -------
-        pandas.DataFrame
-            A column for each state, then ``k_i``, ``k_s``, ``innovation``,
-            ``innovation_variance``, ``status``, and where they are known ``scale``,
-            ``scale_variance`` and the covariances, ``cov_x_v``; units are in ``attrs``.
-
-        Raises
-        ------
-        AmbkitError
-            pandas is not installed (``pip install 'ambkit[pandas]'``).
-        """
-        return frames.to_pandas(self._series())
-
-    @classmethod
-    def from_pandas(cls, frame: pandas.DataFrame) -> Estimate:
-        """Return the estimate that a DataFrame was made from, exactly.
-
-        Parameters
-        ----------
-        frame : pandas.DataFrame
-            Of `to_pandas`, whole or some of its rows.
-
-        Raises
-        ------
-        RecordError
-            It is not of `to_pandas`, or has lost a column or its ``attrs``.
-        AmbkitError
-            pandas is not installed.
-        """
-        return cls._of_series(frames.from_pandas(frame))
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return all of it as a Dataset over the coordinate t [s], in SI.
-
-        Returns
-        -------
-        xarray.Dataset
-            Variables as the columns of `to_pandas`, each with its ``units``.
-
-        Raises
-        ------
-        AmbkitError
-            xarray is not installed (``pip install 'ambkit[xarray]'``).
-        """
-        made: xarray.Dataset = frames.to_xarray(self._series())
-        return made
-
-    @classmethod
-    def from_xarray(cls, dataset: xarray.Dataset) -> Estimate:
-        """Return the estimate that a Dataset was made from, exactly.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            Of `to_xarray`, whole or a part of its times.
-
-        Raises
-        ------
-        RecordError
-            It is not of `to_xarray`, or has lost a variable or its ``attrs``.
-        AmbkitError
-            xarray is not installed.
-        """
-        return cls._of_series(frames.from_xarray(dataset))
-
     def _series(self) -> frames.Series:
         columns: dict[str, NDArray[Any]] = {name: self[name] for name in self.names}
         units = self.units
@@ -336,7 +268,8 @@ class Estimate(Shown):
         return frames.Series(self.t, columns, units, about)
 
     @classmethod
-    def _of_series(cls, series: frames.Series) -> Estimate:
+    def _of_series(cls, series: frames.Series, units: Mapping[str, str] | None) -> Estimate:
+        series = frames.in_si(series, units) if units else series
         columns, about = dict(series.columns), series.about
         try:
             states = tuple(Descriptor(*state) for state in about["states"])

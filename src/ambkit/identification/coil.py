@@ -11,15 +11,18 @@ current tell ``G = V/R`` and ``tau = L/R``, not resistance or voltage alone.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ambkit.base import files
 from ambkit.base.arrays import Array
-from ambkit.base.errors import RecordError
-from ambkit.base.units import figure
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.units import engineering, figure
 from ambkit.data.record import Record
 from ambkit.estimate.errors import rms
 from ambkit.identification.noise import white_noise
@@ -156,6 +159,18 @@ class CoilFit(Result):
             amplifier__noise_variance=(self.residual_rms / gain) ** 2,
             delay=max(self.coil.delay, 0.0) or None,
         )
+
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
+        """Write the machine, with what its channel map needs."""
+        if self.known is None or self.operating_point is None:
+            raise AmbkitError("operating_point is missing: the lag depends on where the rotor is")
+        offset = engineering(self.offset(self.known), "V", digits=6)
+        header = (
+            "# Driven by the control signal, through a coil that was identified. In its map:\n"
+            f'# [signals.u] offset = "{offset}", so that 0 is the bias current.\n'
+        )
+        machine = self.bearing(self.known, self.operating_point)
+        files.write_text(path, header + machine.to_toml(Path(path).parent))
 
     def offset(self, known: Machine) -> float:
         """What a channel map adds to the control signal, so that 0 is the bias current [V]."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, interpolated
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.accessories import SHORTEST_LAG
 from ambkit.machine.machine import Machine
@@ -48,15 +48,8 @@ def lagged(u: Array, T: float, lag: float) -> Array:
         return u
     from scipy.signal import lfilter
 
-    good = np.where(np.isfinite(u), u, np.interp(np.arange(u.size), *_finite(u)))
+    good = interpolated(u)
     keep = math.exp(-T / lag)
     # State at the start of each sample: w[k] = keep w[k-1] + (1 - keep) u[k-1], w[0] = u[0].
     follow, _ = lfilter([0.0, 1 - keep], [1.0, -keep], good, zi=[good[0]])
     return np.asarray(good + (follow - good) * (lag / T) * (1 - keep))
-
-
-def _finite(u: Array) -> tuple[Array, Array]:
-    at = np.flatnonzero(np.isfinite(u))
-    if not at.size:
-        return np.zeros(1), np.zeros(1)
-    return at.astype(float), u[at]

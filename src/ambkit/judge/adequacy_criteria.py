@@ -189,7 +189,7 @@ def modes_kept(plant: Machine) -> Iterator[Finding]:
 
 
 def _steps(plant: Machine) -> Iterator[Finding]:
-    sensors = [reading.sensor for reading in plant.long.readings]
+    sensors = [reading.sensor for reading in plant.readings]
     coarse = max(sensors, key=lambda s: (s.quantisation or 0.0) ** 2 / s.noise_variance)
     step, std = coarse.quantisation or 0.0, math.sqrt(coarse.noise_variance)
     text = ""
@@ -240,7 +240,7 @@ def settings(filter: Estimator, plant: Machine) -> Iterator[Finding]:
     yield Finding("gate", gate, "1", GATES[0], text, gate < GATES[1])
     if filter.options.get("as_printed"):
         T = plant.sampling_time
-        lag = max(reading.sensor.lag for reading in plant.long.readings)
+        lag = max(reading.sensor.lag for reading in plant.readings)
         early = (T / -math.expm1(-T / lag) if lag else T) - lag
         text = (
             f"as_printed takes eq. 19 as the paper prints it: estimates lead the rotor by "
@@ -359,8 +359,12 @@ def loop_peak(plant: Any, filter: Estimator, control: Any = None) -> float:
 
 def demands(plant: Any, scenario: Scenario) -> Iterator[Finding]:
     """Yield travel and force that a run asks for against what there is."""
-    for axis, b, load in zip(_axes(plant), isolated_axes(plant), load_capacity(plant), strict=True):
-        position, force = _demanded(scenario, axis, _axes(plant)[0])
+    names = [axis.name for axis in plant.axes]
+    for axis, b, load in zip(names, isolated_axes(plant), load_capacity(plant), strict=True):
+        position, force = (
+            [signal for name, signal in by_axis(scenario, what, names[0]) if name == axis]
+            for what in ("reference", "disturbance")
+        )
         where = f" of {axis}" if axis else ""
         for what, item, most, unit in (
             ("reference", position, b.rotor.clearance, "m"),
@@ -375,18 +379,6 @@ def demands(plant: Any, scenario: Scenario) -> Iterator[Finding]:
                     f"{limit} of {engineering(most, unit, digits=3)}"
                 )
             yield Finding(f"{what}{where}", far, unit, most, text)
-
-
-def _axes(plant: Any) -> list[str]:
-    return [axis.name for axis in plant.axes]
-
-
-def _demanded(scenario: Scenario, axis: str, first: str) -> tuple[list[Any], list[Any]]:
-    reference, force = (
-        [signal for name, signal in by_axis(scenario, what, first) if name == axis]
-        for what in ("reference", "disturbance")
-    )
-    return reference, force
 
 
 def _greatest(signals: Sequence[Waveform], duration: float) -> float:

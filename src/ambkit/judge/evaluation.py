@@ -15,7 +15,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
 from ambkit.base.escaping import markdown
 from ambkit.data.record import Record
-from ambkit.data.record_card import missing_spans
+from ambkit.data.record_card import lost_spans
 from ambkit.data.signals import by_name, each_of, signal
 from ambkit.estimate.errors import Whiteness, errors_along, rms, true_signal, whiteness
 from ambkit.estimate.estimate import Estimate, Status
@@ -294,7 +294,8 @@ def filter_figure(
         ]
 
     estimates = [item.estimate for item in evaluated.values()]
-    absent = _absent(record, estimates[0])
+    readings = [record[signal("y", name)] for name in estimates[0].readings or ("",)]
+    absent = lost_spans(np.any(np.isnan(readings), axis=0), t)
     innovations = [
         innovation_panel(name, item.estimate, time, absent) for name, item in evaluated.items()
     ]
@@ -339,12 +340,3 @@ def of_state(state: Descriptor) -> Axis:
     if state.name not in ("x", "v", "f_d"):
         axis = replace(axis, label=f"{axis.label} {state.name}")
     return replace(axis, unit=axis.unit.replace("mm", "mrad")) if "rad" in state.unit else axis
-
-
-def _absent(record: Record, estimate: Estimate) -> list[Item]:
-    """Mark where nothing was measured."""
-    t = record.t
-    lost = np.isnan([record[signal("y", name)] for name in estimate.readings or ("",)]).any(axis=0)
-    edges = np.flatnonzero(np.diff(np.r_[False, lost, False]))
-    stretches = [(float(t[a]), float(t[b - 1])) for a, b in edges.reshape(-1, 2)]
-    return list(missing_spans(stretches, t))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from ambkit.base.units import engineering, percent, rpm
 from ambkit.control.stabilising_controller import holding
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.judge.loop.margins import grid, highest
+from ambkit.judge.loop.margins import axis_peaks
 from ambkit.judge.whirl_modes import DAMPED, whirl_modes
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.descriptions import OfMatrices
@@ -27,9 +27,6 @@ from ambkit.machine.rotors.modes import (
     speeds_of,
     whirl_error,
 )
-
-COARSE, NEAR = 250, 9
-"""Points of a grid that finds a peak, and about each pole."""
 
 MORE, LEAST = 4, 10
 """Modes beyond those kept that stand for all in the loop, and how many these are at least."""
@@ -263,14 +260,7 @@ def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None
                 Peak(of.axes[0], speed, math.nan, math.inf),
                 complex(rates[np.argmax(rates.real)]),
             )
-        tops = []
-        for loop in loops:
-            f = grid(loop, COARSE, NEAR)
-            f = np.append(f[f < of.top], of.top)
-            S = np.abs(np.einsum("kii->ki", loop.along_axes(f)))
-            tops.append([
-                highest(partial(loop.of_axis, k), f, S[:, k])[0] for k in range(loop.axes)
-            ])  # fmt: skip
+        tops = (axis_peaks(loop, of.top).tolist() for loop in loops)
         for axis, reduced_peak, full in zip(of.axes, *tops, strict=True):
             result = Peak(axis, speed, reduced_peak, full)
             worst = result if worst is None or result.share > worst.share else worst

@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, interpolated
 from ambkit.base.units import engineering, percent
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import find, noise
 from ambkit.data.reading.plausibility import longest_run, suspects
 from ambkit.data.reading.position_search import NO_NOISE, in_steps, rotor
-from ambkit.data.reading.signal_roles import LOOKED_AT, filled
+from ambkit.data.reading.signal_roles import LOOKED_AT
 from ambkit.data.record import Record
 from ambkit.estimate.noise_model import COARSE
 from ambkit.judge.signs import channels, judge_signs
@@ -61,7 +61,7 @@ class Verdict(NamedTuple):
 def evaluate_record(record: Record, machine: Machine) -> Verdict:
     """Compare a record with the machine that it is said to be of."""
     problems = list(_rate(record, machine))
-    sensors = [reading.sensor for reading in machine.long.readings]
+    sensors = [reading.sensor for reading in machine.readings]
     coarse = any((s.quantisation or 0.0) ** 2 > COARSE * s.noise_variance for s in sensors)
     remarks = list(suspects(record.t, record.signals, record.units, coarse=coarse))
     remarks += _cut_off(record, machine)
@@ -105,7 +105,7 @@ def _rate(record: Record, machine: Machine) -> Iterator[str]:
 def _cut_off(record: Record, machine: Machine) -> Iterator[str]:
     """Yield which signals stand at the ends of their range, below the machine's limits."""
     for name in channels(machine):
-        if name not in record or np.ptp(filled(record[name])) == 0:
+        if name not in record or np.ptp(interpolated(record[name])) == 0:
             continue
         kinds = ("saturated", "frozen") if name[0] == "y" else ("saturated",)
         stretches = [
@@ -220,7 +220,7 @@ def _motion(record: Record, bearing: Machine) -> Iterator[str]:
     """Yield how a rotor falls, or answers its current, quite otherwise than the bearing's."""
     if "y" not in record or "u" not in record or len(record) < _LEAST:
         return
-    rows = np.array([filled(record[name])[:LOOKED_AT] for name in ("y", "u")])
+    rows = np.array([interpolated(record[name])[:LOOKED_AT] for name in ("y", "u")])
     if (np.ptp(rows, axis=1) == 0).any() or (result := rotor(rows, 0, 1)) is None:
         return
     if not result.fit.sure or result.fit.explained < _EXPLAINED:

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, interpolated
 from ambkit.base.errors import ConfigError
-from ambkit.data.reading.signal_roles import filled
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.kalman import KalmanFilter
@@ -71,7 +70,7 @@ def channels(machine: Machine) -> list[str]:
 def sign_test(record: Record, machine: Machine) -> SignTest | None:
     """Try each channel with its sign reversed; None where there is nothing to predict."""
     names = channels(machine)
-    if any(name not in record or not np.ptp(filled(record[name])) for name in names):
+    if any(name not in record or not np.ptp(interpolated(record[name])) for name in names):
         return None
     prediction = _Prediction(record, machine, names)
     if prediction.n < 20:
@@ -95,10 +94,10 @@ class _Prediction:
         # Positions are means around the instant at which the control signal's begins to act.
         columns = {name: _means(record[name], k, 0) for name in names if name[0] == "y"}
         columns |= {
-            name: _means(filled(record[name]), k, k // 2) for name in names if name[0] == "u"
+            name: _means(interpolated(record[name]), k, k // 2) for name in names if name[0] == "u"
         }
         if "speed" in record:
-            columns["speed"] = _means(filled(record["speed"]), k, 0)
+            columns["speed"] = _means(interpolated(record["speed"]), k, 0)
         self.n = min(map(len, columns.values()))
         last = _RIGID if rigid else _BENDING
         self.columns = {name: values[: self.n][-last:] for name, values in columns.items()}
@@ -135,7 +134,7 @@ def _filters(machine: Machine, k: int) -> tuple[list[KalmanFilter], int]:
     except ConfigError:
         slow, k = machine, 1
     usual = KalmanFilter(slow).variances
-    steps = np.array([reading.sensor.quantisation or 0.0 for reading in machine.long.readings])
+    steps = np.array([reading.sensor.quantisation or 0.0 for reading in machine.readings])
     # A mean has no interval: its rounding is noise.
     R = np.array(usual.measurement) + steps**2 / 4
     return [

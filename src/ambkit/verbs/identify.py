@@ -24,8 +24,10 @@ from ambkit.verbs.words import (
 )
 
 if TYPE_CHECKING:
+    from ambkit.identification.coil import CoilFit
+    from ambkit.identification.online.comparison import OnlineComparison
     from ambkit.workflow.identified import Identified
-    from ambkit.workflow.identify import IdentifiedCoil, IdentifiedCorpus, IdentifiedOnline
+    from ambkit.workflow.identify import IdentifiedCorpus
     from ambkit.workflow.lift_off import LiftedOff
 
 
@@ -157,10 +159,11 @@ def identify_online(
     method: Literal["all", "adaline", "rls", "augmented"] = "all",
     initial: Constant | None = None,
     disturbance: KnownForce | None = None,
-) -> IdentifiedOnline:
+) -> OnlineComparison:
     """Identify the magnet constant sample by sample, as a controller would.
 
     Methods: ADALINE, recursive least squares, and the extended Kalman filter with k as a state.
+    A record determines the ratio of k to the mass. An unknown constant load biases ADALINE only.
 
     Parameters
     ----------
@@ -177,7 +180,7 @@ def identify_online(
 
     Returns
     -------
-    IdentifiedOnline
+    OnlineComparison
         Result of each method.
 
     Raises
@@ -256,7 +259,7 @@ def identify_coil(
     channels: Channels | None = None,
     window: Window | None = None,
     operating_point: Length | None = None,
-) -> IdentifiedCoil:
+) -> CoilFit:
     """Identify a coil from steps of the control signal with the rotor fixed.
 
     Parameters
@@ -270,7 +273,7 @@ def identify_coil(
 
     Returns
     -------
-    IdentifiedCoil
+    CoilFit
         Gain, dead zone, time constant and delay, with standard errors.
 
     Raises

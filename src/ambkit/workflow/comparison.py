@@ -28,7 +28,7 @@ from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.comparison import TRAINING
 from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.comparison.score import Benches, least
-from ambkit.judge.comparison.seeds import Scores, compare, comparison_figure
+from ambkit.judge.comparison.seeds import Score, compare, comparison_figure, rows_of
 from ambkit.judge.comparison.study import Study, across, pieces_of, study
 from ambkit.judge.comparison.tolerance import Spread
 from ambkit.judge.comparison.tuning import expand, suited
@@ -48,15 +48,14 @@ NOTES = logging.getLogger("ambkit")
 
 def tuned_filters(result: Study) -> dict[str, Estimator]:
     """Return the filters that a comparison tuned, each with where its numbers are from."""
-    bench = result.bench
-    if not bench.tuned:
+    if not result.tuned:
         raise AmbkitError("nothing was tuned: budget must be greater than 0")
     origin = made_by(
         "compare",
-        f"errors in {TRAINING} simulated runs of {bench.bearing.name}, case {bench.case.name}",
+        f"errors in {TRAINING} simulated runs of {result.bearing.name}, case {result.case.name}",
     )
     made = {}
-    for name, score in bench.tuned.items():
+    for name, score in result.tuned.items():
         tuning = score.tuning
         if name not in KINDS or tuning is None:
             continue
@@ -70,17 +69,17 @@ def tuned_filters(result: Study) -> dict[str, Estimator]:
 
 def adequacy_of(result: Study) -> dict[str, list[Finding]]:
     """Return by kind whether the filters that a comparison tuned may fly."""
-    if not result.bench.tuned:
+    if not result.tuned:
         return {}
     return {
-        name: judge_adequacy(made, nis=result.bench.tuned[name].mean("nis"))
+        name: judge_adequacy(made, nis=result.tuned[name].mean("nis"))
         for name, made in tuned_filters(result).items()
     }
 
 
 def save_filters(result: Study, folder: str | os.PathLike[str]) -> dict[str, str]:
     """Write the filters that a comparison tuned, a file for each kind: ``FOLDER/KIND.toml``."""
-    made, known, bearing = tuned_filters(result), result.bench.bearing, result.machine_file
+    made, known, bearing = tuned_filters(result), result.bearing, result.machine_file
     place = files.make_folder(folder)
     if bearing is None and preset_of(known) is None:
         bearing = place / "bearing.toml"
@@ -260,8 +259,8 @@ class LoopScores(Result):
 
     bearing: Machine  #: The plant, and what the estimators know.
     loop_cases: Mapping[str, LoopCase]  #: What happened, by name.
-    #: (mapping of str to Score) By the same names, and by estimator.
-    scores: Mapping[str, Scores]
+    #: By the same names, and by estimator.
+    scores: Mapping[str, Mapping[str, Score]]
     seeds: range  #: Of the runs.
 
     @property
@@ -279,14 +278,14 @@ class LoopScores(Result):
     @property
     def finding(self) -> str:
         case, scores = list(self.scores.items())[-1]
-        return f"{self.title}: at {case} {least(scores.rows)}."
+        return f"{self.title}: at {case} {least(rows_of(scores))}."
 
     @property
     def rows(self) -> list[Row]:
         return [
             row
             for case, scores in self.scores.items()
-            for row in put(scores.rows, section=("cases", case))
+            for row in put(rows_of(scores), section=("cases", case))
         ]
 
     @property

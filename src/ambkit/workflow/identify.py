@@ -18,10 +18,8 @@ from ambkit.assessment.arguments import (
     record_argument,
     record_arguments,
 )
-from ambkit.base import files
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.quantity_arguments import Given, all_of_type, in_si, names_in, of_type
-from ambkit.base.units import engineering
 from ambkit.data.reading import load
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
@@ -35,7 +33,6 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named, usual
 from ambkit.identification.noise import Noise, StandstillNoise, standstill_noise
 from ambkit.identification.online import comparison
-from ambkit.identification.online.magnet_constant import ONLINE, identified
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.machine.force_laws import axis_named, isolated
@@ -239,35 +236,10 @@ def by_corpus(
     return IdentifiedCorpus(**vars(corpus), known=known)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class IdentifiedOnline(comparison.OnlineComparison):
-    """What the methods learned, and the machine of one of them."""
-
-    method: str = "all"  #: Whose machine it is.
-
-    @property
-    def machine(self) -> Machine:
-        """The machine with what the method learned."""
-        if self.method == "all":
-            raise AmbkitError(f"a machine is of one method: method={', '.join(ONLINE)}")
-        return identified(self.bearing, self.results[self.method]).bearing
-
-    @property
-    def series(self) -> dict[str, Any]:
-        series = dict(super().series) | {"method": self.method}
-        if self.method == "all":
-            return series
-        of = {row.key: row.value for row in self.rows if row.of == self.method}
-        return of | series
-
-    def save_toml(self, path: str | os.PathLike[str]) -> None:
-        self.machine.save(path)
-
-
 def online(
     machine: Any, record: Any, channels: Any, window: Any, *, method: str, initial: Any,
     disturbance: Any,
-) -> IdentifiedOnline:  # fmt: skip
+) -> comparison.OnlineComparison:  # fmt: skip
     """Learn the magnet constant in all ways, and take that of one method for the result."""
     known = axis_argument(machine)
     start = in_si("initial", initial, "N m^2/A^2")
@@ -284,37 +256,22 @@ def online(
                 hint = f"or a signal of the record: {', '.join(log)}"
                 raise AmbkitError(f"{error}, {hint}") from None
     with arguments_of_the_user():
-        learned = comparison.compare_online(log, known, start=start, disturbance=disturbance)
-    result = IdentifiedOnline(**vars(learned), method=method)
+        result = comparison.compare_online(
+            log, known, start=start, disturbance=disturbance, method=method
+        )
     if method != "all":
         _ = result.machine  # refused now where nothing could be learned
     return result
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class IdentifiedCoil(CoilFit):
-    """A coil, and the machine that is driven through it."""
-
-    def save_toml(self, path: str | os.PathLike[str]) -> None:
-        if self.known is None or self.operating_point is None:
-            raise AmbkitError("operating_point is missing: the lag depends on where the rotor is")
-        offset = engineering(self.offset(self.known), "V", digits=6)
-        header = (
-            "# Driven by the control signal, through a coil that was identified. In its map:\n"
-            f'# [signals.u] offset = "{offset}", so that 0 is the bias current.\n'
-        )
-        machine = self.bearing(self.known, self.operating_point)
-        files.write_text(path, header + machine.to_toml(Path(path).parent))
-
-
 def coil(
     machine: Any, records: Any, axis: str | None, channels: Any, window: Any, *,
     operating_point: Any, note: Note,
-) -> IdentifiedCoil:  # fmt: skip
+) -> CoilFit:  # fmt: skip
     """Find a coil from steps of its control signal."""
     known = isolated(machine_argument(machine), axis)
     paths = [Path(path) for path in names_in(records=records)]
     logs = [record_argument(path, channels, window) for path in paths]
     fit = fit_coil(logs, [path.name for path in paths], note=note)
     at = in_si("operating_point", operating_point, "m")
-    return IdentifiedCoil(**vars(replace(fit, known=known, operating_point=at)))
+    return replace(fit, known=known, operating_point=at)

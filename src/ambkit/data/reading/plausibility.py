@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ambkit.base.arrays import Array, Bools
+from ambkit.base.arrays import Array, Bools, stretches
 from ambkit.base.units import engineering
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.derived_channels import OFTEN, is_formula
@@ -186,10 +186,5 @@ def _finite(values: Array) -> Array:
 
 def longest_run(where: Bools) -> tuple[int, int]:
     """Return start and length of the longest stretch that is true (n,); length 0 without one."""
-    # where (n,)
-    edges = np.flatnonzero(np.diff(np.r_[False, where, False])).reshape(-1, 2)
-    if edges.size == 0:
-        return 0, 0
-    lengths = edges[:, 1] - edges[:, 0]
-    at = int(np.argmax(lengths))
-    return int(edges[at, 0]), int(lengths[at])
+    runs = [(start, end - start) for start, end in stretches(where)]
+    return max(runs, key=lambda run: run[1], default=(0, 0))

@@ -1,18 +1,21 @@
-"""A picture of a log: its channels over time, with their faults marked."""
+"""Pictures of a log: what was read, with its faults, and where the trouble is of a refused one."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.base.escaping import markdown
+from ambkit.base.escaping import markdown, one_line
+from ambkit.data.reading.clock import examine
 from ambkit.data.reading.faults import Fault
+from ambkit.data.reading.rejections import RejectedLog
 from ambkit.data.record import Record
 from ambkit.data.record_card import MAX_PANELS, axis_of, missing_spans, steps_panel
-from ambkit.result.report import Figure, Item, Line, Panel, Points, Rule
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 from ambkit.result.signal_styles import TIME
 
 _FIRST = ("y", "u", "r")
@@ -82,3 +85,81 @@ def _only(t: Array, values: Array, faults: Iterable[Fault]) -> Array:
         within = slice(*np.searchsorted(t, [fault.start - half, fault.stop + half]))
         result[within] = values[within]
     return result
+
+
+SHOWN = 6  #: Channels in the picture; its clocks come first.
+TOLD = 3  #: Reasons that are told below it.
+
+_NUMBER = Axis("sample")
+
+
+def refused_figure(refused: RejectedLog) -> Figure | None:
+    """Show the clocks and channels of a refused log, with the places that are complained of."""
+    # Over time, if all of its clocks go on; over the number of the sample otherwise, since times
+    # that go back, or are none, are no axis.
+    mapped = refused.mapped
+    clocks = {name: times for name, times in mapped.clocks.items() if times.size > 1}
+    signals = {
+        name: values
+        for name, values in mapped.signals.items()
+        if values.size > 1 and np.isfinite(values).any()
+    }
+    if not clocks and not signals:
+        return None
+    over_time = not refused.damaged and all(
+        np.isfinite(times).all() and (np.diff(times) > 0).all() for times in clocks.values()
+    )
+    panels: list[Panel] = []
+    for name, times in clocks.items():
+        x = times if over_time else _numbers(times)
+        marks = list(_marks(x, _troubles(name, times, refused.damaged)))
+        axis = TIME if over_time else _NUMBER
+        if not over_time:
+            line = Line(x, times, signal="measurement", label="clock")
+            panels.append(Panel(axis, axis_of(name, "s", times), [line, *marks]))
+        panels.append(steps_panel(name, x[1:], np.diff(times), axis, marks))
+    for name, values in list(signals.items())[:SHOWN]:
+        own = mapped.clock_of[name]
+        timed = over_time and own in clocks and clocks[own].shape == values.shape
+        x = clocks[own] if timed else _numbers(values)
+        trouble = _troubles(own, clocks[own], refused.damaged) if own in clocks else ()
+        inside = [at for at in trouble if at < values.size]
+        channel = Line(x, np.where(np.isfinite(values), values, np.nan), signal="channel")
+        axis = axis_of(name, mapped.units[name], values)
+        panels.append(Panel(TIME if timed else _NUMBER, axis, [channel, *_marks(x, inside)]))
+    # In Markdown a backquote would end the code, and a dollar sign begin a formula.
+    plain = (one_line(text).replace("`", "'").replace("$", "") for text in refused.problems)
+    sentences = [f"`{problem}`" for problem in islice(plain, TOLD)]
+    if (more := len(refused.problems) - TOLD) > 0:
+        sentences.append(f"And {more} more.")
+    if left := list(signals)[SHOWN:]:
+        sentences.append(f"Not shown: {', '.join(map(markdown, left))}.")
+    return Figure(
+        id="refused",
+        title=f"{markdown(refused.name.replace(chr(92), '/').rpartition('/')[2])}: refused",
+        caption=" ".join(sentences),
+        panels=panels,
+    )
+
+
+def _numbers(values: Array) -> Array:
+    return np.arange(values.size, dtype=np.float64)
+
+
+def _troubles(name: str, times: Array, damaged: Iterable[int]) -> list[int]:
+    """Return the samples of a clock that are complained of."""
+    results = [at for at in damaged if at < times.size]
+    finite = np.isfinite(times)
+    results += np.flatnonzero(~finite).tolist()
+    if np.count_nonzero(finite) > 1:
+        clock = examine(name, times[finite])
+        gaps = clock.gaps if not clock.whole_gaps else clock.gaps[:0]
+        places = np.concatenate([clock.jumps, clock.uneven, gaps])
+        results += np.flatnonzero(finite)[places].tolist()
+    return sorted(set(results))
+
+
+def _marks(x: Array, troubles: Iterable[int]) -> Iterable[Item]:
+    """Mark samples, each with the one before it."""
+    stretches = [(float(x[max(at - 1, 0)]), float(x[at])) for at in troubles]
+    return missing_spans(stretches, x, "refused for this")

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, interpolated
 from ambkit.base.errors import RecordError
 from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log
@@ -209,7 +209,7 @@ def _find_rotor(results: list[Candidate]) -> Rotor | None:
     compared = _compared(results, y, control)
     if len(compared) < 2:
         return None
-    rows = np.array([filled(c.values[:LOOKED_AT]) for c in compared])
+    rows = np.array([interpolated(c.values[:LOOKED_AT]) for c in compared])
     copies = same_numbers(rows)
     for k, same in copies.items():
         if not compared[k].role:
@@ -317,15 +317,6 @@ def _find_velocity(open_: Sequence[Candidate], y: Candidate) -> None:
     for n, (_, likeness, candidate) in enumerate(rated):
         candidate.role, candidate.estimated = "v", n > 0
         candidate.why.append(f"difference of {y.label} (correlation {likeness:.2f})")
-
-
-def filled(values: Array) -> Array:
-    """Return samples (n,) with straight lines where some are missing; zeros if all are."""
-    there = np.isfinite(values)
-    if there.all():
-        return values
-    at = np.arange(values.size)
-    return np.interp(at, at[there], values[there]) if there.any() else np.zeros(values.size)
 
 
 def seen(values: Array) -> Array:

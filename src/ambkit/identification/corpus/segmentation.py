@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ambkit.base.arrays import Array, Bools
+from ambkit.base.arrays import Array, Bools, interpolated
 from ambkit.data.record import Record
 from ambkit.identification.noise import white_noise
 from ambkit.machine.machine import Machine
@@ -48,7 +48,7 @@ def cut(record: Record, bearing: Machine) -> list[Stretch]:
     from scipy.signal import savgol_filter
 
     T = record.sampling_time
-    y, u = _whole(record["y"]), _whole(record["u"])
+    y, u = interpolated(record["y"]), interpolated(record["u"])
     own = max(own_time(bearing) / T, 2.0)
     width = 2 * round(own) + 1
     if y.size < 2 * width:
@@ -92,14 +92,6 @@ def flights(record: Record, stretches: list[Stretch], bearing: Machine) -> list[
         for s in stretches
         if s.kind == "flight" and s.end - s.begin >= least
     ]
-
-
-def _whole(values: Array) -> Array:
-    known = np.isfinite(values)
-    if known.all() or not known.any():
-        return np.nan_to_num(values)
-    at = np.arange(values.size)
-    return np.interp(at, at[known], values[known])
 
 
 def _at_its_end(y: Array, travel: float) -> Bools:

@@ -50,14 +50,13 @@ def multisine(n: int, T: float, band: Band) -> Excitation:
     # Renneboog 1988): the peak is some 1.3 to 1.5 times the root mean square.
     first, last = (min(max(1, round(f * n * T)), (n - 1) // 2) for f in band)
     line = np.arange(first, last + 1)
-    amplitude = 1 / np.sqrt(line)
-    values = _sum_of_sines(n, line, amplitude, _phases(line, amplitude))
+    values = _low_peak(n, line, 1 / np.sqrt(line))
     # A period may begin anywhere: let it be where it passes zero most gently.
     after = np.roll(values, -1)
     passing = np.flatnonzero(np.sign(values) != np.sign(after))
     gentlest = passing[np.argmin(np.abs(values - after)[passing])]
     values = np.roll(values, -int(gentlest) - 1)
-    return Excitation("multisine", values / np.max(np.abs(values)), [slice(0, n)], line / (n * T))
+    return Excitation("multisine", values, [slice(0, n)], line / (n * T))
 
 
 def sparse_multisine(
@@ -78,8 +77,13 @@ def sparse_multisine(
     away = [bool(all(abs(k - f * n * T) > 1 for f in without)) for k in line]
     line = line[away]
     amplitude = np.ones(len(line)) if weight is None else weight(line / (n * T))
+    return Excitation("multisine", _low_peak(n, line, amplitude), [slice(0, n)], line / (n * T))
+
+
+def _low_peak(n: int, line: NDArray[np.int_], amplitude: Array) -> Array:
+    """Return a sum of sines of amplitude 1, whose phases keep its peak low."""
     values = _sum_of_sines(n, line, amplitude, _phases(line, amplitude))
-    return Excitation("multisine", values / np.max(np.abs(values)), [slice(0, n)], line / (n * T))
+    return np.asarray(values / np.max(np.abs(values)))
 
 
 def _sum_of_sines(n: int, line: NDArray[np.int_], amplitude: Array, phase: Array) -> Array:

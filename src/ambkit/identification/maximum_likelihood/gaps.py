@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.base.arrays import Array, Bools
+from ambkit.base.arrays import Array, Bools, stretches
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.machine import Machine
@@ -67,8 +67,7 @@ def run_with_gaps(
         out["status"][:skip] |= np.uint16(Status.MISSING)
         parts.append(out)
 
-    edges = np.flatnonzero(np.diff(np.r_[False, unknown, False]))
-    for first, after in edges.reshape(-1, 2).tolist():
+    for first, after in stretches(unknown):
         y[first + 1 : after] = np.nan
         if after == u.size:
             break

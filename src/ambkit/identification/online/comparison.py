@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, Bools, stretches
+from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.units import figure
 from ambkit.data.record import Record
@@ -23,7 +25,7 @@ from ambkit.identification.online.adaline import (
     OnlineResult,
     last_quarter,
 )
-from ambkit.identification.online.magnet_constant import ONLINE, AugmentedResult
+from ambkit.identification.online.magnet_constant import ONLINE, AugmentedResult, identified
 from ambkit.identification.online.rls import LeastSquaresResult
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule, Span
@@ -55,12 +57,24 @@ Sensor noise that is correlated over a sample (a low-pass at a sixth of the samp
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OnlineComparison(Result):
-    """What each learned along one record, from one start."""
+    """What each learned along one record, from one start, and the machine of one of them."""
 
     bearing: Machine  #: The one that was given.
     start: float  #: Magnet constant that all began with [N m^2/A^2].
     truth: float | None  #: The simulated bearing's [N m^2/A^2]; None for a measured record.
     results: Mapping[str, OnlineResult]  #: By the names of `NAMES`.
+    method: str = "all"  #: Whose the machine is.
+
+    @property
+    def machine(self) -> Machine:
+        """The machine with what the method learned."""
+        if self.method == "all":
+            raise AmbkitError(f"a machine is of one method: method={', '.join(ONLINE)}")
+        return identified(self.bearing, self.results[self.method])
+
+    def save_toml(self, path: str | os.PathLike[str]) -> None:
+        """Write the machine."""
+        self.machine.save(path)
 
     @property
     def colour(self) -> float:
@@ -189,8 +203,9 @@ class OnlineComparison(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Start, truth, and how white the filter's innovations are."""
-        return {
+        """Start, truth, how white the innovations are, and what the method learned once more."""
+        return {row.key: row.value for row in self.rows if row.of == self.method} | {
+            "method": self.method,
             "bearing": self.bearing.name,
             "start": self.start,
             "truth": self.truth,
@@ -210,11 +225,13 @@ def compare_online(
     *,
     start: float | None = None,
     disturbance: ArrayLike | None = None,
+    method: str = "all",
 ) -> OnlineComparison:
     """Learn the magnet constant along a record: ADALINE, least squares, and the Kalman filter."""
     # All from the same two signals and the same start, each with its defaults.
     # disturbance (n,) [N]
-
+    if method not in ("all", *ONLINE):
+        raise AmbkitError(f'there is no method "{method}"; known: all, {", ".join(ONLINE)}')
     check_sampling(bearing, record)
     return OnlineComparison(
         bearing,
@@ -224,6 +241,7 @@ def compare_online(
             name: learner(bearing, start=start).run(record, disturbance=disturbance)
             for name, learner in ONLINE.items()
         },
+        method,
     )
 
 
@@ -320,12 +338,11 @@ def _monitor(name: str, one: OnlineResult, time: Axis) -> Panel:
     return Panel(time, Axis(f"excitation, {NAMES[name]}"), [*held, line, least])
 
 
-def _stretches(t: Array, where: NDArray[np.bool_]) -> list[tuple[float, float]]:
+def _stretches(t: Array, where: Bools) -> list[tuple[float, float]]:
     """Return from when to when [s] something holds; what is near to each other is one."""
-    edges = np.flatnonzero(np.diff(np.r_[False, where, False].astype(np.int8))).reshape(-1, 2)
     least = JOINED * float(t[-1] - t[0])
     joined: list[tuple[float, float]] = []
-    for a, b in edges:
+    for a, b in stretches(where):
         start, stop = float(t[a]), float(t[b - 1])
         if joined and start - joined[-1][1] < least:
             joined[-1] = joined[-1][0], stop

@@ -181,7 +181,7 @@ def efficiency_figure(bench: Any) -> Figure:
 
 def run_figure(study: Any) -> Figure:
     """Show one run: position, and the disturbance force as the estimators see it."""
-    trial, field, bench = study.first, study.field, study.bench
+    trial, field = study.first, study.field
     record, time = trial.record, Axis("time", "s")
     view = View(trial.plant)
     axis = view.machine.axes[0].name
@@ -190,7 +190,7 @@ def run_figure(study: Any) -> Figure:
     estimate_lines: list[Item] = []
     start = len(record) // 25
     for name, style in _styles(field).items():
-        estimate = field[name].build(**bench.best[name].values).run(record)
+        estimate = field[name].build(**study.best[name].values).run(record)
         # The start in the dark would flatten all that follows.
         estimate_lines.append(
             Line(record.t[start:], estimate[load][start:], signal=style, label=name)

@@ -17,13 +17,10 @@ from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, errors_along, rms
 from ambkit.judge.comparison.figures import SHOWN
-from ambkit.judge.comparison.score import least
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.result.report import Axis, Bars, Figure, Item, Panel, Rule
-from ambkit.result.result import Result
 from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
 from ambkit.result.signal_styles import looks
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -57,30 +54,9 @@ class Score:
         ]  # fmt: skip
 
 
-class Scores(Result, dict[str, Score]):
-    """How each of several estimators did, by name."""
-
-    @property
-    def title(self) -> str:
-        """Over how many seeds."""
-        runs = len(next(iter(self.values())).nis)
-        return f"Errors in the loop, mean and standard deviation over {runs} seeds"
-
-    @property
-    def finding(self) -> str:
-        """Who estimates the disturbance force best."""
-        return f"In its own loop {least(self.rows)}."
-
-    @property
-    def rows(self) -> list[Row]:
-        """The errors of each."""
-        return [row for name, score in self.items() for row in put(score.rows(), of=name)]
-
-    SECTIONS = {(): Section("{0.title}", across=True)}
-
-    def figures(self) -> list[Figure]:
-        """Return the errors as bars."""
-        return [comparison_figure({"": self}, "")]
+def rows_of(scores: Mapping[str, Score]) -> list[Row]:
+    """Return the errors of each."""
+    return [row for name, score in scores.items() for row in put(score.rows(), of=name)]
 
 
 def rmse(estimate: Estimate, record: Record, signal: str) -> float:
@@ -97,7 +73,7 @@ def compare(
     magnet: MagnetModel | None = None,
     threads: int = 2,
     done: Callable[[], None] = lambda: None,
-) -> Scores:
+) -> dict[str, Score]:
     """Monte Carlo over seeds: every estimator closes its own loop against the same noise."""
     of_type(Machine, bearing=bearing)
     of_type(Scenario, scenario=scenario)
@@ -113,7 +89,7 @@ def compare(
         touched = run.record.meta["stop_touched"] > 0
         return errors, float(run.estimate.nis[1:].mean()), touched
 
-    scores = Scores()
+    scores = {}
     with pool_of(threads) as pool:
         futures = {name: [pool.submit(one, name, seed) for seed in seeds] for name in estimators}
         for name, waiting in futures.items():

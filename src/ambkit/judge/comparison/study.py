@@ -35,8 +35,6 @@ from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
-from ambkit.result.report import Figure
-from ambkit.result.result import Result
 from ambkit.result.row import Row
 from ambkit.result.sections import Part, Section
 
@@ -75,18 +73,17 @@ TUNED = (
 SWEEP_RUNS = 4  #: Runs at each point of these.
 
 
-@dataclass(frozen=True, repr=False)
-class Study(Result):
-    """A whole comparison."""
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Study(Bench):
+    """A comparison in one case, and in rows of cases around it."""
 
-    bench: Bench  #: The case that was asked for.
     field: Mapping[str, Candidate]  #: Who took part.
     first: Trial  #: Its first run.
     #: Errors by the height of the step, by the plant's magnet constant, and by the height of the
     #: step where all is as the filters' model says; None where the report was not asked for.
     steps: Sweep | None = None
     wrong_k: Sweep | None = None
-    limit: Sweep | None = None
+    limit_steps: Sweep | None = None
     #: The case in which the limit is known, with defaults, which are right there.
     model: Bench | None = None
     #: Writes the filters that were tuned into a folder.
@@ -99,7 +96,7 @@ class Study(Result):
 
     def file(self) -> Table:
         """Return the figures of each run, which is what is written as ``.csv``."""
-        return per_run({self.bench.case.name: self.bench})
+        return per_run({self.case.name: self})
 
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
         """Write the filters that were tuned, a file for each kind, into a folder."""
@@ -107,19 +104,9 @@ class Study(Result):
         self.save_filters(self, path)
 
     @property
-    def title(self) -> str:
-        """Of what machine, and what happens."""
-        return self.bench.title
-
-    @property
-    def finding(self) -> str:
-        """Who estimates the disturbance force best."""
-        return self.bench.finding
-
-    @property
     def rows(self) -> list[Row]:
         """All of the case, and how close each comes to the limit."""
-        model, result = self.model, [*self.bench.rows]
+        model, result = self.model, super().rows
         if model is not None:
             result += [
                 Row(s, CRITERIA[s].label, model.efficiency(name, s), section=("efficiency",),
@@ -132,25 +119,25 @@ class Study(Result):
     def sections(self) -> dict[tuple[str, ...], Section]:
         """Titles of the tables."""
         title = "How close each comes to the limit, where the filters' model is true"
-        return {**self.bench.sections, ("efficiency",): Section(title, across=True)}
+        return {**super().sections, ("efficiency",): Section(title, across=True)}
 
     @property
     def chapters(self) -> list[Part]:
         """Who does best, when it matters, the limit, and how it was compared."""
-        best = [*self.bench.figures(), run_figure(self)]
+        best = [*self.figures(), run_figure(self)]
         around = {"steps": self.steps, "wrong_k": self.wrong_k}
-        results = [Part("Comparison", self.bench.case.about, None, best)]
+        results = [Part("Comparison", self.case.about, None, best)]
         if self.steps is not None:
             swept = [sweep_figure(*item) for item in around.items()]
             results.append(Part("Dependence on conditions", AROUND, None, swept))
         if self.model is not None:
-            limit = [sweep_figure("limit_steps", self.limit),
+            limit = [sweep_figure("limit_steps", self.limit_steps),
                      efficiency_figure(self.model)]  # fmt: skip
             results.append(Part("Cramér-Rao bound", LIMIT, ("efficiency",), limit))
         return [*results, Part("Method", self._how(), ("tuning",))]
 
     def _how(self) -> str:
-        bench, spread = self.bench, self.bench.case.spread
+        spread = self.case.spread
         shares = (f"{n.replace('_', ' ')} ±{100 * by:.0f} %" for n, by in vars(spread).items())
         plant = (
             "The plant is the nominal one."
@@ -158,35 +145,21 @@ class Study(Result):
             else f"Scrambled Sobol points spread the plant around the nominal one: "
             f"{', '.join(shares)}."
         )
-        tuned = TUNED.format(budget=bench.budget) if bench.tuned else ""
+        tuned = TUNED.format(budget=self.budget) if self.tuned else ""
         criteria = "\n".join(f"- {of.label}: {of.about}" for of in CRITERIA.values())
-        return f"{HOW.format(runs=bench.runs)} {plant} {tuned}\n\n{criteria}"
-
-    @property
-    def facts(self) -> dict[str, str]:
-        """What was compared, and how."""
-        return self.bench.facts
-
-    @property
-    def notes(self) -> list[str]:
-        """What is to be known of the case."""
-        return self.bench.notes
+        return f"{HOW.format(runs=self.runs)} {plant} {tuned}\n\n{criteria}"
 
     @property
     def series(self) -> dict[str, Any]:
         """All of the case, the errors around it, and whether the filters may fly."""
-        around = {"steps": self.steps, "wrong_k": self.wrong_k, "limit_steps": self.limit}
+        around = {"steps": self.steps, "wrong_k": self.wrong_k, "limit_steps": self.limit_steps}
         judged = {} if self.judge is None else self.judge(self)
         adequacy = {kind: [item.to_dict() for item in of] for kind, of in judged.items()}
         return (
-            self.bench.series
+            super().series
             | {n: vars(item) for n, item in around.items() if item}
             | ({"adequacy": adequacy} if adequacy else {})
         )
-
-    def figures(self) -> Sequence[Figure]:
-        """Return all by all criteria, and what a step costs."""
-        return self.bench.figures()
 
 
 def learned(
@@ -243,8 +216,9 @@ def study(
         done=lambda: done(f"case {case.name}"),
     )  # fmt: skip
     first = next(t for t in each_trial(case, bearing, runs, seed) if not t.lost)
+    known: dict[str, Any] = vars(main) | {"field": field, "first": first}
     if not whole:
-        return Study(main, field, first)
+        return Study(**known)
     tuned = {name: s.tuning for name, s in main.tuned.items() if s.tuning is not None}
 
     def row(what: str, cases: dict[float, Case], runs: int, tuned: Any) -> Sweep:
@@ -263,12 +237,11 @@ def study(
     wrong = {k: alike(step_case(STEPS[1]), k) for k in WRONG}
     walks = {share * travel: walk_case(share) for share in HEIGHTS}
     return Study(
-        main,
-        field,
-        first,
+        **known,
         steps=row("errors by step", steps, SWEEP_RUNS, tuned),
         wrong_k=row("errors by k", wrong, SWEEP_RUNS, tuned),
-        limit=row("the limit", walks, 2 * SWEEP_RUNS, None),  # there the defaults are the truth
+        # There the defaults are the truth.
+        limit_steps=row("the limit", walks, 2 * SWEEP_RUNS, None),
         model=bench(
             bearing, CASES["model"], field, runs=max(runs, 32), seed=seed, threads=threads,
             done=lambda: done("the limit"),
@@ -298,7 +271,7 @@ def across(
         return study(
             bearing, case, names, custom=custom, runs=runs, budget=budget, seed=seed,
             magnets=known[learns_from], whole=False, done=done,
-        ).bench  # fmt: skip
+        )  # fmt: skip
 
     return Benches({name: compared(case) for name, case in cases.items()})
 

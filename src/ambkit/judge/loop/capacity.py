@@ -62,23 +62,25 @@ def heating(bearing: Machine, squares: list[float]) -> Heating | None:
 
 def at_rest(coil: Coil, power: float) -> float:
     """Return the temperature at which a coil rests [K]; infinite where it never does."""
+    left, rest = _balance(coil, power)
+    return math.inf if left <= 0 else rest / left
+
+
+def _balance(coil: Coil, power: float) -> tuple[float, float]:
+    """Return what a coil's temperature follows [1], [K]: ``tau Th' = rest - left Th``."""
     rise = coil.thermal_resistance * power
     left = 1 - rise * coil.temperature_coefficient
-    if left <= 0:
-        return math.inf
-    return (coil.ambient + rise * (1 - coil.temperature_coefficient * REFERENCE)) / left
+    return left, coil.ambient + rise * (1 - coil.temperature_coefficient * REFERENCE)
 
 
 def _until_limit(coil: Coil, power: float, start: float) -> float | None:
-    """Return how long a loss may last from a temperature on [s]: ``tau Th' = rest - left Th``."""
+    """Return how long a loss may last from a temperature on [s]."""
     tau, limit = coil.time_constant, coil.temperature_limit
     if tau is None or limit is None:
         return None
     if start >= limit:
         return 0.0
-    rise = coil.thermal_resistance * power
-    left = 1 - rise * coil.temperature_coefficient
-    rest = coil.ambient + rise * (1 - coil.temperature_coefficient * REFERENCE)
+    left, rest = _balance(coil, power)
     fast, slow = rest - left * start, rest - left * limit  # tau Th' at both ends
     if slow <= 0:
         return math.inf

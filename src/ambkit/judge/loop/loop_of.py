@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -32,7 +32,7 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
 from ambkit.judge.loop.capacity import Turned, of_runout, of_unbalance
-from ambkit.judge.loop.margins import grid, highest
+from ambkit.judge.loop.margins import axis_peaks
 from ambkit.judge.loop.synthesis import LQG, Noise, beside_each_other, hinf, least_peaks
 from ambkit.machine.components import Unbalance
 from ambkit.machine.force_laws import isolated_axes
@@ -43,9 +43,6 @@ from ambkit.models.plant import Plant
 
 PROMPT = 1e-12
 """Lag of an ideal sensor [s]: what is shorter than models tell from none."""
-
-COARSE = 500
-"""Points of a grid that finds a peak, where nothing else is asked."""
 
 
 @lru_cache(maxsize=4)
@@ -301,11 +298,7 @@ class LoopOf:
             return math.inf
         if not loop.is_stable:
             return math.inf
-        f = grid(loop, COARSE)
-        within = np.append(f[f < self.top], self.top)
-        S = np.abs(np.einsum("kii->ki", loop.along_axes(within)))
-        worst = np.flatnonzero(S.max(axis=0) > 0.9 * S.max()).tolist()
-        return max(highest(partial(loop.of_axis, k), within, S[:, k])[0] for k in worst)
+        return float(axis_peaks(loop, self.top).max())
 
     def check(self, estimator: Estimator, peak_limit: float) -> None:
         """Refuse a ceiling on the peak of abs(S) that this filter cannot be held to."""

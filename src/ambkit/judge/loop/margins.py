@@ -47,22 +47,88 @@ def highest(
 ) -> tuple[float, float]:
     """Return the peak of a magnitude and its frequency [Hz], refined between the grid's points."""
     # f (k,) [Hz]; seen (k,)
-    from scipy.optimize import minimize_scalar
 
-    seen = np.abs(of(f) if seen is None else seen)
-    padded = np.concatenate([[-np.inf], seen, [-np.inf]])
-    tops = np.flatnonzero((seen >= padded[:-2]) & (seen >= padded[2:]) & (seen > 0.9 * seen.max()))
-    best = int(np.argmax(seen))
-    value, place = float(seen[best]), float(f[best])
-    for at in map(int, tops):
-        low, high = float(f[max(at - 1, 0)]), float(f[min(at + 1, len(f) - 1)])
-        result = minimize_scalar(
-            lambda x: -float(np.abs(of(np.array([x])))[0]), bounds=(low, high), method="bounded",
-            options={"xatol": 1e-10 * high},
-        )  # fmt: skip
-        if -result.fun > value:
-            value, place = -float(result.fun), float(result.x)
-    return value, place
+    def gain(at: Array) -> Array:
+        return np.asarray(np.abs(of(at.ravel())).reshape(at.shape))
+
+    value, place = tops_of(gain, f[None], np.abs(of(f) if seen is None else seen)[None])
+    return float(value[0]), float(place[0])
+
+
+TOPS, REFINED = 6, 32
+"""So many of the highest peaks of a grid are refined, by steps of golden section (Kiefer 1953)."""
+
+
+def tops_of(gain: Callable[[Array], Array], f: Array, seen: Array) -> tuple[Array, Array]:
+    """Return the highest of curves (n,), of each between the neighbours of its peaks, and where."""
+    # f, seen (n, m)
+    beside = np.pad(seen, ((0, 0), (1, 1)), constant_values=-np.inf)
+    tops = np.where((seen >= beside[:, :-2]) & (seen >= beside[:, 2:]), seen, -np.inf)
+    best = np.argsort(-tops, axis=1, kind="stable")[:, :TOPS]
+    low = np.take_along_axis(f, np.maximum(best - 1, 0), axis=1)
+    high = np.take_along_axis(f, np.minimum(best + 1, f.shape[1] - 1), axis=1)
+    share = (math.sqrt(5) - 1) / 2
+    a, b = high - share * (high - low), low + share * (high - low)
+    at_a, at_b = gain(a), gain(b)
+    for _ in range(REFINED):
+        left = at_a > at_b
+        low, high = np.where(left, low, a), np.where(left, b, high)
+        new = np.where(left, high - share * (high - low), low + share * (high - low))
+        at_new = gain(new)
+        a, b = np.where(left, new, b), np.where(left, a, new)
+        at_a, at_b = np.where(left, at_new, at_b), np.where(left, at_a, at_new)
+    f, seen = np.hstack([f, 0.5 * (low + high)]), np.hstack([seen, gain(0.5 * (low + high))])
+    at = np.argmax(seen, axis=1)[:, None]
+    return np.take_along_axis(seen, at, 1)[:, 0], np.take_along_axis(f, at, 1)[:, 0]
+
+
+AXIS_GRID = 160
+"""Frequencies at which each axis of a loop is looked at, besides those of its own poles."""
+
+
+def axis_peaks(loop: Loop, top: float) -> Array:
+    """Return the peaks of abs(S) of a stable loop's axes (a,) up to a frequency [Hz]."""
+    closed, m = loop.closed, loop.measurements
+    to: Any = np.eye(m) if loop.added is None else loop.added
+    seen: Any = np.eye(m) if loop.shown is None else loop.shown
+    B, C = closed.B[:, :m] @ to, seen @ closed.C[:m]
+    through = np.diag(seen @ (np.eye(m) + closed.D[:m, :m]) @ to)
+    # Opened at one axis: its position is fed back with the opposite sign.
+    opened = np.linalg.eigvals(closed.A - B.T[:, :, None] * C[:, None, :] / through[:, None, None])
+    poles = np.broadcast_to(closed.poles().astype(complex), opened.shape)
+    return np.asarray(through * peaks_by_poles(opened.astype(complex), poles, loop.T, top))
+
+
+def peaks_by_poles(opened: Complex, closed: Complex, T: float, top: float) -> Array:
+    """Return the highest abs(S) of loops up to a frequency (n,) [1]."""
+    # Seen along an axis with all other loops closed, the sensitivity is the ratio of two
+    # polynomials whose roots are known: ``S(z) = d det(zI - A_open)/det(zI - A_closed)``, where
+    # A_open has the loop of that axis open. So it takes no linear system at any frequency.
+    # opened (n, a); closed (n, b)
+
+    def gain(f: Array) -> Array:
+        """Return log abs(S) of each loop at frequencies of its own (n, k)."""
+        z = np.exp(2j * np.pi * T * f)
+        with np.errstate(divide="ignore"):  # S is zero at a pole of the open loop on the circle
+            return np.asarray(np.log(np.abs(_product(z, opened) / _product(z, closed))), float)
+
+    lowest = AXIS_LOWEST * top
+    own = np.abs(np.angle(closed)) / (2 * np.pi * T)
+    common = np.broadcast_to(np.geomspace(lowest, top, AXIS_GRID), (len(closed), AXIS_GRID))
+    f = np.sort(np.hstack([common, np.clip(own, lowest, top)]), axis=1)
+    return np.asarray(np.exp(tops_of(gain, f, gain(f))[0]))
+
+
+AXIS_LOWEST = 1e-4
+"""Of the end of the range, where these begin."""
+
+
+def _product(z: Complex, poles: Complex) -> Complex:
+    """Return the product of z (n, k) less each of the poles (n, m) of its row."""
+    result = z - poles[:, :1]
+    for k in range(1, poles.shape[1]):
+        result *= z - poles[:, k : k + 1]
+    return result
 
 
 def zeros(of: Callable[[Array], Array], f: Array) -> Iterator[float]:

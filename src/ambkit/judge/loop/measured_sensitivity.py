@@ -215,8 +215,7 @@ def _by_polynomials(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
 
 def _magnitudes(result: float, std: float, freedom: int, level: float) -> tuple[float, float]:
     """Return the ends of the interval of a magnitude [1], from its estimate and its deviation."""
-    from scipy.optimize import brentq
-    from scipy.special import chndtr
+    from scipy.special import chndtrinc
     from scipy.stats import norm, t
 
     tail = (1 - level) / 2
@@ -226,13 +225,8 @@ def _magnitudes(result: float, std: float, freedom: int, level: float) -> tuple[
     if result >= CERTAIN * part:
         return result - half_width, result + half_width
 
-    def end(share: float) -> float:
-        def off(magnitude: float) -> float:
-            """How far the chance of less than was found is from what it is to be."""
-            return float(chndtr((result / part) ** 2, 2, (magnitude / part) ** 2)) - share
-
-        if off(0.0) <= 0:
-            return 0.0
-        return float(brentq(off, 0.0, result + 2 * half_width + 2 * part, xtol=1e-6 * part))
-
-    return end(1 - tail), end(tail)
+    # The magnitudes with which less than was found has the chance of either tail; the function
+    # ends at 1e-300 in place of 0.
+    ends = chndtrinc((result / part) ** 2, 2, np.array([1 - tail, tail]))
+    low, high = (part * np.sqrt(np.where(ends > 1e-100, ends, 0.0))).tolist()
+    return low, high
