@@ -42,6 +42,12 @@ def interpolated(values: Array) -> Array:
     return np.interp(at, at[known], values[known]) if known.any() else np.zeros(values.size)
 
 
+def block_means(values: Array, size: int, first: int = 0) -> Array:
+    """Return means over blocks of samples, from one on; what fills no block is left out."""
+    count = (values.size - first) // size
+    return np.asarray(values[first : first + count * size].reshape(count, size).mean(axis=1))
+
+
 def stretches(where: Bools) -> list[tuple[int, int]]:
     """Return from where to before where an array (n,) is true, each time that it is."""
     edges = np.flatnonzero(np.diff(np.r_[False, where, False]))

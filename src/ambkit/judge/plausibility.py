@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.arrays import Array, interpolated
+from ambkit.base.arrays import Array, block_means, interpolated
 from ambkit.base.units import engineering, percent
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import find, noise
@@ -269,7 +269,7 @@ def _flying(record: Record, bearing: Machine) -> tuple[Array, Array, int]:
     size = max(1, round(0.5 * own_time(bearing) / record.sampling_time))
     first = int(_START * len(record))
     lies = _at_stop(record, bearing, -1) | _at_stop(record, bearing, 1)
-    y, u = (_means(np.where(lies, np.nan, record[name])[first:], size) for name in ("y", "u"))
+    y, u = (block_means(np.where(lies, np.nan, record[name])[first:], size) for name in ("y", "u"))
     there = np.isfinite(y) & np.isfinite(u)
     return y[there], u[there], size
 
@@ -366,9 +366,3 @@ def _gravity(record: Record, bearing: Machine) -> Iterator[str]:
             "be on the rotor. Is an offset or a scale of y or of u wrong, or the record of another "
             "rig?".format(*force_texts)
         )
-
-
-def _means(values: Array, size: int) -> Array:
-    blocks = values[: values.size // size * size].reshape(-1, size)
-    result: Array = blocks.mean(axis=1)
-    return result

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ambkit.base.arrays import Array, interpolated
+from ambkit.base.arrays import block_means, interpolated
 from ambkit.base.errors import ConfigError
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
@@ -92,12 +92,13 @@ class _Prediction:
         block = min(block, len(record) / _FEWEST) if rigid else 1
         self.filters, k = _filters(machine, max(1, round(block)))
         # Positions are means around the instant at which the control signal's begins to act.
-        columns = {name: _means(record[name], k, 0) for name in names if name[0] == "y"}
-        columns |= {
-            name: _means(interpolated(record[name]), k, k // 2) for name in names if name[0] == "u"
-        }
+        columns = {
+            name: block_means(record[name], k) if name[0] == "y"
+            else block_means(interpolated(record[name]), k, k // 2)
+            for name in names
+        }  # fmt: skip
         if "speed" in record:
-            columns["speed"] = _means(interpolated(record["speed"]), k, 0)
+            columns["speed"] = block_means(interpolated(record["speed"]), k)
         self.n = min(map(len, columns.values()))
         last = _RIGID if rigid else _BENDING
         self.columns = {name: values[: self.n][-last:] for name, values in columns.items()}
@@ -149,12 +150,6 @@ def _filters(machine: Machine, k: int) -> tuple[list[KalmanFilter], int]:
         )
         for factor in _INTENSITIES
     ], k
-
-
-def _means(values: Array, k: int, first: int) -> Array:
-    n = (values.size - first) // k
-    result: Array = values[first : first + n * k].reshape(n, k).mean(axis=1)
-    return result
 
 
 def judge_signs(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:

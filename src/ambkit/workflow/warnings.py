@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambkit.base.arrays import Array
+from ambkit.data.reading.plausibility import longest_run
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate
@@ -35,8 +36,7 @@ def missing_control(record: Record) -> tuple[int, int]:
     lost = ~np.isfinite([record[n] for n in record if n.partition("_")[0] == "u"]).all(axis=0)
     if not lost.any():
         return 0, 0
-    edges = np.flatnonzero(np.diff(np.r_[False, lost, False])).reshape(-1, 2)
-    return int(lost.sum()), int(np.ptp(edges, axis=1).max())
+    return int(lost.sum()), longest_run(lost)[1]
 
 
 def outside_operating_range(

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ambkit.base.arrays import Array, interpolated
+from ambkit.base.arrays import Array, block_means, interpolated
 from ambkit.base.errors import RecordError
 from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log
@@ -327,8 +327,7 @@ def seen(values: Array) -> Array:
 
 def slow(values: Array) -> Array:
     """Return means of 20 samples each, which are hardly noise any more."""
-    size = values.size // 20 * 20
-    return values[:size].reshape(-1, 20).mean(axis=1) if size >= 400 else values
+    return block_means(values, 20) if values.size >= 400 else values
 
 
 def correlation(a: Array, b: Array) -> float:

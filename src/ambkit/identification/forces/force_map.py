@@ -104,7 +104,7 @@ def force_map(
     assumed = ASSUMED * float(np.ptp(law))
 
     def innovations(correction: Array) -> tuple[Array, Array, Bools]:
-        magnet = _Corrected(b, current, displacement, correction.reshape(law.shape), ranges)
+        magnet = _Corrected(b, (displacement, current), correction.reshape(law.shape), ranges)
         corrected = replace(model, magnet=magnet)
         parts = []
         for record in several:
@@ -158,6 +158,7 @@ def _corrections(
     return less_mean @ w, np.sqrt(np.diag(covariance))
 
 
+@dataclass(frozen=True, eq=False)
 class _Corrected:
     """A bearing's law with a correction between the nodes of a grid, as the core's table."""
 
@@ -165,15 +166,10 @@ class _Corrected:
     # two as the paper's least squares would (`equally_far`), and its value at the origin, which no
     # stiffness can give, is left to the load.
 
-    def __init__(
-        self,
-        bearing: Machine,
-        current: Array,
-        displacement: Array,
-        w: Array,
-        ranges: list[tuple[float, float]],
-    ) -> None:
-        self.bearing, self.nodes, self.w, self.ranges = bearing, (displacement, current), w, ranges
+    bearing: Machine
+    nodes: tuple[Array, Array]  #: Of displacement and current.
+    w: Array
+    ranges: list[tuple[float, float]]
 
     def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation."""

@@ -57,15 +57,13 @@ class Local:
         return float(self.score @ np.linalg.solve(self.held, self.score))
 
 
+@dataclass(frozen=True, eq=False)
 class Likelihood:
     """Log likelihood of records as a function of the coordinates of a search."""
 
-    def __init__(
-        self, records: Sequence[Record], coordinates: Coordinates, settling: float
-    ) -> None:
-        self.records = records
-        self.coordinates = coordinates
-        self.settling = settling
+    records: Sequence[Record]
+    coordinates: Coordinates
+    settling: float  #: Time at the start of each record that does not count [s].
 
     def innovations(self, z: Array) -> tuple[Array, Array, Bools]:
         """Innovations [m], variances [m^2] and whether they count, of all records in a row."""
