@@ -19,7 +19,7 @@ from ambkit.judge.comparison import cases, criteria
 from ambkit.judge.comparison.cases import CASES, Load, trials, walk_case
 from ambkit.judge.comparison.comparison import Sweep, bench, sweep
 from ambkit.judge.comparison.figures import _shades, cases_figure, matrix_figure, sweep_figure
-from ambkit.judge.comparison.study import learned, pieces_of, study
+from ambkit.judge.comparison.study import HEIGHTS, WRONG, learned, study
 from ambkit.judge.comparison.tolerance import CERTAIN, Spread
 from ambkit.judge.comparison.tuning import candidates, errors, expand, tune
 from ambkit.machine.forces.force_points import ForcePoints
@@ -343,7 +343,8 @@ def test_the_report_of_a_whole_study() -> None:
     found = study(
         BEARING, SHORT, ["linear"], custom={"mine": OwnLinear}, runs=2, budget=3, done=steps.append
     )
-    assert len(steps) == pieces_of(2, 3, whole=True)
+    # Each default, tuned and searched, then itself; the rows of cases around it, and the limit.
+    assert len(steps) == 2 * 3 + 1 + 2 * len(HEIGHTS) + len(WRONG) + 2
     assert [part.title for part in found.chapters] == [
         "Comparison", "Dependence on conditions", "Cramér-Rao bound", "Method",
     ]  # fmt: skip

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import ambkit
-from ambkit.base.progress import in_notebook, progress, reporting
+from ambkit.base.progress import in_notebook, progress
 
 
 @pytest.fixture
@@ -73,13 +73,6 @@ def test_a_failure_takes_the_bar_away_as_well(notebook: list[Any]) -> None:
     with pytest.raises(ValueError, match="no"), progress("counting"):
         raise ValueError("no")
     assert notebook[-1]["text/html"] == ""
-
-
-def test_who_tells_is_not_told_by_a_bar(notebook: list[Any]) -> None:
-    said: list[str] = []
-    with reporting(said.append, "counting") as tell:
-        tell("one")
-    assert (said, notebook) == (["one"], [])
 
 
 def test_long_functions_show_it_by_themselves(notebook: list[Any]) -> None:

@@ -23,7 +23,7 @@ def progress(
     """Show progress: in a notebook below its cell, else on stderr if it is a terminal."""
     notebook = in_notebook()
     if not notebook and not sys.stderr.isatty():
-        yield _silent
+        yield silent
         return
     from rich import progress as rich
     from rich.console import Console
@@ -79,23 +79,14 @@ def duration(seconds: float) -> str:
     return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min"
 
 
-def reporting(
-    done: Callable[..., None] | None, what: str, total: int | None = None, **options: Any
-) -> AbstractContextManager[Told]:
-    """Give what the caller of a function wants to be told by; in a notebook a bar, else nothing."""
-    if done is None and in_notebook():
-        return progress(what, total, **options)
-    return nullcontext(done or _silent)
-
-
 def in_notebook() -> bool:
     """Whether a notebook looks on: Jupyter, JupyterLab, VS Code, Colab."""
     ask = getattr(sys.modules.get("IPython"), "get_ipython", None)
     return ask is not None and getattr(ask(), "kernel", None) is not None
 
 
-def _silent(_text: str = "", steps: int = 1) -> None:
-    pass
+def silent(_text: str = "", steps: int = 1) -> None:
+    """Tell nobody of progress."""
 
 
 _left: list[str] = []

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ambkit.base.errors import AmbkitError, ExtraMissing
-from ambkit.base.progress import reporting
+from ambkit.base.progress import silent
 from ambkit.base.quantity_arguments import of_type
 from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.plan import Plan
@@ -139,7 +139,7 @@ def campaign(
     cluster: str | None = None,
     workers: int | None = None,
     threads: int | None = None,
-    done: Told | None = None,
+    done: Told = silent,
 ) -> Campaign:
     """Simulate the machines of a study, or go on where that was interrupted."""
     # The rows follow from the study alone, bit for bit: not from threads, order, cluster or from
@@ -152,8 +152,7 @@ def campaign(
     with place.held():
         place.begin()
         counted = Counted(place)
-        reporter = reporting(done, plan.study.name, plan.runs, unit="runs", begun=counted.runs)
-        with reporter as tell, _hands(cluster, workers, threads, tell) as computed:
+        with _hands(cluster, workers, threads, done) as computed:
             for end in looks_of(plan):
                 missing = [part for part in range(end) if part not in counted.passed]
                 for part, rows in computed(plan, missing):

@@ -14,7 +14,7 @@ import numpy as np
 from ambkit.assessment.arguments import arguments_of_the_user
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
-from ambkit.base.progress import reporting
+from ambkit.base.progress import silent
 from ambkit.base.quantity_arguments import Given, in_si, names_in, of_type
 from ambkit.base.units import engineering
 from ambkit.data.files.tables import Table
@@ -29,7 +29,7 @@ from ambkit.judge.comparison.comparison import TRAINING
 from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.comparison.score import Benches, least
 from ambkit.judge.comparison.seeds import Score, compare, comparison_figure, rows_of
-from ambkit.judge.comparison.study import Study, across, pieces_of, study
+from ambkit.judge.comparison.study import Study, across, study
 from ambkit.judge.comparison.tolerance import Spread
 from ambkit.judge.comparison.tuning import expand, suited
 from ambkit.machine.force_laws import isolated_axes
@@ -188,7 +188,7 @@ def compare_in_case(
     spread: Given | None = None,
     plant: ForceSurface | None = None,
     whole: bool = False,
-    done: Callable[[str], None] | None = None,
+    done: Callable[[str], None] = silent,
     runs: int = RUNS,
     budget: int = 0,
     **how: Any,
@@ -208,13 +208,11 @@ def compare_in_case(
     if plant is not None:
         cases = {name: replace(of, magnet=plant) for name, of in cases.items()}
     kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
-    pieces = pieces_of(len(kinds) + len(how.get("custom") or {}), budget, whole)
-    with reporting(done, "comparing", len(cases) * pieces) as tell:
-        how |= {"runs": runs, "budget": budget, "done": tell}
-        if case == "all":
-            return across(bearing, cases, kinds, **how)
-        (chosen,) = cases.values()
-        return study(bearing, chosen, kinds, whole=whole, **how)
+    how |= {"runs": runs, "budget": budget, "done": done}
+    if case == "all":
+        return across(bearing, cases, kinds, **how)
+    (chosen,) = cases.values()
+    return study(bearing, chosen, kinds, whole=whole, **how)
 
 
 @dataclass(frozen=True)

@@ -274,9 +274,3 @@ def across(
         )  # fmt: skip
 
     return Benches({name: compared(case) for name, case in cases.items()})
-
-
-def pieces_of(count: int, budget: int, whole: bool) -> int:
-    """Return how often `study` calls `done` for so many estimators."""
-    around = 2 * len(HEIGHTS) + len(WRONG) + count
-    return count * (3 if budget else 1) + 1 + (around if whole else 0)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.base.progress import reporting
+from ambkit.base.progress import progress
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.threads import pool_of
 from ambkit.control.pid import PID
@@ -299,7 +299,6 @@ def inject_faults(
     controller: PID | None = None,
     plant: Any = None,
     threads: int = 2,
-    done: Callable[[str], None] | None = None,
 ) -> FaultCampaign:
     """Fly each estimator through faults of sensor, control signal, amplifier and load."""
     of_type(Machine, bearing=bearing)
@@ -317,7 +316,7 @@ def inject_faults(
         for name, build in [*built.items(), *([(BASELINE, None)] if in_loop else [])]
     ]
     run_count = len(precisions) * flights_of(len(built), named, len(seeds), steps=steps)
-    with reporting(done, "flying", run_count) as tell, pool_of(threads) as pool:
+    with progress("flying", run_count) as tell, pool_of(threads) as pool:
         results = pool.map(lambda work: list(_campaign(named, steps, tell, *work)), works)
         outcomes = [item for result in results for item in result]
     return FaultCampaign(bearing, tuple(outcomes))
