@@ -33,7 +33,8 @@ def missing_control(record: Record) -> tuple[int, int]:
     """Return how many samples lack the control signal, and how many in a row at most."""
     # Nobody knows what acted on the rotor then: filters hold the last value, and are less sure for
     # a while than they say.
-    lost = ~np.isfinite([record[n] for n in record if n.partition("_")[0] == "u"]).all(axis=0)
+    controls = [record[n] for n in record if n.partition("_")[0] == "u"]
+    lost = np.any(~np.isfinite(controls), axis=0)
     if not lost.any():
         return 0, 0
     return int(lost.sum()), longest_run(lost)[1]
