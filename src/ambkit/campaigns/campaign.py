@@ -49,13 +49,11 @@ class Replayed(Result):
 
     @property
     def finding(self) -> str:
-        """Whether it is good."""
         fails = self.row["fails"]
         return f"{self.title}: {f'fails by {fails}' if fails else 'passes'}."
 
     @property
     def rows(self) -> list[Row]:
-        """What varied, and the figures."""
         keys = (key.unit for key in self.plan.keys)
         units = dict(zip(self.plan.names, keys, strict=True)) | UNITS
         return [
@@ -68,11 +66,9 @@ class Replayed(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Its number."""
         return {"run": self.number}
 
     def file(self) -> Record:
-        """Return the record, which is what is written as ``.csv`` and ``.parquet``."""
         return self.run.record
 
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
@@ -85,7 +81,6 @@ class Replayed(Result):
             self.run.estimate.save(path)
 
     def figures(self) -> list[Figure]:
-        """Return the run."""
         return [simulation_figure(self.run)]
 
 
@@ -166,19 +161,16 @@ class Campaign(Result, Machines):
 
     @property
     def title(self) -> str:
-        """Of what study, how many machines."""
         return f"{self.plan.study.name}: {len(self):,} machines"
 
     @property
     def finding(self) -> str:
-        """Which share of the machines is good."""
         if not len(self):
             return f"{self.folder}: no part has finished yet."
         return f"{self.title}; {self.good} pass."
 
     @property
     def rows(self) -> list[Row]:
-        """Yield, what machines fail by, quantiles of the figures, and the worst machines."""
         result = put(_of_share(self.good), section=("yield",))
         for name, shares in self.by_choice.items():
             for value, of in shares.items():
@@ -208,7 +200,6 @@ class Campaign(Result, Machines):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         level = f"{100 * self.plan.study.confidence:g} %"
         results: dict[tuple[str, ...], Section] = {
             ("yield",): Section(f"Yield, with its {level} interval"),
@@ -221,7 +212,6 @@ class Campaign(Result, Machines):
 
     @property
     def chapters(self) -> list[Part]:
-        """What drives the figures, and the worst machines."""
         if not len(self):
             raise AmbkitError(f"{self.folder}: no part has finished yet")
         cannot, figures = list[str](), [pictures.parallel(self)] if self.plan.names else []
@@ -237,7 +227,6 @@ class Campaign(Result, Machines):
 
     @property
     def facts(self) -> dict[str, str]:
-        """Of what study, and where its rows are."""
         study = self.plan.study
         return {
             "machine": self.plan.nominal.name,
@@ -249,7 +238,6 @@ class Campaign(Result, Machines):
 
     @property
     def notes(self) -> list[str]:
-        """What a good machine is, and what was found of rare failures."""
         passes = self.plan.study.passes
         criteria = [] if passes.zone is None else [f"zone {passes.zone} or better"]
         criteria += [] if passes.contact else ["no contact"]
@@ -264,7 +252,6 @@ class Campaign(Result, Machines):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Of what study it is, and the worst machines with what varied."""
         return {
             "study": self.plan.study.name,
             "bearing" if self.plan.study.machine is None else "machine": self.plan.nominal.name,
@@ -276,7 +263,6 @@ class Campaign(Result, Machines):
         }
 
     def figures(self) -> list[Figure]:
-        """Return the figures' cumulative curves."""
         return [pictures.cumulative(self)]
 
 

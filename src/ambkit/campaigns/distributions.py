@@ -85,7 +85,6 @@ class UniformOn(Marginal):
     high: float
 
     def quantile(self, u: Array) -> Array:
-        """Return quantiles."""
         return self.low + (self.high - self.low) * u
 
 
@@ -99,7 +98,6 @@ class NormalOf(Marginal):
     high: float = np.inf
 
     def quantile(self, u: Array) -> Array:
-        """Return quantiles."""
         from scipy.special import ndtr, ndtri
 
         a, b = (ndtr((end - self.mean) / self.std) for end in (self.low, self.high))
@@ -126,7 +124,6 @@ class OneOf(Marginal):
         return np.searchsorted(ends, u, side="right").astype(float)
 
     def level(self, u: Array) -> Array:
-        """Return indices."""
         return np.round(u * (len(self.values) - 1))
 
 
@@ -200,7 +197,6 @@ class Uniform(Varied):
     """Instead of the ends: how far from the nominal value at most, either way."""
 
     def marginal(self, key: Key) -> Marginal:
-        """Return the distribution."""
         if self.tolerance is not None:
             if self.low is not None or self.high is not None:
                 raise Wrong("tolerance", "give either tolerance, or low and high")
@@ -223,7 +219,6 @@ class Normal(Varied):
     """Standard deviation."""
 
     def marginal(self, key: Key) -> Marginal:
-        """Return the distribution."""
         return NormalOf(*self._mean_and_std(key))
 
     def _mean_and_std(self, key: Key) -> tuple[float, float]:
@@ -242,7 +237,6 @@ class Truncated(Normal):
     """Upper end."""
 
     def marginal(self, key: Key) -> Marginal:
-        """Return the distribution."""
         mean, std = self._mean_and_std(key)
         low, high = self._number("low", key), self._number("high", key)
         if low > mean + 8 * std or high < mean - 8 * std:
@@ -260,7 +254,6 @@ class Choice(Varied):
     """How often each is taken, beside the others; without it all as often."""
 
     def marginal(self, key: Key) -> Marginal:
-        """Return the distribution."""
         weights = self.weights or (1.0,) * len(self.values)
         if len(weights) != len(self.values):
             raise Wrong(

@@ -107,13 +107,11 @@ class CoilFit(Result):
 
     @property
     def finding(self) -> str:
-        """How well it explains the current."""
         left, noise = (figure(of, "A", 3) for of in (self.residual_rms, self.noise))
         return f"The residual of the coil's current is {left} rms, its noise {noise} rms."
 
     @property
     def rows(self) -> list[Row]:
-        """Figures of the coil, and what it leaves of each log."""
         coil, at = self.coil, self.operating_point
         result = put([
             Row(name, words, getattr(coil, name), unit, error=self.standard_errors[name])
@@ -139,12 +137,10 @@ class CoilFit(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What control and current do not tell."""
         return ["Control signal and current determine G (voltage over resistance) and tau "
                 "(inductance over resistance), not the three separately."]  # fmt: skip
 
     def figures(self) -> list[Figure]:
-        """Return a step, the time constant over the distance, and what is left of each log."""
         return [coil_figure(self)]
 
     def bearing(self, known: Machine, operating_point: float) -> Machine:

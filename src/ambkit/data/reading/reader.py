@@ -65,7 +65,6 @@ class Reading(Result):
 
     @property
     def finding(self) -> str:
-        """How long it is, and how many faults it has."""
         record, count = self.record, len(self.faults)
         return (
             f"{Path(self.source).name}: {len(record)} samples every "
@@ -75,17 +74,14 @@ class Reading(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """What each channel looks like."""
         return [row for channel in self.channels for row in put(channel.rows(), of=channel.name)]
 
     @property
     def notes(self) -> list[str]:
-        """The account."""
         return self.account()
 
     @property
     def series(self) -> dict[str, Any]:
-        """Clocks and faults."""
         return {
             "source": self.source,
             "samples": len(self.record),
@@ -96,11 +92,9 @@ class Reading(Result):
         }
 
     def file(self) -> Record:
-        """Return the record, which is what is written as ``.csv`` and ``.parquet``."""
         return self.record
 
     def figures(self) -> list[Figure]:
-        """Return the channels over time, with their faults."""
         return [reading_figure(self)]
 
 

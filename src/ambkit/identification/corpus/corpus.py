@@ -82,7 +82,6 @@ class Corpus(Result):
 
     @property
     def finding(self) -> str:
-        """How many logs are predicted well."""
         good = sum(prediction.good for prediction in self.predictions)
         return (
             f"{good} of {len(self.predictions)} logs of {self.model.bearing.name} are predicted "
@@ -91,7 +90,6 @@ class Corpus(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """How each log is predicted, what all say together, and each alone."""
         p, result = self.pooled, []
         for prediction in self.predictions:
             result += put(prediction.rows(), section=("predictions",), of=prediction.name)
@@ -121,7 +119,6 @@ class Corpus(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What the figures mean, and what is left out."""
         weaker = [] if self.strength_loss is None else [self.strength_loss.text]
         return [
             "Errors are rms of predictions that many samples ahead, with the controls since. "
@@ -138,7 +135,6 @@ class Corpus(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """How the logs were cut, their lines, and what is left out."""
         return {
             "stretches": {
                 name: [{"kind": s.kind, "from": s.begin, "to": s.end} for s in cuts]
@@ -151,7 +147,6 @@ class Corpus(Result):
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:
-        """Return how each log is predicted by the others."""
         return [corpus_figure(self)]
 
 

@@ -111,7 +111,6 @@ class Design(Result):
 
     @property
     def finding(self) -> str:
-        """Which parameter it would tell best, and what it would not."""
         expected, positive = self.expectation, []
         for p, error in zip(expected.parameters, expected.errors, strict=True):
             at = p.of(expected.model)
@@ -124,7 +123,6 @@ class Design(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Signal and limits, and what is expected of each parameter."""
         record, limits, expected = self.record, self.limits, self.expectation
         current, far = (float(np.max(np.abs(record[name]))) for name in ("iu", "x"))
         results = [
@@ -152,7 +150,6 @@ class Design(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What cannot be told, or only together."""
         expected, names = self.expectation, [p.name for p in self.expectation.parameters]
         sentences = [f"{name} will not be identified: {why}" for name, why in expected.held.items()]
         sentences += [
@@ -164,7 +161,6 @@ class Design(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Signal, limits, what is expected, and the bands that were compared."""
         return {
             "bearing": self.expectation.model.bearing.name,
             "kind": self.excitation.kind,
@@ -178,7 +174,6 @@ class Design(Result):
         }
 
     def figures(self) -> list[Figure]:
-        """Return the experiment and what it would tell."""
         return [excitation_figure(self)]
 
 

@@ -37,13 +37,11 @@ class AxisModel(LoopModel):
 
     @property
     def signals(self) -> tuple[str, str]:
-        """Names of its measurement and its control signal in a log."""
         reading = self.machine.readings[self.reading]
         return signal("y", reading.name), signal("u", self.axis)
 
     @property
     def reading(self) -> int:
-        """The number of its measurement among those of the machine."""
         return reading_along(self.machine, self.axis)
 
     def _filter(self, finer: Machine, _magnet: MagnetModel) -> Estimator:

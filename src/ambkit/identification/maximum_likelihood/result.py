@@ -160,7 +160,6 @@ class MaximumLikelihood(Result):
 
     @property
     def finding(self) -> str:
-        """The magnet constant, or the first parameter."""
         names = [p.name for p in self.parameters]
         name = "magnet_constant" if "magnet_constant" in names else names[0]
         result = next(row for row in self.rows if row.of == name and row.key == "value")
@@ -171,7 +170,6 @@ class MaximumLikelihood(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Each parameter: start, found, errors."""
         rows: list[Row] = []
         for i, p in enumerate(self.parameters):
             rows += put([
@@ -187,13 +185,11 @@ class MaximumLikelihood(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Title of the table."""
         title = f"{self.bearing.name}: identified from {self.samples} measurements"
         return {("parameters",): Section(title, across=True)}
 
     @property
     def notes(self) -> list[str]:
-        """What could not be told, or only together, and what is to be known of the records."""
         notes = [
             f"{name.replace('_', ' ')} is not identifiable: {why}."
             for name, why in self.held.items()
@@ -246,7 +242,6 @@ class MaximumLikelihood(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """How the search went, and what is known of the parameters together."""
         return {
             "parameters": {
                 p.name: {
@@ -277,7 +272,6 @@ class MaximumLikelihood(Result):
         }
 
     def figures(self) -> list[Figure]:
-        """Return estimates and their correlations."""
         return [estimates_figure(self),
                 correlation_figure(self)]  # fmt: skip
 

@@ -105,7 +105,6 @@ class AdalineResult(OnlineResult):
     memory: float  #: Samples over which k is averaged.
 
     def rows(self) -> list[Row]:
-        """Return what was learned, and the excitation at the end."""
         end = Row("excitation", "excitation", float(self.excitation[-1]), digits=3, detail=True)
         return [*super().rows(), end]
 

@@ -73,7 +73,6 @@ class OnlineComparison(Result):
         return identified(self.bearing, self.results[self.method])
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the machine."""
         self.machine.save(path)
 
     @property
@@ -145,7 +144,6 @@ class OnlineComparison(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What speaks against the figures, a sentence each."""
         remarks = [
             f"{NAMES[name]}: k still drifts; a longer record may settle it"
             for name, result in self.results.items()
@@ -180,12 +178,10 @@ class OnlineComparison(Result):
 
     @property
     def finding(self) -> str:
-        """Who agrees with whom."""
         return f"{self.bearing.name}: {self.agreement}"
 
     @property
     def rows(self) -> list[Row]:
-        """What each learned, and how sure it is."""
         results: list[Row] = []
         for name, one in self.results.items():
             k, truth = one.magnet_constant, self.truth
@@ -203,7 +199,6 @@ class OnlineComparison(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Start, truth, how white the innovations are, and what the method learned once more."""
         return {row.key: row.value for row in self.rows if row.of == self.method} | {
             "method": self.method,
             "bearing": self.bearing.name,
@@ -215,7 +210,6 @@ class OnlineComparison(Result):
         }
 
     def figures(self) -> list[Figure]:
-        """Return what was learned over the record."""
         return [online_figure(self)]
 
 

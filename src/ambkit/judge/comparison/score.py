@@ -88,7 +88,6 @@ class Bench(Result):
 
     @property
     def finding(self) -> str:
-        """Who estimates the disturbance force best."""
         raw = figure(self.raw, "m", 3)
         return f"{self.title}. {least(self._best_rows())}; error of the raw sensors {raw}."
 
@@ -97,7 +96,6 @@ class Bench(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """The criteria of all, the raw sensors, what is possible, and what was tuned."""
         results: list[Row] = []
         for name, of in self.tuned.items():
             results += put(of.rows(), section=("tuned",), of=name)
@@ -126,7 +124,6 @@ class Bench(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         runs = f"{self.runs} run{'s' * (self.runs > 1)}"
         return {
             ("default",): Section(f"With their defaults, {runs}", across=True),
@@ -137,7 +134,6 @@ class Bench(Result):
 
     @property
     def facts(self) -> dict[str, str]:
-        """What was compared, and how."""
         return {
             "machine": self.bearing.name,
             "runs": f"{self.runs}, {self.stopped} left out" if self.stopped else str(self.runs),
@@ -147,7 +143,6 @@ class Bench(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What was left out, and who cannot be told apart."""
         notes = [f"{self.stopped} runs left out: contact with a stop."] if self.stopped else []
         return [*notes, *self._alike()]
 
@@ -178,7 +173,6 @@ class Bench(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """The case, the limit, and the values of the tunables."""
         scores_by_tuning = {"default": self.default, "tuned": self.tuned}
         return {
             "bearing": self.bearing.name,
@@ -195,7 +189,6 @@ class Bench(Result):
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:
-        """Return all by all criteria, and what a step costs."""
         return [matrix_figure(self), cost_figure(self)]
 
 
@@ -207,17 +200,14 @@ class Benches(Result, dict[str, Bench]):
         return next(iter(self.values()))
 
     def file(self) -> Table:
-        """Return the figures of each run, which is what is written as ``.csv``."""
         return per_run(self)
 
     @property
     def title(self) -> str:
-        """Of what machine."""
         return f"{self._first.bearing.name}: estimators compared in {len(self)} cases"
 
     @property
     def finding(self) -> str:
-        """Who estimates the disturbance force best in most cases."""
         best: dict[str, int] = {}
         for bench in self.values():
             errors = {n: of.mean("f_d") for n, of in bench.best.items()}
@@ -232,7 +222,6 @@ class Benches(Result, dict[str, Bench]):
 
     @property
     def rows(self) -> list[Row]:
-        """The error of the disturbance force in each case, and all of each case."""
         overview = [
             Row(case, case, bench.best[name].mean("f_d"), "N", 3, of=name, section=("f_d",))
             for name in self._first.best for case, bench in self.items()
@@ -244,7 +233,6 @@ class Benches(Result, dict[str, Bench]):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         how = "tuned alike" if self._first.tuned else "with their defaults"
         runs = f"{self._first.runs} run{'s' * (self._first.runs > 1)} each"
         results = {("f_d",): Section(f"Error of F_St, {runs}, {how}", across=True)}
@@ -255,7 +243,6 @@ class Benches(Result, dict[str, Bench]):
 
     @property
     def chapters(self) -> list[Part]:
-        """A chapter for each case."""
         return [
             Part(f"{case}: {bench.case.title}", bench.case.about, ("cases", case),
                  [matrix_figure(bench, f"matrix-{case}")])
@@ -264,19 +251,16 @@ class Benches(Result, dict[str, Bench]):
 
     @property
     def facts(self) -> dict[str, str]:
-        """What was compared, and how."""
         return self._first.facts
 
     @property
     def series(self) -> dict[str, Any]:
-        """What is of each case."""
         return {
             "bearing": self._first.bearing.name,
             "cases": {case: bench.series for case, bench in self.items()},
         }
 
     def figures(self) -> list[Figure]:
-        """Return the errors in all cases."""
         return [cases_figure(self)]
 
 

@@ -95,7 +95,6 @@ class Study(Bench):
     magnet_files: Mapping[str, str] = with_default(default_factory=dict)
 
     def file(self) -> Table:
-        """Return the figures of each run, which is what is written as ``.csv``."""
         return per_run({self.case.name: self})
 
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
@@ -105,7 +104,6 @@ class Study(Bench):
 
     @property
     def rows(self) -> list[Row]:
-        """All of the case, and how close each comes to the limit."""
         model, result = self.model, super().rows
         if model is not None:
             result += [
@@ -117,13 +115,11 @@ class Study(Bench):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        """Titles of the tables."""
         title = "How close each comes to the limit, where the filters' model is true"
         return {**super().sections, ("efficiency",): Section(title, across=True)}
 
     @property
     def chapters(self) -> list[Part]:
-        """Who does best, when it matters, the limit, and how it was compared."""
         best = [*self.figures(), run_figure(self)]
         around = {"steps": self.steps, "wrong_k": self.wrong_k}
         results = [Part("Comparison", self.case.about, None, best)]
@@ -151,7 +147,6 @@ class Study(Bench):
 
     @property
     def series(self) -> dict[str, Any]:
-        """All of the case, the errors around it, and whether the filters may fly."""
         around = {"steps": self.steps, "wrong_k": self.wrong_k, "limit_steps": self.limit_steps}
         judged = {} if self.judge is None else self.judge(self)
         adequacy = {kind: [item.to_dict() for item in of] for kind, of in judged.items()}

@@ -89,13 +89,11 @@ class FaultCampaign(Result):
 
     @property
     def title(self) -> str:
-        """Of what machine, how many flights."""
         faults = f"{len(self.faults)} fault{'s' * (len(self.faults) > 1)}"
         return f"{self.bearing.name}: {len(self.outcomes)} flights through {faults}"
 
     @property
     def finding(self) -> str:
-        """Whether a rotor was lost, and whether all came back."""
         outcomes = [outcome for outcome in self.outcomes if outcome.estimator != BASELINE]
         lost = sum(e.setting == "in the loop" and e.levitation == "lost" for e in outcomes)
         failed = len(self.failures)
@@ -105,7 +103,6 @@ class FaultCampaign(Result):
 
     @property
     def notes(self) -> list[str]:
-        """Who lost the rotor, and who did not come back."""
         sentences = []
         for name in self.estimators:
             failed = {failure.fault for failure in self.failures if failure.estimator == name}
@@ -121,7 +118,6 @@ class FaultCampaign(Result):
 
     @property
     def rows(self) -> list[Row]:
-        """Each estimator over all flights, the controller alone, and each fault."""
         result = put(self._of(BASELINE), section=("controller_alone",), of=BASELINE)
         for name in reversed(self.estimators):
             result = put(self._of(name), section=("estimators",), of=name) + result
@@ -187,7 +183,6 @@ class FaultCampaign(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """All flights."""
         seeds = [outcome.seed for outcome in self.outcomes]
         return {
             "bearing": self.bearing.name,
@@ -201,7 +196,6 @@ class FaultCampaign(Result):
         }
 
     def file(self) -> Table:
-        """Return a line for each flight, names as places in lists."""
         columns, lists = {}, {}
         for name in [*vars(self.outcomes[0]), "recovered"]:
             values = [getattr(outcome, name) for outcome in self.outcomes]
@@ -213,7 +207,6 @@ class FaultCampaign(Result):
         return Table(columns, units, {"bearing": self.bearing.name} | lists)
 
     def figures(self) -> list[Figure]:
-        """Return each estimator in each fault."""
         return [faults_figure(self)]
 
 
