@@ -334,7 +334,7 @@ def draws(made: CExport, n: int, seed: int) -> Any:
     [
         ("zittau_axial", "linear", "estimate", "float", 40),
         ("zittau_axial", "extended", "measurement", "float", 40),
-        ("tum_mlps", "linear", "estimate", "float", 200),
+        ("tum_mlps", "linear", "estimate", "float", 40),
         *(pytest.param(name, kind, feedback, precision, 200, marks=pytest.mark.long)
           for name, kind, feedback, precision in (
               ("tum_mlps", "linear", "estimate", "double"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from export_cases import BEARING, compiled
 from machine_cases import machine
+from quick import quick
 from test_export_control import run
 
 import ambkit
@@ -85,8 +87,10 @@ def test_margins_over_the_speed_follow_it() -> None:
 
 
 @compiled
-@pytest.mark.parametrize("feedback", ["measurement", "estimate"])
-@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize(("feedback", "precision"), quick(
+    product(["measurement", "estimate"], ["float", "double"]),
+    [("measurement", "float"), ("estimate", "double")],
+))  # fmt: skip
 def test_the_c_has_its_bits_in_a_run_up(feedback: Any, precision: Any, tmp_path: Path) -> None:
     schedule = [ScheduledGains(speed=100.0, ki=50e3), *SCHEDULED.schedule]
     law = Control(type="translation and tilt", feedback=feedback, schedule=schedule)

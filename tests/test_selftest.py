@@ -10,12 +10,14 @@ import re
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
+from itertools import cycle, product
 from pathlib import Path
 
 import mutants
 import pytest
 import unseen
 from export_cases import BEARING, SAME_BITS, program
+from quick import quick
 
 from ambkit import Machine
 from ambkit.export.c import CExport, export_c
@@ -83,8 +85,9 @@ def printed(folder: Path, out: Path, flags: tuple[str, ...] = SAME_BITS) -> str:
     return subprocess.run([out], capture_output=True, text=True, timeout=60).stdout
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("flags", [SAME_BITS, LOOSE], ids=["exact", "loose"])
+@pytest.mark.parametrize(("fault", "flags"), quick(
+    product(FAULTS, [SAME_BITS, LOOSE]), zip(FAULTS, cycle([SAME_BITS, LOOSE]), strict=False)
+))  # fmt: skip
 def test_planted_faults_are_seen(
     exported: Exported, tmp_path: Path, fault: str, flags: tuple[str, ...]
 ) -> None:
