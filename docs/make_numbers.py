@@ -34,7 +34,7 @@ from ambkit.judge.comparison.cases import CASES, Trial, trials, walk_case
 from ambkit.judge.comparison.comparison import bench
 from ambkit.judge.comparison.tuning import candidates
 from ambkit.machine.magnets import own_time
-from ambkit.result.report.summary import ours, runs
+from ambkit.result.report.blocks import ours, runs
 
 DOCS = Path(__file__).parent
 BEARING = ambkit.Bearing.preset("zittau_axial")

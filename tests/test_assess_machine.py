@@ -17,7 +17,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.result.page import write_result
-from ambkit.rotordynamics.balance_grades import unbalance_forces
+from ambkit.rotordynamics.unbalance_response import unbalance_forces
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 

@@ -16,7 +16,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.data.reading.clock import Clock, resample
 from ambkit.data.reading.levitation_test import LevitationFit
 from ambkit.data.reading.position_search import Rotor, weight_scale
-from ambkit.export.pil.result import compare_bits
+from ambkit.export.pil.loop import compare_bits
 from ambkit.fuzzy.rule_selection import BLOCKS, blocks_of
 from ambkit.judge.comparison.tuning import candidate_of_kind
 from ambkit.judge.faults import fault_run
@@ -25,7 +25,7 @@ from ambkit.machine import presets
 from ambkit.machine.components import Unbalance
 from ambkit.machine.forces.force_surface import _nodes
 from ambkit.models.parts.typical_sizes import Typical
-from ambkit.rotordynamics.balance_grades import permitted
+from ambkit.rotordynamics.unbalance_response import permitted
 
 NONE = np.zeros(0, dtype=np.intp)
 

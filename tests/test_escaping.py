@@ -40,7 +40,6 @@ from ambkit.result.report import (
     Panel,
     Report,
     TableBlock,
-    formula,
     markup,
     write_report,
 )
@@ -90,7 +89,7 @@ def test_markdown_shows_the_text_and_nothing_else(text: str) -> None:
 
 @given(texts)
 def test_labels_show_the_text_and_nothing_else(text: str) -> None:
-    shown = formula.label_html(escaping.label(text))
+    shown = markup.label_html(escaping.label(text))
     assert "<" not in shown
     assert html.unescape(shown) == escaping.one_line(text)
 

@@ -47,11 +47,10 @@ from ambkit.result.report import (
     Span,
     TableBlock,
     Text,
-    formula,
+    blocks,
     markup,
     screen,
     style,
-    summary,
     write_report,
 )
 from ambkit.result.report.figure import paper_style
@@ -179,7 +178,7 @@ def estimates() -> Figure:
 
 
 ALL = [step_response, force_map, learning_curve, comparison, matrix, estimates]
-ROWS: list[summary.SummaryRow] = [
+ROWS: list[blocks.SummaryRow] = [
     {
         "id": "table4.largest",
         "what": "Largest deviation from Table 4 [N/A]",
@@ -275,7 +274,7 @@ def test_lines_are_strong_enough_and_noise_lies_behind():
     for name, look in style.SIGNALS.items():
         assert name == "measured" or contrast(look.colour) >= 3, name
         assert look is noise or (look.layer > noise.layer and look.width >= noise.width)
-    assert all(contrast(colour) >= 4.5 for colour in summary.COLOURS.values())
+    assert all(contrast(colour) >= 4.5 for colour in blocks.COLOURS.values())
 
 
 def test_heat_maps_read_in_grey():
@@ -394,14 +393,14 @@ def test_limits_hold_where_matplotlib_finds_none_about_one_point(at):
 
 
 def test_a_mean_is_printed_with_its_spread_and_its_runs():
-    row: summary.SummaryRow = {
+    row: blocks.SummaryRow = {
         "id": "a", "what": "error", "paper": None, "ours": -0.6397, "unit": "N",
         "verdict": "better", "spread": 0.0078, "runs": 20,
     }  # fmt: skip
-    assert summary.ours(row) == "−0.6397 ± 0.0078"
-    assert summary.runs(row) == "20"
-    assert summary.ours({**row, "spread": None, "runs": None}) == "−0.6397"
-    assert summary.runs({**row, "runs": None}) == "–"
+    assert blocks.ours(row) == "−0.6397 ± 0.0078"
+    assert blocks.runs(row) == "20"
+    assert blocks.ours({**row, "spread": None, "runs": None}) == "−0.6397"
+    assert blocks.runs({**row, "runs": None}) == "–"
 
 
 # Formulas and Markdown
@@ -409,7 +408,7 @@ def test_a_mean_is_printed_with_its_spread_and_its_runs():
 
 def test_formulas_become_mathml():
     root = ElementTree.fromstring(
-        formula.mathml(
+        markup.mathml(
             r"\begin{bmatrix}\hat{x}_{k|k-1} & \frac{k_s}{m}\\ 0 & \sqrt{2}\end{bmatrix}", True
         )
     )
@@ -423,7 +422,7 @@ def test_formulas_become_mathml():
 
 def test_labels_become_the_html_plotly_draws():
     label = r"$\hat{x}_\mathrm{St}^2 < \sigma$ & more [N/A]"
-    assert formula.label_html(label) == (
+    assert markup.label_html(label) == (
         "<i>x\u0302</i><sub>St</sub><sup>2</sup>&lt;<i>σ</i> &amp; more [N/A]"
     )
 
@@ -442,13 +441,13 @@ def test_labels_become_the_html_plotly_draws():
 )
 def test_formulas_that_are_not_understood_are_refused(source, message):
     with pytest.raises(ValueError, match=message):
-        formula.mathml(source)
+        markup.mathml(source)
 
 
 @pytest.mark.parametrize("label", ["cost 5 $", r"$\frac{1}{2}$"])
 def test_labels_that_plotly_cannot_draw_are_refused(label):
     with pytest.raises(ValueError, match="label"):
-        formula.label_html(label)
+        markup.label_html(label)
 
 
 def test_markdown_knows_formulas_and_names_but_no_html():
@@ -548,7 +547,7 @@ def test_plotly_accepts_each_property(build):
     shown = [
         part["name"] for part in drawn["data"] + drawn["layout"]["shapes"] if part["showlegend"]
     ]
-    assert sorted(shown) == sorted(formula.label_html(name) for name, _ in figure.legend())
+    assert sorted(shown) == sorted(markup.label_html(name) for name, _ in figure.legend())
 
 
 @pytest.mark.parametrize(
@@ -865,7 +864,7 @@ def test_browser_draws_a_log_as_read_and_as_refused(tmp_path, jump):
     [(None, "–"), ("a", "a"), (0.04715, "0.04715"), (-8e-5, "−8×10⁻⁵"), (2e12, "2×10¹²"), (7, "7")],
 )
 def test_numbers_are_written_for_humans(value, text):
-    assert summary.number(value) == text
+    assert blocks.number(value) == text
 
 
 @pytest.mark.parametrize("width", [60, 100])
@@ -882,7 +881,7 @@ def test_terminal_table_fits_and_tells_the_verdict_without_colour(width, monkeyp
 
 def test_unknown_verdict_is_refused():
     with pytest.raises(ValueError, match="unknown verdict 'fine'"):
-        summary.tally([{**ROWS[0], "verdict": "fine"}])
+        blocks.tally([{**ROWS[0], "verdict": "fine"}])
 
 
 def test_names_below_bars_may_hold_formulas() -> None:

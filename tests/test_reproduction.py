@@ -11,7 +11,7 @@ from paper.study import Study
 
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import paper
-from ambkit.result.report.summary import number
+from ambkit.result.report.blocks import number
 from ambkit.workflow.reproduction import reproduce
 
 ROOT = Path(__file__).parents[1]

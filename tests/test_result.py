@@ -11,8 +11,7 @@ from ambkit import Bearing, Result
 from ambkit.base.errors import AmbkitError
 from ambkit.result.latex import escaped
 from ambkit.result.page import short
-from ambkit.result.row import At, Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import At, Row, Section, put
 from ambkit.result.tables import remarks, tables
 
 HOSTILE = r"<b>\input{x}</b> $1$ 50% _a_ \x1b[2J | `rm` #"

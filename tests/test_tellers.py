@@ -27,8 +27,7 @@ from ambkit.base.units import typeset
 from ambkit.result.card import MOST_ROWS, card_of
 from ambkit.result.latex import escaped
 from ambkit.result.result import plain
-from ambkit.result.row import FORMS, ZERO, At, Row, singles
-from ambkit.result.sections import Section
+from ambkit.result.row import FORMS, ZERO, At, Row, Section, singles
 from ambkit.result.tables import MISSED, Table, by_name
 
 READ = {

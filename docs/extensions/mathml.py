@@ -5,7 +5,7 @@ from typing import Any
 from docutils import nodes
 from sphinx.application import Sphinx
 
-from ambkit.result.report.formula import mathml
+from ambkit.result.report.markup import mathml
 
 
 def _inline(translator: Any, node: nodes.math) -> None:

@@ -19,8 +19,15 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from ambkit.result.report import Figure
-from ambkit.result.report.blocks import FigureBlock, TableBlock
-from ambkit.result.report.summary import SummaryRow, number, ours, runs, verdict_of
+from ambkit.result.report.blocks import (
+    FigureBlock,
+    SummaryRow,
+    TableBlock,
+    number,
+    ours,
+    runs,
+    verdict_of,
+)
 
 FOLDER = "_build/figures"
 PAPER = Path(__file__).parent.parent / "paper"

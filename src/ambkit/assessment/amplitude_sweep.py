@@ -29,8 +29,7 @@ from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Disturbance as Load
 from ambkit.simulation.scenario import Injection, Reference, Scenario

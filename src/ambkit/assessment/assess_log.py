@@ -28,8 +28,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.modes import end_of_range
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import At, Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import At, Row, Section, put
 
 BASIS = (
     "Zones after ISO 14839-3, of one record at the frequencies that it tells: an aid, not a "

@@ -21,11 +21,10 @@ from ambkit.judge.loop.loop_of import ZONES, LoopOf, ideal_pieces
 from ambkit.judge.modal_reduction import reduction
 from ambkit.machine.machine import Machine
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
-from ambkit.rotordynamics.balance_grades import Grade, grade_of, of_grades, unbalance_forces
+from ambkit.result.row import Row, Section, put
 from ambkit.rotordynamics.separation_margins import BASIS as BASIS_OF_MARGINS
 from ambkit.rotordynamics.separation_margins import Separations, separations
+from ambkit.rotordynamics.unbalance_response import Grade, grade_of, of_grades, unbalance_forces
 
 if TYPE_CHECKING:
     from ambkit.estimate.estimator import Estimator

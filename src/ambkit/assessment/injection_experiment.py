@@ -28,8 +28,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.modes import end_of_range
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule
 from ambkit.result.result import Result
-from ambkit.result.row import Row
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section
 from ambkit.result.signal_styles import CURRENT, POSITION, TIME
 from ambkit.simulation.run import samples, simulate_run
 from ambkit.simulation.scenario import Injection as Added

@@ -17,7 +17,7 @@ from ambkit.judge.loop.capacity import ROOM
 from ambkit.judge.loop.loop_of import ZONE_A, LoopOf
 from ambkit.judge.loop.margins import UnstablePole
 from ambkit.result.row import At, Row, put
-from ambkit.rotordynamics.balance_grades import Grade
+from ambkit.rotordynamics.unbalance_response import Grade
 
 VERDICT = "zone overall"
 """Name of the row that judges a loop."""

@@ -40,8 +40,7 @@ from ambkit.machine.components import Unbalance
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import At, Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import At, Row, Section, put
 from ambkit.rotordynamics.separation_margins import Separation, separations
 
 COUNT = 41

@@ -22,8 +22,7 @@ from ambkit.data.record import Record
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Part, Section
+from ambkit.result.row import Part, Row, Section, put
 from ambkit.simulation.planned import Planned
 from ambkit.simulation.run import Run
 from ambkit.simulation.run_figure import simulation_figure

@@ -20,7 +20,7 @@ from ambkit.campaigns.results import Counted, Share, looks_of
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study import Study, load
 from ambkit.campaigns.worker import Rows, compute, part_of, versions
-from ambkit.result.document import Statement
+from ambkit.result.result import Statement
 
 AHEAD = 3
 """Parts that wait for each thread of the cluster, so that none runs dry."""

@@ -23,7 +23,7 @@ from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study_tables import UNITS
 from ambkit.campaigns.worker import fly
-from ambkit.result.document import Statement
+from ambkit.result.result import Statement
 
 Limit = Callable[[Array], Array]
 

@@ -29,8 +29,7 @@ from ambkit.identification.noise import white_noise
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Figure, Line, Panel, Points, Rule
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 
 BLOCK = 0.5
 """Seconds in which errors may be alike; the standard errors count each such block once."""

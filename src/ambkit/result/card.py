@@ -16,7 +16,7 @@ from ambkit.base.config.document import settings_of
 from ambkit.base.escaping import one_line
 from ambkit.base.units import figure, typeset
 from ambkit.result.report.figure import WIDTH, Figure
-from ambkit.result.sections import Stated
+from ambkit.result.row import Stated
 from ambkit.result.tables import table, tables
 
 LONGEST = 300

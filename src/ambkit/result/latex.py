@@ -6,7 +6,7 @@ import re
 
 from ambkit.base.escaping import one_line
 from ambkit.base.units import typeset
-from ambkit.result.sections import Stated
+from ambkit.result.row import Stated
 from ambkit.result.tables import Table, tables
 
 _WRITTEN = {

@@ -18,7 +18,7 @@ from ambkit.result.report.blocks import (
     Text,
 )
 from ambkit.result.report.page import write_page
-from ambkit.result.sections import Part, Stated
+from ambkit.result.row import Part, Stated
 from ambkit.result.tables import by_name, remarks
 
 INDENT = "\N{NO-BREAK SPACE}" * 3

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import escaping, files
 from ambkit.base.errors import AmbkitError
-from ambkit.result.row import Row, singles
-from ambkit.result.sections import Stated
+from ambkit.result.row import Row, Stated, singles
 from ambkit.result.showing import Drawn
 
 if TYPE_CHECKING:
@@ -203,3 +202,45 @@ def plain(data: Any) -> Any:
     if isinstance(data, float):
         return data if math.isfinite(data) else None
     return str(data) if isinstance(data, Path) else data
+
+
+@dataclass(frozen=True)
+class Document:
+    """A text, and what it says as data."""
+
+    text: str  #: What is printed and written.
+    data: Any  #: The same for machines.
+    notes: Sequence[str] = ()  #: What is wrong, or still to be done.
+    exit_code: int = 0  #: Of a command.
+
+    def __str__(self) -> str:
+        return self.text
+
+    def to_dict(self) -> Any:
+        """Return it as plain data."""
+        return self.data
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the text to a file."""
+        files.write_text(path, self.text)
+
+
+def json_document(data: Any) -> Document:
+    """Return data as a document in JSON."""
+    text = escaping.json_text(plain(data), indent=2, allow_nan=False)
+    return Document(f"{text}\n", data)
+
+
+@dataclass(frozen=True, repr=False)
+class Statement(Result):
+    """One sentence, and its data."""
+
+    finding: str = ""  #: The sentence.
+    data: Mapping[str, Any] = field(default_factory=dict)  #: In SI.
+
+    rows = ()
+    TITLE = "{0.finding}"
+
+    @property
+    def series(self) -> Mapping[str, Any]:
+        return self.data

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base import escaping
-from ambkit.result.row import Row, singles
-from ambkit.result.sections import Section, Stated, by_section
+from ambkit.result.row import Row, Section, Stated, by_section, singles
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions

@@ -17,8 +17,7 @@ from ambkit.judge.whirl_modes import WhirlModes, whirl_modes
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 from ambkit.rotordynamics.separation_margins import Separations, separations
 
 

@@ -15,8 +15,7 @@ from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

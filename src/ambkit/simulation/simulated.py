@@ -21,8 +21,7 @@ from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import At, Row
-from ambkit.result.sections import Section
+from ambkit.result.row import At, Row, Section
 from ambkit.simulation.run_figure import simulation_figure
 
 ERRORS = ("rmse",)

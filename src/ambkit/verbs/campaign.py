@@ -8,7 +8,7 @@ from ambkit.verbs.words import Above, Cluster, Folder, Study
 
 if TYPE_CHECKING:
     from ambkit.campaigns.campaign import Campaign, Replayed
-    from ambkit.result.document import Document, Statement
+    from ambkit.result.result import Document, Statement
 
 
 def campaign(
@@ -231,6 +231,6 @@ def campaign_problem(study: Study) -> Document:
     from ambkit.campaigns.plan import Plan
     from ambkit.campaigns.sobol_indices import problem_of
     from ambkit.campaigns.study import load
-    from ambkit.result.document import json_document
+    from ambkit.result.result import json_document
 
     return json_document(problem_of(Plan(load(study))))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 from ambkit.verbs.words import Files, Machine, MapFile
 
 if TYPE_CHECKING:
-    from ambkit.result.document import Document
+    from ambkit.result.result import Document
 
 
 def check(
@@ -68,7 +68,7 @@ def schema(
     --------
     $ ambkit schema bearing > bearing.schema.json
     """
-    from ambkit.result.document import json_document
+    from ambkit.result.result import json_document
     from ambkit.workflow.check import schema_of
 
     return json_document(schema_of(kind))

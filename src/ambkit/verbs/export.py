@@ -8,7 +8,7 @@ from ambkit.verbs.words import File, Filter, Folder, Frequency, Machine, Scenari
 
 if TYPE_CHECKING:
     from ambkit.export.c import CExport, FilterCost
-    from ambkit.result.document import Statement
+    from ambkit.result.result import Statement
 
 
 def export_c(
@@ -238,7 +238,7 @@ def export_ssp(
     """
     from ambkit.assessment.arguments import axis_to_export, scenario_argument
     from ambkit.export import fmu
-    from ambkit.result.document import Statement
+    from ambkit.result.result import Statement
 
     model, chosen = axis_to_export(machine, filter)
     made = fmu.export_ssp(
@@ -286,7 +286,7 @@ def export_a2l(
     from pathlib import Path
 
     from ambkit.export import a2l
-    from ambkit.result.document import Statement
+    from ambkit.result.result import Statement
 
     at = a2l.symbol(Path(elf), symbol)
     written = a2l.export_a2l(folder, elf, symbol, out, force=force)
@@ -332,7 +332,7 @@ def export_mat(
     from ambkit.base.errors import AmbkitError
     from ambkit.export import mat
     from ambkit.fuzzy.expert import Expert
-    from ambkit.result.document import Statement
+    from ambkit.result.result import Statement
 
     model, result = axis_to_export(machine, filter, ("linear", "adaptive"))
     chosen = result.magnet if result.kind == "adaptive" else None

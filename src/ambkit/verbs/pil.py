@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ambkit.verbs.words import Filter, Machine, Scenario
 
 if TYPE_CHECKING:
-    from ambkit.export.pil.result import Pil
+    from ambkit.export.pil.loop import Pil
 
 
 def pil(

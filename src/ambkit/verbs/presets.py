@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ambkit.verbs.words import Preset
 
 if TYPE_CHECKING:
-    from ambkit.result.document import Document
+    from ambkit.result.result import Document
 
 
 def presets(name: Preset | None = None) -> Document:

@@ -10,7 +10,7 @@ from ambkit.verbs.words import Channels, Log, Time
 
 if TYPE_CHECKING:
     from ambkit.data.reading.reader import Reading
-    from ambkit.result.document import Document
+    from ambkit.result.result import Document
 
 
 def read(
@@ -104,7 +104,7 @@ def guess_channels(log: Log) -> Document:
     """
     from ambkit.base.progress import progress
     from ambkit.data.reading.propose import guess
-    from ambkit.result.document import Document
+    from ambkit.result.result import Document
 
     with progress(f"reading {Path(log).name}") as done:
         text = guess(log, progress=done)

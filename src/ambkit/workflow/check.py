@@ -16,7 +16,7 @@ from ambkit.data.files.tables import ENDINGS, read_log, read_table
 from ambkit.machine.forces.force_points import COLUMNS, NAMES, load_force_points
 from ambkit.machine.machine import Machine
 from ambkit.models.plant_parts import in_words
-from ambkit.result.document import Document
+from ambkit.result.result import Document
 from ambkit.simulation.scenario import by_axis
 from ambkit.workflow.load import SHORT, documents, kind_of_toml
 

@@ -38,8 +38,7 @@ from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.simulate import scenario_for
 

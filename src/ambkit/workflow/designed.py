@@ -27,8 +27,7 @@ from ambkit.judge.evaluation import evaluate, filter_figure
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Bars, Figure, Item, Panel, Rule
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Part, Section
+from ambkit.result.row import Part, Row, Section, put
 from ambkit.workflow.design_candidates import TunedCandidate, evidence_for
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 

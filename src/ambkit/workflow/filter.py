@@ -23,8 +23,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 from ambkit.rotordynamics.harmonics import Harmonic, harmonics
 from ambkit.workflow.tuning import (
     check_signals,

@@ -36,8 +36,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import operating_points
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 from ambkit.workflow.identified_toml import annotated_toml, carried_over
 
 RAISED = made_by(

@@ -26,8 +26,7 @@ from ambkit.machine.force_laws import isolated
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section
 
 
 @dataclass(frozen=True, eq=False, repr=False)

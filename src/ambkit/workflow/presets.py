@@ -7,7 +7,7 @@ import textwrap
 
 from ambkit.machine import presets
 from ambkit.machine.machine import Machine
-from ambkit.result.document import Document
+from ambkit.result.result import Document
 
 
 def listing() -> Document:

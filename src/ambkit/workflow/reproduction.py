@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base import files
 from ambkit.result.report import Figure, Report, SummaryRow, write_report
-from ambkit.result.report.summary import number, ours, tally, verdict_of
+from ambkit.result.report.blocks import number, ours, tally, verdict_of
 from ambkit.result.result import Result
 from ambkit.result.row import Row
 

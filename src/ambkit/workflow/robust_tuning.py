@@ -28,8 +28,7 @@ from ambkit.judge.comparison.tuning import Range, candidate_of_kind
 from ambkit.judge.loop.loop_of import ZONE_A
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 from ambkit.simulation.scenario import Scenario
 
 EVALUATIONS = 60

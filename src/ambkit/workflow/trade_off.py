@@ -17,8 +17,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 from ambkit.workflow.tune import BUDGET, RUNS, Tuned, tune
 from ambkit.workflow.tuning_figure import trade_off_figure
 from ambkit.workflow.tuning_tasks import ByTruth

@@ -39,8 +39,7 @@ from ambkit.machine.magnets import ConstantStiffness, MagnetModel, magnet_of
 from ambkit.machine.stiffness import StiffnessMap
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 
 FORMS = {
     NETWORK: (".json",), SURFACE: (".csv", ".parquet"), LAW: (".toml",), REFITTED: (".toml",),

@@ -31,8 +31,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tuning_tasks import JUDGED, RAW, By, ByLikelihood, ByTruth
 

@@ -37,8 +37,7 @@ from ambkit.data.reading.rejections import RejectedLog, check_times, refuse_unev
 from ambkit.data.record import Record, time_problems
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 
 SENTENCES = 30  #: So many sentences of the account are kept with the record.
 

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core_sources
 from ambkit.export.c import (
@@ -13,14 +16,15 @@ from ambkit.export.c import (
     calibration,
     control,
     controller_test_cases,
-    data_file,
     model,
 )
-from ambkit.export.c.c_literals import CPrecision, Kind
+from ambkit.export.c.c_literals import Constants, CPrecision, Crc, Kind
+from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.control.controller_states import Controller
+    from ambkit.data.input_scaling import Scaling
     from ambkit.estimate.estimator import Estimator
     from ambkit.simulation.scenario import Scenario
 
@@ -58,7 +62,7 @@ class Export:
     @cached_property
     def magnets(self) -> list[Magnet]:
         """The magnets that the filter asks."""
-        return data_file.magnets_of(self.filter)
+        return magnets_of(self.filter)
 
     @cached_property
     def kinds(self) -> list[Kind]:
@@ -127,3 +131,135 @@ class Export:
         beside = ("control_selftest", "control_vectors") if self.beside else ()
         of_test = (f"{self.name}_{file}.c" for file in ("selftest", "vectors", *beside))
         return ("selftest/main.c", *(f"selftest/{file}" for file in of_test))
+
+
+def data_context(
+    filter: Estimator,
+    magnet: Magnet,
+    kind: Kind,
+    precision: CPrecision,
+    of_model: model.CModel,
+    *,
+    editable: bool,
+) -> dict[str, Any]:
+    """Return what the data file says: the structs that the core holds, as initialisers."""
+    kalman = filter.core.parameters | {"model": of_model.numbers}
+    if editable:
+        kalman = kalman["set"]
+    return {
+        "kalman": c_literals.struct_with_arrays(kalman, precision),
+        "std": c_literals.array(np.asarray(filter.default_std()), precision),
+        "magnet": c_literals.struct(magnet.parameters, precision, _names(magnet, None)),
+        "magnet_type": kind.type,
+        "magnet_methods": kind.methods,
+        "arrays": c_literals.declared(of_model.arrays | _arrays_of_magnets(filter), precision),
+    }
+
+
+def several(
+    filter: Estimator, magnets: list[Magnet], kinds: list[Kind], precision: CPrecision
+) -> dict[str, Any]:
+    """Return what only the export of a machine has."""
+    machine_view = filter.whole
+    assert machine_view is not None
+    constant, by_reading = machine_view.start_form(filter.states, filter.levitation_current)
+    return {
+        "axes": [axis.name for axis in machine_view.machine.axes],
+        "readings": [r.name for r in machine_view.machine.readings],
+        "headers": sorted({f"{kind.source}.h" for kind in kinds}),
+        "start": c_literals.array(constant, precision),
+        "start_by": c_literals.array(by_reading.ravel(), precision),
+        "magnets": [
+            {
+                "type": kind.type,
+                "methods": kind.methods,
+                "text": c_literals.struct(magnet.parameters, precision, _names(magnet, k)),
+            }
+            for k, (magnet, kind) in enumerate(zip(magnets, kinds, strict=True))
+        ],
+    }
+
+
+def raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | None:
+    """Return what is done with a raw input; None where it comes in SI."""
+    if reading.gain == 1.0 and not reading.zero:
+        return None
+    sign = "-" if reading.zero < 0 else "+"
+    zero = f" {sign} {abs(reading.zero):.9g}" if reading.zero else ""
+    value = f"{reading.gain:.9g} * number{zero}"
+    return {
+        "gain": c_literals.number(reading.gain, precision),
+        "zero": c_literals.number(reading.zero, precision),
+        "unit": reading.unit,
+        "said": f"{name} [{reading.si_unit}] = {value}, number in {reading.unit}",
+    }
+
+
+def levitation_current(filter: Estimator, precision: CPrecision) -> str:
+    """Return the current that holds the rotor at x, as `Estimator.equilibrium_state` has it."""
+    middle, per_metre = (c_literals.number(value, precision) for value in filter.levitation_current)
+    return f"{middle} + {per_metre} * x"
+
+
+def magnets_of(filter: Estimator) -> list[Magnet]:
+    """Return the core's magnets that an estimator asks, one for each axis."""
+    held = filter.magnet.in_core(core_module(filter.precision))
+    return held if isinstance(held, list) else [held]
+
+
+def _names(magnet: Magnet, k: int | None) -> dict[str, str]:
+    """Return the C names of the arrays of the k-th magnet, by the paths of their fields."""
+    of = "" if k is None else f"of_{k}_"
+    return {path: of + path.replace(".", "_") for path in c_literals.arrays_of(magnet.parameters)}
+
+
+def _arrays_of_magnets(filter: Estimator) -> dict[str, NDArray[Any]]:
+    """Return the arrays of all magnets by their names in C, in the order of the data file."""
+    return {
+        _names(magnet, None if filter.whole is None else k)[path]: values
+        for k, magnet in enumerate(magnets_of(filter))
+        for path, values in c_literals.arrays_of(magnet.parameters).items()
+    }
+
+
+def crc(
+    filter: Estimator,
+    name: str,
+    precision: CPrecision,
+    of_model: model.CModel,
+    *,
+    editable: bool,
+    flown: Controller | None,
+    calibrated: bool,
+) -> Crc:
+    """Return the CRC of the data file, with its names."""
+    constants, magnets = Constants(precision), magnets_of(filter)
+    for array_name, values in (of_model.arrays | _arrays_of_magnets(filter)).items():
+        constants.array(array_name, values)
+    kalman = filter.core.parameters | {"model": of_model.numbers}
+    if editable:
+        constants.fields(f"{name}_settings", kalman["set"], arrays=True)
+        constants.array(f"&{name}_mass", np.array([filter.bearing.rotor.mass]))
+    else:
+        constants.fields(f"{name}_kalman", kalman, arrays=True)
+    if of_model.turning is not None:
+        constants.fields(f"{name}_turning", of_model.turning, arrays=False)
+    constants.array(f"{name}_std", np.asarray(filter.default_std()))
+    if filter.whole is not None:
+        start, by_reading = filter.whole.start_form(filter.states, filter.levitation_current)
+        constants.array(f"{name}_start", start)
+        constants.array(f"{name}_start_by", by_reading.ravel())
+        for k, magnet in enumerate(magnets):
+            constants.fields(f"magnet_{k}", magnet.parameters, arrays=False)
+    else:
+        (magnet,) = magnets
+        paper = c_literals.called(filter) is PAPER and flown is None
+        constant_stiffness = paper and magnet.in_c[0] == "amb_stiffness"
+        place = f"{name}_stiffness" if constant_stiffness else "magnet"
+        constants.fields(place, magnet.parameters, arrays=False)
+    constants.fields("own", filter.core.own, arrays=True)
+    if flown is not None:
+        control.constants(flown, name, constants)
+        if calibrated:
+            calibration.constants(flown, name, constants)
+    return constants.crc()

@@ -19,7 +19,7 @@ from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import calibration, control, cost, data_file, render
+from ambkit.export.c import calibration, control, cost, exported, render
 from ambkit.export.c.c_literals import CPrecision, called
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.exported import Export
@@ -30,8 +30,7 @@ from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 from ambkit.simulation.scenario import Scenario, check_for, settled_scenario
 
 MOST_COUNTED = 65535  #: What an unsigned int of 16 bits holds, as a TI C2000 has.
@@ -261,7 +260,7 @@ def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:
 
 def _check_nodes(filter: Estimator) -> None:
     """Refuse a table whose nodes an int of 16 bits cannot count."""
-    for magnet in data_file.magnets_of(filter):
+    for magnet in exported.magnets_of(filter):
         rows, columns = (magnet.parameters.get(key, 0) for key in ("rows", "columns"))
         if rows * columns > MOST_NODES:
             raise AmbkitError(

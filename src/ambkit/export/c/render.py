@@ -17,7 +17,7 @@ from ambkit.export.c import (
     c_literals,
     calibration,
     control,
-    data_file,
+    exported,
     model,
     proof,
     telemetry,
@@ -117,7 +117,7 @@ def _context(export: Export) -> dict[str, Any]:
         **_numbers(export),
         **export.flown,
         "controlled": export.beside,
-        "crc": data_file.crc(
+        "crc": exported.crc(
             filter, name, precision, export.of_model, editable=export.editable,
             flown=export.controller, calibrated=export.calibrated,
         ),
@@ -207,13 +207,13 @@ def _numbers(export: Export) -> dict[str, Any]:
     """Return the constants, and the units of what comes in."""
     filter, precision, several = export.filter, export.precision, export.several
     bearing, unit = filter.bearing, filter.machine.control_unit
-    inputs = {item: data_file.raw(item, getattr(filter.inputs, item), precision) for item in "yu"}
+    inputs = {item: exported.raw(item, getattr(filter.inputs, item), precision) for item in "yu"}
     units = {"y": "m", "u": unit} | {item: of["unit"] for item, of in inputs.items() if of}
-    current_text = "" if several else data_file.levitation_current(filter, precision)
+    current_text = "" if several else exported.levitation_current(filter, precision)
     return {
         "precision": precision,
         "sampling_time": engineering(bearing.sampling_time, "s"),
-        "several": data_file.several(filter, export.magnets, export.kinds, precision)
+        "several": exported.several(filter, export.magnets, export.kinds, precision)
         if several else None,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "inputs": inputs,
@@ -222,7 +222,7 @@ def _numbers(export: Export) -> dict[str, Any]:
         **{f"{item}_unit": of for item, of in units.items()},
         "room": export.of_model.room,
         "states": model.states(filter.states, current_text),
-        **data_file.data_context(
+        **exported.data_context(
             filter, export.magnets[0], export.kinds[0], precision, export.of_model,
             editable=export.editable,
         ),

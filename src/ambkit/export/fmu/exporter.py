@@ -24,13 +24,12 @@ from ambkit.export.c.c_literals import CPrecision
 from ambkit.export.c.model import c_model
 from ambkit.export.fmu import compiler, rig, sources, variables, xml
 from ambkit.export.fmu import controller as start_data
-from ambkit.export.fmu.variable import Variable, in_unit
 from ambkit.export.fmu.variables import Kind
-from ambkit.export.fmu.xml import Fmi, Model
+from ambkit.export.fmu.xml import Fmi, Model, Variable, in_unit
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
-from ambkit.result.document import Statement
+from ambkit.result.result import Statement
 from ambkit.simulation.scenario import Scenario
 
 

@@ -16,7 +16,7 @@ from ambkit.base.arrays import Array
 from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.export import core_sources
-from ambkit.export.c import c_literals, data_file
+from ambkit.export.c import c_literals, exported
 from ambkit.export.c.c_literals import CPrecision, Kind
 from ambkit.export.c.model import LOOPS, CModel, c_model
 from ambkit.export.fmu.xml import Fmi, Model
@@ -165,7 +165,7 @@ def filter_data(filter: Estimator) -> dict[str, Any]:
     )
     magnets = [
         magnet_data(held, f"magnet_{k}", precision)
-        for k, held in enumerate(data_file.magnets_of(filter))
+        for k, held in enumerate(exported.magnets_of(filter))
     ]
     return {
         "magnets": magnets,

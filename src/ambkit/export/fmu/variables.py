@@ -17,7 +17,7 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.machine_model import several
 from ambkit.export.c.model import states
 from ambkit.export.fmu.controller import ControllerStart
-from ambkit.export.fmu.variable import TIME, Limit, Variable, per_name
+from ambkit.export.fmu.xml import TIME, Limit, Variable, per_name
 from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Machine
 from ambkit.models.continuous import continuous

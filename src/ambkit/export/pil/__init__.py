@@ -1,7 +1,6 @@
 """Processor in the loop: the exported controller on a Cortex-M4F flies the simulated plant."""
 
 from ambkit.export.pil.build import BOARDS
-from ambkit.export.pil.loop import pil
-from ambkit.export.pil.result import Pil
+from ambkit.export.pil.loop import Pil, pil
 
 __all__ = ["BOARDS", "Pil", "pil"]

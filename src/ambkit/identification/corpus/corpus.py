@@ -28,8 +28,7 @@ from ambkit.machine.accessories import Hum
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Bars, Figure, Panel
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 
 SAME_LINE = 0.02
 """By which share frequencies of one line may differ between logs: the mains keep to 1 %."""

@@ -28,8 +28,7 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.parts import GRAVITY
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.scenario import Scenario, along
 from ambkit.simulation.waveforms import Recorded

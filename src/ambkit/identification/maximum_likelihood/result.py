@@ -29,8 +29,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 
 TOGETHER = 0.9  #: Correlation from which on two parameters are known only together.
 DESCRIBED = ("magnet_constant", "air_gap", "mass", "sensor_gain", "amplifier_gain")

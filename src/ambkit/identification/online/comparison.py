@@ -30,8 +30,7 @@ from ambkit.identification.online.rls import LeastSquaresResult
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule, Span
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 
 NAMES = {
     "adaline": "ADALINE",

@@ -19,8 +19,7 @@ from ambkit.judge.comparison.tuning import Tuning
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Part, Section
+from ambkit.result.row import Part, Row, Section, put
 
 SHOWN = ("x", "v", "f_d", "nees", "nis", "lost")
 """Criteria that are shown to all; the others are details."""

@@ -35,8 +35,7 @@ from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
-from ambkit.result.row import Row
-from ambkit.result.sections import Part, Section
+from ambkit.result.row import Part, Row, Section
 
 HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)  #: Steps whose errors are shown, in travels.
 

@@ -25,8 +25,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision
 from ambkit.result.report import Axis, Cells, Figure, Panel
 from ambkit.result.result import Result
-from ambkit.result.row import Row, put
-from ambkit.result.sections import Section
+from ambkit.result.row import Row, Section, put
 
 MIXTURE = "mixture"  #: Stands for the faults that are drawn at random.
 

@@ -12,6 +12,7 @@ from ambkit.result.report.blocks import (
     FigureBlock,
     Remark,
     Report,
+    SummaryRow,
     TableBlock,
     Text,
 )
@@ -19,7 +20,6 @@ from ambkit.result.report.figure import Figure
 from ambkit.result.report.item import Axis, Item, Panel, Vector
 from ambkit.result.report.items import Band, Bars, Intervals, Line, Note, Points, Rule, Span
 from ambkit.result.report.page import write_report
-from ambkit.result.report.summary import SummaryRow
 from ambkit.result.report.surfaces import Cells, Heatmap
 
 __all__ = [

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.result.report import style
-from ambkit.result.report.formula import label_html
-from ambkit.result.report.markup import plain
+from ambkit.result.report.markup import label_html, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

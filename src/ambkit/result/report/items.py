@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.result.report import style
-from ambkit.result.report.formula import label_html
 from ambkit.result.report.item import (
     Item,
     Json,
@@ -24,6 +23,7 @@ from ambkit.result.report.item import (
     error_bars,
     write,
 )
+from ambkit.result.report.markup import label_html
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

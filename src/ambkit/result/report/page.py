@@ -16,6 +16,8 @@ from typing import Any
 from ambkit.base import escaping, files
 from ambkit.result.report import screen
 from ambkit.result.report.blocks import (
+    COLOURS,
+    VERDICTS,
     Block,
     Cell,
     Chapter,
@@ -25,12 +27,15 @@ from ambkit.result.report.blocks import (
     Report,
     TableBlock,
     Text,
+    number,
+    ours,
+    runs,
+    tally,
+    verdict_of,
 )
 from ambkit.result.report.figure import Figure
-from ambkit.result.report.formula import mathml
 from ambkit.result.report.items import BUCKETS, Line
-from ambkit.result.report.markup import inline, markdown, plain
-from ambkit.result.report.summary import COLOURS, VERDICTS, number, ours, runs, tally, verdict_of
+from ambkit.result.report.markup import inline, markdown, mathml, plain
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _PLOTLY_JS = Path(__file__).parent / "plotly" / "plotly-cartesian.min.js"

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 from ambkit.result.report import style
 from ambkit.result.report.figure import Figure
-from ambkit.result.report.formula import label_html
 from ambkit.result.report.item import Axis, Json, annotation
+from ambkit.result.report.markup import label_html
 from ambkit.result.report.surfaces import Cells
 
 SANS = "-apple-system, 'Segoe UI', Roboto, 'Noto Sans', Ubuntu, 'Liberation Sans', sans-serif"

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.result.report import style
-from ambkit.result.report.formula import label_html
 from ambkit.result.report.item import Axis, Item, Json, Panel, Vector
+from ambkit.result.report.markup import label_html
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
