@@ -38,7 +38,7 @@ def test_estimator_is_the_cores_at_its_operating_point(name):
     for _ in range(30_000):
         estimator.step(np.zeros(m), point.iu)
     linear = estimator_at(estimator, point)
-    whole = estimator.whole
+    whole = estimator.view
     rows = np.vstack([whole.H @ np.eye(len(estimator.states))[
         [k for k, at in enumerate(estimator.states) if at.role == role]
     ] for role in ("position", "velocity")])  # fmt: skip

@@ -169,7 +169,7 @@ def test_controllers_and_filters_know_the_nominal_machine_alone() -> None:
     assert len({id(each.planned.controllers) for each in drawn}) == 2  # of each filter
     nominal = ambkit.Machine.preset("tum_mlps")
     for each in drawn:
-        assert each.planned.estimator.whole.machine == nominal
+        assert each.planned.estimator.view.machine == nominal
         assert each.planned.bearing != nominal
 
 

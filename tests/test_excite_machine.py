@@ -69,7 +69,7 @@ def test_commands_design_play_and_assess_it(designed, tmp_path, monkeypatch, cap
 
 
 def test_what_cannot_be_is_refused():
-    with pytest.raises(AmbkitError, match="no axis Q; there are A1"):
+    with pytest.raises(AmbkitError, match="the axes A1, A2, B1, B2: there is no axis Q"):
         design_injection(TUM, Scenario(duration=1.0), axis="Q")
     with pytest.raises(AmbkitError, match="the limit of the current"):
         design_injection(TUM, Scenario(duration=1.0), current="99 A")

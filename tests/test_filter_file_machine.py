@@ -36,7 +36,7 @@ def test_what_is_read_is_what_was_written(name, tmp_path, record):
     made.save(tmp_path / "filter.toml")
     read = Estimator.load(tmp_path / "filter.toml")
     assert (kind_of(made), kind_of(read)) == (name, name)
-    assert read.whole.machine == TUM
+    assert read.view.machine == TUM
     assert read.variances == made.variances
     a, b = made.run(record, covariance=True), read.run(record, covariance=True)
     np.testing.assert_array_equal(a.mean, b.mean)
@@ -62,7 +62,7 @@ def test_a_machine_of_ones_own_goes_along(tmp_path):
     assert {path.name for path in (tmp_path / "a").iterdir()} == {"f.toml", "f.machine.toml"}
     (tmp_path / "a").rename(tmp_path / "b")
     read = Estimator.load(tmp_path / "b" / "f.toml")
-    assert read.whole.machine == machine
+    assert read.view.machine == machine
     assert read.options["synchronous"] == ("runout",)
     text = (tmp_path / "b" / "f.machine.toml").read_text()
     (tmp_path / "b" / "f.machine.toml").write_text(text.replace("mine", "yours"))

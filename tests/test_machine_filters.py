@@ -126,13 +126,13 @@ def test_axes_that_do_not_couple_are_filtered_as_bearings_alone(kind: str) -> No
     record = flown(one).record
     whole = KINDS[kind].make(one, noise=noise)
     start = {"position": 1e-5, "velocity": 1e-2, "disturbance force": 20.0, "sensor": 1e-5}
-    H = whole.whole.H  # type: ignore[union-attr]
+    H = whole.view.H
     # As sure of the coordinates as an axis alone is of its displacement and velocity.
     back = np.linalg.inv(H)
     std = [start[state.role] for state in whole.states]
     std[:4] = np.sqrt((back**2).sum(axis=1)) * 1e-5
-    y, u = whole.whole.signals(record)  # type: ignore[union-attr]
-    q0 = whole.whole.shown @ y[0]  # type: ignore[union-attr]
+    y, u = whole.view.signals(record)
+    q0 = whole.view.shown @ y[0]
     whole.reset(whole.equilibrium_state(q0), std)
     of_machine = whole.told(record.t, whole.core.run(y, u))
     for k, (axis, alone) in enumerate(zip(one.axes, isolated_axes(one), strict=True)):
@@ -156,7 +156,7 @@ def test_step_by_step_it_says_the_same() -> None:
     record = flown(one).record
     kf = ExtendedKalmanFilter(one)
     whole = kf.run(record)
-    y, u = kf.whole.signals(record)  # type: ignore[union-attr]
+    y, u = kf.view.signals(record)
     kf.reset(kf.initial_state(y))
     kf.core.update(y[0])
     for k in range(1, 300):

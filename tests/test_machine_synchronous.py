@@ -210,7 +210,7 @@ def test_unbalance_pushes_across_while_the_speed_grows(growth: float) -> None:
         | {f"u_{axis.name}": np.zeros(2) for axis in one.axes},
         {f"y_{r.name}": "m" for r in one.readings} | {f"u_{a.name}": "V" for a in one.axes},
     )
-    y, u = kf.whole.signals(record)  # type: ignore[union-attr]
+    y, u = kf.view.signals(record)
     speed = np.array([before, after])
     of = kf.engine.model_of_core
     got = kf.engine.core.run_turning(kf.core, y, u, speed, of)["mean"][1]

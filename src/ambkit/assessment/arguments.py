@@ -197,8 +197,8 @@ def axis_argument(source: Any) -> Machine:
     """Return the machine that is given or named, which must have one axis."""
     machine = machine_argument(source)
     if not machine.single:
-        raise AmbkitError(f'"{source}" has several axes; this takes a machine with one')
-    return machine.isolated_axis("")
+        raise AmbkitError(f"{machine.name} has several axes; this takes a machine with one")
+    return machine.short
 
 
 @contextmanager
@@ -315,9 +315,7 @@ def axis_to_export(
 ) -> tuple[Machine, Chosen]:
     """Return the machine with one axis and the filter that are to be exported."""
     plant, chosen = export_arguments(machine, filter, choice)
-    if not plant.single:
-        raise AmbkitError(f'"{machine}" has several axes; this takes a machine with one')
-    return plant.isolated_axis(""), chosen
+    return axis_argument(plant), chosen
 
 
 def export_arguments(

@@ -24,6 +24,7 @@ from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation import Limits
 from ambkit.identification.excitation.signals import Excitation, sparse_multisine
 from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity, measured_sensitivity
+from ambkit.machine.force_laws import axis_named
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.modes import end_of_range
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule
@@ -199,8 +200,6 @@ def design_injection(
     current = in_si("current", current, "A")
     displacement = in_si("displacement", displacement, "m")
     of_type(Scenario, scenario=scenario)
-    if bearing.single and axis is not None:
-        raise AmbkitError(f"{bearing.name} has one axis: leave its name out")
     return _Experiment(bearing, scenario, filter, axis, current, displacement).designed(band)
 
 
@@ -235,11 +234,7 @@ class _Experiment:
                 f"{self.bearing.name}: the loop is not stable, there is nothing to measure"
             )
         self.loop, axes = loop, list(loop.axes)
-        chosen = loop.worst.name if axis is None else axis
-        if chosen not in axes:
-            raise AmbkitError(
-                f"{self.bearing.name} has no axis {chosen}; there are {', '.join(axes)}"
-            )
+        chosen = loop.worst.name if axis is None else axis_named(bearing, axis)
         self.at = axes.index(chosen)
         self.axis = chosen if len(result.of.axes) > 1 else ""
         self.name = f"{self.bearing.name} {self.axis}".strip()

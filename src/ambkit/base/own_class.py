@@ -96,6 +96,11 @@ class OwnStep:
         self.wrapped = made(self.name, loaded, machine)
         self._call, self._returns, self._sample = call, returns, 0
         self._failed: BaseException | None = None
+        self._single = machine.single
+
+    def plain(self, values: list[float]) -> Any:
+        """Return an array, of a single axis its number."""
+        return values[0] if self._single else np.array(values)
 
     def numbers(self, count: int, *arguments: Any) -> list[float]:
         """Return what ``step`` does, NaN once it failed: no exception may reach C."""

@@ -45,13 +45,10 @@ class OwnController(OwnStep):
 
     def __init__(self, make: Any, machine: Machine) -> None:
         self._axes = len(machine.axes)
-        returns = "the control current" if machine.single else f"{self._axes} control currents"
+        returns = "the control current" if self._axes == 1 else f"{self._axes} control currents"
         super().__init__(make, machine, "step(y, r, estimate)", f"{returns} [A]")
-        self._single = machine.single
 
     def __call__(self, y: list[float], r: list[float], mean: list[float]) -> list[float]:
         """Return the currents (p,) [A]."""
         estimate = np.array(mean) if mean else None
-        if self._single:
-            return self.numbers(1, y[0], r[0], estimate)
-        return self.numbers(self._axes, np.array(y), np.array(r), estimate)
+        return self.numbers(self._axes, self.plain(y), self.plain(r), estimate)

@@ -160,11 +160,6 @@ class Estimator(Described, Copyable):
         return Card(title, rows, None, ["state", "role", "unit"])
 
     @property
-    def whole(self) -> View | None:
-        """The machine as it sees it; None of a single axis."""
-        return None if self.view.single else self.view
-
-    @property
     def nominal(self) -> Estimator:
         """The filter with the noise that it starts from; the inner one where noise is found."""
         return self

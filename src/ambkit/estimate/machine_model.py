@@ -49,11 +49,9 @@ class View:
     @property
     def columns(self) -> dict[str, Any]:
         """What an estimate is told of the names of axes and readings."""
-        if self.single:
-            return {}
         return {
-            "axes": tuple(axis.name for axis in self.machine.axes),
-            "readings": tuple(r.name for r in self.machine.readings),
+            "axes": tuple(axis.name for axis in self.machine.axes if axis.name),
+            "readings": tuple(r.name for r in self.machine.readings if r.name),
         }
 
     @cached_property
@@ -281,11 +279,7 @@ class View:
         if y is None:
             y = self.gains * _times(self.C, q)
         if i is None:  # what holds the rotor is in the precision of an exported filter
-            i0, slope = (
-                np.array([levitation_current] if self.single else levitation_current)
-                .astype(precision)
-                .T
-            )
+            i0, slope = np.atleast_2d(levitation_current).astype(precision).T
             i = i0 + slope * _times(self.H, q).astype(precision)
         columns = {"position": q.T, "sensor": y.T}
         column_index = dict.fromkeys(columns, 0)

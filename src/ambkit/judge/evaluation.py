@@ -85,7 +85,7 @@ class Evaluation:
 
     def rows(self, machine: Machine, flags: Sequence[str]) -> list[Row]:
         """Return the figures; of several readings the means only for those who ask for more."""
-        several, units, white = not machine.single, self.estimate.units, each_of(self.whiteness)
+        several, units, white = len(machine.axes) > 1, self.estimate.units, each_of(self.whiteness)
         share, bound = (
             by_name(self.estimate.readings or ("",), [w and getattr(w, name) for w in white])
             for name in ("share_within", "bound")

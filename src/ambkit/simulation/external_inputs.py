@@ -145,7 +145,6 @@ class OwnPlant(OwnStep):
     """An object with ``step(iu, f_d)``, for the loop in C; see `PlantProtocol`."""
 
     def __init__(self, make: Any, machine: Machine) -> None:
-        self._single = machine.single
         self._count = 2 * len(machine.positions) + len(machine.readings)
         super().__init__(
             make, machine, "step(iu, f_d)", f"{self._count} numbers, see PlantProtocol"
@@ -153,5 +152,4 @@ class OwnPlant(OwnStep):
 
     def __call__(self, iu: list[float], f_d: list[float], _: list[float]) -> list[float]:
         """Return displacements, velocities and readings, and that no stop was touched."""
-        arguments = (iu[0], f_d[0]) if self._single else (np.array(iu), np.array(f_d))
-        return [*self.numbers(self._count, *arguments), 0.0]
+        return [*self.numbers(self._count, self.plain(iu), self.plain(f_d)), 0.0]

@@ -33,7 +33,7 @@ from ambkit.judge.comparison.study import Study, across, study
 from ambkit.judge.comparison.tolerance import Spread
 from ambkit.judge.comparison.tuning import expand, suited
 from ambkit.machine.force_laws import isolated_axes
-from ambkit.machine.forces.force_map import surface_in
+from ambkit.machine.forces.force_map import true_magnet
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
@@ -119,7 +119,7 @@ def in_case(
             raise AmbkitError("whole needs one case, not all")
         result = compare_in_case(
             machine, case, names, whole=whole, runs=len(seeds), budget=budget, seed=seeds.start,
-            spread=spread, plant=_true_magnet(plant, machine), custom=own, done=done,
+            spread=spread, plant=true_magnet(plant, machine), custom=own, done=done,
             magnets={kind: experts(Path(file), machine) for kind, file in files.items()},
         )  # fmt: skip
     if isinstance(result, Benches):
@@ -139,7 +139,7 @@ def in_loops(
     heights = None if steps is None else names_in(float, int, steps=steps)
     name = os.fspath(scenario) if isinstance(scenario, str | os.PathLike) else "scenario"
     what = loop_cases(machine, scenario, steps=heights, load=load, duration=duration, name=name)
-    built, magnet = factories(filter, machine), _true_magnet(plant, machine)
+    built, magnet = factories(filter, machine), true_magnet(plant, machine)
     scores = {
         name: compare(machine, of.scenario, built, seeds, magnet=magnet, done=lambda: done(""))
         for name, of in what.items()
@@ -158,18 +158,6 @@ def _with_files(filter: Sequence[Any]) -> tuple[list[str], dict[str, str]]:
             files[kind] = file
         names += expand(kind if item.endswith(EXPERTS) else item)
     return list(dict.fromkeys(names)), files
-
-
-def _true_magnet(plant: Any, machine: Machine) -> Any:
-    """Return the plant's true magnet."""
-    if plant is None:
-        return None
-    if not machine.single:
-        count = len(machine.axes)
-        raise AmbkitError(f"plant is the magnet of one axis, and {machine.name} has {count}")
-    if isinstance(plant, str | os.PathLike):
-        return surface_in(plant, machine.isolated_axis(""))
-    return plant
 
 
 RUNS = 20

@@ -96,8 +96,7 @@ class Identified(Result):
     def _mapped(self) -> ForceMap:
         if self.forces is not None:
             return self.forces
-        if not self.machine.single:
-            raise AmbkitError(f"forces are mapped of one axis, {self.machine.name} has several")
+        check_mappable(self.machine)
         result = self.likelihood
         return force_map(result.model, self.records, settling=result.settling)
 
@@ -361,3 +360,9 @@ def filter_following_load(
 
     least = least_process_noise(build, intensity)
     return build(least), {"noise.disturbance": RAISED} if least > intensity else {}
+
+
+def check_mappable(machine: Machine) -> None:
+    """Refuse to map the forces of several axes."""
+    if not machine.single:
+        raise AmbkitError(f"forces are mapped of one axis, {machine.name} has several")

@@ -40,6 +40,7 @@ from ambkit.machine.machine import Machine
 from ambkit.workflow.identified import (
     Identified,
     check_disjoint,
+    check_mappable,
     filter_following_load,
     records_of,
     validations,
@@ -93,8 +94,8 @@ def identify(
     start = starting_model(machine, axis, rest=rest, load_std=load_std)
     looked_for = parameters_to_find(start, free)
     check_disjoint(others, records)
-    if map_forces and not machine.single:
-        raise AmbkitError(f"forces are mapped of one axis, {machine.name} has several")
+    if map_forces:
+        check_mappable(machine)
     records, others = (records_of(start, item) for item in (records, others))
     try:
         result = maximum_likelihood(records, start, looked_for, lines=machine.single, note=note)

@@ -15,7 +15,7 @@ def listing() -> Document:
     machines = map(Machine.preset, (*presets.names(), *presets.machine_names()))
     data = [
         {"name": item.name, "description": item.description, "source": item.source,
-         "kind": "bearing" if item.single else "machine"}
+         "kind": _form(item)}
         for item in machines
     ]  # fmt: skip
     column = max(len(item["name"]) for item in data) + 2
@@ -31,5 +31,9 @@ def listing() -> Document:
 def document(name: str) -> Document:
     """Return a preset as TOML, and as data."""
     toml, machine = presets.text(name), Machine.preset(name)
-    kind = "bearing" if machine.single else "machine"
-    return Document(toml, {"name": name, kind: machine.model_dump(), "toml": toml})
+    return Document(toml, {"name": name, _form(machine): machine.model_dump(), "toml": toml})
+
+
+def _form(machine: Machine) -> str:
+    """Return the form of a machine's file, short or long."""
+    return "bearing" if machine.single else "machine"

@@ -27,7 +27,7 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.force_laws import isolated_axes
-from ambkit.machine.forces.force_map import surface_in
+from ambkit.machine.forces.force_map import true_magnet
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
@@ -162,16 +162,11 @@ def flown(
             "estimator cannot be none"
         )
     estimator = filter_of(filter, machine) if named else None
-    magnet = plant
-    if isinstance(plant, str | os.PathLike):
-        if not machine.single:
-            raise AmbkitError(f"plant: a force map is of one axis, and {machine.name} has several")
-        magnet = surface_in(plant, machine.isolated_axis(""))
     run = simulate_run(
-        machine.short, full_scenario, estimator=estimator, magnet=magnet,
+        machine.short, full_scenario, estimator=estimator, magnet=true_magnet(plant, machine),
         external_inputs=external_inputs,
     )  # fmt: skip
-    if not machine.single:
+    if machine.rotor.type != "mass":
         run = replace(
             run,
             turning=() if estimator is None else harmonics(estimator, run.record),
@@ -229,10 +224,10 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
         yield plain
     if touched and scenario.start == "levitated":
         yield _of_the_stop(run)
-        if machine.single or machine.speed:
+        if machine.speed:
             return
         if not holding(machine, scenario.feedback or "estimate").held:
-            yield "No PID of each axis that was tried holds it; ambkit check says more."
+            yield "None of the PIDs that were tried holds it; ambkit check says more."
 
 
 def _of_the_stop(run: Run) -> str:

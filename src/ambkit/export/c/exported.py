@@ -47,7 +47,7 @@ class Export:
     @property
     def several(self) -> bool:
         """Whether C takes arrays of readings and currents, and not a number each."""
-        return self.filter.whole is not None
+        return not self.filter.view.single
 
     @property
     def one(self) -> Controller | None:
@@ -160,12 +160,11 @@ def several(
     filter: Estimator, magnets: list[Magnet], kinds: list[Kind], precision: CPrecision
 ) -> dict[str, Any]:
     """Return what only the export of a machine has."""
-    machine_view = filter.whole
-    assert machine_view is not None
-    constant, by_reading = machine_view.start_form(filter.states, filter.levitation_current)
+    view = filter.view
+    constant, by_reading = view.start_form(filter.states, filter.levitation_current)
     return {
-        "axes": [axis.name for axis in machine_view.machine.axes],
-        "readings": [r.name for r in machine_view.machine.readings],
+        "axes": [axis.name for axis in view.machine.axes],
+        "readings": [r.name for r in view.machine.readings],
         "headers": sorted({f"{kind.source}.h" for kind in kinds}),
         "start": c_literals.array(constant, precision),
         "start_by": c_literals.array(by_reading.ravel(), precision),
@@ -216,7 +215,7 @@ def _names(magnet: Magnet, k: int | None) -> dict[str, str]:
 def _arrays_of_magnets(filter: Estimator) -> dict[str, NDArray[Any]]:
     """Return the arrays of all magnets by their names in C, in the order of the data file."""
     return {
-        _names(magnet, None if filter.whole is None else k)[path]: values
+        _names(magnet, None if filter.view.single else k)[path]: values
         for k, magnet in enumerate(magnets_of(filter))
         for path, values in c_literals.arrays_of(magnet.parameters).items()
     }
@@ -245,8 +244,8 @@ def crc(
     if of_model.turning is not None:
         constants.fields(f"{name}_turning", of_model.turning, arrays=False)
     constants.array(f"{name}_std", np.asarray(filter.default_std()))
-    if filter.whole is not None:
-        start, by_reading = filter.whole.start_form(filter.states, filter.levitation_current)
+    if not filter.view.single:
+        start, by_reading = filter.view.start_form(filter.states, filter.levitation_current)
         constants.array(f"{name}_start", start)
         constants.array(f"{name}_start_by", by_reading.ravel())
         for k, magnet in enumerate(magnets):

@@ -43,7 +43,7 @@ class TestCase(NamedTuple):
 
 def of(filter: Estimator, magnets: list[Magnet], settling: int) -> list[TestCase]:
     """Return the runs for an estimator."""
-    if filter.whole is not None:
+    if not filter.view.single:
         settled = [_settled_machine(filter, settling)] if settling <= MOST_SETTLING else []
         return [*_of_machine(filter), *settled]
     return [*_of_axis(filter, settling), *_box(filter, magnets[0])]
@@ -188,24 +188,24 @@ def _places(low: float, high: float, of: dict[str, Any], at: str, per: str, coun
 
 
 def _of_machine(filter: Estimator) -> Iterator[TestCase]:
-    machine_view: Any = filter.whole
+    view = filter.view
     yield _corrupted_machine(filter, *_levitated(filter, 1.0))
     y, u = _levitated(filter, -1.0)
-    y[60:] += 0.3 * machine_view.gains * machine_view.travel_seen  # all of them, and it stays
+    y[60:] += 0.3 * view.gains * view.travel_seen  # all of them, and it stays
     y[90:, 0] = np.nan
     u[0, 0] = np.nan  # before any was good
     name = "a load the other way, a jump that stays, and a sensor that is lost"
     yield TestCase(name, y, u, amplifies=60)
-    every = np.ones(len(machine_view.gains), bool)
+    every = np.ones(len(view.gains), bool)
     yield _outage_of_machine(filter, every, "an outage")
-    half = np.arange(len(machine_view.gains)) % 2 == 0
+    half = np.arange(len(view.gains)) % 2 == 0
     yield _outage_of_machine(filter, half, "an outage of every other sensor")
 
 
 def _settled_machine(filter: Estimator, settling: int) -> TestCase:
     """At rest until it may be fed back, with readings that are of no use; then nothing."""
-    machine_view: Any = filter.whole
-    seen = machine_view.gains * machine_view.travel_seen
+    view = filter.view
+    seen = view.gains * view.travel_seen
     frozen = int(filter.core.parameters["set"]["frozen_limit"])
     n = settling + frozen + 30
     y = 1e-2 * seen * np.resize([1.0, -1.0, 0.5], (2 * n, 1))
@@ -213,15 +213,15 @@ def _settled_machine(filter: Estimator, settling: int) -> TestCase:
     y[12 : 15 + frozen] = y[12]
     y[18 + frozen] = 5 * seen
     y[n:] = np.nan
-    return TestCase("settled, and then nothing", y, np.zeros((2 * n, len(machine_view.isolated))))
+    return TestCase("settled, and then nothing", y, np.zeros((2 * n, len(view.isolated))))
 
 
 def _outage_of_machine(filter: Estimator, lost: Bools, name: str) -> TestCase:
     """Off the middle, then nothing of some, until the filter says so; the first is back first."""
     # What is left of a large covariance by a sharp sensor is what rounding leaves of it.
-    machine_view: Any = filter.whole
-    seen = machine_view.gains * machine_view.travel_seen
-    limits = np.array([b.current_max / b.amplifier.gain for b in machine_view.isolated])
+    view = filter.view
+    seen = view.gains * view.travel_seen
+    limits = np.array([b.current_max / b.amplifier.gain for b in view.isolated])
     n = LONGEST_OUTAGE
     y = -0.5 * seen * (1 + 1e-3 * np.resize([1.0, -1.0, 0.5], (n, 1)))
     u = np.tile(0.3 * limits, (n, 1))
@@ -236,27 +236,25 @@ def _outage_of_machine(filter: Estimator, lost: Bools, name: str) -> TestCase:
 
 def _levitated(filter: Estimator, sign: float) -> tuple[Array, Array]:
     """Let a machine hover under a load."""
-    machine, machine_view = filter.bearing, filter.whole
-    assert machine_view is not None
+    machine, view = filter.bearing, filter.view
     T = machine.sampling_time
     tenth = Step(amplitude=sign * 0.1 * machine.rotor.mass * GRAVITY, time=20 * T)
     force = Disturbance(axis=machine.axes[0].name, force=tenth)
     scenario = Scenario(duration=(FLIGHT - 1) * T, disturbance=(force,))
-    y, u = machine_view.signals(simulate(machine, scenario))
+    y, u = view.signals(simulate(machine, scenario))
     return y.copy(), u.copy()
 
 
 def _corrupted_machine(filter: Estimator, y: Array, u: Array) -> TestCase:
     """Measurements far away, frozen sensors, and demands beyond the limits."""
-    machine_view = filter.whole
-    assert machine_view is not None
-    far = 1e3 * machine_view.gains * machine_view.travel_seen
+    view = filter.view
+    far = 1e3 * view.gains * view.travel_seen
     y[40:43] = far, -far, far  # all of them
     y[46, 0] = far[0]  # one of them
     y[48, -1] = np.nan
     y[60:76] = y[60]
     y[80:96, -1] = y[80, -1]
-    limits = [2 * b.amplifier.current_limit / b.amplifier.gain for b in machine_view.isolated]
+    limits = [2 * b.amplifier.current_limit / b.amplifier.gain for b in view.isolated]
     u[100], u[106] = limits, np.negative(limits)
     u[112, 0], u[113, -1] = np.nan, np.inf
     most = float(np.finfo(filter.precision).max)

@@ -50,7 +50,7 @@ def c_model(
     if loops if loops is not None else len(model.states) > MOST_UNROLLED:
         return loop_model(model)
     names = emit.Names(model)
-    what = "One axis" if filter.whole is None else "A machine"
+    what = "One axis" if filter.view.single else "A machine"
     about = f"{what}: {', '.join(state.name for state in model.states)}"
     header = emit.header(names, about, by=f"ambkit {version('ambkit')}")
     return CModel({LOOPS: None, BUILT_IN: header}, (), emit.constants(names, model), {}, {})

@@ -70,7 +70,7 @@ def without_digits(filter: Estimator, y: Array, u: Array) -> Bools:
     # A mean by more than a standard deviation, or a variance by more than ten of itself: then what
     # another rounding says is another number. AdaptiveNoise has no precision of its own.
     args, options = filter._made
-    if filter.whole is None or "precision" not in options or filter.precision == "float64":
+    if filter.view.single or "precision" not in options or filter.precision == "float64":
         return np.zeros(len(y), bool)
     sharp = type(filter)(*args, **(options | {"precision": "float64"}))
     one, other = (filter_test_cases.run(item, y, u) for item in (filter, sharp))
@@ -91,7 +91,7 @@ def _as_read(
     filter: Estimator, case: filter_test_cases.TestCase
 ) -> tuple[Array, Array, tuple[Any, Any]]:
     """Return what the controller reads, and what that is in SI, of one axis in the rig's units."""
-    if filter.whole is not None:
+    if not filter.view.single:
         number = np.dtype(filter.precision).type
         y, u = (values.astype(number).astype(float) for values in (case.y, case.u))
         return y, u, (y, u)
@@ -182,8 +182,8 @@ def _with_stand_ins(values: Array, precision: CPrecision) -> Array:
 
 def is_plain(filter: Estimator) -> bool:
     """Whether it is the linear filter, of one axis or of a rotor that does not bend."""
-    machine_view = filter.whole
-    bends = machine_view is not None and machine_view.H.shape[1] > machine_view.rigid
+    view = filter.view
+    bends = view.H.shape[1] > view.rigid
     return filter.name.startswith("linear") and not c_literals.called(filter).base and not bends
 
 
@@ -191,9 +191,9 @@ def of_roles(filter: Estimator) -> dict[str, Any]:
     """Return which states the self-test of a machine asks for."""
     # `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil, and
     # the rotor is rigid: a mode may go beyond its bound, or back, within a sample.
-    roles, machine_view = [state.role for state in filter.states], filter.whole
+    roles, view = [state.role for state in filter.states], filter.view
     return {
-        "plain": machine_view is not None and is_plain(filter),
+        "plain": not view.single and is_plain(filter),
         "positions": [i for i, role in enumerate(roles) if role == "position"],
         "moving": [
             str(role in ("position", "velocity", "disturbance force")).lower() for role in roles
@@ -231,6 +231,6 @@ def stops(filter: Estimator) -> tuple[Array, Array]:
 def stops_in_c(filter: Estimator, precision: CPrecision) -> dict[str, str]:
     """Return the same as C."""
     results = dict(zip(("between", "beyond"), stops(filter), strict=True))
-    if filter.whole is None:
+    if filter.view.single:
         return {name: c_literals.array(at.ravel(), precision, "") for name, at in results.items()}
     return {name: c_literals.rows(at, precision) for name, at in results.items()}

@@ -36,6 +36,16 @@ def surface_in(path: str | os.PathLike[str], bearing: IsolatedAxis) -> ForceSurf
         raise AmbkitError(f"{path}: {error}") from None
 
 
+def true_magnet(plant: Any, machine: Any) -> Any:
+    """Return the true magnet of a plant with one axis, read where it is a force map."""
+    if plant is not None and len(machine.axes) > 1:
+        count = len(machine.axes)
+        raise AmbkitError(f"plant is the magnet of one axis, and {machine.name} has {count}")
+    if isinstance(plant, str | os.PathLike):
+        return surface_in(plant, machine.isolated_axis(machine.axes[0].name))
+    return plant
+
+
 def points_of(path: str, channels: str | None) -> ForcePoints:
     """Return the points of a force map, read once for each state of its files."""
     return _read(*_files(path, channels))
