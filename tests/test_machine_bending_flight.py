@@ -21,7 +21,6 @@ from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.parts import GRAVITY
 from ambkit.models import exponential
 from ambkit.models.continuous import continuous, open_loop
-from ambkit.models.machine_parts import machine_model
 from ambkit.models.plant import Plant
 from ambkit.simulation.waveforms import Ramp
 from benchmarks.judge_states import judge_states
@@ -84,44 +83,6 @@ def test_metres_and_micrometres_are_the_same() -> None:
     back = second / lengths[:, None] * lengths
     there = np.abs(first) > 1e-300
     np.testing.assert_allclose(back[there], first[there], rtol=1e-12)
-
-
-def test_a_mirrored_shaft_has_mirrored_results() -> None:
-    """Sections and places the other way round: tilts change their sign, and odd modes."""
-    one = flexible(speed=2000.0)
-    rotor: Any = one.rotor
-    length = rotor.second_end
-
-    def mirrored(placed: Any) -> list[Any]:
-        return [each.model_copy(update={"place": length - each.place}) for each in placed]
-
-    other = one.replace(
-        rotor=rotor.model_copy(update={"section": rotor.section[::-1],
-                                       "disc": tuple(mirrored(rotor.disc))}),
-        bearing=mirrored(one.bearing), sensor=mirrored(one.sensor), unbalance=[],
-    )  # fmt: skip
-    assert other.rotor.centre == pytest.approx(length - one.rotor.centre, abs=1e-12)
-    assert one.bending is not None
-    assert other.bending is not None
-    signs = [1.0, 1.0, -1.0, -1.0]
-    for k in range(3):
-        same = one.bending.shape(0.2)[k] * other.bending.shape(length - 0.2)[k]
-        signs += [math.copysign(1.0, same)] * 2
-    first, second = machine_model(one), machine_model(other)
-    n = len(signs)
-    turned = np.ones(len(first.states))
-    turned[: 2 * n] = signs * 2
-    scale = np.array([state.size for state in first.states])
-    L, M = (each.L * scale / scale[:, None] for each in (first, second))
-    np.testing.assert_allclose(M, turned[:, None] * L * turned, rtol=0, atol=2e-7)
-
-
-def test_another_order_of_the_bearings_permutes_the_results() -> None:
-    one = flexible(speed=2000.0)
-    other = one.replace(bearing=one.bearing[::-1], sensor=one.sensor[::-1])
-    first, second = machine_model(one), machine_model(other)
-    order = [[s.name for s in second.states].index(s.name) for s in first.states]
-    np.testing.assert_allclose(second.L[np.ix_(order, order)], first.L, rtol=1e-9, atol=1e-15)
 
 
 # ---- in flight ----

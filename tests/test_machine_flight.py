@@ -178,22 +178,6 @@ def test_axes_that_do_not_couple_fly_as_bearings_alone(voltage: float | None) ->
             np.testing.assert_allclose(got, expected, rtol=0, atol=near * np.abs(expected).max())
 
 
-def test_mirrored_machines_fly_mirrored() -> None:
-    one = machine(unbalance=[{"place": 0.1, "amount": 2e-5, "angle": 0.3}])
-
-    def mirrored(placed: Any) -> list[Any]:
-        return [each.model_copy(update={"place": -each.place}) for each in placed]
-
-    other = one.replace(
-        bearing=mirrored(one.bearing), sensor=mirrored(one.sensor),
-        unbalance=[{"place": -0.1, "amount": 2e-5, "angle": 0.3}],
-    )  # fmt: skip
-    first, second = (simulate_run(each, Scenario(duration=0.1)).record for each in (one, other))
-    for name, sign in (("q_x", 1), ("q_y", 1), ("q_th_x", -1), ("q_th_y", -1)):
-        size = np.abs(first[name]).max()
-        np.testing.assert_allclose(second[name], sign * first[name], rtol=0, atol=1e-9 * size)
-
-
 def test_unbalance_goes_round_and_a_run_up_passes_the_critical_speeds() -> None:
     one = machine(unbalance=[{"place": 0.0, "amount": "30 g mm"}])
     steady = simulate_run(one, Scenario(duration=0.3, noise=False)).record

@@ -16,7 +16,6 @@ from machine_cases import (
     machine,
     sensor,
     slopes,
-    uncoupled,
 )
 
 from ambkit import Machine, magnet_of
@@ -127,20 +126,6 @@ def test_the_nonlinear_machine_is_met_in_the_second_order(name: str) -> None:
 # ---- the same machine in other words ----
 
 
-def by_names(model: Any, name: str) -> dict[tuple[str, str], float]:
-    rows, columns = {
-        "L": (model.states, model.states), "b": (model.states, model.forces),
-        "h": (model.forces, model.states), "c": (model.measurements, model.states),
-        "B_u": (model.states, model.controls),
-    }[name]  # fmt: skip
-    values = getattr(model, name)
-    return {
-        (row.name, column.name): values[i, j]
-        for i, row in enumerate(rows)
-        for j, column in enumerate(columns)
-    }
-
-
 def whole(**keys: Any) -> Machine:
     amplifier = {"bandwidth": 2000.0}
     given: dict[str, Any] = {
@@ -154,32 +139,6 @@ def whole(**keys: Any) -> Machine:
     return machine(**given | keys)
 
 
-def test_another_order_permutes_the_results() -> None:
-    one = whole()
-    other = one.replace(bearing=one.bearing[::-1], sensor=one.sensor[::-1])
-    first, second = machine_model(one), machine_model(other)
-    for name in ("L", "b", "h", "c", "B_u"):
-        a, b = by_names(first, name), by_names(second, name)
-        assert a.keys() == b.keys()
-        size = max(map(abs, a.values()))
-        assert all(abs(a[key] - b[key]) <= 1e-12 * size for key in a)
-
-
-def test_a_mirrored_machine_has_mirrored_results() -> None:
-    """In the plane z = 0: rotation stays what it is, and tilts turn round."""
-    one = whole()
-
-    def mirrored(placed: Any) -> list[Any]:
-        return [each.model_copy(update={"place": -each.place}) for each in placed]
-
-    other = one.replace(bearing=mirrored(one.bearing), sensor=mirrored(one.sensor))
-    first, second = machine_model(one), machine_model(other)
-    tilts = np.array([-1.0 if s.unit.startswith("rad") else 1.0 for s in first.states])
-    np.testing.assert_allclose(second.L, tilts[:, None] * first.L * tilts, rtol=1e-12, atol=1e-18)
-    np.testing.assert_allclose(second.b, tilts[:, None] * first.b, rtol=1e-12, atol=1e-18)
-    np.testing.assert_allclose(second.h, first.h * tilts, rtol=1e-12, atol=1e-18)
-
-
 def test_gyroscopics_turn_with_the_rotation() -> None:
     """A rotor without forces precesses by I_p W / I_t, the same way as it rotates."""
     one = machine(speed=3000.0)
@@ -191,23 +150,6 @@ def test_gyroscopics_turn_with_the_rotation() -> None:
     rate = one.rotor.polar_inertia * 3000.0 / one.rotor.transverse_inertia
     assert forth.L[i, i] == pytest.approx(np.cos(rate * one.sampling_time), rel=1e-12)
     assert forth.L[i, j] == pytest.approx(-np.sin(rate * one.sampling_time), rel=1e-12)
-
-
-def test_axes_that_do_not_couple_are_those_of_bearings_alone() -> None:
-    one = uncoupled()
-    model, rng = machine_model(one), np.random.default_rng(3)
-    H = directions(one, one.axes)
-    X = rng.uniform(-1, 1, len(model.states)) * sized(model)
-    F = rng.uniform(-20, 20, 4)
-    after = model.L @ X + model.b @ (F + model.r @ X)
-    shown = model.index("x_m_A1")
-    for k, axis in enumerate(one.axes):
-        alone = machine_model(one.isolated_axis(axis.name))
-        own = np.array([H[k] @ X[:4], H[k] @ X[4:8], X[8 + k], X[shown + k]])
-        moved = alone.L @ own + alone.b[:, 0] * (F[k] + own[2])
-        got = np.array([H[k] @ after[:4], H[k] @ after[4:8], after[8 + k], after[shown + k]])
-        np.testing.assert_allclose(got / moved, 1, rtol=0, atol=1e-12)
-        assert model.h[k] @ X == pytest.approx(alone.h[0] @ own, rel=1e-12)
 
 
 def test_sensors_of_all_kinds_see_along_their_lines() -> None:
