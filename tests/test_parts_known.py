@@ -221,7 +221,7 @@ def test_tuning_finds_how_the_load_wanders(name: str) -> None:
         record,
         lambda d: ambkit.ExtendedKalmanFilter(bearing, noise=ambkit.FilterNoise(disturbance=d)),
     )
-    assert abs(np.log10(found.growth / growth)) < 0.35, found
+    assert abs(np.log10(found.intensity / growth)) < 0.35, found
 
 
 @pytest.mark.parametrize("kind", ["low-pass", "observer"])

@@ -48,7 +48,7 @@ def test_the_growth_that_made_the_record_is_found(growth):
     found = tune_disturbance(
         bearing, record, lambda g: KalmanFilter(bearing, noise=FilterNoise(disturbance=g))
     )
-    assert 0.5 * growth < found.growth < 2 * growth
+    assert 0.5 * growth < found.intensity < 2 * growth
 
 
 def test_likelihood_is_that_of_the_innovations_taken_in():
@@ -83,7 +83,7 @@ def tuned(record):
         for decade in np.arange(DECADES[0], DECADES[1] + 0.5)
     }
     found = tune_disturbance(SPINDLE, record, make)
-    return found, log_likelihood(make(found.growth).run(record)), likely
+    return found, log_likelihood(make(found.intensity).run(record)), likely
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -93,14 +93,14 @@ def test_where_nothing_wanders_the_largest_likely_growth_is_taken(seed):
     assert "the load hardly wanders" in found.why
     assert max(likely.values()) - likely[DECADES[0]] < 2
     assert likelihood == pytest.approx(max(likely.values()) - 2, abs=0.4)
-    assert -6 < np.log10(found.growth / default_disturbance(SPINDLE)) < -3
+    assert -6 < np.log10(found.intensity / default_disturbance(SPINDLE)) < -3
 
 
 @pytest.mark.parametrize(("noise", "seed"), [(9.0, 0), (9.0, 1), (12.0, 2), (50.0, 2)])
 def test_what_no_load_explains_is_not_made_a_load(noise, seed):
     """The sensor is three to seven times as loud as described: load noise would run to any end."""
     found, _, _ = tuned(hovering(noise=noise, seed=seed))
-    assert found.growth == default_disturbance(SPINDLE)
+    assert found.intensity == default_disturbance(SPINDLE)
     assert "no load explains this stretch" in found.why
     told = float(re.search(r"are ([0-9.]+) times what the filter expects", found.why)[1])
     assert told == pytest.approx(noise**0.5, rel=0.1)
@@ -110,13 +110,13 @@ def test_what_no_load_explains_is_not_made_a_load(noise, seed):
 @pytest.mark.parametrize("seed", range(2))
 def test_a_sensor_a_little_louder_still_gives_a_load_noise(seed):
     found, _, _ = tuned(hovering(noise=2.0, seed=seed))
-    assert found.growth < 0.1 * default_disturbance(SPINDLE)
+    assert found.intensity < 0.1 * default_disturbance(SPINDLE)
 
 
 def test_a_stretch_that_does_not_tell_leaves_the_default():
     found, _, likely = tuned(hovering(stretch=0.002))
     assert max(likely.values()) - likely[0.0] < 2
-    assert found.growth == default_disturbance(SPINDLE)
+    assert found.intensity == default_disturbance(SPINDLE)
     assert "does not tell" in found.why
 
 

@@ -45,7 +45,7 @@ def test_a_measured_record_is_tuned_on_its_second_quarter_and_judged_on_the_seco
     likeliest = tune_disturbance(
         BEARING, quarter, lambda growth: build(ambkit.FilterNoise(disturbance=growth))
     )
-    assert one.tuning.found.disturbance == likeliest.growth
+    assert one.tuning.found.disturbance == likeliest.intensity
     assert one.tuning.untuned.disturbance == default_disturbance(BEARING)
     assert one.noise == (one.tuning.found if one.tuning.kept else one.tuning.untuned)
 

@@ -100,7 +100,7 @@ class Rig:
         """Tune on the beginning of the record, judge on the rest; also the growth found."""
         make = self.maker(name)
         beginning = record.between(None, record.t[0] + TUNED_ON)
-        growth = tune_disturbance(self.bearing, beginning, make).growth
+        growth = tune_disturbance(self.bearing, beginning, make).intensity
         return growth, evaluate(make(growth), record, settling=TUNED_ON)
 
     def naive(self, record: Record) -> Naive:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -311,10 +310,11 @@ class _Experiment:
         inner = next(iter(filter_arguments(self.filter, self.bearing).values()), None)
         run = simulate_run(self.bearing, scenario, estimator=inner)
         record = run.record
-        level = self.taken(
-            [record[signal("iu", name)] for name in self.names],
-            [record[displacement_of(name)] for name in self.names],
-        )
+        level = max(
+            max(float(np.abs(record[signal("iu", name)]).max()) / of.current,
+                float(np.abs(record[displacement_of(name)]).max()) / of.displacement)
+            for name, of in zip(self.names, self.all_limits, strict=True)
+        )  # fmt: skip
         if self.axis:
             _, own = of_one_axis(record, self.bearing)
             own_signals = {"iu": record[signal("iu", self.axis)], "x": record[f"s_{self.axis}"]}
@@ -331,14 +331,6 @@ class _Experiment:
                 refused = float(np.mean((run.estimate.status & Status.OUTLIER) > 0))
                 most = max(most, refused / REFUSED)
         return most
-
-    def taken(self, currents: Sequence[Array], displacements: Sequence[Array]) -> float:
-        """Return what a run takes of the limits of all axes; 1: up to one."""
-        parts = zip(currents, displacements, self.all_limits, strict=True)
-        return max(
-            max(float(np.abs(iu).max()) / of.current, float(np.abs(x).max()) / of.displacement)
-            for iu, x, of in parts
-        )
 
     def at_the_limit(self, excitation: Excitation) -> Array:
         """Return the signal as large as the limits allow, (n,) [m]."""

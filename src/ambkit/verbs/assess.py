@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.progress import progress
 from ambkit.verbs.words import (
     Axis,
     Channels,
@@ -146,7 +147,6 @@ def assess_sweep(
     """
     from ambkit.assessment import amplitude_sweep
     from ambkit.assessment.arguments import given_orbit, loop_given
-    from ambkit.base.progress import progress
 
     loop = loop_given(machine, filter, controller, position, disturbance).one()
     with progress("sweeping"):
@@ -200,7 +200,6 @@ def assess_speed(
     """
     from ambkit.assessment import speed_sweep
     from ambkit.assessment.arguments import loop_given
-    from ambkit.base.progress import progress
 
     loop = loop_given(machine, filter, controller, 0.0, disturbance).one()
     with progress("looking at one speed after the other"):

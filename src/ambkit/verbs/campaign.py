@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ambkit.base.progress import interrupted_says, progress
 from ambkit.verbs.words import Above, Cluster, Folder, Study
 
 if TYPE_CHECKING:
@@ -57,7 +58,6 @@ def campaign(
     """
     import logging
 
-    from ambkit.base.progress import interrupted_says, progress
     from ambkit.campaigns import run
 
     known, place, begun, of = run.begun(study, folder)
@@ -197,7 +197,6 @@ def campaign_rare(
     --------
     $ ambkit campaign rare out --figure peak_S --above 5
     """
-    from ambkit.base.progress import progress
     from ambkit.campaigns import subset_simulation
 
     with progress("levels of rare failures", unit="runs") as done:

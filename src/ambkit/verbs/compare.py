@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ambkit.base.progress import progress
+from ambkit.base.quantity_arguments import seeds_in
 from ambkit.verbs.words import (
     Case,
     Filters,
@@ -79,8 +81,6 @@ def compare(
     $ ambkit compare tum_mlps --case model --filter linear --filter extended
     """
     from ambkit.assessment.arguments import machine_argument
-    from ambkit.base.progress import progress
-    from ambkit.base.quantity_arguments import seeds_in
     from ambkit.workflow import comparison
 
     with progress("learning") as done:
@@ -137,8 +137,6 @@ def compare_steps(
     $ ambkit compare steps zittau_axial --steps "0.3 mm" --disturbance "3 N" --plot bars.png
     """
     from ambkit.assessment.arguments import machine_argument
-    from ambkit.base.progress import progress
-    from ambkit.base.quantity_arguments import seeds_in
     from ambkit.workflow import comparison
 
     with progress("comparing") as done:

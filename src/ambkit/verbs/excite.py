@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
+from ambkit.base.progress import progress
 from ambkit.verbs.words import Axis, Band, Filter, Limit, Machine, Scenario, Time, Wander
 
 if TYPE_CHECKING:
@@ -68,7 +69,6 @@ def excite(
     $ ambkit excite tum_mlps --axis A1 --out excitation.csv
     """
     from ambkit.assessment.arguments import given_band, given_limits, machine_argument
-    from ambkit.base.progress import progress
     from ambkit.base.quantity_arguments import in_si
     from ambkit.identification.excitation import Limits, design
     from ambkit.machine.force_laws import isolated
@@ -140,7 +140,6 @@ def excite_sensitivity(
     """
     from ambkit.assessment.arguments import NONE, given_band, given_limits, machine_argument
     from ambkit.assessment.injection_experiment import DURATION, design_injection
-    from ambkit.base.progress import progress
     from ambkit.workflow.simulate import scenario_for
 
     plant, without = machine_argument(machine), isinstance(filter, str) and filter == NONE

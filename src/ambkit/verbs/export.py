@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+from ambkit.base.errors import AmbkitError
 from ambkit.verbs.words import File, Filter, Folder, Frequency, Machine, Scenario, TableError
 
 if TYPE_CHECKING:
@@ -181,7 +182,6 @@ def export_fmu(
     $ ambkit export fmu tum_mlps --out filter.fmu
     """
     from ambkit.assessment.arguments import export_arguments, scenario_argument
-    from ambkit.base.errors import AmbkitError
     from ambkit.export import fmu
 
     if kind == "plant" and filter is not None:
@@ -329,7 +329,6 @@ def export_mat(
     $ ambkit export mat zittau_axial --filter expert.json --out axis.mat
     """
     from ambkit.assessment.arguments import axis_to_export
-    from ambkit.base.errors import AmbkitError
     from ambkit.export import mat
     from ambkit.fuzzy.expert import Expert
     from ambkit.result.result import Statement

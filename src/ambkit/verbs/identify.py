@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
+from ambkit.base.progress import progress
 from ambkit.verbs.words import (
     Axis,
     Channels,
@@ -94,7 +95,6 @@ def identify(
     $ ambkit identify my.toml run.csv --out found.toml --out filter=filter.toml
     $ ambkit identify my.toml logs/0.mat logs/1.mat --channels rig.toml --out rig.html
     """
-    from ambkit.base.progress import progress
     from ambkit.workflow import identify as work
 
     with progress("identifying") as done:
@@ -140,7 +140,6 @@ def identify_corpus(
     --------
     $ ambkit identify corpus my.toml logs/a.mat logs/b.mat logs/c.mat --channels rig.toml
     """
-    from ambkit.base.progress import progress
     from ambkit.workflow import identify as work
 
     with progress("identifying") as done:
@@ -193,7 +192,6 @@ def identify_online(
     $ ambkit identify online my.toml run.csv --plot online.png
     $ ambkit identify online my.toml run.csv --method adaline --disturbance f_d --out found.toml
     """
-    from ambkit.base.progress import progress
     from ambkit.workflow import identify as work
 
     with progress("identifying"):
@@ -242,7 +240,6 @@ def identify_lift_off(
     --------
     $ ambkit identify lift-off inteco_ml points.csv --operating-point "10 mm" --out found.toml
     """
-    from ambkit.base.progress import progress
     from ambkit.workflow.lift_off import lift_off
 
     with progress("reading") as done:
@@ -285,7 +282,6 @@ def identify_coil(
     --------
     $ ambkit identify coil inteco_ml steps/0.mat steps/1.mat steps/2.mat --channels coil.toml
     """
-    from ambkit.base.progress import progress
     from ambkit.workflow import identify as work
 
     with progress("fitting") as done:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from ambkit.base.progress import progress
 from ambkit.verbs.words import Channels, Log, Time
 
 if TYPE_CHECKING:
@@ -66,7 +67,6 @@ def read(
     $ ambkit read log.csv --channels map.toml --out log.parquet --plot log.png
     """
     from ambkit.base.errors import AmbkitError
-    from ambkit.base.progress import progress
     from ambkit.data.reading import reader
 
     if sampling_time is not None and not resample:
@@ -102,7 +102,6 @@ def guess_channels(log: Log) -> Document:
     --------
     $ ambkit read guess log.csv > map.toml
     """
-    from ambkit.base.progress import progress
     from ambkit.data.reading.propose import guess
     from ambkit.result.result import Document
 

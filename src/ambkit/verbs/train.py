@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+from ambkit.base.progress import progress
 from ambkit.verbs.words import Axis, File, Force, Length, Machine, MapFile, Rules, Source
 
 if TYPE_CHECKING:
@@ -58,7 +59,6 @@ def train(
     $ ambkit train zittau_axial --out expert.json --plot expert.png
     """
     from ambkit.assessment.arguments import machine_argument
-    from ambkit.base.progress import progress
     from ambkit.machine.stiffness import StiffnessMap
     from ambkit.workflow import training
 
@@ -122,7 +122,6 @@ def train_map(
     $ ambkit train map found.toml force.csv --rules auto --out filter=filter.toml
     """
     from ambkit.assessment.arguments import machine_argument
-    from ambkit.base.progress import progress
     from ambkit.workflow import training
 
     with progress("training the expert") as done:

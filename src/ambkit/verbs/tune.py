@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ambkit.base.progress import progress
+from ambkit.base.quantity_arguments import seeds_in
 from ambkit.verbs.words import (
     Channels,
     Controller,
@@ -87,8 +89,6 @@ def tune(
     $ ambkit tune my.toml run.csv --max-sensitivity 2.5 --out filter.toml
     """
     from ambkit.assessment.arguments import tuning_given
-    from ambkit.base.progress import progress
-    from ambkit.base.quantity_arguments import seeds_in
     from ambkit.workflow import tune
 
     task = tuning_given(machine, records, filter, controller, channels)
@@ -142,8 +142,6 @@ def tune_trade_off(
     $ ambkit tune trade-off tum_mlps --filter linear --peaks 1.7 --peaks 2.5 --plot trade.png
     """
     from ambkit.assessment.arguments import tuning_given
-    from ambkit.base.progress import progress
-    from ambkit.base.quantity_arguments import seeds_in
     from ambkit.workflow import trade_off
 
     task = tuning_given(machine, records, filter, controller, channels)
@@ -204,7 +202,6 @@ def tune_robust(
     --------
     $ ambkit tune robust tolerances.toml --storage search.log --out filter.toml
     """
-    from ambkit.base.progress import progress
     from ambkit.workflow import robust_tuning
 
     with progress("tuning over the tolerances", budget, unit="evaluations") as done:

@@ -133,8 +133,8 @@ class Filtering(Result):
             "disturbance_std": by_name(axes, [float(load.std()) for load in loads]),
         }
 
-    def growth(self, noise: FilterNoise) -> Any:
-        """Growth of the load's variance that is assumed [N^2/s]; of several by their axes."""
+    def process_noise(self, noise: FilterNoise) -> Any:
+        """Assumed process noise intensity of f_d [N^2/s]; of several by their axes."""
         axes, intensity = (axis.name for axis in self.machine.axes), noise.disturbance
         return (
             dict(zip(axes, intensity, strict=True)) if isinstance(intensity, tuple) else intensity
@@ -179,7 +179,7 @@ class Filtering(Result):
         return [
             *item.evaluation.rows(self.machine, flags),
             Row("disturbance_noise", "disturbance force, assumed noise",
-                self.growth(item.noise), "N^2/s"),
+                self.process_noise(item.noise), "N^2/s"),
             Row("smoothed.disturbance_mean", "disturbance force, mean, smoothed",
                 after.get("disturbance_mean"), "N", detail=True),
             Row("smoothed.disturbance_std", "disturbance force, std, smoothed",
@@ -328,7 +328,7 @@ def _tuned(
     tuned = tune_disturbance(
         build().bearing, part, lambda intensity: build(replace(noise, disturbance=intensity))
     )
-    return replace(noise, disturbance=tuned.growth), tuned.why
+    return replace(noise, disturbance=tuned.intensity), tuned.why
 
 
 def _likelihood(evaluation: Evaluation) -> float:

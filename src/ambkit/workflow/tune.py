@@ -76,7 +76,7 @@ class Tuned(Result):
     #: All that was tried, in its order: values, and their cost. By likelihood that is minus the
     #: mean log likelihood of a sample; by truth the mean error over the untuned linear filter's.
     trace: tuple[Tried, ...]
-    #: What tuning found, by name, in SI. By likelihood the growth of the load is the largest that
+    #: What tuning found, by name, in SI. By likelihood the process noise is the largest that
     #: the records do not rule out: where the load rests, they like any small one as well.
     values: Mapping[str, float]
     #: (float, float) Figures on data that it was not tuned on, untuned and tuned; smaller is

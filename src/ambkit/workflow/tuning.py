@@ -45,17 +45,17 @@ def check_signals(machine: Machine, record: Record) -> None:
 
 
 def default_disturbance(machine: Machine) -> Any:
-    """Growth of the disturbance force's variance of an untuned filter, of each axis [N^2/s]."""
-    return _grown([(2 * b.rotor.mass * GRAVITY) ** 2 for b in isolated_axes(machine)], 1.0)
+    """Process noise intensity of f_d of an untuned filter, of each axis [N^2/s]."""
+    return _times([(2 * b.rotor.mass * GRAVITY) ** 2 for b in isolated_axes(machine)], 1.0)
 
 
-def _grown(own: Any, factor: float) -> Any:
+def _times(own: Any, factor: float) -> Any:
     parts = tuple(factor * float(one) for one in np.atleast_1d(own))
     return parts if len(parts) > 1 else parts[0]
 
 
-def growth_text(intensity: Any) -> str:
-    """Return a growth of the disturbance force's variance, of each axis, as text."""
+def intensity_text(intensity: Any) -> str:
+    """Return a process noise intensity of the disturbance force, of each axis, as text."""
     parts = dict.fromkeys(f"{one:.3g}" for one in np.atleast_1d(intensity))
     return f"{' and '.join(parts)} N^2/s"
 
@@ -78,20 +78,20 @@ def log_likelihood(estimate: Estimate, first: int = 1) -> float:
 class TunedDisturbance:
     """What a stretch of a record says of how fast the load wanders."""
 
-    #: Growth of the variance of the disturbance force to be used [N^2/s], of several axes of each.
-    growth: Any
+    #: Process noise intensity of the disturbance force to be used [N^2/s], of several axes of each.
+    intensity: Any
     why: str = ""  #: Why it is that, where the stretch does not single one out; else empty.
 
 
 def tune_disturbance(
     machine: Machine, record: Record, make: Callable[[Any], Estimator]
 ) -> TunedDisturbance:
-    """Find the growth of the disturbance force under which a record is most likely."""
+    """Find the process noise of the disturbance force under which a record is most likely."""
     # The paper leaves it to experiment. Too small, and the filter is sure of a wrong force; too
     # large, and it takes the noise of the sensor for forces. Not every record tells: the untuned
-    # growth is kept where it is as likely as the best, and where something else is wrong, for then
-    # the search runs to its upper end or to a chance summit. Where the load hardly wanders, and any
-    # small growth is as likely, the largest of these is taken.
+    # intensity is kept where it is as likely as the best, and where something else is wrong, for
+    # then the search runs to its upper end or to a chance summit. Where the load hardly wanders,
+    # and any small intensity is as likely, the largest of these is taken.
     from scipy.optimize import brentq, minimize_scalar
 
     own = default_disturbance(machine)
@@ -100,7 +100,7 @@ def tune_disturbance(
 
     @cache
     def cost(decade: float) -> float:
-        return -log_likelihood(make(_grown(own, 10**decade)).run(record))
+        return -log_likelihood(make(_times(own, 10**decade)).run(record))
 
     # The likelihood can have a flat or second hill: look everywhere first, then go up the highest.
     grid = np.arange(low, high + 0.5)
@@ -114,29 +114,29 @@ def tune_disturbance(
     def ruled_out(decade: float) -> float:
         return cost(decade) - cost(at) - MUCH_LESS_LIKELY
 
-    larger = _innovations_over_expected(make(_grown(own, 10**at)).run(record))
+    larger = _innovations_over_expected(make(_times(own, 10**at)).run(record))
     if at > high - AT_THE_END or larger > TOO_LARGE:
         return TunedDisturbance(
             own,
             "no load explains this stretch: with the likeliest load noise, "
-            f"{growth_text(_grown(own, 10**at))}, the innovations are {larger:.1f} times what the "
+            f"{intensity_text(_times(own, 10**at))}, the innovations are {larger:.1f} times what the "
             "filter expects. Is the noise of the sensor as large as the bearing says "
-            f"(--measurement-noise)? The untuned load noise is kept, {growth_text(own)}",
+            f"(--measurement-noise)? The untuned load noise is kept, {intensity_text(own)}",
         )
     if ruled_out(0.0) < 0:
         return TunedDisturbance(own, "this stretch does not tell how fast the load wanders, so the "
-                                     f"untuned load noise is kept, {growth_text(own)}")  # fmt: skip
+                                     f"untuned load noise is kept, {intensity_text(own)}")  # fmt: skip
     if ruled_out(low) < 0:
         beyond = next((float(d) for d in grid if d > at and ruled_out(float(d)) > 0), at)
-        most = _grown(own, 10**at)
+        most = _times(own, 10**at)
         if beyond > at:
-            most = _grown(own, 10 ** brentq(ruled_out, at, beyond, xtol=0.02))
+            most = _times(own, 10 ** brentq(ruled_out, at, beyond, xtol=0.02))
         return TunedDisturbance(
             most,
             "the load hardly wanders in this stretch: any load noise up to "
-            f"{growth_text(most)} is as likely, and this one is used",
+            f"{intensity_text(most)} is as likely, and this one is used",
         )
-    return TunedDisturbance(_grown(own, 10**at))
+    return TunedDisturbance(_times(own, 10**at))
 
 
 def _innovations_over_expected(estimate: Estimate) -> float:

@@ -40,7 +40,7 @@ VALIDATION_SHARE = 0.5
 """Share of each record, its end, that is kept to judge by where there are no other records."""
 
 HALVINGS = 8
-"""Of the range above the likeliest growth of the load, in which the largest likely one is found."""
+"""Of the range above the likeliest process noise, in which the largest likely one is found."""
 
 COMPARED = 3
 """Filters of a search that are compared in all simulated runs, with all modes."""

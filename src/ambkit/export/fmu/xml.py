@@ -78,7 +78,7 @@ def model_description(model: Model, fmi: Fmi) -> str:
         at = _places(model.variables, 1 if fmi == 2 else 0)
         rate = {"derivative": at[variable.rate_of]} if variable.rate_of else {}
         _variable(variables, reference, variable, rate, fmi)
-    (_structure_2 if fmi == 2 else _structure_3)(root, model.variables)
+    _structure(root, model.variables, fmi)
     return written(root)
 
 
@@ -179,38 +179,25 @@ def _asked_first(variables: Sequence[Variable]) -> list[Variable]:
     return [v for v in variables if v.role == "output" or (v.role == "local" and not v.event)]
 
 
-def _structure_2(root: ElementTree.Element, variables: Sequence[Variable]) -> None:
+def _structure(root: ElementTree.Element, variables: Sequence[Variable], fmi: Fmi) -> None:
     structure = ElementTree.SubElement(root, "ModelStructure")
-    at = _places(variables, 1)
-    outputs = ElementTree.SubElement(structure, "Outputs")
-    for output in (variable for variable in variables if variable.role == "output"):
-        ElementTree.SubElement(
-            outputs, "Unknown", index=at[output.name], dependencies=_follows(output, at)
-        )
-    rates = [variable for variable in variables if variable.rate_of]
-    if rates:
-        derivatives = ElementTree.SubElement(structure, "Derivatives")
-        for rate in rates:
-            ElementTree.SubElement(derivatives, "Unknown", index=at[rate.name])
-    initially = ElementTree.SubElement(structure, "InitialUnknowns")
-    for variable in _asked_first(variables):
-        ElementTree.SubElement(initially, "Unknown", index=at[variable.name])
-
-
-def _structure_3(root: ElementTree.Element, variables: Sequence[Variable]) -> None:
-    structure = ElementTree.SubElement(root, "ModelStructure")
-    at = _places(variables, 0)
+    at = _places(variables, 1 if fmi == 2 else 0)
     unknowns = {
-        "Output": [v for v in variables if v.role == "output"],
-        "ContinuousStateDerivative": [v for v in variables if v.rate_of],
-        "InitialUnknown": _asked_first(variables),
-        "EventIndicator": [v for v in variables if v.event],
+        ("Outputs", "Output"): [v for v in variables if v.role == "output"],
+        ("Derivatives", "ContinuousStateDerivative"): [v for v in variables if v.rate_of],
+        ("InitialUnknowns", "InitialUnknown"): _asked_first(variables),
+        ("", "EventIndicator"): [v for v in variables if v.event],
     }
-    for name, those in unknowns.items():
+    for (group, name), those in unknowns.items():
+        if fmi == 2 and (not group or (group == "Derivatives" and not those)):
+            continue
+        parent = ElementTree.SubElement(structure, group) if fmi == 2 else structure
         for variable in those:
+            key = "index" if fmi == 2 else "valueReference"
             follows = {"dependencies": _follows(variable, at)} if name == "Output" else {}
-            attributes = {"valueReference": at[variable.name]} | follows
-            ElementTree.SubElement(structure, name, attributes)
+            ElementTree.SubElement(
+                parent, "Unknown" if fmi == 2 else name, {key: at[variable.name]} | follows
+            )
 
 
 def _follows(output: Variable, at: Mapping[str, str]) -> str:
