@@ -54,7 +54,7 @@ def _times(own: Any, factor: float) -> Any:
     return parts if len(parts) > 1 else parts[0]
 
 
-def intensity_text(intensity: Any) -> str:
+def in_units(intensity: Any) -> str:
     """Return a process noise intensity of the disturbance force, of each axis, as text."""
     parts = dict.fromkeys(f"{one:.3g}" for one in np.atleast_1d(intensity))
     return f"{' and '.join(parts)} N^2/s"
@@ -119,13 +119,13 @@ def tune_disturbance(
         return TunedDisturbance(
             own,
             "no load explains this stretch: with the likeliest load noise, "
-            f"{intensity_text(_times(own, 10**at))}, the innovations are {larger:.1f} times what the "
+            f"{in_units(_times(own, 10**at))}, the innovations are {larger:.1f} times what the "
             "filter expects. Is the noise of the sensor as large as the bearing says "
-            f"(--measurement-noise)? The untuned load noise is kept, {intensity_text(own)}",
+            f"(--measurement-noise)? The untuned load noise is kept, {in_units(own)}",
         )
     if ruled_out(0.0) < 0:
         return TunedDisturbance(own, "this stretch does not tell how fast the load wanders, so the "
-                                     f"untuned load noise is kept, {intensity_text(own)}")  # fmt: skip
+                                     f"untuned load noise is kept, {in_units(own)}")  # fmt: skip
     if ruled_out(low) < 0:
         beyond = next((float(d) for d in grid if d > at and ruled_out(float(d)) > 0), at)
         most = _times(own, 10**at)
@@ -134,7 +134,7 @@ def tune_disturbance(
         return TunedDisturbance(
             most,
             "the load hardly wanders in this stretch: any load noise up to "
-            f"{intensity_text(most)} is as likely, and this one is used",
+            f"{in_units(most)} is as likely, and this one is used",
         )
     return TunedDisturbance(_times(own, 10**at))
 
