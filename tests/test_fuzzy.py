@@ -16,7 +16,7 @@ from ambkit.fuzzy.expert import Expert, Rule
 from ambkit.fuzzy.training import train
 from ambkit.machine import paper
 from ambkit.machine.machine import Bearing
-from ambkit.machine.stiffness import StiffnessMap, stiffness_map
+from ambkit.machine.stiffness import stiffness_map
 
 ZITTAU = Bearing.preset("zittau_axial")
 MAP = stiffness_map(ZITTAU)
@@ -56,24 +56,6 @@ def test_evaluates_the_equations_of_the_paper(
     np.testing.assert_allclose(expert.stiffness(iu, x), naive(expert, iu, x), rtol=1e-10)
 
 
-@given(log_widths, st.floats(-9, 9), st.floats(-9, 9))
-def test_a_normalised_output_stays_between_the_conclusions(
-    logs: list[float], iu: float, x: float
-) -> None:
-    for output, weights in zip(
-        random_expert(logs).stiffness(iu, x), (MAP.k_i, MAP.k_s), strict=True
-    ):
-        margin = 1e-12 * np.max(weights)
-        assert np.min(weights) - margin <= output <= np.max(weights) + margin
-
-
-def test_rules_that_all_vanish_leave_the_nearest_to_decide() -> None:
-    expert = Expert.from_map(MAP, widths=1e-4)
-    k_i, k_s = expert.stiffness(0.7, 0.24e-3)
-    assert (k_i, k_s) == (MAP.k_i[3, 3], MAP.k_s[3, 3])
-    assert Expert.from_map(MAP, widths=1e-4, normalised=False).stiffness(0.7, 0.24e-3)[0] < 1e-300
-
-
 @given(log_widths, st.floats(-10, 10), st.floats(-0.1, 0.1))
 def test_outside_the_box_it_answers_as_at_the_edge(logs: list[float], iu: float, x: float) -> None:
     expert = random_expert(logs)
@@ -81,32 +63,6 @@ def test_outside_the_box_it_answers_as_at_the_edge(logs: list[float], iu: float,
     k_i, k_s = expert.stiffness(iu, x)
     assert (k_i, k_s) == expert.stiffness(*inside)
     assert expert.force(iu, x) == pytest.approx(float(k_i * iu + k_s * x), rel=1e-12)
-
-
-@given(log_widths, currents, displacements)
-def test_a_symmetric_map_gives_a_symmetric_network(logs: list[float], iu: float, x: float) -> None:
-    widths = np.exp(np.reshape(logs, (2, 25)))
-    expert = Expert.from_map(MAP, widths=widths * widths[:, ::-1])
-    here, mirrored = expert.stiffness(iu, x), expert.stiffness(-iu, -x)
-    np.testing.assert_allclose(here, mirrored, rtol=1e-11)
-
-
-def in_micrometres(stiff: StiffnessMap) -> StiffnessMap:
-    return stiffness_map(
-        ZITTAU.replace(rotor__clearance=1.9e-3),  # not used: the nodes are given
-        displacements=1e6 * stiff.displacement,
-        delta_displacement=10.0,
-        force=lambda iu, um: np.asarray(stiff.force(iu, 1e-6 * um)),
-    )
-
-
-@given(currents, displacements, st.booleans())
-def test_metres_and_micrometres_give_the_same(iu: float, x: float, normalised: bool) -> None:
-    expert = Expert.from_map(MAP, normalised=normalised)
-    other = Expert.from_map(in_micrometres(MAP), normalised=normalised)
-    k_i, k_s = expert.stiffness(iu, x)
-    k_i_um, k_s_um = other.stiffness(iu, 1e6 * x)
-    np.testing.assert_allclose((k_i_um, 1e6 * k_s_um), (k_i, k_s), rtol=1e-12)
 
 
 def test_shapes_broadcast() -> None:

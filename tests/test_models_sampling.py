@@ -90,25 +90,6 @@ def test_all_combinations_are_sampled_exactly(
     ), seed)  # fmt: skip
 
 
-def test_the_amplifier_s_mean_current_is_its_closed_form() -> None:
-    """2 kHz within 0.1 ms: over two thirds of the way, 43 % in the mean."""
-    model = Axis(bandwidth=2000.0).model()
-    z = 2 * math.pi * 2000.0 * 1e-4
-    left = -math.expm1(-z) / z
-    assert model.e[0, model.index("i")] == pytest.approx(left, rel=1e-13)
-    assert model.d[0, 0] == pytest.approx(1 - left, rel=1e-13)
-    assert model.L[4, 4] == pytest.approx(math.exp(-z), rel=1e-13)
-
-
-def test_a_delay_shares_the_sample_between_the_controls() -> None:
-    model = Axis(delay=1.3e-4).model()
-    assert [at.name for at in model.states][4:] == ["u_1", "u_2"]
-    np.testing.assert_allclose(model.e[0, 4:], [0.7, 0.3], rtol=1e-12)
-    assert model.d[0, 0] == 0
-    np.testing.assert_array_equal(model.B_u[:, 0], [0, 0, 0, 0, 1, 0])
-    np.testing.assert_array_equal(model.L[4:, 4:], [[0, 0], [1, 0]])
-
-
 # ---- the paper's axis ----
 
 
@@ -258,20 +239,6 @@ def test_the_mean_displacement_is_the_free_rotor_s() -> None:
     np.testing.assert_allclose(model.h[:, rotor], mean[:2], rtol=1e-11, atol=1e-18)
     others = np.setdiff1d(np.arange(len(model.states)), rotor)
     assert (model.pattern["h"][:, others] == ZERO).all()
-
-
-def test_permuted_sensors_permute_the_model() -> None:
-    one, other = compose(machine(), 1e-4), compose(machine((1, 0)), 1e-4)
-    to = [other.index(at.name) for at in one.states]
-    assert [at.name for at in other.measurements] == ["y_1", "y_0"]
-    for name in ("L", "rest"):
-        value = getattr(other, name)[np.ix_(to, to)]
-        np.testing.assert_allclose(value, getattr(one, name), rtol=1e-12, atol=0)
-    np.testing.assert_allclose(other.b[to], one.b, rtol=1e-12)
-    np.testing.assert_allclose(other.c[::-1][:, to], one.c, rtol=1e-12)
-    np.testing.assert_allclose(other.N[:, to][:, :, to], one.N, rtol=1e-11)
-    for name in ("h", "e", "r"):
-        np.testing.assert_allclose(getattr(other, name)[:, to], getattr(one, name), rtol=1e-12)
 
 
 def test_metres_and_micrometres_give_the_same() -> None:

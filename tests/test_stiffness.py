@@ -11,7 +11,7 @@ from ambkit import _core, _core_f32
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.force_points import ForceTable
 from ambkit.machine.machine import Bearing
-from ambkit.machine.magnets import ClosedLaw, ConstantStiffness
+from ambkit.machine.magnets import ClosedLaw
 from ambkit.machine.stiffness import StiffnessMap, local_stiffness, stiffness_map
 
 ZITTAU = Bearing.preset("zittau_axial")
@@ -63,23 +63,11 @@ def test_gives_the_force_itself_without_an_affine_term(iu: float, x: float) -> N
     assert residual < 0.15
 
 
-def test_at_the_origin_it_is_the_linearisation() -> None:
-    constant = ConstantStiffness.of(ZITTAU)
-    k_i, k_s, _ = local_stiffness(law, 0.0, 0.0)
-    np.testing.assert_allclose((k_i, k_s), (constant.k_i, constant.k_s), rtol=1e-4)
-
-
 def test_for_small_steps_it_is_the_through_origin_form_of_the_core() -> None:
     stiff = stiffness_map(ZITTAU, delta_current=1e-4, delta_displacement=1e-7)
     k_i, k_s = ClosedLaw(ZITTAU).stiffness(*np.meshgrid(stiff.current, stiff.displacement))
     np.testing.assert_allclose(stiff.k_i, k_i, rtol=1e-5)
     np.testing.assert_allclose(stiff.k_s, k_s, rtol=1e-5)
-
-
-def test_a_symmetric_law_has_a_symmetric_map() -> None:
-    stiff = stiffness_map(ZITTAU)
-    np.testing.assert_allclose(stiff.k_i, stiff.k_i[::-1, ::-1], rtol=1e-12)
-    np.testing.assert_allclose(stiff.k_s, stiff.k_s[::-1, ::-1], rtol=1e-12)
 
 
 def test_metres_and_micrometres_give_the_same() -> None:
