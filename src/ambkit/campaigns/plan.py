@@ -155,7 +155,7 @@ class Plan:
         of = self.nominal
         files_of = {"magnet": {*FILES}}
         without: Any = files_of | {"bearing": {"__all__": files_of}, "rotor": {"file"}}
-        magnets = [item.magnet for item in of.bearing] if self.several else [of.magnet]
+        magnets = [item.magnet for item in of.bearings]
         named = [getattr(magnet, name) for magnet in magnets for name in FILES]
         described = of.model_dump(mode="json", exclude=without)
         return described, [*named, getattr(of.rotor, "file", None)]

@@ -115,7 +115,7 @@ class Estimator(Described, Copyable):
     ) -> None:
         of_type(Machine, bearing=bearing)
         machine = bearing.long
-        if not (self.several_axes or machine.single):
+        if not self.takes(machine):
             names = ", ".join(axis.name for axis in machine.axes)
             raise ValueError(f"{self.name} takes one axis; {machine.name} has the axes {names}")
         if gravity not in ("known", "disturbance"):
@@ -148,6 +148,17 @@ class Estimator(Described, Copyable):
         held = self.magnet.in_core(self.engine.core)
         self.core: Any = self._build(self.engine, held, settings)
         self.reset()
+
+    @classmethod
+    def takes(cls, machine: Machine) -> bool:
+        """Whether it can be of a machine: of any, or of one with a single axis.
+
+        Parameters
+        ----------
+        machine : Machine
+            The machine.
+        """
+        return cls.several_axes or machine.single
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {self.machine.name}>"

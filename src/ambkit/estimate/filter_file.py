@@ -272,7 +272,7 @@ def _of_options(kind: Any, options: Any) -> Iterator[tuple[str, str]]:
 def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
     """Tell of what a filter of these axes has not, or not so many of."""
     machine, kind, single = view.machine, read("kind"), view.single
-    if not single and kind in KINDS and not KINDS[kind].estimator.several_axes:
+    if kind in KINDS and not KINDS[kind].estimator.takes(machine):
         names = ", ".join(axis.name for axis in machine.axes)
         yield "kind", f"the {kind} takes one axis; {machine.name} has the axes {names}"
     if read("synchronous") and machine.rotor.type == "mass":

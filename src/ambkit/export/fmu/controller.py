@@ -12,7 +12,6 @@ from ambkit.control.controller_states import Controller
 from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import c_literals, control
 from ambkit.export.c.c_literals import CPrecision, Name
-from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import Scenario
 
@@ -46,13 +45,7 @@ def flown(filter: Estimator, scenario: Scenario) -> ControllerStart:
     levitated = scenario.start == "levitated" or scenario.sequence is None
     current = nothing
     if scenario.start == "levitated":
-        single = len(isolated) == 1 and filter.machine.single
-        held = (
-            [levitation_current_at(isolated[0])]
-            if single
-            else controller.plant.equilibrium(nothing, nothing)[1]
-        )
-        current = np.array(held)
+        current = controller.plant.equilibrium(nothing, nothing)[1]
     low, high = (
         np.array([getattr(item, f"current_{end}") for item in isolated]) for end in ("min", "max")
     )

@@ -82,9 +82,9 @@ def candidates(
 
 def suited(names: Sequence[str], bearing: Machine) -> list[str]:
     """Return the names; where all kinds are named without those that take a single axis only."""
-    if bearing.single or not set(KINDS) <= set(names):
+    if not set(KINDS) <= set(names):
         return list(names)
-    return [name for name in names if name not in KINDS or KINDS[name].estimator.several_axes]
+    return [name for name in names if name not in KINDS or KINDS[name].estimator.takes(bearing)]
 
 
 def expand(text: str) -> list[str]:
