@@ -9,10 +9,9 @@ import pytest
 import ambkit
 from ambkit import Bearing, Result
 from ambkit.base.errors import AmbkitError
-from ambkit.result.latex import escaped
 from ambkit.result.page import short
 from ambkit.result.row import At, Row, Section, put
-from ambkit.result.tables import remarks, tables
+from ambkit.result.tables import escaped, remarks, tables
 
 HOSTILE = r"<b>\input{x}</b> $1$ 50% _a_ \x1b[2J | `rm` #"
 

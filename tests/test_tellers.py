@@ -25,10 +25,9 @@ from ambkit.assessment.injection_experiment import design_injection
 from ambkit.base import units
 from ambkit.base.units import typeset
 from ambkit.result.card import MOST_ROWS, card_of
-from ambkit.result.latex import escaped
 from ambkit.result.result import plain
 from ambkit.result.row import FORMS, ZERO, At, Row, Section, singles
-from ambkit.result.tables import MISSED, Table, by_name
+from ambkit.result.tables import MISSED, Table, by_name, escaped
 
 READ = {
     "dB": lambda text: 10 ** (float(text.removesuffix(" dB")) / 20),

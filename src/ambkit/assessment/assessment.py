@@ -148,7 +148,11 @@ class Assessment(Result):
             results += put(rows.of_grade(grade), section=GRADES)
         for name in self.loops:
             if name not in (LQG, HINF):
-                results += put(rows.of_pieces(self.shares(name)), section=PIECES, of=name)
+                shares, where = self.shares(name), {"section": PIECES, "of": name}
+                results += put([
+                    Row(piece, rows.PIECES[piece], peak, "|S|", detail=True)
+                    for piece, peak in shares.items() if len(shares) > 1
+                ], **where)  # fmt: skip
         return results
 
     @property

@@ -127,13 +127,6 @@ def _worst(same: Sequence[Row]) -> Row:
     return max(known, key=badness) if known else same[0]
 
 
-def of_pieces(shares: dict[str, float]) -> list[Row]:
-    """Return the peak of a loop of which one piece after the other is ideal."""
-    if len(shares) < 2:
-        return []
-    return [Row(piece, PIECES[piece], peak, "|S|", detail=True) for piece, peak in shares.items()]
-
-
 def of_grade(grade: Grade) -> list[Row]:
     """Return what the unbalance of a balance quality grade would do."""
     return put([

@@ -26,9 +26,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             sys.unraisablehook = _heed_interrupts
             # Pictures go into files; matplotlib will not start with a window that it lacks.
             os.environ.pop("MPLBACKEND", None)
-        from ambkit.cli import printing, stdio
+        from ambkit.cli import printing
 
-        stdio.prepare()
+        printing.prepare()
         printing.written.clear()
         printing.heed_notes()
         argv = sys.argv[1:] if arguments is None else arguments

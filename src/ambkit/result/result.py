@@ -87,7 +87,7 @@ class Result(Stated, Drawn):
         str
             One ``tabular`` for each section.
         """
-        from ambkit.result.latex import latex
+        from ambkit.result.tables import latex
 
         return latex(self)
 

@@ -6,20 +6,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import engineering
 from ambkit.control.pid import PID
 from ambkit.data.record import Record
-from ambkit.judge.loop.loop_of import OutOfReachError, zone_of
+from ambkit.judge.loop.loop_of import ZONE_A, OutOfReachError, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
-from ambkit.result.report import Figure
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 from ambkit.workflow.tune import BUDGET, RUNS, Tuned, tune
-from ambkit.workflow.tuning_figure import trade_off_figure
 from ambkit.workflow.tuning_tasks import ByTruth
 
 SIGNALS = {"x": "m", "f_d": "N"}
@@ -41,6 +42,12 @@ class Traded:
         """Zone of ISO 14839-3."""
         return "–" if self.tuned is None else zone_of(self.peak)
 
+
+AXES = {
+    "f_d": Axis("error of the disturbance force, rms", "N"),
+    "x": Axis("error of the position, rms", "µm", 1e6),
+}
+"""Of the picture, by signal."""
 
 POINTS = ("points",)
 """Section of a trade-off."""
@@ -96,9 +103,22 @@ class TradeOff(Result):
 
     def figures(self) -> list[Figure]:
         reached = [point for point in self.points if point.tuned is not None]
+        size, panels = np.array([item.peak for item in reached], float), []
+        for name, axis in AXES.items():
+            error = np.array([item.errors[name] for item in reached], float)
+            items: list[Item] = [
+                Line(size, error, signal="estimate", label=""),
+                Points(size, error, signal="estimate", label="tuned, by limit"),
+            ]
+            if size.max(initial=0.0) > ZONE_A:
+                items.append(Rule(ZONE_A, axis="x", signal="limit", label="end of zone A"))
+            panels.append(Panel(Axis("peak of |S|"), axis, items))
         title = f"{markdown(self.bearing.name)}, {self.kind} filter: error against margin"
-        errors = {name: [item.errors[name] for item in reached] for name in SIGNALS}
-        return [trade_off_figure(title, [item.peak for item in reached], errors)]
+        caption = (
+            "Each point is a filter, tuned with the peak of abs(S) in the loop kept below a "
+            "ceiling, in simulated validation runs."
+        )
+        return [Figure("trade-off", title, caption, panels, columns=2)]
 
 
 def trade_off(

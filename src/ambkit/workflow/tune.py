@@ -251,7 +251,9 @@ def tune(
     evaluated = [Tried(t.values, real) for t, real in zip(optimum.tried, trials.costs, strict=True)]
     peaks = tuple(trials.peaks)
     untuned = trials.untuned_peak(evaluated, kind) if gives_estimate else math.nan
-    limit = _peak_limit(max_sensitivity, peaks)
+    limit = math.inf if max_sensitivity is None else max_sensitivity
+    if max_sensitivity is not None and min(peaks) >= max_sensitivity:
+        limit = NEARLY * min(peaks)  # errors decide among those nearly at the least
     beyond = [peak >= limit for peak in peaks or (0.0,) * len(evaluated)]
     within = [item for item, far in zip(evaluated, beyond, strict=True) if not far]
     best = task.best(within, chosen, trials.cost, trials.build)
@@ -330,13 +332,6 @@ class _Trials:
                 f"{self.loop.choice(True) or 'give another controller'}"
             )
         return peaks[0]
-
-
-def _peak_limit(peak_limit: float | None, peaks: Sequence[float]) -> float:
-    """Return what the peak of abs(S) must stay below: the limit, or nearly the least there is."""
-    if peak_limit is None:
-        return math.inf
-    return peak_limit if min(peaks) < peak_limit else NEARLY * min(peaks)
 
 
 def _chosen(candidate: Candidate, names: tuple[str, ...]) -> tuple[Range, ...]:

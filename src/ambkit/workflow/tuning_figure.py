@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 HIGHEST_PEAK = 10.0
 """Of the sensitivity, up to which filters are shown."""
 
-ZONE_A = 3.0
-"""Peak of the sensitivity at which zone A of ISO 14839-3 ends."""
-
 WORST_SHOWN = 5.0
 """Costs are shown up to so many spans between the best and the untuned one."""
 
@@ -80,33 +77,4 @@ def tuning_figure(
         f"Each point is one evaluation; the other values change with it. {outcome}{rest}",
         panels,
         columns=min(2, len(panels)),
-    )
-
-
-def trade_off_figure(
-    title: str, peaks: Sequence[float], errors: Mapping[str, Sequence[float]]
-) -> Figure:
-    """Show what a smaller peak of the sensitivity costs."""
-    axes = {
-        "f_d": Axis("error of the disturbance force, rms", "N"),
-        "x": Axis("error of the position, rms", "µm", 1e6),
-    }
-    size = np.asarray(peaks, float)
-    panels = []
-    for name, axis in axes.items():
-        error = np.asarray(errors[name], float)
-        items: list[Item] = [
-            Line(size, error, signal="estimate", label=""),
-            Points(size, error, signal="estimate", label="tuned, by limit"),
-        ]
-        if size.max(initial=0.0) > ZONE_A:
-            items.append(Rule(ZONE_A, axis="x", signal="limit", label="end of zone A"))
-        panels.append(Panel(Axis("peak of |S|"), axis, items))
-    return Figure(
-        "trade-off",
-        title,
-        "Each point is a filter, tuned with the peak of abs(S) in the loop kept below a ceiling, "
-        "in simulated validation runs.",
-        panels,
-        columns=2,
     )

@@ -251,7 +251,7 @@ def _content(machine: Machine, kind: Kind, fmi: Fmi, parts: _Parts, token: str) 
     if of_model is None and not machine.single and "rig.c" in fixed:
         of_model = rig.room_of(machine)
     fixed |= sources.library_files(fixed, parts.filter, of_model)
-    compiled = sources.compiled_files([*fixed, "description.c"])
+    compiled = tuple(sorted(name for name in (*fixed, "description.c") if name.endswith(".c")))
     model = Model(
         identifier=_identifier(machine, kind),
         name=f"{machine.name} {kind}",

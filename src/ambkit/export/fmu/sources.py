@@ -238,11 +238,6 @@ def pid_data(bearing: Machine, controller: PID) -> str:
     return c_literals.struct(fields, "double", {})
 
 
-def compiled_files(files: Iterable[str]) -> tuple[str, ...]:
-    """Return those that are compiled."""
-    return tuple(sorted(name for name in files if name.endswith(".c")))
-
-
 def rendered(template: str, context: dict[str, Any]) -> str:
     """Fill in a template of this package."""
     templates = escaping.templates(_HERE / "templates", autoescape=template.endswith(".html.j2"))

@@ -130,7 +130,7 @@ def of_plant(machine: Machine, places: Sequence[float]) -> tuple[Variable, ...]:
         ),
         *_forced(machine),
     )  # fmt: skip
-    if not in_continuous_time(machine):
+    if not machine.single or machine.delay is not None:  # no importer can integrate it
         return (*known, *_rig(machine, places))
     bearing: Any = machine
     more = tuple(_continuous(bearing))
@@ -140,11 +140,6 @@ def of_plant(machine: Machine, places: Sequence[float]) -> tuple[Variable, ...]:
               "f_mag": ("x", *current, *between_magnet_and_rotor(bearing))}  # fmt: skip
     with_states = (replace(v, follows=(*v.follows, *states.get(v.name, ()))) for v in known)
     return (*with_states, *more, *_rig(machine, places))
-
-
-def in_continuous_time(machine: Machine) -> bool:
-    """Say whether an importer can integrate a plant: an axis without a dead time."""
-    return machine.single and machine.delay is None
 
 
 def _continuous(bearing: Machine) -> Iterator[Variable]:
