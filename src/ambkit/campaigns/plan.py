@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from importlib.metadata import version
 from pathlib import PurePath
 from typing import Any, NamedTuple
 
@@ -183,7 +182,12 @@ class Plan:
 
     def noise(self, first: int, stop: int) -> NDArray[np.uint64]:
         """Return the numbers (n,) of the noise of runs."""
-        return sampling.noise_of(self, first, stop)
+        # Each its own; only the points of one group of Saltelli's have the same, so that they
+        # differ by what varies alone.
+        run = np.arange(first, stop, dtype=np.uint64)
+        if self.study.sampling == "saltelli":
+            return run // np.uint64(len(self.marginals) + 2)
+        return run
 
     def machines(self, points: Array, noise: NDArray[np.uint64], first: int) -> Iterator[Drawn]:
         """Yield the machines at points, one after the other."""
@@ -351,11 +355,6 @@ class Plan:
                 run = self._scenarios(tuple(values.items())) if values else self.scenario
                 self._planned(self.nominal, run, estimator, 0)
         self.points(0, 1)
-
-    @property
-    def version(self) -> str:
-        """Of ambkit."""
-        return version("ambkit")
 
 
 def _without_folders(data: Any) -> Any:

@@ -7,6 +7,7 @@ import pickle
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -195,12 +196,7 @@ def _hands(
 ) -> Iterator[Hands]:
     """Give what computes parts, in no order, and tells of their runs: this process or a cluster."""
     if cluster is None:
-
-        def here(plan: Plan, parts: list[int]) -> Iterator[tuple[int, Rows]]:
-            for part in parts:
-                yield part, _here(plan, part, threads, tell)
-
-        yield here
+        yield partial(_here, threads=threads, tell=tell)
         return
 
     with scheduler(cluster, workers) as address:
@@ -213,18 +209,21 @@ def _hands(
         yield there
 
 
-def _here(plan: Plan, part: int, threads: int | None, tell: Told) -> Rows:
-    first, stop = plan.span(part)
-    told = 0
+def _here(
+    plan: Plan, parts: list[int], *, threads: int | None, tell: Told
+) -> Iterator[tuple[int, Rows]]:
+    for part in parts:
+        first, stop = plan.span(part)
+        told = 0
 
-    def count(runs: int) -> None:
-        nonlocal told
-        told += runs
-        tell("", steps=runs)
+        def count(runs: int) -> None:
+            nonlocal told
+            told += runs
+            tell("", steps=runs)
 
-    rows = compute(plan, first, stop, threads=threads, done=count)
-    tell("", steps=stop - first - told)  # those that cannot be flown
-    return rows
+        rows = compute(plan, first, stop, threads=threads, done=count)
+        tell("", steps=stop - first - told)  # those that cannot be flown
+        yield part, rows
 
 
 class Status(NamedTuple):

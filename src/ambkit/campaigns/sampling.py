@@ -103,13 +103,3 @@ def values(plan: Any, u: Array) -> Array:
     for place, marginal in enumerate(plan.marginals):
         result[:, place] = marginal.quantile(u[:, place])
     return result
-
-
-def noise_of(plan: Any, first: int, stop: int) -> NDArray[np.uint64]:
-    """Return which noise runs have, by its number."""
-    # Each its own; only the points of one group of Saltelli's have the same, so that they differ by
-    # what varies alone.
-    run = np.arange(first, stop, dtype=np.uint64)
-    if plan.study.sampling == "saltelli":
-        return run // np.uint64(len(plan.marginals) + 2)
-    return run

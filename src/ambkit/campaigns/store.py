@@ -84,7 +84,7 @@ class Folder:
         plan = self.plan
         return {
             "campaign": plan.study.name,
-            "ambkit": plan.version,
+            "ambkit": versions()["ambkit"],
             "study": plan.fingerprint,
             "runs": plan.runs,
             "part": plan.study.part,
