@@ -425,13 +425,13 @@ def test_rows_are_the_same_to_the_last_bit_however_they_came(
         run.campaign(study(), tmp_path / "b", threads=1)
     monkeypatch.undo()
     half = run.status(tmp_path / "b")
-    assert not half.complete
-    assert 0 < half.parts < 4
+    assert not half.data["complete"]
+    assert 0 < half.data["parts"] < 4
     kept = {p: p.stat().st_mtime_ns for p in (tmp_path / "b/runs").glob("part-*")}
     again = run.campaign(study(), tmp_path / "b")
     assert files(tmp_path / "a") == files(tmp_path / "b")
     assert {p: p.stat().st_mtime_ns for p in kept} == kept  # finished parts are left alone
-    assert run.status(tmp_path / "b").complete
+    assert run.status(tmp_path / "b").data["complete"]
     of = {"folder", "worst", "worst_by"}  # which say where it lies
     one, other = again.to_dict(), whole.to_dict()
     assert {k: v for k, v in one.items() if k not in of} == {
@@ -536,7 +536,7 @@ def test_a_study_stops_where_its_interval_is_narrow_enough(tmp_path: Path) -> No
     found = run.campaign(made, tmp_path / "o")
     assert 40 <= len(found) < 400
     assert found.good.width <= 0.08
-    assert run.status(tmp_path / "o").complete
+    assert run.status(tmp_path / "o").data["complete"]
     assert len(Campaign.load(tmp_path / "o")) == len(found)
 
 

@@ -17,10 +17,11 @@ from ambkit.base.progress import silent
 from ambkit.base.quantity_arguments import of_type
 from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.results import Counted, Share, looks_of
+from ambkit.campaigns.results import Counted, looks_of
 from ambkit.campaigns.store import Folder
 from ambkit.campaigns.study import Study, load
 from ambkit.campaigns.worker import Rows, compute, part_of, versions
+from ambkit.estimate.batch import processors
 from ambkit.result.result import Statement
 
 AHEAD = 3
@@ -100,11 +101,11 @@ def scheduler(where: str, workers: int | None = None) -> Iterator[Any]:
     except ImportError:
         raise ExtraMissing("--cluster", "distributed", "campaign") from None
     if where == "local":
-        count = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (
-            workers or os.cpu_count() or 1
-        )  # fmt: skip
         with LocalCluster(
-            n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
+            n_workers=workers or processors(),
+            threads_per_worker=1,
+            dashboard_address=None,
+            silence_logs=50,
         ) as cluster:
             yield cluster
     elif where == "slurm":
@@ -226,31 +227,17 @@ def _here(
         yield part, rows
 
 
-class Status(NamedTuple):
-    """How far a campaign is."""
-
-    name: str  #: Of the study.
-    runs: int  #: Finished, and at most.
-    of: int
-    parts: int  #: Finished.
-    good: Share  #: The yield so far.
-    complete: bool  #: Whether nothing is left to be done.
-
-    def stated(self) -> Statement:
-        """Return it as a result."""
-        state = "finished" if self.complete else "not finished"
-        left = "" if self.complete else f" of {self.of:,}"
-        return Statement(
-            f"{self.name}: {state}, {self.runs:,}{left} runs in {self.parts} parts, "
-            f"good {self.good}",
-            self._asdict() | {"good": self.good._asdict()},
-        )
-
-
-def status(folder: str | os.PathLike[str]) -> Status:
-    """Return how far the campaign in a folder is; one that is at work is not disturbed."""
+def status(folder: str | os.PathLike[str]) -> Statement:
+    """State how far the campaign in a folder is; one that is at work is not disturbed."""
     place = Folder.existing(folder)
     plan, counted = place.plan, Counted(place)
     parts = counted.counting()
     good, complete = counted.share(parts), counted.end is not None
-    return Status(plan.study.name, counted.runs, plan.runs, len(parts), good, complete)
+    state = "finished" if complete else "not finished"
+    left = "" if complete else f" of {plan.runs:,}"
+    return Statement(
+        f"{plan.study.name}: {state}, {counted.runs:,}{left} runs in {len(parts)} parts, "
+        f"good {good}",
+        {"name": plan.study.name, "runs": counted.runs, "of": plan.runs, "parts": len(parts),
+         "good": good._asdict(), "complete": complete},
+    )  # fmt: skip

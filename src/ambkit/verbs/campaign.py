@@ -94,7 +94,7 @@ def campaign_status(folder: Folder) -> Statement:
     """
     from ambkit.campaigns.run import status
 
-    return status(folder).stated()
+    return status(folder)
 
 
 def campaign_report(folder: Folder) -> Campaign:
