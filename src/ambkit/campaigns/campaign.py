@@ -262,6 +262,7 @@ class Campaign(Result, Machines):
         }
 
     def figures(self) -> list[Figure]:
+        """Return the figures' cumulative curves."""
         return [pictures.cumulative(self)]
 
 
