@@ -260,27 +260,6 @@ def test_beyond_a_margin_the_loop_is_unstable(name):
 # ---- against the nonlinear simulation
 
 
-@pytest.mark.parametrize("bearing", [ZITTAU, LATE], ids=["paper", "late"])
-@pytest.mark.parametrize("name", [None, "linear", "extended", "observer", "low-pass"])
-def test_sweep_of_the_simulated_loop_is_the_model(name, bearing):
-    """A multisine of small amplitude is added to the measurement: S is y over what is added."""
-    estimator = made(name, bearing, frozen_limit=0) if name else None
-    f, T, n = np.array([5, 20, 40, 60, 75, 100, 150, 300, 900.0]), bearing.sampling_time, 10_000
-    t = T * np.arange(2 * n)
-    phases = np.pi * np.arange(len(f)) ** 2 / len(f)  # Schroeder's, of a low crest
-    added = 0.3e-6 * np.cos(2 * np.pi * f * t[:, None] + phases).sum(axis=1)
-    pid = PID().completed(bearing)
-    pid = pid.model_copy(update={"feedback": "estimate" if name else "measurement"})
-    scenario = Scenario(duration=t[-1], controller=pid, noise=False)
-    record = simulate(
-        bearing, scenario, estimator=estimator, external_inputs=ExternalInputs(sensor_noise=added)
-    )
-    bins = np.round(f * n * T).astype(int)
-    y, d = (np.fft.rfft(each[-n:] - each[-n:].mean())[bins] for each in (record["y"], added))
-    model = loop_of(bearing, estimator).sensitivity(f)[:, 0, 0]
-    assert y / d == pytest.approx(model, rel=0.02)
-
-
 @pytest.mark.parametrize("name", [None, "linear"])
 def test_decay_of_the_simulated_loop_is_that_of_the_poles(name):
     """After a pulse of the load only the modes of the loop are left: each sample is the last of
@@ -307,18 +286,6 @@ def test_decay_of_the_simulated_loop_is_that_of_the_poles(name):
     end = slice(2000, 2800)
     slope = np.polyfit(np.arange(800), np.log(np.abs(moved[end])), 1)[0]
     assert slope == pytest.approx(math.log(slowest), rel=0.05)
-
-
-def test_noise_figures_are_those_of_the_simulation():
-    loop = ambkit.assess(ZITTAU, "linear").loops["linear"]
-    runs = [
-        ambkit.simulate(ZITTAU, Scenario(duration=0.6, seed=seed, controller=Control())).record
-        for seed in range(20)
-    ]
-    late = slice(1000, None)
-    for name, figure in (("x", loop.position_noise), ("u", loop.current_noise)):
-        spread = math.sqrt(np.mean([np.var(run[name][late]) for run in runs]))
-        assert figure == pytest.approx(spread, rel=0.03), name
 
 
 # ---- what holds whatever the loop

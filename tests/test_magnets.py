@@ -125,16 +125,6 @@ def test_through_the_origin_is_the_limit_of_the_papers_least_squares(
     np.testing.assert_allclose(coarse[noticed] / fine[noticed], 16, rtol=0.05)
 
 
-def test_turning_everything_round_turns_the_force_round() -> None:
-    magnet = ClosedLaw(TWO_SIDED).in_core(CORE)
-    rng = np.random.default_rng(1)
-    iu, x = rng.uniform(-1.5, 1.5, 500), rng.uniform(-1e-3, 1e-3, 500)
-    assert (magnet.force(-iu, -x) == -magnet.force(iu, x)).all()
-    for form in (magnet.tangent, magnet.through_origin):
-        for there, back in zip(form(iu, x), form(-iu, -x), strict=True):
-            assert (there == back).all()
-
-
 def test_constant_stiffness_is_a_straight_force() -> None:
     magnet = ConstantStiffness(10.0, 7e3).in_core(CORE)
     assert force(magnet, 0.5, -1e-4) == pytest.approx(10 * 0.5 - 7e3 * 1e-4, rel=1e-15)
