@@ -88,15 +88,15 @@ def made(name: str, make: Callable[..., Any], machine: Any) -> Any:
 
 
 class OwnStep:
-    """An object with ``step``, made anew for a run."""
+    """An object with ``step``, which C calls."""
 
-    def __init__(self, make: Any, machine: Any, call: str, returns: str) -> None:
-        self.name = name_of(make)
-        loaded = load_class(make)[1] if isinstance(make, str) else make
-        self.wrapped = made(self.name, loaded, machine)
-        self._call, self._returns, self._sample = call, returns, 0
-        self._failed: BaseException | None = None
-        self._single = machine.single
+    name: str
+    wrapped: Any
+    _call: str
+    _returns: str
+    _single: bool
+    _sample: int = 0
+    _failed: BaseException | None = None
 
     def plain(self, values: list[float]) -> Any:
         """Return an array, of a single axis its number."""
@@ -126,3 +126,13 @@ class OwnStep:
             f"{self.name}: {self._call} at sample {self._sample}: {type(error).__name__}: "
             f"{error}; it must return {self._returns}"
         ) from error
+
+
+class OwnPart(OwnStep):
+    """An object with ``step``, made anew for a run."""
+
+    def __init__(self, make: Any, machine: Any, call: str, returns: str) -> None:
+        self.name = name_of(make)
+        loaded = load_class(make)[1] if isinstance(make, str) else make
+        self.wrapped = made(self.name, loaded, machine)
+        self._call, self._returns, self._single = call, returns, machine.single

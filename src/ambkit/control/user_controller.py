@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ambkit.base.own_class import OwnStep
+from ambkit.base.own_class import OwnPart
 from ambkit.machine.machine import Machine
 
 
@@ -40,7 +40,7 @@ class ControllerProtocol(Protocol):
         """
 
 
-class OwnController(OwnStep):
+class OwnController(OwnPart):
     """An object with ``step(y, r, estimate)``, for the loop in C; see `ControllerProtocol`."""
 
     def __init__(self, make: Any, machine: Machine) -> None:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeGuard, runtime_che
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.base.errors import AmbkitError
-from ambkit.base.own_class import made
+from ambkit.base.own_class import OwnStep, made
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.machine_model import several
@@ -63,7 +62,7 @@ class EstimatorProtocol(Protocol):
         """
 
 
-class OwnEstimator(Estimator):
+class OwnEstimator(OwnStep, Estimator):
     """An object with ``step(y, u)``, wherever an estimator is taken; see `EstimatorProtocol`."""
 
     _of_core = (*Estimator._of_core, "wrapped")
@@ -79,11 +78,13 @@ class OwnEstimator(Estimator):
         precision: Precision = "float64",
     ) -> None:
         self.name = name or getattr(make, "__name__", "own")
-        self._make, self._sample = make, 0
-        self._failed: BaseException | None = None
+        self._make: Any = make
         self._for: Any = bearing
         self.wrapped = made(self.name, make, bearing)
         super().__init__(bearing, precision=precision)
+        self._call, self._single = "step(y, u)", self.machine.single
+        names = ", ".join(state.name for state in self.states)
+        self._returns = f"the {len(self.states)} numbers {names}"
 
     @property
     def _parts(self) -> Callable[..., list[Part]]:
@@ -94,7 +95,9 @@ class OwnEstimator(Estimator):
 
         def answer(y: list[float], u: list[float]) -> list[float]:
             own = of()
-            return [] if own is None else own._answer(y, u)
+            if own is None:
+                return []
+            return own.numbers(len(own.states), own.plain(y), own.plain(u))
 
         return engine.core.Own(magnet, engine.model_of_core, answer, **settings)
 
@@ -115,12 +118,12 @@ class OwnEstimator(Estimator):
     def step(self, y: Any, u: Any) -> Any:
         """Take in a sample; see :meth:`ambkit.Estimator.step`."""
         mean = super().step(y, u)
-        self._check()
+        self.check()
         return mean
 
     def told(self, t: Any, history: dict[str, Any], name: str | None = None) -> Estimate:
         """Wrap what the core wrote of a whole record."""
-        self._check()
+        self.check()
         return super().told(t, history, name)
 
     def linear_system(self) -> LinearSystem:
@@ -142,7 +145,7 @@ class OwnEstimator(Estimator):
                 (y if which < m else u)[n, which if which < m else which - m] += sizes[which]
             self.reset()
             mean = self.core.run(*(view.column(a.astype(self.precision)) for a in (y, u)))["mean"]
-            self._check()
+            self.check()
             return np.asarray(mean[n:] @ seen.T, float)
 
         still = moved(None)
@@ -154,34 +157,6 @@ class OwnEstimator(Estimator):
         outputs += [Signal(signal("velocity", name), "m/s") for name in axes]
         blocks = BLOCKS if len(axes) == 1 else BLOCKS // 4
         return realised(np.stack(pulses, axis=2), T, inputs, outputs, blocks)
-
-    def _answer(self, y: list[float], u: list[float]) -> list[float]:
-        """Return what ``step`` does, NaN once it failed: no exception may reach C."""
-        n = len(self.states)
-        if self._failed is None:
-            try:
-                arguments = (y[0], u[0]) if self.view.single else (np.array(y), np.array(u))
-                result = np.asarray(self.wrapped.step(*arguments), float)
-                if result.shape != (n,):
-                    raise ValueError(f"it returned an array of shape {result.shape}")
-                self._sample += 1
-                return result.tolist()  # type: ignore[no-any-return]
-            except BaseException as error:  # Ctrl-C too
-                self._failed = error
-        return [np.nan] * n
-
-    def _check(self) -> None:
-        """Raise what ``step`` raised."""
-        error, self._failed = self._failed, None
-        if error is None:
-            return
-        if not isinstance(error, Exception):
-            raise error
-        names = ", ".join(state.name for state in self.states)
-        raise AmbkitError(
-            f"{self.name}: step(y, u) at sample {self._sample}: {type(error).__name__}: {error}; "
-            f"it must return the {len(self.states)} numbers {names}"
-        ) from error
 
 
 def is_own(candidate: Any) -> TypeGuard[type[EstimatorProtocol]]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array
-from ambkit.base.own_class import OwnStep
+from ambkit.base.own_class import OwnPart
 from ambkit.machine.machine import Machine
 
 
@@ -141,7 +141,7 @@ class PlantProtocol(Protocol):
         """
 
 
-class OwnPlant(OwnStep):
+class OwnPlant(OwnPart):
     """An object with ``step(iu, f_d)``, for the loop in C; see `PlantProtocol`."""
 
     def __init__(self, make: Any, machine: Machine) -> None:
