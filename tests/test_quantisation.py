@@ -118,6 +118,20 @@ def test_a_constant_gain_in_the_loop_is_no_worse_than_raw(kind, name, ratio):
     assert rms(np.array(ours).T) <= 1.01 * rms(np.array(raw).T)
 
 
+HEAVY = PAPER.replace(rotor__mass=0.99, sampling_time=101e-6, sensor__lag=294e-6, sensor__gain=0.83)
+
+
+@pytest.mark.parametrize("ratio", [12, 20, 50, 100])
+def test_a_loop_that_is_fed_by_a_constant_gain_swings_over_no_steps(ratio):
+    """Its gain counted each repeat of a code for nothing: the rotor swung over a hundred steps."""
+    runs = [of_kind("steady-state", ratio, "estimate", seed, bearing=HEAVY) for seed in range(2)]
+    x = np.array([run.record["x"] for run in runs])
+    ours = np.array([run.estimate["x"] for run in runs]) - x
+    raw = np.array([run.record["y"] for run in runs]) / HEAVY.sensor.gain - x
+    assert rms(ours.T) <= 1.02 * rms(raw.T)
+    assert np.ptp(x[:, 300:]) < 20 * ratio * NOISE
+
+
 @pytest.mark.parametrize("lag", [0.4, 0.8, 1.6])
 def test_holding_to_coarse_steps_sets_off_no_transient_of_a_short_lag(lag):
     """Gains that slow a fast sensor's pole down made errors of a thousand steps."""

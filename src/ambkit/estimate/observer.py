@@ -41,6 +41,10 @@ BANDWIDTHS = (8, 12, 16, 24, 32, 48, 64)
 """Of an observer, over the unstable pole: the first by default. Where the noise of the control
 signal leaves a greater error of it than the measurement has, that with the least error."""
 
+LEAST_BANDWIDTH = 2.4
+"""Of a constant gain with very coarse steps, over the unstable pole: a loop that is fed by a slower
+estimate swings over tens of steps."""
+
 LED = ("position", "velocity", "disturbance force", "sensor")
 """Roles of the states whose poles are placed; currents follow from the controls."""
 
@@ -84,6 +88,11 @@ class _Observer(Estimator):
         ).scaled(units)
         R = held_rounding(variance, step, dwell / 4)
         L = self._gain(small._replace(R=R), quiet.Q, full_model.states, coarse=coarse)
+        slow = math.exp(-LEAST_BANDWIDTH * unstable_pole(self.bearing) * settings["T"])
+        if coarse and _max_pole(small, L) > slow:
+            # The estimate is held to its step, so its rounding may count as white.
+            R = held_rounding(variance, step, 1.0)
+            L = self._gain(small._replace(R=R), quiet.Q, full_model.states, coarse=coarse)
         P, S = _steady(small._replace(R=max(R, small.R)), L)
         most = np.array(self.view.caps(full_model.states)) / units
         state_limits = np.minimum(2 * _grown(small, L, most) * units, np.finfo(np.float32).max)
@@ -201,6 +210,11 @@ class SteadyStateKalmanFilter(_Observer):
         predicted = solve_discrete_are(model.A.T, model.H.T, model.Q, np.array([[model.R]]))
         PH = predicted @ model.H.T
         return np.asarray((PH / (model.H @ PH + model.R)).ravel())
+
+
+def _max_pole(model: LinearModel, L: Array) -> float:
+    """Return the share of an error that the slowest pole of ``(I - L H) A`` leaves in a sample."""
+    return float(np.abs(np.linalg.eigvals(model.A - np.outer(L, model.H @ model.A))).max())
 
 
 def _whole(engine: Engine) -> Model:
