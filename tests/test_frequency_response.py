@@ -117,14 +117,14 @@ def test_margins_of_a_campaign_are_computed_in_one_thread(monkeypatch: pytest.Mo
     from ambkit.campaigns.study import load
 
     seen: set[int] = set()
-    old = worker.peaks_of
+    old = worker.peaks
 
     def spy(*given: Any) -> Any:
         blas = [each for each in threadpoolctl.threadpool_info() if each["user_api"] == "blas"]
         seen.update(each["num_threads"] for each in blas)
         return old(*given)
 
-    monkeypatch.setattr(worker, "peaks_of", spy)
+    monkeypatch.setattr(worker, "peaks", spy)
     with threadpoolctl.threadpool_limits(2):
         worker.compute(Plan(load("examples/machines.toml")), 0, 4)
     assert seen == {1}
