@@ -7,20 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import progress
-from ambkit.verbs.words import (
-    Axis,
-    Channels,
-    Controller,
-    Filter,
-    Filters,
-    Force,
-    Length,
-    Machine,
-    Orbit,
-    Record,
-    Speed,
-    Window,
-)
+from ambkit.verbs import words
 
 if TYPE_CHECKING:
     from ambkit.assessment.amplitude_sweep import Sweep
@@ -30,13 +17,13 @@ if TYPE_CHECKING:
 
 
 def assess(
-    machine: Machine,
-    filter: Filters | None = None,
-    controller: Controller | None = None,
+    machine: words.Machine,
+    filter: words.Filters | None = None,
+    controller: words.Controller | None = None,
     *,
-    position: Length = 0.0,
-    disturbance: Force = 0.0,
-    orbit: Orbit | None = None,
+    position: words.Length = 0.0,
+    disturbance: words.Force = 0.0,
+    orbit: words.Orbit | None = None,
     beside: Sequence[Literal["lqg", "hinf"]] = (),
 ) -> Assessment:
     """Compute the stability margins of a loop with its filter.
@@ -101,16 +88,16 @@ def assess(
 
 
 def assess_sweep(
-    machine: Machine,
-    filter: Filter | None = None,
-    controller: Controller | None = None,
+    machine: words.Machine,
+    filter: words.Filter | None = None,
+    controller: words.Controller | None = None,
     *,
-    amplitudes: Sequence[Length] | None = None,
+    amplitudes: Sequence[words.Length] | None = None,
     kind: Literal["multisine", "stepped-sine"] = "multisine",
-    axis: Axis | None = None,
-    position: Length = 0.0,
-    disturbance: Force = 0.0,
-    orbit: Orbit | None = None,
+    axis: words.Axis | None = None,
+    position: words.Length = 0.0,
+    disturbance: words.Force = 0.0,
+    orbit: words.Orbit | None = None,
 ) -> Sweep:
     """Measure the sensitivity of the simulated loop over the amplitude.
 
@@ -157,13 +144,13 @@ def assess_sweep(
 
 
 def assess_speed(
-    machine: Machine,
-    filter: Filter | None = None,
-    controller: Controller | None = None,
+    machine: words.Machine,
+    filter: words.Filter | None = None,
+    controller: words.Controller | None = None,
     *,
-    fastest: Speed | None = None,
+    fastest: words.Speed | None = None,
     count: int = 41,
-    disturbance: Force = 0.0,
+    disturbance: words.Force = 0.0,
     orbit: Literal["own"] | None = None,
 ) -> OverSpeed:
     """Assess a loop over the speed of rotation.
@@ -210,16 +197,16 @@ def assess_speed(
 
 
 def assess_log(
-    record: Record,
-    machine: Machine | None = None,
-    filter: Filters | None = None,
-    controller: Controller | None = None,
+    record: words.Record,
+    machine: words.Machine | None = None,
+    filter: words.Filters | None = None,
+    controller: words.Controller | None = None,
     *,
-    channels: Channels | None = None,
-    window: Window | None = None,
+    channels: words.Channels | None = None,
+    window: words.Window | None = None,
     logged: Literal["after", "before"] = "after",
-    position: Length = 0.0,
-    disturbance: Force = 0.0,
+    position: words.Length = 0.0,
+    disturbance: words.Force = 0.0,
 ) -> AssessedLog:
     """Compute the sensitivity of a loop from a record with an injected signal.
 

@@ -7,18 +7,7 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.progress import progress
 from ambkit.base.quantity_arguments import seeds_in
-from ambkit.verbs.words import (
-    Case,
-    Filters,
-    Force,
-    Length,
-    Machine,
-    Scenario,
-    Seeds,
-    Share,
-    Time,
-    TrueMagnet,
-)
+from ambkit.verbs import words
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison.score import Benches
@@ -27,14 +16,14 @@ if TYPE_CHECKING:
 
 
 def compare(
-    machine: Machine,
-    filter: Filters = "all",
+    machine: words.Machine,
+    filter: words.Filters = "all",
     *,
-    case: Case = "paper",
-    plant: TrueMagnet | None = None,
-    spread: Share | None = None,
+    case: words.Case = "paper",
+    plant: words.TrueMagnet | None = None,
+    spread: words.Share | None = None,
     budget: int = 0,
-    seeds: Seeds = 20,
+    seeds: words.Seeds = 20,
     whole: bool = False,
 ) -> Study | Benches:
     """Compare filters by error, consistency, delay and cost.
@@ -91,15 +80,15 @@ def compare(
 
 
 def compare_steps(
-    machine: Machine,
-    filter: Filters = ("linear", "adaptive", "closed-law"),
+    machine: words.Machine,
+    filter: words.Filters = ("linear", "adaptive", "closed-law"),
     *,
-    steps: Sequence[Length] | None = None,
-    disturbance: Force | None = None,
-    duration: Time | None = None,
-    scenario: Scenario | None = None,
-    plant: TrueMagnet | None = None,
-    seeds: Seeds = 20,
+    steps: Sequence[words.Length] | None = None,
+    disturbance: words.Force | None = None,
+    duration: words.Time | None = None,
+    scenario: words.Scenario | None = None,
+    plant: words.TrueMagnet | None = None,
+    seeds: words.Seeds = 20,
 ) -> LoopScores:
     """Compare filters in closed loop, over reference steps or in a scenario.
 

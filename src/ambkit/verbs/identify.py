@@ -6,23 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 from ambkit.base.progress import progress
-from ambkit.verbs.words import (
-    Axis,
-    Channels,
-    Constant,
-    Force,
-    Gap,
-    KnownForce,
-    Length,
-    Log,
-    Machine,
-    MapFile,
-    Record,
-    Records,
-    Rest,
-    Rules,
-    Window,
-)
+from ambkit.verbs import words
 
 if TYPE_CHECKING:
     from ambkit.identification.coil import CoilFit
@@ -33,17 +17,17 @@ if TYPE_CHECKING:
 
 
 def identify(
-    machine: Machine,
-    records: Records,
+    machine: words.Machine,
+    records: words.Records,
     *,
-    axis: Axis | None = None,
-    channels: Channels | None = None,
-    window: Window | None = None,
+    axis: words.Axis | None = None,
+    channels: words.Channels | None = None,
+    window: words.Window | None = None,
     free: Sequence[str] | None = None,
-    validate: Sequence[Record] = (),
-    rest: Rest | None = None,
-    initial_disturbance: Force | None = None,
-    nodes: Rules | None = None,
+    validate: Sequence[words.Record] = (),
+    rest: words.Rest | None = None,
+    initial_disturbance: words.Force | None = None,
+    nodes: words.Rules | None = None,
 ) -> Identified:
     """Identify machine parameters, with standard errors.
 
@@ -105,14 +89,14 @@ def identify(
 
 
 def identify_corpus(
-    machine: Machine,
-    records: Log | Sequence[Log],
+    machine: words.Machine,
+    records: words.Log | Sequence[words.Log],
     *,
-    channels: Channels | None = None,
-    window: Window | None = None,
+    channels: words.Channels | None = None,
+    window: words.Window | None = None,
     free: Sequence[str] | None = None,
-    rest: Rest | None = None,
-    initial_disturbance: Force | None = None,
+    rest: words.Rest | None = None,
+    initial_disturbance: words.Force | None = None,
 ) -> IdentifiedCorpus:
     """Identify a machine with one axis from many logs, with the scatter between them.
 
@@ -150,14 +134,14 @@ def identify_corpus(
 
 
 def identify_online(
-    machine: Machine,
-    record: Record,
+    machine: words.Machine,
+    record: words.Record,
     *,
-    channels: Channels | None = None,
-    window: Window | None = None,
+    channels: words.Channels | None = None,
+    window: words.Window | None = None,
     method: Literal["all", "adaline", "rls", "augmented"] = "all",
-    initial: Constant | None = None,
-    disturbance: KnownForce | None = None,
+    initial: words.Constant | None = None,
+    disturbance: words.KnownForce | None = None,
 ) -> OnlineComparison:
     """Identify the magnet constant sample by sample, as a controller would.
 
@@ -202,13 +186,13 @@ def identify_online(
 
 
 def identify_lift_off(
-    machine: Machine,
-    records: Log | Sequence[Log],
+    machine: words.Machine,
+    records: words.Log | Sequence[words.Log],
     *,
-    axis: Axis | None = None,
-    channels: MapFile | None = None,
-    gap: Gap | None = None,
-    operating_point: Length | None = None,
+    axis: words.Axis | None = None,
+    channels: words.MapFile | None = None,
+    gap: words.Gap | None = None,
+    operating_point: words.Length | None = None,
 ) -> LiftedOff:
     """Identify a one-sided magnet from the currents at which the rotor lifts off.
 
@@ -249,13 +233,13 @@ def identify_lift_off(
 
 
 def identify_coil(
-    machine: Machine,
-    records: Log | Sequence[Log],
+    machine: words.Machine,
+    records: words.Log | Sequence[words.Log],
     *,
-    axis: Axis | None = None,
-    channels: Channels | None = None,
-    window: Window | None = None,
-    operating_point: Length | None = None,
+    axis: words.Axis | None = None,
+    channels: words.Channels | None = None,
+    window: words.Window | None = None,
+    operating_point: words.Length | None = None,
 ) -> CoilFit:
     """Identify a coil from steps of the control signal with the rotor fixed.
 

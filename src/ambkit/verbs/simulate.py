@@ -4,34 +4,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ambkit.verbs.words import (
-    Force,
-    Inputs,
-    Length,
-    LoopFilter,
-    Machine,
-    Scenario,
-    Signals,
-    Time,
-    TrueMagnet,
-)
+from ambkit.verbs import words
 
 if TYPE_CHECKING:
     from ambkit.simulation.run import Run
 
 
 def simulate(
-    machine: Machine,
-    scenario: Scenario | None = None,
-    filter: LoopFilter = "linear",
+    machine: words.Machine,
+    scenario: words.Scenario | None = None,
+    filter: words.LoopFilter = "linear",
     *,
-    plant: TrueMagnet | None = None,
-    duration: Time | None = None,
-    step: Length | None = None,
-    disturbance: Force | None = None,
-    signal: Signals = (),
+    plant: words.TrueMagnet | None = None,
+    duration: words.Time | None = None,
+    step: words.Length | None = None,
+    disturbance: words.Force | None = None,
+    signal: words.Signals = (),
     seed: int | None = None,
-    external_inputs: Inputs | None = None,
+    external_inputs: words.Inputs | None = None,
 ) -> Run:
     """Simulate a machine in closed loop.
 

@@ -7,17 +7,7 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.progress import progress
 from ambkit.base.quantity_arguments import seeds_in
-from ambkit.verbs.words import (
-    Channels,
-    Controller,
-    Filter,
-    Machine,
-    Record,
-    Records,
-    Seeds,
-    Storage,
-    Study,
-)
+from ambkit.verbs import words
 
 if TYPE_CHECKING:
     from ambkit.workflow.robust_tuning import Robust
@@ -26,17 +16,17 @@ if TYPE_CHECKING:
 
 
 def tune(
-    machine: Machine,
-    records: Records = (),
-    filter: Filter = "extended",
+    machine: words.Machine,
+    records: words.Records = (),
+    filter: words.Filter = "extended",
     *,
-    controller: Controller | None = None,
-    channels: Channels | None = None,
+    controller: words.Controller | None = None,
+    channels: words.Channels | None = None,
     free: Sequence[str] | None = None,
-    validate: Sequence[Record] = (),
+    validate: Sequence[words.Record] = (),
     max_sensitivity: float | None = None,
     budget: int = 60,
-    seeds: Seeds = 8,
+    seeds: words.Seeds = 8,
 ) -> Tuned:
     """Tune a filter and validate it.
 
@@ -103,15 +93,15 @@ def tune(
 
 
 def tune_trade_off(
-    machine: Machine,
-    records: Records = (),
-    filter: Filter = "extended",
+    machine: words.Machine,
+    records: words.Records = (),
+    filter: words.Filter = "extended",
     *,
     peaks: Sequence[float] = (1.7, 2.0, 2.5),
-    controller: Controller | None = None,
-    channels: Channels | None = None,
+    controller: words.Controller | None = None,
+    channels: words.Channels | None = None,
     budget: int = 60,
-    seeds: Seeds = 8,
+    seeds: words.Seeds = 8,
 ) -> TradeOff:
     """Tune a filter for several sensitivity limits: error against margin.
 
@@ -153,12 +143,12 @@ def tune_trade_off(
 
 
 def tune_robust(
-    study: Study,
+    study: words.Study,
     *,
     quantile: float = 0.95,
     max_sensitivity: float = 3.0,
     free: Sequence[str] | None = None,
-    storage: Storage | None = None,
+    storage: words.Storage | None = None,
     budget: int = 60,
     seed: int = 0,
 ) -> Robust:
