@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit import Bearing, Record
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.likelihood import Data
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter, named
 from ambkit.machine.accessories import ColouredNoise
@@ -247,14 +247,13 @@ def steps_at_the_truth(
     ndarray (groups, p)
         As errors are given: of the logarithm for a positive parameter.
     """
-    places = [Coordinates(truth, parameters) for truth in truths]
     here = [
-        Likelihood(group, place, own_time(truth.bearing)).local(np.zeros(len(parameters)))
-        for group, place, truth in zip(groups, places, truths, strict=True)
+        Data(group, own_time(truth.bearing)).local(truth, parameters)
+        for group, truth in zip(groups, truths, strict=True)
     ]
     information = np.mean([local.information for local in here], axis=0)
     steps = np.linalg.solve(information, np.array([local.score for local in here]).T).T
-    return np.asarray(steps * places[0].unit_steps())
+    return np.asarray(steps * Coordinates(truths[0], parameters).unit_steps())
 
 
 def beyond_luck(

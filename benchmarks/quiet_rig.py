@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from ambkit import Bearing, Record
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
 from ambkit.identification.maximum_likelihood.current_state import Coil, CurrentState, propagate
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.likelihood import Data
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
+from ambkit.identification.maximum_likelihood.parameters import named
 from ambkit.machine.magnets import own_time
 
 Array = NDArray[np.float64]
@@ -188,10 +188,7 @@ def slopes(seeds: int = 400, first: int = 0) -> dict[str, dict[str, float]]:
         model = model.replace(
             amplifier__noise_variance=luck * model.bearing.amplifier.noise_variance
         )
-        likelihood = Likelihood(
-            current.records, Coordinates(model, named(SLOPES)), own_time(model.bearing)
-        )
-        local = likelihood.local(np.zeros(len(SLOPES)))
+        local = Data(current.records, own_time(model.bearing)).local(model, named(SLOPES))
         scores.append(local.score)
         informations.append(np.diag(local.information))
     slope = np.array(scores) / np.sqrt(np.mean(informations, axis=0))

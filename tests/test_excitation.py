@@ -20,7 +20,7 @@ from ambkit.cli.main import main
 from ambkit.control.pid import PID
 from ambkit.identification.excitation import Design, Limits, design
 from ambkit.identification.excitation.signals import KINDS, multisine, prbs, stepped_sine
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.likelihood import Data, Likelihood
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
 from ambkit.machine.magnets import own_time
 
@@ -157,7 +157,7 @@ def test_estimates_scatter_as_predicted() -> None:
             update={"seed": seed, "reference": reference, "disturbance": load}
         )
         record = ambkit.simulate(BEARING, scenario).record
-        local = Likelihood([record], coordinates, own_time(BEARING)).local(np.zeros(4))
+        local = Likelihood(Data([record], own_time(BEARING)), coordinates).local(np.zeros(4))
         steps.append(np.linalg.solve(local.information, local.score))
     unit = [p.of(model) if p.positive else p.coarse(model) for p in parameters]
     ratio = (np.array(steps) * unit).std(axis=0, ddof=1) / found.expectation.errors

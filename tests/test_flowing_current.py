@@ -10,8 +10,8 @@ import pytest
 from ambkit import Record
 from ambkit.identification.maximum_likelihood.current_state import Coil, smooth_current
 from ambkit.identification.maximum_likelihood.joint import Joint
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood
-from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
+from ambkit.identification.maximum_likelihood.likelihood import Data
+from ambkit.identification.maximum_likelihood.parameters import named
 from ambkit.machine.magnets import own_time
 from benchmarks import quiet_rig
 from benchmarks.quiet_rig import (
@@ -133,8 +133,7 @@ def test_slopes_are_those_of_the_likelihood_of_both_signals(records: list[Record
 
 def test_an_unknown_coil_is_in_the_errors(records: list[Record]) -> None:
     joint = at_the_truth(records[0], ("air_gap", "current_offset"))
-    coordinates = Coordinates(joint.model, joint.parameters)
-    alone = Likelihood(joint.current.records, coordinates, joint.settling).local(np.zeros(2))
+    alone = Data(joint.current.records, joint.settling).local(joint.model, joint.parameters)
     with_coil = joint.local(alone)
     errors, larger = (np.sqrt(np.diag(np.linalg.inv(x.information))) for x in (alone, with_coil))
     assert np.all(larger > 1.02 * errors)

@@ -9,6 +9,7 @@ from scipy.optimize import minimize
 
 from ambkit import ClosedLaw, ConstantStiffness
 from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.identification.maximum_likelihood.likelihood import Data
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
 from ambkit.identification.maximum_likelihood.search import maximise
@@ -83,7 +84,7 @@ def test_filterpy_and_scipy_find_the_same_noises():
         return float(total)
 
     free = named(["measurement_noise", "disturbance_noise"])
-    found = maximise([record], truth, free, begin)  # as it is, before any bias is taken off
+    found = maximise(Data([record], begin), truth, free)  # as it is, before any bias is taken off
     at = np.log([p.of(found.model) for p in free])
     assert others(at) == pytest.approx(found.local.value, rel=1e-9)
     theirs = minimize(lambda z: -others(z), at + 0.3, method="BFGS", options={"gtol": 0.01})

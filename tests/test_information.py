@@ -10,7 +10,12 @@ import ambkit
 from ambkit import Bearing, Record, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.maximum_likelihood.information import expect
-from ambkit.identification.maximum_likelihood.likelihood import BLOCK, Likelihood, between_blocks
+from ambkit.identification.maximum_likelihood.likelihood import (
+    BLOCK,
+    Data,
+    Likelihood,
+    between_blocks,
+)
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
 from ambkit.machine.magnets import own_time
@@ -43,7 +48,7 @@ def test_predicted_errors_are_the_scatter_of_estimates() -> None:
     steps = []
     for seed in range(60):
         record = ambkit.simulate(BEARING, SHAKEN.replace(seed=seed)).record
-        local = Likelihood([record], coordinates, 0.01).local(np.zeros(len(FREE)))
+        local = Likelihood(Data([record], 0.01), coordinates).local(np.zeros(len(FREE)))
         steps.append(np.linalg.solve(local.information, local.score))
     found = np.array(steps) * [p.of(CALM) if p.positive else p.coarse(CALM) for p in parameters]
     ratio = found.std(axis=0, ddof=1) / predicted.errors

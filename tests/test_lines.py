@@ -12,6 +12,7 @@ from ambkit.identification.maximum_likelihood import (
     line_noise,
     maximum_likelihood,
 )
+from ambkit.identification.maximum_likelihood.likelihood import Data
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.machine.accessories import Hum
 
@@ -60,7 +61,7 @@ def test_a_line_that_the_likelihood_hardly_gains_by_is_not_taken_in(monkeypatch)
     )  # fmt: skip
     record = flown(BALL, 3, 1.0)
     found = found_of(record)
-    model = line_noise.with_lines([record], found.model, [], found.settling)
+    model = line_noise.with_lines(Data([record], found.settling), found.model, [])
     assert model == found.model
 
 

@@ -21,7 +21,7 @@ from ambkit.identification.dead_time import delayed, lagged
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.identification.maximum_likelihood.information import restricted
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.likelihood import Data, Likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, limited
 from ambkit.identification.maximum_likelihood.parameters import (
     PARAMETERS,
@@ -103,7 +103,7 @@ def test_a_start_far_off_and_the_truth_lead_to_the_same_place(records, found):
 def test_score_and_information_are_those_of_the_likelihood(records):
     """Score against differences of the value; information against differences of the score."""
     coordinates = Coordinates(TRUTH, named(["magnet_constant", "sensor_lag", "measurement_noise"]))
-    likelihood = Likelihood(records[:4], coordinates, 0.01)
+    likelihood = Likelihood(Data(records[:4], 0.01), coordinates)
     z = np.array([0.02, -0.05, 0.1])
     local = likelihood.local(z)
     h = 1e-4 * np.eye(3)
@@ -136,10 +136,10 @@ def test_what_looks_like_another_is_held_where_it_was_given(records):
     mass, k = TRUTH.bearing.rotor.mass, TRUTH.bearing.magnet.magnet_constant
     far = TRUTH.replace(rotor__mass=1e4 * mass, magnet__magnet_constant=1e4 * k)
     rest = named(["magnet_constant"])
-    best = maximise(records[:1], TRUTH, rest, 0.01)
+    best = maximise(Data(records[:1], 0.01), TRUTH, rest)
     drifted = replace(best, model=far, local=replace(best.local, value=best.local.value + 50))
     mass_of = named(["mass"])[0]
-    model, at = fix(records[:1], drifted, mass_of, rest, TRUTH, 0.01, TRUTH)
+    model, at = fix(Data(records[:1], 0.01), drifted, mass_of, rest, TRUTH, TRUTH)
     assert model.bearing.rotor.mass == mass
     assert model.bearing.magnet.magnet_constant == pytest.approx(k, rel=0.1)
     assert at == engineering(mass, "kg", 3)
@@ -207,22 +207,23 @@ def test_noises_are_where_the_restricted_likelihood_is_greatest(records):
     """Against the textbook's: maximise over the others, take off half of ln det, maximise that."""
     free = named(["disturbance_noise", "position_offset", "air_gap"])
     others = [p for p in free if p.name != "disturbance_noise"]
-    best = maximise(records[:1], TRUTH, free, 0.01)
+    data = Data(records[:1], 0.01)
+    best = maximise(data, TRUTH, free)
 
     def loss(log_growth):
         model = best.model.replace(
             disturbance_noise=math.exp(log_growth) * best.model.disturbance_noise
         )
-        top = maximise(records[:1], model, others, 0.01)
+        top = maximise(data, model, others)
         return 0.5 * np.linalg.slogdet(top.local.information)[1] - top.local.value
 
     textbook = minimize_scalar(loss, bounds=(-0.3, 0.5), method="bounded", options={"xatol": 1e-4})
-    model = restricted(records[:1], best.model, best.local, free, 0.01)
+    model = restricted(data, best.model, best.local, free)
     moved = math.log(model.disturbance_noise / best.model.disturbance_noise)
     assert moved > 0.01
     assert moved == pytest.approx(textbook.x, rel=0.15)
-    alone = maximise(records[:1], TRUTH, free[-1:], 0.01)
-    assert restricted(records[:1], alone.model, alone.local, free[-1:], 0.01) is alone.model
+    alone = maximise(data, TRUTH, free[-1:])
+    assert restricted(data, alone.model, alone.local, free[-1:]) is alone.model
 
 
 def spoilt(record, kind):
@@ -289,10 +290,10 @@ def test_finite_steps_of_the_filter_bias_nothing():
     )  # fmt: skip
     swing = Sine(amplitude=1e-4, frequency=40.0) + Sine(amplitude=2e-5, frequency=330.0)
     loop = Scenario(duration=0.5, controller=PID.for_bearing(pump), reference=swing)
-    run, start = [simulate(pump, loop).record], LoopModel(pump, disturbance_noise=0.05)
+    run, start = Data([simulate(pump, loop).record], 0.01), LoopModel(pump, disturbance_noise=0.05)
     free = named(["sensor_lag", "magnet_constant", "air_gap", "disturbance_noise"])
-    coarse = maximise(run, start, free, 0.01)
-    fine = maximise(run, start.replace(substeps=64), free, 0.01).model
+    coarse = maximise(run, start, free)
+    fine = maximise(run, start.replace(substeps=64), free).model
     errors = np.sqrt(np.diag(np.linalg.inv(coarse.local.information)))
     off = np.array([math.log(p.of(coarse.model) / p.of(fine)) for p in free]) / errors
     assert np.abs(off).max() < 0.3  # standard errors

@@ -29,10 +29,7 @@ from ambkit.identification.maximum_likelihood.information import (
     weakly_identified,
 )
 from ambkit.identification.maximum_likelihood.joint import Joint
-from ambkit.identification.maximum_likelihood.likelihood import (
-    Likelihood,
-    likelihood_at,
-)
+from ambkit.identification.maximum_likelihood.likelihood import Data
 from ambkit.identification.maximum_likelihood.line_noise import with_lines
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, is_interpolated
 from ambkit.identification.maximum_likelihood.parameters import (
@@ -88,9 +85,9 @@ def maximum_likelihood(
     if not parameters:
         reasons = "".join(f"; {name}: {why}" for name, why in alike.items())
         raise AmbkitError(f"no parameter is free{reasons}")
-    settling = own_time(model.bearing) if settling is None else settling
-    _check_records(several, model, settling)
-    search = _Search(several, model, settling, note)
+    data = Data(several, own_time(model.bearing) if settling is None else settling)
+    _check_records(data, model)
+    search = _Search(data, model, note)
     search.remarks += [spikes] if spikes else []
     search.prepare(parameters, use_control=use_control)
     begin, started_from = search.begin(parameters, improve_start=improve_start)
@@ -109,9 +106,9 @@ def maximum_likelihood(
     parameters = free_parameters
     joint = search.joint(result.model, parameters)
     if joint is not None:
-        result = maximise(search.records, joint.model, parameters, settling)
+        result = maximise(search.data, joint.model, parameters)
     note("correcting what is biased")
-    model = restricted(search.records, result.model, result.local, parameters, settling)
+    model = restricted(search.data, result.model, result.local, parameters)
     model, errors = search.errors(model, parameters, joint, profile=profile)
     step = position_step(logged)
     return search.result(model, parameters, errors, result, held | missed, started_from, step)
@@ -120,16 +117,9 @@ def maximum_likelihood(
 class _Search:
     """A search of records, in which what they do not tell is held."""
 
-    def __init__(
-        self,
-        records: Sequence[Record],
-        nominal: LoopModel,
-        settling: float,
-        note: Callable[[str], object],
-    ) -> None:
-        self.measured = self.records = records
+    def __init__(self, data: Data, nominal: LoopModel, note: Callable[[str], object]) -> None:
+        self.measured, self.data, self.note = data.records, data, note
         self.nominal = self.initial = nominal
-        self.settling, self.note = settling, note
         self.current: CurrentState | None = None
         self.remarks: list[str] = []
         self.steps = 0
@@ -137,31 +127,33 @@ class _Search:
     def prepare(self, parameters: list[Parameter], *, use_control: bool) -> None:
         """Find the current that flows, what is known beforehand, and room for the search."""
         models = [self.nominal, _movable(self.nominal, parameters)]
-        if all(is_interpolated(record) for record in self.records):
+        if all(is_interpolated(record) for record in self.measured):
             models = [model.replace(line=True) for model in models]
             gain = models[1].bearing.amplifier.gain
-            self.current = smooth_current(self.records, gain) if use_control else None
+            self.current = smooth_current(self.measured, gain) if use_control else None
         if self.current is not None:
             self.note("the current that flows, from control and measurement")
-            self.records = list(self.current.records)
+            self.data = replace(self.data, records=self.current.records)
             models = [self.current.driving(model) for model in models]
-        elif models[1].line and insufficient_excitation(self.records, own_time(models[1].bearing)):
+        elif models[1].line and insufficient_excitation(self.measured, own_time(models[1].bearing)):
             self.remarks.append(INSUFFICIENT_EXCITATION)
         self.nominal, initial = models
         names = {p.name for p in parameters}
         known = {name: value for name, value in priors_of(initial).items() if name in names}
-        self.initial = tighten_clearance(self.records, initial.replace(known=known), parameters)
+        self.initial = tighten_clearance(
+            self.data.records, initial.replace(known=known), parameters
+        )
 
     def begin(self, parameters: list[Parameter], *, improve_start: bool) -> tuple[LoopModel, str]:
         """Return where the search begins, and what that is called."""
         if not improve_start:
             return self.initial, "the bearing given"
         self.note("looking for a start")
-        begin, started_from = initial_guess(self.records, self.initial, parameters, self.settling)
+        begin, started_from = initial_guess(self.data, self.initial, parameters)
         # With a wrong idea of the noise, the information misleads; and offsets run away first.
         sure = [p for p in parameters if p.name in (*NOISES, "position_noise", "delay")]
         if 0 < len(sure) < len(parameters):
-            begin = maximise(self.records, begin, sure, self.settling).model
+            begin = maximise(self.data, begin, sure).model
         return begin, started_from
 
     def up(
@@ -171,19 +163,17 @@ class _Search:
         held: dict[str, str] = {}
         while True:
             self.note(f"searching {len(parameters)} parameters")
-            result = maximise(self.records, begin, parameters, self.settling)
+            result = maximise(self.data, begin, parameters)
             self.steps += result.steps
             worst = weakly_identified(result.local.information, parameters)
             worst = worst or diverged(result.model, parameters)
-            worst = worst or unnecessary(self.records, result, parameters, self.settling)
+            worst = worst or unnecessary(self.data, result, parameters)
             if worst is None:
                 return result, parameters, held
             parameter, why = worst
             parameters = [p for p in parameters if p is not parameter]
             from_start = begin if ALIKE in why or WALL in why else None
-            begin, at = fix(
-                self.records, result, parameter, parameters, self.nominal, self.settling, from_start
-            )
+            begin, at = fix(self.data, result, parameter, parameters, self.nominal, from_start)
             held[parameter.name] = f"{why}; held at {at}"
             if not parameters:
                 raise AmbkitError(
@@ -194,8 +184,7 @@ class _Search:
     def lines(self, model: LoopModel, parameters: list[Parameter]) -> tuple[Hum, ...]:
         """Return the lines of a model's sensor, and those that are found in the position."""
         self.note("looking for lines")
-        lined = with_lines(self.records, model, parameters, self.settling, self.note)
-        return lined.bearing.sensor.hum
+        return with_lines(self.data, model, parameters, self.note).bearing.sensor.hum
 
     def joint(self, model: LoopModel, parameters: list[Parameter]) -> Joint | None:
         """Find coil and loop together, where a current flows."""
@@ -204,9 +193,10 @@ class _Search:
         self.note("the coil, from current and position together")
         settled = self.current.coil.settled
         joint = Joint(
-            self.measured, self.current, model, parameters, self.settling, settled
+            self.measured, self.current, model, parameters, self.data.settling, settled
         ).maximised()
-        self.current, self.records = joint.current, list(joint.current.records)
+        self.current = joint.current
+        self.data = replace(self.data, records=joint.current.records)
         self.remarks.append(joint.current.text)
         return joint
 
@@ -214,11 +204,11 @@ class _Search:
         self, model: LoopModel, parameters: list[Parameter], joint: Joint | None, *, profile: bool
     ) -> tuple[LoopModel, dict[str, Any]]:
         """Return a model for the signals as they are measured, and how surely it is known."""
-        coordinates = Coordinates(model, parameters)
-        local = Likelihood(self.records, coordinates, self.settling).local(
-            np.zeros(len(parameters))
+        local, steps = (
+            self.data.local(model, parameters),
+            Coordinates(model, parameters).unit_steps(),
         )
-        unit = np.outer(coordinates.unit_steps(), coordinates.unit_steps())
+        unit = np.outer(steps, steps)
         expansion = replace(joint, model=model).local(local) if joint is not None else local
         inverse = np.asarray(np.linalg.inv(expansion.information), float)
         curved, robust = inverse * unit, inverse @ expansion.scatter @ inverse * unit
@@ -230,7 +220,7 @@ class _Search:
             # As if no coil were unknown.
             uncoupled = np.asarray(np.linalg.inv(local.information), float)
             larger *= np.sqrt(np.diag(inverse) / np.diag(uncoupled))
-            profiles = intervals(self.records, model, parameters, uncoupled, larger, self.settling)
+            profiles = intervals(self.data, model, parameters, uncoupled, larger)
         if self.current is not None:
             searched, model = model, self.current.measuring(model)
             # A relative error changes with the value that it is relative to.
@@ -263,7 +253,7 @@ class _Search:
         delay = [k for k, p in enumerate(parameters) if p.name == "delay"]
         if delay and CONFIDENCE * errors["errors"][delay[0]] > model.bearing.sampling_time:
             self.remarks.append("the loop is too quiet to tell the delay to a sample")
-        model, touched = restore_clearance(self.records, self.nominal, model)
+        model, touched = restore_clearance(self.data.records, self.nominal, model)
         return MaximumLikelihood(
             start=self.initial,
             model=model,
@@ -274,24 +264,24 @@ class _Search:
             remarks=self.remarks,
             current=self.current,
             held=held,
-            start_log_likelihood=likelihood_at(self.records, self.initial, self.settling),
+            start_log_likelihood=self.data.log_likelihood(self.initial),
             samples=optimum.samples,
             started_from=started_from,
             steps=self.steps,
             converged=optimum.converged,
-            settling=self.settling,
+            settling=self.data.settling,
             position_step=step,
         )
 
 
-def _check_records(records: Sequence[Record], model: LoopModel, settling: float) -> None:
-    for record in records:
+def _check_records(data: Data, model: LoopModel) -> None:
+    for record in data.records:
         check_sampling(model.bearing, record)
-        least = round(settling / record.sampling_time) + LEAST_SAMPLES
+        least = round(data.settling / record.sampling_time) + LEAST_SAMPLES
         if len(record) < least:
             raise RecordError(
                 f"a record has {len(record)} samples, {least} are needed to identify from: "
-                f"{settling:.3g} s until the filter has settled, and {LEAST_SAMPLES}"
+                f"{data.settling:.3g} s until the filter has settled, and {LEAST_SAMPLES}"
             )
         y = record["y"][np.isfinite(record["y"])] / model.bearing.sensor.gain
         if y.size and np.ptp(y) < STILL * model.bearing.rotor.clearance:

@@ -18,11 +18,7 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
 from ambkit.data.record import Record
-from ambkit.identification.maximum_likelihood.likelihood import (
-    Likelihood,
-    Local,
-    likelihood_at,
-)
+from ambkit.identification.maximum_likelihood.likelihood import Data, Likelihood, Local
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
@@ -52,17 +48,15 @@ ENOUGH = 0.1
 
 
 def intervals(
-    records: Sequence[Record],
+    data: Data,
     model: LoopModel,
     parameters: list[Parameter],
     covariance: Array,
     larger: Array,
-    settling: float,
 ) -> dict[str, tuple[float, float]]:
     """Return the ends of the intervals for which standard errors would not do."""
     # covariance (p, p); larger (p,)
-    coordinates = Coordinates(model, parameters)
-    likelihood = Likelihood(records, coordinates, settling)
+    likelihood = data.likelihood(model, parameters)
     top = likelihood.value(np.zeros(len(parameters)))
     errors = np.sqrt(np.diag(covariance))
     along = covariance / errors  # column k: where all go with k, if all is quadratic
@@ -77,13 +71,12 @@ def intervals(
     ends = np.outer(ASIDE * errors, [-1, 1])
     seen: list[tuple[float, LoopModel]] = []
     for at in bent:
-        ends[at] = [
-            _end(records, coordinates, at, side * along[:, at], top, settling, seen)
-            for side in (-1, 1)
-        ]
+        ends[at] = [_end(likelihood, at, side * along[:, at], top, seen) for side in (-1, 1)]
     # Where one goes far along a bend, others that seem well known go with it: what is as likely as
     # its end is within the intervals of all.
-    likely = [coordinates.of(there) for lost, there in seen if lost <= NEARLY * 0.5 * ASIDE**2]
+    likely = [
+        likelihood.coordinates.of(there) for lost, there in seen if lost <= NEARLY * 0.5 * ASIDE**2
+    ]
     low = np.min([ends[:, 0], *likely], axis=0) * larger
     high = np.max([ends[:, 1], *likely], axis=0) * larger
     usual = ASIDE * errors * larger
@@ -101,18 +94,17 @@ def intervals(
 
 
 def _end(
-    records: Sequence[Record],
-    coordinates: Coordinates,
+    likelihood: Likelihood,
     at: int,
     along: Array,
     top: float,
-    settling: float,
     seen: list[tuple[float, LoopModel]],
 ) -> float:
     """Return how far one coordinate goes until the profile has lost what 95 % may; by secants."""
     # Over the root of the loss a parabola is a line, and few steps suffice. Each search for the
     # others begins where they would be if all were quadratic, a standard error `along`. What is
     # lost, and where, is added to `seen`.
+    data, coordinates = likelihood.data, likelihood.coordinates
     parameter = coordinates.parameters[at]
     rest = [p for p in coordinates.parameters if p is not parameter]
     error, model, there = float(along[at]), coordinates.model, 0.0
@@ -123,12 +115,12 @@ def _end(
             moved = Coordinates(model, coordinates.parameters).model_at(
                 along * ((far - there) / error)
             )
-            maximised = maximise(records, moved, rest, settling, ENOUGH) if rest else None
+            maximised = maximise(data, moved, rest, ENOUGH) if rest else None
         except (ConfigError, OverflowError):  # no bearing can be there: the interval ends before
             far = 0.5 * (past[0] + far)
             continue
         if maximised is None:
-            value = likelihood_at(records, moved, settling)
+            value = data.log_likelihood(moved)
         else:
             model, there = maximised.model, far
             value = maximised.local.value + 0.5 * maximised.local.left
@@ -150,11 +142,7 @@ LONGEST = 0.5
 
 
 def restricted(
-    records: Sequence[Record],
-    model: LoopModel,
-    local: Local,
-    parameters: list[Parameter],
-    settling: float,
+    data: Data, model: LoopModel, local: Local, parameters: list[Parameter]
 ) -> LoopModel:
     """Return the model that the restricted likelihood prefers to the most likely one."""
     # One step of Newton's, from the maximum of the likelihood: the two maxima are much closer than
@@ -172,7 +160,7 @@ def restricted(
         along[noise] = SHIFT
         along[others] = -SHIFT * among_others @ information[others, noise]  # the others follow
         known = [
-            _known(records, coordinates.model_at(z), [parameters[at] for at in others], settling)
+            _known(data, coordinates.model_at(z), [parameters[at] for at in others])
             for z in (-along, along)
         ]
         slope[noise] = -0.5 * (known[1] - known[0]) / (2 * SHIFT)
@@ -180,12 +168,9 @@ def restricted(
     return coordinates.model_at(step * min(1.0, LONGEST / max(np.max(np.abs(step)), 1e-9)))
 
 
-def _known(
-    records: Sequence[Record], model: LoopModel, parameters: list[Parameter], settling: float
-) -> float:
+def _known(data: Data, model: LoopModel, parameters: list[Parameter]) -> float:
     """Logarithm of the determinant of the information about some parameters."""
-    likelihood = Likelihood(records, Coordinates(model, parameters), settling)
-    return float(np.linalg.slogdet(likelihood.local(np.zeros(len(parameters))).information)[1])
+    return float(np.linalg.slogdet(data.local(model, parameters).information)[1])
 
 
 LEAST_EIGENVALUE = 1e-5
@@ -230,8 +215,7 @@ def expect(record: Record, model: LoopModel, free: Sequence[str]) -> Expectation
     """Say how surely a record would tell parameters of the model that it comes from."""
     # Parameters that cannot be told are held one by one, as `maximum_likelihood` does.
     parameters, held = identifiable(named(free), model)
-    coordinates = Coordinates(model, parameters)
-    likelihood = Likelihood([record], coordinates, own_time(model.bearing))
+    likelihood = Data([record], own_time(model.bearing)).likelihood(model, parameters)
     _, _, by_e, by_S, used = likelihood.slopes(np.zeros(len(parameters)))
     information = by_e @ by_e.T + 0.5 * by_S @ by_S.T
     _, certainty = np.linalg.slogdet(np.eye(len(parameters)) + information)

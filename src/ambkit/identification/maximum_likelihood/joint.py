@@ -25,7 +25,12 @@ from ambkit.identification.maximum_likelihood.current_state import (
     CurrentState,
     propagate,
 )
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood, Local, between_blocks
+from ambkit.identification.maximum_likelihood.likelihood import (
+    Data,
+    Likelihood,
+    Local,
+    between_blocks,
+)
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
 
@@ -118,8 +123,8 @@ class Joint:
 
     def _likelihood(self, current: CurrentState) -> Likelihood:
         """Likelihood of the position where a current flows."""
-        coordinates = Coordinates(self._driven(current), self.parameters)
-        return Likelihood(current.records, coordinates, self.settling)
+        data = Data(current.records, self.settling)
+        return data.likelihood(self._driven(current), self.parameters)
 
     def _of_current(self, coil: Coil) -> Array:
         """Innovations of all measured currents in a row [V]; 0 where they do not count."""

@@ -19,7 +19,7 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.data.record import Record
 from ambkit.estimate.batch import processors
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.identification.maximum_likelihood.parameters import Coordinates, log_prior
+from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter, log_prior
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 
@@ -58,12 +58,31 @@ class Local:
 
 
 @dataclass(frozen=True, eq=False)
+class Data:
+    """Records that a model is fitted to."""
+
+    records: Sequence[Record]
+    settling: float  #: Time at the start of each record that does not count [s].
+
+    def likelihood(self, model: LoopModel, parameters: Sequence[Parameter]) -> Likelihood:
+        """Return the likelihood around a model."""
+        return Likelihood(self, Coordinates(model, list(parameters)))
+
+    def log_likelihood(self, model: LoopModel) -> float:
+        """Log likelihood under a model; minus infinity where no measurement counts."""
+        return self.likelihood(model, []).value(np.zeros(0))
+
+    def local(self, model: LoopModel, parameters: Sequence[Parameter]) -> Local:
+        """Return value, score and information at a model."""
+        return self.likelihood(model, parameters).local(np.zeros(len(parameters)))
+
+
+@dataclass(frozen=True, eq=False)
 class Likelihood:
     """Log likelihood of records as a function of the coordinates of a search."""
 
-    records: Sequence[Record]
+    data: Data
     coordinates: Coordinates
-    settling: float  #: Time at the start of each record that does not count [s].
 
     def innovations(self, z: Array) -> tuple[Array, Array, Bools]:
         """Innovations [m], variances [m^2] and whether they count, of all records in a row."""
@@ -71,9 +90,9 @@ class Likelihood:
 
     def _of(self, model: LoopModel) -> tuple[Array, Array, Bools]:
         parts, kalman = [], model.kalman()
-        for record in self.records:
+        for record in self.data.records:
             e, S, used = model.innovations(record, kalman)
-            used[: max(1, round(self.settling / record.sampling_time))] = False
+            used[: max(1, round(self.data.settling / record.sampling_time))] = False
             parts.append((e, S, used))
         e, S, used = (np.concatenate(column) for column in zip(*parts, strict=True))
         return e, S, used
@@ -143,11 +162,6 @@ class Likelihood:
                 step = (now if parameter.positive else unit[at]) / std
                 slope[at], precision[at] = -step * (now - value) / std, step**2
         return slope, np.diag(precision)
-
-
-def likelihood_at(records: Sequence[Record], model: LoopModel, settling: float) -> float:
-    """Log likelihood of records under a model."""
-    return Likelihood(records, Coordinates(model, []), settling).value(np.zeros(0))
 
 
 def _log_likelihood(e: Array, S: Array) -> float:

@@ -19,9 +19,9 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
-from ambkit.identification.maximum_likelihood.likelihood import Likelihood, likelihood_at
+from ambkit.identification.maximum_likelihood.likelihood import Data
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
+from ambkit.identification.maximum_likelihood.parameters import Parameter
 from ambkit.identification.maximum_likelihood.search import maximise
 from ambkit.machine.accessories import Hum
 from ambkit.machine.magnets import own_time
@@ -44,29 +44,28 @@ AROUND = 101
 
 
 def with_lines(
-    records: Sequence[Record],
+    data: Data,
     model: LoopModel,
     parameters: list[Parameter],
-    settling: float,
     note: Callable[[str], object] = lambda _: None,
 ) -> LoopModel:
     """Return a model with the lines that records have, and the rest found anew beside them."""
     for _ in range(MOST):
-        e, S, used = Likelihood(records, Coordinates(model, []), settling).innovations(np.zeros(0))
+        e, S, used = data.likelihood(model, []).innovations(np.zeros(0))
         before = -0.5 * float(np.sum(np.log(2 * np.pi * S[used]) + e[used] ** 2 / S[used]))
-        line = _candidate(records, model)
+        line = _candidate(data.records, model)
         if line is None:
             break
         note(f"a line at {engineering(line.frequency, 'Hz', 3)}?")
-        candidate_model = _fitted(records, model, line, settling)
+        candidate_model = _fitted(data, model, line)
         if candidate_model is None:
             break
         if parameters:
-            candidate_model = maximise(records, candidate_model, parameters, settling, ENOUGH).model
+            candidate_model = maximise(data, candidate_model, parameters, ENOUGH).model
             *others, last = candidate_model.bearing.sensor.hum
             others_model = candidate_model.replace(sensor__hum=tuple(others))
-            candidate_model = _fitted(records, others_model, last, settling) or candidate_model
-        gain = likelihood_at(records, candidate_model, settling) - before
+            candidate_model = _fitted(data, others_model, last) or candidate_model
+        gain = data.log_likelihood(candidate_model) - before
         if gain < FIGURES / 2 * math.log(max(int(used.sum()), 2)):
             break
         model = candidate_model
@@ -113,14 +112,12 @@ def _median(count: int) -> float:
     return float(gamma.median(count)) / count
 
 
-def _fitted(
-    records: Sequence[Record], model: LoopModel, line: Hum, settling: float
-) -> LoopModel | None:
+def _fitted(data: Data, model: LoopModel, line: Hum) -> LoopModel | None:
     """Return the model with one line more, its three figures as likely as can be."""
     from scipy.optimize import minimize
 
     T = model.bearing.sampling_time
-    longest = T * max(len(record) for record in records)
+    longest = T * max(len(record) for record in data.records)
 
     def at(z: Array) -> LoopModel:
         bandwidth = line.bandwidth * math.exp(min(float(z[2]), 50.0))
@@ -133,7 +130,7 @@ def _fitted(
 
     def cost(z: Array) -> float:
         try:
-            return -likelihood_at(records, at(z), settling)
+            return -data.log_likelihood(at(z))
         except ConfigError:
             return math.inf
 
@@ -145,7 +142,7 @@ def _fitted(
     )  # fmt: skip
     if not math.isfinite(result.fun):
         return None
-    return _as_large_as_it_is(records, at(result.x))
+    return _as_large_as_it_is(data.records, at(result.x))
 
 
 def _as_large_as_it_is(records: Sequence[Record], model: LoopModel) -> LoopModel:

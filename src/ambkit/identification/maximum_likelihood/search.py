@@ -13,12 +13,7 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.identification.dead_time import delayed, lagged
-from ambkit.identification.maximum_likelihood.likelihood import (
-    STEP,
-    Likelihood,
-    Local,
-    likelihood_at,
-)
+from ambkit.identification.maximum_likelihood.likelihood import STEP, Data, Likelihood, Local
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
 from ambkit.identification.online.adaline import Adaline
@@ -68,18 +63,16 @@ class Optimum:
 
 
 def maximise(
-    records: Sequence[Record],
+    data: Data,
     begin: LoopModel,
     parameters: list[Parameter],
-    settling: float,
     enough: float = CONVERGED,
 ) -> Optimum:
     """Go up to the maximum by Fisher's scoring, damped after Marquardt (1963)."""
     # Newton's decrement ends it that is less than `enough`.
     # SciPy's trust regions are balls in the coordinates; here one coordinate is known a thousand
     # times as well as another, and only a region in units of the errors gets anywhere.
-    coordinates = Coordinates(begin, parameters)
-    likelihood = Likelihood(records, coordinates, settling)
+    likelihood = data.likelihood(begin, parameters)
     z, damping, converged, steps = np.zeros(len(parameters)), 1e-3, False, 0
     at, rough = likelihood.local(z), False
     while steps < MOST_STEPS:
@@ -102,7 +95,7 @@ def maximise(
     if rough:
         at = likelihood.local(z)
     _, _, used = likelihood.innovations(z)
-    return Optimum(coordinates.model_at(z), at, steps, converged, int(used.sum()))
+    return Optimum(likelihood.coordinates.model_at(z), at, steps, converged, int(used.sum()))
 
 
 def _step_up(
@@ -121,12 +114,11 @@ def _step_up(
 
 
 def fix(
-    records: Sequence[Record],
+    data: Data,
     result: Optimum,
     parameter: Parameter,
     rest: list[Parameter],
     initial_model: LoopModel,
-    settling: float,
     ran_from: LoopModel | None,
 ) -> tuple[LoopModel, str]:
     """Return the model with a parameter where the user had it, and that value in words."""
@@ -143,7 +135,7 @@ def fix(
         if ran_from is not None:
             begins.append(ran_from.replace(**{parameter.place: value}))
         maximised = max(
-            (maximise(records, begin, rest, settling) for begin in begins),
+            (maximise(data, begin, rest) for begin in begins),
             key=lambda one: one.local.value,
         )
         loss = RULED_OUT if parameter.name in LAGS else MUCH_LESS_LIKELY
@@ -156,7 +148,7 @@ def fix(
 
 
 def unnecessary(
-    records: Sequence[Record], result: Optimum, parameters: Sequence[Parameter], settling: float
+    data: Data, result: Optimum, parameters: Sequence[Parameter]
 ) -> tuple[Parameter, str] | None:
     """Name a lag without which the records are as likely; None where there is none."""
     # Beside a delay a lag shows by its square alone, which the records tell as well below zero as
@@ -168,7 +160,7 @@ def unnecessary(
         if not rest:
             continue
         none = NO_LAG * result.model.bearing.sampling_time
-        other = maximise(records, _with(result.model, parameter, none, rest), rest, settling)
+        other = maximise(data, _with(result.model, parameter, none, rest), rest)
         if other.local.value > result.local.value - RULED_OUT:
             return parameter, "the records are about as likely without any"
     return None
@@ -243,18 +235,15 @@ GROWTHS = (1e-6, 1e-4, 1e-2, 1.0)  #: Growths of the load that are tried, times 
 
 
 def initial_guess(
-    records: Sequence[Record],
-    initial_model: LoopModel,
-    parameters: Sequence[Parameter],
-    settling: float,
+    data: Data, initial_model: LoopModel, parameters: Sequence[Parameter]
 ) -> tuple[LoopModel, str]:
     """Return the most likely of several starts, and what it is called."""
     free = {p.name for p in parameters}
     candidates = [(initial_model, "the bearing given")]
     if "magnet_constant" in free:
-        candidates += [(model, "ADALINE") for model in _by_adaline(records, initial_model)]
+        candidates += [(model, "ADALINE") for model in _by_adaline(data.records, initial_model)]
     candidates += [
-        (model, "least squares") for model in _by_least_squares(records, initial_model, free)
+        (model, "least squares") for model in _by_least_squares(data.records, initial_model, free)
     ]
     if "delay" in free:
         T = initial_model.bearing.sampling_time
@@ -271,11 +260,8 @@ def initial_guess(
             for part in GROWTHS[:-1]
         ]
 
-    def likelihood(candidate: tuple[LoopModel, str]) -> float:
-        # A coarse one: it is only to tell hills from valleys.
-        return likelihood_at(records, candidate[0].replace(substeps=1), settling)
-
-    return max(candidates, key=likelihood)
+    # A coarse likelihood: it is only to tell hills from valleys.
+    return max(candidates, key=lambda one: data.log_likelihood(one[0].replace(substeps=1)))
 
 
 def _by_adaline(records: Sequence[Record], model: LoopModel) -> list[LoopModel]:
