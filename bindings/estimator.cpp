@@ -6,7 +6,7 @@ extern "C" {
 #include "ambkit/smoother.h"
 #include "ambkit/ud.h"
 #include "ambkit/unscented.h"
-#include "fast.h"
+#include "batch.h"
 }
 
 namespace
@@ -131,7 +131,7 @@ Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance,
   const amb_instructions set = chosen(instructions);
   History history(input.n, self.sizes(), covariance, self.scales());
   nb::gil_scoped_release release;
-  amb_fast_run(set, &self.estimator, self.state(), &input, &history.to);
+  amb_batch_one(set, &self.estimator, self.state(), &input, &history.to);
   return history.arrays;
 }
 

@@ -62,17 +62,25 @@ struct Plan {
     if (first >= n || step_to > n || load_from > n)
       throw std::invalid_argument("spans must be within the run");
     run.loop = &of.loop;
-    run.r = r.data();
-    run.f_d = load.data();
+    run.in.n = run.in.off = n;
+    run.in.r = r.data();
+    run.in.load = load.data();
     run.key = {seed, 0};
     run.std_u = std_u;
     run.std_y = std_y;
     run.noise_u = noise_u ? noise_u->data() : nullptr;
     run.noise_y = noise_y ? noise_y->data() : nullptr;
-    run.scale = scale ? scale->data() : nullptr;
-    run.faults = faults ? &faults->to : nullptr;
-    run.fly = fly ? fly->data() : nullptr;
-    run.spans = {first, step_from, step_to, height, load_from, band};
+    run.in.scale = scale ? scale->data() : nullptr;
+    run.in.faults = faults ? &faults->to : nullptr;
+    run.in.fly = fly ? fly->data() : nullptr;
+    const bool steps = step_from < step_to;
+    run.windows = {static_cast<double>(first),
+                   static_cast<double>(step_from),
+                   static_cast<double>(step_to),
+                   steps ? height : 1.0,
+                   steps ? r.data()[step_from] : 0.0,
+                   static_cast<double>(load_from),
+                   band};
     if (estimator != nullptr) {
       std::vector<std::max_align_t> tried(memory());
       if (!reset(tried.data()))
@@ -199,8 +207,8 @@ nb::typed<nb::tuple, Out<double>, Out<int64_t>> fly(const std::vector<const Plan
       amb_many_advance(set, each.data(), each.size(), first.n);
     } else {
       Room room(first);
-      amb_many_alone(each[0], first.n, room.noise_u.data(), room.noise_y.data(),
-                     room.touched.data(), &room.to);
+      amb_many_alone(each[0], room.noise_u.data(), room.noise_y.data(), room.touched.data(),
+                     &room.to);
     }
     for (size_t k = 0; k < places.size(); k++) {
       std::copy_n(runs[k].figures, AMB_FIGURES, figures.data + places[k] * AMB_FIGURES);

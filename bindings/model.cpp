@@ -154,9 +154,7 @@ void bind_model(nb::module_ &m)
 
 #else
 
-extern "C" {
-#include "generated/axial_fields.h"
-}
+#include "axial_fields.h"
 
 Model::Model(amb_real T, amb_real m, amb_real K_sen, amb_real T_sen, bool as_printed)
 {

@@ -45,15 +45,15 @@ def axial_headers() -> dict[str, str]:
         names, axial.about, stem=axial.name, by=BY, includes=["phi"], more=initialisation(axial)
     )
     return {
-        f"{axial.name}.h": steps,
-        f"{axial.name}_fields.h": emit.fields(names, stem=axial.name, by=BY),
+        f"{GENERATED}/{axial.name}.h": steps,
+        f"bindings/{axial.name}_fields.h": emit.fields(names, stem=axial.name, by=BY),
     }
 
 
 def texts() -> dict[str, str]:
     """Return all that is written, by its place in the checkout."""
     results = {f"{GENERATED}/exponential.h": exponential_header()}
-    results |= {f"{GENERATED}/{name}": text for name, text in axial_headers().items()}
+    results |= axial_headers()
     for law in LAWS:
         results[f"{GENERATED}/{law.name}_law.h"] = written.header(law)
         results[f"core/include/ambkit/{law.name}.h"] = written.declaration(law)

@@ -5,6 +5,21 @@
 #include "lanes_run.h"
 #include <string.h>
 
+const amb_lanes *amb_lanes_of(amb_instructions instructions)
+{
+  static const amb_lanes *const builds[AMB_AVX512 + 1] = {
+      NULL,
+#if defined(AMB_HAS_LANES)
+      &amb_lanes_baseline,
+#if defined(AMB_LANES_X86)
+      &amb_lanes_avx2,
+      &amb_lanes_avx512,
+#endif
+#endif
+  };
+  return builds[instructions];
+}
+
 bool amb_batch_has(amb_instructions instructions)
 {
 #if defined(AMB_LANES_X86) && defined(AMB_HAS_LANES)
@@ -14,11 +29,16 @@ bool amb_batch_has(amb_instructions instructions)
   if (instructions == AMB_AVX2)
     return __builtin_cpu_supports("avx2") != 0;
 #endif
-#if defined(AMB_HAS_LANES)
-  return (instructions == AMB_SCALAR) || (instructions == AMB_BASELINE);
-#else
-  return instructions == AMB_SCALAR;
-#endif
+  return (instructions == AMB_SCALAR) || (amb_lanes_of(instructions) != NULL);
+}
+
+amb_instructions amb_batch_fastest(void)
+{
+  amb_instructions best = AMB_SCALAR;
+  for (int set = AMB_SCALAR; set <= AMB_AVX512; set++)
+    if (amb_batch_has((amb_instructions)set))
+      best = (amb_instructions)set;
+  return best;
 }
 
 size_t amb_batch_lanes(amb_instructions instructions)
@@ -31,6 +51,7 @@ size_t amb_batch_lanes(amb_instructions instructions)
 unsigned int amb_batch_group(const amb_estimator *e)
 {
   static const amb_estimator_methods *const kinds[] = {
+      /* in the order of lanes_step.h */
       &amb_kalman_methods, &amb_extended_methods, &amb_observer_methods, &amb_low_pass_methods};
   unsigned int magnet = 2U;
   if (e->magnet->methods == &amb_constant_magnet)
@@ -97,24 +118,21 @@ void amb_batch_advance(amb_instructions instructions, amb_batch_run *const runs[
   }
   if (count == 0)
     return;
-  const bool together = amb_batch_group(runs[0]->estimator) != 0U;
-  (void)together, (void)instructions;
-#if defined(AMB_LANES_X86) && defined(AMB_HAS_LANES)
-  if (together && (instructions == AMB_AVX512)) {
-    amb_lanes_run_avx512(runs, count, n, skip);
+  const amb_lanes *lanes = amb_lanes_of(instructions);
+  if ((lanes != NULL) && (amb_batch_group(runs[0]->estimator) != 0U)) {
+    lanes->run(runs, count, n, skip);
     return;
   }
-  if (together && (instructions == AMB_AVX2)) {
-    amb_lanes_run_avx2(runs, count, n, skip);
-    return;
-  }
-#endif
-#if defined(AMB_HAS_LANES)
-  if (together && (instructions != AMB_SCALAR)) {
-    amb_lanes_run_baseline(runs, count, n, skip);
-    return;
-  }
-#endif
   for (size_t i = 0; i < count; i++)
     alone(runs[i], n, skip);
+}
+
+amb_status amb_batch_one(amb_instructions instructions, const amb_estimator *estimator, void *state,
+                         const amb_kalman_input *in, const amb_kalman_history *history)
+{
+  const amb_lanes *lanes = amb_lanes_of(instructions);
+  if ((estimator->methods == &amb_kalman_methods) && (lanes != NULL) && (lanes->isolated != NULL))
+    return lanes->isolated(estimator->kf, estimator->magnet, (amb_kalman_state *)state, in,
+                           history);
+  return amb_estimator_run(estimator, state, in, history);
 }

@@ -7,7 +7,7 @@
 #ifndef AMBKIT_SIM_BATCH_H
 #define AMBKIT_SIM_BATCH_H
 
-#include "ambkit/estimator.h"
+#include "ambkit/estimator_run.h"
 
 #define AMB_BATCH_JUDGED 3 /* the first states: x, v, f_d of an axis */
 #define AMB_BATCH_BLOCK 16 /* samples that are fetched, written and summed up together */
@@ -38,6 +38,9 @@ typedef enum amb_instructions {
 /* Whether this build and this processor have them. */
 bool amb_batch_has(amb_instructions instructions);
 
+/* The fastest that there are. */
+amb_instructions amb_batch_fastest(void);
+
 /* How many runs go side by side. */
 size_t amb_batch_lanes(amb_instructions instructions);
 
@@ -48,5 +51,11 @@ unsigned int amb_batch_group(const amb_estimator *estimator);
  * are summed from sample `skip` on. */
 void amb_batch_advance(amb_instructions instructions, amb_batch_run *const runs[], size_t count,
                        size_t n, size_t skip);
+
+/* As amb_estimator_run: the core is compiled for any processor, and here its loop once more for
+ * each set of instructions. No multiplication is fused with an addition in any of them: the bits
+ * are the same. */
+amb_status amb_batch_one(amb_instructions instructions, const amb_estimator *estimator, void *state,
+                         const amb_kalman_input *in, const amb_kalman_history *history);
 
 #endif

@@ -3,6 +3,7 @@
 
 #if defined(AMB_HAS_LANES)
 #include "lanes_team.h"
+#include "noise_drawn.h"
 
 /* Samples `first` to `count` of the block. */
 AMB_INLINE void steps(team *t, size_t first, size_t count, lanes_kind kind, lanes_magnet magnet)
@@ -80,22 +81,7 @@ static void judge(team *t, size_t first, size_t from, size_t count)
       t->runs[i]->squares[j] += (double)sum[j][i];
 }
 
-/* The first measurement is only taken in, by the core's own function. */
-static void start(team *t)
-{
-  for (size_t i = 0; i < t->count; i++) {
-    amb_batch_run *run = t->runs[i];
-    const amb_kalman_state *state = (const amb_kalman_state *)run->state;
-    amb_kalman_result r;
-    tell(t, 0, i, amb_estimator_start(run->estimator, run->state, run->y, &r));
-    t->b.result[0].innovation[i] = r.innovation[0];
-    t->b.result[0].variance[i] = r.variance[0];
-    for (size_t j = 0; j < AMB_STATES; j++)
-      t->b.mean[0][j][i] = state->mean[j];
-  }
-}
-
-void AMB_LANES_NAME(amb_lanes_run)(amb_batch_run *const runs[], size_t count, size_t n, size_t skip)
+static void run(amb_batch_run *const runs[], size_t count, size_t n, size_t skip)
 {
   team t;
   memset(&t, 0, sizeof t);
@@ -107,24 +93,36 @@ void AMB_LANES_NAME(amb_lanes_run)(amb_batch_run *const runs[], size_t count, si
     t.magnets[i] = asked(t.runs[i]->estimator->magnet);
     fill_parameters(&t.p, i, t.runs[i]->estimator);
   }
-  if (n > 0)
-    start(&t);
-  for (size_t i = 0; i < LANES; i++)
-    put(&t, &t.s, i);
   for (size_t first = 0; first < n; first += BLOCK) {
     const size_t length = (n - first < BLOCK) ? n - first : BLOCK;
     fetch(&t, first, length);
+    if (first == 0)
+      begin(&t, &t.s);
     advance(&t, (first == 0) ? 1 : 0, length);
     write_out(&t, first, length);
     if (t.judged)
       judge(&t, first, (skip <= first) ? 0 : ((skip - first < length) ? skip - first : length),
             length);
-    if (t.b.told)
-      memset(t.b.status, 0, sizeof t.b.status);
-    t.b.told = false;
+    silence(&t);
   }
-  for (size_t i = 0; i < count; i++)
+  for (size_t i = 0; (i < count) && (n > 0); i++)
     get(&t, &t.s, i);
 }
+
+static void noise(amb_noise_key key, uint32_t stream, size_t first, size_t n, double *to)
+{
+  amb_noise_normal(key, stream, first, n, to);
+}
+
+const amb_lanes AMB_LANES_NAME(amb_lanes) = {
+    .run = run,
+    .noise = noise,
+#if !defined(AMB_FLOAT)
+    .many = AMB_LANES_NAME(amb_lanes_many),
+#endif
+#if AMB_LANES_BYTES > 16
+    .isolated = AMB_LANES_NAME(amb_kalman_run),
+#endif
+};
 
 #endif

@@ -31,7 +31,7 @@ typedef struct lanes_law {
   lanes k, s0, i0, ampere, metre;
 } lanes_law;
 
-/* The text once more. */
+/* The text once more; the names of functions are those of lanes from here on. */
 #define AMB_SIDE_BY_SIDE
 #define amb_real lanes
 #define amb_stiffness lanes_stiffness
@@ -65,25 +65,7 @@ typedef struct lanes_law {
 #undef amb_real
 #undef amb_stiffness
 #undef amb_model
-#undef amb_model_displacement
-#undef amb_model_current
-#undef amb_model_shown
-#undef amb_model_shown_variance
-#undef amb_model_shown_with
-#undef amb_model_pushed
-#undef amb_model_role
-#undef amb_model_equilibrium
-#undef amb_model_predict_mean
-#undef amb_model_predict_covariance
-#undef amb_model_update
-#undef amb_model_variances
 #undef amb_law
-#undef amb_law_force
-#undef amb_law_tangent
-#undef amb_law_regressor
-#undef amb_law_force_one_sided
-#undef amb_turn_square
-#undef amb_turn
 
 AMB_INLINE lanes lanes_all_equal(amb_real a)
 {

@@ -9,7 +9,8 @@
 #include "many_figures.h"
 #include "noise_drawn.h"
 
-/* ---- The texts once more. ---- */
+/* ---- The texts once more; names that are of lanes from here on, but for those of types that both
+ * have. ---- */
 
 /* An isolated axis that is plain: the pattern closed_axis of plant.c. */
 typedef struct lanes_pattern {
@@ -54,70 +55,56 @@ AMB_INLINE void lanes_stage(const lanes_pattern *p, const lanes_going *of, const
 #define amb_substep lanes_substep
 #include "plant_text.h"
 #undef amb_real
-#undef amb_pattern
-#undef amb_going
-#undef amb_reachable
-#undef amb_driven
-#undef amb_stage
-#undef amb_substep
 
+#define AMB_TALLY(name) lanes_##name
 #define amb_judged lanes
 #define amb_judged_mask lanes_mask
 #define amb_judged_choose lanes_choose
 #define amb_judged_where lanes_where
 #define amb_judged_all lanes_all_equal
-#define amb_windows lanes_windows
-#define amb_tally lanes_tally
-#define amb_seen lanes_seen
-#define amb_judged_magnitude lanes_magnitude
-#define amb_judged_most lanes_most
-#define amb_tally_estimate lanes_tally_estimate
-#define amb_tally_loop lanes_tally_loop
-#define amb_tally_response lanes_tally_response
+typedef struct lanes_windows {
+  lanes first, step_from, step_to, height, there, load_from, band;
+} lanes_windows;
+
 #include "tally_step.h"
-#undef amb_judged
-#undef amb_judged_mask
-#undef amb_judged_choose
-#undef amb_judged_where
-#undef amb_judged_all
-#undef amb_windows
-#undef amb_tally
-#undef amb_seen
-#undef amb_judged_magnitude
-#undef amb_judged_most
-#undef amb_tally_estimate
-#undef amb_tally_loop
-#undef amb_tally_response
 
 /* ---- Plant, amplifier and controller. ---- */
 
 #define STRETCH AMB_NOISE_DRAWN /* samples whose noise is drawn together; blocks fill it */
 
+/* The first numbers of amb_pid and of amb_pid_state, in their order. */
+typedef struct lanes_pid {
+  lanes T, kp, ki, kd, T_f, T_t, weight, iu_min, iu_max;
+} lanes_pid;
+
+typedef struct lanes_pid_state {
+  lanes integral, last_r, last_x, velocity;
+} lanes_pid_state;
+
 typedef struct loops {
   lanes_going of;
   lanes m, f_0, k_ui, iu_min, iu_max;
-  lanes T, kp, ki, kd, derivative, T_t, weight, out_min, out_max; /* of the PID */
   lanes X[3];
-  lanes integral, last_r, last_x, velocity;
+  lanes_pid pid;
+  lanes_pid_state at;
   lanes_mask started;
   lanes u; /* control signal from the last sample on */
   size_t substeps;
   bool feedback_estimate;
 } loops;
 
-typedef struct flight {
+typedef struct loops_in_lanes {
   team t; /* its filters; the runs of the team are the `filter`s here */
   loops l;
   lanes_windows windows;
   lanes_tally tally;
   amb_many_run *runs[LANES]; /* the last one again where there are fewer */
   amb_batch_run filter[LANES];
-  bool steps[LANES]; /* whether it has a step to be judged */
   double noise[LANES][2][STRETCH];
   lanes r[BLOCK], f_d[BLOCK], noise_u[BLOCK], noise_y[BLOCK];
   lanes x[BLOCK], v[BLOCK], u[BLOCK], iu[BLOCK];
   lanes_mask touched[BLOCK];
-} flight;
+} loops_in_lanes;
 
 static void fill_loop(loops *l, size_t i, const amb_many_run *run)
 {
@@ -133,47 +120,18 @@ static void fill_loop(loops *l, size_t i, const amb_many_run *run)
   l->of.per_lag[i] = 1 / plant->lag[0];
   l->of.K[i] = plant->gain[0];
   l->of.travel[i] = plant->farthest[0];
-  l->of.law.k[i] = law->k;
-  l->of.law.s0[i] = law->s0;
-  l->of.law.i0[i] = law->i0;
+  fill((lanes *)&l->of.law, i, &law->k, 3 * sizeof law->k);
   l->m[i] = plant->mass[0];
   l->f_0[i] = plant->g[0];
   l->k_ui[i] = loop->k_ui[0];
   l->iu_min[i] = loop->iu_min[0];
   l->iu_max[i] = loop->iu_max[0];
-  l->T[i] = pid->T;
-  l->kp[i] = pid->kp;
-  l->ki[i] = pid->ki;
-  l->kd[i] = pid->kd;
-  l->derivative[i] = pid->T_f + pid->T;
-  l->T_t[i] = pid->T_t;
-  l->weight[i] = pid->weight;
-  l->out_min[i] = pid->iu_min;
-  l->out_max[i] = pid->iu_max;
-  for (int j = 0; j < 3; j++)
-    l->X[j][i] = run->state.plant.X[j];
-  l->integral[i] = run->state.pid[0].integral;
-  l->last_r[i] = run->state.pid[0].last_r;
-  l->last_x[i] = run->state.pid[0].last_x;
-  l->velocity[i] = run->state.pid[0].velocity;
+  fill((lanes *)&l->pid, i, &pid->T, sizeof l->pid / LANES);
+  fill(l->X, i, run->state.plant.X, sizeof l->X / LANES);
+  fill((lanes *)&l->at, i, &run->state.pid[0].integral, sizeof l->at / LANES);
   l->started[i] = run->state.pid[0].started ? -1 : 0;
   l->substeps = (size_t)plant->substeps;
   l->feedback_estimate = loop->feedback_estimate;
-}
-
-static void fill_windows(lanes_windows *to, lanes_tally *tally, size_t i, const amb_many_run *run)
-{
-  const amb_windows at = amb_windows_of(run);
-  const amb_tally none = amb_tally_none(&at);
-  to->first[i] = at.first;
-  to->step_from[i] = at.step_from;
-  to->step_to[i] = at.step_to;
-  to->height[i] = at.height;
-  to->there[i] = at.there;
-  to->load_from[i] = at.load_from;
-  to->band[i] = at.band;
-  tally->outside[i] = none.outside;
-  tally->late[i] = none.late;
 }
 
 AMB_INLINE lanes_mask finite(lanes a)
@@ -184,26 +142,29 @@ AMB_INLINE lanes_mask finite(lanes a)
 /* amb_pid_step; `known` is the estimated velocity, if the loop has it. */
 AMB_INLINE lanes pid_step(loops *l, lanes r, lanes x, const lanes *known)
 {
+  const lanes_pid *pid = &l->pid;
+  lanes_pid_state *at = &l->at;
   lanes_mask good = finite(x);
   if (known != NULL) {
     good &= finite(*known);
-    l->velocity = lanes_choose(good, *known, l->velocity);
+    at->velocity = lanes_choose(good, *known, at->velocity);
   } else {
-    const lanes changed = l->velocity + ((x - l->last_x) - l->T * l->velocity) / l->derivative;
-    l->velocity = lanes_choose(good & l->started, changed, l->velocity);
+    const lanes off = (x - at->last_x) - pid->T * at->velocity;
+    const lanes changed = at->velocity + off / (pid->T_f + pid->T);
+    at->velocity = lanes_choose(good & l->started, changed, at->velocity);
   }
-  l->last_x = lanes_choose(good, x, l->last_x);
+  at->last_x = lanes_choose(good, x, at->last_x);
   l->started |= good;
-  l->last_r = lanes_choose(finite(r), r, l->last_r);
+  at->last_r = lanes_choose(finite(r), r, at->last_r);
 
-  const lanes error = l->last_r - l->last_x;
-  const lanes weighted = l->weight * l->last_r - l->last_x;
-  const lanes demanded = l->kp * weighted + l->integral - l->kd * l->velocity;
-  const lanes iu = lanes_clamp(demanded, l->out_min, l->out_max);
+  const lanes error = at->last_r - at->last_x, integral = at->integral;
+  const lanes weighted = pid->weight * at->last_r - at->last_x;
+  const lanes demanded = pid->kp * weighted + integral - pid->kd * at->velocity;
+  const lanes iu = lanes_clamp(demanded, pid->iu_min, pid->iu_max);
   const lanes_mask within = ~((iu < demanded) | (iu > demanded));
-  const lanes tracking = l->integral + l->T * (l->ki * error + (iu - demanded) / l->T_t);
-  const lanes stopping = lanes_choose(within, l->integral + l->T * l->ki * error, l->integral);
-  l->integral = lanes_choose(l->T_t > AMB_C(0.0), tracking, stopping);
+  const lanes tracking = integral + pid->T * (pid->ki * error + (iu - demanded) / pid->T_t);
+  const lanes stopping = lanes_choose(within, integral + pid->T * pid->ki * error, integral);
+  at->integral = lanes_choose(pid->T_t > AMB_C(0.0), tracking, stopping);
   return iu;
 }
 
@@ -237,26 +198,16 @@ AMB_INLINE lanes_mask act(loops *l, lanes iu, lanes f_d)
 }
 
 /* Sample b of the block, the `first` of all or a later one. */
-AMB_INLINE void sample(flight *f, size_t b, lanes_of of, lanes_state *s, bool is_first)
+AMB_INLINE void sample(loops_in_lanes *f, size_t b, lanes_of of, lanes_state *s, bool is_first)
 {
   loops *l = &f->l;
   const lanes y = l->X[2] + f->noise_y[b];
   f->t.b.y[b] = y;
   f->t.b.u[b] = l->u;
   if (is_first) {
-    for (size_t i = 0; i < f->t.count; i++) {
-      const amb_batch_run *run = f->t.runs[i];
-      const amb_kalman_state *state = (const amb_kalman_state *)run->state;
-      const amb_real first_y = y[i];
-      amb_kalman_result r;
-      tell(&f->t, b, i, amb_estimator_start(run->estimator, run->state, &first_y, &r));
-      f->t.b.result[b].innovation[i] = r.innovation[0];
-      f->t.b.result[b].variance[i] = r.variance[0];
-      for (size_t j = 0; j < AMB_STATES; j++)
-        f->t.b.mean[b][j][i] = state->mean[j];
-    }
-    for (size_t i = 0; i < LANES; i++)
-      put(&f->t, s, i);
+    lanes_state first;
+    begin(&f->t, &first);
+    *s = first;
   } else {
     step_at(&f->t, b, of, s);
   }
@@ -274,7 +225,7 @@ AMB_INLINE void sample(flight *f, size_t b, lanes_of of, lanes_state *s, bool is
   f->touched[b] = act(l, iu, f->f_d[b]);
 }
 
-AMB_INLINE void samples(flight *f, bool from_start, size_t count, lanes_kind kind,
+AMB_INLINE void samples(loops_in_lanes *f, bool from_start, size_t count, lanes_kind kind,
                         lanes_magnet magnet)
 {
   const lanes_of of = {kind, magnet, f->t.magnets};
@@ -288,7 +239,7 @@ AMB_INLINE void samples(flight *f, bool from_start, size_t count, lanes_kind kin
 
 /* ---- What comes from outside, and what is told. ---- */
 
-static void draw(flight *f, size_t first, size_t n)
+static void draw(loops_in_lanes *f, size_t first, size_t n)
 {
   for (size_t i = 0; i < f->t.count; i++) {
     const amb_many_run *run = f->runs[i];
@@ -308,11 +259,11 @@ static void draw(flight *f, size_t first, size_t n)
   }
 }
 
-static void fetch(flight *f, size_t first, size_t count)
+static void fetch(loops_in_lanes *f, size_t first, size_t count)
 {
   for (size_t i = 0; i < LANES; i++) {
     const size_t own = (i < f->t.count) ? i : f->t.count - 1;
-    const amb_real *r = f->runs[i]->r + first, *f_d = f->runs[i]->f_d + first;
+    const amb_real *r = f->runs[i]->in.r + first, *f_d = f->runs[i]->in.load + first;
     const double *u = f->noise[own][AMB_NOISE_CONTROL] + first % STRETCH;
     const double *y = f->noise[own][AMB_NOISE_SENSOR] + first % STRETCH;
     for (size_t b = 0; b < count; b++) {
@@ -325,7 +276,7 @@ static void fetch(flight *f, size_t first, size_t count)
 }
 
 /* Which measurements were taken in, where the block has something to tell; counts the flags. */
-static void flags(flight *f, size_t count, lanes_mask used[BLOCK])
+static void flags(loops_in_lanes *f, size_t count, lanes_mask used[BLOCK])
 {
   for (size_t b = 0; b < count; b++)
     for (size_t i = 0; i < f->t.count; i++) {
@@ -335,14 +286,14 @@ static void flags(flight *f, size_t count, lanes_mask used[BLOCK])
     }
 }
 
-static void judge(flight *f, size_t first, size_t count)
+static void judge(loops_in_lanes *f, size_t first, size_t count)
 {
   lanes_mask used[BLOCK];
   lanes_tally tally = f->tally;
   bool stepping = false;
   for (size_t i = 0; i < f->t.count; i++)
-    stepping = stepping || ((first + count > f->runs[i]->spans.step_from) &&
-                            (first < f->runs[i]->spans.step_to));
+    stepping = stepping || (((double)(first + count) > f->runs[i]->windows.step_from) &&
+                            ((double)first < f->runs[i]->windows.step_to));
   memset(used, 0xFF, sizeof used);
   if (f->t.b.told)
     flags(f, count, used);
@@ -368,28 +319,7 @@ static void judge(flight *f, size_t first, size_t count)
   f->tally = tally;
 }
 
-static amb_tally of_lane(const lanes_tally *t, size_t i)
-{
-  const amb_tally one = {{t->squares[0][i], t->squares[1][i], t->squares[2][i]},
-                         {t->peaks[0][i], t->peaks[1][i], t->peaks[2][i]},
-                         t->nis[i],
-                         t->taken[i],
-                         t->control[i],
-                         t->control_peak[i],
-                         t->effort[i],
-                         t->last_u[i],
-                         t->farthest[i],
-                         t->current[i],
-                         t->way[i],
-                         t->outside[i],
-                         t->late[i],
-                         t->load[i],
-                         t->touched[i],
-                         t->landed[i]};
-  return one;
-}
-
-static void start(flight *f, amb_many_run *const runs[], size_t count)
+static void start(loops_in_lanes *f, amb_many_run *const runs[], size_t count)
 {
   memset(f, 0, sizeof *f);
   f->t.count = count;
@@ -402,13 +332,15 @@ static void start(flight *f, amb_many_run *const runs[], size_t count)
     f->t.magnets[i] = asked(run->loop->estimator->magnet);
     fill_parameters(&f->t.p, i, run->loop->estimator);
     fill_loop(&f->l, i, run);
-    fill_windows(&f->windows, &f->tally, i, run);
+    const amb_tally none = amb_tally_none(&run->windows);
+    fill((lanes *)&f->windows, i, (const double *)&run->windows, sizeof run->windows);
+    fill((lanes *)&f->tally, i, (const double *)&none, sizeof none);
   }
 }
 
 void AMB_LANES_NAME(amb_lanes_many)(amb_many_run *const runs[], size_t count, size_t n)
 {
-  flight f;
+  loops_in_lanes f;
   start(&f, runs, count);
   const lanes_of of = made_of(&f.t);
   for (size_t first = 0; first < n; first += BLOCK) {
@@ -420,22 +352,14 @@ void AMB_LANES_NAME(amb_lanes_many)(amb_many_run *const runs[], size_t count, si
     FOR_MADE_OF(of, SAMPLES);
 #undef SAMPLES
     judge(&f, first, length);
-    if (f.t.b.told)
-      memset(f.t.b.status, 0, sizeof f.t.b.status);
-    f.t.b.told = false;
+    silence(&f.t);
   }
   for (size_t i = 0; i < count; i++) {
-    const amb_tally tally = of_lane(&f.tally, i);
+    amb_tally tally;
+    lane((const lanes *)&f.tally, i, (double *)&tally, sizeof tally);
     amb_figures_of(runs[i], n, &tally);
     get(&f.t, &f.t.s, i);
   }
 }
 
-#if AMB_LANES_BYTES > 16
-void AMB_LANES_NAME(amb_lanes_noise)(amb_noise_key key, uint32_t stream, size_t first, size_t n,
-                                     double *to)
-{
-  amb_noise_series(key, stream, first, n, to);
-}
-#endif
 #endif

@@ -22,30 +22,31 @@
 #define AMB_LANES_NAME(name) name##_avx512
 #endif
 
-/* As amb_batch_advance. */
-void amb_lanes_run_baseline(amb_batch_run *const runs[], size_t count, size_t n, size_t skip);
-void amb_lanes_run_avx2(amb_batch_run *const runs[], size_t count, size_t n, size_t skip);
-void amb_lanes_run_avx512(amb_batch_run *const runs[], size_t count, size_t n, size_t skip);
+/* What a build has. */
+typedef struct amb_lanes {
+  /* As amb_batch_advance and amb_many_advance; the latter is NULL in single precision. */
+  void (*run)(amb_batch_run *const runs[], size_t count, size_t n, size_t skip);
+  void (*many)(amb_many_run *const runs[], size_t count, size_t n);
+  /* As amb_noise_normal and amb_kalman_run, the same bits; NULL: as these. */
+  void (*noise)(amb_noise_key key, uint32_t stream, size_t first, size_t n, double *to);
+  amb_status (*isolated)(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
+                         amb_kalman_state *state, const amb_kalman_input *input,
+                         const amb_kalman_history *history);
+} amb_lanes;
 
-/* As amb_many_advance. */
-void amb_lanes_many_baseline(amb_many_run *const runs[], size_t count, size_t n);
-void amb_lanes_many_avx2(amb_many_run *const runs[], size_t count, size_t n);
-void amb_lanes_many_avx512(amb_many_run *const runs[], size_t count, size_t n);
+extern const amb_lanes amb_lanes_baseline, amb_lanes_avx2, amb_lanes_avx512;
 
-/* As amb_noise_normal, the same bits. */
-void amb_lanes_noise_avx2(amb_noise_key key, uint32_t stream, size_t first, size_t n, double *to);
-void amb_lanes_noise_avx512(amb_noise_key key, uint32_t stream, size_t first, size_t n, double *to);
+/* That of these instructions; NULL: one run goes after the other. */
+const amb_lanes *amb_lanes_of(amb_instructions instructions);
 
-/* As amb_kalman_run. */
-amb_status amb_kalman_run_avx2(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
-                               amb_kalman_state *state, const amb_kalman_input *input,
-                               const amb_kalman_history *history);
-amb_status amb_kalman_run_avx512(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
-                                 amb_kalman_state *state, const amb_kalman_input *input,
-                                 const amb_kalman_history *history);
-
-/* The fuzzy network in the same builds; it computes its rules side by side. */
+/* Parts of this build that have a file of their own. */
+void AMB_LANES_NAME(amb_lanes_many)(amb_many_run *const runs[], size_t count, size_t n);
 #if AMB_LANES_BYTES > 16
+amb_status AMB_LANES_NAME(amb_kalman_run)(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
+                                          amb_kalman_state *state, const amb_kalman_input *input,
+                                          const amb_kalman_history *history);
+
+/* The fuzzy network computes its rules side by side. */
 extern const amb_magnet_methods AMB_LANES_NAME(amb_fuzzy_magnet);
 #endif
 

@@ -7,6 +7,11 @@
 
 #include "lanes.h"
 
+/* As amb_low_pass. */
+typedef struct lanes_low_pass {
+  lanes m, position, velocity, force;
+} lanes_low_pass;
+
 /* Parameters and states as the core's structs, a vector for each number. */
 typedef struct lanes_parameters {
   lanes_model model;
@@ -17,7 +22,8 @@ typedef struct lanes_parameters {
   lanes k_i, k_s; /* of a constant magnet */
   lanes_law law;
   lanes gain[AMB_STATES], far[AMB_STATES], variance; /* of an observer */
-  lanes m, K_sen, position, velocity, force;         /* of low-pass filters */
+  lanes K_sen;
+  lanes_low_pass low_pass;
 } lanes_parameters;
 
 typedef struct lanes_state {
@@ -31,7 +37,7 @@ typedef struct lanes_result {
   lanes innovation, variance;
 } lanes_result;
 
-/* What kinds there are in lanes. */
+/* What kinds there are in lanes, as amb_batch_group numbers them. */
 typedef enum lanes_kind { LANES_KALMAN, LANES_EXTENDED, LANES_OBSERVER, LANES_LOW_PASS } lanes_kind;
 typedef enum lanes_magnet { LANES_CONSTANT, LANES_LAW, LANES_EACH } lanes_magnet;
 
@@ -203,12 +209,12 @@ AMB_INLINE lanes_mask lanes_step_low_pass(const lanes_parameters *p, lanes_of of
   const lanes T = p->model.T;
   r->innovation = y - lanes_model_shown(&p->model, 0, mean);
   r->variance = lanes_all_equal(AMB_C(0.0));
-  const lanes dx = p->position * (y / p->K_sen - mean[AMB_FIRST_POSITION]);
-  const lanes dv = p->velocity * (dx / T - mean[AMB_FIRST_VELOCITY]);
-  const lanes f_d = p->m * (dv / T) - s->force;
+  const lanes dx = p->low_pass.position * (y / p->K_sen - mean[AMB_FIRST_POSITION]);
+  const lanes dv = p->low_pass.velocity * (dx / T - mean[AMB_FIRST_VELOCITY]);
+  const lanes f_d = p->low_pass.m * (dv / T) - s->force;
   mean[AMB_FIRST_POSITION] += dx;
   mean[AMB_FIRST_VELOCITY] += dv;
-  mean[AMB_FIRST_LOAD] += p->force * (f_d - mean[AMB_FIRST_LOAD]);
+  mean[AMB_FIRST_LOAD] += p->low_pass.force * (f_d - mean[AMB_FIRST_LOAD]);
   lanes_model_equilibrium(&p->model, mean);
   return lanes_measured(p, s, y);
 }

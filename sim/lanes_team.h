@@ -10,7 +10,6 @@
 
 #include "ambkit/low_pass.h"
 #include "ambkit/observer.h"
-#include "generated/axial_fields.h"
 #include "lanes_step.h"
 #include <string.h>
 
@@ -54,23 +53,35 @@ static amb_magnet asked(const amb_magnet *magnet)
 
 /* ---- From the core's structs into lanes, and back. ---- */
 
+/* Lane i of vectors, from as many numbers as take that size: an array, or a struct of nothing else.
+ */
+static void fill(lanes to[], size_t i, const amb_real from[], size_t size)
+{
+  for (size_t j = 0; j < size / sizeof *from; j++)
+    to[j][i] = from[j];
+}
+
+/* And back. */
+static void lane(const lanes from[], size_t i, amb_real to[], size_t size)
+{
+  for (size_t j = 0; j < size / sizeof *to; j++)
+    to[j] = from[j][i];
+}
+
 static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *e)
 {
   const amb_kalman *kf = e->kf;
-#define FILL(field) p->model.field[i] = kf->model.field
-  AMB_MODEL_FIELDS(FILL);
-#undef FILL
+  fill((lanes *)&p->model, i, (const amb_real *)&kf->model, sizeof kf->model);
   p->k_ui[i] = kf->set.k_ui[0];
   p->f_0[i] = kf->set.f_0[0];
   p->iu_min[i] = kf->set.iu_min[0];
   p->iu_max[i] = kf->set.iu_max[0];
   p->x_max[i] = kf->set.x_max[0];
   p->var_u[i] = kf->set.var_u[0];
-  for (int j = 0; j < AMB_TRIANGLE; j++)
-    p->growth[j][i] = kf->growth[j];
+  fill(p->growth, i, kf->growth, sizeof kf->growth);
   p->var_y[i] = kf->set.var_y[0];
   p->rounding[i] = kf->rounding[0];
-  p->fine[i] = amb_step_coarse(kf, 0) ? AMB_C(0.0) : AMB_C(1.0);
+  p->fine[i] = amb_step_coarse(kf, 0, AMB_COARSE) ? AMB_C(0.0) : AMB_C(1.0);
   p->rise[i] = kf->set.rise[0];
   p->reach[i] = kf->far[0];
   p->gate_squared[i] = kf->gate_squared;
@@ -82,35 +93,26 @@ static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *
     p->k_s[i] = k->k_s;
   } else if (e->magnet->methods == &amb_law_magnet) {
     const amb_law *law = (const amb_law *)e->magnet->self;
-    p->law.k[i] = law->k;
-    p->law.s0[i] = law->s0;
-    p->law.i0[i] = law->i0;
+    fill((lanes *)&p->law, i, &law->k, 3 * sizeof law->k);
     p->law.ampere[i] = law->ampere;
     p->law.metre[i] = law->metre;
   }
   if (e->methods == &amb_observer_methods) {
     const amb_observer *own = (const amb_observer *)e->own;
-    for (int j = 0; j < AMB_STATES; j++) {
-      p->gain[j][i] = own->gain[0][j];
-      p->far[j][i] = own->far[j];
-    }
+    fill(p->gain, i, own->gain[0], sizeof own->gain[0]);
+    fill(p->far, i, own->far, sizeof own->far);
     p->variance[i] = own->variance[0];
   } else if (e->methods == &amb_low_pass_methods) {
     const amb_low_pass *own = (const amb_low_pass *)e->own;
-    p->m[i] = own->m;
-    p->position[i] = own->position;
-    p->velocity[i] = own->velocity;
-    p->force[i] = own->force;
+    fill((lanes *)&p->low_pass, i, (const amb_real *)own, sizeof *own);
   }
 }
 
 static void put(team *t, lanes_state *s, size_t i)
 {
   const amb_kalman_state *from = (const amb_kalman_state *)t->runs[i]->state;
-  for (int j = 0; j < AMB_STATES; j++)
-    s->mean[j][i] = from->mean[j];
-  for (int j = 0; j < AMB_TRIANGLE; j++)
-    s->cov[j][i] = from->cov[j];
+  fill(s->mean, i, from->mean, sizeof from->mean);
+  fill(s->cov, i, from->cov, sizeof from->cov);
   const amb_sensor_state *sensor = &from->sensor[0];
   s->last_u[i] = from->last_u[0];
   s->last_y[i] = sensor->last_y;
@@ -128,10 +130,8 @@ static void put(team *t, lanes_state *s, size_t i)
 static void get(const team *t, const lanes_state *s, size_t i)
 {
   amb_kalman_state *to = (amb_kalman_state *)t->runs[i]->state;
-  for (int j = 0; j < AMB_STATES; j++)
-    to->mean[j] = s->mean[j][i];
-  for (int j = 0; j < AMB_TRIANGLE; j++)
-    to->cov[j] = s->cov[j][i];
+  lane(s->mean, i, to->mean, sizeof to->mean);
+  lane(s->cov, i, to->cov, sizeof to->cov);
   amb_sensor_state *sensor = &to->sensor[0];
   to->last_u[0] = s->last_u[i];
   sensor->last_y = s->last_y[i];
@@ -204,48 +204,56 @@ AMB_INLINE void step_at(team *t, size_t b, lanes_of of, lanes_state *s)
     t->b.mean[b][j] = s->mean[j];
 }
 
+/* The first measurements are only taken in, by the core's own function. */
+static void begin(team *t, lanes_state *s)
+{
+  for (size_t i = 0; i < t->count; i++) {
+    const amb_batch_run *run = t->runs[i];
+    const amb_kalman_state *state = (const amb_kalman_state *)run->state;
+    const amb_real y = t->b.y[0][i];
+    amb_kalman_result r;
+    tell(t, 0, i, amb_estimator_start(run->estimator, run->state, &y, &r));
+    t->b.result[0].innovation[i] = r.innovation[0];
+    t->b.result[0].variance[i] = r.variance[0];
+    for (size_t j = 0; j < AMB_STATES; j++)
+      t->b.mean[0][j][i] = state->mean[j];
+  }
+  for (size_t i = 0; i < LANES; i++)
+    put(t, s, i);
+}
+
+/* The statuses of a block are written out. */
+static void silence(team *t)
+{
+  if (t->b.told)
+    memset(t->b.status, 0, sizeof t->b.status);
+  t->b.told = false;
+}
+
 /* What the filters of a team are made of, by the first one: they are all alike. */
 static lanes_of made_of(const team *t)
 {
-  const amb_estimator *e = t->runs[0]->estimator;
-  lanes_of of = {LANES_KALMAN, LANES_EACH, t->magnets};
-  if (e->methods == &amb_observer_methods)
-    of.kind = LANES_OBSERVER;
-  else if (e->methods == &amb_low_pass_methods)
-    of.kind = LANES_LOW_PASS;
-  else if (e->methods == &amb_extended_methods)
-    of.kind = LANES_EXTENDED;
-  const bool tangents = of.kind == LANES_EXTENDED;
-  const bool law = (of.kind == LANES_KALMAN) || tangents;
-  if (!tangents && (e->magnet->methods == &amb_constant_magnet))
-    of.magnet = LANES_CONSTANT;
-  else if (law && (e->magnet->methods == &amb_law_magnet) &&
-           ((const amb_law *)e->magnet->self)->two_sided)
-    of.magnet = LANES_LAW;
+  const unsigned int group = amb_batch_group(t->runs[0]->estimator) - 1U;
+  const lanes_of of = {(lanes_kind)(group / 3U), (lanes_magnet)(group % 3U), t->magnets};
   return of;
 }
 
-/* Calls `each` with kind and magnet as constants: what is asked within a step is compiled away. */
+/* Calls `each` with kind and magnet as constants: what is asked within a step is compiled away.
+ * Only some magnets of a kind have a step of their own. */
 #define FOR_MADE_OF(of, each)                                                                      \
   do {                                                                                             \
-    if ((of).kind == LANES_OBSERVER && (of).magnet == LANES_CONSTANT)                              \
-      each(LANES_OBSERVER, LANES_CONSTANT);                                                        \
-    else if ((of).kind == LANES_OBSERVER)                                                          \
-      each(LANES_OBSERVER, LANES_EACH);                                                            \
-    else if ((of).kind == LANES_LOW_PASS && (of).magnet == LANES_CONSTANT)                         \
-      each(LANES_LOW_PASS, LANES_CONSTANT);                                                        \
+    if ((of).kind == LANES_OBSERVER)                                                               \
+      FOR_MAGNET(of, LANES_OBSERVER, LANES_CONSTANT, each);                                        \
     else if ((of).kind == LANES_LOW_PASS)                                                          \
-      each(LANES_LOW_PASS, LANES_EACH);                                                            \
-    else if ((of).kind == LANES_EXTENDED && (of).magnet == LANES_LAW)                              \
-      each(LANES_EXTENDED, LANES_LAW);                                                             \
+      FOR_MAGNET(of, LANES_LOW_PASS, LANES_CONSTANT, each);                                        \
     else if ((of).kind == LANES_EXTENDED)                                                          \
-      each(LANES_EXTENDED, LANES_EACH);                                                            \
+      FOR_MAGNET(of, LANES_EXTENDED, LANES_LAW, each);                                             \
     else if ((of).magnet == LANES_CONSTANT)                                                        \
       each(LANES_KALMAN, LANES_CONSTANT);                                                          \
-    else if ((of).magnet == LANES_LAW)                                                             \
-      each(LANES_KALMAN, LANES_LAW);                                                               \
     else                                                                                           \
-      each(LANES_KALMAN, LANES_EACH);                                                              \
+      FOR_MAGNET(of, LANES_KALMAN, LANES_LAW, each);                                               \
   } while (0)
+#define FOR_MAGNET(of, kind, own, each)                                                            \
+  ((of).magnet == (own)) ? each(kind, own) : each(kind, LANES_EACH)
 
 #endif

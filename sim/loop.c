@@ -10,13 +10,11 @@ static void control(const amb_loop *loop, amb_loop_state *s, void *estimator,
                     const amb_loop_sample *sample, const amb_real told[])
 {
   const amb_real speed = sample->speed != NULL ? sample->speed[0] : 0;
-  for (size_t c = 0; c < axes(loop); c++)
-    s->control.u[c] = told[c];
+  amb_copy(loop->plant.axes, told, s->control.u);
   s->status = amb_control_step(loop->control, &s->control, estimator, s->y, sample->r, speed,
                                sample->fly, &s->flown);
   s->result = s->flown.estimator;
-  for (size_t c = 0; c < axes(loop); c++)
-    s->u[c] = s->control.u[c];
+  amb_copy(loop->plant.axes, s->control.u, s->u);
 }
 
 /* Control currents that are demanded, where `direct` [m] is measured. */
@@ -109,8 +107,7 @@ bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
                    const amb_loop_sample *sample)
 {
   amb_real told[AMB_CONTROLS];
-  for (size_t c = 0; c < axes(loop); c++)
-    told[c] = state->u[c];
+  amb_copy(loop->plant.axes, state->u, told);
   read(&loop->plant, &state->plant, sample->noise_y, state->y);
   sense(loop, state, estimator, sample, state->y, told);
   return act(loop, state, sample, NULL);
@@ -147,14 +144,7 @@ static amb_loop_sample sample_of(const amb_loop *loop, const amb_loop_input *in,
   return sample;
 }
 
-/* What is written of a sample, before the plant goes on ... */
-static void note_plant(const amb_loop_state *s, size_t k, amb_loop_output *out)
-{
-  for (int j = 0; j < out->columns; j++)
-    out->X[j][k] = s->plant.X[j];
-}
-
-/* ... and after it. */
+/* What is written of a sample, but for the plant's states before it went on. */
 static void note(const amb_loop *loop, const amb_loop_state *s, const void *estimator,
                  const amb_real told[], size_t k, amb_loop_output *out)
 {
@@ -189,16 +179,15 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
   amb_loop_state s = *state;
   out->touched = 0;
   out->first = in->n;
-  for (size_t c = 0; c < axes(loop); c++)
-    told[c] = s.u[c];
+  amb_copy(plant->axes, s.u, told);
   for (size_t k = 0; k < in->n; k++) {
     const amb_loop_sample sample = sample_of(loop, in, k);
-    note_plant(&s, k, out);
+    for (int j = 0; j < out->columns; j++)
+      out->X[j][k] = s.plant.X[j];
     if ((k > 0) && (loop->turn != NULL))
       loop->turn(loop->model, in->speed[k - 1], in->speed[k]);
     read(plant, &s.plant, sample.noise_y, direct);
-    for (int r = 0; r < plant->sensors; r++)
-      s.y[r] = direct[r];
+    amb_copy(plant->sensors, direct, s.y);
     for (int r = 0; (faults != NULL) && (r < plant->sensors); r++) {
       s.y[r] = faulted(plant, faults, out->X[plant->shows[r]], in->noise_y, k, r);
       direct[r] = faults->beside ? direct[r] : s.y[r];

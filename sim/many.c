@@ -3,7 +3,6 @@
 #include "many_figures.h"
 #include <string.h>
 
-#if defined(AMB_HAS_LANES) && !defined(AMB_FLOAT)
 /* In lanes: a plain axis on the closed law of two sides, a PID and an estimator that has
  * lanes. */
 unsigned int amb_many_group(const amb_many_run *run)
@@ -13,9 +12,10 @@ unsigned int amb_many_group(const amb_many_run *run)
   const amb_parts *sensor = plant->sensor;
   if (!amb_plant_is_plain_axis(plant) || (sensor->step > 0) || (sensor->rise < 0) ||
       (sensor->rise > 0) || (loop->control != NULL) || (loop->controllers != NULL) ||
-      (loop->pid.sections > 0) || (run->scale != NULL) || (run->faults != NULL))
+      (loop->pid.sections > 0) || (run->in.scale != NULL) || (run->in.faults != NULL))
     return 0U;
-  if ((plant->substeps < 1) || (plant->substeps > 1000) || (loop->estimator == NULL))
+  if ((plant->substeps < 1) || (plant->substeps > 1000) || (loop->estimator == NULL) ||
+      (sizeof(amb_real) < sizeof(double)))
     return 0U;
   const unsigned int filter = amb_batch_group(loop->estimator);
   if (filter == 0U)
@@ -23,13 +23,6 @@ unsigned int amb_many_group(const amb_many_run *run)
   return 1U + (loop->feedback_estimate ? 1U : 0U) + 2U * (unsigned int)plant->substeps +
          2048U * filter;
 }
-#else
-unsigned int amb_many_group(const amb_many_run *run)
-{
-  (void)run;
-  return 0U;
-}
-#endif
 
 static void draw(const double *given, const amb_many_run *run, double std, uint32_t stream,
                  size_t n, amb_real *to)
@@ -48,9 +41,8 @@ static void draw(const double *given, const amb_many_run *run, double std, uint3
 static void judge(amb_many_run *run, size_t n, const unsigned char *touched,
                   const amb_loop_output *all)
 {
-  const amb_windows at = amb_windows_of(run);
   const amb_estimator *estimator = run->loop->estimator;
-  amb_tally t = amb_tally_none(&at);
+  amb_tally t = amb_tally_none(&run->windows);
   const amb_model *model = (estimator != NULL) ? &estimator->kf->model : NULL;
   const size_t states = (model != NULL) ? (size_t)amb_states(model) : 0;
   const int place[3] = {(model != NULL) ? amb_first(model, AMB_POSITION) : 0,
@@ -58,8 +50,8 @@ static void judge(amb_many_run *run, size_t n, const unsigned char *touched,
                         (model != NULL) ? amb_first(model, AMB_LOAD) : 0};
   for (size_t k = 0; k < n; k++) {
     amb_seen seen = {.k = (double)k,
-                     .r = (double)run->r[k],
-                     .f_d = (double)run->f_d[k],
+                     .r = (double)run->in.r[k],
+                     .f_d = (double)run->in.load[k],
                      .x = (double)all->X[0][k],
                      .v = (double)all->X[1][k],
                      .u = (double)all->u[k],
@@ -72,30 +64,25 @@ static void judge(amb_many_run *run, size_t n, const unsigned char *touched,
       seen.innovation = (double)all->estimate.innovation[k];
       seen.variance = (double)all->estimate.variance[k];
       seen.used = (status & AMB_NOT_USED) == 0U;
-      amb_tally_estimate(&at, &t, &seen);
+      amb_tally_estimate(&run->windows, &t, &seen);
       amb_flags_count(run, status);
     }
-    amb_tally_loop(&at, &t, &seen);
-    if ((k >= run->spans.step_from) && (k < run->spans.step_to))
-      amb_tally_response(&at, &t, &seen);
+    amb_tally_loop(&run->windows, &t, &seen);
+    if ((seen.k >= run->windows.step_from) && (seen.k < run->windows.step_to))
+      amb_tally_response(&run->windows, &t, &seen);
   }
   amb_figures_of(run, n, &t);
 }
 
-void amb_many_alone(amb_many_run *run, size_t n, amb_real *noise_u, amb_real *noise_y,
-                    unsigned char *touched, amb_loop_output *to)
+void amb_many_alone(amb_many_run *run, amb_real *noise_u, amb_real *noise_y, unsigned char *touched,
+                    amb_loop_output *to)
 {
+  const size_t n = run->in.n;
   draw(run->noise_u, run, run->std_u, AMB_NOISE_CONTROL, n, noise_u);
   draw(run->noise_y, run, run->std_y, AMB_NOISE_SENSOR, n, noise_y);
-  const amb_loop_input in = {.n = n,
-                             .r = run->r,
-                             .load = run->f_d,
-                             .noise_u = noise_u,
-                             .noise_y = noise_y,
-                             .scale = run->scale,
-                             .faults = run->faults,
-                             .fly = run->fly,
-                             .off = n};
+  amb_loop_input in = run->in;
+  in.noise_u = noise_u;
+  in.noise_y = noise_y;
   memset(run->flags, 0, sizeof run->flags);
   to->at_stop = touched;
   (void)amb_loop_run(run->loop, &in, &run->state, run->estimator, to);
@@ -105,35 +92,22 @@ void amb_many_alone(amb_many_run *run, size_t n, amb_real *noise_u, amb_real *no
 void amb_many_advance(amb_instructions instructions, amb_many_run *const runs[], size_t count,
                       size_t n)
 {
-  (void)instructions, (void)runs, (void)count, (void)n;
-#if defined(AMB_HAS_LANES) && !defined(AMB_FLOAT)
   for (size_t i = 0; i < count; i++)
     memset(runs[i]->flags, 0, sizeof runs[i]->flags);
-#if defined(AMB_LANES_X86)
-  if (instructions == AMB_AVX512) {
-    amb_lanes_many_avx512(runs, count, n);
-    return;
-  }
-  if (instructions == AMB_AVX2) {
-    amb_lanes_many_avx2(runs, count, n);
-    return;
-  }
-#endif
-  amb_lanes_many_baseline(runs, count, n);
-#endif
+  amb_lanes_of(instructions)->many(runs, count, n);
 }
 
 void amb_many_noise(amb_noise_key key, uint32_t stream, size_t first, size_t n, double *to)
 {
-#if defined(AMB_LANES_X86) && defined(AMB_HAS_LANES) && !defined(AMB_FLOAT)
-  if (amb_batch_has(AMB_AVX512)) {
-    amb_lanes_noise_avx512(key, stream, first, n, to);
-    return;
-  }
-  if (amb_batch_has(AMB_AVX2)) {
-    amb_lanes_noise_avx2(key, stream, first, n, to);
-    return;
-  }
-#endif
-  amb_noise_normal(key, stream, first, n, to);
+  const amb_lanes *lanes = amb_lanes_of(amb_batch_fastest());
+  if (lanes != NULL)
+    lanes->noise(key, stream, first, n, to);
+  else
+    amb_noise_normal(key, stream, first, n, to);
+}
+
+void amb_philox(const uint32_t counter[4], const uint32_t key[2], uint32_t random[4])
+{
+  memcpy(random, counter, 4 * sizeof *random);
+  amb_philox_rounds(1, key[0], key[1], &random[0], &random[1], &random[2], &random[3]);
 }

@@ -35,28 +35,25 @@ typedef enum amb_figure {
 
 #define AMB_FLAGS 12 /* of ambkit/status.h */
 
-/* The samples over which a figure is taken. */
-typedef struct amb_spans {
-  size_t first;              /* errors count from there */
-  size_t step_from, step_to; /* the last step of the reference, and what comes next; equal: none */
-  amb_real height;           /* of that step [m] */
-  size_t load_from;          /* the last change of the load; n: none */
-  amb_real band;             /* the rotor has recovered within it [m] */
-} amb_spans;
+/* The samples over which a figure is taken, by their numbers. */
+typedef struct amb_windows {
+  double first;              /* errors count from there */
+  double step_from, step_to; /* the last step of the reference, and what comes next; equal: none */
+  double height, there;      /* of that step [m], not 0, and the reference after it [m] */
+  double load_from;          /* the last change of the load; n: none */
+  double band;               /* the rotor has recovered within it [m] */
+} amb_windows;
 
 /* One run of n samples. */
 typedef struct amb_many_run {
-  const amb_loop *loop;    /* the estimator among it, or NULL */
-  amb_loop_state state;    /* settled and reset; left at the end of the run */
-  void *estimator;         /* its state after a reset; left at the end of the run */
-  const amb_real *r, *f_d; /* n each: reference [m], disturbance force [N] */
-  amb_noise_key key;       /* of the noise */
-  double std_u, std_y; /* of the white noise on control signal [V] and measurement [m]; 0: none */
+  const amb_loop *loop; /* the estimator among it, or NULL */
+  amb_loop_state state; /* settled and reset; left at the end of the run */
+  void *estimator;      /* its state after a reset; left at the end of the run */
+  amb_loop_input in;    /* but for its noise, ... */
+  amb_noise_key key;    /* ... which is of this key */
+  double std_u, std_y;  /* of the white noise on control signal [V] and measurement [m]; 0: none */
   const double *noise_u, *noise_y; /* n each, in place of it; or NULL */
-  const amb_real *scale;           /* as in amb_loop_input, or NULL */
-  const amb_loop_faults *faults;   /* or NULL */
-  const amb_real *fly;             /* as in amb_loop_input, or NULL */
-  amb_spans spans;
+  amb_windows windows;
   double figures[AMB_FIGURES]; /* out */
   size_t flags[AMB_FLAGS];     /* out: samples in which the estimator said so */
 } amb_many_run;
@@ -67,12 +64,16 @@ unsigned int amb_many_group(const amb_many_run *run);
 
 /* One run by itself, its samples left in `to`, which must have room for all; noise goes to the two
  * arrays (n,), `touched` gets 1 where a stop was (n,). */
-void amb_many_alone(amb_many_run *run, size_t n, amb_real *noise_u, amb_real *noise_y,
-                    unsigned char *touched, amb_loop_output *to);
+void amb_many_alone(amb_many_run *run, amb_real *noise_u, amb_real *noise_y, unsigned char *touched,
+                    amb_loop_output *to);
 
-/* `count` runs of the same group, at most as many as there are lanes (amb_batch_lanes). */
+/* `count` runs of the same group, which is not 0, at most as many as there are lanes
+ * (amb_batch_lanes). */
 void amb_many_advance(amb_instructions instructions, amb_many_run *const runs[], size_t count,
                       size_t n);
+
+/* Ten rounds: four words of a counter and two of a key make four that look random. */
+void amb_philox(const uint32_t counter[4], const uint32_t key[2], uint32_t random[4]);
 
 /* Noise as noise.h has it, with the fastest instructions that there are. */
 void amb_many_noise(amb_noise_key key, uint32_t stream, size_t first, size_t n, double *to);

@@ -2,47 +2,25 @@
 #ifndef AMBKIT_SIM_MANY_FIGURES_H
 #define AMBKIT_SIM_MANY_FIGURES_H
 
-#include "doubles.h"
 #include "many.h"
+#include "noise_drawn.h"
 
-typedef double amb_judged;
-typedef bool amb_judged_mask;
-
-AMB_INLINE amb_judged amb_judged_choose(amb_judged_mask mask, amb_judged a, amb_judged b)
-{
-  return mask ? a : b;
-}
-
-AMB_INLINE amb_judged amb_judged_where(amb_judged_mask mask, amb_judged a)
-{
-  return mask ? a : 0.0;
-}
-
-AMB_INLINE amb_judged amb_judged_all(double a)
-{
-  return a;
-}
-
+#define AMB_TALLY(name) amb_##name
+#define amb_judged double
+#define amb_judged_mask bool
+#define amb_judged_choose(mask, a, b) ((mask) ? (a) : (b))
+#define amb_judged_where(mask, a) ((mask) ? (a) : 0.0)
+#define amb_judged_all(a) (a)
 #include "tally_step.h"
+#undef AMB_TALLY
+#undef amb_judged
+#undef amb_judged_mask
+#undef amb_judged_choose
+#undef amb_judged_where
+#undef amb_judged_all
 
 /* Flags with which a measurement was not taken in. */
 #define AMB_NOT_USED (AMB_UNUSED | AMB_BAD_VARIANCE)
-
-AMB_INLINE amb_windows amb_windows_of(const amb_many_run *run)
-{
-  const amb_spans *s = &run->spans;
-  amb_windows at = {.first = (double)s->first,
-                    .step_from = (double)s->step_from,
-                    .step_to = (double)s->step_to,
-                    .height = (double)s->height,
-                    .load_from = (double)s->load_from,
-                    .band = (double)s->band};
-  if (s->step_from < s->step_to)
-    at.there = (double)run->r[s->step_from];
-  else
-    at.height = 1.0;
-  return at;
-}
 
 /* Before the first sample. */
 AMB_INLINE amb_tally amb_tally_none(const amb_windows *at)
@@ -58,18 +36,20 @@ static inline void amb_flags_count(amb_many_run *run, unsigned int status)
     run->flags[flag] += (status >> flag) & 1U;
 }
 
+static const amb_double_bits infinite = {.bits = UINT64_C(0x7FF0000000000000)};
+static const amb_double_bits no_number = {.bits = UINT64_C(0x7FF8000000000000)};
+
 /* After which time it stays inside [s], the last sample outside being `last`. */
 static inline double amb_stays(double from, double to, double last, double T)
 {
-  return (last >= to - 1.0) ? amb_double_infinity() : (last - from + 1.0) * T;
+  return (last >= to - 1.0) ? infinite.number : (last - from + 1.0) * T;
 }
 
 static inline void amb_figures_of(amb_many_run *run, size_t n, const amb_tally *t)
 {
-  const amb_spans *s = &run->spans;
-  const amb_windows at = amb_windows_of(run);
-  const double unknown = amb_double_nan(), T = (double)run->loop->T,
-               counted = (double)(n - s->first);
+  const amb_windows *at = &run->windows;
+  const double unknown = no_number.number, T = (double)run->loop->T, all = (double)n;
+  const double counted = all - at->first;
   double *to = run->figures;
   for (int i = 0; i < 3; i++) {
     const bool known = run->loop->estimator != NULL;
@@ -83,10 +63,10 @@ static inline void amb_figures_of(amb_many_run *run, size_t n, const amb_tally *
       (counted > 1.0) ? (double)run->loop->k_ui[0] * sqrt(t->effort / (counted - 1.0)) : unknown;
   to[AMB_FARTHEST] = t->farthest;
   to[AMB_CURRENT_PEAK] = t->current;
-  const bool stepped = s->step_from < s->step_to;
+  const bool stepped = at->step_from < at->step_to;
   to[AMB_OVERSHOOT] = stepped ? t->way : unknown;
-  to[AMB_SETTLING] = stepped ? amb_stays(at.step_from, at.step_to, t->outside, T) : unknown;
-  to[AMB_RECOVERY] = (s->load_from < n) ? amb_stays(at.load_from, (double)n, t->late, T) : unknown;
+  to[AMB_SETTLING] = stepped ? amb_stays(at->step_from, at->step_to, t->outside, T) : unknown;
+  to[AMB_RECOVERY] = (at->load_from < all) ? amb_stays(at->load_from, all, t->late, T) : unknown;
   to[AMB_LOAD_KEPT] = t->load;
   to[AMB_TOUCHED] = t->touched;
   to[AMB_LANDED] = t->landed;

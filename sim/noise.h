@@ -22,13 +22,4 @@ typedef struct amb_noise_key {
 
 #define AMB_NOISE_DRAWN 64U /* samples that are drawn together */
 
-/* Ten rounds: four words of a counter and two of a key make four that look random. */
-void amb_philox(const uint32_t counter[4], const uint32_t key[2], uint32_t random[4]);
-
-/* Standard normal variate at which the distribution is p, 0 < p < 1, given as q = p - 1/2. */
-double amb_normal_at(double q);
-
-/* Standard normal variates of the samples `first` to `first + n`, n of them into `to`. */
-void amb_noise_normal(amb_noise_key key, uint32_t stream, size_t first, size_t n, double *to);
-
 #endif

@@ -5,8 +5,17 @@
 #define AMBKIT_SIM_NOISE_DRAWN_H
 
 #include "ambkit/real.h"
-#include "doubles.h"
 #include "noise.h"
+
+/* The C library's, rounded correctly: one instruction where there is one. A program may declare it
+ * itself (C99, 7.1.4); math.h brings extensions of compilers along. */
+double sqrt(double a);
+
+/* A number and its bits. */
+typedef union amb_double_bits {
+  double number;
+  uint64_t bits;
+} amb_double_bits;
 
 #define AMB_PHILOX_ROUNDS 10
 #define AMB_PHILOX_M0 UINT32_C(0xD2511F53)
@@ -88,20 +97,13 @@ AMB_INLINE double amb_normal_far(double share)
   return above / below;
 }
 
-/* AMB_NOISE_DRAWN variates from sample `first` on, which is a multiple of so many. */
-AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first, double *to)
+/* Ten rounds: four words of a counter and two of a key make four that look random; of so many
+ * counters, word by word. */
+AMB_INLINE void amb_philox_rounds(size_t count, uint32_t k, uint32_t l, uint32_t a[], uint32_t b[],
+                                  uint32_t c[], uint32_t d[])
 {
-  enum { PAIRS = AMB_NOISE_DRAWN / 2 };
-  uint32_t a[PAIRS], b[PAIRS], c[PAIRS], d[PAIRS];
-  uint32_t k = (uint32_t)key.seed, l = (uint32_t)(key.seed >> 32);
-  for (size_t i = 0; i < PAIRS; i++) {
-    a[i] = (uint32_t)(first / 2 + i);
-    b[i] = stream;
-    c[i] = (uint32_t)key.run;
-    d[i] = (uint32_t)(key.run >> 32);
-  }
   for (int round = 0; round < AMB_PHILOX_ROUNDS; round++) {
-    for (size_t i = 0; i < PAIRS; i++) {
+    for (size_t i = 0; i < count; i++) {
       const uint64_t p = (uint64_t)AMB_PHILOX_M0 * a[i], q = (uint64_t)AMB_PHILOX_M1 * c[i];
       a[i] = (uint32_t)(q >> 32) ^ b[i] ^ k;
       b[i] = (uint32_t)q;
@@ -111,6 +113,30 @@ AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first
     k += AMB_PHILOX_W0;
     l += AMB_PHILOX_W1;
   }
+}
+
+/* Standard normal variate at which the distribution is p, 0 < p < 1, given as q = p - 1/2. */
+static inline double amb_normal_at(double q)
+{
+  const double share = 0.5 - (q < 0.0 ? -q : q);
+  if ((q <= AMB_NORMAL_CENTRAL) && (q >= -AMB_NORMAL_CENTRAL))
+    return amb_normal_central(q);
+  const double z = share < AMB_NORMAL_FAR ? amb_normal_far(share) : amb_normal_near(share);
+  return q < 0.0 ? -z : z;
+}
+
+/* AMB_NOISE_DRAWN variates from sample `first` on, which is a multiple of so many. */
+AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first, double *to)
+{
+  enum { PAIRS = AMB_NOISE_DRAWN / 2 };
+  uint32_t a[PAIRS], b[PAIRS], c[PAIRS], d[PAIRS];
+  for (size_t i = 0; i < PAIRS; i++) {
+    a[i] = (uint32_t)(first / 2 + i);
+    b[i] = stream;
+    c[i] = (uint32_t)key.run;
+    d[i] = (uint32_t)(key.run >> 32);
+  }
+  amb_philox_rounds(PAIRS, (uint32_t)key.seed, (uint32_t)(key.seed >> 32), a, b, c, d);
   double q[AMB_NOISE_DRAWN];
   for (size_t i = 0; i < PAIRS; i++) {
     amb_double_bits first_word, second_word; /* 52 bits of the four words, as 1 to 2 */
@@ -138,8 +164,8 @@ AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first
   }
 }
 
-/* amb_noise_normal. */
-AMB_INLINE void amb_noise_series(amb_noise_key key, uint32_t stream, size_t first, size_t n,
+/* Standard normal variates of the samples `first` to `first + n`, n of them into `to`. */
+AMB_INLINE void amb_noise_normal(amb_noise_key key, uint32_t stream, size_t first, size_t n,
                                  double *to)
 {
   double drawn[AMB_NOISE_DRAWN];

@@ -310,12 +310,6 @@ static bool agree(const amb_pattern *p, const amb_going *of, const amb_real from
   return true;
 }
 
-static void copy(const amb_pattern *p, const amb_real from[], amb_real to[])
-{
-  for (int j = 0; j < p->states; j++)
-    to[j] = from[j];
-}
-
 /* A step in contact, in as many parts as it takes: halved until a part is what its halves are. The
  * force begins at the stop with the power 3/2, and there it takes small ones. */
 static void refined(const amb_pattern *p, amb_going *of, amb_real X[], amb_real t, amb_real h)
@@ -326,8 +320,8 @@ static void refined(const amb_pattern *p, amb_going *of, amb_real X[], amb_real 
     const amb_real unit = h / AMB_FINEST, from = t + unit * (amb_real)done;
     const amb_real length = unit * (amb_real)size;
     amb_real one[AMB_PLANT_STATES], two[AMB_PLANT_STATES];
-    copy(p, X, one);
-    copy(p, X, two);
+    amb_copy(p->states, X, one);
+    amb_copy(p->states, X, two);
     (void)step(p, of, one, from, length);
     (void)step(p, of, two, from, length / 2);
     (void)step(p, of, two, from + length / 2, length / 2);
@@ -335,7 +329,7 @@ static void refined(const amb_pattern *p, amb_going *of, amb_real X[], amb_real 
       size /= 2;
       continue;
     }
-    copy(p, two, X);
+    amb_copy(p->states, two, X);
     (void)stop(p, of, X);
     done += size;
     size *= 2;
@@ -356,12 +350,12 @@ AMB_INLINE bool stretch(const amb_pattern *p, amb_going *of, amb_real X[], amb_r
     } else {
       const amb_real from = t + h * (amb_real)n;
       amb_real next[AMB_PLANT_STATES];
-      copy(p, X, next);
+      amb_copy(p->states, X, next);
       if (step(p, of, next, from, h)) {
         refined(p, of, X, from, h);
         touched = true;
       } else {
-        copy(p, next, X);
+        amb_copy(p->states, next, X);
         touched |= stop(p, of, X);
       }
     }
@@ -424,10 +418,8 @@ static int steps_in(const amb_plant *plant, amb_real part, amb_real T)
 static void wait(const amb_plant *plant, amb_plant_state *state, const amb_real demanded[])
 {
   for (int n = plant->delay + 1; n > 0; n--)
-    for (int f = 0; f < plant->axes; f++)
-      state->demanded[n][f] = state->demanded[n - 1][f];
-  for (int f = 0; f < plant->axes; f++)
-    state->demanded[0][f] = demanded[f];
+    amb_copy(plant->axes, state->demanded[n - 1], state->demanded[n]);
+  amb_copy(plant->axes, demanded, state->demanded[0]);
 }
 
 /* To the angle at the next sample; what rounding did to its length is put right. */
@@ -447,8 +439,7 @@ AMB_INLINE bool advance(const amb_pattern *p, const amb_plant *plant, amb_plant_
   amb_going of;
   bool touched = false;
   prepare(p, &of, plant, state, T, acts);
-  for (int j = 0; j < p->states; j++)
-    X[j] = state->X[j];
+  amb_copy(p->states, state->X, X);
   for (int k = 0; p->own && (k < p->positions); k++)
     X[k] = within(plant, k, X[k]);
   if ((plant->delay > 0) || (rest > 0)) {
@@ -460,8 +451,7 @@ AMB_INLINE bool advance(const amb_pattern *p, const amb_plant *plant, amb_plant_
     of.demanded = state->demanded[plant->delay];
   }
   touched |= stretch(p, &of, X, rest, T - rest, steps_in(plant, T - rest, T));
-  for (int j = 0; j < p->states; j++)
-    state->X[j] = X[j];
+  amb_copy(p->states, X, state->X);
   if (!p->plain)
     rotate(&of, state, T);
   return touched;
@@ -513,7 +503,7 @@ void amb_plant_rates(const amb_plant *plant, const amb_plant_state *state, const
   bool met = false;
   prepare(&p, &of, plant, state, 1, acts);
   of.met = &met;
-  copy(&p, state->X, X);
+  amb_copy(p.states, state->X, X);
   for (int k = 0; p.own && (k < q); k++)
     X[k] = within(plant, k, X[k]);
   amb_stage(&p, &of, X, 0, F, rates);
@@ -563,8 +553,7 @@ void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, const amb_
 {
   const amb_plant_state settled = {.cosine = 1};
   *state = settled;
-  for (int k = 0; k < plant->positions; k++)
-    state->X[k] = q[k];
+  amb_copy(plant->positions, q, state->X);
   for (int r = 0; r < plant->sensors; r++) {
     const amb_real x = plant->own ? q[r] : times(&plant->C, r, q);
     state->X[plant->shows[r]] = amb_parts_shown(&plant->sensor[r], plant->gain[r], x, 1, 0);

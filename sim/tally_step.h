@@ -1,15 +1,10 @@
 /* What a closed loop is judged by, sample by sample. No include guard: the text is compiled for
  * numbers (many_figures.h) and for lanes (lanes_many.c), who say what amb_judged, its masks, and
- * choosing by them are.
+ * choosing by them are, and how AMB_TALLY names what is written here.
  */
 
-/* Where, as many.h has it, in the numbers of samples, and what it takes to be inside. */
-typedef struct amb_windows {
-  amb_judged first, step_from, step_to, height, there, load_from, band;
-} amb_windows;
-
 /* Sums, extremes, and the last samples outside. */
-typedef struct amb_tally {
+typedef struct AMB_TALLY(tally) {
   amb_judged squares[3], peaks[3]; /* errors of x, v, f_d */
   amb_judged nis, taken;
   amb_judged control, control_peak, effort, last_u;
@@ -17,28 +12,29 @@ typedef struct amb_tally {
   amb_judged way, outside; /* how far beyond the step it went, in steps; the last sample outside */
   amb_judged late;         /* the last sample out of the band after the load */
   amb_judged load, touched, landed;
-} amb_tally;
+} AMB_TALLY(tally);
 
 /* One sample. */
-typedef struct amb_seen {
+typedef struct AMB_TALLY(seen) {
   amb_judged k, r, f_d, x, v, u, iu;
   amb_judged mean[3];              /* x, v, f_d as estimated */
   amb_judged innovation, variance; /* of the innovation */
   amb_judged_mask used;            /* the measurement was taken in */
   amb_judged_mask touched;         /* a stop was, from this sample to the next */
-} amb_seen;
+} AMB_TALLY(seen);
 
-AMB_INLINE amb_judged amb_judged_magnitude(amb_judged a)
+AMB_INLINE amb_judged AMB_TALLY(judged_magnitude)(amb_judged a)
 {
   return amb_judged_choose(a < 0.0, -a, a);
 }
 
-AMB_INLINE amb_judged amb_judged_most(amb_judged so_far, amb_judged a)
+AMB_INLINE amb_judged AMB_TALLY(judged_most)(amb_judged so_far, amb_judged a)
 {
   return amb_judged_choose(a > so_far, a, so_far);
 }
 
-AMB_INLINE void amb_tally_estimate(const amb_windows *at, amb_tally *t, const amb_seen *seen)
+AMB_INLINE void AMB_TALLY(tally_estimate)(const AMB_TALLY(windows) * at, AMB_TALLY(tally) * t,
+                                          const AMB_TALLY(seen) * seen)
 {
   const amb_judged one = amb_judged_all(1.0);
   const amb_judged_mask counts = seen->k >= at->first;
@@ -46,7 +42,8 @@ AMB_INLINE void amb_tally_estimate(const amb_windows *at, amb_tally *t, const am
                                seen->mean[2] - seen->f_d};
   for (int i = 0; i < 3; i++) {
     t->squares[i] += amb_judged_where(counts, error[i] * error[i]);
-    const amb_judged most = amb_judged_most(t->peaks[i], amb_judged_magnitude(error[i]));
+    const amb_judged most =
+        AMB_TALLY(judged_most)(t->peaks[i], AMB_TALLY(judged_magnitude)(error[i]));
     t->peaks[i] = amb_judged_choose(counts, most, t->peaks[i]);
   }
   const amb_judged_mask told = counts & seen->used & (seen->variance > 0.0);
@@ -55,33 +52,35 @@ AMB_INLINE void amb_tally_estimate(const amb_windows *at, amb_tally *t, const am
   t->taken += amb_judged_where(told, one);
 }
 
-AMB_INLINE void amb_tally_loop(const amb_windows *at, amb_tally *t, const amb_seen *seen)
+AMB_INLINE void AMB_TALLY(tally_loop)(const AMB_TALLY(windows) * at, AMB_TALLY(tally) * t,
+                                      const AMB_TALLY(seen) * seen)
 {
   const amb_judged one = amb_judged_all(1.0);
   const amb_judged_mask counts = seen->k >= at->first;
-  const amb_judged off = seen->r - seen->x, away = amb_judged_magnitude(off);
+  const amb_judged off = seen->r - seen->x, away = AMB_TALLY(judged_magnitude)(off);
   t->control += amb_judged_where(counts, off * off);
   t->control_peak =
-      amb_judged_choose(counts, amb_judged_most(t->control_peak, away), t->control_peak);
+      amb_judged_choose(counts, AMB_TALLY(judged_most)(t->control_peak, away), t->control_peak);
   const amb_judged change = seen->u - t->last_u;
   t->effort += amb_judged_where(seen->k > at->first, change * change);
   t->last_u = seen->u;
-  t->farthest = amb_judged_most(t->farthest, amb_judged_magnitude(seen->x));
-  t->current = amb_judged_most(t->current, amb_judged_magnitude(seen->iu));
+  t->farthest = AMB_TALLY(judged_most)(t->farthest, AMB_TALLY(judged_magnitude)(seen->x));
+  t->current = AMB_TALLY(judged_most)(t->current, AMB_TALLY(judged_magnitude)(seen->iu));
   const amb_judged_mask late = (seen->k >= at->load_from) & (away > at->band);
   t->late = amb_judged_choose(late, seen->k, t->late);
   t->touched += amb_judged_where(seen->touched, one);
   t->landed = amb_judged_where(seen->touched, one);
-  const amb_judged borne = amb_judged_most(t->load, amb_judged_magnitude(seen->f_d));
+  const amb_judged borne = AMB_TALLY(judged_most)(t->load, AMB_TALLY(judged_magnitude)(seen->f_d));
   t->load = amb_judged_choose(t->touched > 0.0, t->load, borne);
 }
 
 /* Only where the sample can be within the window of the step: there is a division in it. */
-AMB_INLINE void amb_tally_response(const amb_windows *at, amb_tally *t, const amb_seen *seen)
+AMB_INLINE void AMB_TALLY(tally_response)(const AMB_TALLY(windows) * at, AMB_TALLY(tally) * t,
+                                          const AMB_TALLY(seen) * seen)
 {
   const amb_judged_mask within = (seen->k >= at->step_from) & (seen->k < at->step_to);
   const amb_judged way = (seen->x - at->there) / at->height; /* -1 before, 0 there */
-  t->way = amb_judged_choose(within, amb_judged_most(t->way, way), t->way);
-  const amb_judged_mask out = within & (amb_judged_magnitude(way) > 0.05);
+  t->way = amb_judged_choose(within, AMB_TALLY(judged_most)(t->way, way), t->way);
+  const amb_judged_mask out = within & (AMB_TALLY(judged_magnitude)(way) > 0.05);
   t->outside = amb_judged_choose(out, seen->k, t->outside);
 }

@@ -170,7 +170,6 @@ NOT_RUN = (
             ("exponential.h", "amb_exp_polynomial"), ("exponential.h", "amb_exp_negative"),
             ("real.h", "amb_at_least"), ("kalman.c", "density"), ("kalman.c", "mills"),
             ("kalman.c", "amb_kalman_rounded"), ("kalman.c", "amb_kalman_edge"),
-            ("kalman_step.h", "amb_step_very_coarse"),
         )
     ),
     *(

@@ -40,37 +40,6 @@ typedef struct amb_model {
 } amb_model;
 
 #ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */
-/* How many there are. */
-AMB_INLINE int amb_states(const amb_model *model)
-{
-  (void)model;
-  return AMB_STATES;
-}
-
-AMB_INLINE int amb_forces(const amb_model *model)
-{
-  (void)model;
-  return AMB_FORCES;
-}
-
-AMB_INLINE int amb_controls(const amb_model *model)
-{
-  (void)model;
-  return AMB_CONTROLS;
-}
-
-AMB_INLINE int amb_sensors(const amb_model *model)
-{
-  (void)model;
-  return AMB_SENSORS;
-}
-
-AMB_INLINE int amb_noises(const amb_model *model)
-{
-  (void)model;
-  return AMB_NOISES;
-}
-
 /* Constants from the physical parameters, SI. */
 AMB_INLINE void amb_model_init(amb_model *model, amb_real T, amb_real m, amb_real K_sen,
                                amb_real T_sen)

@@ -32,10 +32,8 @@ amb_status amb_adaptive_noise_check(const amb_adaptive_noise *a)
 
 static void open_window(amb_adaptive_noise_state *s)
 {
-  for (int i = 0; i < AMB_STATES; i++) {
-    s->correction[i] = AMB_C(0.0);
-    s->expected[i] = AMB_C(0.0);
-  }
+  amb_clear(AMB_STATES, s->correction);
+  amb_clear(AMB_STATES, s->expected);
   s->samples = 0U;
 }
 
@@ -83,14 +81,10 @@ static void renew(const amb_estimator *self, amb_adaptive_noise_state *s)
   }
   s->kf = *self->kf;
   if (a->measurement) {
-    for (int r = 0; r < amb_sensors(model); r++) {
-      s->kf.set.var_y[r] = var_y[r];
-    }
+    amb_copy(amb_sensors(model), var_y, s->kf.set.var_y);
   }
   if (a->disturbance) {
-    for (int k = 0; k < amb_noises(model); k++) {
-      s->kf.set.var_d[k] = var_d[k];
-    }
+    amb_copy(amb_noises(model), var_d, s->kf.set.var_d);
     amb_model_growth(&s->kf.model, s->kf.set.var_d, s->kf.growth);
   }
   s->share = ((s->share >= a->share) && (s->share < AMB_C(1.0))) ? s->share : a->share;
@@ -163,7 +157,7 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
   amb_status status = AMB_OK;
   for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
     const amb_real e = result->innovation[r];
-    if (a->measurement && !amb_step_coarse(self->kf, r) &&
+    if (a->measurement && !amb_step_coarse(self->kf, r, AMB_COARSE) &&
         ((result->health[r] & AMB_UNTOLD) == AMB_OK)) {
       const amb_real S = variance_of(s, r, result->variance[r]);
       status |= follow(s->share, e * e, S, nominal->var_y[r], a->most, &s->kf.set.var_y[r]);
@@ -256,9 +250,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
     s->kf.set.var_y[r] = amb_at_least(s->kf.set.var_y[r], low);
   }
   if (own(self)->disturbance) {
-    for (int i = 0; i < amb_states(model); i++) {
-      before[i] = base->mean[i];
-    }
+    amb_copy(amb_states(model), base->mean, before);
     amb_model_variances(model, base->cov, variances);
     amb_model_shown_with(model, 0, base->cov, with_y);
   }

@@ -6,14 +6,6 @@ static const amb_augmented *own_of(const amb_estimator *self)
   return (const amb_augmented *)self->own;
 }
 
-static void copy(int n, const amb_real from[AMB_TRIANGLE], amb_real to[AMB_TRIANGLE])
-{
-  const int entries = amb_entry(n, n - 1, n);
-  for (int i = 0; i < entries; i++) {
-    to[i] = from[i];
-  }
-}
-
 /* Write from + s var s' into `to`. */
 static void widen(int n, const amb_real from[AMB_TRIANGLE], const amb_real s[AMB_STATES],
                   amb_real var, amb_real to[AMB_TRIANGLE])
@@ -31,11 +23,11 @@ static void widen(int n, const amb_real from[AMB_TRIANGLE], const amb_real s[AMB
 static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
                         const amb_real std[AMB_STATES])
 {
-  const amb_model *model = &self->kf->model;
+  const int n = amb_states(&self->kf->model);
   amb_augmented_state *s = (amb_augmented_state *)state;
   const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
   if (status == AMB_OK) {
-    copy(amb_states(model), s->base.cov, s->cov);
+    amb_copy(amb_entry(n, n - 1, n), s->base.cov, s->cov);
     s->theta = AMB_C(1.0);
     s->trusted = AMB_C(1.0);
     s->var = own_of(self)->std * own_of(self)->std;
@@ -150,10 +142,10 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
     k[f].k_s *= s->theta;
     F[f] = s->theta * known[f] + (kf->set.f_0[f] - own->bias[f]);
   }
-  copy(n, s->cov, s->base.cov);
+  amb_copy(amb_entry(n, n - 1, n), s->cov, s->base.cov);
   const amb_status predicted = amb_step_predict_with(kf, &s->base, F, k, iu);
   if (predicted == AMB_OK) {
-    copy(n, s->base.cov, s->cov);
+    amb_copy(amb_entry(n, n - 1, n), s->base.cov, s->cov);
     amb_excitation_predict(&s->excitation, &kf->model, k, known);
     wander(n, own, s);
   }
@@ -184,9 +176,9 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   (void)own;
   amb_model_shown_with(&kf->model, r, s->cov, with_y);
   h->on_y[r] = amb_model_shown(&kf->model, r, s->excitation.slope);
-  copy(n, s->cov, s->base.cov);
+  amb_copy(amb_entry(n, n - 1, n), s->cov, s->base.cov);
   const amb_status status = amb_step_update(kf, &s->base, r, y, noise, told);
-  copy(n, s->base.cov, s->cov);
+  amb_copy(amb_entry(n, n - 1, n), s->base.cov, s->cov);
   h->e[r] = told->innovation;
   h->S[r] = amb_at_least(told->variance, noise); /* as it is: the proof is told so */
   told->variance += h->on_y[r] * s->var * h->on_y[r];
@@ -217,7 +209,7 @@ static void learn(const amb_kalman *kf, const amb_augmented *own, const hearing 
       theta = amb_clamp(theta + gain * e, own->min, own->max);
       s->var *= amb_at_most(h->S[r] / total, AMB_C(1.0));
       result->innovation[r] -= known;
-      if (!amb_step_coarse(kf, r)) {
+      if (!amb_step_coarse(kf, r, AMB_COARSE)) {
         result->variance[r] = total;
       }
     }

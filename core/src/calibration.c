@@ -12,59 +12,16 @@ static uint32_t refused(const amb_calibration_base *base, const amb_real wanted[
   return wrong;
 }
 
-/* Where a number of a filter goes to; of a PID NULL. */
-static amb_real *of_filter(int kind, int i, amb_kalman_settings *settings, amb_real *mass,
-                           amb_scaled scaled[AMB_FORCES])
+/* Where a number goes to. */
+static amb_real *place_of(int kind, int i, amb_kalman_settings *settings, amb_real *mass,
+                          amb_calibration_set *set)
 {
-  amb_real *place = NULL;
-  switch (kind) {
-  case AMB_VAR_Y:
-    place = &settings->var_y[i];
-    break;
-  case AMB_VAR_U:
-    place = &settings->var_u[i];
-    break;
-  case AMB_VAR_D:
-    place = &settings->var_d[i];
-    break;
-  case AMB_GATE:
-    place = &settings->gate;
-    break;
-  case AMB_MASS:
-    place = mass;
-    break;
-  case AMB_STRONG:
-    place = &scaled[i].scale;
-    break;
-  default:
-    break;
-  }
-  return place;
-}
-
-static amb_real *of_pid(int kind, amb_pid *pid)
-{
-  amb_real *place = &pid->weight;
-  switch (kind) {
-  case AMB_KP:
-    place = &pid->kp;
-    break;
-  case AMB_KI:
-    place = &pid->ki;
-    break;
-  case AMB_KD:
-    place = &pid->kd;
-    break;
-  case AMB_T_F:
-    place = &pid->T_f;
-    break;
-  case AMB_T_T:
-    place = &pid->T_t;
-    break;
-  default:
-    break;
-  }
-  return place;
+  amb_scaled *scaled = &set->scaled[(kind == (int)AMB_STRONG) ? i : 0];
+  amb_pid *pid = &set->pid[(kind >= (int)AMB_KP) ? i : 0];
+  amb_real *const places[] = {
+      settings->var_y, settings->var_u, settings->var_d, &settings->gate, mass,      &scaled->scale,
+      &pid->kp,        &pid->ki,        &pid->kd,        &pid->T_f,       &pid->T_t, &pid->weight};
+  return (kind < (int)AMB_GATE) ? &places[kind][i] : places[kind];
 }
 
 static bool drives_a_load(const amb_model *model, int noise)
@@ -112,11 +69,7 @@ static amb_status take(const amb_calibration_base *base, const amb_real wanted[A
   }
   for (int n = 0; n < base->parameters; n++) {
     const int i = (int)base->index[n];
-    amb_real *place = of_filter((int)base->kind[n], i, &settings, &mass, set->scaled);
-    if (place == NULL) {
-      place = of_pid((int)base->kind[n], &set->pid[i]);
-    }
-    *place = wanted[n];
+    *place_of((int)base->kind[n], i, &settings, &mass, set) = wanted[n];
   }
   const amb_real heavier = mass / base->mass;
   weigh(base, heavier, &settings, set->scaled);
@@ -141,13 +94,6 @@ static void tie(const amb_calibration_base *base, amb_calibration_set *set)
   set->control.law = &set->law;
 }
 
-static void copy(const amb_real from[AMB_PARAMETERS], amb_real to[AMB_PARAMETERS])
-{
-  for (int n = 0; n < AMB_PARAMETERS; n++) {
-    to[n] = from[n];
-  }
-}
-
 uint32_t amb_calibration_sum(const amb_calibration_kept *kept)
 {
   uint32_t sum = 0U;
@@ -168,7 +114,7 @@ static uint32_t work(const amb_calibration_base *base, const amb_real numbers[AM
   }
   if (wrong == 0U) {
     tie(base, set);
-    copy(numbers, set->numbers);
+    amb_copy(AMB_PARAMETERS, numbers, set->numbers);
     kept->sum = amb_calibration_sum(kept);
   }
   return wrong;
@@ -183,8 +129,8 @@ static void fly(amb_calibration *calibration, uint32_t set)
 
 void amb_calibration_init(const amb_calibration_base *base, amb_calibration *calibration)
 {
-  copy(base->exported, calibration->wanted);
-  copy(base->exported, calibration->in_use);
+  amb_copy(AMB_PARAMETERS, base->exported, calibration->wanted);
+  amb_copy(AMB_PARAMETERS, base->exported, calibration->in_use);
   calibration->request = 0U;
   calibration->answered = 0U;
   calibration->refused = 0U;
@@ -203,7 +149,7 @@ const amb_control *amb_calibration_update(const amb_calibration_base *base,
   if (calibration->request != calibration->answered) {
     const uint32_t request = calibration->request;
     amb_real wanted[AMB_PARAMETERS]; /* as they are now, whatever is written meanwhile */
-    copy(calibration->wanted, wanted);
+    amb_copy(AMB_PARAMETERS, calibration->wanted, wanted);
     calibration->refused = work(base, wanted, next);
     if (calibration->refused == 0U) {
       fly(calibration, idle);
@@ -215,11 +161,11 @@ const amb_control *amb_calibration_update(const amb_calibration_base *base,
   } else { /* all is as it was */
   }
   if (calibration->flying == 0U) {
-    copy(base->exported, calibration->in_use);
+    amb_copy(AMB_PARAMETERS, base->exported, calibration->in_use);
     return base->control;
   }
   const amb_calibration_set *set = &calibration->kept[calibration->flying - 1U].of.set;
-  copy(set->numbers, calibration->in_use);
+  amb_copy(AMB_PARAMETERS, set->numbers, calibration->in_use);
   return &set->control;
 }
 

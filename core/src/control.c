@@ -58,10 +58,8 @@ static void forget(const amb_control *c, amb_control_state *s, void *filter)
 
 void amb_control_init(const amb_control *control, amb_control_state *state, void *filter)
 {
-  for (int f = 0; f < control->law->axes; f++) {
-    state->u[f] = AMB_C(0.0);
-    state->from[f] = control->down[f];
-  }
+  amb_clear(control->law->axes, state->u);
+  amb_copy(control->law->axes, control->down, state->from);
   for (int j = 0; j < control->law->pids; j++) {
     amb_pid_reset(&state->pid[j], AMB_C(0.0));
   }
@@ -245,10 +243,8 @@ amb_status amb_control_step(const amb_control *control, amb_control_state *state
   }
   out->mode = state->sequence.mode;
   out->on = amb_sequence_on(&state->sequence);
-  for (int f = 0; f < control->law->axes; f++) {
-    out->iu[f] = AMB_C(0.0);
-    state->u[f] = AMB_C(0.0);
-  }
+  amb_clear(control->law->axes, out->iu);
+  amb_clear(control->law->axes, state->u);
   if (out->on) {
     const amb_status acted = act(control, state, mean, y, r, speed, out->iu);
     state->limited = (acted & AMB_SATURATED) != 0U;

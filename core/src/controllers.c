@@ -150,9 +150,7 @@ amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], c
   const bool turning = (c->let_turn != NULL) && find(c->let_turn, speed, &where);
   if (turning) {
     leave(c, &where, speed, state, &left);
-    for (int i = 0; i < c->states; i++) {
-      others[i] = state[i];
-    }
+    amb_copy(c->states, state, others);
     for (int i = 0; i < c->let_turn->moved; i++) {
       others[i] -= left.motion[i];
     }

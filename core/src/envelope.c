@@ -6,11 +6,7 @@
 
 bool amb_envelope_within(const amb_kalman *kf, amb_real caps, const amb_real mean[AMB_STATES])
 {
-  bool within = true;
-  for (int i = 0; i < amb_states(&kf->model); i++) {
-    within = within && (amb_magnitude(mean[i]) <= (caps * kf->set.cap[i]));
-  }
-  return within;
+  return amb_all_within(amb_states(&kf->model), mean, caps, kf->set.cap);
 }
 
 bool amb_envelope_clamp(const amb_kalman *kf, amb_real mean[AMB_STATES])
@@ -102,13 +98,6 @@ static void add_square(int n, amb_real variance, const amb_real a[AMB_STATES],
     for (int j = i; j < n; j++) {
       P[amb_entry(n, i, j)] += a[i] * (a[j] * variance);
     }
-  }
-}
-
-static void clear(int n, amb_real P[AMB_TRIANGLE])
-{
-  for (int i = 0; i < amb_entry(n, n - 1, n); i++) {
-    P[i] = AMB_C(0.0);
   }
 }
 
@@ -238,9 +227,7 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
     rest_in_the_middle(kf, lost, state->mean);
     forget(kf, lost, variance, state->cov);
   } else {
-    for (int i = 0; i < n; i++) {
-      state->mean[i] = AMB_C(0.0);
-    }
+    amb_clear(n, state->mean);
     amb_envelope_open(kf, state->cov);
   }
   return sound ? AMB_HELD : (AMB_HELD | AMB_RESTARTED);
@@ -266,7 +253,7 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
     }
   }
   amb_rest_where_shown(model, r, shown);
-  clear(n, state->cov);
+  amb_clear(amb_entry(n, n - 1, n), state->cov);
   for (int i = 0; i < n; i++) {
     const amb_role role = amb_model_role(model, i);
     if (role == AMB_POSITION) { /* at this speed it goes away from what the sensor shows */

@@ -3,9 +3,8 @@
 /* State i at 1, the others at 0. */
 static void only(const amb_model *model, int i, amb_real states[AMB_STATES])
 {
-  for (int j = 0; j < amb_states(model); j++) {
-    states[j] = (i == j) ? AMB_C(1.0) : AMB_C(0.0);
-  }
+  amb_clear(amb_states(model), states);
+  states[i] = AMB_C(1.0);
 }
 
 void amb_rest_off_by_one(const amb_model *model, int i, amb_real states[AMB_STATES])
@@ -21,9 +20,7 @@ void amb_rest_where_shown(const amb_model *model, int r, amb_real states[AMB_STA
   const int n = amb_states(model);
   amb_real sum = AMB_C(0.0);
   amb_real one[AMB_STATES];
-  for (int j = 0; j < n; j++) {
-    states[j] = AMB_C(0.0);
-  }
+  amb_clear(n, states);
   for (int i = 0; i < n; i++) {
     if (amb_model_role(model, i) == AMB_POSITION) {
       amb_rest_off_by_one(model, i, one);

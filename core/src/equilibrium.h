@@ -4,9 +4,7 @@
 
 #include "ambkit/model.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* All states of a rotor at rest that is off by 1 m in position i, or what else state i is. */
 void amb_rest_off_by_one(const amb_model *model, int i, amb_real states[AMB_STATES]);
@@ -20,8 +18,6 @@ bool amb_rest_sees(const amb_model *model, int r, const bool these[AMB_STATES]);
 /* Add the velocities that move these positions, and what sensors show of them. */
 void amb_rest_add_followers(const amb_model *model, bool these[AMB_STATES]);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

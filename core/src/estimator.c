@@ -22,8 +22,8 @@ amb_status amb_estimator_start(const amb_estimator *estimator, void *state,
 
 /* ---- The paper's filter and the extended one: one update, two predictions. ---- */
 
-static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
-                        const amb_real std[AMB_STATES])
+amb_status amb_plain_reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
+                           const amb_real std[AMB_STATES])
 {
   return amb_kalman_reset(self->kf, (amb_kalman_state *)state, mean, std);
 }
@@ -41,15 +41,15 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   return status;
 }
 
-static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
-                         amb_kalman_result *result)
+amb_status amb_plain_update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
+                            amb_kalman_result *result)
 {
   result->status = amb_kalman_update(self->kf, (amb_kalman_state *)state, y, result);
   return result->status;
 }
 
-static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
-                    amb_real mean[AMB_STATES])
+void amb_plain_advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
+                       amb_real mean[AMB_STATES])
 {
   amb_step_advance(self->kf, self->magnet, scale, iu, mean);
 }
@@ -72,19 +72,6 @@ static amb_status predict_extended(const amb_estimator *self, void *state,
   return status;
 }
 
-static void advance_extended(const amb_estimator *self, amb_real scale,
-                             const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES])
-{
-  const amb_kalman *kf = self->kf;
-  amb_real F[AMB_FORCES];
-  amb_stiffness k[AMB_FORCES];
-  amb_step_forces(kf, self->magnet, iu, mean, F, k);
-  for (int f = 0; f < amb_forces(&kf->model); f++) {
-    F[f] = scale * F[f] + kf->set.f_0[f];
-  }
-  amb_model_predict_mean(&kf->model, F, iu, mean);
-}
-
 void amb_scaled_advance(const amb_estimator *self, const amb_real bias[AMB_FORCES], amb_real scale,
                         const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES])
 {
@@ -98,8 +85,16 @@ void amb_scaled_advance(const amb_estimator *self, const amb_real bias[AMB_FORCE
   amb_model_predict_mean(&kf->model, F, iu, mean);
 }
 
-const amb_estimator_methods amb_kalman_methods = {
-    sizeof(amb_kalman_state), reset, predict, update, advance, NULL};
+void amb_extended_advance(const amb_estimator *self, amb_real scale,
+                          const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES])
+{
+  const amb_real none[AMB_FORCES] = {0};
+  amb_scaled_advance(self, none, scale, iu, mean);
+}
 
-const amb_estimator_methods amb_extended_methods = {
-    sizeof(amb_kalman_state), reset, predict_extended, update, advance_extended, NULL};
+const amb_estimator_methods amb_kalman_methods = {
+    sizeof(amb_kalman_state), amb_plain_reset, predict, amb_plain_update, amb_plain_advance, NULL};
+
+const amb_estimator_methods amb_extended_methods = {sizeof(amb_kalman_state), amb_plain_reset,
+                                                    predict_extended,         amb_plain_update,
+                                                    amb_extended_advance,     NULL};

@@ -1,4 +1,5 @@
 #include "ambkit/excitation.h"
+#include "kalman_step.h"
 
 void amb_excitation_reset(amb_excitation *e, const amb_real mean[AMB_STATES])
 {
@@ -35,13 +36,7 @@ void amb_excitation_predict(amb_excitation *e, const amb_model *model,
                             const amb_stiffness k[AMB_FORCES], const amb_real known[AMB_FORCES])
 {
   const amb_real none[AMB_CONTROLS] = {0};
-  amb_real F[AMB_FORCES];
-  for (int f = 0; f < amb_forces(model); f++) {
-    const amb_real i = amb_model_current(model, f, e->slope, none);
-    const amb_real s = amb_model_displacement(model, f, e->slope);
-    F[f] = k[f].k_i * i + k[f].k_s * s + known[f];
-  }
-  amb_model_predict_mean(model, F, none, e->slope);
+  amb_step_carry(model, k, known, none, e->slope);
 }
 
 /* Begun anew where one of them is beyond what a machine comes near to, or not a number. */

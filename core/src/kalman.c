@@ -166,7 +166,7 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model, const amb_kal
   for (int r = 0; r < amb_sensors(model); r++) {
     kf->far[r] = amb_magnitude(AMB_FAR * s->travel[r] * s->K_sen[r]);
     kf->rounding[r] = (s->step[r] * s->step[r]) / AMB_C(12.0);
-    if (amb_step_very_coarse(kf, r)) {
+    if (amb_step_coarse(kf, r, AMB_VERY_COARSE)) {
       kf->rounding[r] *= amb_at_least(s->dwell, AMB_C(1.0));
     }
   }
@@ -214,9 +214,7 @@ amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
       entry++;
     }
   }
-  for (int c = 0; c < amb_controls(&kf->model); c++) {
-    state->last_u[c] = AMB_C(0.0);
-  }
+  amb_clear(amb_controls(&kf->model), state->last_u);
   for (int r = 0; r < amb_sensors(&kf->model); r++) {
     /* No measurement is so far away: the first one is no change. */
     const amb_sensor_state well = {AMB_C(2.0) * kf->far[r], AMB_C(0.0), AMB_C(0.0), AMB_C(1.0),
@@ -224,19 +222,6 @@ amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
     state->sensor[r] = well;
   }
   return AMB_OK;
-}
-
-amb_status amb_kalman_currents(const amb_kalman *kf, amb_kalman_state *state,
-                               const amb_real u[AMB_CONTROLS], amb_real iu[AMB_CONTROLS])
-{
-  return amb_step_currents(kf, state, u, iu);
-}
-
-void amb_kalman_stiffness(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
-                          const amb_real iu[AMB_CONTROLS], const amb_real mean[AMB_STATES],
-                          amb_stiffness k[AMB_FORCES])
-{
-  amb_step_ask_all(kf, magnet, iu, mean, k);
 }
 
 amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state,
@@ -250,24 +235,4 @@ amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state,
                              const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
   return amb_step_update_all(kf, state, y, result);
-}
-
-amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
-                           amb_kalman_state *state, const amb_real y[AMB_SENSORS],
-                           const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result)
-{
-  amb_real iu[AMB_CONTROLS];
-  amb_stiffness k[AMB_FORCES];
-  const amb_status status = amb_step_currents(kf, state, u_previous, iu);
-  amb_step_ask_all(kf, magnet, iu, state->mean, k);
-  return amb_step_with(kf, k, iu, state, y, status, result);
-}
-
-amb_status amb_kalman_step_given(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES],
-                                 amb_kalman_state *state, const amb_real y[AMB_SENSORS],
-                                 const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result)
-{
-  amb_real iu[AMB_CONTROLS];
-  const amb_status status = amb_step_currents(kf, state, u_previous, iu);
-  return amb_step_with(kf, k, iu, state, y, status, result);
 }

@@ -31,16 +31,6 @@ void amb_kalman_note(const amb_kalman *kf, const amb_kalman_state *state,
   note(&kf->model, state, result, k, history);
 }
 
-AMB_INLINE void given_at(const amb_kalman *kf, const amb_kalman_input *in, size_t k,
-                         amb_stiffness stiffness[AMB_FORCES])
-{
-  const size_t p = (size_t)amb_forces(&kf->model);
-  for (size_t f = 0; f < p; f++) {
-    stiffness[f].k_i = in->k_i[k * p + f];
-    stiffness[f].k_s = in->k_s[k * p + f];
-  }
-}
-
 static bool all_constant(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES])
 {
   bool constant = true;
@@ -89,7 +79,7 @@ AMB_INLINE amb_status go_on(const amb_kalman *kf, const amb_magnet magnet[AMB_FO
     amb_real iu[AMB_CONTROLS];
     result.status = amb_step_currents(kf, &s, in->u + (i - 1) * controls, iu);
     if (from == GIVEN) {
-      given_at(kf, in, i - 1, result.stiffness);
+      amb_step_given(kf, in->k_i, in->k_s, i - 1, result.stiffness);
     } else if (from == ASKED) {
       amb_step_ask_all(kf, magnet, iu, s.mean, result.stiffness);
     } else { /* as before */
@@ -117,7 +107,7 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
   const amb_real none[AMB_CONTROLS] = {0};
   amb_kalman_result first;
   if (given) {
-    given_at(&own, &in, 0, first.stiffness);
+    amb_step_given(&own, in.k_i, in.k_s, 0, first.stiffness);
   } else {
     amb_step_ask_all(&own, magnet, none, state->mean, first.stiffness);
   }

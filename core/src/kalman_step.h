@@ -98,6 +98,17 @@ AMB_INLINE void amb_step_forces(const amb_kalman *kf, const amb_magnet magnet[AM
   }
 }
 
+/* Stiffnesses from arrays of all samples, at sample k. */
+AMB_INLINE void amb_step_given(const amb_kalman *kf, const amb_real *k_i, const amb_real *k_s,
+                               size_t k, amb_stiffness stiffness[AMB_FORCES])
+{
+  const size_t p = (size_t)amb_forces(&kf->model);
+  for (size_t f = 0; f < p; f++) {
+    stiffness[f].k_i = k_i[k * p + f];
+    stiffness[f].k_s = k_s[k * p + f];
+  }
+}
+
 /* Prediction with the forces F [N] that the magnets and what else is known exert; k carries the
  * covariance. The plant is unstable: without measurements mean and covariance grow, and what they
  * have become is contained afterwards. */
@@ -158,6 +169,21 @@ AMB_INLINE void amb_step_advance(const amb_kalman *kf, const amb_magnet magnet[A
   amb_model_predict_mean(&kf->model, F, iu, mean);
 }
 
+/* What the linear transition makes of a column: of states, or of controls iu [A] alone, with what
+ * is known besides of the forces [N]; NULL: nothing. */
+AMB_INLINE void amb_step_carry(const amb_model *model, const amb_stiffness k[AMB_FORCES],
+                               const amb_real known[AMB_FORCES], const amb_real iu[AMB_CONTROLS],
+                               amb_real column[AMB_STATES])
+{
+  amb_real F[AMB_FORCES];
+  for (int f = 0; f < amb_forces(model); f++) {
+    const amb_real i = amb_model_current(model, f, column, iu);
+    F[f] = k[f].k_i * i + k[f].k_s * amb_model_displacement(model, f, column);
+    F[f] += (known != NULL) ? known[f] : AMB_C(0.0);
+  }
+  amb_model_predict_mean(model, F, iu, column);
+}
+
 /* Whether a position is known no better than the travel, or not at all. */
 AMB_INLINE bool amb_step_is_lost(const amb_kalman *kf, const amb_kalman_state *state)
 {
@@ -177,22 +203,11 @@ AMB_INLINE amb_status amb_step_contain(const amb_kalman *kf, amb_kalman_state *s
   return status;
 }
 
-/* Whether steps are so coarse that the noise does not hide them. */
-AMB_INLINE bool amb_step_coarse(const amb_kalman *kf, int r)
+/* Whether the square of a step is more than so many times the variance of the noise: AMB_COARSE and
+ * what follows it. */
+AMB_INLINE bool amb_step_coarse(const amb_kalman *kf, int r, amb_real than)
 {
-  return (kf->set.step[r] * kf->set.step[r]) > (AMB_COARSE * kf->set.var_y[r]);
-}
-
-/* Whether they are so coarse that the noise hardly ever leads to the next one. */
-AMB_INLINE bool amb_step_very_coarse(const amb_kalman *kf, int r)
-{
-  return (kf->set.step[r] * kf->set.step[r]) > (AMB_VERY_COARSE * kf->set.var_y[r]);
-}
-
-/* Whether a healthy rotor can stay in a step for longer than it needs to fall. */
-AMB_INLINE bool amb_step_stays(const amb_kalman *kf, int r)
-{
-  return (kf->set.step[r] * kf->set.step[r]) > (AMB_STAYING * kf->set.var_y[r]);
+  return (kf->set.step[r] * kf->set.step[r]) > (than * kf->set.var_y[r]);
 }
 
 /* Square of the smallest change of late, after one of this square; forgets slowly [m^2]. */
@@ -382,9 +397,9 @@ AMB_INLINE amb_rounded amb_step_rounded(const amb_kalman *kf, amb_kalman_state *
     return as;
   }
   const bool again = !((y < sensor->last_y) || (y > sensor->last_y));
-  const bool very = amb_step_very_coarse(kf, r);
-  const bool coarse = very || (interval && amb_step_coarse(kf, r));
-  const bool stays = amb_step_stays(kf, r);
+  const bool very = amb_step_coarse(kf, r, AMB_VERY_COARSE);
+  const bool coarse = very || (interval && amb_step_coarse(kf, r, AMB_COARSE));
+  const bool stays = amb_step_coarse(kf, r, AMB_STAYING);
   if (coarse) {
     const amb_real shown = amb_model_shown_variance(&kf->model, r, base->cov);
     const amb_real e = y - amb_model_shown(&kf->model, r, base->mean);
@@ -518,7 +533,7 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
   AMB_EACH_SENSOR(&kf->model)
   {
     amb_rounded as = {AMB_C(0.0), noise[r] + kf->rounding[r], AMB_C(0.0)};
-    if (amb_step_coarse(kf, r)) {
+    if (amb_step_coarse(kf, r, AMB_COARSE)) {
       as = amb_step_rounded(kf, state, r, y[r], noise[r], true);
     }
     const amb_real S = amb_model_shown_variance(&kf->model, r, state->cov) + as.noise;

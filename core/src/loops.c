@@ -61,9 +61,7 @@ static void add_block(const sum_of_rows *sum, int at, amb_real *to)
 static void add_up(const sum_of_rows *sum, int n, int wanted, amb_real *to)
 {
   if (sum->count == 0) {
-    for (int j = 0; j < wanted; j++) {
-      to[j] = AMB_C(0.0);
-    }
+    amb_clear(wanted, to);
   } else if (n >= BLOCK) {
     for (int at = 0; at < wanted; at += BLOCK) {
       const int from = (at + BLOCK <= n) ? at : (n - BLOCK);
@@ -101,9 +99,7 @@ void amb_model_predict_mean(const amb_model *model, const amb_real F[], const am
       force[f] += model->r[k] * mean[model->h.column[k]];
     }
   }
-  for (int i = 0; i < n; i++) {
-    before[i] = mean[i];
-  }
+  amb_copy(n, mean, before);
   for (int i = 0; i < n; i++) {
     amb_real sum = amb_sparse_times(&model->L, model->L.value, i, before);
     for (int k = model->B_u.start[i]; k < (int)model->B_u.start[i + 1]; k++) {
@@ -130,9 +126,7 @@ static void noise_of_controls(const amb_model *model, const amb_stiffness k[],
   noise->gain[0][0] = AMB_C(0.0); /* compilers do not know that there is one */
   noise->variance[0][0] = AMB_C(0.0);
   for (int f = 0; f < p; f++) {
-    for (int c = 0; c < controls; c++) {
-      noise->gain[f][c] = AMB_C(0.0);
-    }
+    amb_clear(controls, noise->gain[f]);
     for (int j = model->d.start[f]; j < (int)model->d.start[f + 1]; j++) {
       const int c = model->d.column[j];
       noise->gain[f][c] = (k[f].k_i * model->d.value[j]) * k_ui[c];
@@ -274,12 +268,8 @@ static void of_forces(const amb_model *model, const amb_stiffness k[], const roo
 static void pushes(const amb_model *model, const amb_real k_ui[], int direct, const rooms *room)
 {
   const int n = model->states;
-  for (int j = 0; j < model->forces * n; j++) {
-    room->w[j] = AMB_C(0.0);
-  }
-  for (int j = 0; j < direct * n; j++) {
-    room->u[j] = AMB_C(0.0);
-  }
+  amb_clear(model->forces * n, room->w);
+  amb_clear(direct * n, room->u);
   for (int i = 0; i < n; i++) {
     for (int a = model->b.start[i]; a < (int)model->b.start[i + 1]; a++) {
       room->w[((int)model->b.column[a] * n) + i] = model->b.value[a];
@@ -413,9 +403,7 @@ static void add_row_of(int n, int k, const amb_real cov[], amb_real value, amb_r
 void amb_model_shown_with(const amb_model *model, int r, const amb_real cov[], amb_real with_y[])
 {
   const int n = model->states;
-  for (int j = 0; j < n; j++) {
-    with_y[j] = AMB_C(0.0);
-  }
+  amb_clear(n, with_y);
   for (int a = model->c.start[r]; a < (int)model->c.start[r + 1]; a++) {
     add_row_of(n, model->c.column[a], cov, model->c.value[a], with_y);
   }
@@ -439,38 +427,6 @@ void amb_model_variances(const amb_model *model, const amb_real cov[], amb_real 
 {
   for (int i = 0; i < model->states; i++) {
     variances[i] = cov[amb_entry(model->states, i, i)];
-  }
-}
-
-bool amb_model_sound(const amb_model *model, const amb_real cov[])
-{
-  bool sound = true;
-  for (int i = 0; i < model->states; i++) {
-    if (amb_model_role(model, i) != AMB_SHOWN) {
-      sound = sound && (cov[amb_entry(model->states, i, i)] >= AMB_C(0.0));
-    }
-  }
-  return sound;
-}
-
-bool amb_model_known(const amb_model *model, const amb_real cov[], const amb_real widest[])
-{
-  bool known = true;
-  for (int i = 0; i < model->states; i++) {
-    if (amb_model_role(model, i) == AMB_POSITION) {
-      known = known && (cov[amb_entry(model->states, i, i)] <= widest[i]);
-    }
-  }
-  return known;
-}
-
-void amb_model_uncorrelated(const amb_model *model, const amb_real variances[], amb_real cov[])
-{
-  for (int i = 0; i < model->states; i++) {
-    for (int j = i; j < model->states; j++) {
-      const amb_real variance = amb_magnitude(variances[i]);
-      cov[amb_entry(model->states, i, j)] = (i == j) ? variance : AMB_C(0.0);
-    }
   }
 }
 
@@ -521,10 +477,7 @@ void amb_model_pushed(const amb_model *model, int f, amb_real moved[])
 
 void amb_model_growth(const amb_model *model, const amb_real var[], amb_real growth[])
 {
-  const int entries = (model->states * (model->states + 1)) / 2;
-  for (int i = 0; i < entries; i++) {
-    growth[i] = AMB_C(0.0);
-  }
+  amb_clear((model->states * (model->states + 1)) / 2, growth);
   for (int k = 0; k < model->noises; k++) {
     for (int a = model->N.start[k]; a < (int)model->N.start[k + 1]; a++) {
       growth[model->N.column[a]] += model->N.value[a] * var[k];

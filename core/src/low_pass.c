@@ -12,9 +12,7 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   }
   const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
   if (status == AMB_OK) {
-    for (int i = 0; i < AMB_TRIANGLE; i++) {
-      s->base.cov[i] = AMB_C(0.0);
-    }
+    amb_clear(AMB_TRIANGLE, s->base.cov);
     s->force = self->kf->set.f_0[0];
   }
   return status;
@@ -27,9 +25,7 @@ static void follow(const amb_model *model, const amb_real iu[AMB_CONTROLS],
   const amb_real none[AMB_FORCES] = {0};
   amb_real next[AMB_STATES];
   const int n = amb_states(model);
-  for (int i = 0; i < n; i++) {
-    next[i] = mean[i];
-  }
+  amb_copy(n, mean, next);
   amb_model_predict_mean(model, none, iu, next);
   for (int i = 0; i < n; i++) {
     mean[i] = (amb_model_role(model, i) == AMB_KNOWN) ? next[i] : mean[i];

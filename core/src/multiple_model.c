@@ -35,10 +35,7 @@ static void combine(int n, int models, amb_multiple_model_state *s)
       mean[i] += s->model[j].weight * s->model[j].mean[i];
     }
   }
-  const int entries = amb_entry(n, n - 1, n);
-  for (int i = 0; i < entries; i++) {
-    cov[i] = AMB_C(0.0);
-  }
+  amb_clear(amb_entry(n, n - 1, n), cov);
   for (int j = 0; j < models; j++) {
     const amb_one_model *m = &s->model[j];
     amb_real d[AMB_STATES];
@@ -52,28 +49,18 @@ static void combine(int n, int models, amb_multiple_model_state *s)
 /* All models take the mean and the covariance of the base, whatever their scales. */
 static void agree(int n, int models, amb_multiple_model_state *s)
 {
-  const int entries = amb_entry(n, n - 1, n);
   for (int j = 0; j < models; j++) {
-    amb_one_model *m = &s->model[j];
-    for (int i = 0; i < n; i++) {
-      m->mean[i] = s->base.mean[i];
-    }
-    for (int i = 0; i < entries; i++) {
-      m->cov[i] = s->base.cov[i];
-    }
+    amb_copy(n, s->base.mean, s->model[j].mean);
+    amb_copy(amb_entry(n, n - 1, n), s->base.cov, s->model[j].cov);
   }
-  for (int i = 0; i < n; i++) {
-    s->excitation.slope[i] = AMB_C(0.0);
-  }
+  amb_clear(n, s->excitation.slope);
 }
 
 /* All models know nothing but the envelope. */
 static void begin_anew(const amb_kalman *kf, int models, amb_multiple_model_state *s)
 {
   const int n = amb_states(&kf->model);
-  for (int i = 0; i < n; i++) {
-    s->base.mean[i] = AMB_C(0.0);
-  }
+  amb_clear(n, s->base.mean);
   amb_envelope_open(kf, s->base.cov);
   agree(n, models, s);
 }

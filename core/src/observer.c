@@ -18,17 +18,9 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   const amb_status status = amb_kalman_reset(self->kf, s, mean, std);
   if (status == AMB_OK) {
     const int n = amb_states(&self->kf->model);
-    for (int i = 0; i < amb_entry(n, n - 1, n); i++) {
-      s->cov[i] = own(self)->cov[i];
-    }
+    amb_copy(amb_entry(n, n - 1, n), own(self)->cov, s->cov);
   }
   return status;
-}
-
-static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
-                    amb_real mean[AMB_STATES])
-{
-  amb_step_advance(self->kf, self->magnet, scale, iu, mean);
 }
 
 static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
@@ -39,19 +31,9 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   amb_real iu[AMB_CONTROLS];
   const amb_status status = amb_step_currents(kf, s, u, iu);
   amb_step_ask_all(kf, self->magnet, iu, s->mean, result->stiffness);
-  advance(self, AMB_C(1.0), iu, s->mean);
+  amb_plain_advance(self, AMB_C(1.0), iu, s->mean);
   result->status = status;
   return status;
-}
-
-static bool is_far(const amb_kalman *kf, const amb_observer *observer,
-                   const amb_real mean[AMB_STATES])
-{
-  bool within = true;
-  for (int i = 0; i < amb_states(&kf->model); i++) {
-    within = within && (amb_magnitude(mean[i]) <= observer->far[i]);
-  }
-  return !within; /* or not a number */
 }
 
 /* Bring the rotor into the very coarse step that sensor r shows. */
@@ -89,20 +71,18 @@ static amb_status take_in(const amb_kalman *kf, const void *constants, void *of,
       for (int i = 0; i < amb_states(&kf->model); i++) {
         s->mean[i] += observer->gain[r][i] * e;
       }
-      if (amb_step_very_coarse(kf, r)) {
+      if (amb_step_coarse(kf, r, AMB_VERY_COARSE)) {
         hold_to_step(kf, r, s);
       }
       s->sensor[r].residual = seen - amb_model_shown(&kf->model, r, s->mean);
-      if (is_far(kf, observer, s->mean)) {
+      if (!amb_all_within(amb_states(&kf->model), s->mean, AMB_C(1.0), observer->far)) {
         amb_envelope_place(kf, r, seen, s->mean);
         status |= AMB_RESTARTED;
       }
     }
   }
   if (((status & AMB_UNUSED) != 0U) && !amb_envelope_within(kf, AMB_ASTRAY, s->mean)) {
-    for (int i = 0; i < amb_states(&kf->model); i++) { /* no rotor's; nor is its load's limit */
-      s->mean[i] = AMB_C(0.0);
-    }
+    amb_clear(amb_states(&kf->model), s->mean); /* no rotor's; nor is its load's limit */
     status |= AMB_HELD | AMB_RESTARTED;
   } else if (((status & AMB_UNUSED) != 0U) && amb_envelope_clamp(kf, s->mean)) {
     status |= AMB_HELD;
@@ -120,4 +100,4 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
 }
 
 const amb_estimator_methods amb_observer_methods = {
-    sizeof(amb_kalman_state), reset, predict, update, advance, NULL};
+    sizeof(amb_kalman_state), reset, predict, update, amb_plain_advance, NULL};

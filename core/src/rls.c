@@ -18,14 +18,8 @@ amb_status amb_rls_reset(const amb_rls *rls, amb_rls_state *state, const amb_rea
   if (!good) {
     return AMB_BAD_PARAMETER;
   }
-  for (size_t i = 0U; i < (size_t)AMB_RLS_MAX; i++) {
-    state->theta[i] = AMB_C(0.0);
-    state->excitation[i] = AMB_C(0.0);
-  }
-  for (size_t i = 0U; i < (size_t)AMB_RLS_TRIANGLE; i++) {
-    state->moment[i] = AMB_C(0.0);
-  }
-  state->error = AMB_C(0.0);
+  const amb_rls_state fresh = {0};
+  *state = fresh;
   for (size_t i = 0U; i < rls->n; i++) {
     state->theta[i] = theta[i];
     state->moment[at(i, i)] = known[i];

@@ -77,6 +77,11 @@ static void mend(amb_sequence_state *state)
   }
 }
 
+/* The next mode, without and with the request to levitate. */
+static const amb_flight_mode next_mode[AMB_TRIPPED + 1][2] = {
+    {AMB_OFF, AMB_WAITING},    {AMB_OFF, AMB_WAITING},     {AMB_LANDING, AMB_LIFTING},
+    {AMB_LANDING, AMB_FLYING}, {AMB_LANDING, AMB_LIFTING}, {AMB_OFF, AMB_TRIPPED}};
+
 amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_state *state, bool fly,
                                   bool usable, bool limited)
 {
@@ -89,47 +94,20 @@ amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_sta
       state->share = AMB_C(0.0);
     }
   }
-  switch (state->mode) {
-  case AMB_OFF:
-    if (fly) {
-      state->mode = AMB_WAITING;
-      state->usable = 0U;
-    }
-    break;
-  case AMB_WAITING:
-    if (fly) {
-      wait(sequence, state, usable);
-    } else {
-      state->mode = AMB_OFF;
-    }
-    break;
-  case AMB_LIFTING:
-    if (fly) {
-      rise(sequence, state);
-    } else {
-      state->mode = AMB_LANDING;
-    }
-    break;
-  case AMB_FLYING:
-    if (!fly) {
-      state->mode = AMB_LANDING;
-    }
-    break;
-  case AMB_LANDING:
-    if (fly) {
-      state->mode = AMB_LIFTING;
-    } else {
-      sink(sequence, state);
-    }
-    break;
-  case AMB_TRIPPED:
-    if (!fly) {
-      amb_sequence_init(state);
-    }
-    break;
-  default: /* a bit in memory has flipped */
-    state->mode = AMB_TRIPPED;
-    break;
+  /* More than that: a bit in memory has flipped. */
+  const amb_flight_mode before = (state->mode <= AMB_TRIPPED) ? state->mode : AMB_TRIPPED;
+  state->mode = next_mode[before][fly ? 1 : 0];
+  if ((before == AMB_TRIPPED) && !fly) {
+    amb_sequence_init(state);
+  } else if (state->mode != before) {
+    state->usable = (state->mode == AMB_WAITING) ? 0U : state->usable;
+  } else if (before == AMB_WAITING) {
+    wait(sequence, state, usable);
+  } else if (before == AMB_LIFTING) {
+    rise(sequence, state);
+  } else if (before == AMB_LANDING) {
+    sink(sequence, state);
+  } else { /* it stays */
   }
   return state->mode;
 }

@@ -1,4 +1,5 @@
 #include "ambkit/smoother.h"
+#include "kalman_step.h"
 #include <string.h>
 
 #define N AMB_STATES
@@ -42,12 +43,9 @@ static void transition(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES], 
   const amb_model *model = &kf->model;
   const amb_real none[AMB_CONTROLS] = {0};
   for (int j = 0; j < amb_states(model); j++) {
-    amb_real column[N] = {0}, F[AMB_FORCES];
+    amb_real column[N] = {0};
     column[j] = AMB_C(1.0);
-    for (int f = 0; f < amb_forces(model); f++)
-      F[f] = k[f].k_i * amb_model_current(model, f, column, none) +
-             k[f].k_s * amb_model_displacement(model, f, column);
-    amb_model_predict_mean(model, F, none, column);
+    amb_step_carry(model, k, NULL, none, column);
     for (int i = 0; i < amb_states(model); i++)
       A[i][j] = column[i];
   }
@@ -171,14 +169,11 @@ static void over_sample(adjoint *a, const amb_kalman *kf, const amb_kalman_histo
                         int load, amb_real after)
 {
   const amb_model *model = &kf->model;
-  const size_t p = (size_t)amb_forces(model), m = (size_t)amb_sensors(model);
+  const size_t m = (size_t)amb_sensors(model);
   const amb_real *e = h->innovation + k * m, *S = h->variance + k * m;
   amb_stiffness stiffness[AMB_FORCES];
   bool any = false;
-  for (size_t f = 0; f < p; f++) {
-    stiffness[f].k_i = h->k_i[k * p + f];
-    stiffness[f].k_s = h->k_s[k * p + f];
-  }
+  amb_step_given(kf, h->k_i, h->k_s, k, stiffness);
   for (size_t r = 0; r < m; r++) {
     a->used[r] = (h->health[k * m + r] & AMB_UNUSED) == 0U;
     any = any || a->used[r];

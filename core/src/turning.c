@@ -82,9 +82,7 @@ void amb_turning_begin(const amb_turning *turning, const amb_kalman *from, amb_k
                        amb_real numbers[])
 {
   *kf = *from;
-  for (int i = 0; i < turning->numbers; i++) {
-    numbers[i] = turning->still[i];
-  }
+  amb_copy(turning->numbers, turning->still, numbers);
   amb_turning_point(turning, from, kf, numbers);
 }
 

@@ -38,11 +38,8 @@ static void multiply_out(int n, amb_ud_state *s)
 AMB_INLINE void factor(int n, const amb_real triangle[AMB_TRIANGLE], const amb_kalman *bounds,
                        amb_real *U, int stride, amb_real D[AMB_STATES])
 {
-  const int entries = amb_entry(n, n - 1, n);
   amb_real P[AMB_TRIANGLE];
-  for (int i = 0; i < entries; i++) {
-    P[i] = triangle[i];
-  }
+  amb_copy(amb_entry(n, n - 1, n), triangle, P);
   for (int j = n - 1; j >= 0; j--) {
     const bool bounded = bounds != NULL;
     const amb_real least = bounded ? (NOTHING * bounds->widest[j]) : AMB_C(0.0);
@@ -158,18 +155,6 @@ static void orthogonalise(const amb_kalman *kf, const amb_real weight[AMB_UD_COL
   }
 }
 
-/* What the linear transition makes of a column: of states, or of controls alone. */
-static void carry(const amb_model *model, const amb_stiffness k[AMB_FORCES],
-                  const amb_real iu[AMB_CONTROLS], amb_real column[AMB_STATES])
-{
-  amb_real F[AMB_FORCES];
-  for (int f = 0; f < amb_forces(model); f++) {
-    const amb_real i = amb_model_current(model, f, column, iu);
-    F[f] = k[f].k_i * i + k[f].k_s * amb_model_displacement(model, f, column);
-  }
-  amb_model_predict_mean(model, F, iu, column);
-}
-
 /* Eq. 10 on the factor. */
 static void predict_factor(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES], amb_ud_state *s)
 {
@@ -189,7 +174,7 @@ static void predict_factor(const amb_kalman *kf, const amb_stiffness k[AMB_FORCE
         column[i] = s->U[i][j];
       }
     }
-    carry(model, k, iu, column);
+    amb_step_carry(model, k, NULL, iu, column);
     for (int i = 0; i < n; i++) {
       s->W[i][j] = column[i];
     }
@@ -303,11 +288,5 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   return result->status;
 }
 
-static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
-                    amb_real mean[AMB_STATES])
-{
-  amb_extended_methods.advance(self, scale, iu, mean);
-}
-
-const amb_estimator_methods amb_ud_methods = {
-    sizeof(amb_ud_state), reset, predict, update, advance, NULL};
+const amb_estimator_methods amb_ud_methods = {sizeof(amb_ud_state), reset, predict, update,
+                                              amb_extended_advance, NULL};

@@ -2,12 +2,6 @@
 #include "ambkit/root.h"
 #include "kalman_step.h"
 
-static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
-                        const amb_real std[AMB_STATES])
-{
-  return amb_extended_methods.reset(self, state, mean, std);
-}
-
 /* Of the mean displacement of magnet f over the sample [m^2]: what a column of the covariance does
  * to it is a linear form, and so is that of these. */
 static amb_real displacement_variance(const amb_model *model, int f, const amb_real P[AMB_TRIANGLE])
@@ -87,17 +81,6 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   return result->status;
 }
 
-static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
-                         amb_kalman_result *result)
-{
-  return amb_extended_methods.update(self, state, y, result);
-}
-
-static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
-                    amb_real mean[AMB_STATES])
-{
-  amb_extended_methods.advance(self, scale, iu, mean);
-}
-
 const amb_estimator_methods amb_unscented_methods = {
-    sizeof(amb_kalman_state), reset, predict, update, advance, NULL};
+    sizeof(amb_kalman_state), amb_plain_reset,      predict,
+    amb_plain_update,         amb_extended_advance, NULL};

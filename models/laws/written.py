@@ -31,11 +31,11 @@ def declaration(law: Law) -> str:
         f"  {kind} {name}; /* {about} */\n" for kind, name, about in (*fields, *COMMON)
     )
     return _guarded(law, law.name, [
-        '#include "ambkit/magnet.h"\n', '#ifdef __cplusplus\nextern "C" {\n#endif\n',
+        '#include "ambkit/magnet.h"\n', "AMB_EXTERN_C_BEGIN\n",
         f"/* `self` of {law.prefix}_magnet. */",
         f"typedef struct {law.type} {{\n{struct}}} {law.type};\n",
         f"extern const amb_magnet_methods {law.prefix}_magnet;\n",
-        "#ifdef __cplusplus\n}\n#endif\n",
+        "AMB_EXTERN_C_END\n",
     ])  # fmt: skip
 
 
@@ -196,12 +196,14 @@ class {law.name.title()}Law(ForceLaw):
 def _function(law: Law, f: Function) -> str:
     check(law, f)
     values = {name: text for name, (text, _) in f.results.items()}
-    whole = " ".join([*(text for _, text in f.steps), *values.values()])
-    used = set(re.findall(r"[A-Za-z_]\w*", whole))
-    lines = [f"const amb_real {p} = law->{p};" for p in law.symbols if str(p) in used]
-    lines += [f"const amb_real {name} = {_c(text)};" for name, text in f.steps]
+    own = re.compile(rf"\b({'|'.join(map(str, law.symbols))})\b")
+
+    def c(text: str) -> str:
+        return own.sub(r"law->\1", _c(text))
+
+    lines = [f"const amb_real {name} = {c(text)};" for name, text in f.steps]
     lines += [
-        f"return {_c(text)};" if name == "return" else f"*{name} = {_c(text)};"
+        f"return {c(text)};" if name == "return" else f"*{name} = {c(text)};"
         for name, text in values.items()
     ]
     given = [f"const {law.type} *law", *(f"amb_real {s}" for s in (*f.more, iu, x))]

@@ -4,6 +4,7 @@
 
 #include "ambkit/estimator.h"
 #include "check.h"
+#include "src/kalman_step.h"
 #include <string.h>
 
 #define AXIS_STATES 4
@@ -125,7 +126,7 @@ static inline amb_real axis_current(const amb_kalman *kf, amb_kalman_state *s, a
 {
   const amb_real signal[AMB_CONTROLS] = {u};
   amb_real iu[AMB_CONTROLS];
-  *status = amb_kalman_currents(kf, s, signal, iu);
+  *status = amb_step_currents(kf, s, signal, iu);
   return iu[0];
 }
 
@@ -135,7 +136,7 @@ static inline amb_stiffness axis_stiffness(const amb_kalman *kf, const amb_magne
   const amb_real current[AMB_CONTROLS] = {iu};
   const amb_magnet magnets[AMB_FORCES] = {*magnet};
   amb_stiffness k[AMB_FORCES];
-  amb_kalman_stiffness(kf, magnets, current, mean, k);
+  amb_step_ask_all(kf, magnets, current, mean, k);
   return k[0];
 }
 

@@ -2,8 +2,8 @@
 #ifndef AMBKIT_TESTS_AXIS_NUMBERS_H
 #define AMBKIT_TESTS_AXIS_NUMBERS_H
 
+#include "../../bindings/axial_fields.h"
 #include "ambkit/real.h"
-#include "generated/axial_fields.h"
 
 typedef struct axis_numbers {
 #define AXIS_NUMBER(name) amb_real name

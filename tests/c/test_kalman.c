@@ -5,9 +5,8 @@
 static amb_status step(const amb_kalman *kf, const amb_magnet *magnet, amb_kalman_state *s,
                        amb_real y, amb_real u, amb_kalman_result *r)
 {
-  const amb_magnet magnets[AMB_FORCES] = {*magnet};
-  const amb_real measured[AMB_SENSORS] = {y}, acted[AMB_CONTROLS] = {u};
-  return amb_kalman_step(kf, magnets, s, measured, acted, r);
+  const amb_estimator e = {&amb_kalman_methods, kf, magnet, NULL};
+  return axis_step(&e, s, y, u, r);
 }
 
 static amb_kalman_state start(void)

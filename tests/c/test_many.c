@@ -3,6 +3,7 @@
 #include "ambkit/observer.h"
 #include "family.h"
 #include "lanes_run.h"
+#include "noise_drawn.h"
 #include "plant_axis.h"
 #include <math.h>
 
@@ -122,18 +123,21 @@ static void fill(one *o, size_t i, size_t n, const amb_estimator_methods *method
     CHECK(methods->reset(&e, &o->state[which], at_rest, std) == AMB_OK);
     run->loop = &o->loop;
     run->estimator = &o->state[which];
-    run->r = r;
-    run->f_d = f_d[i];
+    run->in.n = n;
+    run->in.off = n;
+    run->in.r = r;
+    run->in.load = f_d[i];
     run->key.seed = 7;
     run->key.run = i;
     run->std_u = 1e-3;
     run->std_y = (i == 2) ? 0.0 : 1e-5;
-    run->spans.first = 10;
-    run->spans.step_from = (n > 100) ? 60 : 0;
-    run->spans.step_to = (n > 100) ? n - 20 : 0;
-    run->spans.height = AMB_C(2e-4);
-    run->spans.load_from = (n > 100) ? 120 : n;
-    run->spans.band = AMB_C(5e-5);
+    run->windows.first = 10;
+    run->windows.step_from = (n > 100) ? 60.0 : 0.0;
+    run->windows.step_to = (n > 100) ? (double)(n - 20) : 0.0;
+    run->windows.height = 2e-4;
+    run->windows.there = 2e-4;
+    run->windows.load_from = (n > 100) ? 120.0 : (double)n;
+    run->windows.band = 5e-5;
     const amb_real x = 0, iu = AMB_C(0.5);
     amb_plant_settle(&o->loop.plant, &run->state.plant, &x, &iu);
     amb_pid_reset(&run->state.pid[0], AMB_C(0.5));
@@ -148,7 +152,7 @@ static void compare(const amb_estimator_methods *methods, const void *own, bool 
   for (size_t i = 0; i < runs; i++) {
     fill(&all[i], i, n, methods, own, fed_by_estimate);
     amb_loop_output to = output();
-    amb_many_alone(&all[i].run[0], n, noise[0], noise[1], touched, &to);
+    amb_many_alone(&all[i].run[0], noise[0], noise[1], touched, &to);
     beside[i] = &all[i].run[1];
   }
   if (amb_many_group(beside[0]) == 0U)
@@ -185,14 +189,14 @@ int main(void)
   }
   fill(&all[0], 0, SAMPLES, &amb_kalman_methods, NULL, true);
   amb_loop_output to = output();
-  amb_many_alone(&all[0].run[0], SAMPLES, noise[0], noise[1], touched, &to);
+  amb_many_alone(&all[0].run[0], noise[0], noise[1], touched, &to);
   const double *figures = all[0].run[0].figures;
   CHECK((figures[AMB_TOUCHED] == 0.0) && (figures[AMB_LOAD_KEPT] == 3.0));
   CHECK((figures[AMB_X_RMS] > 0.0) && (figures[AMB_X_RMS] < figures[AMB_X_PEAK]));
   fill(&all[0], 0, SAMPLES, &amb_kalman_methods, NULL, true);
   all[0].loop.estimator = NULL;
   all[0].loop.feedback_estimate = false;
-  amb_many_alone(&all[0].run[0], SAMPLES, noise[0], noise[1], touched, &to);
+  amb_many_alone(&all[0].run[0], noise[0], noise[1], touched, &to);
   CHECK(isnan(figures[AMB_X_RMS]) && (figures[AMB_CONTROL_RMS] > 0.0));
   return 0;
 }

@@ -24,9 +24,7 @@
 #include "ambkit/closed.h"
 #include "ambkit/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 typedef struct amb_adaline {
   amb_law law;             /* s0, i0, two_sided; its k is not used */
@@ -65,8 +63,6 @@ void amb_adaline_reset(amb_adaline_state *state, amb_real k);
 amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *state, amb_real y, amb_real u,
                             amb_real f_d);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -34,9 +34,7 @@
 #include "ambkit/multiple_model.h"
 #include "ambkit/ud.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* Samples after a start. */
 #define AMB_YOUNG 256U
@@ -81,8 +79,6 @@ extern const amb_estimator_methods amb_adaptive_noise_methods;
 /* The same around a filter that estimates the scale of the magnet's force. */
 extern const amb_estimator_methods amb_adaptive_noise_scale_methods;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -19,9 +19,7 @@
 #include "ambkit/estimator.h"
 #include "ambkit/excitation.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 typedef struct amb_augmented {
   amb_real bias[AMB_FORCES]; /* bias force of the known magnet, part of the settings' f_0 [N] */
@@ -43,8 +41,6 @@ typedef struct amb_augmented_state {
 
 extern const amb_estimator_methods amb_augmented_methods;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

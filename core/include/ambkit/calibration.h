@@ -13,9 +13,7 @@
 #include "ambkit/scaled.h"
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* What a number is of: its kind, and an index where there are several of the kind. */
 typedef enum amb_parameter {
@@ -100,8 +98,6 @@ const amb_control *amb_calibration_update(const amb_calibration_base *base,
  * has flipped since. Another amb_control must be that of an amb_calibration_kept with its sum. */
 const amb_control *amb_calibration_flown(const amb_calibration_base *base, amb_works_by *works_by);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -4,9 +4,7 @@
 
 #include "ambkit/magnet.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* `self` of amb_law_magnet. */
 typedef struct amb_law {
@@ -20,8 +18,6 @@ typedef struct amb_law {
 
 extern const amb_magnet_methods amb_law_magnet;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -17,9 +17,7 @@
 #include "ambkit/estimator.h"
 #include "ambkit/sequence.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* Sizes: n states, m readings, p axes, q PIDs. */
 typedef struct amb_control {
@@ -96,8 +94,6 @@ amb_status amb_control_step(const amb_control *control, amb_control_state *state
                             const amb_real y[AMB_SENSORS], const amb_real r[], amb_real speed,
                             bool fly, amb_control_output *out);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

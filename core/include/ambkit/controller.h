@@ -6,9 +6,7 @@
 #include "ambkit/real.h"
 #include "ambkit/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* The most sections behind a PID. */
 #ifndef AMB_SECTIONS
@@ -56,8 +54,6 @@ void amb_pid_reset(amb_pid_state *state, amb_real integral);
 amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, amb_real x,
                         const amb_real *velocity, amb_real *iu);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

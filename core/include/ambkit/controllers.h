@@ -16,9 +16,7 @@
 
 #include "ambkit/controller.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* A motion that goes round with the rotor and is left to it, with the currents that it needs: by
  * the `width` states of the unbalance u, from x[from] on, of the first `moved` states. Both are
@@ -82,8 +80,6 @@ amb_status amb_controllers_step(const amb_controllers *controllers, amb_pid_stat
                                 const amb_real r[], const amb_real x[], amb_real speed,
                                 amb_real iu[]);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -25,9 +25,7 @@
 
 #include "ambkit/kalman.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* Caps, beyond which a mean is none. */
 #define AMB_ASTRAY AMB_C(10.0)
@@ -63,8 +61,6 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state);
  * signals, stay. */
 void amb_envelope_restart(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

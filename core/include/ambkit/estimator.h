@@ -11,9 +11,7 @@
 
 #include "ambkit/kalman.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 typedef struct amb_estimator amb_estimator;
 
@@ -71,12 +69,20 @@ amb_status amb_estimator_step(const amb_estimator *estimator, void *state,
 amb_status amb_estimator_start(const amb_estimator *estimator, void *state,
                                const amb_real y[AMB_SENSORS], amb_kalman_result *result);
 
+/* The methods of those two that other kinds have as well. */
+amb_status amb_plain_reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
+                           const amb_real std[AMB_STATES]);
+amb_status amb_plain_update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
+                            amb_kalman_result *result);
+void amb_plain_advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
+                       amb_real mean[AMB_STATES]);
+void amb_extended_advance(const amb_estimator *self, amb_real scale,
+                          const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES]);
+
 /* The `advance` of kinds that estimate the magnets' scale: bias forces [N] go with it. */
 void amb_scaled_advance(const amb_estimator *self, const amb_real bias[AMB_FORCES], amb_real scale,
                         const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES]);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -5,9 +5,7 @@
 #include "ambkit/estimator.h"
 #include "ambkit/kalman_run.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* As amb_kalman_run, which serves the paper's filter: the first sample is only taken in. */
 amb_status amb_estimator_run(const amb_estimator *estimator, void *state,
@@ -25,8 +23,6 @@ void amb_estimator_forecast(const amb_estimator *estimator, amb_real scale,
                             const amb_real mean[AMB_STATES], const amb_real *u, size_t ahead,
                             amb_real y[AMB_SENSORS]);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -30,9 +30,7 @@
 
 #include "ambkit/kalman.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* Windows for the variances, and until they have forgotten the start. */
 #define AMB_LOAD_WINDOWS AMB_C(5.0)
@@ -93,8 +91,6 @@ void amb_excitation_hold(amb_excitation *e, const amb_kalman *kf);
 bool amb_excitation_learns(amb_excitation *e, const amb_excitation_settings *settings,
                            const amb_kalman *kf, const amb_real mean[AMB_STATES]);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -12,9 +12,7 @@
 
 #include "ambkit/magnet.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 #define AMB_FUZZY_MAX_RULES 64
 
@@ -46,8 +44,6 @@ extern const amb_magnet_methods amb_fuzzy_magnet;
 void amb_fuzzy_basis(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real iu, amb_real x,
                      amb_real *out);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -19,9 +19,7 @@
 #include "ambkit/model.h"
 #include "ambkit/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* A measurement beyond this many clearances cannot be the rotor: it counts as missing. */
 #define AMB_FAR AMB_C(10.0)
@@ -173,18 +171,6 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model,
 amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
                             const amb_real mean[AMB_STATES], const amb_real std[AMB_STATES]);
 
-/* Control currents [A] that the filter takes from control signals u [V]: the last good one where
- * one is not finite, held to their limits. Returns what happened. */
-amb_status amb_kalman_currents(const amb_kalman *kf, amb_kalman_state *state,
-                               const amb_real u[AMB_CONTROLS], amb_real iu[AMB_CONTROLS]);
-
-/* What the magnets say at the control currents iu [A] and a mean of the states, each at its current
- * and its displacement, which is held between the stops: beyond them the rotor cannot be, though an
- * estimate can. */
-void amb_kalman_stiffness(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
-                          const amb_real iu[AMB_CONTROLS], const amb_real mean[AMB_STATES],
-                          amb_stiffness k[AMB_FORCES]);
-
 /* Eq. 9, 10: one sample on, with the control currents iu [A] that acted and the stiffnesses.
  * Returns AMB_OK; AMB_HELD, perhaps with AMB_RESTARTED, where the envelope held it; or
  * AMB_BAD_PARAMETER with the state as it was, where a stiffness is not finite. */
@@ -195,21 +181,6 @@ amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state,
 amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state,
                              const amb_real y[AMB_SENSORS], amb_kalman_result *result);
 
-/* Fig. 8: stiffnesses of the magnets at the estimated displacements and the control currents, then
- * prediction with the control signals u_previous that acted since the last sample, u[k - 1], then
- * measurements y[k]. */
-amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
-                           amb_kalman_state *state, const amb_real y[AMB_SENSORS],
-                           const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result);
-
-/* The same with given stiffnesses. */
-amb_status amb_kalman_step_given(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES],
-                                 amb_kalman_state *state, const amb_real y[AMB_SENSORS],
-                                 const amb_real u_previous[AMB_CONTROLS],
-                                 amb_kalman_result *result);
-
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

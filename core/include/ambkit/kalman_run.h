@@ -4,9 +4,7 @@
 
 #include "ambkit/kalman.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* A whole record of n samples. u[k] acts from sample k to k + 1; the first sample is only taken in,
  * and not predicted. k_i, k_s: given stiffnesses, u[k] and k_i[k] belong together; or NULL, and the
@@ -42,8 +40,6 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
                           amb_kalman_state *state, const amb_kalman_input *input,
                           const amb_kalman_history *history);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

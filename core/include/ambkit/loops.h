@@ -7,10 +7,6 @@
 #include "ambkit/magnet.h"
 #include "ambkit/role.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* The most that a state has room for. An export has its own, just enough. */
 #ifndef AMB_STATES
 #define AMB_STATES 64
@@ -49,31 +45,6 @@ typedef struct amb_model {
   const unsigned char *role; /* [states], amb_role */
 } amb_model;
 
-static inline int amb_states(const amb_model *model)
-{
-  return model->states;
-}
-
-static inline int amb_forces(const amb_model *model)
-{
-  return model->forces;
-}
-
-static inline int amb_controls(const amb_model *model)
-{
-  return model->controls;
-}
-
-static inline int amb_sensors(const amb_model *model)
-{
-  return model->sensors;
-}
-
-static inline int amb_noises(const amb_model *model)
-{
-  return model->noises;
-}
-
 /* A row times a vector, from its first entry on. */
 static inline amb_real amb_sparse_times(const amb_sparse *A, const amb_real *value, int row,
                                         const amb_real x[])
@@ -85,6 +56,7 @@ static inline amb_real amb_sparse_times(const amb_sparse *A, const amb_real *val
   return sum;
 }
 
+/* Displacement [m] and current [A] of magnet f, means over the sample, which are linear forms. */
 static inline amb_real amb_model_displacement(const amb_model *model, int f, const amb_real mean[])
 {
   return amb_sparse_times(&model->h, model->h.value, f, mean);
@@ -100,32 +72,10 @@ static inline amb_real amb_model_current(const amb_model *model, int f, const am
   return sum;
 }
 
+/* What each state is. */
 static inline amb_role amb_model_role(const amb_model *model, int i)
 {
   return (amb_role)model->role[i];
 }
-
-void amb_model_predict_mean(const amb_model *model, const amb_real F[], const amb_real iu[],
-                            amb_real mean[]);
-void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
-                                  const amb_real k_ui[], const amb_real var_u[],
-                                  const amb_real growth[], amb_real cov[], amb_real work[]);
-amb_real amb_model_shown(const amb_model *model, int r, const amb_real mean[]);
-amb_real amb_model_shown_variance(const amb_model *model, int r, const amb_real cov[]);
-void amb_model_shown_with(const amb_model *model, int r, const amb_real cov[], amb_real with_y[]);
-void amb_model_variances(const amb_model *model, const amb_real cov[], amb_real variances[]);
-bool amb_model_sound(const amb_model *model, const amb_real cov[]);
-bool amb_model_known(const amb_model *model, const amb_real cov[], const amb_real widest[]);
-void amb_model_uncorrelated(const amb_model *model, const amb_real variances[], amb_real cov[]);
-void amb_model_update(const amb_model *model, int r, amb_real y, amb_real S, amb_real mean[],
-                      amb_real cov[], amb_real *innovation);
-void amb_model_pushed(const amb_model *model, int f, amb_real moved[]);
-void amb_model_growth(const amb_model *model, const amb_real var[], amb_real growth[]);
-bool amb_model_drives(const amb_model *model, int k, int i);
-void amb_model_equilibrium(const amb_model *model, amb_real mean[]);
-
-#ifdef __cplusplus
-}
-#endif
 
 #endif

@@ -11,9 +11,7 @@
 
 #include "ambkit/estimator.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* For one force, one control and one sensor. A reset refuses a model without position, velocity or
  * load, AMB_BAD_PARAMETER. */
@@ -32,8 +30,6 @@ typedef struct amb_low_pass_state {
 
 extern const amb_estimator_methods amb_low_pass_methods;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -15,9 +15,7 @@
 
 #include "ambkit/real.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 typedef struct amb_stiffness {
   amb_real k_i; /* [N/A] */
@@ -43,8 +41,6 @@ typedef struct amb_magnet {
 /* ---- Constant stiffness (paper, eq. 14): `self` is an amb_stiffness. ---- */
 extern const amb_magnet_methods amb_constant_magnet;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

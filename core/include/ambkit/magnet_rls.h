@@ -12,9 +12,7 @@
 #include "ambkit/adaline.h"
 #include "ambkit/rls.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 typedef struct amb_magnet_rls {
   amb_adaline front;   /* its first element; rate_k and least_excitation count for its own k */
@@ -41,8 +39,6 @@ amb_status amb_magnet_rls_reset(const amb_magnet_rls *m, amb_magnet_rls_state *s
 amb_status amb_magnet_rls_step(const amb_magnet_rls *m, amb_magnet_rls_state *state, amb_real y,
                                amb_real u, amb_real f_d);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -34,6 +34,43 @@
 #include "generated/model.h"
 #endif
 
+/* How many there are; where they are known, a constant. */
+#if defined(AMB_MODEL_LOOPS)
+#define AMB_COUNT(some, known) (some)
+#else
+#define AMB_COUNT(some, known) (known)
+#endif
+
+AMB_INLINE int amb_states(const amb_model *model)
+{
+  (void)model;
+  return AMB_COUNT(model->states, AMB_STATES);
+}
+
+AMB_INLINE int amb_forces(const amb_model *model)
+{
+  (void)model;
+  return AMB_COUNT(model->forces, AMB_FORCES);
+}
+
+AMB_INLINE int amb_controls(const amb_model *model)
+{
+  (void)model;
+  return AMB_COUNT(model->controls, AMB_CONTROLS);
+}
+
+AMB_INLINE int amb_sensors(const amb_model *model)
+{
+  (void)model;
+  return AMB_COUNT(model->sensors, AMB_SENSORS);
+}
+
+AMB_INLINE int amb_noises(const amb_model *model)
+{
+  (void)model;
+  return AMB_COUNT(model->noises, AMB_NOISES);
+}
+
 /* Force f, control c and sensor r, one after the other. Where there is only one, there is no loop:
  * compilers would keep what it touches in memory, and a filter is to live in registers. */
 #if !defined(AMB_MODEL_LOOPS) && (AMB_FORCES == 1)
@@ -87,44 +124,82 @@ AMB_INLINE int amb_first(const amb_model *model, amb_role role)
   return first;
 }
 
-/* ---- Each model has these; generated/axial.h and ambkit/loops.h.
- *
- * Displacement [m] and current [A] of magnet f, means over the sample, which are linear forms:
- *   amb_real amb_model_displacement(const amb_model *model, int f, const amb_real mean[]);
- *   amb_real amb_model_current(const amb_model *model, int f, const amb_real mean[],
- *                              const amb_real iu[]);
- * The mean one sample on (eq. 9); F: forces but for the riders [N]:
- *   void amb_model_predict_mean(const amb_model *model, const amb_real F[], const amb_real iu[],
- *                               amb_real mean[]);
- * The covariance (eq. 10); k: stiffnesses; k_ui [A/V] and var_u [V^2] of the controls:
- *   void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
- *                                     const amb_real k_ui[], const amb_real var_u[],
- *                                     const amb_real growth[], amb_real cov[], amb_real work[]);
- * What sensor r shows of a mean; the variance of that, and its covariance with all states:
- *   amb_real amb_model_shown(const amb_model *model, int r, const amb_real mean[]);
- *   amb_real amb_model_shown_variance(const amb_model *model, int r, const amb_real cov[]);
- *   void amb_model_shown_with(const amb_model *model, int r, const amb_real cov[],
- *                             amb_real with_y[]);
- * The variances of all states; whether they are such, and not negative or not a number; whether all
- * positions are known better than `widest`; and a covariance of variances alone, made positive:
- *   void amb_model_variances(const amb_model *model, const amb_real cov[], amb_real variances[]);
- *   bool amb_model_sound(const amb_model *model, const amb_real cov[]);
- *   bool amb_model_known(const amb_model *model, const amb_real cov[], const amb_real widest[]);
- *   void amb_model_uncorrelated(const amb_model *model, const amb_real variances[],
- *                               amb_real cov[]);
- * Take in a measurement of sensor r (eq. 11-13); S: variance of the innovation, which is that of
- * what the sensor shows and the measurement's own, and must be positive:
- *   void amb_model_update(const amb_model *model, int r, amb_real y, amb_real S, amb_real mean[],
- *                         amb_real cov[], amb_real *innovation);
- * How a force of 1 N at magnet f moves the states within a sample:
- *   void amb_model_pushed(const amb_model *model, int f, amb_real moved[]);
- * Covariance that noises of these variances leave in a sample, upper triangle:
- *   void amb_model_growth(const amb_model *model, const amb_real var[], amb_real growth[]);
- * Whether noise k drives state i within a sample:
- *   bool amb_model_drives(const amb_model *model, int k, int i);
- * What each state is, and AMB_SHOWN ones set to what they are at rest:
- *   amb_role amb_model_role(const amb_model *model, int i);
- *   void amb_model_equilibrium(const amb_model *model, amb_real mean[]);
- */
+/* ---- Each model has these, and ambkit/loops.h says more of its own; a model that is built in has
+ * them inline (generated/axial.h). ---- */
+#if defined(AMB_MODEL_LOOPS)
+AMB_EXTERN_C_BEGIN
+
+/* The mean one sample on (eq. 9); F: forces but for the riders [N]. */
+void amb_model_predict_mean(const amb_model *model, const amb_real F[], const amb_real iu[],
+                            amb_real mean[]);
+
+/* The covariance (eq. 10); k: stiffnesses; k_ui [A/V] and var_u [V^2] of the controls. */
+void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
+                                  const amb_real k_ui[], const amb_real var_u[],
+                                  const amb_real process_noise[], amb_real cov[], amb_real work[]);
+
+/* What sensor r shows of a mean; the variance of that, and its covariance with all states. */
+amb_real amb_model_shown(const amb_model *model, int r, const amb_real mean[]);
+amb_real amb_model_shown_variance(const amb_model *model, int r, const amb_real cov[]);
+void amb_model_shown_with(const amb_model *model, int r, const amb_real cov[], amb_real with_y[]);
+
+/* The variances of all states. */
+void amb_model_variances(const amb_model *model, const amb_real cov[], amb_real variances[]);
+
+/* Take in a measurement of sensor r (eq. 11-13); S: variance of the innovation, which is that of
+ * what the sensor shows and the measurement's own, and must be positive. */
+void amb_model_update(const amb_model *model, int r, amb_real y, amb_real S, amb_real mean[],
+                      amb_real cov[], amb_real *innovation);
+
+/* How a force of 1 N at magnet f moves the states within a sample. */
+void amb_model_pushed(const amb_model *model, int f, amb_real moved[]);
+
+/* Covariance that noises of these variances leave in a sample, upper triangle. */
+void amb_model_growth(const amb_model *model, const amb_real var[], amb_real process_noise[]);
+
+/* Whether noise k drives state i within a sample. */
+bool amb_model_drives(const amb_model *model, int k, int i);
+
+/* AMB_SHOWN states set to what they are at rest. */
+void amb_model_equilibrium(const amb_model *model, amb_real mean[]);
+
+AMB_EXTERN_C_END
+
+/* Whether variances are such, not negative and not a number; what a sensor shows is looked after by
+ * the update. */
+AMB_INLINE bool amb_model_sound(const amb_model *model, const amb_real cov[])
+{
+  bool sound = true;
+  for (int i = 0; i < amb_states(model); i++) {
+    const bool shown = amb_model_role(model, i) == AMB_SHOWN;
+    sound = sound && (shown || (cov[amb_entry(amb_states(model), i, i)] >= AMB_C(0.0)));
+  }
+  return sound;
+}
+
+/* Whether all positions are known better than this. */
+AMB_INLINE bool amb_model_known(const amb_model *model, const amb_real cov[],
+                                const amb_real widest[])
+{
+  bool known = true;
+  for (int i = 0; i < amb_states(model); i++) {
+    const bool position = amb_model_role(model, i) == AMB_POSITION;
+    known = known && (!position || (cov[amb_entry(amb_states(model), i, i)] <= widest[i]));
+  }
+  return known;
+}
+
+/* A covariance of these variances, made positive, and nothing else. */
+AMB_INLINE void amb_model_uncorrelated(const amb_model *model, const amb_real variances[],
+                                       amb_real cov[])
+{
+  for (int i = 0; i < amb_states(model); i++) {
+    for (int j = i; j < amb_states(model); j++) {
+      const amb_real variance = amb_magnitude(variances[i]);
+      cov[amb_entry(amb_states(model), i, j)] = (i == j) ? variance : AMB_C(0.0);
+    }
+  }
+}
+#endif
 
 #endif

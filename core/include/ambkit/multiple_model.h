@@ -20,9 +20,7 @@
 #include "ambkit/estimator.h"
 #include "ambkit/excitation.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 #define AMB_MODELS 5
 
@@ -50,8 +48,6 @@ typedef struct amb_multiple_model_state {
 
 extern const amb_estimator_methods amb_multiple_model_methods;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

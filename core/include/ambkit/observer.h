@@ -14,9 +14,7 @@
 
 #include "ambkit/estimator.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 typedef struct amb_observer {
   amb_real gain[AMB_SENSORS][AMB_STATES]; /* of each innovation, at the update */
@@ -28,8 +26,6 @@ typedef struct amb_observer {
 /* The covariance is the steady state's from the start on: a constant gain asks no other. */
 extern const amb_estimator_methods amb_observer_methods;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

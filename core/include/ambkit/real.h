@@ -17,7 +17,6 @@
 #endif
 typedef float amb_real;
 #define AMB_C(literal) literal##F
-#define AMB_PRINT "%.9g"
 #define AMB_REAL_MAX FLT_MAX
 #define AMB_REAL_MIN FLT_MIN
 #define AMB_REAL_ROOT 1.8446743e19F    /* its square is still finite */
@@ -28,7 +27,6 @@ typedef float amb_real;
 #endif
 typedef double amb_real;
 #define AMB_C(literal) literal
-#define AMB_PRINT "%.17g"
 #define AMB_REAL_MAX DBL_MAX
 #define AMB_REAL_MIN DBL_MIN
 #define AMB_REAL_ROOT 1.3407807929942596e154 /* its square is still finite */
@@ -43,6 +41,15 @@ typedef double amb_real;
 #define AMB_WITHIN(a, most) (__builtin_fabs(a) <= (most))
 #else
 #define AMB_WITHIN(a, most) (((a) == (a)) && ((a) >= -(most)) && ((a) <= (most)))
+#endif
+
+/* Around declarations that C++ may include too. */
+#ifdef __cplusplus
+#define AMB_EXTERN_C_BEGIN extern "C" {
+#define AMB_EXTERN_C_END }
+#else
+#define AMB_EXTERN_C_BEGIN
+#define AMB_EXTERN_C_END
 #endif
 
 /* For the pieces of a step, so that its state stays in registers. */
@@ -84,6 +91,30 @@ static inline amb_real amb_at_least(amb_real a, amb_real least)
 static inline amb_real amb_at_most(amb_real a, amb_real most)
 {
   return (a < most) ? a : most;
+}
+
+AMB_INLINE void amb_copy(int n, const amb_real from[], amb_real to[])
+{
+  for (int i = 0; i < n; i++) {
+    to[i] = from[i];
+  }
+}
+
+/* Whether magnitudes are within so many times these; false for what is not a number. */
+static inline bool amb_all_within(int n, const amb_real a[], amb_real times, const amb_real most[])
+{
+  bool within = true;
+  for (int i = 0; i < n; i++) {
+    within = within && (amb_magnitude(a[i]) <= (times * most[i]));
+  }
+  return within;
+}
+
+AMB_INLINE void amb_clear(int n, amb_real a[])
+{
+  for (int i = 0; i < n; i++) {
+    a[i] = AMB_C(0.0);
+  }
 }
 
 /* Standard deviation of a sensor's noise where it shows y [m], in parts of that in the middle: it

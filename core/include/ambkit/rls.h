@@ -17,9 +17,7 @@
 #include "ambkit/real.h"
 #include "ambkit/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 #define AMB_RLS_MAX 4
 #define AMB_RLS_TRIANGLE 10
@@ -48,8 +46,6 @@ amb_status amb_rls_reset(const amb_rls *rls, amb_rls_state *state, const amb_rea
  * the state as it was. */
 amb_status amb_rls_step(const amb_rls *rls, amb_rls_state *state, const amb_real phi[], amb_real y);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

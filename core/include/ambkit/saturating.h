@@ -5,9 +5,7 @@
 
 #include "ambkit/magnet.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* `self` of amb_saturating_magnet. */
 typedef struct amb_saturating_law {
@@ -23,8 +21,6 @@ typedef struct amb_saturating_law {
 
 extern const amb_magnet_methods amb_saturating_magnet;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

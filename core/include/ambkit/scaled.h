@@ -4,9 +4,7 @@
 
 #include "ambkit/magnet.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 typedef struct amb_scaled {
   amb_magnet of;
@@ -15,8 +13,6 @@ typedef struct amb_scaled {
 
 extern const amb_magnet_methods amb_scaled_magnet;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

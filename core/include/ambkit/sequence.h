@@ -5,9 +5,7 @@
 
 #include "ambkit/real.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 typedef enum amb_flight_mode {
   AMB_OFF,     /* no currents; the rotor lies in its touch-down bearing */
@@ -51,8 +49,6 @@ amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_sta
 /* The share of the way, without a jump of the velocity at its ends [1]. */
 amb_real amb_sequence_way(const amb_sequence_state *state);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

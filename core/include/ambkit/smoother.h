@@ -19,9 +19,7 @@
 
 #include "ambkit/kalman_run.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* Smooth n samples of a filter's history in place: mean and cov, which must not be NULL. Samples
  * that were not used add nothing. Where the filter stood still (AMB_HELD, AMB_BAD_PARAMETER) or had
@@ -29,8 +27,6 @@ extern "C" {
  * what was before. */
 void amb_smooth(const amb_kalman *kf, size_t n, const amb_kalman_history *history);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -8,9 +8,7 @@
 
 #include "ambkit/magnet.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* At a node. */
 typedef struct amb_force_node {
@@ -39,8 +37,6 @@ typedef struct amb_surface {
 
 extern const amb_magnet_methods amb_surface_magnet;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

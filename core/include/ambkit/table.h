@@ -4,9 +4,7 @@
 
 #include "ambkit/magnet.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* Node (r, c) is at x = x_min + r / per_metre, iu = iu_min + c / per_ampere. Reciprocal steps,
  * because a division takes a controller as long as fourteen multiplications. */
@@ -25,8 +23,6 @@ typedef struct amb_table {
 /* The table's values are the through-origin form; the tangent is theirs by the product rule. */
 extern const amb_magnet_methods amb_table_magnet;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

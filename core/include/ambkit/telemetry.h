@@ -16,9 +16,7 @@
 #include "ambkit/real.h"
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 #define AMB_TELEMETRY_SYNC ((((uint32_t)0x4642U) << 16) | 0x4D41U) /* the bytes "AMBF" */
 #define AMB_TELEMETRY_AROUND 5 /* words of a frame besides its numbers */
@@ -45,8 +43,6 @@ bool amb_telemetry_put(amb_telemetry *ring, uint32_t flags, const amb_real numbe
  * there is none. */
 bool amb_telemetry_take(amb_telemetry *ring, uint32_t frame[]);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -11,9 +11,7 @@
 
 #include "ambkit/kalman.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 typedef struct amb_turning {
   int nodes;                   /* >= 4 */
@@ -50,8 +48,6 @@ void amb_turning_point(const amb_turning *turning, const amb_kalman *from, amb_k
 void amb_turning_step(const amb_turning *turning, amb_kalman *kf, amb_real numbers[],
                       amb_real before, amb_real after);
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

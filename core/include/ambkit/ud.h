@@ -13,9 +13,7 @@
 
 #include "ambkit/estimator.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 /* Columns of what is made orthogonal: of A U, of each control's noise, and of the growth. */
 #define AMB_UD_COLUMNS (2 * AMB_STATES + AMB_CONTROLS)
@@ -29,8 +27,6 @@ typedef struct amb_ud_state {
 
 extern const amb_estimator_methods amb_ud_methods;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -20,9 +20,7 @@
 
 #include "ambkit/estimator.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+AMB_EXTERN_C_BEGIN
 
 typedef struct amb_unscented {
   amb_real reach;     /* c: how many standard deviations away the points lie [1], > 0 */
@@ -31,8 +29,6 @@ typedef struct amb_unscented {
 
 extern const amb_estimator_methods amb_unscented_methods;
 
-#ifdef __cplusplus
-}
-#endif
+AMB_EXTERN_C_END
 
 #endif

@@ -76,12 +76,6 @@ def header(
         "",
         struct(names),
         "#ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */",
-        "/* How many there are. */",
-        *(
-            f"AMB_INLINE int amb_{what.lower()}(const amb_model *model)\n"
-            f"{{\n  (void)model;\n  return AMB_{what};\n}}\n"
-            for what in counts
-        ),
         *([more] if more else []),
         *(function(names) for function in SCALAR),
         f"{steps.uncorrelated(names)}#endif\n",
@@ -93,7 +87,7 @@ def header(
 
 def fields(names: Names, *, stem: str, by: str) -> str:
     """Return a header with a macro that names each constant, for whoever asks for all."""
-    guard = f"AMBKIT_GENERATED_{stem.upper()}_FIELDS_H"
+    guard = f"AMBKIT_{stem.upper()}_FIELDS_H"
     listed = "; \\\n  ".join(f"FIELD({name})" for name in names.constants.values())
     return "\n".join([
         f"/* Each constant, for whoever asks for all. Written by {by}; do not edit. */",

@@ -1,6 +1,6 @@
 /* Each constant, for whoever asks for all. Written by `python -m models`; do not edit. */
-#ifndef AMBKIT_GENERATED_AXIAL_FIELDS_H
-#define AMBKIT_GENERATED_AXIAL_FIELDS_H
+#ifndef AMBKIT_AXIAL_FIELDS_H
+#define AMBKIT_AXIAL_FIELDS_H
 
 #define AMB_MODEL_FIELDS(FIELD)                                                                    \
   FIELD(T);                                                                                        \
