@@ -207,7 +207,7 @@ def _loops(model: Model) -> str:
         f"static const {one['type']} {one['name']}[] = {{{one['text']}}};"
         for one in c_literals.declared(held.arrays, "double")
     )
-    numbers = c_literals.struct(held.numbers, "double", {})
+    numbers = c_literals.struct(held.numbers, "double")
     return "\n".join([*listed, f"static const amb_model model = {numbers};"])
 
 

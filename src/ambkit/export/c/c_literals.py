@@ -79,10 +79,11 @@ def type_of(values: NDArray[Any]) -> str:
 
 
 def struct(
-    fields: Mapping[str, Any], precision: CPrecision, arrays: Mapping[str, str], path: str = ""
-) -> str:
+    fields: Mapping[str, Any], precision: CPrecision, arrays: Mapping[str, str] | None = None,
+    path: str = "",
+) -> str:  # fmt: skip
     """Write a struct as an initialiser with the names of its fields."""
-    level = path.count(".")
+    level, arrays = path.count("."), arrays or {}
     lines = []
     for name, value in fields.items():
         place = f"{path}{name}"

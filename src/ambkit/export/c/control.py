@@ -94,10 +94,7 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
     def at(key: str) -> Name:
         return elsewhere.get(key, Name(f"of_{key}" if key in array_fields else "NULL"))
 
-    pids = [
-        {"T": machine.sampling_time} | dict(zip(_PID, gains, strict=False))
-        for gains in fields["pid"]
-    ]
+    pids = [pid_fields(machine.sampling_time, gains) for gains in fields["pid"]]
     arrays |= _behind(pids, fields["pid"])
     states = len(fields["position"]) // len(pids)
     law = {"axes": len(machine.axes), "states": states, "pids": len(pids), "pid": Name("of_pid")}
@@ -116,6 +113,11 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
     return Structs(arrays, pids, let_turn, schedule, law, counts, control)
 
 
+def pid_fields(T: float, gains: Sequence[float]) -> dict[str, Any]:
+    """Return the fields of ``amb_pid``, without the sections behind it."""
+    return {"T": T} | dict(zip(_PID, gains, strict=False))
+
+
 def _behind(pids: list[dict[str, Any]], gains: Sequence[list[float]]) -> dict[str, Any]:
     """Point PIDs to the sections behind them, which are returned; {} where there are none."""
     all_: list[float] = []
@@ -127,13 +129,14 @@ def _behind(pids: list[dict[str, Any]], gains: Sequence[list[float]]) -> dict[st
     return {"of_section": np.array(all_, float)} if all_ else {}
 
 
-def _in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
+def in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
+    """Write all constants as C; what there is not, is empty."""
     structs = of._asdict()
     arrays, pids = structs.pop("arrays"), structs.pop("pids")
     return {
         "arrays": c_literals.declared(arrays, precision),
-        "pids": [c_literals.struct(pid, precision, {}) for pid in pids],
-    } | {k: c_literals.struct(item, precision, {}) if item else "" for k, item in structs.items()}
+        "pids": [c_literals.struct(pid, precision) for pid in pids],
+    } | {k: c_literals.struct(item, precision) if item else "" for k, item in structs.items()}
 
 
 def context(
@@ -151,7 +154,7 @@ def context(
         "current_bound": current_bound,
         "law_said": f"{scenario.controller.type}, fed by the {scenario.feedback}" if several
         else _said(controller),
-        "controller": _in_c(of, precision) | {
+        "controller": in_c(of, precision) | {
             "bias": c_literals.array(bias, precision)
             if several
             else c_literals.number(bias[0], precision),
@@ -170,12 +173,10 @@ def _levitated(controller: Controller, scenario: Scenario, precision: CPrecision
     """Return what the files of the self-test say."""
     tested = controller_test_cases.vectors(controller, scenario)
     fast_sequence, filter = controller_test_cases.fast_sequence(controller), controller.estimator
-    most = float(np.finfo(filter.precision).max)
 
     def listed(values: Array) -> str:
         result = controller_test_cases.with_infinite_inputs(values)
-        stood_in = np.nan_to_num(result, nan=most, posinf=most / 2, neginf=-most / 2)
-        return c_literals.array(stood_in.ravel(), precision)
+        return c_literals.array(test_vectors.with_stand_ins(result, precision).ravel(), precision)
 
     between, beyond = test_vectors.stops(filter)
     middle = np.ravel(filter.inputs.y.numbers(0.0))[0]
@@ -197,7 +198,7 @@ def _levitated(controller: Controller, scenario: Scenario, precision: CPrecision
         "mean": c_literals.array(tested.mean.ravel(), precision),
         "taken_with": c_literals.array(tested.transfer_currents, precision),
         "marks": c_literals.array(controller_test_cases.marks_of(tested), precision),
-        "quick": c_literals.struct({key: fast_sequence[key] for key in _COUNTS}, precision, {}),
+        "quick": c_literals.struct({key: fast_sequence[key] for key in _COUNTS}, precision),
         "settling": f"{fast_sequence['settling']}U",
         "places": c_literals.rows(np.vstack([between, beyond]), precision),
         "middle": c_literals.number(middle, precision),

@@ -15,7 +15,7 @@ from ambkit.data.signals import signal
 from ambkit.estimate.core_model import NODE
 from ambkit.estimate.estimate import Status
 from ambkit.export.c.snapshots import Snapshots, restorable, snapshots_of
-from ambkit.export.c.test_vectors import without_digits
+from ambkit.export.c.test_vectors import flag_rows, without_digits
 from ambkit.machine.machine import Machine
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Run, simulate_run
@@ -327,7 +327,4 @@ def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:
     for mode in Mode:
         rows.append((f"`AMB_{mode.name}`", f"{int((tested.mode == mode).sum())} samples"))
     rows.append(("a current at its limit", f"{tested.saturated} samples"))
-    counts = {flag.name: int(((tested.status & flag) != 0).sum()) for flag in Status}
-    rows += [(f"`AMB_{name}`", f"{count} samples") for name, count in counts.items() if count]
-    never = [f"`AMB_{name}`" for name, count in counts.items() if not count]
-    return [*rows, ("flags that are not raised", ", ".join(never) or "none")]
+    return [*rows, *flag_rows(tested.status)]

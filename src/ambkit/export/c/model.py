@@ -64,9 +64,8 @@ def loop_model(model: Model) -> CModel:
         if isinstance(value, int):
             fields[name] = value
         elif isinstance(value, tuple):
-            parts = dict(zip(("start", "column", "value"), value, strict=True))
-            held |= {f"model_{name}_{part}": _array(at, part) for part, at in parts.items()}
-            fields[name] = Name("{" + ", ".join(f"model_{name}_{part}" for part in parts) + "}")
+            fields[name], parts = sparse(f"model_{name}", value)
+            held |= parts
         else:
             held[f"model_{name}"] = _array(value, name)
             fields[name] = Name(f"model_{name}")
@@ -102,6 +101,13 @@ def turning(of: CModel, nodes: Nodes) -> CModel:
     return of._replace(
         sources=(*of.sources, "src/turning.c"), numbers=numbers, arrays=arrays, turning=node_fields
     )
+
+
+def sparse(name: str, rows: Sequence[Any]) -> tuple[Name, dict[str, NDArray[Any]]]:
+    """Return a matrix by its rows as a struct, and the arrays that it points to."""
+    parts = dict(zip(("start", "column", "value"), rows, strict=True))
+    arrays = {f"{name}_{part}": _array(at, part) for part, at in parts.items()}
+    return Name("{" + ", ".join(arrays) + "}"), arrays
 
 
 def _array(values: Sequence[float], what: str) -> NDArray[Any]:

@@ -240,7 +240,7 @@ def _turning(
     fields = of_model.turning
     if fields is None or speeds is None:
         return None
-    text = c_literals.struct(fields, precision, {})
+    text = c_literals.struct(fields, precision)
     ends = dict(zip(("slowest", "fastest"), (f"{speed:.6g}" for speed in speeds), strict=True))
     return {"numbers": fields["numbers"], "text": text} | ends
 

@@ -140,18 +140,22 @@ def coverage(tested: Vectors, filter: Estimator) -> list[tuple[str, str]]:
     for k, (name, unit) in enumerate((("k_i", "N/A"), ("k_s", "N/m"))):
         of = tested.expected[:, 2 * n + k * forces : 2 * n + (k + 1) * forces]
         rows.append((f"`{name}`", f"{of.min():.4g} to {of.max():.4g} {unit}"))
-    never = []
-    for flag in Status:
-        result = int(((tested.status & flag) != 0).sum())
-        never += [] if result else [f"`AMB_{flag.name}`"]
-        rows += [(f"`AMB_{flag.name}`", f"{result} samples")] if result else []
-    rows.append(("to be fed back", f"{int(tested.feed_back.sum())} samples"))
+    *flags, never = flag_rows(tested.status)
+    rows += [*flags, ("to be fed back", f"{int(tested.feed_back.sum())} samples")]
     if tested.amplified.any():
         amplified = (
             f"{int(tested.amplified.sum())} samples, compared where each bit must be the same"
         )
         rows.append(("rounding is amplified", amplified))
-    return [*rows, ("flags that are not raised", ", ".join(never) or "none")]
+    return [*rows, never]
+
+
+def flag_rows(status: NDArray[np.uint16]) -> list[tuple[str, str]]:
+    """Return in how many samples each flag is raised, and last those that never are."""
+    counts = {f"`AMB_{flag.name}`": int(((status & flag) != 0).sum()) for flag in Status}
+    rows = [(name, f"{count} samples") for name, count in counts.items() if count]
+    never = ", ".join(name for name, count in counts.items() if not count)
+    return [*rows, ("flags that are not raised", never or "none")]
 
 
 def context(tested: Vectors, filter: Estimator, precision: CPrecision) -> dict[str, Any]:
@@ -163,8 +167,8 @@ def context(tested: Vectors, filter: Estimator, precision: CPrecision) -> dict[s
     return {
         "steps": len(tested.y),
         "columns": tested.expected.shape[1],
-        "y": c_literals.array(_with_stand_ins(tested.y, precision), precision),
-        "u": c_literals.array(_with_stand_ins(tested.u, precision), precision),
+        "y": c_literals.array(with_stand_ins(tested.y, precision), precision),
+        "u": c_literals.array(with_stand_ins(tested.u, precision), precision),
         "told": c_literals.array(tested.expected, precision),
         "status": c_literals.array(tested.status, precision),
         "health": c_literals.array(tested.health, precision),
@@ -174,7 +178,7 @@ def context(tested: Vectors, filter: Estimator, precision: CPrecision) -> dict[s
     }
 
 
-def _with_stand_ins(values: Array, precision: CPrecision) -> Array:
+def with_stand_ins(values: Array, precision: CPrecision) -> Array:
     """Return numbers, and what the vectors have instead of what C has no literal for."""
     most = float(np.finfo(np.float32 if precision == "float" else np.float64).max)
     return np.nan_to_num(values, nan=most, posinf=most / 2, neginf=-most / 2)

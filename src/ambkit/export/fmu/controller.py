@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.base.errors import AmbkitError
 from ambkit.control.controller_states import Controller
 from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import c_literals, control
@@ -61,7 +60,8 @@ def controller_data(of: ControllerStart, precision: CPrecision) -> dict[str, Any
     integral = controller.integrals(current, nothing)
     by_current = [controller.integrals(current + at, nothing) - integral for at in parts]
     by_place = [controller.integrals(current, at) - integral for at in parts]
-    fields = structs.control | {"estimator": Name("NULL")}
+    structs = structs._replace(control=structs.control | {"estimator": Name("NULL")})
+    law = control.in_c(structs, precision)
     arrays = {
         "integral": integral,
         "integral_by_current": np.column_stack(by_current).ravel(),
@@ -70,12 +70,9 @@ def controller_data(of: ControllerStart, precision: CPrecision) -> dict[str, Any
         "bias": np.array([item.magnet.bias_current for item in controller.plant.isolated]),
     }
     return {
-        "law": _law(structs, precision),
+        "law": law,
         "flown": {
-            "sequence": c_literals.struct(structs.sequence, precision, {})
-            if structs.sequence
-            else None,
-            "control": c_literals.struct(fields, precision, {}),
+            **{key: law[key] for key in ("sequence", "control")},
             "levitated": of.levitated,
             "coils": of.coils,
             "turning": not controller.plant.machine.single,
@@ -86,30 +83,11 @@ def controller_data(of: ControllerStart, precision: CPrecision) -> dict[str, Any
 
 def law_data(controller: Controller) -> dict[str, Any]:
     """Return what the data file says of a controller alone, that an estimator elsewhere feeds."""
-    if controller.sequence is not None:
-        raise AmbkitError(
-            "kind controller has no lift-off: use kind whole-controller, or remove "
-            "[sequence] out of the scenario"
-        )
     structs = control.structs(controller, "amb_data")
     gains = [c_literals.number(b.amplifier.gain, "double") for b in controller.plant.isolated]
     speed_input = not controller.plant.machine.single
-    return {
-        "law": _law(structs, "double", alone=True) | {"speed_input": speed_input},
-        "k_ui": gains,
-    }
-
-
-def _law(structs: control.Structs, precision: CPrecision, *, alone: bool = False) -> dict[str, Any]:
-    text = c_literals.struct(structs.law, precision, {})
-    pids = [c_literals.struct(pid, precision, {}) for pid in structs.pids]
-    schedule = c_literals.struct(structs.schedule, precision, {}) if structs.schedule else ""
-    named = "".join([text, schedule, *pids])
-    arrays = {name: array for name, array in structs.arrays.items() if not alone or name in named}
-    return {
-        "arrays": c_literals.declared(arrays, precision),
-        "pids": pids,
-        "let_turn": c_literals.struct(structs.let_turn, precision, {}) if structs.let_turn else "",
-        "schedule": schedule,
-        "text": text,
-    }
+    law = control.in_c(structs, "double")
+    named = "".join([law["law"], law["schedule"], *law["pids"]])
+    arrays = {name: array for name, array in structs.arrays.items() if name in named}
+    law |= {"arrays": c_literals.declared(arrays, "double"), "speed_input": speed_input}
+    return {"law": law, "k_ui": gains}

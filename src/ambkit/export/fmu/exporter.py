@@ -128,23 +128,16 @@ class _Parts(NamedTuple):
 
 
 def _parts(kind: Kind, machine: Any, filter: Estimator, scenario: Scenario) -> _Parts:
+    more = start_data.has_more_than_pid(filter.machine, scenario)
     match kind:
         case "estimator":
             return _estimator(filter)
         case "plant":
             return _plant(machine, scenario)
         case "closed-loop":
-            return (
-                _whole_loop(filter, scenario)
-                if start_data.has_more_than_pid(filter.machine, scenario)
-                else _loop(filter, scenario)
-            )
+            return _whole_loop(filter, scenario) if more else _loop(filter, scenario)
         case "controller":
-            return (
-                _regulator(filter, scenario)
-                if start_data.has_more_than_pid(filter.machine, scenario)
-                else _pid(machine, scenario)
-            )
+            return _regulator(filter, scenario) if more else _pid(machine, scenario)
         case "whole-controller":
             return _whole(filter, scenario)
 

@@ -12,7 +12,7 @@ from ambkit.base.arrays import Array
 from ambkit.control.controller_states import lies_at
 from ambkit.export.c import c_literals
 from ambkit.export.c.c_literals import Name
-from ambkit.export.c.model import BUILT_IN, CModel
+from ambkit.export.c.model import BUILT_IN, CModel, sparse
 from ambkit.export.fmu import variables
 from ambkit.export.fmu.sources import magnet_data
 from ambkit.machine.force_laws import isolated_axes
@@ -82,8 +82,8 @@ def rig_data(machine: Machine, start: RigStart) -> dict[str, Any]:
         ],
         "arrays": c_literals.declared(arrays, "double"),
         "structs": plant.structs,
-        "plant": c_literals.struct(plant.fields, "double", {}),
-        "text": c_literals.struct(fields, "double", {}),
+        "plant": c_literals.struct(plant.fields, "double"),
+        "text": c_literals.struct(fields, "double"),
     }
 
 
@@ -146,12 +146,8 @@ def _plant_fields(fields_of_plant: dict[str, Any]) -> _PlantFields:
             fields[_STRUCTS[name]] = Name(f"rig_{name}")
             structs.append(("amb_parts", f"rig_{name}[{len(texts)}]", _listed(texts)))
         elif isinstance(value, tuple):
-            of = dict(zip(("start", "column", "value"), value, strict=True))
-            arrays |= {
-                f"rig_{name}_{part}": np.array(at or [0], float if part == "value" else np.uint16)
-                for part, at in of.items()
-            }
-            fields[name] = Name("{" + ", ".join(f"rig_{name}_{part}" for part in of) + "}")
+            fields[name], parts = sparse(f"rig_{name}", value)
+            arrays |= parts
         elif isinstance(value, list):
             integer = all(isinstance(item, int) for item in value)
             arrays[f"rig_{name}"] = np.array(value or [0], np.int32 if integer else float)
@@ -161,7 +157,7 @@ def _plant_fields(fields_of_plant: dict[str, Any]) -> _PlantFields:
     stops = [_parts(ring["stop"]) for ring in fields_of_plant["rings"]]
     structs.append(("amb_parts", f"rig_stop[{len(stops)}]", _listed(stops)))
     rings = [
-        c_literals.struct(ring | {"stop": Name(f"&rig_stop[{k}]")}, "double", {})
+        c_literals.struct(ring | {"stop": Name(f"&rig_stop[{k}]")}, "double")
         for k, ring in enumerate(fields_of_plant["rings"])
     ]
     structs.append(("amb_ring", f"rig_ring[{len(rings)}]", _listed(rings)))

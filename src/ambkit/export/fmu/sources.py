@@ -13,10 +13,11 @@ import numpy as np
 
 from ambkit.base import escaping
 from ambkit.base.arrays import Array
+from ambkit.control.controllers import gains_of
 from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.export import core_sources
-from ambkit.export.c import c_literals, exported
+from ambkit.export.c import c_literals, control, exported
 from ambkit.export.c.c_literals import CPrecision, Kind
 from ambkit.export.c.model import LOOPS, CModel, c_model
 from ambkit.export.fmu.xml import Fmi, Model
@@ -158,11 +159,7 @@ def description_files(kind: str, model: Model) -> dict[str, str]:
 
 def filter_data(filter: Estimator) -> dict[str, Any]:
     """Return what the data file says of an estimator."""
-    in_core, precision, of_model = (
-        c_literals.called(filter),
-        precision_of(filter),
-        c_model(filter),
-    )
+    precision, of_model = precision_of(filter), c_model(filter)
     magnets = [
         magnet_data(held, f"magnet_{k}", precision)
         for k, held in enumerate(exported.magnets_of(filter))
@@ -171,8 +168,8 @@ def filter_data(filter: Estimator) -> dict[str, Any]:
         "magnets": magnets,
         "settings": c_literals.struct_with_arrays(filter.core.parameters["set"], precision),
         "arrays": c_literals.declared(of_model.arrays, precision),
-        "model": c_literals.struct(of_model.numbers, precision, {}),
-        "in_core": in_core,
+        "model": c_literals.struct(of_model.numbers, precision),
+        "in_core": c_literals.called(filter),
         "own": c_literals.own(filter, precision),
         "std": c_literals.array(np.asarray(filter.default_std()), precision),
         **{name: c_literals.array(start, precision) for name, start in _starts(filter).items()},
@@ -224,18 +221,9 @@ def magnet_data(held: Any, name: str, precision: CPrecision = "double") -> dict[
 
 def pid_data(bearing: Machine, controller: PID) -> str:
     """Return a PID as an initialiser."""
-    fields = {
-        "T": bearing.sampling_time,
-        "kp": controller.kp,
-        "ki": controller.ki,
-        "kd": controller.kd,
-        "T_f": controller.derivative_filter,
-        "T_t": controller.anti_windup,
-        "weight": controller.setpoint_weight,
-        "iu_min": bearing.current_min,
-        "iu_max": bearing.current_max,
-    }
-    return c_literals.struct(fields, "double", {})
+    T = bearing.sampling_time
+    gains = gains_of(controller, T, bearing.current_min, bearing.current_max)
+    return c_literals.struct(control.pid_fields(T, gains), "double")
 
 
 def rendered(template: str, context: dict[str, Any]) -> str:

@@ -66,7 +66,9 @@ def model_description(model: Model, fmi: Fmi) -> str:
     )
     if model.rates:
         _interface(root, "ModelExchange", model, fmi, {})
-    _co_simulation(root, model, fmi)
+    own = {"canHandleVariableCommunicationStepSize": "true"}
+    own |= {"fixedInternalStepSize": _text(model.sampling_time)} if fmi == 3 else {}
+    _interface(root, "CoSimulation", model, fmi, own)
     _units(root, model.variables)
     categories = ElementTree.SubElement(root, "LogCategories")
     for name, text in _LOG.items():
@@ -96,13 +98,6 @@ def build_description(model: Model) -> str:
     return written(root)
 
 
-def _co_simulation(root: ElementTree.Element, model: Model, fmi: Fmi) -> None:
-    own = {"canHandleVariableCommunicationStepSize": "true"}
-    if fmi == 3:
-        own["fixedInternalStepSize"] = _text(model.sampling_time)
-    _interface(root, "CoSimulation", model, fmi, own)
-
-
 def _interface(
     root: ElementTree.Element, name: str, model: Model, fmi: Fmi, own: Mapping[str, str]
 ) -> None:
@@ -113,10 +108,9 @@ def _interface(
         f"canGetAndSet{state}": "true",
         f"canSerialize{state}": "true",
     }
-    if fmi == 2:
-        attributes["canNotUseMemoryManagementFunctions"] = "true"
     element = ElementTree.SubElement(root, name, attributes)
     if fmi == 2:
+        element.set("canNotUseMemoryManagementFunctions", "true")
         files = ElementTree.SubElement(element, "SourceFiles")
         for name in model.sources:
             ElementTree.SubElement(files, "File", name=name)
@@ -134,10 +128,9 @@ def _units(root: ElementTree.Element, variables: Sequence[Variable]) -> None:
 
 def _common(reference: int, variable: Variable) -> dict[str, str]:
     """Attributes of a variable that both versions have."""
-    discrete = variable.held or variable.integer
-    variability = {"fixed": "fixed", "tunable": "tunable"}.get(
-        variable.role, "discrete" if discrete else "continuous"
-    )
+    variability: str = variable.role
+    if variability not in ("fixed", "tunable"):
+        variability = "discrete" if variable.held or variable.integer else "continuous"
     attributes = {
         "name": variable.name,
         "valueReference": str(reference),
