@@ -113,7 +113,9 @@ def is_default(control: Control) -> bool:
 def settled(
     machine: Machine, control: Control, feedback: Feedback, max_speed: float = 0.0
 ) -> Control:
-    """Return controllers with their type, chosen where it is not given; held or not."""
+    """Return controllers with their type, of a single axis with all gains; held or not."""
+    if machine.single:
+        control = control.fed_by(control.feedback or feedback).completed(machine.isolated_axis(""))
     if control.type is not None:
         return control
     if not is_default(control):

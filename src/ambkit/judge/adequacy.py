@@ -103,5 +103,4 @@ def _control_of(plant: Any, scenario: Scenario | None) -> tuple[Any, bool, bool]
     if scenario is None:
         return None, False, True
     own_control = bool(scenario.controller.model_fields_set - {"feedback"})
-    control = scenario.controller if plant.single else control_of(plant, scenario)
-    return control, own_control, feedback_of(scenario) == "estimate"
+    return control_of(plant, scenario), own_control, feedback_of(scenario) == "estimate"

@@ -300,10 +300,6 @@ def control_of(machine: Machine, scenario: Scenario) -> Control:
 
 def settled_scenario(machine: Machine, scenario: Scenario) -> Scenario:
     """Return a scenario with controllers and feedback chosen where they are not stated."""
-    if machine.single:
-        made = scenario.controller.completed(machine.isolated_axis(""))
-        same = made is scenario.controller
-        return scenario if same else scenario.model_copy(update={"controller": made})
     if is_default(scenario.controller):
         result = default_for(machine, scenario)
         if not result.held:

@@ -18,7 +18,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.base.threads import one_thread
 from ambkit.control.control import Control
-from ambkit.control.default_control import default_control
+from ambkit.control.default_control import default_control, settled
 from ambkit.control.held_loop import overshoot
 from ambkit.control.pid import GAINS, PID
 from ambkit.data.channel_map import ChannelMap
@@ -72,7 +72,7 @@ def control_for(bearing: Machine) -> Control:
         for name, pid in parts.items()
     }
     written = control.model_copy(update={"pid": pids, "feedback": "estimate"})
-    return written.completed(machine.isolated_axis("")) if bearing.single else written
+    return settled(machine, written, "estimate")
 
 
 def objections_to_loop(loop: AssessedLoop, peak_limit: float | None) -> Sequence[str]:

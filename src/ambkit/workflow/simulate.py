@@ -106,8 +106,6 @@ def scenario_for(
         full_scenario = full_scenario.fed("measurement")
     axes = tuple(axis.name for axis in machine.axes)
     check_for(full_scenario, machine)
-    if machine.single:
-        full_scenario = settled_scenario(machine, full_scenario)
     if duration is not None:
         full_scenario = full_scenario.replace(duration=duration)
     if reference is not None:

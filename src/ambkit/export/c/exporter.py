@@ -238,8 +238,7 @@ def _controller(
     if not machine.single:
         tested = settled_scenario(machine, scenario)
         return controller, tested.model_copy(update={"sequence": sequence})
-    pid = controller.pid
-    law = Control(type=pid.type or "decentralised", feedback=pid.feedback)
+    law = Control(type=controller.pid.type, feedback=controller.pid.feedback)
     return controller, Scenario(controller=law, sequence=sequence, seed=scenario.seed)
 
 

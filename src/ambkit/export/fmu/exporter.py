@@ -30,7 +30,7 @@ from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.result.result import Statement
-from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import Scenario, settled_scenario
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def export_fmu(
     # FMUs are for co-simulation. A plant without a dead time is for model exchange too: its
     # importer integrates it, and its outputs follow at any time.
     of_type(Machine, bearing=bearing)
-    machine = short = bearing.short
+    machine = bearing.short
     if kind not in (known := get_args(Kind)):
         raise AmbkitError(f"there is no FMU of kind {kind!r}; known: {', '.join(known)}")
     if precision == "float" and kind not in ("estimator", "whole-controller"):
@@ -97,12 +97,12 @@ def export_fmu(
     if kind != "plant":
         require_adequate(filter_, bearing, scenario, force=force)
     what = scenario or Scenario()
-    if short.single:
-        what = what.model_copy(update={"controller": what.controller.completed(machine)})
+    if kind in ("closed-loop", "controller"):
+        what = settled_scenario(machine, what)
     parts = _parts(kind, machine, filter_, what)
-    made = _content(short, kind, fmi, parts, token="")
+    made = _content(machine, kind, fmi, parts, token="")
     token = _token(made.files)
-    made = _content(short, kind, fmi, parts, token)
+    made = _content(machine, kind, fmi, parts, token)
     binaries = compiler.binaries(
         made.in_sources, made.model.sources, made.model.identifier, fmi, everywhere=everywhere
     )
