@@ -10,7 +10,6 @@ from machine_cases import PRESETS, made, uncoupled
 import ambkit
 from ambkit import Machine
 from ambkit.assessment.assess import MEASUREMENT
-from ambkit.assessment.speed_sweep import assess_over_speed
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint
@@ -248,7 +247,7 @@ def test_lqg_of_a_machine_stands_beside_the_loops():
 @pytest.mark.long
 def test_the_verdict_on_a_machine(tmp_path):
     found = ambkit.assess(UFU, "linear")
-    over = assess_over_speed(UFU, "linear", fastest="6000 rpm", count=3)
+    over = ambkit.assess_speed(UFU, "linear", fastest="6000 rpm", count=3)
     assert all(row.kept is not False for row in [*found.rows, *over.rows])
     rows = {row.key: row for row in found.rows if row.of == "linear"}
     assert rows["largest_singular_value"].value == found.loops["linear"].largest[0]
@@ -283,7 +282,7 @@ def test_voltage_and_copper_of_a_machine():
         assert at.demands.capacity.voltage is not None
         least = 2.0 * 2 * (1.0 + iu**2)
         assert least < at.demands.copper_loss < 1.2 * least
-    over = assess_over_speed(wired, "linear", fastest="12000 rpm", count=4)
+    over = ambkit.assess_speed(wired, "linear", fastest="12000 rpm", count=4)
     assert over.voltage.shape == (4, 4)
     assert over.voltage[0] == pytest.approx(2.0 * (1 + np.abs(LoopOf(wired).point.iu)) / 30.0)
     assert (over.voltage[-1] > over.voltage[0]).all()

@@ -8,7 +8,6 @@ from machine_cases import made
 
 import ambkit
 from ambkit import Machine
-from ambkit.assessment.speed_sweep import assess_over_speed
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.linear.steady_state_filter import estimator_at
@@ -24,7 +23,7 @@ UFU = Machine.preset("ufu_rig")
 @pytest.mark.long
 def test_over_speed_goes_through_the_machines_own():
     own = UFU.model_copy(update={"speed": 600.0})
-    over = assess_over_speed(own, "linear", fastest=1200.0, count=3)
+    over = ambkit.assess_speed(own, "linear", fastest=1200.0, count=3)
     found = ambkit.assess(own, "linear").loops["linear"]
     assert over.speed == pytest.approx([0.0, 600.0, 1200.0])
     assert over.peaks[1] == pytest.approx([at.peak for at in found.axes.values()], rel=1e-6)
@@ -60,9 +59,9 @@ def test_a_filter_over_speed_is_told_the_speed():
     ({"count": 1}, "count must be 2"),
     ({"filter": ["linear", "extended"]}, "give one filter, not 2"),
     ({"filter": "observer"}, "takes one axis"),
-    ({"load": {"Z": 3.0}}, "no axis Z"),
-    ({"load": {"A1": 1e6}}, "holds the rotor"),
+    ({"disturbance": {"Z": 3.0}}, "no axis Z"),
+    ({"disturbance": {"A1": 1e6}}, "holds the rotor"),
 ])  # fmt: skip
 def test_refusals(options, message):
     with pytest.raises(AmbkitError, match=message):
-        assess_over_speed(UFU, **options)
+        ambkit.assess_speed(UFU, **options)

@@ -11,10 +11,9 @@ from unittest import mock
 import numpy as np
 import pytest
 
+import ambkit
 from ambkit import KalmanFilter, Machine, Scenario, campbell, simulate
-from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
-from ambkit.assessment.speed_sweep import assess_over_speed
 from ambkit.control.control import Control
 from ambkit.control.default_control import default_control
 from ambkit.control.linear.linear_plant import unbalance_columns
@@ -84,7 +83,7 @@ def chosen() -> Machine:
 
 @pytest.fixture(scope="module")
 def assessment(one_mode: Machine) -> Assessment:
-    return assess(one_mode)
+    return ambkit.assess(one_mode, "none")
 
 
 def compared(machine: Machine) -> Reduction:
@@ -225,7 +224,7 @@ def test_what_flies_is_judged_by_all_modes(one_mode: Machine) -> None:
     assert kept.sentence.startswith("1 of 128 bending modes kept, against all")
     assert kept.value > kept.limit == 0.01
     assert not kept.fatal
-    over = assess_over_speed(one_mode, fastest=100.0, count=2)
+    over = ambkit.assess_speed(one_mode, "none", fastest=100.0, count=2)
     assert any(note.startswith("1 of 128 bending modes kept") for note in over.notes)
 
 

@@ -10,18 +10,17 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.assessment.arguments import disturbance_argument, filter_arguments
+from ambkit.assessment.arguments import LoopArguments, filter_arguments
 from ambkit.assessment.assess import MEASUREMENT, assess
 from ambkit.assessment.loop import AssessedAxis, AssessedLoop
 from ambkit.assessment.sensitivity_figure import sweep_figure
 from ambkit.base.arrays import Array, Complex
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.threads import one_thread
 from ambkit.base.units import engineering, percent
 from ambkit.control.control import as_control
 from ambkit.control.linear.closed_loop import Loop
-from ambkit.control.pid import PID
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
@@ -166,25 +165,22 @@ class Sweep(Result):
 
 @one_thread()
 def sweep(
-    bearing: Machine,
-    filter: Any = None,
-    controller: PID | None = None,
+    arguments: LoopArguments,
     *,
     amplitudes: Sequence[Given] | None = None,
     kind: Kind = "multisine",
     axis: str | None = None,
-    x: Given = 0.0,
-    load: Given | Mapping[str, Given] = 0.0,
     orbit: Given | bool = False,
 ) -> Sweep:
     """Sweep the simulated loop through the summing point at its measurement."""
-    of_type(Machine, bearing=bearing)
     if kind not in get_args(Kind):
         raise AmbkitError(f"kind must be one of {', '.join(get_args(Kind))}, is {kind!r}")
-    of, name, loop = _linear(bearing, filter, controller, x, load, orbit)
+    of, name, loop = _linear(arguments, orbit)
     chosen = axis or (of.axes[0] if loop is None or loop.worst is None else loop.worst.name)
     if chosen not in of.axes:
-        raise AmbkitError(f"{bearing.name} has no axis {chosen}; there are {', '.join(of.axes)}")
+        raise AmbkitError(
+            f"{arguments.machine.name} has no axis {chosen}; there are {', '.join(of.axes)}"
+        )
     at = of.axes.index(chosen)
     levels = [part * of.isolated[at].magnet.air_gap for part in AMPLITUDES]
     if amplitudes is not None:
@@ -192,27 +188,25 @@ def sweep(
     for level in levels:
         if not (math.isfinite(level) and level > 0):
             raise AmbkitError(f"an amplitude must be greater than 0 m, is {level:g} m")
-    rig = _Rig(of, filter, None if loop is None else loop.loop, at)
-    rig.disturb(in_si("x", x, "m"), disturbance_argument(bearing, load))
+    rig = _Rig(of, arguments.filters, None if loop is None else loop.loop, at)
+    rig.disturb(arguments.position, arguments.disturbance)
     if loop is None:
         rig.check()
     run = {"multisine": rig.multisine, "stepped-sine": rig.stepped}[kind]
     return Sweep(of.machine.short, at, kind, name, loop, tuple(map(run, levels)), of.top)
 
 
-def _linear(
-    bearing: Machine, filter: Any, controller: PID | None, x: Any, load: Any, orbit: Any
-) -> tuple[LoopOf, str, AssessedLoop | None]:
+def _linear(arguments: LoopArguments, orbit: Any) -> tuple[LoopOf, str, AssessedLoop | None]:
     """Return what is swept, what feeds its controllers, and its linear model, if it has one."""
+    machine, filters, controller, x, load = arguments
     if controller is not None and as_control(controller).custom:
         if orbit is not False:
             raise AmbkitError("orbit: is linearised, which a controller in Python cannot be")
-        of = LoopOf(bearing, controller, in_si("x", x, "m"), disturbance_argument(bearing, load))
-        return of, next(iter(filter_arguments(filter, bearing)), MEASUREMENT), None
-    result = assess(bearing, filter, controller, x=x, load=load, orbit=orbit)
+        return LoopOf(machine, controller, x, load), next(iter(filters), MEASUREMENT), None
+    result = assess(arguments, orbit=orbit)
     name, loop = list(result.loops.items())[-1]
     if loop.worst is None:
-        raise AmbkitError(f"{bearing.name}, controller fed by {name}: the loop is not stable")
+        raise AmbkitError(f"{machine.name}, controller fed by {name}: the loop is not stable")
     return loop.of, name, loop
 
 

@@ -68,8 +68,8 @@ NONE = "none"
 """Name of the filter of a loop that has none."""
 
 
-class LoopGiven(NamedTuple):
-    """What is in a closed loop that a caller named."""
+class LoopArguments(NamedTuple):
+    """A closed loop: its machine, filters, controllers and operating point."""
 
     machine: Machine
     filters: dict[str, Estimator]
@@ -77,16 +77,16 @@ class LoopGiven(NamedTuple):
     position: float  #: Along the axes [m].
     disturbance: Mapping[str, float]  #: By the names of the axes [N].
 
-    def one(self) -> LoopGiven:
+    def one(self) -> LoopArguments:
         """Refuse several filters for what is of one loop."""
         if len(self.filters) > 1:
             raise AmbkitError(f"this is of one loop: give one filter, not {len(self.filters)}")
         return self
 
 
-def loop_given(
-    machine: Any, filter: Any, controller: Any, position: Any, disturbance: Any
-) -> LoopGiven:
+def loop_arguments(
+    machine: Any, filter: Any, controller: Any, position: Any = 0.0, disturbance: Any = None
+) -> LoopArguments:
     """Return machine, filters and controller; the file of a filter gives the first two."""
     if is_filter(machine):
         if filter is not None:
@@ -106,7 +106,7 @@ def loop_given(
     forces = dict(constant)
     if disturbance:
         forces |= disturbance_argument(plant, disturbance)
-    return LoopGiven(plant, filters, control, in_si("position", position, "m"), forces)
+    return LoopArguments(plant, filters, control, in_si("position", position, "m"), forces)
 
 
 class TuningGiven(NamedTuple):

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from ambkit.assessment.arguments import disturbance_argument, filter_arguments
+from ambkit.assessment.arguments import LoopArguments
 from ambkit.assessment.assessment import HINF, LQG, Assessment
 from ambkit.assessment.loop import AssessedLoop, assessed
 from ambkit.base.arrays import Complex
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given, in_si, of_type
+from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.threads import one_thread
 from ambkit.base.units import engineering
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, Orbit
-from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge.loop.capacity import of_unbalance, orbit, pairs_of
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 
 TURNS, SAME = 60, 1e-6
@@ -146,25 +142,10 @@ MEASUREMENT = "measurement"
 
 @one_thread()
 def assess(
-    bearing: Machine,
-    filter: Estimator
-    | str
-    | os.PathLike[str]
-    | Sequence[Estimator | str | os.PathLike[str]]
-    | Mapping[str, Estimator]
-    | None = None,
-    controller: PID | None = None,
-    *,
-    x: Given = 0.0,
-    load: Given | Mapping[str, Given] = 0.0,
-    lqg: bool = False,
-    hinf: bool = False,
-    orbit: Given | bool = False,
+    loop: LoopArguments, *, lqg: bool = False, hinf: bool = False, orbit: Given | bool = False
 ) -> Assessment:
     """Assess a loop as ISO 14839-3 looks at it: broken at the measurement, filter and all."""
-    of_type(Machine, bearing=bearing)
-    of = LoopOf(bearing, controller, in_si("x", x, "m"), disturbance_argument(bearing, load))
-    estimators = filter_arguments(filter, bearing)
+    of = LoopOf(loop.machine, loop.controller, loop.position, loop.disturbance)
     amplitude = None if isinstance(orbit, bool) else in_si("orbit", orbit, "m")
 
     def fed_by(name: str, estimator: Estimator | None) -> AssessedLoop:
@@ -174,13 +155,13 @@ def assess(
     loops = {}
     if not of.needs_estimate:
         loops[MEASUREMENT] = fed_by(MEASUREMENT, None)
-    elif not estimators:
+    elif not loop.filters:
         raise AmbkitError(
-            f"{bearing.name}: these controllers are fed by an estimate: give a filter"
+            f"{loop.machine.name}: these controllers are fed by an estimate: give a filter"
         )
     if lqg:
         loops[LQG] = assessed(LQG, of.lqg(), of)
     if hinf:
         loops[HINF] = assessed(HINF, of.hinf(), of)
-    loops |= {name: fed_by(name, item) for name, item in estimators.items()}
-    return Assessment(of, estimators, of.least(), loops)
+    loops |= {name: fed_by(name, item) for name, item in loop.filters.items()}
+    return Assessment(of, loop.filters, of.least(), loops)

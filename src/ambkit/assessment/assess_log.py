@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ambkit.assessment.arguments import LoopArguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.assessment_figure import Curves
@@ -15,10 +16,7 @@ from ambkit.assessment.rows import of_loop
 from ambkit.assessment.sensitivity_figure import measured_figure
 from ambkit.base.arrays import Complex
 from ambkit.base.errors import RecordError
-from ambkit.base.quantity_arguments import Given, of_type
 from ambkit.base.units import engineering
-from ambkit.control.control import Control
-from ambkit.control.pid import PID
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.machine_model import View
@@ -156,25 +154,15 @@ class AssessedLog(Result):
         return [measured_figure(title, self.measured, models, zones=ZONES, top=self.top)]
 
 
-def assess_log(
-    record: Record,
-    bearing: Machine | None = None,
-    filter: Any = None,
-    controller: PID | Control | None = None,
-    *,
-    logged: Logged = "after",
-    x: Given = 0.0,
-    load: Given | Mapping[str, Given] = 0.0,
-) -> AssessedLog:
+def assess_log(record: Record, loop: LoopArguments | None, logged: Logged) -> AssessedLog:
     """Assess a loop by a record in which a signal was added to its measurement."""
-    of_type(Record, record=record)
     axis = 0
-    if bearing is not None and not bearing.single:
-        axis, record = of_one_axis(record, bearing)
+    if loop is not None and not loop.machine.single:
+        axis, record = of_one_axis(record, loop.machine)
     result = measured_sensitivity(record, logged)
-    speed = None if bearing is None else bearing.speed
+    speed = None if loop is None else loop.machine.speed
     top = end_of_range(result.sampling_time, speed)
-    model = None if bearing is None else assess(bearing, filter, controller, x=x, load=load)
+    model = None if loop is None else assess(loop)
     inside = result.frequency <= top
     size = np.where(inside, np.abs(result.sensitivity), -np.inf)
     at = int(size.argmax())

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ambkit.assessment.arguments import filter_arguments
+from ambkit.assessment.arguments import NONE, filter_arguments, loop_arguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assess_log import of_one_axis
 from ambkit.base.arrays import Array
@@ -219,7 +219,7 @@ class _Experiment:
     ) -> None:  # fmt: skip
         scenario = self.scenario = settled_scenario(bearing, scenario.replace(noise=True))
         self.filter = (filter or "linear") if scenario.feedback == "estimate" else None
-        result = assess(bearing, self.filter, scenario.controller)
+        result = assess(loop_arguments(bearing, self.filter or NONE, scenario.controller))
         self.bearing: Any = result.bearing
         self.T, self.n = self.bearing.sampling_time, samples(bearing, scenario)
         self.t = self.T * np.arange(self.n)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -11,16 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.assessment.arguments import disturbance_argument, filter_arguments
+from ambkit.assessment.arguments import LoopArguments
 from ambkit.assessment.assess import MEASUREMENT, on_orbit
 from ambkit.assessment.speed_sweep_figure import over_speed_figure, run_up_figure
 from ambkit.base import units
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given, of_type
+from ambkit.base.quantity_arguments import Given
 from ambkit.base.threads import one_thread
 from ambkit.control.linear.closed_loop import Loop
-from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge.loop.capacity import (
     ROOM,
@@ -212,19 +211,16 @@ class OverSpeed(Result):
 
 @one_thread()
 def assess_over_speed(
-    machine: Machine,
-    filter: Any = None,
-    controller: PID | None = None,
+    arguments: LoopArguments,
     *,
     fastest: Given | None = None,
     count: int = COUNT,
-    load: Mapping[str, Given] | None = None,
     orbit: bool = False,
     apart: Sequence[Separation] | None = None,
 ) -> OverSpeed:
     """Look at a machine's loop over its speed of rotation, whose gyroscopics change it."""
     # apart: of the same loop, where it is known.
-    of_type(Machine, machine=machine)
+    machine = arguments.machine
     fastest, limit = max_speed(machine, fastest), math.pi / machine.sampling_time
     if not fastest < limit:
         raise AmbkitError(
@@ -233,13 +229,8 @@ def assess_over_speed(
         )
     if count < 2:
         raise AmbkitError(f"count must be 2 or more, is {count}")
-    estimators = filter_arguments(filter, machine)
-    if len(estimators) > 1:
-        raise AmbkitError(
-            f"one loop is looked at over speed: give one filter, not {len(estimators)}"
-        )
-    ((name, estimator),) = estimators.items() or [(MEASUREMENT, None)]
-    run = _Run(machine, estimator, controller, disturbance_argument(machine, load), orbit, fastest)
+    ((name, estimator),) = arguments.filters.items() or [(MEASUREMENT, None)]
+    run = _Run(arguments, estimator, orbit, fastest)
     speeds = np.linspace(0.0, fastest, count)
     parts = zip(*(run.at(float(speed)) for speed in speeds), strict=True)
     peaks, largest, poles, far, current, volts, warm = parts
@@ -269,21 +260,16 @@ class _Run:
     """A machine and its loop at one speed after the other."""
 
     def __init__(
-        self,
-        machine: Machine,
-        fed_by: Estimator | None,
-        controller: PID | None,
-        load: Any,
-        orbit: bool,
-        max_speed: float,
+        self, arguments: LoopArguments, fed_by: Estimator | None, orbit: bool, max_speed: float
     ) -> None:
+        machine = arguments.machine
         planes = tuple(
             Unbalance(place=place, amount=amount, angle=angle)
             for place, amount, angle in machine.unbalances()
         )
         self.machine = machine.model_copy(update={"unbalance": planes})
         self.fed_by, self.orbit = fed_by, orbit
-        of = LoopOf(self.machine, controller, load=load)
+        of = LoopOf(self.machine, arguments.controller, load=arguments.disturbance)
         self.point, self.axes = of.point, of.axes
         self.of = of.with_controllers(fed_by, max_speed)
 

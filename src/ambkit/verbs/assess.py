@@ -78,11 +78,10 @@ def assess(
     $ ambkit assess filter.toml --disturbance "5 N" --json
     """
     from ambkit.assessment import assess
-    from ambkit.assessment.arguments import given_orbit, loop_given
+    from ambkit.assessment.arguments import given_orbit, loop_arguments
 
-    loop = loop_given(machine, filter, controller, position, disturbance)
     return assess.assess(
-        loop.machine, loop.filters, loop.controller, x=loop.position, load=loop.disturbance,
+        loop_arguments(machine, filter, controller, position, disturbance),
         lqg="lqg" in beside, hinf="hinf" in beside, orbit=given_orbit(orbit),
     )  # fmt: skip
 
@@ -133,14 +132,13 @@ def assess_sweep(
     $ ambkit assess sweep my.toml --amplitudes "1 um" --amplitudes "20 um" --plot sweep.png
     """
     from ambkit.assessment import amplitude_sweep
-    from ambkit.assessment.arguments import given_orbit, loop_given
+    from ambkit.assessment.arguments import given_orbit, loop_arguments
 
-    loop = loop_given(machine, filter, controller, position, disturbance).one()
+    loop = loop_arguments(machine, filter, controller, position, disturbance).one()
     with progress("sweeping"):
         return amplitude_sweep.sweep(
-            loop.machine, loop.filters, loop.controller, amplitudes=amplitudes or None, kind=kind,
-            axis=axis, x=loop.position, load=loop.disturbance, orbit=given_orbit(orbit),
-        )  # fmt: skip
+            loop, amplitudes=amplitudes or None, kind=kind, axis=axis, orbit=given_orbit(orbit)
+        )
 
 
 def assess_speed(
@@ -186,14 +184,13 @@ def assess_speed(
     $ ambkit assess speed tum_mlps --fastest "30000 rpm" --plot over-speed.png
     """
     from ambkit.assessment import speed_sweep
-    from ambkit.assessment.arguments import loop_given
+    from ambkit.assessment.arguments import loop_arguments
 
-    loop = loop_given(machine, filter, controller, 0.0, disturbance).one()
+    loop = loop_arguments(machine, filter, controller, 0.0, disturbance).one()
     with progress("looking at one speed after the other"):
         return speed_sweep.assess_over_speed(
-            loop.machine, loop.filters, loop.controller, fastest=fastest, count=count,
-            load=loop.disturbance, orbit=orbit is not None,
-        )  # fmt: skip
+            loop, fastest=fastest, count=count, orbit=orbit is not None
+        )
 
 
 def assess_log(
@@ -241,15 +238,12 @@ def assess_log(
     $ ambkit assess log injected.csv --machine my.toml --plot measured.png
     """
     from ambkit.assessment import assess_log
-    from ambkit.assessment.arguments import loop_given, record_argument
+    from ambkit.assessment.arguments import loop_arguments, record_argument
 
     log_record = record_argument(record, channels, window)
-    if machine is None:
-        if filter is not None or controller is not None:
-            raise AmbkitError("filter and controller need a machine")
-        return assess_log.assess_log(log_record, logged=logged)
-    loop = loop_given(machine, filter, controller, position, disturbance)
-    return assess_log.assess_log(
-        log_record, loop.machine, loop.filters, loop.controller, logged=logged, x=loop.position,
-        load=loop.disturbance,
+    if machine is None and not (filter is None and controller is None):
+        raise AmbkitError("filter and controller need a machine")
+    loop = None if machine is None else loop_arguments(
+        machine, filter, controller, position, disturbance
     )  # fmt: skip
+    return assess_log.assess_log(log_record, loop, logged)

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ambkit.assessment.arguments import inputs_argument, record_arguments
+from ambkit.assessment.arguments import inputs_argument, loop_arguments, record_arguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.loop import AssessedLoop
@@ -166,15 +166,14 @@ def _assessed(
     note: Callable[[str], None],
 ) -> Assessment:  # fmt: skip
     """Assess a loop; of a stable one write the verdict, over speed too where the rotor turns."""
-    assessed = assess(machine, {kind: filter}, control)
+    loop = loop_arguments(machine, {kind: filter}, control)
+    assessed = assess(loop)
     if not assessed.loops[kind].stable:
         return assessed
     pages: list[Any] = [assessed]
     if machine.rotor.type != "mass":
         note("looking at one speed after the other")
-        pages.append(
-            assess_over_speed(machine, {kind: filter}, control, apart=assessed.separations)
-        )
+        pages.append(assess_over_speed(loop, apart=assessed.separations))
     write_result(pages, place / "verdict.html")
     return assessed
 
