@@ -137,27 +137,20 @@ class Plan:
     def fingerprint(self) -> str:
         """Hash of all that the rows follow from, files that the study names among it."""
         named = [self.study.estimator, *map(str, self._choices("estimator"))]
-        described, named_there = self._described_nominal()
+        of, files_of = self.nominal, {"magnet": {*FILES}}
+        without: Any = files_of | {"bearing": {"__all__": files_of}, "rotor": {"file"}}
+        named_there = [getattr(item.magnet, name) for item in of.bearings for name in FILES]
+        named_there.append(getattr(of.rotor, "file", None))
         content = {
             "study": self.described.model_dump(
                 mode="json", exclude={"name", "description", "stop", "bearing", "machine"}
             ),
-            "bearing": described,
+            "bearing": of.model_dump(mode="json", exclude=without),
             "filters": [files.sha256(name) for name in named if name.endswith(FILTER_SUFFIX)],
             "force_map": [files.sha256(item) for item in named_there if item is not None],
         }
         text = json_text(_without_folders(content), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
-
-    def _described_nominal(self) -> tuple[dict[str, Any], list[Any]]:
-        """Return the nominal machine without the files that it names, and these."""
-        of = self.nominal
-        files_of = {"magnet": {*FILES}}
-        without: Any = files_of | {"bearing": {"__all__": files_of}, "rotor": {"file"}}
-        magnets = [item.magnet for item in of.bearings]
-        named = [getattr(magnet, name) for magnet in magnets for name in FILES]
-        described = of.model_dump(mode="json", exclude=without)
-        return described, [*named, getattr(of.rotor, "file", None)]
 
     @cached_property
     def described(self) -> Study:

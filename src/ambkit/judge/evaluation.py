@@ -201,7 +201,7 @@ def logged_predictions(
         ways["x_logged and v_logged"] = record["v_logged"]
     return {
         name: {
-            ahead: _error((x + ahead * T * slope)[:-ahead], record, ahead, first)
+            ahead: rms((record["y"][ahead:] - (x + ahead * T * slope)[:-ahead])[first:])
             for ahead in horizons
         }
         for name, slope in ways.items()
@@ -226,11 +226,6 @@ def _last_measured(y: Array) -> Array:
     """Return y (n, readings) with each missing sample instead of the last that was not."""
     at = np.where(np.isnan(y), 0, np.arange(len(y))[:, None])
     return np.take_along_axis(y, np.maximum.accumulate(at, axis=0), axis=0)
-
-
-def _error(predicted: Array, record: Record, ahead: int, first: int) -> float:
-    """RMS error of predictions made from sample `first` on; missing measurements do not count."""
-    return rms((record["y"][ahead:] - predicted)[first:])
 
 
 def _mean_nis(innovation: Array, variance: Array) -> float:

@@ -170,7 +170,7 @@ def of_loop(
     return (
         TIME,
         *_references(machine),
-        *_fly_input(start),
+        *((FLY,) if _lifts(start) else ()),
         *_outside(machine),
         *_noises(machine),
         *_truth(machine),
@@ -178,7 +178,7 @@ def of_loop(
         *per_name("u", "output", "V", "control signal", axes, held=True),
         *_forced(machine),
         *_estimates("estimate.", filter),
-        *_mode(start),
+        *((MODE,) if _lifts(start) else ()),
         *_rig(machine, [0.0] if start is None else start.place.tolist()),
         *_variances(filter),
         *(
@@ -203,14 +203,14 @@ def of_whole(filter: Estimator, loop_controller: ControllerStart) -> tuple[Varia
         TIME,
         *_readings(machine),
         *_references(machine, limit="losable"),
-        *_fly_input(loop_controller),
+        *((FLY,) if _lifts(loop_controller) else ()),
         *_speed(machine),
         replace(coils[0], first="coil_0"), *coils[1:],
         *per_name("u", "output", "V", "control signal", axes, held=True),
         *per_name("iu", "output", "A", demanded, axes, held=True),
         Variable("on", "output", "1", "1 where there are currents, else 0", held=True),
         Variable("status", "output", "", "sum of flags, of estimator and controller", held=True),
-        *_mode(loop_controller),
+        *((MODE,) if _lifts(loop_controller) else ()),
         *_estimates("estimate.", filter),
         *_variances(filter),
         *per_name("start_position", "fixed", "m", "displacement at the start", axes,
@@ -222,17 +222,14 @@ def of_whole(filter: Estimator, loop_controller: ControllerStart) -> tuple[Varia
 AT = ("the coil towards +x", "the other coil")  #: The two coils of a pair.
 
 
-def _fly_input(loop_controller: ControllerStart | None) -> list[Variable]:
-    if loop_controller is None or loop_controller.controller.sequence is None:
-        return []
-    return [Variable("fly", "input", "1", "whether it is to fly: from 0.5 on", 1.0)]
+FLY = Variable("fly", "input", "1", "whether it is to fly: from 0.5 on", 1.0)
+MODES = "0 off, 1 waiting, 2 lifting, 3 flying, 4 landing, 5 tripped"
+MODE = Variable("mode", "output", "", MODES, held=True)
 
 
-def _mode(loop_controller: ControllerStart | None) -> list[Variable]:
-    if loop_controller is None or loop_controller.controller.sequence is None:
-        return []
-    about = "0 off, 1 waiting, 2 lifting, 3 flying, 4 landing, 5 tripped"
-    return [Variable("mode", "output", "", about, held=True)]
+def _lifts(start: ControllerStart | None) -> bool:
+    """Whether a controller lifts the rotor off."""
+    return start is not None and start.controller.sequence is not None
 
 
 def of_regulator(controller: Controller, current: Array) -> tuple[Variable, ...]:
