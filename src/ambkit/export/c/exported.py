@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.arrays import Array
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core_sources
 from ambkit.export.c import (
@@ -99,6 +100,35 @@ class Export:
             return {}
         return control.context(self.controller, self.scenario, self.name, self.precision)
 
+    @property
+    def kalman(self) -> dict[str, Any]:
+        """The structs of the filter that the core holds; its settings alone where C makes them."""
+        parameters: dict[str, Any] = self.filter.core.parameters
+        return parameters["set"] if self.editable else parameters | {"model": self.of_model.numbers}
+
+    @cached_property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays of model and magnets by their names in C, in the order of the data file."""
+        magnets = {
+            self.array_names(k)[path]: values
+            for k, magnet in enumerate(self.magnets)
+            for path, values in c_literals.arrays_of(magnet.parameters).items()
+        }
+        return self.of_model.arrays | magnets
+
+    def array_names(self, k: int) -> dict[str, str]:
+        """Return the C names of the arrays of the k-th magnet, by the paths of their fields."""
+        of, parameters = f"of_{k}_" if self.several else "", self.magnets[k].parameters
+        return {path: of + path.replace(".", "_") for path in c_literals.arrays_of(parameters)}
+
+    @cached_property
+    def start(self) -> dict[str, Array]:
+        """Where a machine's filter starts, and what each reading adds."""
+        constant, by_reading = self.filter.view.start_form(
+            self.filter.states, self.filter.levitation_current
+        )
+        return {"start": constant, "start_by": by_reading.ravel()}
+
     @cached_property
     def core_files(self) -> dict[str, str]:
         """The core's own files."""
@@ -133,49 +163,41 @@ class Export:
         return ("selftest/main.c", *(f"selftest/{file}" for file in of_test))
 
 
-def data_context(
-    filter: Estimator,
-    magnet: Magnet,
-    kind: Kind,
-    precision: CPrecision,
-    of_model: model.CModel,
-    *,
-    editable: bool,
-) -> dict[str, Any]:
+def data_context(export: Export) -> dict[str, Any]:
     """Return what the data file says: the structs that the core holds, as initialisers."""
-    kalman = filter.core.parameters | {"model": of_model.numbers}
-    if editable:
-        kalman = kalman["set"]
+    precision, magnets = export.precision, magnets_in_c(export)
     return {
-        "kalman": c_literals.struct_with_arrays(kalman, precision),
-        "std": c_literals.array(np.asarray(filter.default_std()), precision),
-        "magnet": c_literals.struct(magnet.parameters, precision, _names(magnet, None)),
-        "magnet_type": kind.type,
-        "magnet_methods": kind.methods,
-        "arrays": c_literals.declared(of_model.arrays | _arrays_of_magnets(filter), precision),
+        "kalman": c_literals.struct_with_arrays(export.kalman, precision),
+        "std": c_literals.array(np.asarray(export.filter.default_std()), precision),
+        "magnet": magnets[0]["text"],
+        "magnet_type": magnets[0]["type"],
+        "magnet_methods": magnets[0]["methods"],
+        "arrays": c_literals.declared(export.arrays, precision),
     }
 
 
-def several(
-    filter: Estimator, magnets: list[Magnet], kinds: list[Kind], precision: CPrecision
-) -> dict[str, Any]:
+def magnets_in_c(export: Export) -> list[dict[str, str]]:
+    """Return type, methods and initialiser of each magnet."""
+    return [
+        {
+            "type": kind.type,
+            "methods": kind.methods,
+            "text": c_literals.struct(magnet.parameters, export.precision, export.array_names(k)),
+        }
+        for k, (magnet, kind) in enumerate(zip(export.magnets, export.kinds, strict=True))
+    ]
+
+
+def several(export: Export) -> dict[str, Any]:
     """Return what only the export of a machine has."""
-    view = filter.view
-    constant, by_reading = view.start_form(filter.states, filter.levitation_current)
+    machine = export.filter.machine
+    start = {name: c_literals.array(at, export.precision) for name, at in export.start.items()}
     return {
-        "axes": [axis.name for axis in view.machine.axes],
-        "readings": [r.name for r in view.machine.readings],
-        "headers": sorted({f"{kind.source}.h" for kind in kinds}),
-        "start": c_literals.array(constant, precision),
-        "start_by": c_literals.array(by_reading.ravel(), precision),
-        "magnets": [
-            {
-                "type": kind.type,
-                "methods": kind.methods,
-                "text": c_literals.struct(magnet.parameters, precision, _names(magnet, k)),
-            }
-            for k, (magnet, kind) in enumerate(zip(magnets, kinds, strict=True))
-        ],
+        "axes": [axis.name for axis in machine.axes],
+        "readings": [r.name for r in machine.readings],
+        "headers": sorted({f"{kind.source}.h" for kind in export.kinds}),
+        **start,
+        "magnets": magnets_in_c(export),
     }
 
 
@@ -206,59 +228,28 @@ def magnets_of(filter: Estimator) -> list[Magnet]:
     return held if isinstance(held, list) else [held]
 
 
-def _names(magnet: Magnet, k: int | None) -> dict[str, str]:
-    """Return the C names of the arrays of the k-th magnet, by the paths of their fields."""
-    of = "" if k is None else f"of_{k}_"
-    return {path: of + path.replace(".", "_") for path in c_literals.arrays_of(magnet.parameters)}
-
-
-def _arrays_of_magnets(filter: Estimator) -> dict[str, NDArray[Any]]:
-    """Return the arrays of all magnets by their names in C, in the order of the data file."""
-    return {
-        _names(magnet, None if filter.view.single else k)[path]: values
-        for k, magnet in enumerate(magnets_of(filter))
-        for path, values in c_literals.arrays_of(magnet.parameters).items()
-    }
-
-
-def crc(
-    filter: Estimator,
-    name: str,
-    precision: CPrecision,
-    of_model: model.CModel,
-    *,
-    editable: bool,
-    flown: Controller | None,
-    calibrated: bool,
-) -> Crc:
+def crc(export: Export) -> Crc:
     """Return the CRC of the data file, with its names."""
-    constants, magnets = Constants(precision), magnets_of(filter)
-    for array_name, values in (of_model.arrays | _arrays_of_magnets(filter)).items():
+    filter, name, constants = export.filter, export.name, Constants(export.precision)
+    for array_name, values in export.arrays.items():
         constants.array(array_name, values)
-    kalman = filter.core.parameters | {"model": of_model.numbers}
-    if editable:
-        constants.fields(f"{name}_settings", kalman["set"], arrays=True)
+    kalman = f"{name}_settings" if export.editable else f"{name}_kalman"
+    constants.fields(kalman, export.kalman, arrays=True)
+    if export.editable:
         constants.array(f"&{name}_mass", np.array([filter.bearing.rotor.mass]))
-    else:
-        constants.fields(f"{name}_kalman", kalman, arrays=True)
-    if of_model.turning is not None:
-        constants.fields(f"{name}_turning", of_model.turning, arrays=False)
+    if export.of_model.turning is not None:
+        constants.fields(f"{name}_turning", export.of_model.turning, arrays=False)
     constants.array(f"{name}_std", np.asarray(filter.default_std()))
-    if not filter.view.single:
-        start, by_reading = filter.view.start_form(filter.states, filter.levitation_current)
-        constants.array(f"{name}_start", start)
-        constants.array(f"{name}_start_by", by_reading.ravel())
-        for k, magnet in enumerate(magnets):
-            constants.fields(f"magnet_{k}", magnet.parameters, arrays=False)
-    else:
-        (magnet,) = magnets
-        paper = c_literals.called(filter) is PAPER and flown is None
-        constant_stiffness = paper and magnet.in_c[0] == "amb_stiffness"
-        place = f"{name}_stiffness" if constant_stiffness else "magnet"
-        constants.fields(place, magnet.parameters, arrays=False)
+    if export.several:
+        for key, values in export.start.items():
+            constants.array(f"{name}_{key}", values)
+    for k, magnet in enumerate(export.magnets):
+        place = f"magnet_{k}" if export.several else "magnet"
+        constants.fields(f"{name}_stiffness" if export.given else place, magnet.parameters,
+                         arrays=False)  # fmt: skip
     constants.fields("own", filter.core.own, arrays=True)
-    if flown is not None:
-        control.constants(flown, name, constants)
-        if calibrated:
-            calibration.constants(flown, name, constants)
+    if export.controller is not None:
+        control.constants(export.controller, name, constants)
+        if export.calibrated:
+            calibration.constants(export.controller, name, constants)
     return constants.crc()

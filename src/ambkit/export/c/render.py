@@ -117,10 +117,7 @@ def _context(export: Export) -> dict[str, Any]:
         **_numbers(export),
         **export.flown,
         "controlled": export.beside,
-        "crc": exported.crc(
-            filter, name, precision, export.of_model, editable=export.editable,
-            flown=export.controller, calibrated=export.calibrated,
-        ),
+        "crc": exported.crc(export),
     }  # fmt: skip
     context["proof"] = None if export.calibrated else proof.context(export, context)
     if export.calibrated and export.controller is not None:
@@ -213,8 +210,7 @@ def _numbers(export: Export) -> dict[str, Any]:
     return {
         "precision": precision,
         "sampling_time": engineering(bearing.sampling_time, "s"),
-        "several": exported.several(filter, export.magnets, export.kinds, precision)
-        if several else None,
+        "several": exported.several(export) if several else None,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "inputs": inputs,
         "inputs_text": repr(inputs),
@@ -222,10 +218,7 @@ def _numbers(export: Export) -> dict[str, Any]:
         **{f"{item}_unit": of for item, of in units.items()},
         "room": export.of_model.room,
         "states": model.states(filter.states, current_text),
-        **exported.data_context(
-            filter, export.magnets[0], export.kinds[0], precision, export.of_model,
-            editable=export.editable,
-        ),
+        **exported.data_context(export),
         "turning": _turning(export.of_model, export.speeds, precision),
         "speed_own": c_literals.number(bearing.speed, precision) if several else "",
         "mass": "" if several else c_literals.number(bearing.rotor.mass, precision),
