@@ -135,7 +135,7 @@ def _parts(kind: Kind, machine: Any, filter: Estimator, scenario: Scenario) -> _
         case "plant":
             return _plant(machine, scenario)
         case "closed-loop":
-            return _whole_loop(filter, scenario) if more else _loop(filter, scenario)
+            return _loop(filter, scenario, whole=more)
         case "controller":
             return _regulator(filter, scenario) if more else _pid(machine, scenario)
         case "whole-controller":
@@ -187,30 +187,21 @@ def _regulator(filter: Estimator, scenario: Scenario) -> _Parts:
     return _Parts(about, "regulator", own, data, None)
 
 
-def _loop(filter: Estimator, scenario: Scenario) -> _Parts:
-    bearing, controller = filter.bearing, scenario.controller
-    estimate = controller.feedback == "estimate"
-    source = f"the {filter.name}" if estimate else "the sensor"
-    data = sources.data_files(
-        "loop-pid", filter=sources.filter_data(filter),
-        rig=rig.rig_data(bearing, rig.RigStart.of(bearing, scenario)),
-        pid=sources.pid_data(bearing, controller), feedback_estimate=estimate,
-    )  # fmt: skip
-    about = f"{bearing.name}, held by a PID controller that {source} feeds"
-    return _Parts(about, "loop-pid", variables.of_loop(filter, controller), data, filter)
-
-
-def _whole_loop(filter: Estimator, scenario: Scenario) -> _Parts:
-    machine, start = filter.bearing, start_data.flown(filter, scenario)
-    law = _called(filter, scenario)
-    about = f"{machine.name}, held by its whole controller: {filter.name}, {law}"
-    rig_start = rig.RigStart.of(machine, scenario)
-    data = sources.data_files(
-        "loop-flight", filter=sources.filter_data(filter),
-        rig=rig.rig_data(machine, rig_start), **start_data.controller_data(start, "double"),
-    )  # fmt: skip
-    own = variables.of_loop(filter, scenario.controller, start)
-    return _Parts(about, "loop-flight", own, data, filter)
+def _loop(filter: Estimator, scenario: Scenario, *, whole: bool) -> _Parts:
+    machine, controller = filter.bearing, scenario.controller
+    start = start_data.flown(filter, scenario) if whole else None
+    if start is not None:
+        held = f"its whole controller: {filter.name}, {_called(filter, scenario)}"
+        own = start_data.controller_data(start, "double")
+    else:
+        estimate = controller.feedback == "estimate"
+        held = f"a PID controller that {f'the {filter.name}' if estimate else 'the sensor'} feeds"
+        own = {"pid": sources.pid_data(machine, controller), "feedback_estimate": estimate}
+    model = "loop-flight" if whole else "loop-pid"
+    plant = rig.rig_data(machine, rig.RigStart.of(machine, scenario))
+    data = sources.data_files(model, filter=sources.filter_data(filter), rig=plant, **own)
+    own_variables = variables.of_loop(filter, controller, start)
+    return _Parts(f"{machine.name}, held by {held}", model, own_variables, data, filter)
 
 
 def _whole(filter: Estimator, scenario: Scenario) -> _Parts:
