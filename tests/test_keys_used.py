@@ -15,7 +15,7 @@ from iron import TWO_SIDED as IRON
 import ambkit
 from ambkit import AmbkitError, Scenario
 from ambkit.base.escaping import toml_text
-from ambkit.workflow.load import documents, kind_of_toml
+from ambkit.workflow.check import documents, kind_of_toml
 
 RICH = IRON.replace(
     name="rich", speed="6000 rpm", delay="0.03 ms", magnet__eddy_current_lag="0.2 ms",

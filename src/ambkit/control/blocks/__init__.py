@@ -1,4 +1,4 @@
-"""Blocks behind a PID, a file each; the list here is all that knows of them."""
+"""Blocks behind a PID; the list here is all that knows of them."""
 
 from collections.abc import Iterable, Sequence
 from typing import Annotated
@@ -6,11 +6,7 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field
 
 from ambkit.base.errors import AmbkitError
-from ambkit.control.blocks.biquad import Biquad
-from ambkit.control.blocks.block import Block
-from ambkit.control.blocks.lead_lag import LeadLag
-from ambkit.control.blocks.notch import Notch
-from ambkit.control.blocks.second_order import SecondOrder
+from ambkit.control.blocks.block import Biquad, Block, LeadLag, Notch, SecondOrder
 from ambkit.control.blocks.state_space import StateSpace, as_block
 
 AnyBlock = Annotated[
