@@ -90,11 +90,7 @@ def diagonal(n: int) -> list[int]:
 def _as_read(
     filter: Estimator, case: filter_test_cases.TestCase
 ) -> tuple[Array, Array, tuple[Any, Any]]:
-    """Return what the controller reads, and what that is in SI, of one axis in the rig's units."""
-    if not filter.view.single:
-        number = np.dtype(filter.precision).type
-        y, u = (values.astype(number).astype(float) for values in (case.y, case.u))
-        return y, u, (y, u)
+    """Return what the controller reads, in the rig's units, and what that is in SI."""
     of = filter.inputs
     y, u = of.y.numbers(case.y), of.u.numbers(case.u)
     return y, u, filter.in_si(y, u)
