@@ -20,6 +20,7 @@ from ambkit.machine import presets
 from ambkit.machine.accessories import ColouredNoise, Hum
 from ambkit.machine.magnets import core_module
 from ambkit.models import plant_parts as plant_parts
+from ambkit.models.plant import Plant
 from ambkit.simulation import recording as plant_noise
 from ambkit.simulation.recording import Stream
 from ambkit.simulation.run import Loop
@@ -332,7 +333,11 @@ def test_runout_comes_through_the_lag() -> None:
 
 def test_substeps_follow_the_fastest_part() -> None:
     def steps(**changes: Any) -> int:
-        return plant_parts.substeps(BEARING.replace(**changes), 4)
+        bearing = BEARING.replace(**changes)
+        result = plant_parts.substeps(bearing, [None], 4, bearing.speed)
+        loops = core_module("float64", any_model=True)
+        assert Plant(bearing.long).arrays(loops, 4, bearing.speed)["substeps"] == result
+        return result
 
     assert steps(sensor__lag="20 us") == 10
     assert steps(amplifier__bandwidth="2 kHz") == 6

@@ -122,7 +122,7 @@ class Plant:
             "sensor_parts": self._sensors(dtype),
             "rings": self._rings(),
             **({"delay": 0, "delay_rest": 0.0} | plant_parts.delay_of(machine)),
-            "substeps": self._substeps(substeps, max_speed),
+            "substeps": plant_parts.substeps(machine, self.behind, substeps, max_speed),
         }  # fmt: skip
 
     def unbalance(self) -> tuple[Array, Array]:
@@ -161,20 +161,3 @@ class Plant:
             )  # fmt: skip
             at += 2 if two else 1
         return rings
-
-    def _substeps(self, least: int, max_speed: float) -> int:
-        """Return steps in a sample: what is fast needs short ones."""
-        # Two in a sensor's lag, four in an amplifier's, four in a radian of the fastest runout and
-        # eight in one of the fastest bending, which they damp then by less than 1e-7 of its own.
-        T, machine = self.machine.sampling_time, self.machine
-        orders = [line.order for sensor in machine.sensors for line in sensor.runout]
-        needed = [4 * T * max_speed * max(orders, default=1)]
-        needed += [2 * T / machine.lag_of(sensor) for sensor in machine.sensors]
-        bandwidths = [bearing.amplifier.bandwidth for bearing in machine.bearings]
-        needed += [
-            4 * T * 2 * math.pi * bandwidth for bandwidth in bandwidths if bandwidth is not None
-        ]
-        needed += [4 * T * plant_parts.fastest(behind) for behind in self.behind]
-        if machine.bending is not None:
-            needed.append(8 * T * float(machine.bending.frequency.max()))
-        return max(least, *(math.ceil(item) for item in needed))

@@ -14,28 +14,34 @@ from ambkit.base.units import engineering
 from ambkit.machine.accessories import SHORTEST_LAG, Runout
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
-from ambkit.machine.parts import Sensor
+from ambkit.machine.parts import Amplifier, Sensor
 from ambkit.models.continuous import Behind, behind_magnets, continuous
 from ambkit.models.parts import BEHIND_MAGNETS
 
 
-def substeps(bearing: Machine, least: int) -> int:
-    """Steps of Runge-Kutta in a sample."""
-    # Two in the sensor's lag, which is unstable from 2.8 lags a step on; four in the time constant
-    # of the current, which moves the rotor; four in a radian of the fastest runout.
-    T = bearing.sampling_time
-    turn = max((line.order for line in bearing.sensor.runout), default=0) * bearing.speed
-    needed = (
-        2 * T / bearing.sensor_lag, 4 * T * _corner(bearing), 4 * T * turn,
-        4 * T * fastest(_behind(bearing)),
-    )  # fmt: skip
+def substeps(
+    machine: Machine, behind: Sequence[Behind | None], least: int, max_speed: float
+) -> int:
+    """Steps of Runge-Kutta in a sample: what is fast needs short ones."""
+    # Two in a sensor's lag, which is unstable from 2.8 lags a step on; four in the time constant
+    # of a current, which moves the rotor; four in a radian of the fastest runout; eight in one of
+    # the fastest bending, which they damp then by less than 1e-7 of its own.
+    T, turns = machine.sampling_time, int(machine.rotor.type != "mass")
+    orders = [line.order for sensor in machine.sensors for line in sensor.runout]
+    needed = [4 * T * (max(orders, default=turns) * max_speed)]
+    needed += [2 * T / machine.lag_of(sensor) for sensor in machine.sensors]
+    needed += [4 * T * _corner(bearing.amplifier, T) for bearing in machine.bearings]
+    needed += [4 * T * fastest(item) for item in behind]
+    if machine.bending is not None:
+        needed.append(8 * T * float(machine.bending.frequency.max()))
     return max(least, *(math.ceil(item) for item in needed))
 
 
-def _corner(bearing: Machine) -> float:
+def _corner(amplifier: Amplifier, T: float) -> float:
     """Corner of the amplifier [rad/s]; 0 where the current follows at once."""
-    bandwidth, most = bearing.amplifier.bandwidth, 1 / (SHORTEST_LAG * bearing.sampling_time)
-    return 0.0 if bandwidth is None else min(2 * math.pi * bandwidth, most)
+    if amplifier.bandwidth is None:
+        return 0.0
+    return min(2 * math.pi * amplifier.bandwidth, 1 / (SHORTEST_LAG * T))
 
 
 CURRENTS = (3, 4)  #: States of the two control currents of an isolated axis, after x, v and x_m.
@@ -48,7 +54,8 @@ def axis_fields(
     sensor = of_sensor(bearing.sensor, bearing.sensor.runout, dtype)
     if bearing.sensor.runout:
         sensor["speed"] = bearing.speed
-    amplifier, between = amplifier_of(bearing), behind_fields(_behind(bearing), dtype)
+    amplifier, of_magnet = amplifier_of(bearing), _behind(bearing)
+    between = behind_fields(of_magnet, dtype)
     clearance, stop = bearing.rotor.clearance, bearing.stop
     far = clearance if stop is None else max_displacement(clearance, bearing.magnet.air_gap)
     bent = any(name in sensor for name in ("orders", "quadratic"))
@@ -65,7 +72,7 @@ def axis_fields(
         "rings": [{"first": 0, "second": -1, "travel": clearance,
                    "stop": {} if stop is None else stop.model_dump()}],
         **({"delay": 0, "delay_rest": 0.0} | delay_of(bearing)),
-        "substeps": substeps(bearing, least),
+        "substeps": substeps(bearing, [of_magnet], least, bearing.speed),
         "plain": not (bent or amplifier or between or stop),
     }  # fmt: skip
 
@@ -157,7 +164,7 @@ def amplifier_of(bearing: Machine) -> dict[str, Any]:
     amplifier, magnet = bearing.amplifier, bearing.magnet
     if amplifier.bandwidth is None:
         return {}
-    parts: dict[str, Any] = {"corner": _corner(bearing)}
+    parts: dict[str, Any] = {"corner": _corner(amplifier, bearing.sampling_time)}
     if amplifier.voltage_limit is not None:
         parts |= {
             "voltage": amplifier.voltage_limit,
