@@ -18,9 +18,9 @@ from ambkit.estimate.user_filter import OwnEstimator
 from ambkit.judge.comparison import cases, criteria
 from ambkit.judge.comparison.cases import CASES, Load, trials, walk_case
 from ambkit.judge.comparison.comparison import Sweep, bench, sweep
+from ambkit.judge.comparison.conditions import CERTAIN, Spread
 from ambkit.judge.comparison.figures import _shades, cases_figure, matrix_figure, sweep_figure
 from ambkit.judge.comparison.study import HEIGHTS, WRONG, learned, study
-from ambkit.judge.comparison.tolerance import CERTAIN, Spread
 from ambkit.judge.comparison.tuning import candidates, errors, expand, tune
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface

@@ -17,7 +17,7 @@ import ambkit
 from ambkit import Adaline, Bearing, Record, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
-from ambkit.identification.online.rls import RecursiveLeastSquares
+from ambkit.identification.online.magnet_constant import RecursiveLeastSquares
 from ambkit.machine.magnets import core_module
 
 Array = NDArray[np.float64]

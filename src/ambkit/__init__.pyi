@@ -32,7 +32,9 @@ from ambkit.estimate.user_filter import EstimatorProtocol as EstimatorProtocol
 from ambkit.export.statespace import to_control as to_control
 from ambkit.fuzzy.expert import Expert as Expert
 from ambkit.identification.online.adaline import Adaline as Adaline
-from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
+from ambkit.identification.online.magnet_constant import (
+    RecursiveLeastSquares as RecursiveLeastSquares,
+)
 from ambkit.machine.loading import preset as preset
 from ambkit.machine.machine import Bearing as Bearing
 from ambkit.machine.machine import Machine as Machine

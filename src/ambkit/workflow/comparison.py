@@ -26,11 +26,11 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.comparison import TRAINING
+from ambkit.judge.comparison.conditions import Spread
 from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.comparison.score import Benches, least
 from ambkit.judge.comparison.seeds import Score, compare, comparison_figure, rows_of
 from ambkit.judge.comparison.study import Study, across, study
-from ambkit.judge.comparison.tolerance import Spread
 from ambkit.judge.comparison.tuning import expand, suited
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.forces.force_map import true_magnet

@@ -25,8 +25,12 @@ from ambkit.identification.online.adaline import (
     OnlineResult,
     last_quarter,
 )
-from ambkit.identification.online.magnet_constant import ONLINE, AugmentedResult, identified
-from ambkit.identification.online.rls import LeastSquaresResult
+from ambkit.identification.online.magnet_constant import (
+    ONLINE,
+    AugmentedResult,
+    LeastSquaresResult,
+    identified,
+)
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule, Span
 from ambkit.result.result import Result

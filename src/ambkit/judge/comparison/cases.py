@@ -24,8 +24,7 @@ from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.judge.comparison.load import Load, random_walk
-from ambkit.judge.comparison.tolerance import CERTAIN, Spread
+from ambkit.judge.comparison.conditions import CERTAIN, Load, Spread, random_walk
 from ambkit.machine.force_laws import isolated_axes, slowest_time, weights_of
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine

@@ -26,10 +26,10 @@ from ambkit.judge.comparison.cases import (
     walk_case,
 )
 from ambkit.judge.comparison.comparison import TRAINING, Sweep, bench, sweep
+from ambkit.judge.comparison.conditions import CERTAIN
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, per_run
 from ambkit.judge.comparison.figures import efficiency_figure, run_figure, sweep_figure
 from ambkit.judge.comparison.score import Bench, Benches
-from ambkit.judge.comparison.tolerance import CERTAIN
 from ambkit.judge.comparison.tuning import Candidate, candidates, suited
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
