@@ -39,13 +39,17 @@ def walk(n, q, R, seed=0):
     return x, v, x + rng.normal(0, np.sqrt(R), n)
 
 
+@pytest.mark.parametrize("offset", [0.0, 1.0])
 @pytest.mark.parametrize("q", [1e-6, 1.0, 1e3])
-def test_it_is_the_textbook_filter_over_gaps_too(q):
+def test_it_is_the_textbook_filter_over_gaps_spikes_and_repeats_too(q, offset):
     R = 1e-12
-    _, _, y = walk(3000, q, R)
+    y = offset + walk(3000, q, R)[2]
     y[[0, 5, 1500, 1501, 2800]] = np.nan
+    y[[700, 701, 702, 703, 2000]] += 1e-3  # 1000 standard deviations: nothing is left out
+    y[1000:1050] = y[1000]
     x, v = ConstantVelocityFilter(T, q, R).run(y)
-    X, V = textbook(y, q, R)
+    X, V = textbook(y - offset, q, R)  # its prior is around 0
+    X = X + offset
     assert np.isnan(x[0])
     scale = np.sqrt(R)
     np.testing.assert_allclose(x[3:], X[3:], atol=1e-4 * scale, rtol=0)  # the prior is not infinite

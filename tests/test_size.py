@@ -19,7 +19,6 @@ VERB = "it does what a verb of that name is called for, and takes its options"
 PUBLIC = "it is public, and each of these is a choice of the user's"
 MANY_PARAMETERS = {
     "estimate/batch:run_many": PUBLIC,
-    "estimate/constant_velocity:_advance": "scalars of a filter's step, which arrays would slow",
     "estimate/estimator:__init__": PUBLIC,
     "export/c/exporter:export_c": VERB,
     "export/fmu/exporter:export_fmu": VERB,

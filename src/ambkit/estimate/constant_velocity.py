@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given, in_si
@@ -104,17 +104,24 @@ class ConstantVelocity(KalmanFilter):
 DECADES = (-14, 4)
 """Range of the search, in decades of ``q T^3 / R``."""
 
-CONVERGED = 1e-13
-"""Relative change of a gain in a sample below which it no longer changes."""
+DIFFUSE = 3e3
+"""Standard deviations at the start, in those of the noise: the widest of which the core takes in a
+measurement at once."""
+
+
+@cache
+def _in_samples() -> ConstantVelocity:
+    """Return the filter of any record whose unit of time is its sampling time."""
+    bearing = Machine.preset("zittau_axial").replace(sampling_time=1.0)  # of which only T matters
+    return ConstantVelocity(bearing, acceleration=1.0, frozen_limit=0, outlier_limit=0)
 
 
 class ConstantVelocityFilter:
     """Kalman filter of position and velocity, driven by white acceleration."""
 
-    # The first measurement is where it starts, the second gives the velocity (two-point start,
-    # which assumes nothing). Gains follow from there on by the exact covariance, and once they have
-    # settled the record goes through a linear filter of fixed coefficients: a million samples take
-    # some hundredths of a second. Missing measurements (NaN) are predicted over.
+    # The core's `ConstantVelocity`, of a record instead of a machine: nothing is left out as an
+    # outlier, and the first two measurements say where it starts. Missing measurements (NaN) are
+    # predicted over.
 
     def __init__(self, T: float, q: float, R: float) -> None:
         for name, value, unit in (("T", T, "s"), ("q", q, "m^2/s^3"), ("R", R, "m^2")):
@@ -142,92 +149,34 @@ class ConstantVelocityFilter:
         _, _, e, S = self._filtered(y)
         return e, S
 
-    def log_likelihood(self, y: ArrayLike) -> float:
-        """Log likelihood of a record, up to a constant (Schweppe 1965)."""
-        # y (n,) [m]
-        e, S = self.innovations(y)
-        known = np.isfinite(e)
-        return float(-0.5 * np.sum(np.log(S[known]) + e[known] ** 2 / S[known]))
-
-    def _filtered(self, y: ArrayLike) -> tuple[Array, Array, Array, Array]:
-        """Return x, v, e, S. Inside, the unit of time is T and that of variance R."""
+    def _filtered(self, y: ArrayLike) -> Array:
+        """Return x, v, innovations and their variances (4, n)."""
         y = np.asarray(y, dtype=float)
         if y.ndim != 1:
             raise ValueError(f"y must have one dimension, has {y.ndim}")
-        x, v, e, S = (np.full(y.size, np.nan) for _ in range(4))
-        measured = np.flatnonzero(np.isfinite(y))
-        if measured.size == 0:
-            return x, v, e, S
-        first = int(measured[0])
-        second = int(measured[1]) if measured.size > 1 else y.size
-        x[first:second], v[first:second] = y[first], 0.0
-        if second < y.size:
-            gap = second - first
-            x[second], v[second] = y[second], (y[second] - y[first]) / gap
-            lam = self.q * self.T**3 / self.R
-            P = (1.0, 1 / gap, 2 / gap**2 + lam * gap / 3)
-            missing = np.append(np.flatnonzero(np.isnan(y)), y.size)
-            _advance(y, lam, second, P, missing, x, v, e, S)
-        return x, v / self.T, e, S * self.R
+        result = np.full((4, y.size), np.nan)
+        first, second = (*np.flatnonzero(np.isfinite(y))[:2], y.size, y.size)[:2]
+        if first == y.size:
+            return result
+        kf = self._core(y)
+        std = DIFFUSE * math.sqrt(self.R) * np.array([1.0, 1 / (second - first), 1.0])
+        kf.reset(np.array([y[first], 0.0, 0.0]), std)
+        history = kf.run(y[first:], np.zeros(y.size - first))
+        result[:, first:] = *history["mean"].T[:2], history["innovation"], history["variance"]
+        result[1] /= self.T
+        result[2:, : second + 1] = result[2:, ~np.isfinite(y)] = np.nan
+        return result
 
-
-def _advance(
-    y: Array,
-    lam: float,
-    at: int,
-    P: tuple[float, float, float],
-    missing: NDArray[np.intp],
-    x: Array,
-    v: Array,
-    e: Array,
-    S: Array,
-) -> None:
-    """Go on from sample ``at``, in the filter's own units, and fill x, v, e, S."""
-    # Sample by sample while the gains change, which they do after the start and after each missing
-    # measurement; between these in one go.
-    a, b, c = P
-    alpha = beta = math.inf  # gains of position and velocity
-    pos, vel = float(x[at]), float(v[at])
-    k = at + 1
-    while k < y.size:
-        a, b, c = a + 2 * b + c + lam / 3, b + c + lam / 2, c + lam
-        pos += vel
-        if math.isnan(y[k]):
-            alpha = math.inf
-        else:
-            s, was, before = a + 1, alpha, beta
-            alpha, beta = a / s, b / s
-            a, b, c = alpha, b / s, c - beta * b
-            error = float(y[k]) - pos
-            pos, vel = pos + alpha * error, vel + beta * error
-            e[k], S[k] = error, s
-            if max(abs(was - alpha), abs(before - beta) * alpha / beta) <= CONVERGED * alpha:
-                x[k], v[k] = pos, vel
-                end = int(missing[np.searchsorted(missing, k)])
-                _settled(y[k + 1 : end], alpha, beta, pos, vel, x[k + 1 : end], v[k + 1 : end])
-                e[k + 1 : end] = y[k + 1 : end] - x[k : end - 1] - v[k : end - 1]
-                S[k + 1 : end] = s
-                pos, vel, k = float(x[end - 1]), float(v[end - 1]), end
-                continue
-        x[k], v[k] = pos, vel
-        k += 1
-
-
-def _settled(
-    y: Array, alpha: float, beta: float, pos: float, vel: float, x: Array, v: Array
-) -> None:
-    """Filter with fixed gains from a state at the sample before, and fill x and v."""
-    from scipy.signal import lfilter
-
-    if y.size == 0:
-        return
-    below = np.array([1.0, alpha + beta - 2, 1 - alpha])
-    step = np.array([[1 - alpha, 1 - alpha], [-beta, 1 - beta]])  # without a measurement of its own
-    one = step @ [pos, vel]
-    two = step @ one
-    for out, above, place in ((x, [alpha, beta - alpha], 0), (v, [beta, -beta], 1)):
-        rest = [one[place], two[place] + below[1] * one[place]]
-        out[:], _ = lfilter(above, below, y, zi=rest)
+    def _core(self, y: Array) -> Any:
+        """Return the core's filter with this noise, and with caps that no such record reaches."""
+        n, q = float(y.size), self.q * self.T**3
+        largest = float(np.max(np.abs(y[np.isfinite(y)])))
+        cap = DIFFUSE * (n * largest + math.sqrt((self.R + q) * n**3))
+        caps = {"cap": [cap] * 3, "travel": [cap], "x_max": [cap]}
+        model = _in_samples()
+        settings = model._settings | caps | {"var_d": [0.0, q], "var_y": [self.R]}
+        magnet = model.magnet.in_core(model.engine.core)
+        return model.engine.core.Kalman(magnet, model.engine.model_of_core, **settings)
 
 
 def tune(
@@ -250,36 +199,30 @@ def tune(
     if not any(np.isfinite(r).sum() > 2 and np.nanmax(r) > np.nanmin(r) for r in records):
         raise ValueError("y must hold three measurements or more that are not all the same")
 
-    def made(decade: float) -> ConstantVelocityFilter:
-        known = _variance(records, decade) if R is None else R
-        return ConstantVelocityFilter(T, known * 10**decade / T**3, known)
+    def likeliest(decade: float) -> tuple[float, float]:
+        """Return R, the likeliest where it is not given, and twice the negative log likelihood."""
+        kf = ConstantVelocityFilter(1.0, 10**decade, 1.0)
+        e, S = np.hstack([kf.innovations(record) for record in records])
+        variance = float(np.nanmean(e**2 / S)) if R is None else R
+        return variance, float(np.nansum(np.log(variance * S) + e**2 / (variance * S)))
 
+    @cache
     def cost(decade: float) -> float:
         if truths is None:
-            kf = made(decade)
-            return -sum(kf.log_likelihood(r) for r in records)
+            return likeliest(decade)[1]
         kf = ConstantVelocityFilter(1.0, 10**decade, 1.0)  # positions ask for the ratio only
         errors = [(kf.run(r)[0] - t)[first:] for r, t in zip(records, truths, strict=True)]
         return float(np.nanmean(np.concatenate(errors) ** 2))
 
-    grid = np.arange(DECADES[0], DECADES[1] + 0.5)
-    costs = [cost(float(decade)) for decade in grid]
-    best = float(grid[int(np.argmin(costs))])
+    best = float(min(np.arange(DECADES[0], DECADES[1] + 0.5), key=cost))
     around = (max(DECADES[0], best - 1), min(DECADES[1], best + 1))
     result = minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02})
-    return made(best if min(costs) <= result.fun else float(result.x))
+    at = min(best, float(result.x), key=cost)
+    variance, _ = likeliest(at)
+    return ConstantVelocityFilter(T, variance * 10**at / T**3, variance)
 
 
 def _several(y: ArrayLike | Sequence[ArrayLike]) -> list[Array]:
     """Return one record or several as a list of them."""
-    if isinstance(y, np.ndarray) and y.ndim == 1:
-        return [np.asarray(y, dtype=float)]
-    rows = [np.asarray(row, dtype=float) for row in y]  # type: ignore[union-attr]
-    return rows if rows and rows[0].ndim else [np.array(rows)]
-
-
-def _variance(records: Sequence[Array], decade: float) -> float:
-    """Most likely R for a given ``q T^3/R``: innovations are then as large as expected."""
-    kf = ConstantVelocityFilter(1.0, 10**decade, 1.0)
-    pairs = [kf.innovations(record) for record in records]
-    return float(np.nanmean(np.concatenate([e**2 / S for e, S in pairs])))
+    rows: Any = y if np.ndim(y[0]) else [y]  # type: ignore[index]
+    return [np.asarray(row, dtype=float) for row in rows]
