@@ -170,6 +170,7 @@ NOT_RUN = (
             ("exponential.h", "amb_exp_polynomial"), ("exponential.h", "amb_exp_negative"),
             ("real.h", "amb_at_least"), ("kalman.c", "density"), ("kalman.c", "mills"),
             ("kalman.c", "amb_kalman_rounded"), ("kalman.c", "amb_kalman_edge"),
+            ("kalman.c", "amb_kalman_rests"),
         )
     ),
     *(
@@ -321,6 +322,10 @@ MACHINE = (
         "kalman.c", "!(step > AMB_C(0.0))", "no converter of theirs is so coarse",
         "amb_kalman_repeats",
     ),
+    Unseen(
+        "kalman.c", "(AMB_VERY_COARSE * var_y)", "no converter of theirs is so coarse",
+        "amb_kalman_repeats",
+    ),
     Unseen("real.h", "(a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)", _GIVEN),
     Unseen("equilibrium.c", "bool seen = false;", _RESIDUAL, "amb_rest_sees"),
     Unseen("equilibrium.c", "i < amb_states(model)", _RESIDUAL, "amb_rest_sees"),
@@ -384,8 +389,8 @@ MACHINE = (
     Unseen("controller.c", "state->copy[", _FLIPPED),
     Unseen("controller.c", "(pid->sections > 0) ?", "no blocks, by which nothing is filtered"),
     Unseen("sequence.c", "const bool there =", _FLIPPED),
-    Unseen("envelope.c", "i < amb_states(&kf->model)", _GIVEN, "amb_envelope_within"),
-    Unseen("envelope.c", "within = within &&", _GIVEN, "amb_envelope_within"),
+    Unseen("real.h", "i < n; i++", _GIVEN, "amb_all_within"),
+    Unseen("real.h", "within = within &&", _GIVEN, "amb_all_within"),
     Unseen(
         "kalman_step.h", "(u < -AMB_REAL_ROOT) &&",
         "what is near, or above the root, went another way before",
@@ -403,10 +408,10 @@ UNROUNDED = (
     *(
         Unseen("kalman_step.h", text, _ROUNDED)
         for text in (
-            "COARSE * kf->set.var_y[r]", "const bool again = !(", "bool coarse = very || (interval",
+            "kf->set.step[r]) > (than", "const bool again = !(", "bool coarse = very || (interval",
             "as.moved", "const bool told = (status", "const amb_real grown = before",
             "const amb_real change = y", "return amb_step_each(amb_step_plain, kf, NULL",
-            "if (again && (stays || !coarse))",
+            "if (coarse && !stays) {",
         )
     ),
 )  # fmt: skip
