@@ -19,15 +19,16 @@ bearing = ambkit.Bearing.preset("inteco_ml").replace(
 law = ambkit.ClosedLaw(bearing)
 
 
-def make(growth: float) -> ambkit.KalmanFilter:
-    """Build the filter that lets the disturbance force wander so fast [N^2/s]."""
-    noise = ambkit.FilterNoise(disturbance=growth)
+def make(process_noise: float) -> ambkit.KalmanFilter:
+    """Build the filter with this process noise of the disturbance force [N^2/s]."""
+    noise = ambkit.FilterNoise(disturbance=process_noise)
     return ambkit.AdaptiveKalmanFilter(bearing, law, noise=noise)
 
 
-# The growth of the disturbance force is the one figure that nothing measures.
-growth = tune_disturbance(bearing, record.between(None, record.t[0] + TUNED_ON), make).growth
-found = evaluate(make(growth), record, settling=TUNED_ON)
+# The process noise of the disturbance force is the one figure that nothing measures.
+start = record.between(None, record.t[0] + TUNED_ON)
+process_noise = tune_disturbance(bearing, start, make).intensity
+found = evaluate(make(process_noise), record, settling=TUNED_ON)
 for ahead, error in found.prediction.items():
     print(
         f"{ahead:2} samples ahead: {1e6 * error:.2f} µm rms; "

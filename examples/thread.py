@@ -254,7 +254,7 @@ else:
 # ## Against the truth
 #
 # In 20 runs that nobody was shown, beside an extended Kalman filter that was told everything: the
-# rig as it is, its noise, its load's growth. The errors count after 50 ms.
+# rig as it is, its noise, its process noise. The errors count after 50 ms.
 
 # %%
 told = ambkit.ExtendedKalmanFilter(rig, noise=ambkit.FilterNoise(disturbance=GROWTH))
