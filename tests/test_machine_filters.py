@@ -173,7 +173,7 @@ def test_an_estimate_is_a_record_with_the_names_of_axes_and_readings() -> None:
     for name in ("th_x", "f_d_B2", "x_m_A1", "k_i_A1", "k_s_B2", "innovation_A2", "status"):
         assert name in record
     assert estimate.std("w_y")[-1] > 0
-    again = Estimate._of_series(estimate._series())
+    again = Estimate._of_series(estimate._series(), None)
     for name in ("mean", "k_i", "innovation", "innovation_variance", "status", "covariance"):
         np.testing.assert_array_equal(getattr(again, name), getattr(estimate, name))
     assert (again.axes, again.readings) == (estimate.axes, estimate.readings)

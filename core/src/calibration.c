@@ -16,12 +16,32 @@ static uint32_t refused(const amb_calibration_base *base, const amb_real wanted[
 static amb_real *place_of(int kind, int i, amb_kalman_settings *settings, amb_real *mass,
                           amb_calibration_set *set)
 {
-  amb_scaled *scaled = &set->scaled[(kind == (int)AMB_STRONG) ? i : 0];
-  amb_pid *pid = &set->pid[(kind >= (int)AMB_KP) ? i : 0];
-  amb_real *const places[] = {
-      settings->var_y, settings->var_u, settings->var_d, &settings->gate, mass,      &scaled->scale,
-      &pid->kp,        &pid->ki,        &pid->kd,        &pid->T_f,       &pid->T_t, &pid->weight};
-  return (kind < (int)AMB_GATE) ? &places[kind][i] : places[kind];
+  amb_real *place = mass;
+  if (kind == (int)AMB_VAR_Y) {
+    place = &settings->var_y[i];
+  } else if (kind == (int)AMB_VAR_U) {
+    place = &settings->var_u[i];
+  } else if (kind == (int)AMB_VAR_D) {
+    place = &settings->var_d[i];
+  } else if (kind == (int)AMB_GATE) {
+    place = &settings->gate;
+  } else if (kind == (int)AMB_STRONG) {
+    place = &set->scaled[i].scale;
+  } else if (kind == (int)AMB_KP) {
+    place = &set->pid[i].kp;
+  } else if (kind == (int)AMB_KI) {
+    place = &set->pid[i].ki;
+  } else if (kind == (int)AMB_KD) {
+    place = &set->pid[i].kd;
+  } else if (kind == (int)AMB_T_F) {
+    place = &set->pid[i].T_f;
+  } else if (kind == (int)AMB_T_T) {
+    place = &set->pid[i].T_t;
+  } else if (kind == (int)AMB_WEIGHT) {
+    place = &set->pid[i].weight;
+  } else { /* of the rotor */
+  }
+  return place;
 }
 
 static bool drives_a_load(const amb_model *model, int noise)

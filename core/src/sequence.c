@@ -77,14 +77,13 @@ static void mend(amb_sequence_state *state)
   }
 }
 
-/* The next mode, without and with the request to levitate. */
-static const amb_flight_mode next_mode[AMB_TRIPPED + 1][2] = {
-    {AMB_OFF, AMB_WAITING},    {AMB_OFF, AMB_WAITING},     {AMB_LANDING, AMB_LIFTING},
-    {AMB_LANDING, AMB_FLYING}, {AMB_LANDING, AMB_LIFTING}, {AMB_OFF, AMB_TRIPPED}};
-
 amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_state *state, bool fly,
                                   bool usable, bool limited)
 {
+  /* The next mode, without and with the request to levitate. */
+  static const amb_flight_mode next_mode[][2] = {
+      {AMB_OFF, AMB_WAITING},    {AMB_OFF, AMB_WAITING},     {AMB_LANDING, AMB_LIFTING},
+      {AMB_LANDING, AMB_FLYING}, {AMB_LANDING, AMB_LIFTING}, {AMB_OFF, AMB_TRIPPED}};
   mend(state);
   if (amb_sequence_on(state)) {
     state->unusable = counted(state->unusable, !usable, sequence->lost);

@@ -7,14 +7,15 @@ quantities are SI. Names are imported when they are first used.
 from __future__ import annotations
 
 import os
+import re
 from importlib import import_module
 
 from ambkit.base import late_binding
 
 # The stub states what is exported, once, for type checkers and for here: name by module.
 with open(os.path.splitext(__file__)[0] + ".pyi", encoding="utf-8") as _stub:
-    _IMPORTS = [line.split() for line in _stub if line.startswith("from ")]
-_MODULE_OF = {words[-1]: words[1] for words in _IMPORTS}
+    _IMPORTS = re.findall(r"^from (\S+) import \(?\s*(\w+)", _stub.read(), re.MULTILINE)
+_MODULE_OF = {name: module for module, name in _IMPORTS}
 
 # Files of estimators, behind methods of the estimators.
 _BEHIND = {"estimate.filter_saving": {"load": "load_estimator", "save": "save_estimator"}}

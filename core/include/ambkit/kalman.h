@@ -171,6 +171,13 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model,
 amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
                             const amb_real mean[AMB_STATES], const amb_real std[AMB_STATES]);
 
+/* What the magnets say at the control currents iu [A] and a mean of the states, each at its current
+ * and its displacement, which is held between the stops: beyond them the rotor cannot be, though an
+ * estimate can. A function of its own, so that a step has the one place where a magnet is asked. */
+void amb_kalman_stiffness(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
+                          const amb_real iu[AMB_CONTROLS], const amb_real mean[AMB_STATES],
+                          amb_stiffness k[AMB_FORCES]);
+
 /* Eq. 9, 10: one sample on, with the control currents iu [A] that acted and the stiffnesses.
  * Returns AMB_OK; AMB_HELD, perhaps with AMB_RESTARTED, where the envelope held it; or
  * AMB_BAD_PARAMETER with the state as it was, where a stiffness is not finite. */

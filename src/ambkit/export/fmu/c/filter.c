@@ -1,7 +1,6 @@
 #include "filter.h"
 #include "ambkit/root.h"
 #include "model.h"
-#include "core/kalman_step.h"
 
 amb_status amb_filter_tune(amb_kalman *filter, const double value[])
 {
@@ -71,7 +70,7 @@ void amb_filter_start(amb_kalman *filter, amb_data_state *state, amb_kalman_resu
                           (filter->set.var_y[r] + filter->rounding[r]);
     result->health[r] = AMB_OK;
   }
-  amb_step_ask_all(filter, amb_data_magnet, none, base->mean, result->stiffness);
+  amb_kalman_stiffness(filter, amb_data_magnet, none, base->mean, result->stiffness);
   result->status = AMB_OK;
 }
 
