@@ -220,6 +220,7 @@ def test_simulate_without_an_estimator_feeds_back_the_measurement(call, made):
 
 def test_simulate_tunes_what_the_scenario_does_not_say_of_the_controller(call, made):
     tuned = ambkit.Control.for_bearing(ambkit.Bearing.preset("inteco_ml")).fed_by("estimate")
+    tuned = tuned.model_copy(update={"type": "decentralised"})
 
     def controller(text, *arguments):
         Path("s.toml").write_text(f'duration = "20 ms"\n{text}')

@@ -110,9 +110,7 @@ def test_an_estimator_of_one_s_own_takes_all_readings(tmp_path):
     found = compare(MACHINE, ["linear", f"{tmp_path}/my.py:Mine"], case="model", seeds=1).best
     for name in ("x", "v", "f_d", "delay"):
         assert found["Mine"].mean(name) == found["linear"].mean(name)
-    with pytest.raises(
-        AmbkitError, match=r"shape \(8,\); it must return the 20 numbers x, y, th_x"
-    ):
+    with pytest.raises(AmbkitError, match="returned 8 numbers; it must return the 20 numbers x, y"):
         compare(MACHINE, [f"{tmp_path}/my.py:Short"], case="model", seeds=1)
 
 

@@ -162,7 +162,7 @@ NOT_RUN = (
     ),
     *(
         NotRun("controllers.c", "amb_controllers_step", text, _TURN, lambda h: not h.let_turn)
-        for text in ("i < c->states", "i < c->let_turn->moved", "left.motion[", "left.current[")
+        for text in ("i < c->let_turn->moved", "left.motion[", "left.current[")
     ),
     *(
         NotRun(file, function, "", _ROUNDED, lambda has: not has.rounded)
@@ -285,7 +285,6 @@ CONTROL = (
     Unseen("", "where->", "a machine's that is let turn"),
     Unseen("", "turned(", "a machine's that is let turn"),
     Unseen("", "others", "a machine's that is let turn"),
-    Unseen("", "i < c->states", "a machine's that is let turn"),
     Unseen("", "sum += (one[j]", "a machine's that is let turn"),
     Unseen("", "left.current[", "a machine's that is let turn"),
     Unseen("controllers.c", "", "no gains follow the speed", "scheduled"),
@@ -302,7 +301,6 @@ CONTROL = (
         "", "state->started = false;",
         "a first sample after another, of a PID that is fed by readings",
     ),
-    Unseen("", "default:", "no mode is another"),
     Unseen("", "!AMB_WITHIN(*velocity, AMB_REAL_ROOT)", "estimates are finite"),
     Unseen("", "status |= AMB_MISSING;", "the estimator has said so"),
 )  # fmt: skip
