@@ -26,7 +26,7 @@ def test_the_commands_take_a_machine(call: Any) -> None:
     assert told["samples_at_the_stop"] == 0
     assert call("simulate", "tum_mlps", "--plot", "orbits.png", "--duration", "0.05 s").code == 0
     for refused, text in (
-        (("simulate", "tum_mlps", "--plant", "map.csv"), "is of one axis"),
+        (("simulate", "tum_mlps", "--plant", "map.csv"), "is the magnet of one axis"),
         (("simulate", "tum_mlps", "--filter", "observer"), "takes one axis"),
         (("simulate", "zittau_axial", "--filter", "linear+runout"), "a mass does not"),
         (("filter", "run.csv", "--machine", "ufu_rig"), "the record has no y_A1"),
