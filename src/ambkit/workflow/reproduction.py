@@ -45,7 +45,7 @@ class Reproduction(Result):
 
     @property
     def finding(self) -> str:
-        verdicts = ", ".join(f"{count} × {word}" for word, count in tally(self.summary))
+        verdicts = ", ".join(f"{word} {count}" for word, count in tally(self.summary))
         return f"{self.title}: {verdicts}."
 
     @property
