@@ -199,6 +199,7 @@ def tune(
     if not any(np.isfinite(r).sum() > 2 and np.nanmax(r) > np.nanmin(r) for r in records):
         raise ValueError("y must hold three measurements or more that are not all the same")
 
+    @cache
     def likeliest(decade: float) -> tuple[float, float]:
         """Return R, the likeliest where it is not given, and twice the negative log likelihood."""
         kf = ConstantVelocityFilter(1.0, 10**decade, 1.0)
@@ -218,7 +219,7 @@ def tune(
     around = (max(DECADES[0], best - 1), min(DECADES[1], best + 1))
     result = minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02})
     at = min(best, float(result.x), key=cost)
-    variance, _ = likeliest(at)
+    variance = likeliest(at)[0] if R is None else R
     return ConstantVelocityFilter(T, variance * 10**at / T**3, variance)
 
 
