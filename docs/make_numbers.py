@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from paper import adaline, chain, expert, gain, recording
 from paper.study import Study
+from paper.verdicts import ours, runs
 from scipy.stats import chi2, ttest_rel
 
 import ambkit
@@ -34,7 +35,6 @@ from ambkit.judge.comparison.cases import CASES, Trial, trials, walk_case
 from ambkit.judge.comparison.comparison import bench
 from ambkit.judge.comparison.tuning import candidates
 from ambkit.machine.magnets import own_time
-from ambkit.result.report.blocks import ours, runs
 
 DOCS = Path(__file__).parent
 BEARING = ambkit.Bearing.preset("zittau_axial")

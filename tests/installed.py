@@ -99,8 +99,8 @@ def main() -> None:
         python("-c", "from ambkit.data.recordings import *")
         python(
             "-c",
-            "from ambkit.workflow.reproduction import _find_chapters as f; f(); "
-            "from paper import study, recording",
+            "from ambkit.base.files import module_beside as f; f('docs', 'paper.reproduction'); "
+            "from paper import study, recording, verdicts; verdicts.summary([], {})",
         )
         for made in ("run.png", "run.html", "est.csv", "found.toml", "filter.fmu"):
             assert Path(made).stat().st_size > 0, made

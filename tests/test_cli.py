@@ -692,8 +692,8 @@ def test_check_prints_the_schema(call, kind):
 
 
 def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypatch):
-    from ambkit.result.report.blocks import SummaryRow
-    from ambkit.workflow import reproduction
+    from paper import reproduction
+    from paper.verdicts import SummaryRow
 
     row = SummaryRow(id="a", what="k", paper=6.7, ours=6.69, unit="N", verdict="agrees")
 

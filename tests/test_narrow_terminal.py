@@ -5,12 +5,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from paper.reproduction import Reproduction
 from rich.console import Console
 
 from ambkit.base.units import engineering
 from ambkit.cli import printing
 from ambkit.result.tables import table
-from ambkit.workflow.reproduction import Reproduction
 
 FILTERS = "linear,steady-state,observer,low-pass,extended"
 EACH = " ".join(f"--filter {name}" for name in FILTERS.split(","))

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from paper import verdicts
+from paper.reproduction import Reproduction
 from quick import quick
 
 from ambkit.base.errors import AmbkitError
@@ -55,8 +58,6 @@ from ambkit.result.report import (
 )
 from ambkit.result.report.figure import paper_style
 from ambkit.result.report.items import BUCKETS, decimate
-from ambkit.result.report.page import render_page
-from ambkit.workflow.reproduction import Reproduction
 
 TIME = Axis("time $t$", "s")
 
@@ -178,7 +179,7 @@ def estimates() -> Figure:
 
 
 ALL = [step_response, force_map, learning_curve, comparison, matrix, estimates]
-ROWS: list[blocks.SummaryRow] = [
+ROWS: list[verdicts.SummaryRow] = [
     {
         "id": "table4.largest",
         "what": "Largest deviation from Table 4 [N/A]",
@@ -220,8 +221,8 @@ def report() -> Report:
             Chapter("two", "The map", [FigureBlock(force_map()), table, Remark("Chosen", "$T$")]),
             Chapter("three", "More", [FigureBlock(each()) for each in ALL[2:]]),
         ],
-        ROWS,
         {"Seed": "1"},
+        partial(verdicts.summary, ROWS),
     )
 
 
@@ -274,7 +275,7 @@ def test_lines_are_strong_enough_and_noise_lies_behind():
     for name, look in style.SIGNALS.items():
         assert name == "measured" or contrast(look.colour) >= 3, name
         assert look is noise or (look.layer > noise.layer and look.width >= noise.width)
-    assert all(contrast(colour) >= 4.5 for colour in blocks.COLOURS.values())
+    assert all(contrast(colour) >= 4.5 for colour in verdicts.COLOURS.values())
 
 
 def test_heat_maps_read_in_grey():
@@ -393,14 +394,14 @@ def test_limits_hold_where_matplotlib_finds_none_about_one_point(at):
 
 
 def test_a_mean_is_printed_with_its_spread_and_its_runs():
-    row: blocks.SummaryRow = {
+    row: verdicts.SummaryRow = {
         "id": "a", "what": "error", "paper": None, "ours": -0.6397, "unit": "N",
         "verdict": "better", "spread": 0.0078, "runs": 20,
     }  # fmt: skip
-    assert blocks.ours(row) == "−0.6397 ± 0.0078"
-    assert blocks.runs(row) == "20"
-    assert blocks.ours({**row, "spread": None, "runs": None}) == "−0.6397"
-    assert blocks.runs({**row, "runs": None}) == "–"
+    assert verdicts.ours(row) == "−0.6397 ± 0.0078"
+    assert verdicts.runs(row) == "20"
+    assert verdicts.ours({**row, "spread": None, "runs": None}) == "−0.6397"
+    assert verdicts.runs({**row, "runs": None}) == "–"
 
 
 # Formulas and Markdown
@@ -475,7 +476,8 @@ def test_symbols_are_typeset_in_prose_alone(text, shown):
 def test_the_summary_is_typeset():
     row = {"id": "a.k_i", "what": "F_St & x", "paper": None, "ours": 1.0, "unit": "N",
            "verdict": "not given"}  # fmt: skip
-    html = render_page(Report("", "", "", "1", [Chapter("a", "A", [])], [row]), {})
+    html = verdicts.summary([row], {"a": "Chapter 1"})
+    assert '<a href="#a">' in html
     assert "<mtext>St</mtext></msub></mrow></math> &amp; x" in html
 
 
@@ -881,7 +883,7 @@ def test_terminal_table_fits_and_tells_the_verdict_without_colour(width, monkeyp
 
 def test_unknown_verdict_is_refused():
     with pytest.raises(ValueError, match="unknown verdict 'fine'"):
-        blocks.tally([{**ROWS[0], "verdict": "fine"}])
+        verdicts.tally([{**ROWS[0], "verdict": "fine"}])
 
 
 def test_names_below_bars_may_hold_formulas() -> None:

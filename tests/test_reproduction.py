@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from paper.reproduction import reproduce
 from paper.study import Study
 
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import paper
 from ambkit.result.report.blocks import number
-from ambkit.workflow.reproduction import reproduce
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"

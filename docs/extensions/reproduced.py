@@ -15,19 +15,12 @@ from pathlib import Path
 from docutils import nodes
 from docutils.statemachine import StringList
 from paper.study import Part, Study
+from paper.verdicts import SummaryRow, ours, runs, verdict_of
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from ambkit.result.report import Figure
-from ambkit.result.report.blocks import (
-    FigureBlock,
-    SummaryRow,
-    TableBlock,
-    number,
-    ours,
-    runs,
-    verdict_of,
-)
+from ambkit.result.report.blocks import FigureBlock, TableBlock, number
 
 FOLDER = "_build/figures"
 PAPER = Path(__file__).parent.parent / "paper"

@@ -20,10 +20,11 @@ from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
 from ambkit.machine.paper import INITIAL_WIDTH
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 from ambkit.result.report import Axis
-from ambkit.result.report.blocks import Chapter, SummaryRow
+from ambkit.result.report.blocks import Chapter
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Constant, Step
+from paper.verdicts import SummaryRow
 
 SEEDS = 20
 """Runs that a figure of merit is the mean of."""

@@ -3,9 +3,12 @@
 import hashlib
 import os
 import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError
@@ -105,3 +108,11 @@ def installed_folder(name: str, source: str) -> Path:
         if candidate.is_dir():
             return candidate
     raise AmbkitError(f"a folder that comes with ambkit is not there: {_PACKAGE / name}")
+
+
+def module_beside(folder: str, name: str) -> ModuleType:
+    """Import a module of a folder that comes with ambkit and is no part of the package."""
+    place = str(installed_folder(folder, folder))
+    if place not in sys.path:
+        sys.path.insert(0, place)
+    return import_module(name)

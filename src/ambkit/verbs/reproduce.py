@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ambkit.verbs.words import Folder
 
 if TYPE_CHECKING:
-    from ambkit.workflow.reproduction import Reproduction
+    from paper.reproduction import Reproduction
 
 
 def reproduce(out: Folder = "out", *, seed: int = 0, open: bool = False) -> Reproduction:
@@ -38,11 +38,12 @@ def reproduce(out: Folder = "out", *, seed: int = 0, open: bool = False) -> Repr
     --------
     $ ambkit reproduce --out out --open
     """
+    from ambkit.base.files import module_beside
     from ambkit.base.progress import progress
-    from ambkit.workflow import reproduction
 
     with progress("reproducing the paper") as done:
-        outcome = reproduction.reproduce(out, seed=seed, progress=done)
+        work = module_beside("docs", "paper.reproduction")
+        outcome: Reproduction = work.reproduce(out, seed=seed, progress=done)
     if open:
         import webbrowser
 

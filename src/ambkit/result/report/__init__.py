@@ -12,7 +12,6 @@ from ambkit.result.report.blocks import (
     FigureBlock,
     Remark,
     Report,
-    SummaryRow,
     TableBlock,
     Text,
 )
@@ -43,7 +42,6 @@ __all__ = [
     "Report",
     "Rule",
     "Span",
-    "SummaryRow",
     "TableBlock",
     "Text",
     "Vector",

@@ -16,8 +16,6 @@ from typing import Any
 from ambkit.base import escaping, files
 from ambkit.result.report import screen
 from ambkit.result.report.blocks import (
-    COLOURS,
-    VERDICTS,
     Block,
     Cell,
     Chapter,
@@ -28,10 +26,6 @@ from ambkit.result.report.blocks import (
     TableBlock,
     Text,
     number,
-    ours,
-    runs,
-    tally,
-    verdict_of,
 )
 from ambkit.result.report.figure import Figure
 from ambkit.result.report.items import BUCKETS, Line
@@ -80,26 +74,13 @@ Figure.page = figure_page
 
 def render_page(report: Report, pictures: Mapping[str, bytes]) -> str:
     """Write the report as HTML."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
     names = _anchors(report)
     heavy = sum(map(len, pictures.values())) > HEAVY
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= escaping.FILTERS
-    return environment.get_template("report.html.j2").render(
+    templates = escaping.templates(_TEMPLATES, autoescape=True)
+    page: str = templates.get_template("report.html.j2").render(
         report=report,
         lead=markdown(report.lead, names),
-        summary=_summary(report, names),
-        tally=tally(report.summary),
-        counted=any(row.get("runs") is not None for row in report.summary),
-        verdicts=VERDICTS,
-        colours=COLOURS,
+        summary=report.summary(names) if report.summary else "",
         chapters=[_chapter(chapter, names, pictures) for chapter in report.chapters],
         heavy=heavy,
         names=names,
@@ -107,6 +88,7 @@ def render_page(report: Report, pictures: Mapping[str, bytes]) -> str:
         script=(_TEMPLATES / "report.js").read_text(encoding="utf-8"),
         plotly=_packed(_PLOTLY_JS.read_bytes()) if report.figures else "",
     )
+    return page
 
 
 def _anchors(report: Report) -> dict[str, str]:
@@ -129,22 +111,6 @@ def _anchors(report: Report) -> dict[str, str]:
                 case TableBlock():
                     add("Table", block.id)
     return names
-
-
-def _summary(report: Report, names: Mapping[str, str]) -> list[dict[str, Any]]:
-    rows = []
-    for row in report.summary:
-        anchor = row["id"].partition(".")[0]
-        texts = {
-            "what": inline(row["what"]),
-            "paper": number(row["paper"]),
-            "ours": ours(row),
-            "runs": runs(row),
-            "look": verdict_of(row),
-            "anchor": anchor if anchor in names else "",
-        }
-        rows.append({**row, **texts})
-    return rows
 
 
 def _chapter(

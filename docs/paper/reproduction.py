@@ -1,25 +1,25 @@
-"""The paper, reproduced. Its chapters stand beside the pages that show them, in docs/paper."""
+"""The paper, reproduced. Its chapters stand beside the pages that show them."""
 
 from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ambkit.base import files
-from ambkit.result.report import Figure, Report, SummaryRow, write_report
-from ambkit.result.report.blocks import number, ours, tally, verdict_of
+from ambkit.result.report import Figure, Report, write_report
+from ambkit.result.report.blocks import number
 from ambkit.result.result import Result
 from ambkit.result.row import Row
-
-if TYPE_CHECKING:
-    from paper.study import Part, Study
+from paper.study import SEEDS, Part, Study
+from paper.verdicts import SummaryRow, ours, tally, verdict_of
+from paper.verdicts import summary as summary_of
 
 CHAPTERS = (
     "linear", "adaline", "lsm", "expert", "adaptive", "gain", "sampling", "chain", "errata",
@@ -78,9 +78,6 @@ def reproduce(
     progress: Callable[[str], None] = lambda _message: None,
 ) -> Reproduction:
     """Reproduce the paper's tables and figures, and judge them."""
-    _find_chapters()
-    from paper.study import Study
-
     folder = Path(out)
     # Begun before the work: an unwritable place is told at once.
     with files.replacing_in(folder) as temporary:
@@ -98,17 +95,8 @@ def reproduce(
     return Reproduction(folder, rows, report.figures)
 
 
-def _find_chapters() -> None:
-    """Let Python find the package of the chapters."""
-    docs = str(files.installed_folder("docs", "docs"))
-    if docs not in sys.path:
-        sys.path.insert(0, docs)
-
-
 def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) -> Report:
     """Put the chapters together."""
-    from paper.study import SEEDS
-
     return Report(
         title="Adaptive Kalman filter for active magnetic bearings",
         subtitle="The paper of Li, Kästner and Worlitz, reproduced and judged",
@@ -120,7 +108,7 @@ def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) 
         "same that flies.",
         version=version("ambkit"),
         chapters=[part.chapter for part in parts],
-        summary=rows,
+        summary=partial(summary_of, rows),
         facts={
             "bearing": f"{study.bearing.name}, {study.bearing.description}",
             "noise": f"seed {seed} and on",
