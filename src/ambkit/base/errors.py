@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Iterable
+from importlib import import_module
+from typing import Any
 
 from ambkit.base.escaping import lines
 
@@ -59,3 +61,11 @@ class ExtraMissing(AmbkitError):
 
     def __init__(self, what: str, library: str, extra: str) -> None:
         super().__init__(f"{what}: needs {library}: pip install 'ambkit[{extra}]'")
+
+
+def library(module: str, what: str, extra: str, name: str = "") -> Any:
+    """Import a library that only some users need, or say how it is installed."""
+    try:
+        return import_module(module)
+    except ImportError:
+        raise ExtraMissing(what, name or module.partition(".")[0], extra) from None

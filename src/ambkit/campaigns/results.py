@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.base.errors import AmbkitError, library
 from ambkit.campaigns.distributions import OneOf
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.store import RUNS, Folder, array_of
@@ -323,7 +323,5 @@ class Machines:
 
         column_names = None if columns is None else list(columns)
         tables = [self._place.table(part, column_names) for part in self.parts]
-        try:
-            return pa.concat_tables(tables).to_pandas()
-        except ModuleNotFoundError:
-            raise ExtraMissing("frame", "pandas", "pandas") from None
+        library("pandas", "frame", "pandas")
+        return pa.concat_tables(tables).to_pandas()

@@ -12,7 +12,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.base.errors import AmbkitError, library
 from ambkit.base.progress import silent
 from ambkit.base.quantity_arguments import of_type
 from ambkit.campaigns.campaign import Campaign
@@ -96,12 +96,9 @@ def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator
 @contextmanager
 def scheduler(where: str, workers: int | None = None) -> Iterator[Any]:
     """Give a cluster of our own, or the address of one."""
-    try:
-        from distributed import LocalCluster
-    except ImportError:
-        raise ExtraMissing("--cluster", "distributed", "campaign") from None
+    distributed = library("distributed", "--cluster", "campaign")
     if where == "local":
-        with LocalCluster(
+        with distributed.LocalCluster(
             n_workers=workers or processors(),
             threads_per_worker=1,
             dashboard_address=None,
@@ -118,12 +115,9 @@ def scheduler(where: str, workers: int | None = None) -> Iterator[Any]:
 
 def _slurm() -> Any:
     """Return a cluster whose workers are jobs of Slurm, as the user's Dask configuration has it."""
+    jobs = library("dask_jobqueue", "--cluster slurm", "campaign", "dask-jobqueue")
     try:
-        from dask_jobqueue import SLURMCluster
-    except ImportError:
-        raise ExtraMissing("--cluster slurm", "dask-jobqueue", "campaign") from None
-    try:
-        return SLURMCluster()
+        return jobs.SLURMCluster()
     except (TypeError, ValueError, OSError) as error:
         raise AmbkitError(
             f"--cluster slurm: {error}; describe a job in ~/.config/dask/jobqueue.yaml: cores, "

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
-from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.base.errors import AmbkitError, library
 from ambkit.campaigns.distributions import Normal, NormalOf, OneOf, Truncated, Uniform, UniformOn
 from ambkit.campaigns.study_tables import UNITS
 
@@ -97,11 +97,9 @@ def indices(campaign: Machines, figure: str) -> Indices:
     # Of points of Saltelli's by his estimators, first order and total. Of other points the first
     # order alone: by RBD-FAST (Tarantola, Gatelli, Mara 2006), of choices by the variance of the
     # means. There the noise of the runs is in no quantity's share.
-    try:
-        import SALib.analyze.rbd_fast
-        import SALib.analyze.sobol
-    except ImportError:
-        raise ExtraMissing("indices", "SALib", "campaign") from None
+    rbd_fast, sobol = (
+        library(f"SALib.analyze.{name}", "indices", "campaign") for name in ("rbd_fast", "sobol")
+    )
     if figure not in UNITS or figure not in campaign.columns:
         raise AmbkitError(f"there is no figure {figure} to explain")
     plan = campaign.plan
@@ -113,7 +111,7 @@ def indices(campaign: Machines, figure: str) -> Indices:
         groups = Y.reshape(-1, size)
         finite_groups = groups[np.isfinite(groups).all(axis=1)]
         _enough(figure, finite_groups.ravel(), len(finite_groups))
-        result = SALib.analyze.sobol.analyze(
+        result = sobol.analyze(
             problem, finite_groups.ravel(), calc_second_order=False, num_resamples=RESAMPLES,
             conf_level=plan.study.confidence, seed=0,
         )  # fmt: skip
@@ -126,7 +124,7 @@ def indices(campaign: Machines, figure: str) -> Indices:
     finite = np.isfinite(Y)
     _enough(figure, Y[finite], int(finite.sum()))
     X = _columns(campaign)[: len(Y)][finite]
-    result = SALib.analyze.rbd_fast.analyze(
+    result = rbd_fast.analyze(
         problem, X, Y[finite], num_resamples=RESAMPLES, conf_level=plan.study.confidence, seed=0
     )
     first, half = np.array(result["S1"], float), np.array(result["S1_conf"], float)

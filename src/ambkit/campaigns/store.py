@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base import files
-from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.base.errors import AmbkitError, library
 from ambkit.base.escaping import json_text
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.study import Study
@@ -43,11 +43,7 @@ class Folder:
     """A campaign's folder."""
 
     def __init__(self, path: str | os.PathLike[str], plan: Plan) -> None:
-        try:
-            import pyarrow  # noqa: F401
-        except ModuleNotFoundError:
-            what = f"{os.fspath(path)}: a campaign's folder"
-            raise ExtraMissing(what, "pyarrow", "campaign") from None
+        library("pyarrow", f"{os.fspath(path)}: a campaign's folder", "campaign")
         self.path, self.plan = Path(path), plan
 
     @classmethod

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
-from ambkit.base.errors import ExtraMissing, RecordError
+from ambkit.base.errors import RecordError, library
 from ambkit.data.signals import UNITS, to_si
 
 if TYPE_CHECKING:
@@ -55,7 +54,12 @@ class Framed:
         AmbkitError
             pandas is not installed (``pip install 'ambkit[pandas]'``).
         """
-        return to_pandas(self._series())
+        series = self._series()
+        pandas = library("pandas", "a DataFrame", "pandas")
+        index = pandas.Index(series.t, name="t")
+        frame = pandas.DataFrame(dict(series.columns), index=index)
+        frame.attrs = {"units": {"t": "s"} | dict(series.units)} | dict(series.about)
+        return frame
 
     @classmethod
     def from_pandas(cls, frame: pandas.DataFrame, units: Mapping[str, str] | None = None) -> Self:
@@ -76,7 +80,20 @@ class Framed:
         AmbkitError
             pandas is not installed.
         """
-        return cls._of_series(from_pandas(frame), units)
+        pandas = library("pandas", "a DataFrame", "pandas")
+        if not isinstance(frame, pandas.DataFrame):
+            raise RecordError(f"a DataFrame of pandas is needed, this is a {type(frame).__name__}")
+        about = {str(key): value for key, value in frame.attrs.items()}
+        columns = {str(name): frame[name].to_numpy() for name in frame.columns}
+        t = columns.pop("t", None)
+        if t is None:
+            t = frame.index.to_numpy()
+            if frame.index.name != "t" and t.dtype.kind not in "mM":
+                raise RecordError(
+                    "the DataFrame has no time: its index, or a column, must be t [s]"
+                )
+        series = _checked(t, columns, dict(about.pop("units", {})), about)
+        return cls._of_series(series, units)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return all of it as a Dataset over the coordinate t [s], in SI.
@@ -93,7 +110,18 @@ class Framed:
         AmbkitError
             xarray is not installed (``pip install 'ambkit[xarray]'``).
         """
-        return to_xarray(self._series())  # type: ignore[no-any-return]
+        series = self._series()
+        xarray = library("xarray", "a Dataset", "xarray")
+        try:
+            about = json.dumps(dict(series.about), ensure_ascii=False)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise RecordError(f"meta cannot be written as JSON: {error}") from None
+        data = {
+            name: ("t", values, {"units": series.units[name]})
+            for name, values in series.columns.items()
+        }
+        t = ("t", series.t, {"units": "s"})
+        return xarray.Dataset(data, {"t": t}, {KEY: about})  # type: ignore[no-any-return]
 
     @classmethod
     def from_xarray(cls, dataset: xarray.Dataset, units: Mapping[str, str] | None = None) -> Self:
@@ -115,67 +143,25 @@ class Framed:
         AmbkitError
             xarray is not installed.
         """
-        return cls._of_series(from_xarray(dataset), units)
-
-
-def to_pandas(series: Series) -> Any:
-    """Return a DataFrame over the time [s]; `from_pandas` gives the same back."""
-    pandas = _library("pandas", "a DataFrame")
-    index = pandas.Index(series.t, name="t")
-    frame = pandas.DataFrame(dict(series.columns), index=index)
-    frame.attrs = {"units": {"t": "s"} | dict(series.units)} | dict(series.about)
-    return frame
-
-
-def from_pandas(frame: Any) -> Series:
-    """Read a DataFrame over time: its numbers as they are, and the units that it names."""
-    pandas = _library("pandas", "a DataFrame")
-    if not isinstance(frame, pandas.DataFrame):
-        raise RecordError(f"a DataFrame of pandas is needed, this is a {type(frame).__name__}")
-    about = {str(key): value for key, value in frame.attrs.items()}
-    columns = {str(name): frame[name].to_numpy() for name in frame.columns}
-    t = columns.pop("t", None)
-    if t is None:
-        t = frame.index.to_numpy()
-        if frame.index.name != "t" and t.dtype.kind not in "mM":
-            raise RecordError("the DataFrame has no time: its index, or a column, must be t [s]")
-    return _checked(t, columns, dict(about.pop("units", {})), about)
-
-
-def to_xarray(series: Series) -> Any:
-    """Return a Dataset over the coordinate t [s]; `from_xarray` gives the same back."""
-    xarray = _library("xarray", "a Dataset")
-    try:
-        about = json.dumps(dict(series.about), ensure_ascii=False)
-    except (TypeError, ValueError, RecursionError) as error:
-        raise RecordError(f"meta cannot be written as JSON: {error}") from None
-    data = {
-        name: ("t", values, {"units": series.units[name]})
-        for name, values in series.columns.items()
-    }
-    return xarray.Dataset(data, {"t": ("t", series.t, {"units": "s"})}, {KEY: about})
-
-
-def from_xarray(dataset: Any) -> Series:
-    """Read a Dataset over t: its numbers as they are, and the units that it names."""
-    xarray = _library("xarray", "a Dataset")
-    if not isinstance(dataset, xarray.Dataset):
-        raise RecordError(f"a Dataset of xarray is needed, this is a {type(dataset).__name__}")
-    if "t" not in dataset.coords:
-        raise RecordError("the Dataset has no time: it must have the coordinate t [s]")
-    try:
-        about = dict(json.loads(dataset.attrs.get(KEY, "{}")))
-    except (TypeError, ValueError):
-        raise RecordError(f'attrs["{KEY}"] of the Dataset is no JSON object') from None
-    columns, units = {}, {}
-    for key, variable in {"t": dataset["t"], **dataset.data_vars}.items():
-        name = str(key)
-        if variable.dims != ("t",):
-            raise RecordError(f"variable {name} must be over t alone, is over {variable.dims}")
-        columns[name] = variable.to_numpy()
-        if "units" in variable.attrs:
-            units[name] = str(variable.attrs["units"])
-    return _checked(columns.pop("t"), columns, units, about)
+        xarray = library("xarray", "a Dataset", "xarray")
+        if not isinstance(dataset, xarray.Dataset):
+            raise RecordError(f"a Dataset of xarray is needed, this is a {type(dataset).__name__}")
+        if "t" not in dataset.coords:
+            raise RecordError("the Dataset has no time: it must have the coordinate t [s]")
+        try:
+            about = dict(json.loads(dataset.attrs.get(KEY, "{}")))
+        except (TypeError, ValueError):
+            raise RecordError(f'attrs["{KEY}"] of the Dataset is no JSON object') from None
+        columns, known = {}, {}
+        for key, variable in {"t": dataset["t"], **dataset.data_vars}.items():
+            name = str(key)
+            if variable.dims != ("t",):
+                raise RecordError(f"variable {name} must be over t alone, is over {variable.dims}")
+            columns[name] = variable.to_numpy()
+            if "units" in variable.attrs:
+                known[name] = str(variable.attrs["units"])
+        series = _checked(columns.pop("t"), columns, known, about)
+        return cls._of_series(series, units)
 
 
 def in_si(series: Series, units: Mapping[str, str] | None = None) -> Series:
@@ -211,10 +197,3 @@ def _checked(
         if values.dtype.kind not in "fiu":
             raise RecordError(f"column {name} must hold numbers, holds {values.dtype}")
     return Series(t, columns, units, about)
-
-
-def _library(name: str, what: str) -> Any:
-    try:
-        return import_module(name)
-    except ImportError:
-        raise ExtraMissing(what, name, name) from None

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.base.errors import AmbkitError, library
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
 from ambkit.campaigns.plan import Plan
@@ -185,10 +185,7 @@ def tune_robust(
     done: Callable[..., None] = lambda text="", steps=1: None,
 ) -> Robust:
     """Tune controller and filter over the machines of a study."""
-    try:
-        import optuna
-    except ImportError:
-        raise ExtraMissing("tune robust", "optuna", "campaign") from None
+    optuna = library("optuna", "tune robust", "campaign")
     plan = Plan(load(study))
     plan.check()
     task = _Task(plan, quantile, max_sensitivity)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ambkit.base import memory_limit
 from ambkit.base.arrays import Array
-from ambkit.base.errors import ExtraMissing, RecordError, shortened
+from ambkit.base.errors import RecordError, library, shortened
 from ambkit.base.escaping import one_line
 from ambkit.data.files.log import Log, Request, check_readable, library_errors, whole_numbers
 from ambkit.data.files.timestamps import layouts_of
@@ -19,10 +19,7 @@ def read(path: str, request: Request) -> Log:
     """Read data sets; see `ambkit.data.files.tables.read_log`."""
     # A data set of a compound type gives each of its fields, ``rig/log.current``.
     check_readable(path)
-    try:
-        import h5py
-    except ModuleNotFoundError:
-        raise ExtraMissing(f"{path}: an HDF5 file", "h5py", "hdf5") from None
+    h5py = library("h5py", f"{path}: an HDF5 file", "hdf5")
     arrays: dict[str, Array] = {}
     units: dict[str, str] = {}
     stamped: dict[str, Any] = {}

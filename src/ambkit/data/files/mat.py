@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import memory_limit
-from ambkit.base.errors import ExtraMissing, RecordError
+from ambkit.base.errors import RecordError, library
 from ambkit.base.escaping import one_line
 from ambkit.data.files.hdf5 import check_within, memory_of
 from ambkit.data.files.log import Log, Request, check_readable, library_errors, whole_numbers
@@ -129,12 +129,10 @@ def _unpacked(path: Path) -> int:
 
 
 def _content_of_7_3(path: str) -> dict[str, Any]:
-    try:
-        import h5py
-        from pymatreader import read_mat
-    except ModuleNotFoundError:
-        what = f"{path}: a MATLAB 7.3 file"
-        raise ExtraMissing(what, "pymatreader and h5py", "mat") from None
+    h5py, reader = (
+        library(name, f"{path}: a MATLAB 7.3 file", "mat", "pymatreader and h5py")
+        for name in ("h5py", "pymatreader")
+    )
     with library_errors(path):
         with h5py.File(path, "r") as file:
             check_within(path, file)
@@ -145,7 +143,7 @@ def _content_of_7_3(path: str) -> dict[str, Any]:
             memory_limit.check(path, sum(sizes))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of objects that hold no numbers
-            return dict(read_mat(path))
+            return dict(reader.read_mat(path))
 
 
 def _is_text(value: Any) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ambkit.base import memory_limit
 from ambkit.base.arrays import Array
-from ambkit.base.errors import ExtraMissing
+from ambkit.base.errors import library
 from ambkit.base.escaping import one_line
 from ambkit.data.files.log import Log, Request, check_readable, library_errors
 
@@ -22,10 +22,7 @@ from ambkit.data.files.log import Log, Request, check_readable, library_errors
 def read(path: str, request: Request) -> Log:
     """Read channels, and the clock of each; see `ambkit.data.files.tables.read_log`."""
     check_readable(path)
-    try:
-        from asammdf import MDF
-    except ModuleNotFoundError:
-        raise ExtraMissing(f"{path}: an MDF file", "asammdf", "mdf") from None
+    MDF = library("asammdf", f"{path}: an MDF file", "mdf").MDF
     with library_errors(path):
         try:
             with Path(path).open("rb") as stream, MDF(stream) as file:

@@ -3,13 +3,14 @@
 import os
 from collections import Counter
 from collections.abc import Collection, Mapping
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ambkit.base import files, memory_limit
 from ambkit.base.arrays import Array
-from ambkit.base.errors import ExtraMissing, RecordError
+from ambkit.base.errors import RecordError, library
 from ambkit.base.escaping import one_line
 from ambkit.data.files.log import (
     Log,
@@ -32,12 +33,8 @@ _LESS = " a channel map that names fewer columns takes less;"
 
 def _arrow(path: str | os.PathLike[str]) -> tuple[Any, Any]:
     """Return the modules that read and write Parquet."""
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ModuleNotFoundError:
-        raise ExtraMissing(f"{path}: a Parquet file", "pyarrow", "parquet") from None
-    return pyarrow, parquet
+    pyarrow = library("pyarrow", f"{path}: a Parquet file", "parquet")
+    return pyarrow, import_module("pyarrow.parquet")
 
 
 def write(
