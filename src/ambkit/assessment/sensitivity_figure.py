@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.assessment.assessment_figure import (
-    LOOKS,
-    NYQUIST_IMAGINARY,
-    NYQUIST_REAL,
-    circle,
-    near,
-    zone_lines,
-)
+from ambkit.assessment import assessment_figure
 from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.judge.loop.margins import grid
@@ -46,23 +39,23 @@ def measured_figure(
     """Show a measured sensitivity with its 95 % interval, its open loop and the coherence."""
     f, (low, high) = result.frequency, result.interval()
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f[0], 1.25 * f[-1]))
-    bode = zone_lines(zones, top)
+    bode = assessment_figure.zone_lines(zones, top)
     bode.append(Band(f, _decibels(low), _decibels(high), signal="estimate", label="95 % interval"))
     bode.append(
         Points(f, _decibels(np.abs(result.sensitivity)), signal="estimate", label="measured")
     )
     L, _ = result.open_loop()
-    nyquist: list[Item] = [circle(1 / limit) for _, limit in zones]
+    nyquist: list[Item] = [assessment_figure.circle(1 / limit) for _, limit in zones]
     nyquist.append(Points(np.array([-1.0]), np.array([0.0]), signal="spike", label=""))
     visible = np.maximum(np.abs(L.real), np.abs(L.imag)) < 10
     nyquist.append(Points(L.real[visible], L.imag[visible], signal="estimate", label=""))
     for k, (name, loop, axis) in enumerate(models):
-        look = ("truth", *LOOKS[2:])[k % (len(LOOKS) - 1)]
+        look = ("truth", *assessment_figure.LOOKS[2:])[k % (len(assessment_figure.LOOKS) - 1)]
         at = _between(loop, f)
         S = loop.of_axis(axis, at)
         open_ = 1 / S - 1
         bode.append(Line(at, _decibels(np.abs(S)), signal=look, label=f"model, {name}"))
-        nyquist.append(near(Line(open_.real, open_.imag, signal=look, label="")))
+        nyquist.append(assessment_figure.near(Line(open_.real, open_.imag, signal=look, label="")))
     heights = _heights(np.abs(result.sensitivity), high[np.isfinite(high)])
     return Figure(
         "measured-sensitivity",
@@ -72,7 +65,7 @@ def measured_figure(
         "−1 the same for the open loop.",
         [
             Panel(frequency, heights, bode, title="Sensitivity"),
-            Panel(NYQUIST_REAL, NYQUIST_IMAGINARY, nyquist,
+            Panel(assessment_figure.NYQUIST_REAL, assessment_figure.NYQUIST_IMAGINARY, nyquist,
                   title="Open loop"),
             Panel(frequency, Axis("coherence", limits=(0.0, 1.05)),
                   [Points(f, result.coherence, signal="estimate", label="")],
@@ -98,7 +91,7 @@ def sweep_figure(
     """Show sweeps of the simulated loop over the linear model, if there is one."""
     f = np.concatenate([item[1] for item in swept])
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f.min(), 1.25 * f.max()))
-    bode, off = zone_lines(zones, top), list[Item]()
+    bode, off = assessment_figure.zone_lines(zones, top), list[Item]()
     sizes = [np.abs(item[2]) for item in swept]
     if loop is not None:
         at = _between(loop, f)

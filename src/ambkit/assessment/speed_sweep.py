@@ -21,16 +21,7 @@ from ambkit.base.quantity_arguments import Given
 from ambkit.base.threads import one_thread
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.estimate.estimator import Estimator
-from ambkit.judge.loop.capacity import (
-    ROOM,
-    SIGMAS,
-    Turned,
-    heating,
-    orbit,
-    pairs_of,
-    squares_of_coils,
-    voltage,
-)
+from ambkit.judge.loop import capacity
 from ambkit.judge.loop.loop_of import ZONE_A, ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
 from ambkit.judge.modal_reduction import reduction
@@ -152,7 +143,7 @@ class OverSpeed(Result):
             Row("greatest_singular_value", "  largest singular value of S",
                 float(self.largest.max())),
             Row("displacement_share", "share of the clearance", far, "%",
-                below=ROOM[0][1], at=At("displacement_speed", there, "rpm")),
+                below=capacity.ROOM[0][1], at=At("displacement_speed", there, "rpm")),
             Row("current_share", "share of the current limit", used, "%", below=1.0,
                 at=At("current_speed", where, "rpm")),
         ]  # fmt: skip
@@ -299,23 +290,23 @@ class _Run:
         return np.array(peaks), largest, poles, *self.asked(of, loop, responses)
 
     def asked(
-        self, of: LoopOf, loop: Loop, responses: list[Turned]
+        self, of: LoopOf, loop: Loop, responses: list[capacity.Turned]
     ) -> tuple[Array, Array, Array | None, Array | None]:
         """Return of each axis displacement [m], current [A], voltage [1] and temperature [K]."""
-        p, pairs, point = loop.axes, pairs_of(of.machine), self.point
+        p, pairs, point = loop.axes, capacity.pairs_of(of.machine), self.point
         noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
         gains = np.array([b.amplifier.gain for b in of.isolated])
-        far = orbit(point.x, pairs) + SIGMAS * noise[:p]
-        most = np.abs(point.iu) + SIGMAS * gains * noise[p:]
+        far = capacity.orbit(point.x, pairs) + capacity.SIGMAS * noise[:p]
+        most = np.abs(point.iu) + capacity.SIGMAS * gains * noise[p:]
         square = point.iu**2 + (gains * noise[p:]) ** 2
         for response in responses:
-            far = far + orbit(response.x, pairs)
+            far = far + capacity.orbit(response.x, pairs)
             most = most + np.abs(response.i)
             square = square + np.abs(response.i) ** 2 / 2
         volts = [self.share(of, k, responses) for k in range(p)]
         known = [volt for volt in volts if volt is not None]
         warm = [
-            heating(b, squares_of_coils(b, float(iu), float(mean)))
+            capacity.heating(b, capacity.squares_of_coils(b, float(iu), float(mean)))
             for b, iu, mean in zip(of.isolated, point.iu, square, strict=True)
         ]
         temperatures = [item.temperature for item in warm if item is not None]
@@ -324,14 +315,17 @@ class _Run:
             np.array(temperatures) if len(temperatures) == p else None,
         )  # fmt: skip
 
-    def share(self, of: LoopOf, axis: int, responses: list[Turned]) -> float | None:
+    def share(self, of: LoopOf, axis: int, responses: list[capacity.Turned]) -> float | None:
         """Return the greatest voltage of an axis's coils, of its limit [1]."""
         b, limit = of.isolated[axis], of.isolated[axis].amplifier.voltage_limit
         iu, x = float(self.point.iu[axis]), float(self.point.x[axis])
         f = np.array([of.machine.speed / (2 * math.pi)])
         coil_voltages = [
-            voltage(b, iu, x, f, np.array([response.i[axis]]), np.array([response.x[axis]]))
-            for response in responses or [Turned(0 * self.point.x + 0j, 0 * self.point.x + 0j)]
+            capacity.voltage(
+                b, iu, x, f, np.array([response.i[axis]]), np.array([response.x[axis]])
+            )
+            for response in responses
+            or [capacity.Turned(0 * self.point.x + 0j, 0 * self.point.x + 0j)]
         ]
         known = [of_coil for of_coil in coil_voltages if of_coil is not None]
         if limit is None or len(known) < len(coil_voltages):

@@ -16,19 +16,8 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.catalogue import (
-    FOLDER,
-    GROUPS,
-    MAKES,
-    PICTURES,
-    VERBS,
-    Misused,
-    products,
-    returns,
-    summary,
-    verb_called,
-    within,
-)
+from ambkit.cli import catalogue
+from ambkit.cli.catalogue import Misused
 
 PLAIN = ("Document", "Statement")
 """Types of results that have neither pictures nor figures for experts."""
@@ -116,7 +105,7 @@ def described(verb: Callable[..., Any]) -> Description:
     for entry in re.split(r"\n(?=\S)", parts.get("Parameters", "")):
         names, _, lines = entry.partition("\n")
         about, same = " ".join(lines.split()).replace("`", ""), SAME.search(lines)
-        other = described(verb_called(same[1])).parameters if same else {}
+        other = described(catalogue.verb_called(same[1])).parameters if same else {}
         for name in names.partition(" :")[0].split(", "):
             parameters[name] = other.get(name, about)
     examples = [line.strip() for line in parts.get("Examples", "").splitlines()]
@@ -131,7 +120,7 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
     lines = "".join(f"\n    {line}" for line in about.examples)
     paragraphs = (fill(text, width()) for text in about.text.split("\n\n"))
     parser.description = "\n\n".join(paragraphs) + (f"\n\nFor example:{lines}" if lines else "")
-    if beside := within(name):
+    if beside := catalogue.within(name):
         parser.description += "\n\n" + fill(f"Further commands: {', '.join(beside)}.", width())
     for parameter in inspect.signature(verb).parameters.values():
         text = about.parameters[parameter.name].replace("%", "%%")
@@ -155,7 +144,7 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
     if "--out" not in parser._option_string_actions:  # else the verb writes a folder by itself
         _add_outputs(parser, name, verb)
     parser.add_argument("--json", action="store_true", help="Print JSON, in SI units.")
-    if returns(verb) not in PLAIN:
+    if catalogue.returns(verb) not in PLAIN:
         parser.add_argument("--verbose", action="store_true", help="Print all figures.")
     return parser
 
@@ -169,7 +158,7 @@ def _positional(settings: dict[str, Any], default: Any) -> dict[str, Any]:
 
 
 def _add_outputs(parser: Parser, name: str, verb: Callable[..., Any]) -> None:
-    makes = products(name, verb)
+    makes = catalogue.products(name, verb)
     forms = [
         (f"{what}=" if what else "") + " ".join(endings)
         for what, endings in makes.items() if endings
@@ -178,8 +167,8 @@ def _add_outputs(parser: Parser, name: str, verb: Callable[..., Any]) -> None:
     if forms:
         value = "[WHAT=]FILE" if len(makes) > 1 else "FILE"
         texts["--out"] = value, f"Write the result: {'; '.join(forms)}."
-    if returns(verb) not in PLAIN:
-        texts["--plot"] = "FILE", f"Write a figure: {' '.join(PICTURES)}."
+    if catalogue.returns(verb) not in PLAIN:
+        texts["--plot"] = "FILE", f"Write a figure: {' '.join(catalogue.PICTURES)}."
     for option, (value, text) in texts.items():
         parser.add_argument(
             option, type=Path, action="append", default=[], metavar=value,
@@ -227,21 +216,21 @@ def run(name: str, arguments: Sequence[str]) -> int:
     """Call a verb with the arguments of a shell, deliver its result, and return the exit code."""
     from ambkit.cli import printing
 
-    verb = verb_called(name)
+    verb = catalogue.verb_called(name)
     parser = parser_of(name, verb)
     try:
         options = vars(parser.parse_args(arguments))
     except argparse.ArgumentError as error:
         parser.error(str(error))
     own = "out" in inspect.signature(verb).parameters  # it writes a folder by itself
-    out = {} if own else _targets(options.pop("out", []), products(name, verb))
+    out = {} if own else _targets(options.pop("out", []), catalogue.products(name, verb))
     plots = options.pop("plot", [])
     as_json, verbose = options.pop("json"), options.pop("verbose", False)
-    targets = [(path, products(name, verb)[what]) for path, what in out.items()]
-    if own and name in MAKES:
-        targets = [(Path(options["out"]), MAKES[name][""])]
+    targets = [(path, catalogue.products(name, verb)[what]) for path, what in out.items()]
+    if own and name in catalogue.MAKES:
+        targets = [(Path(options["out"]), catalogue.MAKES[name][""])]
     _check_files("--out", targets, options)
-    _check_files("--plot", [(path, PICTURES) for path in plots], options)
+    _check_files("--plot", [(path, catalogue.PICTURES) for path in plots], options)
     try:
         result = verb(**options)
     except AmbkitError as error:
@@ -254,7 +243,7 @@ def run(name: str, arguments: Sequence[str]) -> int:
         (path, partial(_save, result, what, beside=beside)) for path, what in out.items()
     ]
     files += [(path, lambda path: result.figures()[0].save(path)) for path in plots]
-    if returns(verb) in PLAIN:
+    if catalogue.returns(verb) in PLAIN:
         return printing.deliver_document(result, files, as_json=as_json)
     screen = printing.on_screen(result, verbose=verbose)
     printing.deliver(result.to_dict(), screen, files, as_json=as_json)
@@ -295,7 +284,7 @@ def _check_files(
     read = [Path(text) for text in texts if isinstance(text, str)]
     for path, endings in files:
         problem = None
-        if tuple(endings) == FOLDER:
+        if tuple(endings) == catalogue.FOLDER:
             continue
         if path.suffix.lower() not in endings:
             problem = f"must end with {' or '.join(endings)}"
@@ -329,26 +318,28 @@ def _tree() -> argparse.ArgumentParser:
     top.add_argument("--version", action="store_true", help="Print the version.")
     top.add_argument("--debug", action="store_true", help="With an error, show its place.")
     commands = top.add_subparsers()
-    for first in dict.fromkeys(name.partition(" ")[0] for name in VERBS):
+    for first in dict.fromkeys(name.partition(" ")[0] for name in catalogue.VERBS):
         parser = commands.add_parser(
-            first, help=summary(first), parents=_parents(first), add_help=False
+            first, help=catalogue.summary(first), parents=_parents(first), add_help=False
         )
-        below = within(first)
+        below = catalogue.within(first)
         if below:
             more = parser.add_subparsers()
             for name in below:
                 second = name.partition(" ")[2]
-                more.add_parser(second, help=summary(name), parents=_parents(name), add_help=False)
+                more.add_parser(
+                    second, help=catalogue.summary(name), parents=_parents(name), add_help=False
+                )
     return top
 
 
 def _parents(name: str) -> list[argparse.ArgumentParser]:
     """Return the parser of a command, whose operands that are files are completed as such."""
-    if name in GROUPS:
+    if name in catalogue.GROUPS:
         return []
     import shtab
 
-    parser = parser_of(name, verb_called(name))
+    parser = parser_of(name, catalogue.verb_called(name))
     for action in parser._actions:
         if action.nargs != 0 and action.choices is None:
             action.complete = shtab.FILE  # type: ignore[attr-defined]

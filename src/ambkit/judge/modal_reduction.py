@@ -17,16 +17,8 @@ from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import axis_peaks
 from ambkit.judge.whirl_modes import DAMPED, whirl_modes
 from ambkit.machine.machine import Machine
+from ambkit.machine.rotors import modes
 from ambkit.machine.rotors.descriptions import OfMatrices
-from ambkit.machine.rotors.modes import (
-    BEYOND,
-    WhirlError,
-    above,
-    end_of_range,
-    enough,
-    speeds_of,
-    whirl_error,
-)
 
 MORE, LEAST = 4, 10
 """Modes beyond those kept that stand for all in the loop, and how many these are at least."""
@@ -64,7 +56,7 @@ class Reduction:
     tolerance: float  #: Greatest error that is permitted [1].
     fastest: float  #: Up to which speed they are compared [rad/s].
     highest: float  #: Up to which frequency whirls are compared [Hz].
-    whirl: WhirlError  #: Of the free rotor, against the full matrices.
+    whirl: modes.WhirlError  #: Of the free rotor, against the full matrices.
     #: (float, float) Critical speeds up to `fastest`, but for those critically damped, with the
     #: modes kept and with all [rad/s]; NaN: there is none.
     critical: tuple[tuple[float, float], ...]
@@ -192,24 +184,24 @@ def reduction(machine: Machine) -> Reduction | None:
     T, speed, every = machine.sampling_time, machine.speed, rotor.every_mode
     f = every.frequency / (2 * math.pi)
     mode_count = len(bending.frequency) - bending.attached
-    top = end_of_range(T, speed)
+    top = modes.end_of_range(T, speed)
     frequency_limit = rotor.modes_up_to or top
     count = min(len(f), max(mode_count + MORE, LEAST))
     many = machine.model_copy(
         update={"rotor": rotor.model_copy(
-            update={"modes_up_to": above(f, count), "residual": False}
+            update={"modes_up_to": modes.above(f, count), "residual": False}
         )}
     )  # fmt: skip
-    max_speed = BEYOND * abs(speed)
+    max_speed = modes.BEYOND * abs(speed)
     peak, grows = _peaks(machine, many)
-    needed = enough(rotor, T, speed, rotor.modes_within)
+    needed = modes.enough(rotor, T, speed, rotor.modes_within)
     if grows is not None:
         needed = max(needed, BESIDE * abs(grows.imag) / 2 / math.pi)
     elif peak is not None and peak.share > rotor.modes_within and mode_count < len(f):
-        needed = max(needed, above(f, mode_count + 1))
+        needed = max(needed, modes.above(f, mode_count + 1))
     return Reduction(
         mode_count, len(f), rotor.modes_within, max_speed, min(frequency_limit, top),
-        whirl_error(rotor, bending, min(frequency_limit, top), speeds_of(speed)),
+        modes.whirl_error(rotor, bending, min(frequency_limit, top), modes.speeds_of(speed)),
         _critical(machine, many, max_speed), peak, grows, needed,
     )  # fmt: skip
 

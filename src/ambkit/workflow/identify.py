@@ -10,14 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ambkit.assessment.arguments import (
-    arguments_of_the_user,
-    axis_argument,
-    inputs_argument,
-    machine_argument,
-    record_argument,
-    record_arguments,
-)
+from ambkit.assessment import arguments
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.quantity_arguments import Given, all_of_type, in_si, names_in, of_type
 from ambkit.data.reading import load
@@ -124,23 +117,23 @@ def by_likelihood(
     validate: Any, rest: Any, load_std: Any, nodes: Any, note: Note,
 ) -> Identified:  # fmt: skip
     """Identify an axis of a machine from records, and validate it."""
-    known = machine_argument(machine)
+    known = arguments.machine_argument(machine)
     rest_noise = _rest_noise(rest, channels)
     parameters_to_find(starting_model(known, axis, rest=rest_noise, load_std=load_std), free)
     sources, others = (names_in(Record, records=item) for item in (records, validate))
     _refuse_shared(sources, others)
     logs, other_logs = (
-        record_arguments(item, known, channels, window) for item in (sources, others)
+        arguments.record_arguments(item, known, channels, window) for item in (sources, others)
     )
     names = [Path(item).name if isinstance(item, str | os.PathLike) else f"record {k}"
              for k, item in enumerate(others or sources, 1)]  # fmt: skip
-    with arguments_of_the_user():
+    with arguments.arguments_of_the_user():
         result = identify(
             known, logs, axis, others=other_logs, names=names, rest=rest_noise, free=free,
             load_std=load_std, map_forces=nodes is not None, nodes=_nodes(nodes), note=note,
         )  # fmt: skip
     source = ", ".join(Path(s).name for s in sources if isinstance(s, str | os.PathLike))
-    return replace(result, inputs=inputs_argument(channels), source=source)
+    return replace(result, inputs=arguments.inputs_argument(channels), source=source)
 
 
 def _refuse_shared(records: list[Any], others: list[Any]) -> None:
@@ -222,7 +215,7 @@ def by_corpus(
     note: Note,
 ) -> IdentifiedCorpus:  # fmt: skip
     """Cut, identify each log, pool, and predict each by the others."""
-    known = axis_argument(machine)
+    known = arguments.axis_argument(machine)
     start = starting_model(known, rest=_rest_noise(rest, channels), load_std=load_std)
     paths = [Path(path) for path in names_in(records=records)]
     names = [path.name for path in paths]
@@ -231,7 +224,7 @@ def by_corpus(
     if len(set(names)) < len(names):
         raise AmbkitError("two logs of a corpus have the same name")
     note("reading the logs")
-    read = record_arguments([str(path) for path in paths], known, channels, window)
+    read = arguments.record_arguments([str(path) for path in paths], known, channels, window)
     logs = dict(zip(names, read, strict=True))
     corpus = identify_corpus(logs, start, free, note=note)
     return IdentifiedCorpus(**vars(corpus), known=known)
@@ -242,11 +235,11 @@ def online(
     disturbance: Any,
 ) -> comparison.OnlineComparison:  # fmt: skip
     """Learn the magnet constant in all ways, and take that of one method for the result."""
-    known = axis_argument(machine)
+    known = arguments.axis_argument(machine)
     start = in_si("initial", initial, "N m^2/A^2")
     if start is not None and not start > 0:
         raise AmbkitError(f"initial must be greater than 0, is {start:g} N m^2/A^2")
-    (log,) = record_arguments(record, known, channels, window)
+    (log,) = arguments.record_arguments(record, known, channels, window)
     if isinstance(disturbance, str):
         if disturbance in log:
             disturbance = log[disturbance]
@@ -256,7 +249,7 @@ def online(
             except AmbkitError as error:
                 hint = f"or a signal of the record: {', '.join(log)}"
                 raise AmbkitError(f"{error}, {hint}") from None
-    with arguments_of_the_user():
+    with arguments.arguments_of_the_user():
         result = comparison.compare_online(
             log, known, start=start, disturbance=disturbance, method=method
         )
@@ -270,9 +263,9 @@ def coil(
     operating_point: Any, note: Note,
 ) -> CoilFit:  # fmt: skip
     """Find a coil from steps of its control signal."""
-    known = isolated(machine_argument(machine), axis)
+    known = isolated(arguments.machine_argument(machine), axis)
     paths = [Path(path) for path in names_in(records=records)]
-    logs = [record_argument(path, channels, window) for path in paths]
+    logs = [arguments.record_argument(path, channels, window) for path in paths]
     fit = fit_coil(logs, [path.name for path in paths], note=note)
     at = in_si("operating_point", operating_point, "m")
     return replace(fit, known=known, operating_point=at)

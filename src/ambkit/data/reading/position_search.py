@@ -13,25 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambkit.base.arrays import Array, Bools
-from ambkit.data.reading.derived_channels import (
-    filters_of_others,
-    is_formula,
-    is_white,
-    raw_counterparts,
-    rough,
-    standardised,
-    velocities,
-)
+from ambkit.data.reading import derived_channels as derived
+from ambkit.data.reading import levitation_test as levitation
 from ambkit.data.reading.faults import noise
-from ambkit.data.reading.levitation_test import (
-    TINY,
-    Band,
-    LevitationFit,
-    bands,
-    instrumented,
-    levitation_fits,
-    turning,
-)
+from ambkit.data.reading.levitation_test import Band, LevitationFit
 
 REPEATS = 0.6  #: Share of different values below which a channel is a converter's.
 
@@ -84,8 +69,8 @@ def in_steps(values: Array) -> bool:
 def rotor(channels: Array, position: int | None = None, control: int | None = None) -> Rotor | None:
     """Find the position and the current of a levitated rotor."""
     # channels (m, n)
-    unit = standardised(channels)
-    listed = list(bands(unit))
+    unit = derived.standardised(channels)
+    listed = list(levitation.bands(unit))
     return _Search(channels, unit, listed, (position, control)).rotor() if listed else None
 
 
@@ -102,9 +87,12 @@ class _Search:
         self.channels, self.unit, self.bands, self.known = channels, unit, listed, known
         self.hiss = [noise(values) for values in unit]
         self.raw = [
-            in_steps(v) and rough(u) > SIX_DIGITS for v, u in zip(channels, unit, strict=True)
+            in_steps(v) and derived.rough(u) > SIX_DIGITS
+            for v, u in zip(channels, unit, strict=True)
         ]
-        self.rates = (velocities(unit) | filters_of_others(unit, self.raw)) - {*known}
+        self.rates = (derived.velocities(unit) | derived.filters_of_others(unit, self.raw)) - {
+            *known
+        }
         self.swift = _fast_candidates(listed)
 
     def rotor(self) -> Rotor | None:
@@ -114,7 +102,7 @@ class _Search:
             return None
         raw, listed = self.raw, self.bands
         near = {box: _families(listed, box) for box in {f.box for f in result}}
-        close = np.array([turning(band) for band in listed[-3:]]).max(0) > level
+        close = np.array([levitation.turning(band) for band in listed[-3:]]).max(0) > level
 
         def same(f: LevitationFit, g: LevitationFit) -> bool:
             """Whether two fits are of one rotor: one position with a current and its estimate."""
@@ -156,7 +144,9 @@ class _Search:
     def _fits(self) -> tuple[list[LevitationFit], list[LevitationFit], list[LevitationFit], float]:
         """Return all fits, those to choose from, those of plain regression, and what is close."""
         raw, position, control = self.raw, *self.known
-        formulas = {k for k, values in enumerate(self.unit) if is_formula(values)} - {control}
+        formulas = {k for k, values in enumerate(self.unit) if derived.is_formula(values)} - {
+            control
+        }
 
         def fitting(listed: list[LevitationFit]) -> list[LevitationFit]:
             return [
@@ -165,7 +155,7 @@ class _Search:
                 and position in (None, f.position) and control in (None, f.control)
             ]  # fmt: skip
 
-        plain = result = fitting(levitation_fits(self.bands))
+        plain = result = fitting(levitation.levitation_fits(self.bands))
         usable = [f for f in result if f.sure or raw[f.position] or raw[f.control]]
         slow = _without(self.swift, result)
         if any(f in usable for f in slow):
@@ -175,7 +165,7 @@ class _Search:
         candidates = sorted(
             (k for k in range(len(self.unit)) if k not in self.rates), key=lambda k: not raw[k]
         )
-        plain += (result := fitting(instrumented(self.unit, sorted(candidates[:TRIED]))))
+        plain += (result := fitting(levitation.instrumented(self.unit, sorted(candidates[:TRIED]))))
         result = _without(self.swift, result) or result
         return result, result, plain, CLOSE
 
@@ -189,7 +179,7 @@ class _Search:
         positions += sorted(k for k in free if family[best.position, k])
         if len(positions) == 1 and not self.raw[best.position] and self.known[0] is None:
             unlike = sorted({*range(len(self.unit))} - {*positions, *controls})
-            positions += raw_counterparts(self.unit, self.bands, best.position, unlike)
+            positions += derived.raw_counterparts(self.unit, self.bands, best.position, unlike)
         controls += sorted(k for k in free if family[best.control, k] and k not in positions)
         return positions, controls
 
@@ -208,7 +198,7 @@ class _Search:
         """Whether the rawest two may yet be estimates."""
         raw, y, u = self.raw, positions[0], controls[0]
         left = {*range(len(self.unit))} - {*positions, *controls, *self.rates}
-        estimated = not raw[u] and raw_counterparts(self.unit, self.bands, u, [y])
+        estimated = not raw[u] and derived.raw_counterparts(self.unit, self.bands, u, [y])
         if self.known[1] is None and estimated and any(raw[k] for k in left):
             return True  # an estimate is no current, where a converter's channel is left
         if {*self.known} != {None} or (raw[y] and raw[u]):
@@ -225,13 +215,13 @@ def _fast_candidates(listed: Sequence[Band]) -> Bools:
     for band in listed:
         own = np.einsum("bii->bi", band.ss)
         weight = [
-            np.divide(1.0, item, out=np.zeros_like(item), where=item > TINY)
+            np.divide(1.0, item, out=np.zeros_like(item), where=item > levitation.TINY)
             for item in (own + np.median(own, axis=0), band.vv + np.median(band.vv, axis=0))
         ]
         both = np.sqrt(weight[0])[:, :, None] * np.sqrt(weight[1])[:, None, :]
         size = (both * own[:, :, None]).sum(0) * (both * band.vv[:, None, :]).sum(0)
         shared = abs((both * band.vs.transpose(0, 2, 1)).sum(0))
-        most = np.maximum(most, shared / np.sqrt(np.maximum(size, TINY)))
+        most = np.maximum(most, shared / np.sqrt(np.maximum(size, levitation.TINY)))
     return np.asarray(most > SWIFT)
 
 
@@ -251,7 +241,7 @@ def _has_most_noise(members: Sequence[int], unit: Array, listed: Sequence[Band])
     gain = gains(listed, members[0])
     hiss = [noise(unit[k]) / abs(gain[k]) for k in members]
     others = [item for item in hiss[1:] if item > NO_NOISE]
-    return not others or (hiss[0] > CLEARLY * max(others) and is_white(unit[members[0]]))
+    return not others or (hiss[0] > CLEARLY * max(others) and derived.is_white(unit[members[0]]))
 
 
 def _is_ambiguous(
@@ -272,7 +262,7 @@ def gains(listed: Sequence[Band], of: int) -> Array:
     # In the slowest band, where noise is least, and from the sizes of both: noise on what is
     # regressed on would make a slope less.
     band = listed[-1]
-    size = np.sqrt(np.maximum(np.median(np.einsum("bii->bi", band.ss), axis=0), TINY))
+    size = np.sqrt(np.maximum(np.median(np.einsum("bii->bi", band.ss), axis=0), levitation.TINY))
     sign = np.where(np.median(band.ss[:, :, of], axis=0) < 0, -1.0, 1.0)
     return np.asarray(sign * size / size[of])
 
@@ -285,13 +275,16 @@ def _families(listed: Sequence[Band], box: int) -> Bools:
     near = near or [min(listed, key=lambda band: abs(np.log(band.box / box)))]
     slope = np.array(
         [
-            np.median(band.ss / np.maximum(np.einsum("bii->bi", band.ss), TINY)[:, None, :], axis=0)
+            np.median(
+                band.ss / np.maximum(np.einsum("bii->bi", band.ss), levitation.TINY)[:, None, :],
+                axis=0,
+            )
             for band in near
         ]
     )  # of the channel in the row on that in the column
     steady = abs(slope).max(0) < SAME_GAIN * abs(slope).min(0)
     steady &= abs(np.sign(slope).sum(0)) == len(near)
-    close = np.array([turning(band) for band in near]).max(0) > CLOSE
+    close = np.array([levitation.turning(band) for band in near]).max(0) > CLOSE
     return np.asarray((steady | steady.T) & close) | np.eye(len(close), dtype=bool)
 
 

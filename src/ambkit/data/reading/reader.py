@@ -18,18 +18,9 @@ from ambkit.base.units import engineering, figure
 from ambkit.data.channel_map import ChannelMap, MappedSignals
 from ambkit.data.files.log import DamagedLog, Log
 from ambkit.data.files.tables import read_log, to_table
+from ambkit.data.reading import clock as timing
 from ambkit.data.reading import faults as channel_faults
-from ambkit.data.reading.clock import (
-    HELD,
-    Clock,
-    describe_shift,
-    even_grid,
-    examine,
-    insert_missing,
-    resample,
-    shifted,
-    spread,
-)
+from ambkit.data.reading.clock import HELD, Clock
 from ambkit.data.reading.faults import Channel, Fault, clock_faults
 from ambkit.data.reading.plausibility import suspects
 from ambkit.data.reading.reading_figure import reading_figure
@@ -160,12 +151,12 @@ def _placed(
         raise RecordError("sampling_time (--sampling-time) is the step to resample to: ask for it")
     else:
         done = "filled with missing samples"
-        times, place = insert_missing(clock)
-        on_grid = {name: spread(v, place, times.size) for name, v in signals.items()}
+        times, place = timing.insert_missing(clock)
+        on_grid = {name: timing.spread(v, place, times.size) for name, v in signals.items()}
     step = float(times[-1] - times[0]) / (times.size - 1)
     for name, delay in mapped.delays.items():
-        on_grid[name] = shifted(on_grid[name], delay / step, held=name in HELD)
-        remarks.append(describe_shift(name, delay, step))
+        on_grid[name] = timing.shifted(on_grid[name], delay / step, held=name in HELD)
+        remarks.append(timing.describe_shift(name, delay, step))
     remarks += suspects(times, on_grid, mapped.units)
     faults = [replace(f, action=done) if f.kind in ("gap", "jitter") else f for f in faults]
     reading = Reading(
@@ -180,7 +171,7 @@ def _placed(
 def _clocks(log: Log, mapped: MappedSignals) -> dict[str, Clock]:
     used = list(dict.fromkeys(mapped.clock_of.values()))
     check_times(log, mapped, used)
-    return {name: examine(name, mapped.clocks[name]) for name in used}
+    return {name: timing.examine(name, mapped.clocks[name]) for name in used}
 
 
 def _record(log: Log, times: Array, signals: Mapping[str, Array], *of: Any) -> Record:
@@ -244,7 +235,7 @@ def load(
     step = float(t[-1] - t[0]) / (t.size - 1)
     signals = dict(mapped.signals)
     for name, delay in mapped.delays.items():
-        signals[name] = shifted(signals[name], delay / step, held=name in HELD)
+        signals[name] = timing.shifted(signals[name], delay / step, held=name in HELD)
     return _record(log, t, signals, mapped.units, mapped.meta | {"source": Path(path).name})
 
 
@@ -312,13 +303,13 @@ def _resampled(
         raise RecordError(f"{log.name}: the clock {jumping[0]} jumps: it cannot be resampled")
     main = clocks.get("t") or next(iter(clocks.values()))
     step = sampling_time or main.step
-    times = even_grid(main, step)
+    times = timing.even_grid(main, step)
     if times.size < 2:
         raise RecordError(
             f"{log.name}: a sampling time of {engineering(step, 's')} leaves no two samples"
         )
     results = {
-        name: resample(v, clocks[clock_of[name]], times, held=name in HELD)
+        name: timing.resample(v, clocks[clock_of[name]], times, held=name in HELD)
         for name, v in signals.items()
     }
     how = Counter("held" if name in HELD else "straight" for name in signals)

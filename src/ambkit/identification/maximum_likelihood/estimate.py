@@ -17,6 +17,7 @@ from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.reading.faults import without_spikes
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import check_sampling
+from ambkit.identification.maximum_likelihood import search as ascent
 from ambkit.identification.maximum_likelihood.current_state import (
     INSUFFICIENT_EXCITATION,
     CurrentState,
@@ -43,17 +44,6 @@ from ambkit.identification.maximum_likelihood.parameters import (
     priors_of,
 )
 from ambkit.identification.maximum_likelihood.result import CONFIDENCE, MaximumLikelihood
-from ambkit.identification.maximum_likelihood.search import (
-    WALL,
-    Optimum,
-    diverged,
-    fix,
-    initial_guess,
-    maximise,
-    restore_clearance,
-    tighten_clearance,
-    unnecessary,
-)
 from ambkit.identification.noise import position_step
 from ambkit.machine.accessories import Hum
 from ambkit.machine.machine import Machine
@@ -106,7 +96,7 @@ def maximum_likelihood(
     parameters = free_parameters
     joint = search.joint(result.model, parameters)
     if joint is not None:
-        result = maximise(search.data, joint.model, parameters)
+        result = ascent.maximise(search.data, joint.model, parameters)
     note("correcting what is biased")
     model = restricted(search.data, result.model, result.local, parameters)
     model, errors = search.errors(model, parameters, joint, profile=profile)
@@ -140,7 +130,7 @@ class _Search:
         self.nominal, initial = models
         names = {p.name for p in parameters}
         known = {name: value for name, value in priors_of(initial).items() if name in names}
-        self.initial = tighten_clearance(
+        self.initial = ascent.tighten_clearance(
             self.data.records, initial.replace(known=known), parameters
         )
 
@@ -149,31 +139,33 @@ class _Search:
         if not improve_start:
             return self.initial, "the bearing given"
         self.note("looking for a start")
-        begin, started_from = initial_guess(self.data, self.initial, parameters)
+        begin, started_from = ascent.initial_guess(self.data, self.initial, parameters)
         # With a wrong idea of the noise, the information misleads; and offsets run away first.
         sure = [p for p in parameters if p.name in (*NOISES, "position_noise", "delay")]
         if 0 < len(sure) < len(parameters):
-            begin = maximise(self.data, begin, sure).model
+            begin = ascent.maximise(self.data, begin, sure).model
         return begin, started_from
 
     def up(
         self, begin: LoopModel, parameters: list[Parameter]
-    ) -> tuple[Optimum, list[Parameter], dict[str, str]]:
+    ) -> tuple[ascent.Optimum, list[Parameter], dict[str, str]]:
         """Go up, hold one parameter that is not told after the other, and go up again."""
         held: dict[str, str] = {}
         while True:
             self.note(f"searching {len(parameters)} parameters")
-            result = maximise(self.data, begin, parameters)
+            result = ascent.maximise(self.data, begin, parameters)
             self.steps += result.steps
             worst = weakly_identified(result.local.information, parameters)
-            worst = worst or diverged(result.model, parameters)
-            worst = worst or unnecessary(self.data, result, parameters)
+            worst = worst or ascent.diverged(result.model, parameters)
+            worst = worst or ascent.unnecessary(self.data, result, parameters)
             if worst is None:
                 return result, parameters, held
             parameter, why = worst
             parameters = [p for p in parameters if p is not parameter]
-            from_start = begin if ALIKE in why or WALL in why else None
-            begin, at = fix(self.data, result, parameter, parameters, self.nominal, from_start)
+            from_start = begin if ALIKE in why or ascent.WALL in why else None
+            begin, at = ascent.fix(
+                self.data, result, parameter, parameters, self.nominal, from_start
+            )
             held[parameter.name] = f"{why}; held at {at}"
             if not parameters:
                 raise AmbkitError(
@@ -244,7 +236,7 @@ class _Search:
         model: LoopModel,
         parameters: list[Parameter],
         errors: dict[str, Any],
-        optimum: Optimum,
+        optimum: ascent.Optimum,
         held: dict[str, str],
         started_from: str,
         step: float | None,
@@ -253,7 +245,7 @@ class _Search:
         delay = [k for k, p in enumerate(parameters) if p.name == "delay"]
         if delay and CONFIDENCE * errors["errors"][delay[0]] > model.bearing.sampling_time:
             self.remarks.append("the loop is too quiet to tell the delay to a sample")
-        model, touched = restore_clearance(self.data.records, self.nominal, model)
+        model, touched = ascent.restore_clearance(self.data.records, self.nominal, model)
         return MaximumLikelihood(
             start=self.initial,
             model=model,

@@ -14,17 +14,8 @@ import numpy as np
 from ambkit.data.files.tables import Table
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.fuzzy.training import train
-from ambkit.judge.comparison.cases import (
-    CASES,
-    REACH,
-    STEPS,
-    Case,
-    Trial,
-    each_trial,
-    saturating,
-    step_case,
-    walk_case,
-)
+from ambkit.judge.comparison import cases as benchmark
+from ambkit.judge.comparison.cases import CASES, Case, Trial
 from ambkit.judge.comparison.comparison import TRAINING, Sweep, bench, sweep
 from ambkit.judge.comparison.conditions import CERTAIN
 from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, per_run
@@ -170,8 +161,8 @@ def learned(
         known = {name: learned_magnet(name, bearing) for name in asking}
         return results | {name: magnet for name, magnet in known.items() if magnet is not None}
 
-    max_displacement = REACH * bearing.rotor.clearance
-    force = saturating(bearing) if case.saturates else None
+    max_displacement = benchmark.REACH * bearing.rotor.clearance
+    force = benchmark.saturating(bearing) if case.saturates else None
     if case.magnet is not None:
         force = case.magnet.force
 
@@ -209,7 +200,7 @@ def study(
         bearing, case, field, runs=runs, budget=budget, seed=seed, threads=threads,
         done=lambda: done(f"case {case.name}"),
     )  # fmt: skip
-    first = next(t for t in each_trial(case, bearing, runs, seed) if not t.lost)
+    first = next(t for t in benchmark.each_trial(case, bearing, runs, seed) if not t.lost)
     known: dict[str, Any] = vars(main) | {"field": field, "first": first}
     if not whole:
         return Study(**known)
@@ -227,9 +218,9 @@ def study(
         )
 
     travel = isolated_axes(bearing)[0].rotor.clearance
-    steps = {share * travel: alike(step_case(share)) for share in HEIGHTS}
-    wrong = {k: alike(step_case(STEPS[1]), k) for k in WRONG}
-    walks = {share * travel: walk_case(share) for share in HEIGHTS}
+    steps = {share * travel: alike(benchmark.step_case(share)) for share in HEIGHTS}
+    wrong = {k: alike(benchmark.step_case(benchmark.STEPS[1]), k) for k in WRONG}
+    walks = {share * travel: benchmark.walk_case(share) for share in HEIGHTS}
     return Study(
         **known,
         steps=row("errors by step", steps, SWEEP_RUNS, tuned),
