@@ -1,15 +1,10 @@
 """ADALINE: how well it finds the magnet constant, and what leads it astray, in figures."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
 import ambkit
 from ambkit import Adaline, Bearing, Record, Scenario
-from ambkit.identification.online.adaline import AdalineResult
 
 BEARING = Bearing.preset("zittau_axial")
 K = BEARING.magnet.magnet_constant
@@ -17,21 +12,21 @@ STEP = Scenario(duration=0.5, noise=False, reference=ambkit.Step(amplitude=5e-4,
 WRONG = pytest.mark.parametrize("start", [0.5, 1.5], ids=["50 % too small", "50 % too large"])
 
 
-def learned(scenario: Scenario, *, start: float = 1.5, known: Bearing = BEARING,
-            bearing: Bearing = BEARING, tell: bool = False) -> AdalineResult:  # fmt: skip
+def learned(scenario, *, start=1.5, known=BEARING,
+            bearing=BEARING, tell=False):  # fmt: skip
     """What is learned from a run of ``bearing`` by one who takes it for ``known``."""
     record = ambkit.simulate(bearing, scenario).record
     element = Adaline(known, start=start * K)
     return element.run(record, disturbance=record["f_d"] if tell else None)
 
 
-def off(result: AdalineResult) -> float:
+def off(result):
     """Relative error of k over the last quarter."""
     return result.magnet_constant / K - 1
 
 
 @WRONG
-def test_without_noise_and_disturbance_k_is_found_within_half_a_percent(start: float) -> None:
+def test_without_noise_and_disturbance_k_is_found_within_half_a_percent(start):
     result = learned(STEP, start=start)
     assert result.k[1] == pytest.approx(start * K, rel=0.01)  # it did start wrong
     assert abs(off(result)) < 0.005
@@ -42,7 +37,7 @@ def test_without_noise_and_disturbance_k_is_found_within_half_a_percent(start: f
 
 @WRONG
 @pytest.mark.parametrize("feedback", ["estimate", "measurement"])
-def test_with_the_papers_noise_k_is_found_within_two_percent(start: float, feedback: str) -> None:
+def test_with_the_papers_noise_k_is_found_within_two_percent(start, feedback):
     scenario = STEP.replace(noise=True, controller__feedback=feedback)
     errors = np.array([off(learned(scenario.replace(seed=n), start=start)) for n in range(6)])
     assert np.abs(errors).max() < 0.02
@@ -51,7 +46,7 @@ def test_with_the_papers_noise_k_is_found_within_two_percent(start: float, feedb
     assert 0 < spread < 0.02 * K
 
 
-def test_the_force_is_that_of_the_magnet() -> None:
+def test_the_force_is_that_of_the_magnet():
     """Low-passed at 38 Hz: settled it is the weight, in motion it follows."""
     record = ambkit.simulate(BEARING, STEP).record
     result = Adaline(BEARING).run(record)
@@ -66,7 +61,7 @@ def test_the_force_is_that_of_the_magnet() -> None:
     assert np.corrcoef(followed, truth)[0, 1] > 0.9
 
 
-def test_one_sided_magnets_too() -> None:
+def test_one_sided_magnets_too():
     b = Bearing.preset("inteco_ml")
     k = b.magnet.magnet_constant
     scenario = Scenario(
@@ -82,7 +77,7 @@ def test_one_sided_magnets_too() -> None:
 # ---- holding still ----
 
 
-def test_where_nothing_moves_and_nothing_pulls_k_is_held() -> None:
+def test_where_nothing_moves_and_nothing_pulls_k_is_held():
     """A horizontal rotor at rest: no force, so nothing to learn from, noise or not."""
     horizontal = BEARING.replace(rotor__gravity="none")
     for noise in (False, True):
@@ -93,7 +88,7 @@ def test_where_nothing_moves_and_nothing_pulls_k_is_held() -> None:
         assert result.excitation.max() < 0.01
 
 
-def test_excitation_says_how_much_there_is_to_learn_from() -> None:
+def test_excitation_says_how_much_there_is_to_learn_from():
     horizontal = BEARING.replace(rotor__gravity="none")
     levels = []
     for amplitude in (5e-5, 5e-4):
@@ -112,9 +107,7 @@ def test_excitation_says_how_much_there_is_to_learn_from() -> None:
 
 
 @pytest.mark.parametrize(("load", "error"), [(-3.0, -0.371), (3.0, 1.44)])
-def test_an_unknown_load_is_taken_for_weakness_or_strength_of_the_magnet(
-    load: float, error: float
-) -> None:
+def test_an_unknown_load_is_taken_for_weakness_or_strength_of_the_magnet(load, error):
     """3 N of 5.08 N weight: k settles at k m g / (m g - load), -37 % or +144 %."""
     disturbed = STEP.replace(disturbance=ambkit.Constant(value=load))
     weight = 0.518 * 9.81
@@ -128,14 +121,14 @@ def test_an_unknown_load_is_taken_for_weakness_or_strength_of_the_magnet(
      ambkit.Sine(amplitude=3.0, frequency=20.0)],
     ids=["constant", "step", "sine"],
 )  # fmt: skip
-def test_a_known_load_does_no_harm(load: Any) -> None:
+def test_a_known_load_does_no_harm(load):
     assert abs(off(learned(STEP.replace(disturbance=load), tell=True))) < 1e-3
     noisy = STEP.replace(disturbance=load, noise=True)
     assert abs(off(learned(noisy, tell=True))) < 0.01
 
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
-def test_a_wrong_mass_makes_k_wrong_by_as_much(share: float) -> None:
+def test_a_wrong_mass_makes_k_wrong_by_as_much(share):
     """Force is mass times what is seen, weight and all: 10 % of mass are 10 % of k."""
     known = BEARING.replace(rotor__mass=share * 0.518)
     assert off(learned(STEP, known=known)) == pytest.approx(share - 1, abs=0.003)
@@ -146,7 +139,7 @@ def test_a_wrong_mass_makes_k_wrong_by_as_much(share: float) -> None:
 
 @pytest.mark.parametrize("bad", [np.nan, 1e300, -0.1])
 @pytest.mark.parametrize("gap", [1, 20, 500])
-def test_bad_measurements_are_left_out_and_k_finds_back(bad: float, gap: int) -> None:
+def test_bad_measurements_are_left_out_and_k_finds_back(bad, gap):
     """After 0.5 to 50 ms in full motion without samples k is off by 4 % at most, and recovers."""
     swing = STEP.replace(duration=0.8, reference=ambkit.Sine(amplitude=3e-4, frequency=5.0))
     record = ambkit.simulate(BEARING, swing).record
@@ -162,7 +155,7 @@ def test_bad_measurements_are_left_out_and_k_finds_back(bad: float, gap: int) ->
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_a_bad_control_signal_teaches_nothing(bad: float) -> None:
+def test_a_bad_control_signal_teaches_nothing(bad):
     element = Adaline(BEARING, start=1.5 * K)
     element.step(0.0, 0.5)
     for _ in range(100):
@@ -183,12 +176,12 @@ def test_a_bad_control_signal_teaches_nothing(bad: float) -> None:
         ("bandwidth", -1.0, "bandwidth must be greater than 0"),
     ],
 )
-def test_arguments_outside_their_range_are_told(name: str, value: float, told: str) -> None:
+def test_arguments_outside_their_range_are_told(name, value, told):
     with pytest.raises(ValueError, match=told):
         Adaline(BEARING, **{name: value})
 
 
-def test_steps_are_the_run() -> None:
+def test_steps_are_the_run():
     record = ambkit.simulate(BEARING, STEP.replace(duration=0.05, noise=True)).record
     run = Adaline(BEARING, start=0.5 * K).run(record)
     element = Adaline(BEARING, start=0.5 * K)

@@ -1,9 +1,6 @@
 """Noise found online: by the rules, from wrong starts, and not from what is no noise."""
 
-from __future__ import annotations
-
 from functools import cache
-from typing import Any
 
 import numpy as np
 import oracles
@@ -11,7 +8,7 @@ import pytest
 from filter_cases import SETTINGS, START, STD, made, moving_record
 
 import ambkit
-from ambkit import AdaptiveNoise, Bearing, Estimate, FilterNoise, Record, Scenario, Status
+from ambkit import AdaptiveNoise, Bearing, FilterNoise, Record, Scenario, Status
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import core_module
 
@@ -21,7 +18,7 @@ GROWTH = 1.0  # N^2/s
 
 
 @cache
-def wandering(duration: float, seed: int = 1) -> Record:
+def wandering(duration, seed=1):
     """A load that is a random walk, beside a swing."""
     T = BEARING.sampling_time
     t = T * np.arange(round(duration / T) + 1)
@@ -37,13 +34,13 @@ def wandering(duration: float, seed: int = 1) -> Record:
 
 
 def found(
-    kind: str,
+    kind,
     *,
-    noise: tuple[float, float] = (1.0, 1.0),
-    precision: Any = "float64",
-    record: Record | None = None,
-    **options: Any,
-) -> tuple[np.ndarray, Estimate]:
+    noise=(1.0, 1.0),
+    precision="float64",
+    record=None,
+    **options,
+):
     """What is found each 0.1 s, R and growth as multiples of the truth, from multiples of it."""
     record = record or wandering(6.0)
     inner = KINDS[kind].make(
@@ -74,12 +71,12 @@ COVARIANCE_KINDS = (
 class Textbook(oracles.Kalman):
     """The filter of eq. 9-13, and the rules of Mehra, of Sage and Husa beside it."""
 
-    def __init__(self, own: dict[str, Any]) -> None:
+    def __init__(self, own):
         super().__init__(dict(SETTINGS), START, STD)
         self.own, self.nominal = own, dict(SETTINGS)
         self.d, self.sum, self.expected, self.n = own["first_share"], 0.0, 0.0, 0
 
-    def take(self, y: float) -> None:
+    def take(self, y):
         before, P = self.X.copy(), self.P.copy()
         self.update(y)
         # K e e' K' and its expectation P - P+, of the third state.
@@ -109,7 +106,7 @@ class Textbook(oracles.Kalman):
 @pytest.mark.parametrize("window", [1, 7])
 @pytest.mark.parametrize("finds", [(True, False), (False, True), (True, True)])
 @pytest.mark.parametrize("first", [1e-3, 0.05])
-def test_it_is_the_textbook_s(window: int, finds: tuple[bool, bool], first: float) -> None:
+def test_it_is_the_textbook_s(window, finds, first):
     core = core_module()
     own = {"measurement": finds[0], "disturbance": finds[1], "share": 1e-3, "first_share": first,
            "most": 3.0, "window": window}  # fmt: skip
@@ -134,7 +131,7 @@ def test_it_is_the_textbook_s(window: int, finds: tuple[bool, bool], first: floa
 @pytest.mark.parametrize("kind", COVARIANCE_KINDS)
 @pytest.mark.parametrize("wrong", [0.1, 10.0])
 @pytest.mark.parametrize("method", ["innovation", "sage-husa"])
-def test_a_wrong_r_is_found_in_3_s(kind: str, wrong: float, method: Any) -> None:
+def test_a_wrong_r_is_found_in_3_s(kind, wrong, method):
     seen, whole = found(kind, noise=(wrong, 1.0), method=method)
     assert abs(seen[30, 0] - 1) < 0.05
     assert np.abs(seen[40:, 0] - 1).max() < 0.05
@@ -146,7 +143,7 @@ def test_a_wrong_r_is_found_in_3_s(kind: str, wrong: float, method: Any) -> None
 
 
 @pytest.mark.parametrize("adapts", ["measurement", "both"])
-def test_what_is_right_stays_right(adapts: Any) -> None:
+def test_what_is_right_stays_right(adapts):
     seen, whole = found("extended", adapts=adapts)
     assert np.abs(seen[:, 0] - 1).max() < 0.05
     assert ((seen[:, 1] > 0.5) & (seen[:, 1] < 2)).all()
@@ -155,7 +152,7 @@ def test_what_is_right_stays_right(adapts: Any) -> None:
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("wrong", [0.1, 10.0])
-def test_a_wrong_growth_is_found_in_3_s(wrong: float, precision: Any) -> None:
+def test_a_wrong_growth_is_found_in_3_s(wrong, precision):
     seen, _ = found("extended", noise=(1.0, wrong), adapts="disturbance", precision=precision)
     assert seen[30:, 1].mean() == pytest.approx(1, abs=0.25)
     assert ((seen[30:, 1] > 0.5) & (seen[30:, 1] < 2)).all()
@@ -163,14 +160,14 @@ def test_a_wrong_growth_is_found_in_3_s(wrong: float, precision: Any) -> None:
 
 
 @pytest.mark.parametrize("wrong", [(0.1, 0.1), (0.1, 10.0), (10.0, 0.1), (10.0, 10.0)])
-def test_over_a_window_both_are_told_apart(wrong: tuple[float, float]) -> None:
+def test_over_a_window_both_are_told_apart(wrong):
     seen, whole = found("extended", noise=wrong, adapts="both")
     assert np.abs(seen[35:, 0] - 1).max() < 0.06
     assert ((seen[35:, 1] > 0.5) & (seen[35:, 1] < 2)).all()
     assert np.mean(whole.nis[40_000:]) == pytest.approx(1, abs=0.05)
 
 
-def test_sample_by_sample_the_growth_hardly_shows() -> None:
+def test_sample_by_sample_the_growth_hardly_shows():
     """Why there is a window."""
     by_sample, _ = found("extended", noise=(1, 10), adapts="disturbance", method="sage-husa")
     by_window, _ = found("extended", noise=(1, 10), adapts="disturbance")
@@ -180,7 +177,7 @@ def test_sample_by_sample_the_growth_hardly_shows() -> None:
 
 @pytest.mark.parametrize("kind", ["linear-adaptive-noise", "extended-adaptive-noise"])
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_a_sensor_that_becomes_noisier_is_followed(kind: str, precision: Any) -> None:
+def test_a_sensor_that_becomes_noisier_is_followed(kind, precision):
     calm = wandering(6.0)
     more = np.random.default_rng(2).normal(0, np.sqrt(3 * R), len(calm))
     y = calm["y"] + np.where(calm.t > 3.0, more, 0.0)
@@ -200,7 +197,7 @@ def test_a_sensor_that_becomes_noisier_is_followed(kind: str, precision: Any) ->
     assert errors[0] < errors[1]
 
 
-def test_nothing_is_learned_from_what_is_not_used() -> None:
+def test_nothing_is_learned_from_what_is_not_used():
     estimator = AdaptiveNoise(ambkit.KalmanFilter(BEARING), adapts="both")
     record = wandering(6.0)
     y, u = record["y"], record["u"]
@@ -217,7 +214,7 @@ def test_nothing_is_learned_from_what_is_not_used() -> None:
     assert estimator.noise == before
 
 
-def test_the_end_of_the_range_is_told() -> None:
+def test_the_end_of_the_range_is_told():
     seen, whole = found("linear", noise=(1e-3, 1.0), most=10.0)
     assert seen[:, 0].max() == pytest.approx(1e-2)
     assert seen[-1, 0] == pytest.approx(1e-2, rel=1e-3)  # what is found moves a little below it
@@ -225,7 +222,7 @@ def test_the_end_of_the_range_is_told() -> None:
     assert np.mean(whole.nis[-1000:]) > 2
 
 
-def test_the_inner_filter_is_left_alone() -> None:
+def test_the_inner_filter_is_left_alone():
     inner = ambkit.KalmanFilter(BEARING, noise=FilterNoise(measurement=10 * R))
     state = inner.mean.copy(), inner.covariance.copy()
     estimator = AdaptiveNoise(inner)
@@ -238,7 +235,7 @@ def test_the_inner_filter_is_left_alone() -> None:
     assert (estimator.run(wandering(6.0)).mean == first.mean).all()
 
 
-def test_it_can_be_smoothed() -> None:
+def test_it_can_be_smoothed():
     record = wandering(6.0)
     estimator = KINDS["extended-adaptive-noise"].make(BEARING)
     filtered, made = estimator.run(record), estimator.smooth(record)
@@ -260,12 +257,12 @@ def test_it_can_be_smoothed() -> None:
         ({"most": 1.0}, "most must be greater than 1, got 1.0"),
     ],
 )
-def test_an_option_out_of_range_is_told(options: dict[str, Any], told: str) -> None:
+def test_an_option_out_of_range_is_told(options, told):
     with pytest.raises(ValueError, match=told):
         AdaptiveNoise(ambkit.KalmanFilter(BEARING), **options)
 
 
-def test_a_scale_of_the_magnet_is_still_told() -> None:
+def test_a_scale_of_the_magnet_is_still_told():
     record = wandering(6.0)
     inner = KINDS["augmented"].make(BEARING, noise=FilterNoise(disturbance=GROWTH))
     plain, around = inner.run(record), AdaptiveNoise(inner).run(record)
@@ -277,12 +274,12 @@ def test_a_scale_of_the_magnet_is_still_told() -> None:
     assert ambkit.KalmanFilter(BEARING).scale is None
 
 
-def test_it_is_not_put_around_itself() -> None:
+def test_it_is_not_put_around_itself():
     with pytest.raises(ValueError, match="its noise is already estimated online"):
         AdaptiveNoise(KINDS["linear-adaptive-noise"].make(BEARING))
 
 
 @pytest.mark.parametrize("name", ["low-pass", "observer", "steady-state"])
-def test_what_has_no_noise_to_find_is_refused(name: str) -> None:
+def test_what_has_no_noise_to_find_is_refused(name):
     with pytest.raises(ValueError, match="its noise cannot be estimated"):
         AdaptiveNoise(KINDS[name].make(BEARING))

@@ -1,11 +1,7 @@
 """Filters that must not fly are named, and no other: planted wrong, and good ones."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,14 +28,14 @@ MLPS = Machine.preset("tum_mlps")
 USUAL = KalmanFilter(AXIS).variances
 
 
-def noisy(**factors: float) -> KalmanFilter:
+def noisy(**factors):
     """The linear filter with some of its variances off by factors."""
     return KalmanFilter(
         AXIS, noise=FilterNoise(**{n: f * getattr(USUAL, n) for n, f in factors.items()})
     )
 
 
-def other(**changes: Any) -> KalmanFilter:
+def other(**changes):
     """The filter of an axis with other numbers."""
     return KalmanFilter(AXIS.replace(**changes))
 
@@ -47,7 +43,7 @@ def other(**changes: Any) -> KalmanFilter:
 K = ConstantStiffness.of(AXIS)
 
 # Each filter with what it is to fly on, and a word that its sentence has; True: it must not fly.
-WRONG: dict[str, tuple[Callable[[], Any], Any, str, bool]] = {
+WRONG = {
     "of another bearing": (lambda: KalmanFilter(BALL), AXIS, "fingerprint", True),
     "of a machine with other axes": (
         lambda: KalmanFilter(Machine.preset("compressor")), MLPS, "fingerprint", True),
@@ -95,7 +91,7 @@ WRONG: dict[str, tuple[Callable[[], Any], Any, str, bool]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_no_filter_that_is_planted_wrong_passes_without_a_sentence(name: str) -> None:
+def test_no_filter_that_is_planted_wrong_passes_without_a_sentence(name):
     make, plant, word, fatal = WRONG[name]
     found = judge_adequacy(make(), plant)
     said = sentences(found)
@@ -103,7 +99,7 @@ def test_no_filter_that_is_planted_wrong_passes_without_a_sentence(name: str) ->
     assert any(each.fatal for each in found) == fatal
 
 
-def test_innovations_are_held_against_their_band() -> None:
+def test_innovations_are_held_against_their_band():
     record = ambkit.simulate(AXIS, step=0.2e-3, duration=0.1, seed=1).record
     for factor, said, fatal in ((1.0, False, False), (0.1, True, False), (1e-3, True, True),
                                 (1e3, True, True)):  # fmt: skip
@@ -113,21 +109,21 @@ def test_innovations_are_held_against_their_band() -> None:
         assert nis.fatal == fatal
 
 
-def test_what_a_run_asks_for_is_held_against_what_there_is() -> None:
+def test_what_a_run_asks_for_is_held_against_what_there_is():
     high = Scenario(reference=Step(amplitude=1.2e-3), disturbance=Step(amplitude=-12.0))
     said = sentences(judge_adequacy(KalmanFilter(AXIS), None, high))
     assert any("reaches 1.2 mm, beyond the clearance of 1 mm" in text for text in said)
     assert any("load capacity" in text for text in said)
 
 
-def test_a_controller_that_does_not_hold_the_rotor_is_named() -> None:
+def test_a_controller_that_does_not_hold_the_rotor_is_named():
     weak = Scenario(controller=Control(kp=100.0, ki=0.0, kd=1.0, derivative_filter=3e-4))
     (unstable,) = (e for e in judge_adequacy(KalmanFilter(AXIS), None, weak) if e.sentence)
     assert unstable.fatal
     assert unstable.sentence == "with this controller the loop is unstable"
 
 
-def kinds_of_machine(name: str) -> Any:
+def kinds_of_machine(name):
     """A preset in the long part: some of a second each."""
     return pytest.param(Machine.preset(name), marks=pytest.mark.long, id=name)
 
@@ -142,12 +138,12 @@ GOOD = [
 
 @pytest.mark.parametrize("plant", [MLPS, Machine.preset("tum_mlps_flexible")],
                          ids=lambda plant: plant.name)  # fmt: skip
-def test_no_good_filter_of_a_machine_is_accused(plant: Machine) -> None:
+def test_no_good_filter_of_a_machine_is_accused(plant):
     assert sentences(judge_adequacy(KalmanFilter(plant))) == []
 
 
 @pytest.mark.parametrize("plant", GOOD)
-def test_no_good_filter_is_accused(plant: Any) -> None:
+def test_no_good_filter_is_accused(plant):
     axis = plant.single
     for name, kind in KINDS.items():
         if name == "adaptive" or not (axis or (kind.estimator.several_axes and name != "table")):
@@ -163,11 +159,11 @@ def test_no_good_filter_is_accused(plant: Any) -> None:
     ("what", "factor"), [("disturbance", 1e-2), ("disturbance", 1e2), ("measurement", 1e-2),
                          ("measurement", 1e2)],
 )  # fmt: skip
-def test_what_tuning_may_find_is_not_accused(what: str, factor: float) -> None:
+def test_what_tuning_may_find_is_not_accused(what, factor):
     assert sentences(judge_adequacy(noisy(**{what: factor}))) == []
 
 
-def test_a_bearing_as_it_is_identified_is_not_another(tmp_path: Path) -> None:
+def test_a_bearing_as_it_is_identified_is_not_another(tmp_path):
     found = other(
         magnet__magnet_constant=0.93 * AXIS.magnet.magnet_constant, rotor__mass=0.53,
         sensor__noise_variance=3 * AXIS.sensor.noise_variance,
@@ -175,7 +171,7 @@ def test_a_bearing_as_it_is_identified_is_not_another(tmp_path: Path) -> None:
     assert sentences(judge_adequacy(found, AXIS)) == []
 
 
-def test_a_magnet_of_the_same_stiffnesses_is_not_another() -> None:
+def test_a_magnet_of_the_same_stiffnesses_is_not_another():
     """A log tells k/s0^2 and k/s0^3, and of k and s0 little more."""
     share = 0.86
     found = other(
@@ -185,14 +181,14 @@ def test_a_magnet_of_the_same_stiffnesses_is_not_another() -> None:
     assert sentences(judge_adequacy(found, AXIS)) == []
 
 
-def test_the_same_filter_is_judged_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_filter_is_judged_once(monkeypatch):
     judge_adequacy(noisy(disturbance=1.5))
     monkeypatch.setattr(adequacy_criteria, "of_filter", None)
     assert judge_adequacy(noisy(disturbance=1.5))
 
 
-def test_a_load_that_the_record_says_nothing_of_is_followed_all_the_same() -> None:
-    def build(disturbance: float) -> KalmanFilter:
+def test_a_load_that_the_record_says_nothing_of_is_followed_all_the_same():
+    def build(disturbance):
         return KalmanFilter(AXIS, noise=FilterNoise(disturbance=disturbance))
 
     least = least_process_noise(build, 1.1e-6)
@@ -202,7 +198,7 @@ def test_a_load_that_the_record_says_nothing_of_is_followed_all_the_same() -> No
     assert least_process_noise(build, 200.0) == 200.0
 
 
-def test_the_judgement_holds_against_a_simulated_step_of_half_the_load_capacity() -> None:
+def test_the_judgement_holds_against_a_simulated_step_of_half_the_load_capacity():
     step = Step(amplitude=0.5 * load_capacity(AXIS)[0], time=0.05)
     happening = ambkit.scenario_for(AXIS, Scenario(duration=0.3, disturbance=step))
     record = ambkit.simulate(AXIS, happening).record
@@ -215,15 +211,13 @@ def test_the_judgement_holds_against_a_simulated_step_of_half_the_load_capacity(
         assert took == pytest.approx(told.value, rel=0.25)
 
 
-def exit_of(*arguments: str) -> int:
+def exit_of(*arguments):
     with pytest.raises(SystemExit) as ended:
         main([*arguments])
     return int(ended.value.code or 0)
 
 
-def test_an_export_is_refused_without_force(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_export_is_refused_without_force(tmp_path, capsys):
     slow = noisy(disturbance=1e-8)
     slow.save(tmp_path / "slow.toml")
     out = tmp_path / "c"
@@ -244,18 +238,14 @@ def test_an_export_is_refused_without_force(
                    "--out", str(out)) == 2  # fmt: skip
 
 
-def test_an_export_says_what_does_not_need_force(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_export_says_what_does_not_need_force(tmp_path, capsys):
     KalmanFilter(AXIS, gravity="disturbance").save(tmp_path / "weight.toml")
     out = tmp_path / "c"
     assert exit_of("export", "c", str(tmp_path / "weight.toml"), "--out", str(out)) == 0
     assert "is part of the estimated disturbance force" in capsys.readouterr().err
 
 
-def test_check_and_simulate_say_the_same(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_and_simulate_say_the_same(tmp_path, capsys):
     slow = noisy(disturbance=1e-8)
     slow.save(tmp_path / "slow.toml")
     (fatal,) = {e.sentence for e in judge_adequacy(slow) if e.name == "time to follow a load"}
@@ -272,9 +262,7 @@ def test_check_and_simulate_say_the_same(
     assert exit_of("check", str(tmp_path / "good.toml"), "--machine", "inteco_ml") == 2
 
 
-def test_check_judges_a_filter_on_a_machine_with_several_axes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_judges_a_filter_on_a_machine_with_several_axes(tmp_path, capsys):
     """``--machine`` took one axis only, and a machine's filter was not held to it."""
     path = tmp_path / "filter.toml"
     KalmanFilter(Machine.preset("heart_pump")).save(path)
@@ -285,7 +273,7 @@ def test_check_judges_a_filter_on_a_machine_with_several_axes(
     assert exit_of("check", str(path), "--machine", "heart_pump") == 0
 
 
-def test_identify_writes_no_process_noise_that_follows_no_load() -> None:
+def test_identify_writes_no_process_noise_that_follows_no_load():
     # As a record whose load rests has it.
     made, raised = identified.filter_following_load(AXIS, 1.12e-3)
     assert sentences(judge_adequacy(made)) == []
@@ -294,7 +282,7 @@ def test_identify_writes_no_process_noise_that_follows_no_load() -> None:
     assert (kept.variances.disturbance, raised) == (9620.0, {})
 
 
-def test_design_judges_with_the_stated_load_and_not_with_the_assumed_one(tmp_path: Path) -> None:
+def test_design_judges_with_the_stated_load_and_not_with_the_assumed_one(tmp_path):
     errors = {}
     for factor in (1.0, 1e-4):
         noisy(disturbance=factor).save(tmp_path / "filter.toml")
@@ -325,10 +313,7 @@ tolerance = "2 %"
     ["tune", "robust", "slow.toml", "--budget", "1", "--max-sensitivity", "5",
      "--out", "filter.toml"],
 ], ids=lambda words: words[0])  # fmt: skip
-def test_whatever_writes_a_filter_shows_whether_it_may_fly(
-    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+def test_whatever_writes_a_filter_shows_whether_it_may_fly(words, tmp_path, monkeypatch, capsys):
     if "robust" in words:
         pytest.importorskip("optuna")
     monkeypatch.chdir(tmp_path)
@@ -343,7 +328,7 @@ def test_whatever_writes_a_filter_shows_whether_it_may_fly(
     assert any(each["name"] == "time to follow a load" for each in judged)
 
 
-def test_an_axis_is_judged_alike_as_a_bearing_and_as_a_machine() -> None:
+def test_an_axis_is_judged_alike_as_a_bearing_and_as_a_machine():
     machine = AXIS.long
     one, other = (judge_adequacy(KalmanFilter(of), on) for of, on in
                   ((AXIS, None), (machine, machine)))  # fmt: skip
@@ -352,9 +337,7 @@ def test_an_axis_is_judged_alike_as_a_bearing_and_as_a_machine() -> None:
     assert sentences(other) == []
 
 
-def test_a_record_with_a_sign_swapped_is_named_in_python_too(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_record_with_a_sign_swapped_is_named_in_python_too(caplog):
     record = ambkit.simulate(AXIS, step="0.5 mm", duration="0.5 s", seed=1).record
     ambkit.tune(AXIS, record, "linear", budget=1)
     assert not caplog.messages
@@ -366,9 +349,9 @@ def test_a_record_with_a_sign_swapped_is_named_in_python_too(
 
 
 def test_design_names_what_is_wrong_with_a_record_before_it_identifies(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stop(*_: Any, **__: Any) -> None:
+    tmp_path, caplog, monkeypatch
+):
+    def stop(*_, **__):
         raise AmbkitError("no further")
 
     monkeypatch.setattr("ambkit.workflow.design.identify", stop)

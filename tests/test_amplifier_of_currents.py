@@ -1,7 +1,6 @@
 """An amplifier whose control signal is a current: its gain is given in A/A."""
 
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from ambkit.export.fmu import export_fmu
 VOLTS = ambkit.Bearing.preset("zittau_axial").replace(amplifier__gain="2 A/V")
 
 
-def in_amperes(folder: Path, gain: str) -> Path:
+def in_amperes(folder, gain):
     path = folder / "b.toml"
     VOLTS.save(path)
     text = path.read_text(encoding="utf-8")
@@ -29,7 +28,7 @@ def in_amperes(folder: Path, gain: str) -> Path:
 
 
 @pytest.mark.parametrize("gain", ["2 A/A", "2000 mA/A", "2"])
-def test_its_number_counts_as_one_in_amperes_per_volt(tmp_path: Path, gain: str) -> None:
+def test_its_number_counts_as_one_in_amperes_per_volt(tmp_path, gain):
     read = ambkit.Bearing.load(in_amperes(tmp_path, gain))
     assert "A^2" in (tmp_path / "b.toml").read_text(encoding="utf-8")
     assert read.amplifier == VOLTS.amplifier
@@ -38,12 +37,12 @@ def test_its_number_counts_as_one_in_amperes_per_volt(tmp_path: Path, gain: str)
 
 
 @pytest.mark.parametrize("gain", ["2 V/A", "2 N/A", "2 A"])
-def test_a_gain_of_another_kind_is_refused(tmp_path: Path, gain: str) -> None:
+def test_a_gain_of_another_kind_is_refused(tmp_path, gain):
     with pytest.raises(ConfigError, match=r"amplifier\.gain.*A/V"):
         ambkit.Bearing.load(in_amperes(tmp_path, gain))
 
 
-def test_exports_name_its_unit(tmp_path: Path) -> None:
+def test_exports_name_its_unit(tmp_path):
     read = ambkit.Bearing.load(in_amperes(tmp_path, "2 A/A"))
     export_c(read, None, tmp_path / "c")
     header = (tmp_path / "c" / "zittau_axial.h").read_text(encoding="utf-8")
@@ -55,7 +54,7 @@ def test_exports_name_its_unit(tmp_path: Path) -> None:
     assert 'unit="V' not in xml
 
 
-def test_a_study_that_varies_its_gain_keeps_its_unit(tmp_path: Path) -> None:
+def test_a_study_that_varies_its_gain_keeps_its_unit(tmp_path):
     read = ambkit.Bearing.load(in_amperes(tmp_path, "2 A/A"))
     varied = changed(read, {"amplifier": {"gain": 2.1}})
     assert varied.amplifier.gain == 2.1
@@ -63,7 +62,7 @@ def test_a_study_that_varies_its_gain_keeps_its_unit(tmp_path: Path) -> None:
     assert 'gain = "2.1 A/A"' in varied.to_toml()
 
 
-def test_a_filters_file_names_its_unit(tmp_path: Path) -> None:
+def test_a_filters_file_names_its_unit(tmp_path):
     """Also where the bearing is a preset but for that: it is no preset then."""
     read = ambkit.Bearing.load(in_amperes(tmp_path, "2 A/A"))
     usual = ambkit.Bearing.preset("zittau_axial")

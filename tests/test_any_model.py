@@ -19,11 +19,9 @@ import ambkit
 from ambkit import ClosedLaw, Scenario, Status
 from ambkit.estimate import estimator as base
 from ambkit.estimate.core_model import Engine, arrays
-from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.accessories import ColouredNoise, Hum
-from ambkit.machine.magnets import ConstantStiffness, MagnetModel, core_module
+from ambkit.machine.magnets import ConstantStiffness, core_module
 
 # ---- the paper's axis: to the bit ----
 
@@ -31,9 +29,7 @@ from ambkit.machine.magnets import ConstantStiffness, MagnetModel, core_module
 class BuiltIn(Engine):
     """The paper's axis as ever; gains are computed from the numbers of the built-in model."""
 
-    def __init__(
-        self, bearing: Any, precision: Any, *, as_printed: bool = False, **options: Any
-    ) -> None:
+    def __init__(self, bearing, precision, *, as_printed=False, **options):
         super().__init__(bearing, precision, as_printed=as_printed, **options)
         core = core_module(precision)
         s = settings_of(bearing.isolated_axis("")) | {"as_printed": as_printed}
@@ -44,15 +40,13 @@ class BuiltIn(Engine):
 class ByLoops(BuiltIn):
     """The same numbers as arrays."""
 
-    def __init__(
-        self, bearing: Any, precision: Any, *, as_printed: bool = False, **options: Any
-    ) -> None:
+    def __init__(self, bearing, precision, *, as_printed=False, **options):
         super().__init__(bearing, precision, as_printed=as_printed, **options)
         self.built_in, self.core = False, core_module(precision, any_model=True)
         self.model_of_core = self.core.Model(arrays(self.model))
 
 
-def by(engine: type[Engine], monkeypatch: pytest.MonkeyPatch, name: str, **options: Any) -> Any:
+def by(engine, monkeypatch, name, **options):
     """An estimator of a kind that computes so; a kind without a magnet asks the closed law."""
     monkeypatch.setattr(base, "Engine", engine)
     magnet = ClosedLaw(BEARING) if KINDS[name].magnet is None else None
@@ -60,7 +54,7 @@ def by(engine: type[Engine], monkeypatch: pytest.MonkeyPatch, name: str, **optio
 
 
 @cache
-def with_faults() -> tuple[Array, Array]:
+def with_faults():
     """y and u with gaps, spikes, a frozen sensor, bad controls, an amplifier at its end.
 
     And of each enough to see filters start afresh and come back.
@@ -84,7 +78,7 @@ def with_faults() -> tuple[Array, Array]:
     return y, u
 
 
-def same_bits(ours: dict[str, Array], theirs: dict[str, Array]) -> None:
+def same_bits(ours, theirs):
     assert set(ours) == set(theirs)
     for name, values in ours.items():
         assert values.dtype == theirs[name].dtype, name
@@ -93,9 +87,7 @@ def same_bits(ours: dict[str, Array], theirs: dict[str, Array]) -> None:
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("name", [n for n in KINDS if n != "constant-velocity"])  # own model
-def test_of_the_paper_s_axis_it_has_the_same_bits(
-    name: str, precision: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_of_the_paper_s_axis_it_has_the_same_bits(name, precision, monkeypatch):
     y, u = (values.astype(precision) for values in with_faults())
     straight = by(BuiltIn, monkeypatch, name, precision=precision)
     loops = by(ByLoops, monkeypatch, name, precision=precision)
@@ -121,13 +113,13 @@ def test_of_the_paper_s_axis_it_has_the_same_bits(
 
 
 @pytest.mark.parametrize("name", ["linear", "extended", "ud", "unscented"])
-def test_as_printed_it_has_them_as_well(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_as_printed_it_has_them_as_well(name, monkeypatch):
     y, u = with_faults()
     both = [by(engine, monkeypatch, name, as_printed=True) for engine in (ByLoops, BuiltIn)]
     same_bits(*(e.core.run(y, u, covariance=True) for e in both))
 
 
-def test_many_along_one_record_are_each_on_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_along_one_record_are_each_on_its_own(monkeypatch):
     """Without lanes, by threads."""
     y, u = with_faults()
     noises = [ambkit.FilterNoise(disturbance=d) for d in (1.0, 30.0, 1000.0)]
@@ -143,7 +135,7 @@ def test_many_along_one_record_are_each_on_its_own(monkeypatch: pytest.MonkeyPat
 
 
 T = BEARING.sampling_time
-BANDWIDTH: dict[str, Any] = {"amplifier__bandwidth": 2000.0}
+BANDWIDTH = {"amplifier__bandwidth": 2000.0}
 COLOURED = {"sensor__coloured_noise": ColouredNoise(variance=(4e-6) ** 2, bandwidth=200.0)}
 HUM = {"sensor__hum": (Hum(frequency=50.0, amplitude=5e-6, bandwidth=0.5),)}
 
@@ -179,16 +171,16 @@ SURE = {
 
 
 @cache
-def estimator_of(case: str, kind: str) -> Estimator:
+def estimator_of(case, kind):
     bearing = BEARING.replace(**CASES[case].keys)
-    magnet: MagnetModel = ClosedLaw(BEARING)
+    magnet = ClosedLaw(BEARING)
     if kind == "linear":
         magnet = ConstantStiffness.of(BEARING)
     noise = ambkit.FilterNoise(disturbance=4.0)
     return KINDS[kind].make(bearing, magnet, noise=noise)
 
 
-def start_std(estimator: Estimator) -> Array:
+def start_std(estimator):
     return np.array([SURE.get(state.role, state.size) for state in estimator.states])
 
 
@@ -202,7 +194,7 @@ class Motion:
 
 
 @cache
-def motion(case: str, kind: str, seed: int) -> Motion:
+def motion(case, kind, seed):
     """Drawn from the model: control by a PD controller that sees the state, and noise."""
     e, rng = estimator_of(case, kind), np.random.default_rng([seed, 12])
     model, s = e.model, e.core.parameters["set"]
@@ -237,7 +229,7 @@ def motion(case: str, kind: str, seed: int) -> Motion:
 
 
 @cases
-def test_its_states_are_those_of_its_parts(case: str) -> None:
+def test_its_states_are_those_of_its_parts(case):
     e = estimator_of(case, "linear")
     assert not e.engine.built_in
     added = {state.name for state in e.states} - {"x", "v", "f_d", "x_m"}
@@ -245,7 +237,7 @@ def test_its_states_are_those_of_its_parts(case: str) -> None:
 
 
 @those_of_kinds
-def test_it_is_the_textbook_s_with_full_matrices(case: str, kind: str) -> None:
+def test_it_is_the_textbook_s_with_full_matrices(case, kind):
     """filterpy's, on the estimator's matrices; the extended one's mean by the force itself."""
     e, m = estimator_of(case, kind), motion(case, kind, 0)
     s, model, n = e.core.parameters["set"], e.model, len(e.states)
@@ -264,7 +256,7 @@ def test_it_is_the_textbook_s_with_full_matrices(case: str, kind: str) -> None:
             X, iu = kf.x[:, 0] * std, np.clip(s["k_ui"] * m.u[k - 1], s["iu_min"], s["iu_max"])
             at = model.e @ X + model.d @ iu, model.h @ X
             k_i, k_s = (float(a[0]) for a in magnet.tangent(*at))
-            step: LinearModel = e.linear_model(k_i, k_s).scaled(std)
+            step = e.linear_model(k_i, k_s).scaled(std)
             if kind == "linear":
                 kf.predict(
                     F=step.A, Q=step.Q, B=np.hstack([step.B, step.E]),
@@ -284,7 +276,7 @@ def test_it_is_the_textbook_s_with_full_matrices(case: str, kind: str) -> None:
 
 
 @those_of_kinds
-def test_on_what_the_model_did_it_is_as_good_as_it_says(case: str, kind: str) -> None:
+def test_on_what_the_model_did_it_is_as_good_as_it_says(case, kind):
     """NIS and NEES over 20 seeds, within what chance makes of them once in 10,000 times."""
     e = estimator_of(case, kind)
     n, std = len(e.states), start_std(e)

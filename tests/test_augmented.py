@@ -1,9 +1,6 @@
 """k as a fifth state: the textbook's filter in two stages; what it learns, and where it holds."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import numpy as np
 import oracles
@@ -25,7 +22,7 @@ from ambkit import (
 from ambkit.machine.magnets import core_module
 
 
-def one_sided() -> tuple[Bearing, Record]:
+def one_sided():
     bearing = Bearing.preset("inteco_ml")
     controller = ambkit.PID.textbook(bearing).model_copy(update={"feedback": "measurement"})
     scenario = ambkit.Scenario(
@@ -36,7 +33,7 @@ def one_sided() -> tuple[Bearing, Record]:
 
 @pytest.mark.parametrize("wander", [0.0, 0.1])
 @pytest.mark.parametrize("bearing", ["two-sided", "one-sided"])
-def test_it_is_the_extended_filter_of_the_augmented_state(bearing: str, wander: float) -> None:
+def test_it_is_the_extended_filter_of_the_augmented_state(bearing, wander):
     """filterpy's, in units of the standard deviations, with full 5 x 5 matrices."""
     b, record = one_sided() if bearing == "one-sided" else (BEARING, run(3e-4))
     record = Record(record.t[:900], {s: record[s][:900] for s in ("y", "u")})
@@ -80,12 +77,12 @@ def test_it_is_the_extended_filter_of_the_augmented_state(bearing: str, wander: 
     assert estimate.scale_variance[-1] == pytest.approx(ekf.P[4, 4] * 0.04, rel=1e-9)
 
 
-def estimate_start(bearing: Bearing, record: Record) -> tuple[float, ...]:
+def estimate_start(bearing, record):
     first = float(record["y"][0])
     return first / bearing.sensor.gain, 0.0, 0.0, first
 
 
-def test_without_its_care_it_would_drift() -> None:
+def test_without_its_care_it_would_drift():
     record = run(0.0, load=0.0)
     eager = AugmentedKalmanFilter(BEARING, excitation=math.inf).run(record)
     assert eager.scale is not None
@@ -93,7 +90,7 @@ def test_without_its_care_it_would_drift() -> None:
     assert rms(eager, record) > 3 * rms(ExtendedKalmanFilter(BEARING).run(record), record)
 
 
-def test_a_right_k_stays_right() -> None:
+def test_a_right_k_stays_right():
     record = run(3e-4, 1)
     known = rms(ExtendedKalmanFilter(BEARING).run(record), record, since=LOAD_AT)
     estimate = AugmentedKalmanFilter(BEARING).run(record)
@@ -102,7 +99,7 @@ def test_a_right_k_stays_right() -> None:
     assert abs(estimate.scale[-1] - 1) < 0.05
 
 
-def test_single_precision_finds_the_same() -> None:
+def test_single_precision_finds_the_same():
     record = run(3e-4, 2)
     double, single = (
         AugmentedKalmanFilter(BEARING, precision=p).run(record) for p in ("float64", "float32")
@@ -112,17 +109,17 @@ def test_single_precision_finds_the_same() -> None:
     assert abs(float(single.scale[-1]) - double.scale[-1]) < 0.01
 
 
-def test_metres_and_micrometres_give_one_answer() -> None:
+def test_metres_and_micrometres_give_one_answer():
     """Of all filters with forces from the law: nothing in them is absolute."""
     core, record, magnet = core_module(), run(3e-4), BEARING.magnet
     learn = {"bias": np.zeros(1), "fresh": 0.012, "least": 0.108}
-    own: dict[str, dict[str, Any]] = {
+    own = {
         "Unscented": {"reach": 3**0.5, "curvature": 2.0},
         "Augmented": {"std": 0.2, "var_k": 1e-6, "min": 0.2, "max": 5.0, **learn},
         "MultipleModel": {"theta": np.array([0.7, 0.85, 1.0, 1.15, 1.3]), "leave": 1e-4, **learn},
     }
 
-    def means(name: str, um: float) -> Any:
+    def means(name, um):
         s, k = oracles.settings_of(BEARING), magnet.magnet_constant
         s |= {"m": s["m"] / um, "var_y": s["var_y"] * um**2, "x_max": s["x_max"] * um}
         law = core.Law(
@@ -153,7 +150,7 @@ BOTH = [AugmentedKalmanFilter, MultipleModelFilter]
 @pytest.mark.parametrize("kind", BOTH)
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("wrong", [1 / 1.3, 1 / 0.7])
-def test_most_of_the_lost_accuracy_comes_back(kind: Any, wrong: float, seed: int) -> None:
+def test_most_of_the_lost_accuracy_comes_back(kind, wrong, seed):
     """k 30 % off and four steps of 0.3 mm, then the load: 80 % of what it costs, at least."""
     record, mistaken = run(3e-4, seed), quieter(1.0, wrong)
     estimators = ExtendedKalmanFilter(BEARING), ExtendedKalmanFilter(mistaken), kind(mistaken)
@@ -165,7 +162,7 @@ def test_most_of_the_lost_accuracy_comes_back(kind: Any, wrong: float, seed: int
 @pytest.mark.parametrize("noise", [1.0, 0.01])
 @pytest.mark.parametrize("load", [0.0, 3.0, -3.0])
 @pytest.mark.parametrize("wrong", [1 / 1.3, 1.0, 1 / 0.7])
-def test_at_rest_they_say_so_and_do_no_harm(wrong: float, load: float, noise: float) -> None:
+def test_at_rest_they_say_so_and_do_no_harm(wrong, load, noise):
     """A bearing that hangs, and a load on it: not to be told from another k, and left alone."""
     record, mistaken = run(0.0, load=load, noise=noise), quieter(noise, wrong)
     plain = ExtendedKalmanFilter(mistaken).run(record)
@@ -184,9 +181,7 @@ def test_at_rest_they_say_so_and_do_no_harm(wrong: float, load: float, noise: fl
     (AugmentedKalmanFilter, 1.3, 0.5, 0.15), (AugmentedKalmanFilter, 0.7, 1.4, 0.15),
     (MultipleModelFilter, 1.3, 0.5, 0.1), (MultipleModelFilter, 0.7, 0.9, 0.1),
 ])  # fmt: skip
-def test_a_jump_of_k_in_flight_is_found(
-    kind: Any, factor: float, within: float, error: float
-) -> None:
+def test_a_jump_of_k_in_flight_is_found(kind, factor, within, error):
     """While the rotor goes to and fro by 0.1 mm; the load then is the rotor's own."""
     record = jump(factor)
     estimate = kind(BEARING).run(record)
@@ -206,6 +201,6 @@ def test_a_jump_of_k_in_flight_is_found(
     (MultipleModelFilter, {"scales": (1.0, math.nan)}, "scales must be 2 to 5 positive numbers"),
     (MultipleModelFilter, {"sojourn": 0.0}, "sojourn must be two samples or more"),
 ])  # fmt: skip
-def test_a_parameter_out_of_range_is_told(kind: Any, options: dict[str, Any], told: str) -> None:
+def test_a_parameter_out_of_range_is_told(kind, options, told):
     with pytest.raises(ValueError, match=told):
         kind(BEARING, **options)

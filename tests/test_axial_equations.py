@@ -19,9 +19,7 @@ MODEL = ax.axial
 HEADER = (ROOT / "core" / "generated" / "axial.h").read_text(encoding="utf-8")
 
 
-def test_one_changed_sign_is_noticed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_changed_sign_is_noticed(tmp_path, monkeypatch, capsys):
     from models import __main__ as writer
 
     for name in writer.texts():
@@ -37,7 +35,7 @@ def test_one_changed_sign_is_noticed(
     assert told == ["core/generated/axial.h is not what the models say"]
 
 
-def physical(matrix: sp.Matrix) -> sp.Matrix:
+def physical(matrix):
     """Put the physical parameters in for the constants that are computed once."""
     z, t = sp.symbols("z t")
     phi = [sp.exp(-z)]
@@ -49,16 +47,16 @@ def physical(matrix: sp.Matrix) -> sp.Matrix:
     return told
 
 
-def as_printed(matrix: sp.Matrix) -> sp.Matrix:
+def as_printed(matrix):
     """What is left of it for the paper's equations."""
     return physical(matrix.subs(dict.fromkeys((*MODEL.printed, *MODEL.growth_constants), 0)))
 
 
-def same(a: sp.Matrix, b: sp.Matrix) -> bool:
+def same(a, b):
     return sp.simplify(a - b) == sp.zeros(*a.shape)
 
 
-def moved(t: sp.Expr, f: sp.Expr) -> sp.Matrix:
+def moved(t, f):
     """State of the continuous model the time t after `MODEL.state`, all force f constant since."""
     tau = sp.Symbol("tau", positive=True)
     x, v, f_d, x_m = MODEL.state
@@ -70,20 +68,20 @@ def moved(t: sp.Expr, f: sp.Expr) -> sp.Matrix:
     ])  # fmt: skip
 
 
-def test_the_sampled_model_is_the_continuous_one_with_the_force_held() -> None:
+def test_the_sampled_model_is_the_continuous_one_with_the_force_held():
     F = sp.Symbol("F")
     L, b = MODEL.held
     assert same(physical(L * sp.Matrix(MODEL.state) + b * F), moved(ax.T, F))
 
 
-def test_the_magnet_is_asked_at_the_mean_of_the_sample() -> None:
+def test_the_magnet_is_asked_at_the_mean_of_the_sample():
     t = sp.Symbol("t")
     mean = sp.integrate(ax.x + ax.v * t, (t, 0, ax.T)) / ax.T
     assert sp.simplify(MODEL.displacement.subs(MODEL.constants) - mean) == 0
 
 
 @pytest.mark.parametrize("lag", [1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0, 100.0])
-def test_the_growth_of_the_load_is_its_integral(lag: float) -> None:
+def test_the_growth_of_the_load_is_its_integral(lag):
     """A growth of the load at any time within the sample, each as likely: the mean of its traces.
 
     The four points do not see all of the sensor's exponential; of what it makes they see four
@@ -101,7 +99,7 @@ def test_the_growth_of_the_load_is_its_integral(lag: float) -> None:
     assert max(error[:3, :3]) < 1e-15
 
 
-def test_as_printed_the_system_is_eq_20_and_21() -> None:
+def test_as_printed_the_system_is_eq_20_and_21():
     T, m, K_sen, T_sen = ax.T, ax.m, ax.K_sen, ax.T_sen
     k_i, k_s, k_ui = ax.k_i, ax.k_s, ax.k_ui
     A = sp.Matrix([
@@ -118,7 +116,7 @@ def test_as_printed_the_system_is_eq_20_and_21() -> None:
     assert same(as_printed(MODEL.Q), Q)
 
 
-def test_the_covariance_step_is_eq_10() -> None:
+def test_the_covariance_step_is_eq_10():
     P = MODEL.covariance()
     assert P == P.T
     written_out = MODEL.A * P * MODEL.A.T + MODEL.Q
@@ -126,7 +124,7 @@ def test_the_covariance_step_is_eq_10() -> None:
     assert same(MODEL.predicted_covariance(), MODEL.predicted_covariance().T)
 
 
-def computed(function: str, given: dict[str, sp.Expr]) -> dict[str, sp.Expr]:
+def computed(function, given):
     """Run a function of the header on symbols; return the entries that it stores.
 
     given: what stands in its arguments, by the text that reads it.
@@ -153,7 +151,7 @@ CONSTANTS = {f"model->{name}": sp.Symbol(name) for name in PAPER_CONSTANTS.value
 }
 
 
-def test_the_covariance_step_of_the_header_is_eq_10() -> None:
+def test_the_covariance_step_of_the_header_is_eq_10():
     given = CONSTANTS | {
         "k[0].k_i": ax.k_i, "k[0].k_s": ax.k_s, "k_ui[0]": ax.k_ui, "var_u[0]": ax.var_u,
     }  # fmt: skip
@@ -168,20 +166,20 @@ def test_the_covariance_step_of_the_header_is_eq_10() -> None:
         assert sp.expand(entry - expected[i, j]) == 0
 
 
-def test_the_mean_step_of_the_header_is_eq_9() -> None:
+def test_the_mean_step_of_the_header_is_eq_9():
     given = CONSTANTS | {f"mean[{i}]": state for i, state in enumerate(MODEL.state)}
     stored = computed("predict_mean", given | {"F[0]": ax.f})
     for i, after in enumerate(MODEL.forced):
         assert sp.expand(stored.get(f"mean[{i}]", MODEL.state[i]) - after) == 0
 
 
-def test_each_constant_has_its_closed_form() -> None:
+def test_each_constant_has_its_closed_form():
     known = {str(s) for s in (*MODEL.kept, *MODEL.constants, *MODEL.growth_constants)}
     assert known == set(PAPER_CONSTANTS.values())
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_jacobian_agrees_with_central_differences_of_the_transition(seed: int) -> None:
+def test_the_jacobian_agrees_with_central_differences_of_the_transition(seed):
     draw = random.Random(seed)
     values = {
         ax.T: 1e-4, ax.m: 0.5, ax.K_sen: draw.uniform(0.5, 2), ax.T_sen: 2e-4, ax.k_ui: 0.8,
@@ -199,7 +197,7 @@ def test_the_jacobian_agrees_with_central_differences_of_the_transition(seed: in
 
 
 @pytest.mark.parametrize(("degree", "bound"), [(6, 2.5e-9), (11, 4.2e-18)])
-def test_the_polynomial_is_as_close_to_exp_as_it_says(degree: int, bound: float) -> None:
+def test_the_polynomial_is_as_close_to_exp_as_it_says(degree, bound):
     mp = pytest.importorskip("mpmath")
     with mp.workdps(40):
         terms = coefficients(degree)

@@ -1,7 +1,5 @@
 """Many runs side by side are the runs one by one, to the last bit, whatever happens in them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -13,10 +11,9 @@ from numpy.typing import NDArray
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, Status
-from ambkit.estimate.batch import Batch, instruction_sets, run_many
-from ambkit.estimate.estimator import Estimator
+from ambkit.estimate.batch import instruction_sets, run_many
 from ambkit.estimate.registry import KINDS
-from ambkit.machine.magnets import MagnetModel, core_module
+from ambkit.machine.magnets import core_module
 
 Array = NDArray[Any]
 
@@ -28,7 +25,7 @@ SETS = instruction_sets()
 PRECISIONS = ("float64", "float32")
 
 
-def records(runs: int = RUNS, n: int = N) -> tuple[Array, Array]:
+def records(runs=RUNS, n=N):
     """Measurements and controls (runs, n) of a moving rotor, other noise in each run."""
     rng = np.random.default_rng(7)
     t = np.arange(n) * TWO_SIDED.sampling_time
@@ -38,7 +35,7 @@ def records(runs: int = RUNS, n: int = N) -> tuple[Array, Array]:
     return y, u
 
 
-def faulty(y: Array, u: Array) -> tuple[Array, Array]:
+def faulty(y, u):
     """The same with everything that is out of the ordinary, in most of the runs."""
     y, u = y.copy(), u.copy()
     runs, n = y.shape
@@ -63,15 +60,15 @@ def faulty(y: Array, u: Array) -> tuple[Array, Array]:
     return y, u
 
 
-def table() -> MagnetModel:
+def table():
     return ambkit.stiffness_map(TWO_SIDED)
 
 
-def expert() -> MagnetModel:
+def expert():
     return ambkit.Expert.from_map(ambkit.stiffness_map(TWO_SIDED))
 
 
-CASES: dict[str, tuple[str, Any, Bearing]] = {
+CASES = {
     "low-pass": ("low-pass", None, TWO_SIDED),
     "low-pass, law": ("low-pass", ClosedLaw(TWO_SIDED), TWO_SIDED),
     "observer": ("observer", None, TWO_SIDED),
@@ -88,7 +85,7 @@ CASES: dict[str, tuple[str, Any, Bearing]] = {
 }
 
 
-def estimators_of(case: str, precision: Any, runs: int = RUNS) -> list[Estimator]:
+def estimators_of(case, precision, runs=RUNS):
     """Estimators of one kind, each with its own noise and bearing."""
     name, magnet, bearing = CASES[case]
     if callable(magnet) and not isinstance(magnet, ClosedLaw):
@@ -101,7 +98,7 @@ def estimators_of(case: str, precision: Any, runs: int = RUNS) -> list[Estimator
     return made
 
 
-def alone(estimator: Estimator, y: Array, u: Array, start: tuple[Array, Array]) -> dict[str, Array]:
+def alone(estimator, y, u, start):
     """One run by the core's own loop."""
     estimator.reset(*start)
     real = np.dtype(estimator.precision)
@@ -110,7 +107,7 @@ def alone(estimator: Estimator, y: Array, u: Array, start: tuple[Array, Array]) 
             "innovation_variance": out["variance"], "status": out["status"]}  # fmt: skip
 
 
-def assert_same(batch: Batch, run: int, expected: dict[str, Array]) -> None:
+def assert_same(batch, run, expected):
     for name in HISTORY:
         got = getattr(batch, name)[run]
         assert got.dtype == expected[name].dtype
@@ -120,7 +117,7 @@ def assert_same(batch: Batch, run: int, expected: dict[str, Array]) -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("case", CASES)
-def test_lanes_are_the_runs_one_by_one_faults_and_all(case: str, precision: str) -> None:
+def test_lanes_are_the_runs_one_by_one_faults_and_all(case, precision):
     y, u = faulty(*records())
     estimators = estimators_of(case, precision)
     start = np.tile(START, (RUNS, 1)), np.array([e.default_std() for e in estimators])
@@ -137,7 +134,7 @@ def test_lanes_are_the_runs_one_by_one_faults_and_all(case: str, precision: str)
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_outliers_and_surprises_are_told_in_lanes(precision: str) -> None:
+def test_outliers_and_surprises_are_told_in_lanes(precision):
     y, u = faulty(*records())
     batch = run_many(estimators_of("linear", precision), y, u, history=HISTORY)
     told = Status(int(np.bitwise_or.reduce(batch.flags)))
@@ -162,13 +159,7 @@ def test_outliers_and_surprises_are_told_in_lanes(precision: str) -> None:
     ),
 )
 @settings(max_examples=25, deadline=None)
-def test_any_number_of_runs_and_samples(
-    instructions: str,
-    precision: str,
-    runs: int,
-    n: int,
-    faults: list[tuple[int, int, float, bool]],
-) -> None:
+def test_any_number_of_runs_and_samples(instructions, precision, runs, n, faults):
     y, u = (a.copy() for a in records(runs, n))
     for run, k, value, measured in faults:
         (y if measured else u)[run % runs, k % n] = value
@@ -181,7 +172,7 @@ def test_any_number_of_runs_and_samples(
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_kinds_may_be_mixed_and_threads_do_not_matter(precision: Any) -> None:
+def test_kinds_may_be_mixed_and_threads_do_not_matter(precision):
     y, u = faulty(*records())
     u[np.isinf(u)] = np.nan  # which a record has not
     # All with the same states: that of a free rotor knows no force.
@@ -198,7 +189,7 @@ def test_kinds_may_be_mixed_and_threads_do_not_matter(precision: Any) -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("skip", [0, 1, 333])
-def test_errors_are_those_of_the_history(precision: Any, skip: int) -> None:
+def test_errors_are_those_of_the_history(precision, skip):
     y, u = records()
     truth = np.random.default_rng(1).normal(scale=[1e-4, 0.1, 1.0], size=(RUNS, N, 3))
     estimators = estimators_of("linear", precision)
@@ -218,7 +209,7 @@ def test_errors_are_those_of_the_history(precision: Any, skip: int) -> None:
     assert all((r == rmse[0]).all() for r in rmse)
 
 
-def test_one_record_serves_all_estimators_and_one_estimator_all_records() -> None:
+def test_one_record_serves_all_estimators_and_one_estimator_all_records():
     y, u = records()
     estimators = estimators_of("linear", "float64")
     batch = run_many(estimators, y[3], u[3])
@@ -230,7 +221,7 @@ def test_one_record_serves_all_estimators_and_one_estimator_all_records() -> Non
     np.testing.assert_array_equal(one.mean, before)
 
 
-def test_arrays_are_written_again() -> None:
+def test_arrays_are_written_again():
     y, u = records()
     one = KalmanFilter(TWO_SIDED)
     first = run_many(one, y, u)
@@ -244,7 +235,7 @@ def test_arrays_are_written_again() -> None:
     assert run_many(one, y[:, :5], u[:, :5], out=first).mean is not kept
 
 
-def test_what_does_not_fit_is_told() -> None:
+def test_what_does_not_fit_is_told():
     y, u = records(4, 10)
     one = KalmanFilter(TWO_SIDED)
     for wrong, told in (
@@ -264,12 +255,12 @@ def test_what_does_not_fit_is_told() -> None:
             wrong()
 
 
-def test_scalar_and_baseline_are_everywhere() -> None:
+def test_scalar_and_baseline_are_everywhere():
     assert SETS[:2] == ["scalar", "baseline"]  # with GCC or clang, as built here
     assert core_module("float32").instruction_sets() == SETS
 
 
-def test_a_step_returns_an_array_of_its_own() -> None:
+def test_a_step_returns_an_array_of_its_own():
     kf = KalmanFilter(TWO_SIDED)
     first = kf.step(1e-5, 0.1)
     kept = first.copy()

@@ -4,7 +4,6 @@ import doctest
 import math
 import pickle
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -49,11 +48,11 @@ noise_variance = "83 µm^2"
 
 
 @pytest.fixture
-def zittau() -> Bearing:
+def zittau():
     return Bearing.preset("zittau_axial")
 
 
-def test_six_mistakes_are_told_at_once_in_order() -> None:
+def test_six_mistakes_are_told_at_once_in_order():
     with pytest.raises(ConfigError) as caught:
         Bearing.from_toml(SIX_MISTAKES, "mine.toml")
     assert str(caught.value).splitlines() == [
@@ -69,7 +68,7 @@ def test_six_mistakes_are_told_at_once_in_order() -> None:
     ]
 
 
-def test_the_papers_bearing_has_the_papers_values(zittau: Bearing) -> None:
+def test_the_papers_bearing_has_the_papers_values(zittau):
     assert zittau.magnet == Magnet(
         type="two-sided", magnet_constant=6.7e-6, air_gap=2e-3, bias_current=1.5
     )
@@ -80,7 +79,7 @@ def test_the_papers_bearing_has_the_papers_values(zittau: Bearing) -> None:
     assert zittau.weight == pytest.approx(-5.08, abs=0.005)
 
 
-def test_what_the_paper_does_not_give_is_marked_as_chosen() -> None:
+def test_what_the_paper_does_not_give_is_marked_as_chosen():
     text = presets.text("zittau_axial")
     chosen = ("sampling_time", "gravity", "clearance", "gain", "current_limit", "lag")
     for line in text.splitlines():
@@ -88,13 +87,13 @@ def test_what_the_paper_does_not_give_is_marked_as_chosen() -> None:
             assert "chosen" in line, line
 
 
-def test_preset_files_are_named_after_their_bearing_and_listed() -> None:
+def test_preset_files_are_named_after_their_bearing_and_listed():
     assert set(presets.names()) >= {"zittau_axial", "inteco_ml"}
     for name in presets.names():
         assert Bearing.preset(name).name == name
 
 
-def test_an_unknown_preset_names_the_nearest() -> None:
+def test_an_unknown_preset_names_the_nearest():
     with pytest.raises(AmbkitError, match=r'no preset "zitau_axial"; did you mean zittau_axial\?'):
         Bearing.preset("zitau_axial")
     with pytest.raises(AmbkitError, match=r"there are: compressor, .*zittau_axial"):
@@ -102,7 +101,7 @@ def test_an_unknown_preset_names_the_nearest() -> None:
 
 
 @pytest.mark.parametrize("name", presets.names())
-def test_the_levitation_current_carries_the_rotor(name: str) -> None:
+def test_the_levitation_current_carries_the_rotor(name):
     bearing = Bearing.preset(name)
     magnet, iu = bearing.magnet, bearing.levitation_current
     pull = magnet.magnet_constant * ((magnet.bias_current + iu) / magnet.air_gap) ** 2
@@ -113,21 +112,21 @@ def test_the_levitation_current_carries_the_rotor(name: str) -> None:
 
 
 @pytest.mark.parametrize("load", [-1e4, 1e4])
-def test_a_load_beyond_all_currents_gets_the_one_that_comes_closest(load: float) -> None:
+def test_a_load_beyond_all_currents_gets_the_one_that_comes_closest(load):
     bearing = Bearing.preset("zittau_axial")
     ends = (bearing.current_min, bearing.current_max)
     left = [abs(magnet_of(bearing).force(iu, 0.0) + bearing.weight + load) for iu in ends]
     assert levitation_current_at(bearing, load=load) == ends[int(np.argmin(left))]
 
 
-def test_the_one_sided_rig_rests_at_its_operating_point_without_control_current() -> None:
+def test_the_one_sided_rig_rests_at_its_operating_point_without_control_current():
     rig = Bearing.preset("inteco_ml")
     assert abs(rig.levitation_current) < 1e-4 * rig.magnet.bias_current
     assert rig.current_min == -rig.magnet.bias_current
     assert rig.current_max == rig.amplifier.current_limit
 
 
-def test_the_one_sided_rig_has_the_law_of_its_lift_off_points() -> None:
+def test_the_one_sided_rig_has_the_law_of_its_lift_off_points():
     points = load_points(Path(__file__).parent.parent / "examples/recordings/lift_off_points.csv")
     rig = Bearing.preset("inteco_ml")
     fit = fit_lift_off(points, rig.rotor.mass, gap_range=(4e-3, 16e-3))
@@ -140,9 +139,7 @@ def test_the_one_sided_rig_has_the_law_of_its_lift_off_points() -> None:
 @pytest.mark.parametrize(("angle", "share"), [("0 deg", -1), ("45 deg", -(0.5**0.5)),
                                               ("60 deg", -0.5), ("90 deg", 0), ("180 deg", 1),
                                               (np.pi / 3, -0.5)])  # fmt: skip
-def test_gravity_at_an_angle_pulls_by_its_cosine(
-    zittau: Bearing, angle: str | float, share: float
-) -> None:
+def test_gravity_at_an_angle_pulls_by_its_cosine(zittau, angle, share):
     slanted = zittau.replace(rotor__gravity=angle)
     assert slanted.weight == pytest.approx(share * zittau.rotor.mass * GRAVITY, abs=1e-12)
     assert Bearing.from_toml(slanted.to_toml()) == slanted
@@ -150,7 +147,7 @@ def test_gravity_at_an_angle_pulls_by_its_cosine(
     assert float(held) == pytest.approx(-slanted.weight, abs=1e-9)
 
 
-def test_a_slanted_bearing_s_load_is_told_from_its_weight(zittau: Bearing) -> None:
+def test_a_slanted_bearing_s_load_is_told_from_its_weight(zittau):
     slanted = zittau.replace(rotor__gravity="45 deg")
     run = ambkit.simulate(slanted, step="0.2 mm", filter="extended")
     assert run.estimate is not None
@@ -162,13 +159,13 @@ def test_a_slanted_bearing_s_load_is_told_from_its_weight(zittau: Bearing) -> No
     ("50 mm", '"50 mm": mm cannot be converted to rad, write it like "45 deg"'),
     (True, 'true is not a number, write it like "45 deg"'),
 ])  # fmt: skip
-def test_what_is_no_direction_of_gravity_is_told(zittau: Bearing, gravity: Any, told: str) -> None:
+def test_what_is_no_direction_of_gravity_is_told(zittau, gravity, told):
     with pytest.raises(ConfigError) as error:
         zittau.replace(rotor__gravity=gravity)
     assert f"rotor.gravity: {told}" in str(error.value)
 
 
-def test_gravity_gives_the_weight_its_sign(zittau: Bearing) -> None:
+def test_gravity_gives_the_weight_its_sign(zittau):
     assert zittau.replace(rotor__gravity="+x").weight == -zittau.weight
     level = zittau.replace(rotor__gravity="none")
     assert level.weight == 0
@@ -178,12 +175,12 @@ def test_gravity_gives_the_weight_its_sign(zittau: Bearing) -> None:
 COIL = 'turns = 200\npole_area = "400 mm^2"'
 
 
-def with_magnet(zittau: Bearing, lines: str) -> Bearing:
+def with_magnet(zittau, lines):
     text = zittau.to_toml().replace('magnet_constant = "6.7 N mm^2/A^2"', lines)
     return Bearing.from_toml(text, "b.toml")
 
 
-def test_the_magnet_constant_follows_from_the_coil(zittau: Bearing) -> None:
+def test_the_magnet_constant_follows_from_the_coil(zittau):
     bearing = with_magnet(zittau, COIL)
     assert bearing.magnet.magnet_constant == magnet_constant(200, 400e-6)
     assert bearing.magnet.magnet_constant == MU_0 * 400e-6 * 200**2 / 4
@@ -195,7 +192,7 @@ def test_the_magnet_constant_follows_from_the_coil(zittau: Bearing) -> None:
     ).magnet_constant == magnet_constant(200, 400e-6)
 
 
-def test_mu_0_is_that_of_scipy() -> None:
+def test_mu_0_is_that_of_scipy():
     from scipy.constants import mu_0
 
     assert pytest.approx(mu_0, rel=1e-9) == MU_0
@@ -212,9 +209,7 @@ def test_mu_0_is_that_of_scipy() -> None:
         ("", ["b.toml:6: magnet.magnet_constant: missing: magnet constant k"]),
     ],
 )
-def test_a_magnet_has_either_a_constant_or_a_coil(
-    zittau: Bearing, lines: str, told: list[str]
-) -> None:
+def test_a_magnet_has_either_a_constant_or_a_coil(zittau, lines, told):
     with pytest.raises(ConfigError) as caught:
         with_magnet(zittau, lines)
     assert len(caught.value.problems) == len(told)
@@ -243,14 +238,14 @@ def test_a_magnet_has_either_a_constant_or_a_coil(
         ({"sensor.lag": -1e-3}, "sensor.lag: must be greater than 0 s, is -1 ms"),
     ],
 )
-def test_what_cannot_be_is_refused(zittau: Bearing, change: dict[str, object], told: str) -> None:
+def test_what_cannot_be_is_refused(zittau, change, told):
     with pytest.raises(ConfigError) as caught:
         zittau.replace(**change)
     assert told in str(caught.value)
     assert len(caught.value.problems) == 1
 
 
-def test_contradictions_are_told_beside_other_mistakes(zittau: Bearing) -> None:
+def test_contradictions_are_told_beside_other_mistakes(zittau):
     """The gap is compared although the same table has an unknown key and a wrong one."""
     text = zittau.to_toml().replace('"1 mm"', '"3 mm"').replace("bias_current", "bias")
     with pytest.raises(ConfigError) as caught:
@@ -259,12 +254,12 @@ def test_contradictions_are_told_beside_other_mistakes(zittau: Bearing) -> None:
     assert "magnet.bias: unknown key, did you mean bias_current?" in str(caught.value)
 
 
-def positive(greatest: float = 1e3) -> st.SearchStrategy[float]:
+def positive(greatest=1e3):
     return st.floats(1e-9, greatest)
 
 
 @st.composite
-def bearings(draw: st.DrawFn) -> Bearing:
+def bearings(draw):
     """Any bearing that can be: the limits between its values held by construction."""
     kind = draw(st.sampled_from(["two-sided", "one-sided"]))
     gap, bias, mass = draw(positive()), draw(positive()), draw(positive())
@@ -297,7 +292,7 @@ def bearings(draw: st.DrawFn) -> Bearing:
 
 
 @given(bearings())
-def test_toml_round_trip_is_the_identity(bearing: Bearing) -> None:
+def test_toml_round_trip_is_the_identity(bearing):
     assert Bearing.from_toml(bearing.to_toml()) == bearing
     assert pickle.loads(pickle.dumps(bearing)) == bearing
     assert bearing.replace() == bearing
@@ -314,9 +309,7 @@ any_positive = st.floats(min_value=5e-324, allow_nan=False, allow_infinity=False
     any_positive,
     any_positive,
 )
-def test_absurd_values_are_refused_or_taken_but_never_a_traceback(
-    kind: str, magnet: dict[str, float], mass: float, limit: float
-) -> None:
+def test_absurd_values_are_refused_or_taken_but_never_a_traceback(kind, magnet, mass, limit):
     data = Bearing.preset("zittau_axial").model_dump()
     data["magnet"] |= magnet | {"type": kind}
     data["rotor"]["mass"], data["amplifier"]["current_limit"] = mass, limit
@@ -329,7 +322,7 @@ def test_absurd_values_are_refused_or_taken_but_never_a_traceback(
 
 
 @given(st.integers(1, 10**6))
-def test_the_same_bearing_in_other_units_is_the_same(gap: int) -> None:
+def test_the_same_bearing_in_other_units_is_the_same(gap):
     """A gap in whole nanometres, written in m, mm and µm."""
     text = Bearing.preset("zittau_axial").replace(rotor__gravity="none").to_toml()
     text = text.replace('"1 mm"', '"0.1 nm"')
@@ -341,14 +334,14 @@ def test_the_same_bearing_in_other_units_is_the_same(gap: int) -> None:
     assert metre.magnet.air_gap == float(f"{gap}e-9")
 
 
-def test_save_and_load(zittau: Bearing, tmp_path: Path) -> None:
+def test_save_and_load(zittau, tmp_path):
     path = tmp_path / "mine.toml"
     zittau.save(path)
     assert Bearing.load(path) == zittau
     assert [p.name for p in tmp_path.iterdir()] == ["mine.toml"]
 
 
-def test_the_json_schema_knows_both_ways_to_give_the_magnet() -> None:
+def test_the_json_schema_knows_both_ways_to_give_the_magnet():
     magnet = Bearing.json_schema()["$defs"]["Magnet"]
     assert magnet["required"] == ["type", "air_gap", "bias_current"]
     assert magnet["oneOf"] == [
@@ -357,7 +350,7 @@ def test_the_json_schema_knows_both_ways_to_give_the_magnet() -> None:
     ]
 
 
-def test_docstring_examples() -> None:
+def test_docstring_examples():
     assert doctest.testmod(parts_module).failed == 0
 
 
@@ -389,7 +382,7 @@ bandwidth = "200 Hz"
 """
 
 
-def with_parts(*changes: tuple[str, str], parts: str = PARTS) -> str:
+def with_parts(*changes, parts=PARTS):
     """The paper's bearing with parts, and with lines put behind others or instead of them."""
     text = presets.text("zittau_axial")
     text = text.replace("[magnet]", 'delay = "0.15 ms"\nspeed = "12000 rpm"\n\n[magnet]')
@@ -403,17 +396,17 @@ def with_parts(*changes: tuple[str, str], parts: str = PARTS) -> str:
     return text
 
 
-def problems(text: str) -> list[str]:
+def problems(text):
     with pytest.raises(ConfigError) as caught:
         Bearing.from_toml(text, "mine.toml")
     return [line.strip() for line in str(caught.value).splitlines() if "mine.toml:" in line]
 
 
-def line_of(text: str, key: str) -> int:
+def line_of(text, key):
     return next(n for n, line in enumerate(text.splitlines(), 1) if line.startswith(key))
 
 
-def test_parts_are_read_with_their_units_and_written_back() -> None:
+def test_parts_are_read_with_their_units_and_written_back():
     bearing = Bearing.from_toml(with_parts())
     assert bearing.delay == 0.15e-3
     assert bearing.speed == pytest.approx(400 * math.pi, rel=1e-15)
@@ -429,7 +422,7 @@ def test_parts_are_read_with_their_units_and_written_back() -> None:
     assert Bearing.from_toml(bearing.to_toml()) == bearing
 
 
-def test_a_bearing_without_parts_is_written_without_them(zittau: Bearing) -> None:
+def test_a_bearing_without_parts_is_written_without_them(zittau):
     assert list(zittau.model_dump(exclude_none=True)["sensor"]) == ["gain", "lag", "noise_variance"]
     new = ("delay", "speed", "bandwidth", "quant", "quadratic", "cubic", "hum", "runout", "stop")
     keys = {line.partition(" ")[0].strip("[]") for line in zittau.to_toml().splitlines()}
@@ -505,9 +498,7 @@ def test_a_bearing_without_parts_is_written_without_them(zittau: Bearing) -> Non
         ),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_a_part_is_told_with_its_line(
-    changes: list[tuple[str, str]], key: str, text: str
-) -> None:
+def test_what_is_wrong_with_a_part_is_told_with_its_line(changes, key, text):
     toml = with_parts(*changes)
     told = problems(toml)
     assert told == [f"mine.toml:{line_of(toml, key)}: {text}"]

@@ -1,11 +1,7 @@
 """The comparison: the same for all, tuned alike, consistent where the model is true."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -42,7 +38,7 @@ FIELD = candidates(["linear", "closed-law"], BEARING)
 # ---- what is uncertain ----
 
 
-def test_points_stay_within_the_spread_and_fewer_are_the_first_of_more() -> None:
+def test_points_stay_within_the_spread_and_fewer_are_the_first_of_more():
     spread = Spread(magnet_constant=0.2, mass=0.1)
     few, many = spread.factors(5, seed=3), spread.factors(12, seed=3)
     assert few == many[:5]
@@ -55,7 +51,7 @@ def test_points_stay_within_the_spread_and_fewer_are_the_first_of_more() -> None
     assert all(f.air_gap == f.noise == 1 for f in many)
 
 
-def test_the_plant_takes_the_factors_and_nothing_else_changes() -> None:
+def test_the_plant_takes_the_factors_and_nothing_else_changes():
     plant = Spread(1.1, 0.9, 1.05, 1.2, 0.8, 1.3).plant(BEARING)
     assert plant.magnet.magnet_constant == pytest.approx(1.1 * BEARING.magnet.magnet_constant)
     assert plant.rotor.mass == pytest.approx(0.9 * BEARING.rotor.mass)
@@ -66,7 +62,7 @@ def test_the_plant_takes_the_factors_and_nothing_else_changes() -> None:
     assert Spread.all(1.0).plant(BEARING).to_toml() == BEARING.to_toml()
 
 
-def test_coloured_noise_has_the_variance_and_the_time_that_it_should() -> None:
+def test_coloured_noise_has_the_variance_and_the_time_that_it_should():
     made = trials(CASES["coloured-noise"], BEARING, 8, 0)
     noise = np.array([t.record["y"] - t.record["x_m"] for t in made])
     assert noise.var() == pytest.approx(BEARING.sensor.noise_variance, rel=0.1)
@@ -74,7 +70,7 @@ def test_coloured_noise_has_the_variance_and_the_time_that_it_should() -> None:
     assert lagged == pytest.approx(np.exp(-1), abs=0.05)
 
 
-def test_imposed_series_are_added_and_replace() -> None:
+def test_imposed_series_are_added_and_replace():
     scenario = ambkit.Scenario(duration=0.05, disturbance=ambkit.Constant(value=1.0))
     n = 501
     load, noise = np.linspace(0, 1, n), np.full(n, 2e-6)
@@ -86,7 +82,7 @@ def test_imposed_series_are_added_and_replace() -> None:
 
 
 @pytest.mark.parametrize("name", ["zittau_axial", "inteco_ml"])
-def test_a_scaled_magnet_is_another_magnet_constant(name: str) -> None:
+def test_a_scaled_magnet_is_another_magnet_constant(name):
     bearing = Bearing.preset(name)
     pid = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": "measurement"})
     scenario = ambkit.Scenario(duration=0.03, start="released", controller=pid)
@@ -100,7 +96,7 @@ def test_a_scaled_magnet_is_another_magnet_constant(name: str) -> None:
         assert scaled[signal] == pytest.approx(other[signal], rel=1e-9, abs=1e-12)
 
 
-def test_a_drifting_magnet_drifts() -> None:
+def test_a_drifting_magnet_drifts():
     trial = trials(CASES["wrong-k"], BEARING, 1, 0)[0]
     law = ambkit.ClosedLaw(BEARING).force(trial.record["iu"], trial.record["x"])
     ratio = trial.record["f_mag"] / law
@@ -112,7 +108,7 @@ def test_a_drifting_magnet_drifts() -> None:
 
 
 @pytest.fixture(scope="module")
-def true_model() -> dict[str, np.ndarray]:
+def true_model():
     """NEES of 200 runs, (runs, samples), of two filters; after the start, in steps of 5 ms."""
     made = [t for t in trials(walk_case(0.3), BEARING, 200, 3) if not t.lost]
     return {
@@ -128,7 +124,7 @@ def true_model() -> dict[str, np.ndarray]:
     }  # fmt: skip
 
 
-def test_nees_is_within_its_band_over_200_runs(true_model: dict[str, np.ndarray]) -> None:
+def test_nees_is_within_its_band_over_200_runs(true_model):
     """The mean of N values of three states is chi-square with 3 N degrees of freedom, over N."""
     nees = true_model["closed-law"]
     runs = len(nees)
@@ -139,12 +135,12 @@ def test_nees_is_within_its_band_over_200_runs(true_model: dict[str, np.ndarray]
     assert np.mean(nees <= chi2.ppf(0.95, 3)) == pytest.approx(0.95, abs=0.01)
 
 
-def test_nees_finds_the_filter_that_is_too_sure(true_model: dict[str, np.ndarray]) -> None:
+def test_nees_finds_the_filter_that_is_too_sure(true_model):
     """At three tenths of the travel the constant stiffnesses are wrong, and it does not know."""
     assert np.mean(true_model["linear"] <= chi2.ppf(0.95, 3)) < 0.85
 
 
-def test_nees_by_hand() -> None:
+def test_nees_by_hand():
     t = np.array([0.0, 1.0])
     zero = np.zeros(2)
     truth = ambkit.Record(t, {"x": zero, "v": zero, "f_d": zero}, {})
@@ -172,11 +168,11 @@ def test_nees_by_hand() -> None:
 
 
 @pytest.mark.parametrize("late", [0, 7, 12.4])
-def test_the_delay_is_what_the_signal_was_delayed_by(late: float) -> None:
+def test_the_delay_is_what_the_signal_was_delayed_by(late):
     t = np.arange(4000.0)
     noise = 0.02 * np.random.default_rng(0).normal(size=t.size)
 
-    def signal(t: Any) -> Any:
+    def signal(t):
         return 3 + np.tanh((t - 1500) / 60) + 0.5 * np.sin(t / 150)
 
     found = criteria.delay(signal(t - late) + noise, Load(signal(t)), 1e-4)
@@ -185,7 +181,7 @@ def test_the_delay_is_what_the_signal_was_delayed_by(late: float) -> None:
 
 
 @pytest.mark.parametrize("late", [-3.0, 0.0, 7.0, 40.0])
-def test_the_delay_of_what_comes_again_and_again_does_not_wrap(late: float) -> None:
+def test_the_delay_of_what_comes_again_and_again_does_not_wrap(late):
     """A load of period 100: an estimate that is ahead by 3 samples is not 97 late."""
     t = np.arange(4000.0)
     noise = 0.02 * np.random.default_rng(0).normal(size=t.size)
@@ -194,7 +190,7 @@ def test_the_delay_of_what_comes_again_and_again_does_not_wrap(late: float) -> N
     assert found == pytest.approx(1e-4 * max(late, 0.0), abs=1e-4)
 
 
-def test_on_one_s_own_iron_what_learned_it_is_best() -> None:
+def test_on_one_s_own_iron_what_learned_it_is_best():
     """A force map that bends away from the law: there the law is wrong, and the table right."""
     law = ambkit.magnet_of(BEARING)
     reach = 0.9 * BEARING.rotor.clearance
@@ -212,7 +208,7 @@ def test_on_one_s_own_iron_what_learned_it_is_best() -> None:
 # ---- tuning ----
 
 
-def test_tuning_spends_its_budget_and_is_never_worse_than_the_defaults() -> None:
+def test_tuning_spends_its_budget_and_is_never_worse_than_the_defaults():
     training = trials(SHORT, BEARING, 2, 5)
     linear = FIELD["linear"]
     reference = errors(linear.build, training, 170).mean(axis=0)
@@ -227,9 +223,9 @@ def test_tuning_spends_its_budget_and_is_never_worse_than_the_defaults() -> None
     assert tune(linear, training, reference, 1, 170).values == linear.defaults
 
 
-def test_what_is_lost_counts_as_much_as_it_may() -> None:
+def test_what_is_lost_counts_as_much_as_it_may():
     class Lost:
-        def step(self, _y: float, _u: float) -> list[float]:
+        def step(self, _y, _u):
             return [np.nan, 0.0, 0.0, 0.0]
 
     training = trials(SHORT, BEARING, 1, 5)
@@ -240,7 +236,7 @@ def test_what_is_lost_counts_as_much_as_it_may() -> None:
 # ---- the whole ----
 
 
-def test_no_figure_depends_on_the_threads() -> None:
+def test_no_figure_depends_on_the_threads():
     one, many = (
         bench(BEARING, replace(SHORT, spread=Spread.all(0.1)), FIELD, runs=3, budget=6, threads=n)
         for n in (1, 4)
@@ -254,7 +250,7 @@ def test_no_figure_depends_on_the_threads() -> None:
                     np.testing.assert_array_equal(figures, other.figures[criterion], criterion)
 
 
-def test_a_figure_is_that_of_the_single_run() -> None:
+def test_a_figure_is_that_of_the_single_run():
     found = bench(BEARING, SHORT, FIELD, runs=2, seed=4)
     trial = trials(SHORT, BEARING, 2, 4)[1]
     estimate = ambkit.KalmanFilter(BEARING).run(trial.record)
@@ -268,7 +264,7 @@ def test_a_figure_is_that_of_the_single_run() -> None:
     assert found.limit == {}
 
 
-def test_where_iron_saturates_what_is_learned_is_better_than_the_law() -> None:
+def test_where_iron_saturates_what_is_learned_is_better_than_the_law():
     names = ["linear", "adaptive", "closed-law"]
     case = CASES["saturating"]
     field = candidates(names, BEARING, learned(case, BEARING, names))
@@ -278,14 +274,14 @@ def test_where_iron_saturates_what_is_learned_is_better_than_the_law() -> None:
 
 
 @pytest.mark.parametrize("drift", [0.0, 0.1])
-def test_who_estimates_k_gets_back_what_a_wrong_one_costs(drift: float) -> None:
+def test_who_estimates_k_gets_back_what_a_wrong_one_costs(drift):
     """Steps have told the constant before the load comes; judged from the load on."""
     wrong = replace(CASES["wrong-k"], drift=drift)
     right = replace(wrong, magnet_constant=1.0, drift=0.0)
     field = candidates(["extended", "augmented", "multiple-model"], BEARING)
     load = round(42 * own_time(BEARING) / BEARING.sampling_time)
 
-    def error(case: cases.Case, name: str) -> float:
+    def error(case, name):
         made = trials(case, BEARING, 3, 0)
         return float(errors(field[name].build, made, load)[:, 2].mean())
 
@@ -295,17 +291,17 @@ def test_who_estimates_k_gets_back_what_a_wrong_one_costs(drift: float) -> None:
         assert error(right, name) < 1.05 * known
 
 
-def test_lost_runs_are_counted_and_leave_the_means_alone() -> None:
+def test_lost_runs_are_counted_and_leave_the_means_alone():
     class Drifting:
         """Right in every other run."""
 
         runs = 0
 
-        def __init__(self) -> None:
+        def __init__(self):
             Drifting.runs += 1
             self.wrong = Drifting.runs % 2
 
-        def step(self, y: float, _u: float) -> tuple[float, float, float, float]:
+        def step(self, y, _u):
             return (1.0 if self.wrong else y, 0.0, 0.0, y)
 
     own = candidates([], BEARING, custom={"drifting": Drifting})
@@ -316,7 +312,7 @@ def test_lost_runs_are_counted_and_leave_the_means_alone() -> None:
     assert np.isnan(standing.mean("tracking"))
 
 
-def test_a_sweep_and_the_limit_near_the_centre_and_far_out() -> None:
+def test_a_sweep_and_the_limit_near_the_centre_and_far_out():
     found = sweep(BEARING, {0.02: walk_case(0.02), 0.5: walk_case(0.5)}, FIELD, runs=6)
     linear, law = found.errors["linear"]["f_d"], found.errors["closed-law"]["f_d"]
     assert linear[1] > 1.4 * law[1]
@@ -326,19 +322,19 @@ def test_a_sweep_and_the_limit_near_the_centre_and_far_out() -> None:
 class OfMean:
     """What a picture asks of a score."""
 
-    def __init__(self, mean: float) -> None:
+    def __init__(self, mean):
         self.mean = lambda _name: mean
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.3, 2.0, 2.9, 4.0])
-def test_a_ratio_too_small_is_shaded_as_one_too_large(ratio: float) -> None:
+def test_a_ratio_too_small_is_shaded_as_one_too_large(ratio):
     small, large, double = _shades([OfMean(1 / ratio), OfMean(ratio), OfMean(2 * ratio)], "nis")  # type: ignore[list-item]
     assert small == pytest.approx(large)
     assert small == pytest.approx(min(math.log(ratio) / math.log(3), 1))
     assert double >= large
 
 
-def test_the_report_of_a_whole_study() -> None:
+def test_the_report_of_a_whole_study():
     steps = []
     found = study(
         BEARING, SHORT, ["linear"], custom={"mine": OwnLinear}, runs=2, budget=3, done=steps.append
@@ -357,7 +353,7 @@ def test_the_report_of_a_whole_study() -> None:
     assert model.efficiency("mine", "x") == pytest.approx(model.efficiency("linear", "x"))
 
 
-def test_a_picture_that_stands_alone_says_what_it_shows() -> None:
+def test_a_picture_that_stands_alone_says_what_it_shows():
     found = bench(BEARING, SHORT, FIELD, runs=2)
     matrix = matrix_figure(found).panels[0]
     assert matrix.title.startswith(f"zittau_axial, {SHORT.name}: {SHORT.title}; 2 runs, ")
@@ -368,13 +364,13 @@ def test_a_picture_that_stands_alone_says_what_it_shows() -> None:
     assert "blue" in cases.x.title
 
 
-def test_a_sweep_shows_whole_intervals_and_one_lost_filter_hides_none() -> None:
+def test_a_sweep_shows_whole_intervals_and_one_lost_filter_hides_none():
     values = np.array([0.1, 0.2])
     means = {"linear": values, "extended": values, "low-pass": 100 * values}
     means = {name: {"x": each, "f_d": each} for name, each in means.items()}
     widths = {name: dict.fromkeys(("x", "f_d"), np.array([np.nan, 0.1])) for name in means}
 
-    def top(*names: str) -> float:
+    def top(*names):
         shown = Sweep(values, {n: means[n] for n in names}, {n: widths[n] for n in names}, {})
         panel = sweep_figure("steps", shown).panels[0]
         assert panel.y.limits is not None
@@ -390,28 +386,28 @@ def test_a_sweep_shows_whole_intervals_and_one_lost_filter_hides_none() -> None:
 class OwnLinear:
     """The linear filter, behind the smallest interface."""
 
-    def __init__(self, bearing: Bearing) -> None:
+    def __init__(self, bearing):
         self.kalman = ambkit.KalmanFilter(bearing)
         self.started = False
 
-    def reset(self, mean: np.ndarray, std: np.ndarray) -> None:
+    def reset(self, mean, std):
         self.kalman.reset(mean, std)
         self.started = False
 
-    def step(self, y: float, u: float) -> np.ndarray:
+    def step(self, y, u):
         if self.started:
             return self.kalman.step(y, u)
         self.started = True
         return self.kalman.update(y)
 
 
-def test_own_code_sees_what_the_kinds_see() -> None:
+def test_own_code_sees_what_the_kinds_see():
     record = trials(SHORT, BEARING, 1, 0)[0].record
     own = OwnEstimator(BEARING, OwnLinear).run(record)
     np.testing.assert_array_equal(own.mean, ambkit.KalmanFilter(BEARING).run(record).mean)
 
 
-def test_own_code_from_a_file(tmp_path: Path) -> None:
+def test_own_code_from_a_file(tmp_path):
     file = tmp_path / "my.py"
     file.write_text(
         "class MyFilter:\n    def step(self, y, u):\n        return y, 0, 0, y\n"
@@ -438,7 +434,7 @@ def test_own_code_from_a_file(tmp_path: Path) -> None:
         candidates([f"{tmp_path}/other.py:MyFilter"], BEARING)
 
 
-def test_names_that_nobody_has() -> None:
+def test_names_that_nobody_has():
     with pytest.raises(AmbkitError, match='no estimator "lineal"; known: low-pass'):
         expand("lineal")
     with pytest.raises(AmbkitError, match="no estimator is named"):
@@ -446,7 +442,7 @@ def test_names_that_nobody_has() -> None:
     assert "linear" in expand("all")
 
 
-def test_a_spread_that_no_bearing_survives_is_told() -> None:
+def test_a_spread_that_no_bearing_survives_is_told():
     heavy = BEARING.replace(amplifier__current_limit=0.6)
     with pytest.raises(AmbkitError, match="current_limit"):
         trials(replace(SHORT, spread=Spread.all(0.5)), heavy, 16, 0)

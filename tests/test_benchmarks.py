@@ -3,16 +3,13 @@
 Nothing is timed here. How fast they are is measured by ``python -m benchmarks``.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 import ambkit
-from ambkit.machine.magnets import MagnetModel
 from benchmarks import batch, entries, many_loops, report
 from benchmarks.batch import Many
 from benchmarks.closed_loop import ClosedLoop
@@ -32,27 +29,27 @@ SINGLE = 1e-3
 
 
 @pytest.fixture(scope="module")
-def work() -> Work:
+def work():
     return Work.simulated(SAMPLES)
 
 
 @pytest.fixture(scope="module")
-def hand() -> Callable[[Work], Array]:
+def hand():
     loop = HandLoop()
     return lambda work: loop(work, Outputs.empty(work.y.size))
 
 
 @pytest.fixture(scope="module")
-def loop(work: Work) -> ClosedLoop:
+def loop(work):
     return ClosedLoop.of(work)
 
 
 @pytest.fixture(scope="module")
-def expert(work: Work) -> ambkit.Expert:
+def expert(work):
     return ambkit.Expert.from_map(ambkit.stiffness_map(work.bearing))
 
 
-def by_hand(hand: Callable[[Work], Array], work: Work, kf: ambkit.KalmanFilter) -> Array:
+def by_hand(hand, work, kf):
     """The hand loop with the stiffnesses that `kf` chooses along the record."""
     chosen = kf.run(work.record)
     # The hand loop takes k[k - 1] at sample k, where the estimate has what it took at k.
@@ -60,23 +57,23 @@ def by_hand(hand: Callable[[Work], Array], work: Work, kf: ambkit.KalmanFilter) 
     return hand(replace(work, k_i=k_i, k_s=k_s))
 
 
-def assert_close(means: ArrayLike, expected: Array, scale: Array) -> None:
+def assert_close(means, expected, scale):
     means = np.asarray(means)
     np.testing.assert_array_less(np.abs(means - expected[: len(means)]) / scale, 1.0)
 
 
-def assert_same(entry: Entry, expected: Array) -> None:
+def assert_same(entry, expected):
     """Within rounding, or within a part of the standard deviation in single precision."""
     means = np.asarray(entry.run())
     assert means.shape == (entry.samples, 4)
     assert_close(means, expected, ROUNDING * np.max(np.abs(expected), axis=0))
 
 
-def assert_nearly_same(entry: Entry, expected: Array, kf: ambkit.KalmanFilter) -> None:
+def assert_nearly_same(entry, expected, kf):
     assert_close(entry.run(), expected, SINGLE * np.sqrt(np.diag(kf.covariance)))
 
 
-def test_core_does_the_work_of_the_hand_loop(work: Work, hand: Callable[[Work], Array]) -> None:
+def test_core_does_the_work_of_the_hand_loop(work, hand):
     expected = hand(work)
     *double, single = entries.in_c(work)
     assert [entry.name for entry in double] == [entries.HAND, entries.HAND_NEW, entries.GIVEN]
@@ -87,40 +84,34 @@ def test_core_does_the_work_of_the_hand_loop(work: Work, hand: Callable[[Work], 
     assert_nearly_same(single, expected, kf)
 
 
-def test_the_stiffnesses_of_the_work_are_new_at_each_sample(work: Work) -> None:
+def test_the_stiffnesses_of_the_work_are_new_at_each_sample(work):
     assert np.all(np.diff(work.k_i) != 0)
     assert np.all(np.diff(work.k_s) != 0)
 
 
 @pytest.mark.long
-def test_numba_does_the_work_of_the_hand_loop(work: Work, hand: Callable[[Work], Array]) -> None:
+def test_numba_does_the_work_of_the_hand_loop(work, hand):
     pytest.importorskip("numba", reason="numba is in the dependency group benchmarks")
     for entry in entries.in_numba(work):
         assert_same(entry, hand(work))
 
 
-def test_numpy_and_filterpy_do_the_work_of_the_hand_loop(
-    work: Work, hand: Callable[[Work], Array]
-) -> None:
+def test_numpy_and_filterpy_do_the_work_of_the_hand_loop(work, hand):
     for entry in entries.in_python(work, FEW):
         assert entry.samples == FEW
         assert_same(entry, hand(work)[:FEW])
 
 
-def test_public_linear_filter_does_the_work_of_the_hand_loop(
-    work: Work, hand: Callable[[Work], Array]
-) -> None:
+def test_public_linear_filter_does_the_work_of_the_hand_loop(work, hand):
     expected = by_hand(hand, work, ambkit.KalmanFilter(work.bearing, noise=NOISE))
     for entry in entries.constant(work, FEW):
         assert_same(entry, expected[: entry.samples])
 
 
-def test_adaptive_filters_do_the_work_of_the_hand_loop(
-    work: Work, hand: Callable[[Work], Array], expert: ambkit.Expert
-) -> None:
+def test_adaptive_filters_do_the_work_of_the_hand_loop(work, hand, expert):
     *double, single = entries.adaptive(work, expert)
     law, table = ambkit.ClosedLaw(work.bearing), ambkit.stiffness_map(work.bearing)
-    magnets: tuple[MagnetModel, ...] = (law, table, expert)
+    magnets = (law, table, expert)
     for entry, magnet in zip(double, magnets, strict=True):
         kf = ambkit.AdaptiveKalmanFilter(work.bearing, magnet, noise=NOISE)
         expected = by_hand(hand, work, kf)
@@ -128,16 +119,14 @@ def test_adaptive_filters_do_the_work_of_the_hand_loop(
     assert_nearly_same(single, expected, kf)
 
 
-def test_rules_in_numba_are_the_rules_of_the_expert(
-    work: Work, hand: Callable[[Work], Array], expert: ambkit.Expert
-) -> None:
+def test_rules_in_numba_are_the_rules_of_the_expert(work, hand, expert):
     pytest.importorskip("numba", reason="numba is in the dependency group benchmarks")
     kf = ambkit.AdaptiveKalmanFilter(work.bearing, expert, noise=NOISE)
     (entry,) = entries.rules_in_numba(work, expert)
     assert_same(entry, by_hand(hand, work, kf))
 
 
-def test_numba_by_sample_does_the_work_of_the_public_step(work: Work) -> None:
+def test_numba_by_sample_does_the_work_of_the_public_step(work):
     pytest.importorskip("numba", reason="numba is in the dependency group benchmarks")
     public = entries.constant(work, FEW)[1]
     (entry,) = entries.numba_by_sample(work, FEW)
@@ -145,14 +134,14 @@ def test_numba_by_sample_does_the_work_of_the_public_step(work: Work) -> None:
     assert_same(entry, expected)
 
 
-def test_nonlinear_filters_take_part_under_their_names(work: Work) -> None:
+def test_nonlinear_filters_take_part_under_their_names(work):
     names = [entry.name for entry in entries.nonlinear(work)]
     assert names == [entries.EXTENDED, entries.UNSCENTED]
     for entry in entries.nonlinear(work):
         assert np.isfinite(np.asarray(entry.run())).all()
 
 
-def test_many_filters_do_the_work_of_the_hand_loop(work: Work) -> None:
+def test_many_filters_do_the_work_of_the_hand_loop(work):
     many = Many.of(work, runs=5, samples=400)
     (hand,) = batch.by_hand(many)
     expected = np.asarray(hand.run())
@@ -165,7 +154,7 @@ def test_many_filters_do_the_work_of_the_hand_loop(work: Work) -> None:
     np.testing.assert_allclose(np.asarray(errors.run())[-1], truth, rtol=1e-9)
 
 
-def test_numba_in_parallel_does_the_work_of_the_hand_loop(work: Work) -> None:
+def test_numba_in_parallel_does_the_work_of_the_hand_loop(work):
     pytest.importorskip("numba", reason="numba is in the dependency group benchmarks")
     many = Many.of(work, runs=3, samples=300)
     expected = np.asarray(batch.by_hand(many)[0].run())
@@ -174,7 +163,7 @@ def test_numba_in_parallel_does_the_work_of_the_hand_loop(work: Work) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")  # libraries of others, and not those of the tests
-def test_libraries_do_the_work_of_the_hand_loop(work: Work) -> None:
+def test_libraries_do_the_work_of_the_hand_loop(work):
     many = Many.of(work, runs=3, samples=300)
     expected = np.asarray(batch.by_hand(many)[0].run())
     found, missing = batch.libraries(many, runs=3, samples=300)
@@ -183,9 +172,7 @@ def test_libraries_do_the_work_of_the_hand_loop(work: Work) -> None:
         assert_close(entry.run(), expected, 1e-8 * np.max(np.abs(expected), axis=0))
 
 
-def test_estimates_in_the_loop_are_those_of_the_hand_loop(
-    loop: ClosedLoop, work: Work, hand: Callable[[Work], Array]
-) -> None:
+def test_estimates_in_the_loop_are_those_of_the_hand_loop(loop, work, hand):
     out = loop.core_run()
     k = ambkit.ConstantStiffness.of(loop.bearing)
     loop.filter.reset()
@@ -203,7 +190,7 @@ def test_estimates_in_the_loop_are_those_of_the_hand_loop(
     assert np.shape(public.run()) == (public.samples, 4)
 
 
-def test_public_simulation_is_the_same_loop(loop: ClosedLoop) -> None:
+def test_public_simulation_is_the_same_loop(loop):
     # The same run without noise, so that what ambkit.simulate draws does not matter.
     quiet = np.zeros(SAMPLES)
     scenario = loop.scenario.replace(noise=False)
@@ -214,7 +201,7 @@ def test_public_simulation_is_the_same_loop(loop: ClosedLoop) -> None:
         np.testing.assert_allclose(bare[name], record[name], rtol=0, atol=1e-9 * scale)
 
 
-def test_loops_in_numba_are_the_loop_in_c(loop: ClosedLoop) -> None:
+def test_loops_in_numba_are_the_loop_in_c(loop):
     pytest.importorskip("numba", reason="numba is in the dependency group benchmarks")
     from benchmarks import numba_loop
 
@@ -229,11 +216,11 @@ def test_loops_in_numba_are_the_loop_in_c(loop: ClosedLoop) -> None:
         assert_same(entry, np.asarray(out["estimate"]["mean"]))
 
 
-def test_every_entry_runs_in_every_round() -> None:
-    calls: list[str] = []
+def test_every_entry_runs_in_every_round():
+    calls = []
 
-    def entry(name: str) -> Entry:
-        def run() -> ArrayLike:
+    def entry(name):
+        def run():
             calls.append(name)
             return []
 
@@ -245,7 +232,7 @@ def test_every_entry_runs_in_every_round() -> None:
     assert all(len(t.rounds) == 2 and t.typical > 0 for t in times)
 
 
-def test_ratios_are_taken_within_a_round() -> None:
+def test_ratios_are_taken_within_a_round():
     slow, fast = (Times(Entry(n, 1, list), t) for n, t in (("s", (2.0, 40.0)), ("f", (1.0, 10.0))))
     assert slow.ratios(fast) == [2.0, 4.0]
     limit = report.Limit("s", slow, (slow, fast), most=3.0)
@@ -253,9 +240,7 @@ def test_ratios_are_taken_within_a_round() -> None:
     assert not report.Limit("s", slow, (slow, fast), most=2.9).kept
 
 
-def test_only_what_is_between_the_markers_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_what_is_between_the_markers_is_written(tmp_path, monkeypatch):
     readme = tmp_path / "README.md"
     text = report.README.read_text(encoding="utf-8")
     readme.write_text(text, encoding="utf-8")
@@ -267,7 +252,7 @@ def test_only_what_is_between_the_markers_is_written(
     )
 
 
-def test_many_closed_loops_have_the_same_errors(work: Work) -> None:
+def test_many_closed_loops_have_the_same_errors(work):
     """With the same noise; ambkit's alike to the last bit, numba's but for rounding."""
     pytest.importorskip("numba", reason="numba is in the dependency group benchmarks")
     loops = Loops.of(work, many_loops.FEW, 300)

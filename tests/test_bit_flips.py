@@ -4,11 +4,7 @@
 of all that lies there, and of machines a part.
 """
 
-from __future__ import annotations
-
 import shutil
-from pathlib import Path
-from typing import Any
 
 import flips
 import pytest
@@ -30,12 +26,12 @@ Case = tuple[CExport, str, int]
 """An export, the program of its campaign, and its settling time in samples."""
 
 
-def of_kind(kind: str, precision: Any, out: Path) -> Case:
+def of_kind(kind, precision, out):
     editable = kind.startswith("editable ")
     options = {"editable": True} if editable else {}
     made = export(kind.removeprefix("editable "), out, prefix="rig", precision=precision, **options)
     pid = PID().completed(BEARING)
-    macros: dict[str, Any] = {"KF": "rig_kalman", "BEGIN": "rig_init(s)"}
+    macros = {"KF": "rig_kalman", "BEGIN": "rig_init(s)"}
     if editable:
         macros = {"KF": "known", "BEGIN": "(void)rig_init(s); known = s->kf"}
     gains = {"KP": pid.kp, "KI": pid.ki, "KD": pid.kd, "T_F": pid.derivative_filter}
@@ -44,14 +40,14 @@ def of_kind(kind: str, precision: Any, out: Path) -> Case:
     return made, source, flips.settling_in(made)
 
 
-def of_control(kind: str, precision: Any, out: Path) -> Case:
+def of_control(kind, precision, out):
     what, _, of = kind.partition(" ")
     pid = LAWS.get(of, PID())
     scenario = Scenario(duration=0.1, sequence=LiftOff(), controller=pid)
     calibrated = what == "calibrated"
     made = export("linear" if of in LAWS else of, out, prefix="rig", precision=precision,
                   scenario=scenario, calibrated=calibrated)  # fmt: skip
-    macros: dict[str, Any] = {"KF": "rig_kalman", "LOAD": 0.5}
+    macros = {"KF": "rig_kalman", "LOAD": 0.5}
     if calibrated:
         macros |= {"NAME_STATE": "memory", "PLACE": "rig.filter", "header": "rig_calibration.h"}
     text = flips.AXIS + (flips.CALIBRATED if calibrated else flips.CONTROLLER)
@@ -59,7 +55,7 @@ def of_control(kind: str, precision: Any, out: Path) -> Case:
     return made, source, settling_of(KalmanFilter(BEARING))
 
 
-def of_machine(kind: str, precision: Any, out: Path) -> Case:
+def of_machine(kind, precision, out):
     of, turning = kind.split()[1].strip(","), "any speed" in kind
     flight = Scenario(feedback="estimate", speed=Ramp(slope=600.0) if turning else None)
     flown = machine(speed=300.0)
@@ -73,7 +69,7 @@ def of_machine(kind: str, precision: Any, out: Path) -> Case:
     return made, source, flips.settling_in(made)
 
 
-def of_case(kind: str, precision: Any, out: Path) -> Case:
+def of_case(kind, precision, out):
     if kind.startswith("machine"):
         return of_machine(kind, precision, out)
     if kind.startswith(("control", "calibrated")):
@@ -97,21 +93,21 @@ AT = (2000, 2013, 2500)
 """Samples before the flip: a window, a filter's phase and the noise are others."""
 
 
-def healed(found: flips.Found) -> None:
+def healed(found):
     """All flights came back: up, fed back, never wrong for long, and without a flag that stays."""
     assert found.lines[0].endswith("unfed 0 touched 0")
     assert (found.stuck, found.wrong, found.crashed, found.flagged) == (0, 0, 0, 0), found.lines
 
 
 @pytest.mark.parametrize("kind", QUICKLY)
-def test_a_word_that_a_bit_has_made_another_heals(kind: str, tmp_path: Path) -> None:
+def test_a_word_that_a_bit_has_made_another_heals(kind, tmp_path):
     made, program, settling = of_case(kind, "float", tmp_path / "c")
     found = flips.campaign(made, program, settling, before=2013, after=1500, first=30, every=32)
     assert found.flips >= 20
     healed(found)
 
 
-def test_noise_is_not_learned_from_what_a_bit_has_made_wrong(tmp_path: Path) -> None:
+def test_noise_is_not_learned_from_what_a_bit_has_made_wrong(tmp_path):
     """A correlation 256 times as large: fed back wrong for 276 samples, were it learned."""
     made, program, settling = of_case("linear-adaptive-noise", "float", tmp_path / "c")
     healed(flips.campaign(made, program, settling, before=2013, after=1500, every=3))
@@ -121,7 +117,7 @@ def test_noise_is_not_learned_from_what_a_bit_has_made_wrong(tmp_path: Path) -> 
 @pytest.mark.parametrize("before", AT)
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("kind", AXES)
-def test_each_single_bit_heals(kind: str, precision: Any, before: int, tmp_path: Path) -> None:
+def test_each_single_bit_heals(kind, precision, before, tmp_path):
     made, program, settling = of_case(kind, precision, tmp_path / "c")
     healed(flips.campaign(made, program, settling, before=before))
 
@@ -129,7 +125,7 @@ def test_each_single_bit_heals(kind: str, precision: Any, before: int, tmp_path:
 @pytest.mark.study
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("kind", AXES)
-def test_bits_that_flip_together_heal(kind: str, precision: Any, tmp_path: Path) -> None:
+def test_bits_that_flip_together_heal(kind, precision, tmp_path):
     """Up to eight at once. Of a controller they may end the flight: each word stands thrice."""
     made, program, settling = of_case(kind, precision, tmp_path / "c")
     found = flips.campaign(made, program, settling, many=8)
@@ -144,6 +140,6 @@ def test_bits_that_flip_together_heal(kind: str, precision: Any, tmp_path: Path)
 @pytest.mark.study
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("kind", MACHINES)
-def test_bits_of_whole_machines_heal(kind: str, precision: Any, tmp_path: Path) -> None:
+def test_bits_of_whole_machines_heal(kind, precision, tmp_path):
     made, program, settling = of_case(kind, precision, tmp_path / "c")
     healed(flips.campaign(made, program, settling, after=1500, every=37))

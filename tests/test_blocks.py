@@ -1,10 +1,5 @@
 """Blocks behind a PID: as data, in the loop, in its margins and in C."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import control
 import numpy as np
 import pytest
@@ -16,7 +11,6 @@ import ambkit
 from ambkit import AmbkitError, Control, Scenario
 from ambkit.control.blocks import (
     Biquad,
-    Block,
     LeadLag,
     Notch,
     SecondOrder,
@@ -31,7 +25,7 @@ from ambkit.simulation.external_inputs import ExternalInputs
 
 T = 1e-4
 THIRD = np.array([[-900.0, 0, 0], [400.0, -700.0, 2000.0], [0, -2000.0, -700.0]])
-BLOCKS: list[Block] = [
+BLOCKS = [
     Notch(frequency=600.0, depth=0.1),
     LeadLag(zero=900.0, pole=1200.0),
     SecondOrder(frequency=3000.0),
@@ -50,7 +44,7 @@ IN_CONTROL = [
 ]
 
 
-def answer(sections: list[list[float]], f: Any) -> Any:
+def answer(sections, f):
     z, found = np.exp(2j * np.pi * f * T), 1.0
     for b0, b1, b2, a1, a2 in sections:
         found = found * (b0 + b1 / z + b2 / z**2) / (1 + a1 / z + a2 / z**2)
@@ -58,7 +52,7 @@ def answer(sections: list[list[float]], f: Any) -> Any:
 
 
 @pytest.mark.parametrize("k", range(len(BLOCKS)), ids=[type(b).__name__ for b in BLOCKS])
-def test_a_block_is_its_transfer_function(k: int) -> None:
+def test_a_block_is_its_transfer_function(k):
     """By the bilinear map, which is exact at rest and where it is prewarped."""
     block, continuous = BLOCKS[k], IN_CONTROL[k]
     f = np.array([0.0, 30.0, 400.0, 2000.0, block.exact or 100.0])
@@ -71,7 +65,7 @@ def test_a_block_is_its_transfer_function(k: int) -> None:
         assert np.abs(np.roots([1.0, a1, a2])).max() < 0.999
 
 
-def test_a_system_of_python_control_is_a_block() -> None:
+def test_a_system_of_python_control_is_a_block():
     continuous = control.tf([900.0], [1.0, 900.0])
     known = Control(block=[continuous])
     assert known.block[0].type == "state space"
@@ -84,14 +78,14 @@ def test_a_system_of_python_control_is_a_block() -> None:
     np.testing.assert_allclose(answer(sections_of(late.block, T), 500.0), wanted, rtol=1e-9)
 
 
-def test_they_are_data() -> None:
+def test_they_are_data():
     written = Scenario(controller=Control(block=BLOCKS, pid={"A1": {"block": BLOCKS[:1]}}))
     assert Scenario.from_toml(written.to_toml()) == written
     assert '[[controller.block]]\ntype = "notch"\nfrequency = "600 Hz"' in written.to_toml()
 
 
 @pytest.mark.parametrize("k", range(len(BLOCKS)), ids=[type(b).__name__ for b in BLOCKS])
-def test_what_flies_is_what_is_assessed(k: int) -> None:
+def test_what_flies_is_what_is_assessed(k):
     """Alone on a record: the loop's u is what the linear controller makes of its y."""
     law = Control(feedback="measurement", block=BLOCKS[k : k + 1]).completed(BEARING)
     shaken = 1e-7 * np.random.default_rng(0).standard_normal(201)
@@ -122,7 +116,7 @@ def test_what_flies_is_what_is_assessed(k: int) -> None:
     np.testing.assert_allclose(run["u"], u, rtol=1e-6, atol=1e-9)
 
 
-def test_they_hold_the_rotor_from_the_start() -> None:
+def test_they_hold_the_rotor_from_the_start():
     """A gain at rest other than 1 is in the integral that carries the weight."""
     halved = Control(feedback="measurement", block=[StateSpace(A=[[-9000.0]], B=[9000.0], C=[0.8])])
     for one in (BEARING, machine()):
@@ -133,7 +127,7 @@ def test_they_hold_the_rotor_from_the_start() -> None:
         assert moved < 1e-9
 
 
-def test_a_notch_is_in_the_margins() -> None:
+def test_a_notch_is_in_the_margins():
     late, plain = (
         LoopOf(BEARING, Control(feedback="measurement", block=each)).peak()
         for each in ([Notch(frequency=300.0, damping=0.5)], [])
@@ -154,7 +148,7 @@ def test_a_notch_is_in_the_margins() -> None:
         (control.ss(THIRD, np.eye(3), np.eye(3), 0 * np.eye(3)), "one input and one output"),
     ],
 )
-def test_what_cannot_be_flown_is_said(block: Any, said: str) -> None:
+def test_what_cannot_be_flown_is_said(block, said):
     with pytest.raises(AmbkitError, match=said):
         sections_of(Control(block=[block]).block, T)
     with pytest.raises(AmbkitError, match="there may be 8"):
@@ -163,7 +157,7 @@ def test_what_cannot_be_flown_is_said(block: Any, said: str) -> None:
         Control(type="lqg", block=BLOCKS[:1])
 
 
-def test_a_pid_of_its_own_sensor_is_assessed() -> None:
+def test_a_pid_of_its_own_sensor_is_assessed():
     """Hindawi's sensors are not beside its magnets: each PID closes its own reading alone."""
     one = ambkit.Machine.preset("hindawi_2011")
     own = {axis.name: {"sees": axis.name} for axis in one.axes}
@@ -177,7 +171,7 @@ def test_a_pid_of_its_own_sensor_is_assessed() -> None:
     np.testing.assert_allclose(of.loop().sensitivity(f), wanted, rtol=1e-8, atol=1e-10)
 
 
-def test_a_pid_of_what_is_not_there_is_refused() -> None:
+def test_a_pid_of_what_is_not_there_is_refused():
     wrong = Scenario(controller=Control(pid={"B9": {"kp": 900.0}}))
     for one in (BEARING, machine()):
         with pytest.raises(AmbkitError, match=r"controller\.pid\.B9: there is no B9"):
@@ -186,7 +180,7 @@ def test_a_pid_of_what_is_not_there_is_refused() -> None:
 
 @compiled
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
-def test_the_exported_c_has_them(feedback: Any, tmp_path: Path) -> None:
+def test_the_exported_c_has_them(feedback, tmp_path):
     law = Control(feedback=feedback, block=BLOCKS)
     one = BEARING if feedback == "measurement" else machine(speed=600.0)
     if feedback == "estimate":
@@ -203,7 +197,7 @@ def test_the_exported_c_has_them(feedback: Any, tmp_path: Path) -> None:
     assert "FAIL: f with its controller" in run(tmp_path / "c")
 
 
-def test_a_state_space_comes_from_a_mat_file(tmp_path: Path) -> None:
+def test_a_state_space_comes_from_a_mat_file(tmp_path):
     from scipy.io import savemat
 
     block = BLOCKS[-1]

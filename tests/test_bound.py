@@ -1,7 +1,5 @@
 """The posterior Cramer-Rao bound: by hand, by Riccati, by the whole information, by simulation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from ambkit.judge.comparison.bound import bearing_bound, posterior_bound
 BEARING = Bearing.preset("zittau_axial")
 
 
-def test_a_random_walk_by_hand() -> None:
+def test_a_random_walk_by_hand():
     """P+ = (P+1)/(P+2) from P = 1/2 on: ratios of Fibonacci numbers, towards 1/golden ratio."""
     ones = np.ones((3, 30, 1, 1))
     found = posterior_bound(ones, ones, [1.0], 1.0, [[1.0]])[:, 0, 0]
@@ -20,13 +18,13 @@ def test_a_random_walk_by_hand() -> None:
     assert found[-1] == pytest.approx((np.sqrt(5) - 1) / 2, rel=1e-12)
 
 
-def test_without_noise_inside_information_adds_up() -> None:
+def test_without_noise_inside_information_adds_up():
     """A constant measured k times: the information is the prior's and k of the measurements."""
     found = posterior_bound(np.ones((2, 9, 1, 1)), np.zeros((2, 9, 1, 1)), [2.0], 0.5, [[4.0]])
     assert found[:, 0, 0] == pytest.approx([1 / (1 / 4 + k * 4 / 0.5) for k in range(1, 11)])
 
 
-def test_alike_runs_give_the_riccati_covariance_with_singular_noise() -> None:
+def test_alike_runs_give_the_riccati_covariance_with_singular_noise():
     rng = np.random.default_rng(1)
     F, G, H = np.eye(4) + 0.2 * rng.normal(size=(4, 4)), rng.normal(size=(4, 2)), rng.normal(size=4)
     R, P = 0.3, np.diag([1.0, 2.0, 3.0, 4.0])
@@ -38,7 +36,7 @@ def test_alike_runs_give_the_riccati_covariance_with_singular_noise() -> None:
         assert found[k] == pytest.approx(P, rel=1e-9)
 
 
-def test_runs_that_differ_give_the_inverse_of_the_whole_information() -> None:
+def test_runs_that_differ_give_the_inverse_of_the_whole_information():
     """The naive form: all derivatives by start and noises, their information, its inverse."""
     rng = np.random.default_rng(2)
     runs, steps, n, q, R = 3, 6, 3, 2, 0.7
@@ -64,7 +62,7 @@ def test_runs_that_differ_give_the_inverse_of_the_whole_information() -> None:
         assert found[k] == pytest.approx(mean @ np.linalg.solve(information, mean.T), rel=1e-9)
 
 
-def walk_of_the_load(step: float, seed: int) -> ambkit.Record:
+def walk_of_the_load(step, seed):
     """Simulate 60 ms in which all is as the filter's model says."""
     t = BEARING.sampling_time * np.arange(601)
     growth = ambkit.KalmanFilter(BEARING).variances.disturbance * BEARING.sampling_time
@@ -80,7 +78,7 @@ def walk_of_the_load(step: float, seed: int) -> ambkit.Record:
     ).record
 
 
-def test_nobody_crosses_it_and_the_right_model_comes_close() -> None:
+def test_nobody_crosses_it_and_the_right_model_comes_close():
     records = [walk_of_the_load(5e-4, seed) for seed in range(60)]
     linear = ambkit.KalmanFilter(BEARING)
     law = ambkit.AdaptiveKalmanFilter(BEARING, ambkit.ClosedLaw(BEARING))

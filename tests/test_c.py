@@ -32,11 +32,11 @@ class Build:
     precision: str
     loops: bool
 
-    def __str__(self) -> str:
+    def __str__(self):
         return f"{self.precision}{' loops' if self.loops else ''}"
 
     @property
-    def flags(self) -> list[str]:
+    def flags(self):
         """What the compiler is told of it."""
         return [f"-D{self.precision}", *(["-DAMB_MODEL_LOOPS"] if self.loops else [])]
 
@@ -63,11 +63,11 @@ OF_COMPILERS = {"_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
 GCC = ["gcc", "-std=c99", "-O0", "-g1", "-ffp-contract=off", *WARNINGS, *SANITIZERS]
 
 
-def gcc(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+def gcc(*arguments):
     return subprocess.run([*GCC, *map(str, arguments)], capture_output=True, text=True)
 
 
-def run(program: Path) -> subprocess.CompletedProcess[str]:
+def run(program):
     # Nothing here allocates; looking for leaks needs rights that a container may not give.
     settings = os.environ | {
         "ASAN_OPTIONS": "detect_leaks=0",
@@ -77,7 +77,7 @@ def run(program: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture(scope="session")
-def objects(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+def objects(tmp_path_factory):
     """The core and the simulation, compiled once for each build that is asked for."""
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
@@ -88,7 +88,7 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
         pytest.skip(f"gcc has no working sanitizers: {probe.stderr.strip()}")
 
     @cache
-    def compiled(build: Build) -> list[Path]:
+    def compiled(build):
         # The axis of the tests takes its numbers from the model that is built in.
         built_in = Build(build.precision, loops=False)
         objects = []
@@ -103,7 +103,7 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
 
 
 @pytest.mark.parametrize(("name", "build"), CASES, ids=str)
-def test_c(name: str, build: Build, objects: Compiled, tmp_path: Path) -> None:
+def test_c(name, build, objects, tmp_path):
     source, program = ROOT / "tests" / "c" / f"{name}.c", tmp_path / name
     built = gcc(*build.flags, *INCLUDES, source, *objects(build), "-lm", "-o", program)
     assert built.returncode == 0, built.stderr
@@ -111,7 +111,7 @@ def test_c(name: str, build: Build, objects: Compiled, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def foreign(folder: Path, build: Build, sources: list[Path]) -> set[str]:
+def foreign(folder, build, sources):
     """What these sources ask for that is in none of them, compiled as the package's build is.
 
     The optimiser asks for more than the text does; one of two builds shows that as well.
@@ -136,7 +136,7 @@ def foreign(folder: Path, build: Build, sources: list[Path]) -> set[str]:
 )
 @pytest.mark.long
 @pytest.mark.parametrize("build", [BUILDS[0], BUILDS[3]], ids=str)
-def test_of_libm_there_is_only_the_root(build: Build, tmp_path: Path) -> None:
+def test_of_libm_there_is_only_the_root(build, tmp_path):
     """A controller's libm is another one: what rounds differently there may not be used."""
     assert foreign(tmp_path, build, SOURCES) - OF_COMPILERS <= LIBC
     wrong = tmp_path / "wrong" / "wrong.c"
@@ -145,7 +145,7 @@ def test_of_libm_there_is_only_the_root(build: Build, tmp_path: Path) -> None:
     assert foreign(wrong.parent, build, [wrong]) - OF_COMPILERS == {"exp"}
 
 
-def test_the_sanitizers_would_stop_a_program(objects: Compiled, tmp_path: Path) -> None:
+def test_the_sanitizers_would_stop_a_program(objects, tmp_path):
     """An overflow, an index beyond an array, NaN made an integer: each must be fatal."""
     faults = {
         "overflow": "int i = 2147483647; i += argc; return i == 0;",
@@ -160,7 +160,7 @@ def test_the_sanitizers_would_stop_a_program(objects: Compiled, tmp_path: Path) 
         assert run(tmp_path / name).returncode != 0, name
 
 
-def test_a_failed_check_fails_the_program(objects: Compiled, tmp_path: Path) -> None:
+def test_a_failed_check_fails_the_program(objects, tmp_path):
     source = tmp_path / "wrong.c"
     checks = "CHECK(1 < 0);\n  CHECK_NEAR(1, 2);\n  CHECK(same(1, 1));"
     source.write_text(f'#include "check.h"\nint main(void)\n{{\n  {checks}\n'

@@ -6,7 +6,6 @@ import json
 import re
 import shutil
 import subprocess
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import flips
@@ -19,7 +18,6 @@ from ambkit import FilterNoise, KalmanFilter, Machine, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.control.control import Control
-from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.data.signals import signal
 from ambkit.estimate.registry import learned_magnet
@@ -82,24 +80,24 @@ class Calibrated(NamedTuple):
     y: Any
 
     @property
-    def precision(self) -> Any:
+    def precision(self):
         return CORE_PRECISION[self.made.precision]
 
     @property
-    def told(self) -> dict[str, Any]:
+    def told(self):
         return json.loads((self.made.folder / "calibration.json").read_text())
 
     @property
-    def exported(self) -> dict[str, float]:
+    def exported(self):
         return {each["name"]: each["exported"] for each in self.told["parameters"]}
 
-    def filter(self, **options: Any) -> KalmanFilter:
+    def filter(self, **options):
         return KalmanFilter(self.machine.short, precision=self.precision, **options)
 
-    def controller(self, estimator: KalmanFilter) -> Controller:
+    def controller(self, estimator):
         return controller_of(estimator, SCENARIO)
 
-    def run(self, controller: Controller, **other: Any) -> tuple[Any, Any]:
+    def run(self, controller, **other):
         """Currents and loads, as the core computes them here."""
         number = np.dtype(self.precision).type
         n, p = len(self.y), len(self.machine.axes)
@@ -111,7 +109,7 @@ class Calibrated(NamedTuple):
         return here["iu"], here["mean"][:, loads]
 
 
-def export_of(name: str, precision: Any, place: Path) -> Calibrated:
+def export_of(name, precision, place):
     machine = Machine.preset(name)
     made = export_c(machine, None, place / "rig", prefix="rig", scenario=SCENARIO, calibrated=True,
                     precision=precision)  # fmt: skip
@@ -134,18 +132,16 @@ MACHINES = quick(
 
 
 @pytest.fixture(scope="module", params=MACHINES)
-def of(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Calibrated:
+def of(request, tmp_path_factory):
     return export_of(*request.param.split(), tmp_path_factory.mktemp("calibrated"))
 
 
 @pytest.fixture(scope="module")
-def axis(tmp_path_factory: pytest.TempPathFactory) -> Calibrated:
+def axis(tmp_path_factory):
     return export_of("zittau_axial", "float", tmp_path_factory.mktemp("calibrated"))
 
 
-def flown(
-    of: Calibrated, place: Path, wanted: dict[str, float], swap: int = SWAP
-) -> tuple[Any, Any, list[int], list[float]]:
+def flown(of, place, wanted, swap=SWAP):
     """Fly through readings: currents and loads, the counts, and what is in use in the end."""
     several = not of.machine.single
     loads = "".join(
@@ -173,7 +169,7 @@ def flown(
     return told[:, :p], told[:, p:], [int(word) for word in last[:3]], [float(w) for w in last[3:]]
 
 
-def test_what_is_as_exported_flies_the_same_bits(of: Calibrated, tmp_path: Path) -> None:
+def test_what_is_as_exported_flies_the_same_bits(of, tmp_path):
     iu, loads, counts, in_use = flown(of, tmp_path, of.exported, swap=0)
     assert counts == [1, 0, 1]
     here = of.run(of.controller(of.filter()))
@@ -182,7 +178,7 @@ def test_what_is_as_exported_flies_the_same_bits(of: Calibrated, tmp_path: Path)
     np.testing.assert_allclose(in_use, list(of.exported.values()), rtol=1e-7)
 
 
-def test_other_noise_and_gains_fly_from_the_next_sample_on(of: Calibrated, tmp_path: Path) -> None:
+def test_other_noise_and_gains_fly_from_the_next_sample_on(of, tmp_path):
     """Those of a filter and a controller that were made with them, to the last bit."""
     gains = {name: 1.1 * v for name, v in of.exported.items() if name.startswith(("kp", "kd"))}
     noise = {name: 1.2 * v for name, v in of.exported.items() if name.startswith("var_y")}
@@ -212,9 +208,7 @@ def test_other_noise_and_gains_fly_from_the_next_sample_on(of: Calibrated, tmp_p
 
 
 @pytest.mark.parametrize("name", ["mass", "strong"])
-def test_mass_and_magnet_constant_are_worked_into_the_model(
-    name: str, of: Calibrated, tmp_path: Path
-) -> None:
+def test_mass_and_magnet_constant_are_worked_into_the_model(name, of, tmp_path):
     """What acts between two samples goes with both: the load that is found changes."""
     wanted = {key: v * (1.1 if key.startswith(name) else 1.0) for key, v in of.exported.items()}
     _, loads, counts, _ = flown(of, tmp_path, wanted, swap=0)
@@ -228,7 +222,7 @@ def test_mass_and_magnet_constant_are_worked_into_the_model(
         assert (np.abs((loads - same)[late]).mean(axis=0) > 0.02 * np.abs(same).std(axis=0)).all()
 
 
-def test_a_rotor_of_another_mass_is_that_of_another_model(axis: Calibrated, tmp_path: Path) -> None:
+def test_a_rotor_of_another_mass_is_that_of_another_model(axis, tmp_path):
     """What the filter finds with the number is what one finds that was made for such a rotor."""
     wanted = axis.exported | {"mass": 1.1 * axis.machine.rotor.mass}
     iu, loads, _, _ = flown(axis, tmp_path, wanted, swap=0)
@@ -257,16 +251,14 @@ def test_a_rotor_of_another_mass_is_that_of_another_model(axis: Calibrated, tmp_
         ("strong", 2.0),
     ],
 )
-def test_what_cannot_be_is_refused_and_the_old_flies_on(
-    name: str, value: float, axis: Calibrated, tmp_path: Path
-) -> None:
+def test_what_cannot_be_is_refused_and_the_old_flies_on(name, value, axis, tmp_path):
     wanted = axis.exported | {name: value}
     if value != value or value > 1e38:
         wanted[name] = 1e39  # infinite in float
     check_refused(axis, wanted, [name], tmp_path)
 
 
-def test_numbers_of_each_axis_are_refused_by_their_kinds(of: Calibrated, tmp_path: Path) -> None:
+def test_numbers_of_each_axis_are_refused_by_their_kinds(of, tmp_path):
     last = {"kp": 30.0, "strong": 2.0, "var_y": -1.0}
     wanted = of.exported
     for kind, share in last.items():
@@ -274,7 +266,7 @@ def test_numbers_of_each_axis_are_refused_by_their_kinds(of: Calibrated, tmp_pat
     check_refused(of, wanted, list(last), tmp_path)
 
 
-def check_refused(of: Calibrated, wanted: dict[str, float], kinds: list[str], place: Path) -> None:
+def check_refused(of, wanted, kinds, place):
     iu, loads, counts, in_use = flown(of, place, wanted)
     names = [each.name for each in PARAMETERS]
     assert counts == [1, sum(1 << names.index(kind) for kind in kinds), 0]
@@ -284,13 +276,13 @@ def check_refused(of: Calibrated, wanted: dict[str, float], kinds: list[str], pl
     np.testing.assert_allclose(in_use, list(of.exported.values()), rtol=1e-7)
 
 
-def test_its_own_self_test_passes(of: Calibrated) -> None:
+def test_its_own_self_test_passes(of):
     said = printed_by(of.made.folder)
     assert "FAIL" not in said
     assert said.count("equal to the last bit") == 1 + (not of.machine.single)
 
 
-def test_what_is_made_of_more_is_not_calibrated(tmp_path: Path) -> None:
+def test_what_is_made_of_more_is_not_calibrated(tmp_path):
     with pytest.raises(AmbkitError, match="made of more than noise"):
         export_c(BEARING, None, tmp_path, kind="augmented", scenario=SCENARIO, calibrated=True)
     lqg = SCENARIO.replace(controller=Control(type="lqg"))
@@ -303,7 +295,7 @@ def test_what_is_made_of_more_is_not_calibrated(tmp_path: Path) -> None:
         export_c(Machine.preset("tum_mlps"), None, tmp_path, scenario=run_up, calibrated=True)
 
 
-def draws(made: CExport, n: int, seed: int) -> Any:
+def draws(made, n, seed):
     """Return n sets of numbers: within the limits, at their ends, and one or all numbers beyond."""
     told = json.loads((made.folder / "calibration.json").read_text())["parameters"]
     low, high = (np.array([each[end] for each in told]) for end in ("low", "high"))
@@ -346,8 +338,8 @@ def draws(made: CExport, n: int, seed: int) -> Any:
     ],
 )  # fmt: skip
 def test_no_set_that_is_taken_lets_a_hovering_rotor_fall(
-    name: str, kind: str, feedback: Any, precision: Any, n: int, tmp_path: Path
-) -> None:
+    name, kind, feedback, precision, n, tmp_path
+):
     """One set after the other in one flight; what is refused changes nothing."""
     machine = Machine.preset(name)
     scenario = Scenario(duration=0.1, sequence=LiftOff(), controller=Control(feedback=feedback))
@@ -381,7 +373,7 @@ needs_readelf = pytest.mark.skipif(
 
 
 @needs_readelf
-def test_addresses_come_from_the_program(of: Calibrated, tmp_path: Path) -> None:
+def test_addresses_come_from_the_program(of, tmp_path):
     """Each is where the program itself says that the member is."""
     flown(of, tmp_path, of.exported)
     program = tmp_path / "main"
@@ -417,7 +409,7 @@ def test_addresses_come_from_the_program(of: Calibrated, tmp_path: Path) -> None
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # its own
 @pytest.mark.parametrize("big_endian", [False, True])
-def test_another_reads_the_a2l_file(of: Calibrated, tmp_path: Path, big_endian: bool) -> None:
+def test_another_reads_the_a2l_file(of, tmp_path, big_endian):
     """pya2l, by its grammar of ASAP2 1.7: each parameter with its address, limits and unit."""
     from pya2l import import_a2l, model
 
@@ -454,10 +446,7 @@ def test_another_reads_the_a2l_file(of: Calibrated, tmp_path: Path, big_endian: 
     ("elf", "symbol", "said"),
     [("program", "nothing", "has no variable nothing"), ("text", "calibration", "is no ELF file")],
 )
-def test_what_is_not_there_is_said(
-    elf: str, symbol: str, said: str, axis: Calibrated, tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+def test_what_is_not_there_is_said(elf, symbol, said, axis, tmp_path, capsys):
     flown(axis, tmp_path, axis.exported)
     (tmp_path / "text").write_text("no program")
     path = tmp_path / ("main" if elf == "program" else "text")

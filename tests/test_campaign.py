@@ -1,19 +1,14 @@
 """Campaigns: what a study says, machines that follow from seed and run alone, rows that stay."""
 
-from __future__ import annotations
-
 import errno
 import gc
 import json
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import scipy.linalg
-from conftest import Result
 from scipy.stats import binomtest, norm
 
 import ambkit
@@ -72,15 +67,15 @@ zone = "A"
 """
 
 
-def study(text: str = STUDY, **changes: Any) -> Study:
+def study(text=STUDY, **changes):
     return Study.from_toml(text).model_copy(update=changes)
 
 
-def plan(**changes: Any) -> Plan:
+def plan(**changes):
     return Plan(study(**changes))
 
 
-def varied(way: str, *vary: Any, **more: Any) -> Plan:
+def varied(way, *vary, **more):
     return Plan(Study(name="a", bearing="zittau_axial", sampling=way, vary=vary, **more))
 
 
@@ -92,7 +87,7 @@ THREE = (
 
 
 @pytest.fixture
-def call(call: Callable[..., Result], tmp_path: Path) -> Callable[..., Result]:
+def call(call, tmp_path):
     """Call ambkit in this process, in a folder with the study."""
     (tmp_path / "s.toml").write_text(STUDY)
     return call
@@ -102,7 +97,7 @@ def call(call: Callable[..., Result], tmp_path: Path) -> Callable[..., Result]:
 
 
 @pytest.mark.parametrize("way", ["sobol", "latin-hypercube", "random", "saltelli"])
-def test_points_follow_from_seed_and_run_alone(way: str) -> None:
+def test_points_follow_from_seed_and_run_alone(way):
     a = varied(way, *THREE, runs=100, seed=5)
     whole = a.points(0, 100)
     pieces = [a.points(first, first + 7 if first < 98 else 100) for first in range(98, -1, -7)]
@@ -112,13 +107,13 @@ def test_points_follow_from_seed_and_run_alone(way: str) -> None:
     assert (whole.max(axis=0) <= [0.6, 2.1e-3, 3e-4]).all()
 
 
-def test_a_latin_hypercube_has_one_point_in_each_stratum() -> None:
+def test_a_latin_hypercube_has_one_point_in_each_stratum():
     points = varied("latin-hypercube", *THREE, runs=40).points(0, 40)
     strata = np.sort(((points[:, 0] - 0.5) / 0.1 * 40).astype(int))
     np.testing.assert_array_equal(strata, np.arange(40))
 
 
-def test_a_grid_has_all_combinations_with_its_ends_each_as_often_as_asked() -> None:
+def test_a_grid_has_all_combinations_with_its_ends_each_as_often_as_asked():
     mass = Uniform(what="rotor.mass", low=0.5, high=0.6, levels=3)
     who = Choice(what="estimator", values=("linear", "extended"))
     grid = varied("grid", mass, who, repeats=2)
@@ -128,7 +123,7 @@ def test_a_grid_has_all_combinations_with_its_ends_each_as_often_as_asked() -> N
     np.testing.assert_allclose(found, expected)
 
 
-def test_groups_for_indices_are_those_of_salib_and_share_their_noise() -> None:
+def test_groups_for_indices_are_those_of_salib_and_share_their_noise():
     """A, then A with one column of B after the other, then B."""
     a = varied("saltelli", *THREE, runs=50)
     groups = a.points(0, 50).reshape(10, 5, 3)
@@ -140,7 +135,7 @@ def test_groups_for_indices_are_those_of_salib_and_share_their_noise() -> None:
     np.testing.assert_array_equal(a.noise(0, 50), np.repeat(np.arange(10), 5))
 
 
-def test_distributions_are_what_the_study_says() -> None:
+def test_distributions_are_what_the_study_says():
     a = varied(
         "sobol",
         Normal(what="magnet.air_gap", std=2e-5),
@@ -158,7 +153,7 @@ def test_distributions_are_what_the_study_says() -> None:
     assert np.mean(who == 1) == pytest.approx(0.25, abs=0.002)
 
 
-def test_what_is_correlated_is_so_and_keeps_its_distribution() -> None:
+def test_what_is_correlated_is_so_and_keeps_its_distribution():
     gap = Normal(what="magnet.air_gap", std=2e-5)
     mass = Normal(what="rotor.mass", std=0.01)
     pair = {"between": ("magnet.air_gap", "rotor.mass"), "coefficient": -0.7}
@@ -198,9 +193,7 @@ def test_what_is_correlated_is_so_and_keeps_its_distribution() -> None:
         ('"zittau_axial"', '"nothing.toml"', "nothing.toml: cannot be read"),
     ],
 )
-def test_what_is_wrong_with_a_study_is_said_with_its_line(
-    old: str, new: str, said: str, call: Any
-) -> None:
+def test_what_is_wrong_with_a_study_is_said_with_its_line(old, new, said, call):
     Path("s.toml").write_text(STUDY.replace(old, new, 1))
     code, _, err = call("check", "s.toml")
     assert code == 2
@@ -209,14 +202,14 @@ def test_what_is_wrong_with_a_study_is_said_with_its_line(
     assert not Path("o").exists()
 
 
-def test_check_knows_studies_and_their_schema(call: Any) -> None:
+def test_check_knows_studies_and_their_schema(call):
     code, out, _ = call("check", "s.toml")
     assert code == 0
     assert "study: 60 machines of zittau_axial, sobol; what varies: magnet.air_gap" in out
     assert "vary" in json.loads(call("schema", "study")[1])["properties"]
 
 
-def test_a_study_survives_its_file(tmp_path: Path) -> None:
+def test_a_study_survives_its_file(tmp_path):
     """Numbers of Python are SI, and have units in the file."""
     made = Study(
         name="a", bearing="zittau_axial", runs=3, vary=(Normal(what="magnet.air_gap", std=2e-5),),
@@ -230,7 +223,7 @@ def test_a_study_survives_its_file(tmp_path: Path) -> None:
     assert 'std = "20 µm"' in (tmp_path / "a.toml").read_text(encoding="utf-8")
 
 
-def test_the_fingerprint_tells_what_the_rows_follow_from() -> None:
+def test_the_fingerprint_tells_what_the_rows_follow_from():
     same = plan(name="other", description="words", stop=None).fingerprint
     assert plan().fingerprint == same
     assert plan(seed=4).fingerprint != same
@@ -238,7 +231,7 @@ def test_the_fingerprint_tells_what_the_rows_follow_from() -> None:
     assert plan(bearing="inteco_ml").fingerprint != same
 
 
-def test_salibs_problems_go_in_and_out() -> None:
+def test_salibs_problems_go_in_and_out():
     problem = {
         "num_vars": 3,
         "names": ["magnet.air_gap", "rotor.mass", "sensor.lag"],
@@ -253,7 +246,7 @@ def test_salibs_problems_go_in_and_out() -> None:
 # --- machines
 
 
-def test_machines_are_as_the_bearing_would_be_made() -> None:
+def test_machines_are_as_the_bearing_would_be_made():
     b = ambkit.Bearing.preset("zittau_axial")
     values = {"magnet.magnet_constant": 7e-6, "rotor.mass": 0.55, "magnet.air_gap": 2.1e-3}
     assert changed(b, nested(values)) == b.replace(
@@ -265,7 +258,7 @@ def test_machines_are_as_the_bearing_would_be_made() -> None:
     assert wide.magnet.magnet_constant == pytest.approx(1.2 * coil.magnet.magnet_constant)
 
 
-def test_a_machine_that_cannot_be_is_told_and_counts_as_bad() -> None:
+def test_a_machine_that_cannot_be_is_told_and_counts_as_bad():
     wide = Uniform(what="rotor.clearance", low="1 mm", high="3 mm")
     a = varied("sobol", wide, runs=8, scenario={"duration": 0.01})
     rows = compute(a, 0, 8).runs.to_pydict()
@@ -278,7 +271,7 @@ def test_a_machine_that_cannot_be_is_told_and_counts_as_bad() -> None:
     assert wrong == ["rotor.mass is -0.1 kg"]
 
 
-def test_the_controller_goes_by_the_nominal_gain_of_the_amplifier() -> None:
+def test_the_controller_goes_by_the_nominal_gain_of_the_amplifier():
     """Twice the gain is twice the loop's gain: as if all gains of the controller were doubled."""
     gain = Choice(what="amplifier.gain", values=("1 A/V", "1.2 A/V"))
     a = varied("grid", gain, scenario={"duration": 0.02, "noise": False})
@@ -292,7 +285,7 @@ def test_the_controller_goes_by_the_nominal_gain_of_the_amplifier() -> None:
 @pytest.mark.parametrize("feedback", ["estimate", "measurement"])
 @pytest.mark.parametrize("kind", ["linear", "extended", "low-pass"])
 @pytest.mark.parametrize("preset", ["zittau_axial", "inteco_ml"])
-def test_peaks_of_many_loops_are_those_of_each(preset: str, kind: str, feedback: str) -> None:
+def test_peaks_of_many_loops_are_those_of_each(preset, kind, feedback):
     b = ambkit.Bearing.preset(preset)
     pid = ambkit.PID.for_bearing(b).model_copy(update={"feedback": feedback})
     made = Plan(Study(name="a", bearing=preset, estimator=kind, runs=1)).estimators[kind]
@@ -309,7 +302,7 @@ def test_peaks_of_many_loops_are_those_of_each(preset: str, kind: str, feedback:
 
 
 @pytest.mark.parametrize("kind", ["extended", "linear", "unscented", "augmented", "steady-state"])
-def test_estimators_and_plants_of_many_are_those_of_each(kind: str) -> None:
+def test_estimators_and_plants_of_many_are_those_of_each(kind):
     b = ambkit.Bearing.preset("zittau_axial").replace(delay=70e-6, amplifier__bandwidth=900.0)
     made = Plan(Study(name="a", bearing="zittau_axial", estimator=kind, runs=1)).estimators[kind]
     assert made is not None
@@ -333,11 +326,9 @@ def test_estimators_and_plants_of_many_are_those_of_each(kind: str) -> None:
                 )
 
 
-def test_margins_of_a_campaign_solve_no_equation_for_each_machine(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_margins_of_a_campaign_solve_no_equation_for_each_machine(monkeypatch):
     ambkit.PID.for_bearing(ambkit.Bearing.preset("zittau_axial"))  # which is tuned once
-    solved: list[int] = []
+    solved = []
     old = np.linalg.eigvals
     monkeypatch.setattr(np.linalg, "eigvals", lambda A: (solved.append(1), old(A))[1])
     monkeypatch.setattr(scipy.linalg, "solve_discrete_are", None)
@@ -348,8 +339,8 @@ def test_margins_of_a_campaign_solve_no_equation_for_each_machine(
     assert len(solved) < 20
 
 
-def test_flight_and_margins_share_the_levitation_current(monkeypatch: pytest.MonkeyPatch) -> None:
-    solved: list[int] = []
+def test_flight_and_margins_share_the_levitation_current(monkeypatch):
+    solved = []
     old = loading.levitation_current
     monkeypatch.setattr(loading, "levitation_current", lambda *of: (solved.append(1), old(*of))[1])
     mass = Uniform(what="rotor.mass", tolerance="3 %")
@@ -358,7 +349,7 @@ def test_flight_and_margins_share_the_levitation_current(monkeypatch: pytest.Mon
     assert len(solved) == 16
 
 
-def test_a_part_is_computed_with_rare_collections(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_part_is_computed_with_rare_collections(monkeypatch):
     before, during = gc.get_threshold(), []
     monkeypatch.setattr(
         worker, "table", lambda plan, columns: during.append(gc.get_threshold()) or "rows"
@@ -368,8 +359,8 @@ def test_a_part_is_computed_with_rare_collections(monkeypatch: pytest.MonkeyPatc
     assert gc.get_threshold() == before
 
 
-def test_signals_are_sampled_once_where_amplifiers_vary(monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[int] = []
+def test_signals_are_sampled_once_where_amplifiers_vary(monkeypatch):
+    made = []
     old = lanes.along
     monkeypatch.setattr(lanes, "along", lambda *of: (made.append(1), old(*of))[1])
     gain = Uniform(what="amplifier.gain", tolerance="3 %")
@@ -377,7 +368,7 @@ def test_signals_are_sampled_once_where_amplifiers_vary(monkeypatch: pytest.Monk
     assert len(made) <= len(AXES)
 
 
-def test_an_unstable_loop_has_an_infinite_peak() -> None:
+def test_an_unstable_loop_has_an_infinite_peak():
     b = ambkit.Bearing.preset("zittau_axial")
     weak = ambkit.PID.for_bearing(b).model_copy(update={"kp": 10.0, "feedback": "measurement"})
     assert peaks([planned.Planned(b, ambkit.Scenario(controller=weak))]) == np.inf
@@ -387,13 +378,13 @@ def test_an_unstable_loop_has_an_infinite_peak() -> None:
 
 
 @pytest.mark.parametrize(("count", "of"), [(0, 20), (20, 20), (7, 20), (990, 1000)])
-def test_intervals_of_shares_are_those_of_clopper_and_pearson(count: int, of: int) -> None:
+def test_intervals_of_shares_are_those_of_clopper_and_pearson(count, of):
     found = clopper_pearson(count, of, 0.9)
     exact = binomtest(count, of).proportion_ci(0.9, method="exact")
     assert (found.low, found.high) == pytest.approx((exact.low, exact.high))
 
 
-def test_looks_grow_and_end_with_the_study() -> None:
+def test_looks_grow_and_end_with_the_study():
     assert looks(1, 1000, 10) == [1]
     assert looks(40, 100, 1000) == [10, 13, 17, 22, 28, 35, 40], "each a quarter more"
     assert looks(3, 100, 0) == [1, 2, 3]
@@ -402,19 +393,17 @@ def test_looks_grow_and_end_with_the_study() -> None:
 # --- rows that stay
 
 
-def files(folder: Path) -> dict[str, bytes]:
+def files(folder):
     return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*.parquet"))}
 
 
-def test_rows_are_the_same_to_the_last_bit_however_they_came(
-    tmp_path: Path, monkeypatch: Any
-) -> None:
+def test_rows_are_the_same_to_the_last_bit_however_they_came(tmp_path, monkeypatch):
     """All at once; interrupted while a part is written, and gone on with in another order."""
     whole = run.campaign(study(), tmp_path / "a")
     assert len(whole) == 60
     real, calls = os.replace, []
 
-    def interrupted(source: Any, target: Any) -> None:
+    def interrupted(source, target):
         calls.append(target)
         if len(calls) == 6:
             raise KeyboardInterrupt
@@ -442,14 +431,14 @@ def test_rows_are_the_same_to_the_last_bit_however_they_came(
     assert files(tmp_path / "a") == files(tmp_path / "b")
 
 
-def test_runs_do_not_depend_on_the_parts(tmp_path: Path) -> None:
+def test_runs_do_not_depend_on_the_parts(tmp_path):
     a = run.campaign(study(), tmp_path / "a")
     b = run.campaign(study(part=7), tmp_path / "b")
     for name in a.columns:
         np.testing.assert_array_equal(a.column(name), b.column(name))
 
 
-def test_a_replay_is_the_run_of_the_rows(tmp_path: Path) -> None:
+def test_a_replay_is_the_run_of_the_rows(tmp_path):
     a = run.campaign(study(), tmp_path / "a")
     found = a.replay(17)
     for name, value in found.row.items():
@@ -480,9 +469,7 @@ def test_a_replay_is_the_run_of_the_rows(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_folder_is_said_at_once(
-    spoil: Callable[[str], Any], said: str, call: Any
-) -> None:
+def test_what_is_wrong_with_a_folder_is_said_at_once(spoil, said, call):
     assert call("campaign", "run", "s.toml", "--folder", "o")[0] == 0
     before = files(Path("o"))
     spoil("o")
@@ -493,7 +480,7 @@ def test_what_is_wrong_with_a_folder_is_said_at_once(
     assert changed <= {"runs/part-000001.parquet"}
 
 
-def test_a_changed_study_is_not_mixed_in(call: Any) -> None:
+def test_a_changed_study_is_not_mixed_in(call):
     assert call("campaign", "run", "s.toml", "--folder", "o")[0] == 0
     Path("s.toml").write_text(STUDY.replace("2 %", "3 %"))
     code, _, err = call("campaign", "run", "s.toml", "--folder", "o")
@@ -509,8 +496,8 @@ def test_a_changed_study_is_not_mixed_in(call: Any) -> None:
     assert "there is no campaign in it" in call("campaign", "status", "other")[2]
 
 
-def test_a_full_disk_is_said_and_leaves_what_there_was(call: Any, monkeypatch: Any) -> None:
-    def full(_file: int) -> None:
+def test_a_full_disk_is_said_and_leaves_what_there_was(call, monkeypatch):
+    def full(_file):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as disk:
@@ -522,14 +509,14 @@ def test_a_full_disk_is_said_and_leaves_what_there_was(call: Any, monkeypatch: A
     assert call("campaign", "run", "s.toml", "--folder", "o")[0] == 0
 
 
-def test_two_campaigns_do_not_work_in_one_folder(tmp_path: Path) -> None:
+def test_two_campaigns_do_not_work_in_one_folder(tmp_path):
     place = store.Folder(tmp_path / "o", plan())
     with place.held(), pytest.raises(AmbkitError, match="another campaign is at work in it"):
         run.campaign(study(), tmp_path / "o")
     run.campaign(study(), tmp_path / "o")
 
 
-def test_a_study_stops_where_its_interval_is_narrow_enough(tmp_path: Path) -> None:
+def test_a_study_stops_where_its_interval_is_narrow_enough(tmp_path):
     stop = {"width": 0.08, "least": 40}
     text = STUDY.replace("runs = 60", "runs = 400")
     made = Study.from_toml(text + f"\n[stop]\nwidth = {stop['width']}\nleast = {stop['least']}\n")
@@ -540,8 +527,8 @@ def test_a_study_stops_where_its_interval_is_narrow_enough(tmp_path: Path) -> No
     assert len(Campaign.load(tmp_path / "o")) == len(found)
 
 
-def test_ctrl_c_says_that_it_can_be_gone_on_with(call: Any, monkeypatch: Any) -> None:
-    def interrupted(*_args: Any) -> None:
+def test_ctrl_c_says_that_it_can_be_gone_on_with(call, monkeypatch):
+    def interrupted(*_args):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(store.Folder, "write", interrupted)
@@ -553,7 +540,7 @@ def test_ctrl_c_says_that_it_can_be_gone_on_with(call: Any, monkeypatch: Any) ->
 # --- results
 
 
-def test_the_folder_is_read_as_it_lies_by_others(tmp_path: Path) -> None:
+def test_the_folder_is_read_as_it_lies_by_others(tmp_path):
     duckdb, pandas, polars = (pytest.importorskip(n) for n in ("duckdb", "pandas", "polars"))
     found = run.campaign(study(), tmp_path / "o")
     runs = tmp_path / "o" / "runs"
@@ -565,7 +552,7 @@ def test_the_folder_is_read_as_it_lies_by_others(tmp_path: Path) -> None:
     assert found.frame(["run", "estimator"])["estimator"].nunique() == 2
 
 
-def test_results_have_their_words_tables_and_pictures(call: Any) -> None:
+def test_results_have_their_words_tables_and_pictures(call):
     code, out, _ = call(
         "campaign", "run", "s.toml", "--folder", "o", "--out", "o.html", "--plot", "o.png"
     )
@@ -592,7 +579,7 @@ def test_results_have_their_words_tables_and_pictures(call: Any) -> None:
     assert "there is no run 60" in call("campaign", "replay", "o", "60")[2]
 
 
-def test_extras_that_are_not_there_are_named(tmp_path: Path, monkeypatch: Any) -> None:
+def test_extras_that_are_not_there_are_named(tmp_path, monkeypatch):
     import sys
 
     for name in ("distributed", "SALib", "SALib.analyze", "optuna"):
@@ -606,6 +593,6 @@ def test_extras_that_are_not_there_are_named(tmp_path: Path, monkeypatch: Any) -
         ambkit.tune_robust(study())
 
 
-def test_a_study_that_is_wrong_in_python_is_told_alike() -> None:
+def test_a_study_that_is_wrong_in_python_is_told_alike():
     with pytest.raises(ConfigError, match=r"Study.vary\[0\].what: there is no key rotor.weight"):
         Study(name="a", bearing="zittau_axial", runs=3, vary=(Uniform(what="rotor.weight"),))

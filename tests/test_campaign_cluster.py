@@ -3,8 +3,6 @@
 The rows must be those of one process that nobody disturbed, to the last bit.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random
@@ -14,10 +12,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -57,11 +52,11 @@ ENVIRONMENT = os.environ | {
 }
 
 
-def command(*arguments: str) -> list[str]:
+def command(*arguments):
     return [sys.executable, "-m", "ambkit", "campaign", "run", *arguments]
 
 
-def started(folder: Path, *arguments: str, **more: Any) -> subprocess.Popen[str]:
+def started(folder, *arguments, **more):
     """Begin a campaign in a process of its own, with what it starts in a group."""
     return subprocess.Popen(
         command("s.toml", *arguments), cwd=folder, text=True, env=ENVIRONMENT,
@@ -69,7 +64,7 @@ def started(folder: Path, *arguments: str, **more: Any) -> subprocess.Popen[str]
     )  # fmt: skip
 
 
-def finished(process: subprocess.Popen[str], seconds: float = 240) -> tuple[int, str]:
+def finished(process, seconds=240):
     try:
         _, err = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
@@ -78,24 +73,24 @@ def finished(process: subprocess.Popen[str], seconds: float = 240) -> tuple[int,
     return process.returncode, err
 
 
-def parts(folder: Path) -> dict[str, bytes]:
+def parts(folder):
     return {p.name: p.read_bytes() for p in sorted(folder.glob("runs/part-*.parquet"))}
 
 
-def until(true: Any, seconds: float = 90) -> None:
+def until(true, seconds=90):
     end = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < end, "waited in vain"
         time.sleep(0.05)
 
 
-def began(process: subprocess.Popen[str], folder: Path, seen: int) -> None:
+def began(process, folder, seen):
     """Wait until a campaign has more parts than were seen, or has ended."""
     until(lambda: len(parts(folder)) > seen or process.poll() is not None)
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: Any) -> tuple[Path, dict[str, bytes]]:
+def undisturbed(tmp_path_factory):
     """Return a folder with the study, and its rows by one process."""
     folder = tmp_path_factory.mktemp("campaign")
     (folder / "s.toml").write_text(STUDY)
@@ -106,7 +101,7 @@ def undisturbed(tmp_path_factory: Any) -> tuple[Path, dict[str, bytes]]:
     return folder, found
 
 
-def test_killed_at_random_moments_it_ends_with_the_same_rows(undisturbed: Any) -> None:
+def test_killed_at_random_moments_it_ends_with_the_same_rows(undisturbed):
     folder, expected = undisturbed
     draw, kills, seen = random.Random(7), 0, 0
     while True:
@@ -134,7 +129,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_rows(undisturbed: Any) -
     assert not list((folder / "killed").rglob("*.tmp"))
 
 
-def test_ctrl_c_leaves_what_is_gone_on_with(undisturbed: Any) -> None:
+def test_ctrl_c_leaves_what_is_gone_on_with(undisturbed):
     folder, expected = undisturbed
     process = started(
         folder, "--folder", "stopped", "--threads", "1",
@@ -151,11 +146,11 @@ def test_ctrl_c_leaves_what_is_gone_on_with(undisturbed: Any) -> None:
     assert parts(folder / "stopped") == expected
 
 
-def test_a_file_that_may_not_grow_is_said(undisturbed: Any) -> None:
+def test_a_file_that_may_not_grow_is_said(undisturbed):
     """As a full disk or a quota: the system refuses the write itself."""
     folder, _ = undisturbed
 
-    def small() -> None:
+    def small():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (8000, 8000))
 
@@ -165,7 +160,7 @@ def test_a_file_that_may_not_grow_is_said(undisturbed: Any) -> None:
     assert parts(folder / "full") == {}
 
 
-def test_workers_of_this_machine_give_the_same_rows(undisturbed: Any) -> None:
+def test_workers_of_this_machine_give_the_same_rows(undisturbed):
     folder, expected = undisturbed
     process = started(folder, "--folder", "local", "--cluster", "local", "--workers", "2")
     code, err = finished(process)
@@ -173,14 +168,14 @@ def test_workers_of_this_machine_give_the_same_rows(undisturbed: Any) -> None:
     assert parts(folder / "local") == expected
 
 
-def free_port() -> int:
+def free_port():
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return int(one.getsockname()[1])
 
 
 @contextmanager
-def dask(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+def dask(*arguments):
     """Start a scheduler or a worker of Dask, as its users do."""
     process = subprocess.Popen(
         [sys.executable, "-m", "distributed.cli." + arguments[0], *arguments[1:]],
@@ -195,18 +190,18 @@ def dask(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
         process.wait()
 
 
-def scheduler(port: int) -> Any:
+def scheduler(port):
     return dask("dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
 
 
-def worker(port: int) -> Any:
+def worker(port):
     return dask(
         "dask_worker", f"tcp://127.0.0.1:{port}", "--nthreads", "1", "--no-nanny",
         "--no-dashboard", "--death-timeout", "60",
     )  # fmt: skip
 
 
-def test_a_worker_killed_midway_changes_nothing(undisturbed: Any) -> None:
+def test_a_worker_killed_midway_changes_nothing(undisturbed):
     folder, expected = undisturbed
     port = free_port()
     with scheduler(port), worker(port) as first, worker(port):
@@ -218,7 +213,7 @@ def test_a_worker_killed_midway_changes_nothing(undisturbed: Any) -> None:
     assert parts(folder / "worker") == expected
 
 
-def test_a_scheduler_that_is_started_again_is_given_the_rest(undisturbed: Any) -> None:
+def test_a_scheduler_that_is_started_again_is_given_the_rest(undisturbed):
     folder, expected = undisturbed
     port = free_port()
     with scheduler(port) as old, worker(port):
@@ -232,7 +227,7 @@ def test_a_scheduler_that_is_started_again_is_given_the_rest(undisturbed: Any) -
     assert parts(folder / "scheduler") == expected
 
 
-def test_a_scheduler_that_is_not_there_is_said(undisturbed: Any) -> None:
+def test_a_scheduler_that_is_not_there_is_said(undisturbed):
     folder, _ = undisturbed
     from ambkit.base.errors import AmbkitError
     from ambkit.campaigns.plan import Plan
@@ -246,7 +241,7 @@ def test_a_scheduler_that_is_not_there_is_said(undisturbed: Any) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # half made
-def test_jobs_of_slurm_are_asked_for_as_the_configuration_says() -> None:
+def test_jobs_of_slurm_are_asked_for_as_the_configuration_says():
     pytest.importorskip("dask_jobqueue")
     import dask
 

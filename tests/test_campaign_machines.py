@@ -1,16 +1,12 @@
 """Campaigns of machines: drawn, flown and judged with what knows the nominal one alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.figures import in_words
 from ambkit.campaigns.keys import changed, key_in, nested
 from ambkit.campaigns.plan import Plan
@@ -91,11 +87,11 @@ orbit_share = 0.5
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: Any) -> Campaign:
+def found(tmp_path_factory):
     return campaign(Study.from_toml(STUDY), tmp_path_factory.mktemp("a") / "out", threads=2)
 
 
-def test_a_filter_that_followed_other_speeds_is_as_one_that_did_not() -> None:
+def test_a_filter_that_followed_other_speeds_is_as_one_that_did_not():
     machine = ambkit.Machine.preset("tum_mlps")
     flight = ambkit.Scenario(duration=0.02)
     one = ambkit.KalmanFilter(machine)
@@ -109,7 +105,7 @@ def test_a_filter_that_followed_other_speeds_is_as_one_that_did_not() -> None:
 
 
 @pytest.mark.parametrize("kind", ["linear", "linear-adaptive-noise"])
-def test_a_filter_that_followed_a_run_up_is_as_one_that_did_not(kind: str) -> None:
+def test_a_filter_that_followed_a_run_up_is_as_one_that_did_not(kind):
     machine = ambkit.Machine.preset("tum_mlps")
     sequence = LiftOff(start=1e-3, wait=2e-3, lift=0.02)
     one = KINDS[kind].make(machine, None, synchronous=("unbalance",), precision="float32")
@@ -126,7 +122,7 @@ def test_a_filter_that_followed_a_run_up_is_as_one_that_did_not(kind: str) -> No
         np.testing.assert_array_equal(been.mean, fresh.mean)
 
 
-def test_rows_are_the_same_by_any_threads_and_in_any_pieces(found: Campaign) -> None:
+def test_rows_are_the_same_by_any_threads_and_in_any_pieces(found):
     plan = Plan(Study.from_toml(STUDY))
     for first, stop in ((3, 6), (0, 3)):
         alone = compute(plan, first, stop, threads=1).runs
@@ -136,7 +132,7 @@ def test_rows_are_the_same_by_any_threads_and_in_any_pieces(found: Campaign) -> 
     assert len(set(found.column("x_rms"))) == 6
 
 
-def test_a_replayed_machine_is_the_one_of_its_row(found: Campaign, tmp_path: Path) -> None:
+def test_a_replayed_machine_is_the_one_of_its_row(found, tmp_path):
     again = found.replay(3)
     assert again.row["orbit_peak"] == found.column("orbit_peak")[3]
     assert again.row["estimator"] == found.column("estimator")[3]
@@ -154,7 +150,7 @@ def test_a_replayed_machine_is_the_one_of_its_row(found: Campaign, tmp_path: Pat
     assert len(again.figures()[0].panels) > 1
 
 
-def test_what_is_shown_of_a_machine_is_that_of_a_bearing(found: Campaign, tmp_path: Path) -> None:
+def test_what_is_shown_of_a_machine_is_that_of_a_bearing(found, tmp_path):
     found.save(tmp_path / "r.html")
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "tum_mlps" in page
@@ -163,7 +159,7 @@ def test_what_is_shown_of_a_machine_is_that_of_a_bearing(found: Campaign, tmp_pa
     assert found.good.of == 6
 
 
-def test_controllers_and_filters_know_the_nominal_machine_alone() -> None:
+def test_controllers_and_filters_know_the_nominal_machine_alone():
     plan = Plan(Study.from_toml(STUDY))
     drawn = list(plan.machines(plan.points(0, 6), plan.noise(0, 6), 0))
     assert len({id(each.planned.controllers) for each in drawn}) == 2  # of each filter
@@ -173,7 +169,7 @@ def test_controllers_and_filters_know_the_nominal_machine_alone() -> None:
         assert each.planned.bearing != nominal
 
 
-def test_an_amplifier_of_another_gain_changes_the_loops_gain() -> None:
+def test_an_amplifier_of_another_gain_changes_the_loops_gain():
     text = (
         STUDY.partition("[record]")[0]
         + """
@@ -196,7 +192,7 @@ def test_an_amplifier_of_another_gain_changes_the_loops_gain() -> None:
 
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
 @pytest.mark.parametrize("control", ["decentralised", "translation and tilt"])
-def test_peaks_are_those_that_assess_finds(feedback: str, control: str) -> None:
+def test_peaks_are_those_that_assess_finds(feedback, control):
     text = f'name = "a"\nmachine = "tum_mlps"\nruns = 1\n[scenario]\nfeedback = "{feedback}"\n'
     plan = Plan(Study.from_toml(f'{text}control = {{ type = "{control}" }}\n'))
     (drawn,) = plan.machines(plan.points(0, 1), plan.noise(0, 1), 0)
@@ -206,7 +202,7 @@ def test_peaks_are_those_that_assess_finds(feedback: str, control: str) -> None:
     assert peak_of(drawn.planned) == pytest.approx(expected, rel=1e-6)
 
 
-def test_figures_of_a_nominal_run() -> None:
+def test_figures_of_a_nominal_run():
     """The nominal machine flies as it does alone, and its figures are what its record shows."""
     machine = ambkit.Machine.preset("tum_mlps")
     flight = ambkit.Scenario(duration=0.02, seed=1, disturbance=[
@@ -227,7 +223,7 @@ def test_figures_of_a_nominal_run() -> None:
     assert (other.record[y] != run.record[y]).all()
 
 
-def test_parts_of_a_machine_are_named_or_counted() -> None:
+def test_parts_of_a_machine_are_named_or_counted():
     machine = ambkit.Machine.preset("tum_mlps")
     assert key_in(machine, "bearing.A.magnet.air_gap") == key_in(
         machine, "bearing.0.magnet.air_gap"
@@ -240,7 +236,7 @@ def test_parts_of_a_machine_are_named_or_counted() -> None:
         key_in(machine, "bearing.C.place")
 
 
-def test_a_coil_and_its_constant_stay_one_in_a_machine() -> None:
+def test_a_coil_and_its_constant_stay_one_in_a_machine():
     coil = ambkit.Bearing.load(ROOT / "examples/spindle.toml").magnet
     machine = ambkit.Machine.preset("tum_mlps")
     first = machine.bearing[0].model_copy(update={"magnet": coil})
@@ -250,7 +246,7 @@ def test_a_coil_and_its_constant_stay_one_in_a_machine() -> None:
     assert found == pytest.approx(1.2 * coil.magnet_constant)
 
 
-def test_a_gain_of_a_flight_varies() -> None:
+def test_a_gain_of_a_flight_varies():
     text = STUDY.partition("[record]")[0].replace(
         "[scenario]",
         '[scenario]\nfeedback = "estimate"\n'
@@ -267,14 +263,14 @@ def test_a_gain_of_a_flight_varies() -> None:
 
 @pytest.mark.parametrize("key", ["bearing", "machine"])
 @pytest.mark.parametrize("name", ["zittau_axial", "tum_mlps"])
-def test_either_key_names_any_machine(key: str, name: str) -> None:
+def test_either_key_names_any_machine(key, name):
     plan = Plan(Study.from_toml(f'name = "a"\n{key} = "{name}"\nruns = 1\n'))
     plan.check()
     assert plan.nominal.name == name
     assert Study.from_toml(plan.described.to_toml()) == plan.described
 
 
-def test_quantities_are_called_by_what_they_are_of() -> None:
+def test_quantities_are_called_by_what_they_are_of():
     names = ["rotor.mass", "bearing.A.magnet.air_gap", "bearing.B.magnet.air_gap",
              "unbalance.0.amount", "scenario.disturbance.0.force.amplitude"]  # fmt: skip
     assert in_words(names) == ["mass", "bearing A air gap", "bearing B air gap",
@@ -283,7 +279,7 @@ def test_quantities_are_called_by_what_they_are_of() -> None:
     assert in_words(of_a_bearing) == ["air gap", "lag", "disturbance 0"]
 
 
-def test_a_machine_that_cannot_be_is_told() -> None:
+def test_a_machine_that_cannot_be_is_told():
     text = (
         STUDY.partition("[[vary]]")[0].replace("12 ms", "3 ms")
         + """
@@ -314,12 +310,12 @@ def test_a_machine_that_cannot_be_is_told() -> None:
         ('"tum_mlps"', '"zittau_axial"', "there is no signal s_A1"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said(old: str, new: str, said: str) -> None:
+def test_what_is_wrong_is_said(old, new, said):
     with pytest.raises(ConfigError, match=said):
         Study.from_toml(STUDY.replace(old, new))
 
 
-def test_what_does_not_go_together_is_said_before_any_run() -> None:
+def test_what_does_not_go_together_is_said_before_any_run():
     plan = Plan(Study.from_toml(STUDY.replace('axis = "A1"', 'axis = "C1"')))
     with pytest.raises(AmbkitError, match="no axis C1"):
         plan.check()
@@ -331,7 +327,7 @@ def test_what_does_not_go_together_is_said_before_any_run() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::UserWarning")
-def test_a_machines_filter_is_tuned_over_its_tolerances(tmp_path: Path) -> None:
+def test_a_machines_filter_is_tuned_over_its_tolerances(tmp_path):
     pytest.importorskip("optuna")
     text = (
         STUDY.partition("[record]")[0].replace("runs = 6", "runs = 3")

@@ -1,10 +1,7 @@
 """What drives machines, how rarely they fail, and what is tuned over them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +24,7 @@ KEYS = ("rotor.mass", "magnet.air_gap", "sensor.lag")
 class Known(Machines):
     """Machines whose figure is a known function of what varies."""
 
-    def __init__(self, of: Any, way: str, runs: int, *more: Any) -> None:
+    def __init__(self, of, way, runs, *more):
         vary = (*(Uniform(what=key, tolerance="10 %") for key in KEYS), *more)
         made = Study(
             name="a", bearing="zittau_axial", sampling=way, runs=runs, vary=vary, part=runs
@@ -35,19 +32,19 @@ class Known(Machines):
         super().__init__(Path(), Plan(made), (0,))
         self.of = of
 
-    def column(self, name: str) -> Any:
+    def column(self, name):
         x = self.plan.points(0, len(self))
         nominal = np.array([float(key.value or 0) for key in self.plan.keys[:3]])
         return self.of(np.pi * (x[:, :3] / nominal - 1) / 0.1, x)
 
 
-def ishigami(z: Any, _x: Any) -> Any:
+def ishigami(z, _x):
     """The function of Ishigami and Homma (1990), whose indices are known."""
     return np.sin(z[:, 0]) + 7 * np.sin(z[:, 1]) ** 2 + 0.1 * z[:, 2] ** 4 * np.sin(z[:, 0])
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")
-def test_sobol_indices_of_a_known_function() -> None:
+def test_sobol_indices_of_a_known_function():
     pytest.importorskip("SALib")
     found = indices(Known(ishigami, "saltelli", 5 * 1024), "f_d_rms")
     np.testing.assert_allclose(found.first, [0.3139, 0.4424, 0.0], atol=0.05)
@@ -61,7 +58,7 @@ def test_sobol_indices_of_a_known_function() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")
-def test_the_share_of_a_choice_is_that_of_its_means() -> None:
+def test_the_share_of_a_choice_is_that_of_its_means():
     """Two values 1 apart, beside a uniform spread of variance 1/3."""
     pytest.importorskip("SALib")
     who = Choice(what="estimator", values=("linear", "extended"))
@@ -75,14 +72,14 @@ def test_the_share_of_a_choice_is_that_of_its_means() -> None:
         indices(constant, "f_d_rms")
 
 
-def test_a_share_is_without_what_chance_makes_of_it() -> None:
+def test_a_share_is_without_what_chance_makes_of_it():
     """Two levels of two runs: 25 of 35 between them, of which 1 / 2 of the 10 within is chance."""
     share, _ = _of_choice(np.array([0.0, 0.0, 1.0, 1.0]), np.array([1.0, 3.0, 5.0, 9.0]), 0.95)
     assert share == pytest.approx(20 / 35)
 
 
 @pytest.mark.parametrize("beta", [3.0, 4.5])
-def test_rare_failures_of_a_known_probability(beta: float) -> None:
+def test_rare_failures_of_a_known_probability(beta):
     """A plane at the distance beta from the origin: P = Phi(-beta); over 40 seeds."""
     found = [
         subset(lambda u: u.sum(axis=1) / np.sqrt(10), 10, beta, runs=1000, seed=seed)
@@ -98,7 +95,7 @@ def test_rare_failures_of_a_known_probability(beta: float) -> None:
     assert found[0].runs < 20 / P
 
 
-def test_a_figure_without_a_way_to_failure_is_refused() -> None:
+def test_a_figure_without_a_way_to_failure_is_refused():
     with pytest.raises(AmbkitError, match="does not say how far"):
         subset(lambda u: (u[:, 0] > 6).astype(float), 2, 1.0, runs=100)
 
@@ -122,7 +119,7 @@ std = "3 %"
 """
 
 
-def test_rare_failures_of_machines() -> None:
+def test_rare_failures_of_machines():
     """The likelihood agrees with that of plain runs, where it is not small."""
     plan = Plan(Study.from_toml(STUDY))
     limit = 1.85
@@ -137,13 +134,13 @@ def test_rare_failures_of_machines() -> None:
         rare_failure(plan, "nothing", 1.0)
 
 
-def test_a_front_has_what_nothing_is_better_than() -> None:
+def test_a_front_has_what_nothing_is_better_than():
     points = [(1.0, 5.0), (2.0, 3.0), (2.0, 4.0), (3.0, 3.0), (4.0, 1.0)]
     assert pareto(points).tolist() == [True, True, False, False, True]
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::UserWarning")
-def test_tuned_over_the_machines_it_is_gone_on_with_and_written(tmp_path: Path) -> None:
+def test_tuned_over_the_machines_it_is_gone_on_with_and_written(tmp_path):
     pytest.importorskip("optuna")
     study = Study.from_toml(STUDY)
     kept = tmp_path / "search.log"
@@ -172,9 +169,7 @@ def test_tuned_over_the_machines_it_is_gone_on_with_and_written(tmp_path: Path) 
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::UserWarning")
-def test_the_size_of_the_expert_is_searched_and_is_that_of_the_filter(
-    tmp_path: Path, monkeypatch: Any
-) -> None:
+def test_the_size_of_the_expert_is_searched_and_is_that_of_the_filter(tmp_path, monkeypatch):
     pytest.importorskip("optuna")
     monkeypatch.setattr(robust_tuning, "SIZES", (3, 5))
     study = Study.from_toml(STUDY).model_copy(update={"estimator": "adaptive", "runs": 4})

@@ -1,7 +1,5 @@
 """The Campbell diagram of a machine."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
@@ -11,7 +9,7 @@ from ambkit.control.pid import PID
 from ambkit.machine.force_laws import isolated_axes
 
 
-def test_modes_at_rest_are_those_of_its_axes_alone() -> None:
+def test_modes_at_rest_are_those_of_its_axes_alone():
     one = uncoupled()
     found = campbell(one, 100.0, count=3)
     expected = []
@@ -21,7 +19,7 @@ def test_modes_at_rest_are_those_of_its_axes_alone() -> None:
     np.testing.assert_allclose(np.sort(found.poles[0].imag), np.sort(np.imag(expected)), rtol=1e-9)
 
 
-def test_a_free_wheel_s_nutation_goes_with_its_inertias() -> None:
+def test_a_free_wheel_s_nutation_goes_with_its_inertias():
     """Fast, a tilt forwards turns with I_p/I_t of the speed."""
     rotor = {"mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.15}
     found = campbell(machine(rotor=rotor), 20_000.0)
@@ -31,7 +29,7 @@ def test_a_free_wheel_s_nutation_goes_with_its_inertias() -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_presets_have_as_many_whirls_forwards_as_backwards(name: str) -> None:
+def test_presets_have_as_many_whirls_forwards_as_backwards(name):
     one = Machine.preset(name)
     found = campbell(one, 6000.0)
     pairs = len(one.positions) // 2
@@ -48,7 +46,7 @@ def test_presets_have_as_many_whirls_forwards_as_backwards(name: str) -> None:
         assert np.abs(found.poles[near].imag - speed).min() < 60.0
 
 
-def test_the_axial_motion_is_neither_forward_nor_backward() -> None:
+def test_the_axial_motion_is_neither_forward_nor_backward():
     """It was told to go backwards, or forwards by rounding: then it gave a critical speed."""
     bearings = [bearing("A", 0.2), bearing("B", -0.3), bearing("T", 0.0, type="thrust")]
     sensors = [sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0.0, type="axial")]
@@ -65,7 +63,7 @@ def test_the_axial_motion_is_neither_forward_nor_backward() -> None:
     assert [mode["at_greatest_speed"] for mode in modes] == list(found.poles[-1].imag)
 
 
-def test_it_is_drawn() -> None:
+def test_it_is_drawn():
     assert campbell(machine(), count=11).figure().image(".png")[:4] == b"\x89PNG"
     with pytest.raises(AmbkitError, match="fastest"):
         campbell(machine(), -1.0)

@@ -1,7 +1,5 @@
 """A coil from steps of its control signal: found where the truth is known, and on a real one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +16,7 @@ T = 5e-3
 UNITS = {"z": "m", "i": "A", "u": "V"}
 
 
-def stepped(z: float, seed: int, noise: float = 6e-3) -> Record:
+def stepped(z, seed, noise=6e-3):
     """Integrated in steps of 10 us by Euler, with the diode; the textbook's way."""
     u = np.repeat(np.ravel(np.column_stack([[0.0] * 5, [0.2, 0.4, 0.6, 0.8, 1.0]])), 100)
     fine, late = 500, round(TRUE.delay / 1e-5)
@@ -36,16 +34,16 @@ def stepped(z: float, seed: int, noise: float = 6e-3) -> Record:
 
 
 @pytest.fixture(scope="module")
-def logs() -> list[Record]:
+def logs():
     return [stepped(z, seed) for seed, z in enumerate((1e-3, 4e-3, 9e-3, 18e-3))]
 
 
-def test_its_current_is_that_of_a_fine_integration() -> None:
+def test_its_current_is_that_of_a_fine_integration():
     record = stepped(5e-3, 0, noise=0.0)
     np.testing.assert_allclose(TRUE.current(record), record["i"], atol=4e-4)
 
 
-def test_it_is_found_within_its_errors(logs: list[Record]) -> None:
+def test_it_is_found_within_its_errors(logs):
     fit = fit_coil(logs, ["a", "b", "c", "d"])
     for name in NAMES:
         off = (getattr(fit.coil, name) - getattr(TRUE, name)) / fit.standard_errors[name]
@@ -56,7 +54,7 @@ def test_it_is_found_within_its_errors(logs: list[Record]) -> None:
     assert fit.distance["c"] == pytest.approx(9e-3)
 
 
-def test_a_bearing_is_driven_through_it(logs: list[Record]) -> None:
+def test_a_bearing_is_driven_through_it(logs):
     fit = fit_coil(logs[:2])
     known = Bearing.preset("inteco_ml")
     driven = fit.bearing(known, 10e-3)
@@ -71,8 +69,8 @@ def test_a_bearing_is_driven_through_it(logs: list[Record]) -> None:
     assert "i" in states
 
 
-def test_what_tells_nothing_of_a_coil_is_refused(logs: list[Record]) -> None:
-    def other(**signals: np.ndarray) -> Record:
+def test_what_tells_nothing_of_a_coil_is_refused(logs):
+    def other(**signals):
         given = {name: logs[0][name] for name in ("z", "i", "u")} | signals
         return Record(logs[0].t, given, UNITS)
 
@@ -90,7 +88,7 @@ def test_what_tells_nothing_of_a_coil_is_refused(logs: list[Record]) -> None:
 
 @pytest.mark.skipif(not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)")
 @pytest.mark.long
-def test_a_real_coil_to_the_noise_of_its_current() -> None:
+def test_a_real_coil_to_the_noise_of_its_current():
     channels = recordings.folder() / "coil.toml"
     paths = sorted(RIG.glob("*.mat"))
     fit = fit_coil([ambkit.load(path, channels) for path in paths], [p.stem for p in paths])

@@ -1,9 +1,6 @@
 """Several estimators judged alike: what the figures are, and that only the seed decides them."""
 
-from __future__ import annotations
-
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,13 +12,13 @@ from ambkit.judge.comparison import compare, rmse
 from ambkit.simulation.run import simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
-FIELD: dict[str, Any] = {
+FIELD = {
     "linear": partial(KalmanFilter, BEARING),
     "closed law": partial(AdaptiveKalmanFilter, BEARING, ClosedLaw(BEARING)),
 }
 
 
-def loaded(amplitude: float, **changes: Any) -> Scenario:
+def loaded(amplitude, **changes):
     """The paper's step, with 3 N on top of it."""
     return Scenario(
         duration=0.5,
@@ -31,7 +28,7 @@ def loaded(amplitude: float, **changes: Any) -> Scenario:
     )
 
 
-def test_what_the_right_stiffness_buys() -> None:
+def test_what_the_right_stiffness_buys():
     """First calculated apart from this code: 0.58 N linear, 0.33 N adaptive, position alike."""
     scores = compare(BEARING, loaded(5e-4), FIELD, range(6))
     linear, law = scores["linear"], scores["closed law"]
@@ -42,12 +39,12 @@ def test_what_the_right_stiffness_buys() -> None:
     assert law.nis.mean() == pytest.approx(1, abs=0.05)
 
 
-def test_near_the_centre_there_is_nothing_to_gain() -> None:
+def test_near_the_centre_there_is_nothing_to_gain():
     scores = compare(BEARING, loaded(2e-5), FIELD, range(4))
     assert scores["closed law"].mean("f_d") == pytest.approx(scores["linear"].mean("f_d"), rel=0.03)
 
 
-def test_the_scores_do_not_depend_on_the_threads() -> None:
+def test_the_scores_do_not_depend_on_the_threads():
     one, many = (compare(BEARING, loaded(3e-4), FIELD, range(5), threads=n) for n in (1, 4))
     for name in FIELD:
         assert (one[name].nis == many[name].nis).all()
@@ -55,7 +52,7 @@ def test_the_scores_do_not_depend_on_the_threads() -> None:
             assert (one[name].rmse[signal] == many[name].rmse[signal]).all()
 
 
-def test_a_score_is_that_of_the_single_runs() -> None:
+def test_a_score_is_that_of_the_single_runs():
     done = []
     scenario = loaded(3e-4)
     score = compare(BEARING, scenario, FIELD, [7, 8], done=lambda: done.append(1))["linear"]
@@ -76,7 +73,7 @@ def test_a_score_is_that_of_the_single_runs() -> None:
 # ---- whiteness ----
 
 
-def test_white_innovations_pass_and_coloured_ones_do_not() -> None:
+def test_white_innovations_pass_and_coloured_ones_do_not():
     rng = np.random.default_rng(4)
     white = rng.normal(3.0, 2.0, 20_000)  # neither mean nor size matters
     found = whiteness(white, lags=200)
@@ -89,7 +86,7 @@ def test_white_innovations_pass_and_coloured_ones_do_not() -> None:
     assert found.share_within <= 0.8
 
 
-def test_the_correlation_is_the_plain_sum() -> None:
+def test_the_correlation_is_the_plain_sum():
     e = np.array([1.0, -2.0, 4.0, -1.0, -2.0])
     assert whiteness(e, lags=2).correlation == pytest.approx([-12 / 26, -2 / 26])
 
@@ -97,7 +94,7 @@ def test_the_correlation_is_the_plain_sum() -> None:
 # ---- prediction ----
 
 
-def test_the_prediction_error_counts_what_was_predicted_and_measured() -> None:
+def test_the_prediction_error_counts_what_was_predicted_and_measured():
     y = np.array([0.0, 1.0, 2.0, np.nan, 4.0, 5.0])
     record = Record(np.arange(6) * 1e-4, {"y": y})
     predicted = np.array([2.0, 0.0, 1.0, 9.0])  # of y[2], y[3] (missing), y[4], y[5]
@@ -105,7 +102,7 @@ def test_the_prediction_error_counts_what_was_predicted_and_measured() -> None:
     assert prediction_error(predicted, record, 2, skip=1) == pytest.approx(np.sqrt((9 + 16) / 2))
 
 
-def test_the_right_model_predicts_better_and_errors_grow_with_the_distance() -> None:
+def test_the_right_model_predicts_better_and_errors_grow_with_the_distance():
     scenario = Scenario(duration=0.5, reference=ambkit.Sine(amplitude=4e-4, frequency=10.0))
     record = ambkit.simulate(BEARING, scenario).record
     errors = {}

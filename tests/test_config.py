@@ -2,8 +2,7 @@
 
 import json
 import tomllib
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import pytest
 from hypothesis import given
@@ -41,7 +40,7 @@ radius = "30 cm"
 """
 
 
-def problems(text: str) -> list[str]:
+def problems(text):
     """Return what is told about a text that must be refused."""
     with pytest.raises(ConfigError) as caught:
         Cart.from_toml(text, "cart.toml")
@@ -49,7 +48,7 @@ def problems(text: str) -> list[str]:
     return list(caught.value.problems)
 
 
-def test_a_good_file_is_read_in_si() -> None:
+def test_a_good_file_is_read_in_si():
     assert Cart.from_toml(GOOD) == Cart(name="mine", wheel=Wheel(radius=0.3))
 
 
@@ -81,7 +80,7 @@ def test_a_good_file_is_read_in_si() -> None:
         ('[wheel]\nradius = "30 cm"', "wheel = 3", "2: wheel: must be a table, is 3"),
     ],
 )
-def test_one_mistake_gives_one_line_that_says_where_and_what(old: str, new: str, told: str) -> None:
+def test_one_mistake_gives_one_line_that_says_where_and_what(old, new, told):
     """One problem each, with the right line number: no follow-up message for the same mistake."""
     found = problems(GOOD.replace(old, new))
     assert len(found) == 1
@@ -101,17 +100,17 @@ def test_one_mistake_gives_one_line_that_says_where_and_what(old: str, new: str,
         ("x = True", "1: x: write it: x = true"),
     ],
 )
-def test_wrong_syntax_is_told_with_its_line(text: str, told: str) -> None:
+def test_wrong_syntax_is_told_with_its_line(text, told):
     assert any(told in problem for problem in problems(text))
 
 
-def test_after_a_mistake_of_clear_meaning_the_rest_is_still_checked() -> None:
+def test_after_a_mistake_of_clear_meaning_the_rest_is_still_checked():
     found = problems('name = mine\ncolour = "blue"\n[wheel]\nradius = 30 mm\nspokes = "x"\n')
     assert [f.split(":")[1] for f in found] == ["1", "2", "4", "5"]
     assert "radius: must" not in str(found)
 
 
-def test_lines_of_dotted_quoted_and_repeated_keys() -> None:
+def test_lines_of_dotted_quoted_and_repeated_keys():
     text = 'a.b = 1\n"c d" = [1,\n  2]\n[e.f]\ng = { h = 1 }\n[[i]]\nj = 1\n[[i]]\n[i.k]\nl = 2\n'
     lines = toml_text.parse(text).lines
     assert lines["a", "b"] == 1
@@ -122,7 +121,7 @@ def test_lines_of_dotted_quoted_and_repeated_keys() -> None:
     assert lines["i", 1, "k", "l"] == 10
 
 
-def test_in_python_all_mistakes_are_told_too() -> None:
+def test_in_python_all_mistakes_are_told_too():
     with pytest.raises(ConfigError, match=r"Wheel\.radius: must be greater than 0 m, is -1 m"):
         Wheel(radius=-1)
     with pytest.raises(ConfigError) as caught:
@@ -131,14 +130,14 @@ def test_in_python_all_mistakes_are_told_too() -> None:
     assert isinstance(caught.value, AmbkitError)
 
 
-def test_models_are_frozen_and_hashable() -> None:
+def test_models_are_frozen_and_hashable():
     cart = Cart.from_toml(GOOD)
     with pytest.raises(ValueError, match="frozen"):
         cart.wheel.radius = 3.0  # type: ignore[misc]
     assert hash(cart) == hash(Cart.from_toml(GOOD))
 
 
-def test_replace_checks_and_names_what_is_unknown() -> None:
+def test_replace_checks_and_names_what_is_unknown():
     cart = Cart.from_toml(GOOD)
     assert cart.replace(wheel__radius="1 m").wheel.radius == 1.0
     assert cart.replace(**{"wheel.radius": 1.0, "name": "b"}).name == "b"
@@ -152,7 +151,7 @@ def test_replace_checks_and_names_what_is_unknown() -> None:
         assert str(caught.value) == told
 
 
-def test_files_that_cannot_be_read_or_written_are_named(tmp_path: Path) -> None:
+def test_files_that_cannot_be_read_or_written_are_named(tmp_path):
     with pytest.raises(AmbkitError, match=r"none\.toml: cannot be read: No such file"):
         Cart.load(tmp_path / "none.toml")
     with pytest.raises(AmbkitError, match="cannot be read: Is a directory"):
@@ -166,7 +165,7 @@ def test_files_that_cannot_be_read_or_written_are_named(tmp_path: Path) -> None:
         Cart.from_toml(GOOD).save(tmp_path / "latin.toml" / "cart.toml")
 
 
-def test_a_file_that_cannot_be_replaced_stays_whole(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_replaced_stays_whole(tmp_path):
     target = tmp_path / "cart.toml"
     target.mkdir()
     with pytest.raises(AmbkitError, match="cannot be written"):
@@ -174,7 +173,7 @@ def test_a_file_that_cannot_be_replaced_stays_whole(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["cart.toml"]
 
 
-def test_load_names_file_and_line_and_accepts_windows_text(tmp_path: Path) -> None:
+def test_load_names_file_and_line_and_accepts_windows_text(tmp_path):
     path = tmp_path / "cart.toml"
     path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
     assert Cart.load(path) == Cart.from_toml(GOOD)
@@ -193,7 +192,7 @@ carts = st.builds(
 
 
 @given(carts)
-def test_toml_round_trip_is_the_identity(cart: Cart) -> None:
+def test_toml_round_trip_is_the_identity(cart):
     assert Cart.from_toml(cart.to_toml()) == cart
 
 
@@ -206,13 +205,13 @@ values = st.recursive(
 
 
 @given(st.dictionaries(names, values, max_size=4))
-def test_any_nested_data_is_written_as_toml_that_reads_back(data: dict[str, Any]) -> None:
+def test_any_nested_data_is_written_as_toml_that_reads_back(data):
     toml = toml_text.parse(escaping.toml_text(data))
     assert toml.problems == []
     assert repr(_plain_first(toml.data)) == repr(_plain_first(data))
 
 
-def _plain_first(data: Any) -> Any:
+def _plain_first(data):
     """Order mappings by what TOML leaves open: whether a table stands before a list of tables."""
     if isinstance(data, list):
         return [_plain_first(each) for each in data]
@@ -222,20 +221,20 @@ def _plain_first(data: Any) -> Any:
     return plain | {k: _plain_first(data[k]) for k in sorted(data.keys() - plain.keys())}
 
 
-def test_what_is_written_as_toml_keeps_its_order() -> None:
+def test_what_is_written_as_toml_keeps_its_order():
     table = {"d": [1.5, 2.5], "c": "x", "b": {"f": True, "e": 1e-9}, "a": {"h": [], "g": -0.0}}
     found = tomllib.loads(escaping.toml_text(table | {"list": [table, {"long": "x" * 200}]}))
     assert repr(found) == repr(table | {"list": [table, {"long": "x" * 200}]})
 
 
 @given(st.text(max_size=60))
-def test_any_text_is_read_or_refused_with_a_line(text: str) -> None:
+def test_any_text_is_read_or_refused_with_a_line(text):
     with pytest.raises(ConfigError) as caught:
         Cart.from_toml(text, "cart.toml")
     assert all(p.startswith("cart.toml:") for p in caught.value.problems)
 
 
-def test_the_json_schema_says_units_examples_and_defaults() -> None:
+def test_the_json_schema_says_units_examples_and_defaults():
     schema = Cart.json_schema()
     assert json.loads(json.dumps(schema)) == schema
     assert schema["required"] == ["name", "wheel"]
@@ -246,7 +245,7 @@ def test_the_json_schema_says_units_examples_and_defaults() -> None:
     assert schema["properties"]["drag"]["default"] == 0.3
 
 
-def test_checked_values_make_the_same_model_as_unchecked_ones_of_pydantic() -> None:
+def test_checked_values_make_the_same_model_as_unchecked_ones_of_pydantic():
     bearing = ambkit.Bearing.preset("zittau_axial")
     rotor = bearing.rotor.model_copy(update={"mass": 0.7})
     update = {"rotor": rotor, "speed": 3.0}

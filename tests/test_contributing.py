@@ -1,7 +1,5 @@
 """The examples of CONTRIBUTING.md, built as they stand, in a copy of the checkout's Python."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -19,7 +17,7 @@ BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 
 
-def changed(text: str, diff: str, name: str) -> str:
+def changed(text, diff, name):
     """Apply a diff without line numbers: what it takes away and keeps must be there once."""
     for hunk in diff.split("@@\n"):
         lines = [(line[:1], line[1:]) for line in hunk.splitlines()]
@@ -31,7 +29,7 @@ def changed(text: str, diff: str, name: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def copy(tmp_path_factory):
     """The checkout's Python and headers with all examples, and the extension as it is built."""
     folder = tmp_path_factory.mktemp("contributing")
     away = shutil.ignore_patterns("__pycache__", "*.so")
@@ -58,7 +56,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(copy: Path, *command: str | Path, cwd: Path | None = None, timeout: float = 300) -> str:
+def run(copy, *command, cwd=None, timeout=300):
     """What a command of the copy prints; it must succeed."""
     environment = os.environ | {"PYTHONPATH": f"{copy / 'src'}{os.pathsep}{copy}"}
     done = subprocess.run(
@@ -69,14 +67,14 @@ def run(copy: Path, *command: str | Path, cwd: Path | None = None, timeout: floa
     return done.stdout
 
 
-def python(copy: Path, text: str) -> str:
+def python(copy, text):
     """Run lines of Python; what they print."""
     where = "import ambkit, pathlib; assert pathlib.Path(ambkit.__file__).is_relative_to('.')\n"
     where = where.replace("'.'", repr(str(copy)))
     return run(copy, sys.executable, "-c", where + text)
 
 
-def test_there_is_an_example_for_each_thing_to_add() -> None:
+def test_there_is_an_example_for_each_thing_to_add():
     heads = re.findall(r"^## An? (.*)$", TEXT, re.MULTILINE)
     wanted = [
         "magnet law",
@@ -94,13 +92,13 @@ def test_there_is_an_example_for_each_thing_to_add() -> None:
         assert "```python" in text or "```toml" in text, head
 
 
-def test_files_that_are_named_are_there() -> None:
+def test_files_that_are_named_are_there():
     named = re.findall(r"`((?:src|core|bindings|tests|docs|models|tools)/[\w/.]+\.\w+)`", TEXT)
     assert len(named) > 8
     assert [name for name in named if not (ROOT / name).exists()] == []
 
 
-def test_the_examples_are_in_our_style(copy: Path) -> None:
+def test_the_examples_are_in_our_style(copy):
     files = [
         block.partition("\n")[0].removeprefix("# ") for kind, block in BLOCKS if kind == "python"
     ]
@@ -111,14 +109,14 @@ def test_the_examples_are_in_our_style(copy: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def law(copy: Path) -> Path:
+def law(copy):
     """The copy with everything that follows from the new law."""
     run(copy, sys.executable, "-m", "models")
     return copy
 
 
 @needs_cc
-def test_the_law_becomes_c_that_computes_it(law: Path, tmp_path: Path) -> None:
+def test_the_law_becomes_c_that_computes_it(law, tmp_path):
     (tmp_path / "main.c").write_text(
         '#include "ambkit/lorentz.h"\n#include <stdio.h>\nint main(void) {\n'
         "  const amb_lorentz_law law = {12.0, 0.002, true, 1.0, 0.001};\n"
@@ -144,7 +142,7 @@ magnet = ambkit.magnet_of(bearing)
 """
 
 
-def test_the_law_has_its_class_and_keys(law: Path) -> None:
+def test_the_law_has_its_class_and_keys(law):
     text = python(
         law,
         """
@@ -162,7 +160,7 @@ print("force_constant" in Magnet.model_fields, "reach" in Magnet.model_fields)
 
 @pytest.mark.long
 @needs_cc
-def test_the_law_flies_and_is_exported(law: Path, tmp_path: Path) -> None:
+def test_the_law_flies_and_is_exported(law, tmp_path):
     """The extension with the law, built anew: plant, filter and exported C take it."""
     pytest.importorskip("nanobind")
     shutil.copytree(ROOT / "sim", law / "sim")
@@ -201,7 +199,7 @@ export_c(bearing, magnet, {str(tmp_path / "c")!r}, precision="double")
     assert "equal to the last bit" in run(law, tmp_path / "c/build/selftest")
 
 
-def test_the_state_is_in_the_filter_and_in_its_c(copy: Path, tmp_path: Path) -> None:
+def test_the_state_is_in_the_filter_and_in_its_c(copy, tmp_path):
     said = python(
         copy,
         f"""
@@ -219,7 +217,7 @@ export_c(bearing, None, {str(tmp_path / "c")!r})
     assert "drift" in next((tmp_path / "c").glob("zittau_axial.h")).read_text()
 
 
-def test_the_block_is_flown_and_assessed(copy: Path) -> None:
+def test_the_block_is_flown_and_assessed(copy):
     said = python(
         copy,
         """
@@ -238,7 +236,7 @@ for block in ([], [{"type": "first-order", "frequency": "500 Hz"}]):
 
 
 @needs_cc
-def test_the_sensor_is_a_measurement_and_becomes_c(copy: Path, tmp_path: Path) -> None:
+def test_the_sensor_is_a_measurement_and_becomes_c(copy, tmp_path):
     header = tmp_path / "two_sensors.h"
     said = python(
         copy,
@@ -263,7 +261,7 @@ pathlib.Path({str(header)!r}).write_text(text)
     run(copy, "cc", *flags, *includes, "main.c", cwd=tmp_path)
 
 
-def test_the_estimator_is_a_kind_everywhere(copy: Path, tmp_path: Path) -> None:
+def test_the_estimator_is_a_kind_everywhere(copy, tmp_path):
     ambkit_ = [sys.executable, "-m", "ambkit"]
     run(copy, *ambkit_, "simulate", "zittau_axial", "--duration", "0.1 s", "--out", "run.csv",
         cwd=tmp_path)  # fmt: skip
@@ -277,7 +275,7 @@ def test_the_estimator_is_a_kind_everywhere(copy: Path, tmp_path: Path) -> None:
     assert (tmp_path / "c" / "CMakeLists.txt").is_file()
 
 
-def test_the_preset_is_there_and_flies(copy: Path) -> None:
+def test_the_preset_is_there_and_flies(copy):
     text = python(
         copy,
         """
@@ -291,7 +289,7 @@ print(machine.single, bool(abs(record["x"]).max() < 1e-4))
     assert "heavy_axis" in run(copy, sys.executable, "-m", "ambkit", "presets")
 
 
-def test_the_format_is_read_and_its_faults_have_a_line(copy: Path, tmp_path: Path) -> None:
+def test_the_format_is_read_and_its_faults_have_a_line(copy, tmp_path):
     rows = [f'{{"t": {k * 1e-4:.4f}, "y": {1e-6 * k}, "u": 0.1}}' for k in range(50)]
     (tmp_path / "run.jsonl").write_text("\n".join(rows))
     (tmp_path / "bad.jsonl").write_text("\n".join([*rows[:3], "[1, 2]"]))
@@ -311,7 +309,7 @@ except RecordError as error:
     assert "bad.jsonl:4: is no JSON object of numbers" in said
 
 
-def test_the_command_is_there_with_its_help(copy: Path) -> None:
+def test_the_command_is_there_with_its_help(copy):
     assert "hover" in run(copy, sys.executable, "-m", "ambkit", "--help")
     told = run(copy, sys.executable, "-m", "ambkit", "hover", "zittau_axial")
     assert "control current" in told

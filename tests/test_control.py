@@ -1,13 +1,8 @@
 """The whole controller of an axis: as it is simulated, exported and seen by its self-test."""
 
-from __future__ import annotations
-
 import random
 import shutil
 import subprocess
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import mutants
 import numpy as np
@@ -25,8 +20,7 @@ from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.control.pid import PID
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.estimate import Status
-from ambkit.estimate.estimator import Estimator
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import export_c
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate, simulate_run
 
@@ -43,29 +37,25 @@ PIDS = {
 TIMES = LiftOff(start=5e-3, stop=0.16, wait=5e-3, lift=0.04, land=0.03, lost=0.02, overload=0.02)
 
 
-def flight(controller: PID, bearing: Bearing = BEARING, **other: Any) -> Scenario:
+def flight(controller, bearing=BEARING, **other):
     said = {"duration": 0.22, "start": "landed", "sequence": TIMES} | other
     return Scenario(controller=controller.completed(bearing), **said)
 
 
-def replayed(
-    bearing: Bearing, scenario: Scenario, estimator: Estimator, y: Any, r: Any, t: Any
-) -> Any:
+def replayed(bearing, scenario, estimator, y, r, t):
     assert scenario.sequence is not None
     controller = Controller.of_axis(bearing, estimator, scenario.controller, scenario.sequence)
     return controller.run(y, r, scenario.sequence.fly(t))
 
 
-def modes(record: Any) -> list[str]:
+def modes(record):
     found = record["mode"].astype(int)
     return [Mode(found[k]).name for k in np.flatnonzero(np.diff(found, prepend=-1))]
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("name", PIDS)
-def test_what_simulate_flew_and_the_controller_alone_are_equal_to_the_last_bit(
-    name: str, precision: Any
-) -> None:
+def test_what_simulate_flew_and_the_controller_alone_are_equal_to_the_last_bit(name, precision):
     scenario = flight(PIDS[name], GAINED)
     estimator = KalmanFilter(GAINED, precision=precision)
     run = simulate_run(GAINED, scenario, estimator=estimator)
@@ -86,7 +76,7 @@ def test_what_simulate_flew_and_the_controller_alone_are_equal_to_the_last_bit(
     assert record["x"][0] == record["x"][-1] == lying
 
 
-def test_a_rotor_on_one_magnet_lifts_too() -> None:
+def test_a_rotor_on_one_magnet_lifts_too():
     T = ONE_SIDED.sampling_time
     long = LiftOff(wait=20 * T, lift=300 * T, land=300 * T, stop=900 * T)
     scenario = flight(PID(), ONE_SIDED, duration=1400 * T, sequence=long)
@@ -96,7 +86,7 @@ def test_a_rotor_on_one_magnet_lifts_too() -> None:
     assert np.abs(record["x"][flying]).max() < 0.1 * ONE_SIDED.rotor.clearance
 
 
-def test_a_flight_from_hovering_is_the_one_without_a_sequence() -> None:
+def test_a_flight_from_hovering_is_the_one_without_a_sequence():
     """Nobody who looks after a good flight changes it."""
     plain = Scenario(duration=0.1, reference=Step(amplitude=2e-4, time=0.02), controller=Control())
     a = simulate(BEARING, plain, estimator=KalmanFilter(BEARING))
@@ -104,7 +94,7 @@ def test_a_flight_from_hovering_is_the_one_without_a_sequence() -> None:
     np.testing.assert_array_equal(a["x"], b["x"])
 
 
-def test_feed_forward_takes_a_load_back_at_once() -> None:
+def test_feed_forward_takes_a_load_back_at_once():
     load = Step(amplitude=3.0, time=0.02)
     worst = [
         np.abs(
@@ -115,7 +105,7 @@ def test_feed_forward_takes_a_load_back_at_once() -> None:
     assert worst[1] < 0.5 * worst[0]
 
 
-def test_a_lost_sensor_trips_and_no_one_flies_until_told_not_to() -> None:
+def test_a_lost_sensor_trips_and_no_one_flies_until_told_not_to():
     scenario = flight(PID())
     n = round(scenario.duration / BEARING.sampling_time) + 1
     faults = Faults.none(n)
@@ -128,7 +118,7 @@ def test_a_lost_sensor_trips_and_no_one_flies_until_told_not_to() -> None:
     assert not record["u"][tripped:].any()
 
 
-def test_a_current_that_stays_at_its_limit_trips() -> None:
+def test_a_current_that_stays_at_its_limit_trips():
     """The reference is beyond the upper stop, and the load pushes down."""
     scenario = flight(
         PID(), disturbance=Step(amplitude=-100.0, time=0.08),
@@ -141,7 +131,7 @@ def test_a_current_that_stays_at_its_limit_trips() -> None:
     assert (np.abs(record["u"][tripped - 190 : tripped]) == BEARING.current_max).all()
 
 
-def test_no_bump_where_it_takes_over() -> None:
+def test_no_bump_where_it_takes_over():
     """A rotor that another controller holds: the first current is close to the one that acted."""
     plain = Scenario(duration=0.1, start="levitated", noise=False, controller=Control())
     estimator = KalmanFilter(BEARING)
@@ -163,7 +153,7 @@ def test_no_bump_where_it_takes_over() -> None:
         ({"feed_forward": -1.0}, "feed_forward"),
     ],
 )
-def test_what_cannot_be_fed_back_is_refused(wrong: dict[str, Any], said: str) -> None:
+def test_what_cannot_be_fed_back_is_refused(wrong, said):
     with pytest.raises(AmbkitError, match=said):
         Control(**wrong)
 
@@ -172,14 +162,14 @@ def test_what_cannot_be_fed_back_is_refused(wrong: dict[str, Any], said: str) ->
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CExport]:
+def folders(tmp_path_factory):
     """Exports by their names; made when asked."""
-    of: dict[str, CExport] = {}
+    of = {}
     place = tmp_path_factory.mktemp("controllers")
 
     class Made(dict):  # type: ignore[type-arg]
-        def __missing__(self, name: str) -> CExport:
-            precision: Any = "double" if name == "double" else "float"
+        def __missing__(self, name):
+            precision = "double" if name == "double" else "float"
             pid = PIDS.get(name, PIDS["pid"])
             self[name] = export_c(
                 GAINED, None, place / name, prefix="rig", precision=precision,
@@ -191,23 +181,21 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CExport]:
     return Made(of)
 
 
-def passes(folder: Path, out: Path, compiler: str = "gcc") -> str:
+def passes(folder, out, compiler="gcc"):
     done = program(compiler, folder, out)
     assert done.returncode == 0, done.stderr
     return subprocess.run([out], capture_output=True, text=True, timeout=60).stdout
 
 
 @pytest.mark.parametrize("name", ["pid", "measured", "lqg", "double", "extended"])
-def test_the_self_test_passes_to_the_last_bit(
-    name: str, folders: dict[str, CExport], tmp_path: Path
-) -> None:
+def test_the_self_test_passes_to_the_last_bit(name, folders, tmp_path):
     said = passes(folders[name].folder, tmp_path / "a.out")
     assert said.startswith("pass"), said
     assert "equal to the last bit" in said
 
 
 @pytest.mark.parametrize("compiler", ["clang", "tcc"])
-def test_other_compilers(compiler: str, folders: dict[str, CExport], tmp_path: Path) -> None:
+def test_other_compilers(compiler, folders, tmp_path):
     if shutil.which(compiler) is None:
         pytest.skip(f"{compiler} is not installed")
     folder = folders["pid"].folder
@@ -223,7 +211,7 @@ def test_other_compilers(compiler: str, folders: dict[str, CExport], tmp_path: P
 
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
-def test_cpp_takes_the_headers(folders: dict[str, CExport], tmp_path: Path) -> None:
+def test_cpp_takes_the_headers(folders, tmp_path):
     folder, source = folders["pid"].folder, tmp_path / "main.cpp"
     source.write_text('#include "rig_selftest.h"\nint main() { rig_state s; rig_init(&s); }\n')
     words = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", str(source)]
@@ -232,7 +220,7 @@ def test_cpp_takes_the_headers(folders: dict[str, CExport], tmp_path: Path) -> N
     )
 
 
-def test_the_rigs_own_numbers(tmp_path: Path) -> None:
+def test_the_rigs_own_numbers(tmp_path):
     """Volts of the sensor in; the same bits as in Python."""
     estimator = KalmanFilter(GAINED, precision="float32")
     estimator.inputs = Inputs(y=Scaling(unit="V", scale="0.2 mm/V", sign=-1, offset="1 mm"))
@@ -266,7 +254,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_planted_faults_are_seen(fault: str, folders: dict[str, CExport], tmp_path: Path) -> None:
+def test_planted_faults_are_seen(fault, folders, tmp_path):
     file, old, new = FAULTS[fault]
     # The load counts where it is fed back.
     folder = folders["ahead" if "load" in fault else "pid"].folder
@@ -282,14 +270,14 @@ def test_planted_faults_are_seen(fault: str, folders: dict[str, CExport], tmp_pa
 
 
 @pytest.fixture(scope="module")
-def benches(folders: dict[str, CExport]) -> Iterator[dict[str, mutants.Bench]]:
+def benches(folders):
     of = {name: mutants.Bench(folders[name].folder, "rig") for name in PIDS}
     yield of
     for bench in of.values():
         bench.close()
 
 
-def test_a_tenth_of_any_constant_is_seen(benches: dict[str, mutants.Bench]) -> None:
+def test_a_tenth_of_any_constant_is_seen(benches):
     bench = benches["pid"]
     found = list(mutants.of_constants("rig_data.c", bench.text("rig_data.c")))
     some = random.Random(0).sample(found, 20)
@@ -301,14 +289,14 @@ STEMS = ("control", "controllers", "controller", "sequence")
 FLYING = [*(f"core/src/{stem}.c" for stem in STEMS), "rig.c"]
 
 
-def test_what_is_explained_stands_in_the_sources(folders: dict[str, CExport]) -> None:
+def test_what_is_explained_stands_in_the_sources(folders):
     """What explains nothing any more hides nothing, and the mutants it was for come back."""
     texts = [(folders["pid"].folder / file).read_text() for file in FLYING]
     assert [u for u in unseen.CONTROL if not any(u.text in text for text in texts)] == []
 
 
 @pytest.mark.long
-def test_operators_that_became_others_are_seen(benches: dict[str, mutants.Bench]) -> None:
+def test_operators_that_became_others_are_seen(benches):
     """A sample of all operators, each by all kinds of controllers together."""
     one = benches["pid"]
     found = [m for file in FLYING for m in mutants.of_operators(file, one.text(file))]
@@ -322,7 +310,7 @@ def test_operators_that_became_others_are_seen(benches: dict[str, mutants.Bench]
     assert alive == []
 
 
-def test_its_readme_says_what_to_do_for_each_flag(folders: dict[str, CExport]) -> None:
+def test_its_readme_says_what_to_do_for_each_flag(folders):
     text = (folders["pid"].folder / "README.md").read_text()
     rows = [line for line in text.splitlines() if line.startswith("| `AMB_")]
     for flag in Status:
@@ -331,7 +319,7 @@ def test_its_readme_says_what_to_do_for_each_flag(folders: dict[str, CExport]) -
         assert words in text
 
 
-def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_it(tmp_path, capsys):
     path = tmp_path / "s.toml"
     path.write_text('[controller]\ntype = "lqg"\n[sequence]\nlift = "0.1 s"\n')
     words = ["export", "c", "zittau_axial", "--out", str(tmp_path / "out")]
@@ -356,9 +344,7 @@ def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
         (["zittau_axial", "--editable"], "editable applies to filters only"),
     ],
 )
-def test_what_is_not_exported_is_said(
-    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_not_exported_is_said(words, said, tmp_path, capsys):
     path = tmp_path / "s.toml"
     path.write_text('duration = "0.1 s"\n')
     asked = ["export", "c", *words, "--out", str(tmp_path / "out"), "--controller", str(path)]

@@ -3,10 +3,6 @@
 The C functions by themselves, with bad input, are tested in tests/c/test_controller.c.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import oracles
 from hypothesis import given, settings
@@ -19,10 +15,10 @@ T = 1e-4
 GAINS = {"kp": 3000.0, "ki": 2e4, "kd": 12.0, "T_f": 2e-4, "T_t": 25e-3}
 
 
-def run_pid(r: np.ndarray, y: np.ndarray, integral: float = 0.0, **changes: float) -> np.ndarray:
+def run_pid(r, y, integral=0.0, **changes):
     """Output of the controller [A] for references and measurements: the rotor itself is nailed."""
     zero = np.zeros(len(r))
-    loop: dict[str, Any] = {
+    loop = {
         "T": T, "m": 1e9, "f_0": 0.0, "K_sen": 1.0, "T_sen": 1e-3, "travel": 1e-3, "substeps": 1,
         "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5,
         "integral": integral, "r": r, "f_d": zero, "noise_u": zero, "noise_y": y,
@@ -45,9 +41,7 @@ gain = st.sampled_from([0.0, 0.3, 1.0, 4.0])
     integral=st.floats(-1, 1),
     seed=st.integers(0, 999),
 )
-def test_the_output_is_that_of_the_plain_pid(
-    p: float, i: float, d: float, T_f: float, T_t: float, integral: float, seed: int
-) -> None:
+def test_the_output_is_that_of_the_plain_pid(p, i, d, T_f, T_t, integral, seed):
     """With and without each part, derivative filter and anti-windup, in and out of the limits."""
     rng = np.random.default_rng(seed)
     n = 300

@@ -131,6 +131,6 @@ def test_complex_arrays_are_refused_everywhere(bearing, record):
         kalman.step(1j, 0.0)
 
 
-def test_a_filter_names_its_machine() -> None:
+def test_a_filter_names_its_machine():
     bearing = ambkit.Bearing.preset("zittau_axial")
     assert repr(ambkit.KalmanFilter(bearing)) == "<KalmanFilter of zittau_axial>"

@@ -1,13 +1,10 @@
 """Many logs at once: cut, pooled with a scatter between them, each predicted by the others."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +15,7 @@ from ambkit import Bearing, Record, Scenario, Sine, simulate
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.data import recordings
-from ambkit.identification.corpus.corpus import Corpus, identify_corpus
+from ambkit.identification.corpus.corpus import identify_corpus
 from ambkit.identification.corpus.pooling import pool
 from ambkit.identification.corpus.prediction import (
     ORDER,
@@ -37,20 +34,20 @@ FREE = ("magnet_constant", "air_gap", "current_offset", "measurement_noise", "po
 Array = NDArray[np.float64]
 
 
-def flown(seed: int, k: float = 1.0, duration: float = 3.0) -> Record:
+def flown(seed, k=1.0, duration=3.0):
     plant = BALL.replace(magnet__magnet_constant=k * BALL.magnet.magnet_constant)
     reference = Sine(amplitude=1.5e-3, frequency=0.6 + 0.3 * seed)
     return simulate(plant, Scenario(duration=duration, seed=seed, reference=reference)).record
 
 
-def smoothed(record: Record) -> Record:
+def smoothed(record):
     kernel = np.ones(41) / 41
     padded = np.pad(record["y"], 20, mode="edge")
     return Record(record.t, {"y": np.convolve(padded, kernel, "valid"), "u": record["u"]})
 
 
 @pytest.fixture(scope="module")
-def corpus() -> Corpus:
+def corpus():
     logs = {f"log {seed}": flown(seed) for seed in range(3)} | {"quiet": smoothed(flown(5))}
     level = BALL.replace(
         sensor__position_noise=0.0, magnet__magnet_constant=0.8 * BALL.magnet.magnet_constant
@@ -58,7 +55,7 @@ def corpus() -> Corpus:
     return identify_corpus(logs, LoopModel(level, disturbance_noise=1e-4), FREE)
 
 
-def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus: Corpus) -> None:
+def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus):
     told = corpus.strength_loss
     assert told is not None
     assert list(told.flights) == list(corpus.found)
@@ -70,7 +67,7 @@ def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus: 
     assert corpus.to_dict()["in_flight"]["factor"] == told.factor
 
 
-def test_logs_say_what_is_true_and_a_smoothed_one_is_named(corpus: Corpus) -> None:
+def test_logs_say_what_is_true_and_a_smoothed_one_is_named(corpus):
     assert list(corpus.found) == ["log 0", "log 1", "log 2"]
     assert "smoothed before it was logged" in corpus.left_out["quiet"]
     for name, true in (
@@ -83,7 +80,7 @@ def test_logs_say_what_is_true_and_a_smoothed_one_is_named(corpus: Corpus) -> No
         assert abs(off) < 3.5 * corpus.pooled.errors[at], name
 
 
-def test_each_is_foretold_by_the_others(corpus: Corpus) -> None:
+def test_each_is_foretold_by_the_others(corpus):
     for each in corpus.predictions:
         assert each.error[10] < each.without_a_magnet[10]
         assert each.error[10] < each.held[10]
@@ -105,7 +102,7 @@ def test_each_is_foretold_by_the_others(corpus: Corpus) -> None:
         ]
 
 
-def test_good_is_what_no_baseline_knows_more_of() -> None:
+def test_good_is_what_no_baseline_knows_more_of():
     errors = {
         "error": {1: 18e-6, 10: 21e-6}, "without_later_controls": {1: 18e-6, 10: 23e-6},
         "held": {1: 24e-6, 10: 30e-6}, "without_a_magnet": {1: 19e-6, 10: 28e-6},
@@ -118,7 +115,7 @@ def test_good_is_what_no_baseline_knows_more_of() -> None:
         assert not replace(well, **worse).good
 
 
-def test_a_filter_that_knows_the_truth_loses_to_no_model_that_knows_as_much() -> None:
+def test_a_filter_that_knows_the_truth_loses_to_no_model_that_knows_as_much():
     """Given later controls it does: as they answer to the motion, they lead it astray."""
     quiet = {str(n): flown(n, duration=4.0).between(0.5, None) for n in range(4)}
     others = Baselines.together([Baselines.of([quiet[name]]) for name in "123"])
@@ -133,7 +130,7 @@ def test_a_filter_that_knows_the_truth_loses_to_no_model_that_knows_as_much() ->
     )
 
 
-def test_a_log_is_cut_where_it_does_not_fly() -> None:
+def test_a_log_is_cut_where_it_does_not_fly():
     record = flown(0, duration=5.0)
     y, u = record["y"].copy(), record["u"].copy()
     lies = record.t < 1.0
@@ -153,9 +150,9 @@ def test_a_log_is_cut_where_it_does_not_fly() -> None:
     assert all(a.end == b.begin for a, b in pairwise(stretches))
 
 
-def test_logs_that_agree_halve_the_error_of_each_when_four_are_pooled() -> None:
+def test_logs_that_agree_halve_the_error_of_each_when_four_are_pooled():
     """Of a logarithm, and of what is counted in milliseconds."""
-    logs: list[Any] = [SimpleNamespace(
+    logs = [SimpleNamespace(
         parameters=named(["magnet_constant", "delay"]), values=np.array([2.0, 1.5e-3]),
         errors=np.array([0.05, 1e-4]), covariance=np.diag([0.05**2, 1e-8]),
     )] * 4  # fmt: skip
@@ -165,13 +162,13 @@ def test_logs_that_agree_halve_the_error_of_each_when_four_are_pooled() -> None:
 
 
 @pytest.mark.long
-def test_pooling_finds_the_scatter_between_logs_and_its_error() -> None:
+def test_pooling_finds_the_scatter_between_logs_and_its_error():
     """Truth: logs scatter by 0.2 about 1, each known to 0.05; 200 times 8 logs."""
     parameters = named(["magnet_constant", "delay"])
     rng = np.random.default_rng(1)
     off, scatter, error = [], [], []
     for _ in range(200):
-        found: list[Any] = []
+        found = []
         for _ in range(8):
             k = np.exp(0.2 * rng.standard_normal() + 0.05 * rng.standard_normal())
             delay = 1e-3 + 1e-4 * rng.standard_normal()
@@ -189,7 +186,7 @@ def test_pooling_finds_the_scatter_between_logs_and_its_error() -> None:
     assert abs(np.mean(off)) < 3 * np.std(off) / 200**0.5
 
 
-def test_an_arx_model_finds_one_and_knows_only_the_past() -> None:
+def test_an_arx_model_finds_one_and_knows_only_the_past():
     rng = np.random.default_rng(0)
     n = 3000
     u, e = rng.standard_normal(n), 0.1 * rng.standard_normal(n)
@@ -205,15 +202,13 @@ def test_an_arx_model_finds_one_and_knows_only_the_past() -> None:
     assert one.arx(later, 1)[2000] == one.arx(record, 1)[2000]  # from 2000 to 2001
 
 
-def test_what_is_no_corpus_is_refused() -> None:
+def test_what_is_no_corpus_is_refused():
     still = Record(1e-3 * np.arange(3000), {"y": np.full(3000, -9e-3), "u": np.full(3000, -0.9)})
     with pytest.raises(AmbkitError, match="no flight that is long enough"):
         identify_corpus({"a": still, "b": still}, LoopModel(BALL))
 
 
-def test_three_logs_on_the_command_line_are_a_corpus(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_three_logs_on_the_command_line_are_a_corpus(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for seed in range(3):
         flown(seed, duration=3.0).save(f"{seed}.csv")
@@ -237,7 +232,7 @@ def test_three_logs_on_the_command_line_are_a_corpus(
 
 @pytest.mark.skipif(not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)")
 @pytest.mark.long
-def test_four_logs_of_a_rig_foretell_another_and_the_smoothed_one_is_named() -> None:
+def test_four_logs_of_a_rig_foretell_another_and_the_smoothed_one_is_named():
     channels = recordings.folder() / "closed_loop.toml"
     names = ("sinusoidal_slow-MPC-KF", "step-PID_anti_windup-KF", "sinusoidal_fast-LQI-KF")
     logs = {name: ambkit.load(RIG / f"{name}.mat", channels) for name in names}
@@ -251,14 +246,14 @@ def test_four_logs_of_a_rig_foretell_another_and_the_smoothed_one_is_named() -> 
     assert hum.frequency == pytest.approx(50, abs=0.2)
 
 
-def with_changed(record: Record, **changes: Array) -> Record:
+def with_changed(record, **changes):
     return Record(
         record.t, {name: record[name] for name in record} | changes, record.units, record.meta
     )
 
 
 @pytest.mark.long
-def test_spikes_and_missing_samples_of_logs_spoil_nothing() -> None:
+def test_spikes_and_missing_samples_of_logs_spoil_nothing():
     logs = {name: flown(seed) for seed, name in enumerate("abc", start=1)}
     spiked, lost, cut_off = (logs[name]["y" if name != "c" else "u"].copy() for name in "abc")
     spiked[[1500, 2100]] += 3e-3
@@ -282,7 +277,7 @@ def test_spikes_and_missing_samples_of_logs_spoil_nothing() -> None:
     assert np.abs(off).max() < 1.0
 
 
-def test_normal_equations_are_of_the_samples_that_miss_nothing() -> None:
+def test_normal_equations_are_of_the_samples_that_miss_nothing():
     record = flown(1, duration=0.5)
     y = record["y"].copy()
     y[200:203] = np.nan

@@ -1,7 +1,5 @@
 """The default controllers of machines that turn: chosen on the margins over their speed range."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -261,7 +259,7 @@ def test_the_controllers_that_a_design_writes_down_are_those_that_were_chosen(rp
 
 
 @pytest.mark.parametrize(("peak", "zone"), [(5.34, "D"), (4.2, "C"), (3.1, "B"), (2.9, None)])
-def test_a_poor_default_controller_is_called_poor(peak: float, zone: str | None) -> None:
+def test_a_poor_default_controller_is_called_poor(peak, zone):
     """A peak of 5.34 stood there like any number."""
     control = Control.model_validate({"type": "lqg"})
     chosen = Candidate(control, "estimate", peak, 5000.0)

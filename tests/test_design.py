@@ -1,10 +1,7 @@
 """The thread: from a rig's log, German, turned, late and off, to C that takes its raw signal."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -12,12 +9,11 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimator, Record
+from ambkit import Bearing, Estimator
 from ambkit.cli.main import main
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.workflow import design_candidates
 from ambkit.workflow.design import design, objections_to_loop
-from ambkit.workflow.designed import Design
 from ambkit.workflow.identified import identified_filter
 from ambkit.workflow.identified_toml import annotated_toml
 
@@ -41,7 +37,7 @@ offset = "-0.94 V"
 """
 
 
-def flown(seed: int) -> Record:
+def flown(seed):
     places = (3e-4, -3e-4, 2e-4, -2e-4, 3e-4, -2e-4, 2e-4, -3e-4, 1e-4, 0.0)
     times = tuple(0.05 + 0.12 * k for k in range(len(places)))
     reference = ambkit.Sequence(times=times, values=places)
@@ -50,7 +46,7 @@ def flown(seed: int) -> Record:
     return ambkit.simulate(TRUE, scenario).record
 
 
-def logged(record: Record, path: Path) -> tuple[np.ndarray, np.ndarray]:
+def logged(record, path):
     """Write a log as the rig has it; return its numbers."""
     y = np.array([f"{v:.7g}" for v in 10.0 - 1e3 * record["y"]])
     u = np.array([f"{v:.7g}" for v in record["u"] + 0.94])
@@ -60,7 +56,7 @@ def logged(record: Record, path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Design]:
+def rig(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rig")
     for seed in (1, 2):
         logged(flown(seed), folder / f"log{seed}.csv")
@@ -68,7 +64,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Design]:
     return folder, made(folder)
 
 
-def made(folder: Path, **options: Any) -> Design:
+def made(folder, **options):
     return design(
         KNOWN, [folder / "log1.csv"], folder / "out", channels=folder / "map.toml", free=FREE,
         validate=[folder / "log2.csv"], kinds=["linear", "extended"], prefix="rig",
@@ -76,7 +72,7 @@ def made(folder: Path, **options: Any) -> Design:
     )  # fmt: skip
 
 
-def test_the_filter_is_nearly_as_good_as_one_that_was_told_everything(rig: Any) -> None:
+def test_the_filter_is_nearly_as_good_as_one_that_was_told_everything(rig):
     folder, found = rig
     made = Estimator.load(folder / "out" / "filter.toml")
     told = ambkit.ExtendedKalmanFilter(TRUE, noise=ambkit.FilterNoise(*made.variances))
@@ -95,7 +91,7 @@ def test_the_filter_is_nearly_as_good_as_one_that_was_told_everything(rig: Any) 
     assert found.chosen.kind == "extended"
 
 
-def test_it_says_which_filter_to_fly_and_why(rig: Any) -> None:
+def test_it_says_which_filter_to_fly_and_why(rig):
     folder, found = rig
     assert found.why.startswith("Use the extended Kalman filter with decentralised PID control: ")
     assert "On validation records it predicts" in found.why
@@ -106,7 +102,7 @@ def test_it_says_which_filter_to_fly_and_why(rig: Any) -> None:
                                "controller", "design.html", "candidates"}  # fmt: skip
 
 
-def test_the_c_gives_python_s_bits_on_the_rig_s_own_numbers(rig: Any, tmp_path: Path) -> None:
+def test_the_c_gives_python_s_bits_on_the_rig_s_own_numbers(rig, tmp_path):
     compiler = shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
         pytest.skip("no C compiler (gcc or clang) here")
@@ -142,17 +138,17 @@ int main(void)
     np.testing.assert_array_equal(got, estimate.mean[:, :3])
 
 
-def test_a_second_call_makes_nothing_anew(rig: Any) -> None:
+def test_a_second_call_makes_nothing_anew(rig):
     folder, found = rig
     files = {p: p.stat().st_mtime_ns for p in (folder / "out").rglob("*.toml")}
-    said: list[str] = []
+    said = []
     again = made(folder, note=said.append)
     assert again.why == found.why
     unchanged = [p for p in files if p.parent.name != "out" or p.name != "filter.toml"]
     assert all(p.stat().st_mtime_ns == files[p] for p in unchanged)
 
 
-def test_what_was_lost_is_made_again_and_alike(rig: Any) -> None:
+def test_what_was_lost_is_made_again_and_alike(rig):
     folder, found = rig
     lost = folder / "out" / "candidates" / "linear.toml"
     before = lost.read_text()
@@ -161,7 +157,7 @@ def test_what_was_lost_is_made_again_and_alike(rig: Any) -> None:
     assert lost.read_text() == before
 
 
-def test_a_bad_filter_is_not_exported_unasked(rig: Any, monkeypatch: Any, capsys: Any) -> None:
+def test_a_bad_filter_is_not_exported_unasked(rig, monkeypatch, capsys):
     folder, _ = rig
     monkeypatch.setattr(design_candidates, "FAR_FROM_BOUND", 1.5)
     shutil.rmtree(folder / "out" / "c")
@@ -172,7 +168,7 @@ def test_a_bad_filter_is_not_exported_unasked(rig: Any, monkeypatch: Any, capsys
     assert made(folder, anyway=True).exported is not None
 
 
-def test_a_filter_out_of_zone_a_is_not_exported_unasked(rig: Any) -> None:
+def test_a_filter_out_of_zone_a_is_not_exported_unasked(rig):
     _, found = rig
     assert all(1 < each.peak < 3 for each in found.candidates)
     assert found.to_dict()["candidates"]["linear"]["peak"] == found.candidates[0].peak
@@ -183,7 +179,7 @@ def test_a_filter_out_of_zone_a_is_not_exported_unasked(rig: Any) -> None:
     assert "is to be below 1.5" in objection
 
 
-def test_the_command_is_the_function(rig: Any, monkeypatch: Any, capsys: Any) -> None:
+def test_the_command_is_the_function(rig, monkeypatch, capsys):
     folder, found = rig
     KNOWN.save(folder / "known.toml")
     monkeypatch.chdir(folder)
@@ -197,7 +193,7 @@ def test_the_command_is_the_function(rig: Any, monkeypatch: Any, capsys: Any) ->
     assert " ".join(found.why.split()[:6]) in " ".join(capsys.readouterr().out.split())
 
 
-def test_zeros_that_a_log_does_not_tell_stay_as_the_map_has_them(rig: Any) -> None:
+def test_zeros_that_a_log_does_not_tell_stay_as_the_map_has_them(rig):
     """Under an unknown load the offsets are as likely none; a filter with them would be far off."""
     folder, _ = rig
     channels = ChannelMap.load(folder / "map.toml")

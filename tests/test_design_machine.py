@@ -1,7 +1,5 @@
 """Controllers and filter of a machine, chosen on the margins of its loop, and read back."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

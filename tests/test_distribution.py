@@ -3,8 +3,6 @@
 The last takes minutes: AMBKIT_TEST_WHEEL=1 python -m pytest tests/test_distribution.py
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -13,7 +11,6 @@ import sys
 import tomllib
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
@@ -24,13 +21,13 @@ HOOKS = ROOT / ".pre-commit-config.yaml"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
-def read(path: Path) -> dict[str, Any]:
+def read(path):
     """YAML, whose word ``on`` is a key and no boolean."""
     loaded = yaml.safe_load(path.read_text(encoding="utf-8"))
     return {"on" if key is True else key: value for key, value in loaded.items()}
 
 
-def test_the_workflow_runs_what_ci_runs_and_builds_for_all() -> None:
+def test_the_workflow_runs_what_ci_runs_and_builds_for_all():
     workflow = read(WORKFLOW)
     assert {"push", "pull_request"} <= set(workflow["on"])
     steps = [step for job in workflow["jobs"].values() for step in job["steps"]]
@@ -55,12 +52,12 @@ def test_the_workflow_runs_what_ci_runs_and_builds_for_all() -> None:
 
 
 @pytest.mark.skipif(shutil.which("actionlint") is None, reason="actionlint is not installed")
-def test_actionlint_finds_nothing() -> None:
+def test_actionlint_finds_nothing():
     done = subprocess.run(["actionlint", WORKFLOW], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "")
 
 
-def test_wheels_are_for_all_pythons_that_we_say() -> None:
+def test_wheels_are_for_all_pythons_that_we_say():
     """The oldest one has a wheel of its own up to the one that the stable ABI begins with."""
     oldest = int(PROJECT["project"]["requires-python"].removeprefix(">=3."))
     stable = int(PROJECT["tool"]["scikit-build"]["wheel"]["py-api"].removeprefix("cp3"))
@@ -71,7 +68,7 @@ def test_wheels_are_for_all_pythons_that_we_say() -> None:
 @pytest.mark.parametrize(
     "hook", [hook for repo in read(HOOKS)["repos"] for hook in repo["hooks"]], ids=lambda h: h["id"]
 )
-def test_a_hook_runs_a_tool_that_is_there(hook: dict[str, Any]) -> None:
+def test_a_hook_runs_a_tool_that_is_there(hook):
     assert hook["language"] == "system"
     command, *_ = hook["entry"].split()
     assert (Path(sys.executable).parent / Path(command).name).is_file()
@@ -87,7 +84,7 @@ asked = pytest.mark.skipif(
 )
 
 
-def uv(*arguments: str | Path) -> None:
+def uv(*arguments):
     """Run uv, from the machine or as ./test fetched it."""
     local = ROOT / ".tools" / "bin" / "uv"
     subprocess.run([shutil.which("uv") or str(local), *map(str, arguments)], check=True)
@@ -95,7 +92,7 @@ def uv(*arguments: str | Path) -> None:
 
 @asked
 @pytest.mark.parametrize("kind", ["wheel", "sdist"])
-def test_it_works_where_nothing_else_is(kind: str, tmp_path: Path) -> None:
+def test_it_works_where_nothing_else_is(kind, tmp_path):
     uv("build", f"--{kind}", "--python", sys.executable, "--out-dir", tmp_path, ROOT)
     pattern = "*.whl" if kind == "wheel" else "*.tar.gz"
     (built,) = tmp_path.glob(pattern)

@@ -13,7 +13,6 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +31,7 @@ CORE = (DOCS / "explanation" / "core.md").read_text(encoding="utf-8")
 ROLE = re.compile(r"\{py:\w+\}`(?:~|[^`<]*<)?([\w.]+)>?`")
 
 
-def rows(text: str) -> list[list[str]]:
+def rows(text):
     """Return the cells of all Markdown tables, without their heads."""
     lines = [
         [cell.strip() for cell in line.strip()[1:-1].split("|")]
@@ -43,10 +42,10 @@ def rows(text: str) -> list[list[str]]:
     return [cells for n, cells in enumerate(lines) if n not in heads]
 
 
-def resolve(name: str) -> Any:
+def resolve(name):
     """Import what a dotted name names: a module, then attributes."""
     parts = name.split(".")
-    found: Any = None
+    found = None
     for count in range(len(parts), 0, -1):
         try:
             found = import_module(".".join(parts[:count]))
@@ -84,7 +83,7 @@ def test_what_the_index_names_exists(cells):
         assert [symbol for symbol in symbols if not re.search(rf"\b{symbol}\b", text)] == []
 
 
-def header(anchor: str) -> str:
+def header(anchor):
     """Return the C header that is shown at a place of the page on the core: ambkit-kalman-h."""
     (folders,) = re.findall(r"\{headers\} (.*)", CORE)
     shown = {
@@ -107,12 +106,12 @@ DOTTED = re.compile(r"(?<![\w/.-])ambkit(?:\.[A-Za-z_]\w*)+")
 NO_NAMES = {"ambkit.sha256", "ambkit.toml"}  # files
 
 
-def python_names(source: str) -> set[str]:
+def python_names(source):
     """Return what Python takes from the package: what it imports, and attributes of that."""
     if source.lstrip().startswith("%%"):  # another language
         return set()
     nodes = list(ast.walk(ast.parse(re.sub(r"(?m)^ *[%!].*", "", source))))
-    imported: dict[str, str] = {}
+    imported = {}
     for node in nodes:
         if isinstance(node, ast.ImportFrom) and str(node.module).split(".")[0] == "ambkit":
             imported |= {a.asname or a.name: f"{node.module}.{a.name}" for a in node.names}
@@ -130,7 +129,7 @@ def python_names(source: str) -> set[str]:
     return found
 
 
-def directive_names(text: str) -> set[str]:
+def directive_names(text):
     """Return what the directives of a page of the reference document."""
     module, found = "", set()
     for directive, name in re.findall(r"^ *\.\. (\w+):: (\S+)$", text, re.MULTILINE):
@@ -142,7 +141,7 @@ def directive_names(text: str) -> set[str]:
     return found
 
 
-def package_names(path: Path) -> set[str]:
+def package_names(path):
     """Return the names of the package that a page, a notebook or a file of Python uses."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
@@ -164,10 +163,10 @@ def package_names(path: Path) -> set[str]:
     return names.union(*(python_names(options.sub("", snippet)) for snippet in snippets))
 
 
-def missing(names: set[str]) -> list[str]:
+def missing(names):
     """Return which of some names lead nowhere."""
 
-    def leads_nowhere(name: str) -> bool:
+    def leads_nowhere(name):
         try:
             return resolve(name) is None
         except AttributeError:
@@ -222,7 +221,7 @@ def test_contributing_shows_the_floors_that_are_checked():
     floors = next(c["layers"] for c in contracts["contracts"] if c["type"] == "layers")
     optional = re.compile(r"\(\w+\)")  # a room that is still to come
     checked = [re.findall(r"\w+", optional.sub("", floor)) for floor in floors]
-    shown: list[list[str]] = []
+    shown = []
     for floor, room, *_ in rows(CONTRIBUTING.partition("## The house")[2].partition("\n## ")[0]):
         shown += [[]] if floor else []
         shown[-1].append(room.strip("`"))
@@ -256,7 +255,7 @@ def test_the_pages_have_every_command():
     assert [name for name in commands() if f"{{manual}} {name}\n" not in page] == []
 
 
-def commands() -> dict[str, str]:
+def commands():
     """Return the commands with the first line of their help."""
     first = dict.fromkeys(name.partition(" ")[0] for name in catalogue.VERBS)
     return {name: catalogue.summary(name) for name in first}

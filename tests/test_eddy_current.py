@@ -3,10 +3,7 @@
 The plant has no text of it: its linear states come from the model (`behind_magnets`).
 """
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import control
 import numpy as np
@@ -35,19 +32,19 @@ MOVED = Scenario(duration=0.3, reference=Sine(amplitude=2e-4, frequency=40.0))
 # ---- The plant
 
 
-def between(bearing: Bearing) -> dict[str, Any]:
+def between(bearing):
     """Return what is between the control and the force, as the plant takes it."""
     (parts,) = plant_parts.axis_fields(bearing, None, None, 0.0, 4)["amplifiers"]
     return parts
 
 
-def test_the_force_of_a_held_rotor_follows_as_a_first_order_lag() -> None:
+def test_the_force_of_a_held_rotor_follows_as_a_first_order_lag():
     run = driven(np.full(40, 0.5), between(LATE), m=HEAVY, substeps=16)
     expected = 10.05 * 0.5 * (1 - np.exp(-1e-4 * np.arange(40) / LAG))
     np.testing.assert_allclose(run["force"], expected, atol=1e-7)
 
 
-def test_a_chain_of_states_is_what_its_matrices_say() -> None:
+def test_a_chain_of_states_is_what_its_matrices_say():
     """The next part needs no C: two lags and a share that acts at once."""
     A, b = np.array([[-2e3, 0.0], [5e3, -5e3]]), np.array([2e3, 0.0])
     chain = Behind(("a", "b"), A, b, np.array([0.3, 0.5]), 0.2)
@@ -59,13 +56,13 @@ def test_a_chain_of_states_is_what_its_matrices_say() -> None:
     np.testing.assert_allclose(run["force"], 10.05 * 0.5 * y, atol=1e-7)
 
 
-def test_the_rotor_moves_as_another_solver_says() -> None:
+def test_the_rotor_moves_as_another_solver_says():
     """With an amplifier that lags too, from rest, over 4 ms."""
     bearing = LATE.replace(amplifier__bandwidth="800 Hz", rotor__gravity="none")
     demanded, corner = 0.4, 2 * math.pi * 800
     n, m = 41, bearing.rotor.mass
 
-    def slope(_: float, s: Any) -> list[float]:
+    def slope(_, s):
         x, v, i, e = s
         force = magnet_force(bearing, i, x)
         return [v, (e + 1.0) / m, corner * (demanded - i), (force - e) / LAG]
@@ -80,7 +77,7 @@ def test_the_rotor_moves_as_another_solver_says() -> None:
     np.testing.assert_allclose(run["force"], exact[3], rtol=0, atol=1e-7)
 
 
-def test_a_machine_s_filter_explains_what_its_magnets_do() -> None:
+def test_a_machine_s_filter_explains_what_its_magnets_do():
     """Four axes with a lag each: innovations are as large as the filter that knows it says."""
     rig = Machine.preset("ufu_rig")
     magnet = {"eddy_current_lag": LAG}
@@ -95,7 +92,7 @@ def test_a_machine_s_filter_explains_what_its_magnets_do() -> None:
     assert 0.9 < np.mean(share) < 1.0
 
 
-def test_it_is_seen_in_simulate() -> None:
+def test_it_is_seen_in_simulate():
     """What acts follows what the law gives of current and place, at the frequency of both."""
     record = ambkit.simulate(LATE, MOVED.replace(noise=False)).record
     law = np.array(magnet_force(LATE, record["iu"], record["x"]))
@@ -110,7 +107,7 @@ def test_it_is_seen_in_simulate() -> None:
     np.testing.assert_allclose(prompt["f_mag"], same, atol=1e-9)
 
 
-def test_unbalance_is_kept_still_through_the_lag() -> None:
+def test_unbalance_is_kept_still_through_the_lag():
     """At 12,000 rpm the force is 20 degrees late, and the current that far ahead."""
     rig = Machine.preset("ufu_rig").model_copy(update={"speed": 2 * math.pi * 200})
     magnet = {"eddy_current_lag": LAG}
@@ -132,13 +129,13 @@ def test_unbalance_is_kept_still_through_the_lag() -> None:
 # ---- Filters
 
 
-def test_the_filter_that_knows_it_beats_the_one_that_does_not() -> None:
+def test_the_filter_that_knows_it_beats_the_one_that_does_not():
     """In the force it is told apart by: a rotor that is moved, over ten seeds and more.
 
     Of the position a sensor tells more than any force: there both are alike.
     """
     late, prompt = LATE.replace(**QUIET), ZITTAU.replace(**QUIET)
-    rms: dict[tuple[bool, str], list[float]] = {}
+    rms = {}
     nis = []
     for seed in range(10):
         record = ambkit.simulate(late, MOVED.replace(seed=seed)).record
@@ -158,7 +155,7 @@ def test_the_filter_that_knows_it_beats_the_one_that_does_not() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_flies_with_it(kind: str) -> None:
+def test_every_kind_flies_with_it(kind):
     bearing = LATE.replace(**QUIET)
     record = ambkit.simulate(bearing, MOVED.replace(duration=0.1)).record
     estimator = KINDS[kind].make(bearing, learned_magnet(kind, bearing))
@@ -172,7 +169,7 @@ def test_every_kind_flies_with_it(kind: str) -> None:
 # ---- Margins and identification
 
 
-def test_margins_are_those_of_python_control() -> None:
+def test_margins_are_those_of_python_control():
     """The lag, held stiffness and all: the plant of `assess` is ``1/(1 + s lag)`` in the force."""
     pid = PID().completed(ZITTAU).model_copy(update={"feedback": "measurement"})
     late = ambkit.assess(LATE, "none", controller=pid).to_dict()
@@ -192,7 +189,7 @@ def test_margins_are_those_of_python_control() -> None:
     assert late != prompt
 
 
-def test_it_is_identified() -> None:
+def test_it_is_identified():
     """Of a loop that is moved, from a start 2.5 times too short; nothing else pushes it."""
     truth = LATE.replace(**QUIET)
     record = ambkit.simulate(truth, MOVED.replace(seed=3)).record

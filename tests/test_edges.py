@@ -1,10 +1,7 @@
 """Edges that no preset and no log of ours reaches, each against what it is by definition."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +28,7 @@ NONE = np.zeros(0, dtype=np.intp)
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_between_the_samples_beyond_them_and_in_a_gap(held: bool) -> None:
+def test_between_the_samples_beyond_them_and_in_a_gap(held):
     clock = Clock(
         "t", np.array([0.0, 1, 2, 5, 6]), 1.0, 0.0, NONE, np.array([3]), np.array([2]), NONE
     )
@@ -47,7 +44,7 @@ def test_between_the_samples_beyond_them_and_in_a_gap(held: bool) -> None:
 @pytest.mark.parametrize("gap", [2e-3, 12e-3])
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 1e-6, 2.5e-2])
 @pytest.mark.parametrize("way", [1, -1])
-def test_gravity_tells_gap_and_unit_of_what_hangs(gap: float, scale: float, way: int) -> None:
+def test_gravity_tells_gap_and_unit_of_what_hangs(gap, scale, way):
     """``x'' = (2 g / gap) x + (2 g / i) di`` in units of the log."""
     step, usual, g = 1e-3, 0.8, 9.81
     fit = LevitationFit(0, 1, step * math.sqrt(2 * g / gap), 0.0, 0.9, 1, 1.0, sure=True)
@@ -66,17 +63,17 @@ def test_gravity_tells_gap_and_unit_of_what_hangs(gap: float, scale: float, way:
     assert weight_scale(moves, position, np.full(101, -usual), step) is None
 
 
-def test_of_two_faults_in_a_flight_the_slower_recovery_counts() -> None:
+def test_of_two_faults_in_a_flight_the_slower_recovery_counts():
     n, T = 1000, 1e-4
     for slow, quick in ((slice(120, 180), slice(510, 515)), (slice(510, 570), slice(120, 125))):
         error = np.zeros(n)
         error[slow] = error[quick] = 100.0
-        flight: Any = SimpleNamespace(
+        flight = SimpleNamespace(
             _errors=lambda _run, error=error: {"x": error}, _off=lambda _record: np.zeros(n),
             _stopped=lambda _record: np.zeros(n, dtype=bool), in_loop=True, precision="float64",
             seed=0, bearing=SimpleNamespace(sampling_time=T),
         )  # fmt: skip
-        run: Any = SimpleNamespace(record=range(n), estimate=None)
+        run = SimpleNamespace(record=range(n), estimate=None)
         band = fault_run.Band({"x": 1.0}, {"x": 1.0}, 1.0)
         windows = [slice(100, 110), slice(500, 510)]
         outcome = fault_run.Flight.evaluate(
@@ -87,7 +84,7 @@ def test_of_two_faults_in_a_flight_the_slower_recovery_counts() -> None:
 
 
 @pytest.mark.parametrize(("low", "high"), [(-1.0, 0.3), (-0.3, 1.0), (-1.0, 1.0), (-0.5, 0.51)])
-def test_nodes_of_a_force_divide_its_longer_side(low: float, high: float) -> None:
+def test_nodes_of_a_force_divide_its_longer_side(low, high):
     nodes = _nodes(low, high, 8)
     step = max(-low, high) / 8
     np.testing.assert_allclose(np.diff(nodes), step)
@@ -97,7 +94,7 @@ def test_nodes_of_a_force_divide_its_longer_side(low: float, high: float) -> Non
 
 
 @pytest.mark.parametrize("name", presets.names())
-def test_typical_sizes_are_what_they_are_said_to_be(name: str) -> None:
+def test_typical_sizes_are_what_they_are_said_to_be(name):
     """Force at twice the bias current; half of it brings the rotor to the stop at that velocity."""
     axis = Bearing.preset(name)
     typical, magnet = Typical.of(axis), axis.magnet
@@ -108,25 +105,25 @@ def test_typical_sizes_are_what_they_are_said_to_be(name: str) -> None:
     assert 0.5 * axis.rotor.mass * typical.velocity**2 == pytest.approx(work)
 
 
-def test_points_of_a_grid_lie_in_the_middle_of_blocks() -> None:
+def test_points_of_a_grid_lie_in_the_middle_of_blocks():
     current, displacement = np.linspace(-2, 2, BLOCKS), np.linspace(-1e-3, 1e-3, BLOCKS)
     iu, x = (values.ravel() for values in np.meshgrid(current, displacement))
     box = ((-2.0, 2.0), (-1e-3, 1e-3))
     for off in (-0.4, 0.0, 0.4):  # of a block
-        points: Any = SimpleNamespace(
+        points = SimpleNamespace(
             current=iu + off * np.diff(current)[0], displacement=x - off * np.diff(displacement)[0]
         )
         np.testing.assert_array_equal(blocks_of(points, box)[0], np.arange(BLOCKS**2))
 
 
-def test_a_rotor_is_held_within_the_narrowest_of_its_stops() -> None:
+def test_a_rotor_is_held_within_the_narrowest_of_its_stops():
     narrow = machine(bearing=[bearing("A", 0.2), bearing("B", -0.3, clearance=0.2e-3)])
     OperatingPoint.of_machine(narrow, x=0.02e-3)
     with pytest.raises(AmbkitError, match=r"up to its stops at 0\.0002 m, not at 0\.00025 m"):
         OperatingPoint.of_machine(narrow, x=0.25e-3)
 
 
-def test_noise_of_several_axes_is_scaled_alike() -> None:
+def test_noise_of_several_axes_is_scaled_alike():
     """Twice the number is twice the variance of each, whatever its own."""
     noisy = {"noise_variance": 16e-5}
     unlike = machine(bearing=[bearing("A", 0.2), bearing("B", -0.3, amplifier=noisy)])
@@ -138,18 +135,18 @@ def test_noise_of_several_axes_is_scaled_alike() -> None:
     np.testing.assert_allclose(once[2:] / once[:2], 16.0)
 
 
-def test_runout_of_an_order_acts_at_so_many_times_the_speed() -> None:
+def test_runout_of_an_order_acts_at_so_many_times_the_speed():
     """As the sensor shows it: behind its lag; the reading a quarter turn on sees it later."""
     order, amplitude, lag = 3, 2e-6, 5e-5
     lines = [{"order": order, "amplitude": amplitude}]
     one = machine(sensor=[sensor("A", 0.2, runout=lines), sensor("B", -0.3)])
-    frequencies: list[float] = []
+    frequencies = []
 
-    def response(f: list[float]) -> Any:
+    def response(f):
         frequencies.append(f[0])
         return np.eye(4)[None]
 
-    loop: Any = SimpleNamespace(noise_to_position=response, noise_to_control=response)
+    loop = SimpleNamespace(noise_to_position=response, noise_to_control=response)
     (turned,) = of_runout(loop, one)
     f = order * one.speed / (2 * math.pi)
     assert frequencies == pytest.approx([f, f])
@@ -157,14 +154,14 @@ def test_runout_of_an_order_acts_at_so_many_times_the_speed() -> None:
     np.testing.assert_allclose(turned.x, [shown, 1j * shown, 0, 0], atol=1e-20)
 
 
-def test_of_three_planes_a_grade_is_shared_by_the_outer_two() -> None:
+def test_of_three_planes_a_grade_is_shared_by_the_outer_two():
     """A rotor that bends has as many planes as modes more."""
     planes = tuple(Unbalance(place=at, amount=1e-6) for at in (-0.05, 0.02, 0.07))
     bends = Machine.preset("ufu_flexible").model_copy(update={"unbalance": planes})
     assert [at.place for at in permitted(bends, 2.5e-3)] == [-0.05, 0.07]
 
 
-def test_a_processor_s_answers_are_counted_by_their_modes() -> None:
+def test_a_processor_s_answers_are_counted_by_their_modes():
     kinds = [("mode", "u1"), ("instructions", "u4"), ("stack", "u4")]
     answers = np.zeros(100, kinds)
     flying = slice(20, 80)
@@ -178,7 +175,7 @@ def test_a_processor_s_answers_are_counted_by_their_modes() -> None:
     greeting = np.array(
         (1, 2, 3, 40), [(k, "u4") for k in ("unequal", "wrong_status", "wrong", "state")]
     )[()]
-    record: Any = SimpleNamespace(t=1e-3 * np.arange(100))
+    record = SimpleNamespace(t=1e-3 * np.arange(100))
     found = compare_bits(
         answers, greeting, off=off, moved=moved, travel=np.array([1.0, 1.0]), record=record,
         unequal=0, frames=record, unequal_frames=0, run=record, board="none", built=record,

@@ -10,7 +10,7 @@ import subprocess
 import tomllib
 import zipfile
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -67,7 +67,7 @@ texts = any_text | marks
 
 
 @given(texts)
-def test_a_terminal_gets_one_line_that_can_be_printed(text: str) -> None:
+def test_a_terminal_gets_one_line_that_can_be_printed(text):
     shown = escaping.one_line(text)
     assert re.sub(r"[^\S ]", " ", shown).isprintable()  # spaces of any width
     assert shown == escaping.one_line(shown)
@@ -75,7 +75,7 @@ def test_a_terminal_gets_one_line_that_can_be_printed(text: str) -> None:
 
 
 @given(texts)
-def test_markdown_shows_the_text_and_nothing_else(text: str) -> None:
+def test_markdown_shows_the_text_and_nothing_else(text):
     plain = escaping.one_line(text).strip()
     written = escaping.markdown(text)
     for around in ("", "k_i of "):
@@ -88,20 +88,20 @@ def test_markdown_shows_the_text_and_nothing_else(text: str) -> None:
 
 
 @given(texts)
-def test_labels_show_the_text_and_nothing_else(text: str) -> None:
+def test_labels_show_the_text_and_nothing_else(text):
     shown = markup.label_html(escaping.label(text))
     assert "<" not in shown
     assert html.unescape(shown) == escaping.one_line(text)
 
 
 @given(texts)
-def test_nothing_ends_a_comment_of_c(text: str) -> None:
+def test_nothing_ends_a_comment_of_c(text):
     written = escaping.c_comment(text)
     assert not re.search(r"\*/|/\*|//|\?\?|\n|\r", f"{written} ")
 
 
 @given(texts)
-def test_strings_of_toml_and_json_read_back_and_can_be_printed(text: str) -> None:
+def test_strings_of_toml_and_json_read_back_and_can_be_printed(text):
     toml, found = escaping.toml_string(text), escaping.json_text({"a": text})
     assert tomllib.loads(f"a = {toml}") == json.loads(found) == {"a": text}
     assert escaping.one_line(toml) == toml
@@ -109,7 +109,7 @@ def test_strings_of_toml_and_json_read_back_and_can_be_printed(text: str) -> Non
 
 
 @pytest.mark.parametrize("text", [*NOT_PRINTABLE, "x" * 81, ""])
-def test_a_name_is_one_short_line_that_can_be_printed(text: str) -> None:
+def test_a_name_is_one_short_line_that_can_be_printed(text):
     toml = BEARING.to_toml().replace('"zittau_axial"', escaping.toml_string(text), 1)
     with pytest.raises(ConfigError, match=r"b\.toml:1: name: must (be one line|have at )"):
         Bearing.from_toml(toml, "b.toml")
@@ -117,23 +117,23 @@ def test_a_name_is_one_short_line_that_can_be_printed(text: str) -> None:
         BEARING.replace(name=text)
 
 
-def test_a_description_has_lines_and_no_control_characters() -> None:
+def test_a_description_has_lines_and_no_control_characters():
     assert BEARING.replace(description="two\n\tlines").description == "two\n\tlines"
     with pytest.raises(ConfigError, match=r"description: must be text without control characters"):
         BEARING.replace(description="a\x1b[31m")
 
 
-def expert(text: str) -> Expert:
+def expert(text):
     return Expert.from_map(stiffness_map(BEARING)).model_copy(update={"source": text})
 
 
-def export(out: Path, kind: str, text: str) -> None:
+def export(out, kind, text):
     """Write a folder of C for a bearing and an expert that are called by a text."""
     magnet = expert(text) if kind == "adaptive" else None
     export_c(called(BEARING, text), magnet, out, kind=kind, prefix="flt")
 
 
-def export_controllers(out: Path, text: str) -> None:
+def export_controllers(out, text):
     """Write whole controllers in C, of an axis with calibration and telemetry, and of a machine."""
     scenario = Scenario(duration=0.1, controller=PID.for_bearing(BEARING))
     axis = called(BEARING, text)
@@ -144,7 +144,7 @@ def export_controllers(out: Path, text: str) -> None:
     export_c(machine, None, out / "machine", prefix="flt", scenario=Scenario(duration=0.05))
 
 
-def wave(text: str) -> Figure:
+def wave(text):
     """A figure with a text wherever others may have put one."""
     t = np.linspace(0, 1, 50)
     label, shown = escaping.label(text), escaping.markdown(text)
@@ -152,7 +152,7 @@ def wave(text: str) -> Figure:
     return Figure("wave", f"Run of {shown}", f"{shown} is shown.", [panel])
 
 
-def report(text: str) -> Report:
+def report(text):
     """A report with a text wherever others may have put one."""
     shown = escaping.markdown(text)
     table = TableBlock("t", shown, [shown, "b"], [[shown, 1.0]], shown, highlight={(0, 1): shown})
@@ -162,12 +162,12 @@ def report(text: str) -> Report:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+def made(tmp_path_factory):
     """Everything that is written from templates, once for a plain name and once for the worst."""
     folder, templates = tmp_path_factory.mktemp("made"), set()
     get = Environment.get_template
 
-    def counting(self: Environment, name: Any, *rest: Any, **more: Any) -> Any:
+    def counting(self, name, *rest, **more):
         templates.add(str(name))
         return get(self, name, *rest, **more)
 
@@ -184,18 +184,18 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
-def test_every_template_is_filled_in_with_the_worst(made: Made) -> None:
+def test_every_template_is_filled_in_with_the_worst(made):
     assert {path.name for path in TEMPLATES} == made.templates
 
 
-def without_comments(text: str) -> str:
+def without_comments(text):
     """Return C without its comments and the hash of what it was made from."""
     bare = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
     bare = re.sub(r"0x[0-9A-F]{4}U\) << 16\) \| 0x[0-9A-F]{4}U", "", bare)
     return re.sub(r"[0-9a-f]{16}", "", bare)
 
 
-def check_export(plain: Path, hostile: Path, text: str) -> None:
+def check_export(plain, hostile, text):
     """Check that nothing but comments and prose differs."""
     for path in plain.rglob("*.*"):
         written = (hostile / path.relative_to(plain)).read_text(encoding="utf-8")
@@ -215,19 +215,19 @@ def check_export(plain: Path, hostile: Path, text: str) -> None:
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 @pytest.mark.parametrize("kind", [*C_KINDS, "controllers/axis", "controllers/machine"])
-def test_no_name_changes_the_c_or_its_build(kind: str, made: Made) -> None:
+def test_no_name_changes_the_c_or_its_build(kind, made):
     check_export(made.folder / "plain" / kind, made.folder / "worst" / kind, WORST)
 
 
 @pytest.mark.parametrize("text", TEXTS)
-def test_nor_does_a_name_by_itself(text: str, tmp_path: Path) -> None:
+def test_nor_does_a_name_by_itself(text, tmp_path):
     export(tmp_path / "plain", "linear", PLAIN)
     export(tmp_path / "hostile", "linear", text)
     check_export(tmp_path / "plain", tmp_path / "hostile", text)
 
 
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="there is no cmake")
-def test_the_worst_name_builds_and_runs_nothing(tmp_path: Path) -> None:
+def test_the_worst_name_builds_and_runs_nothing(tmp_path):
     export(tmp_path / "c", "adaptive", WORST)
     for command in (
         ["cmake", "-S", ".", "-B", "build"],
@@ -242,7 +242,7 @@ def test_the_worst_name_builds_and_runs_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 @pytest.mark.parametrize(("kind", "fmi"), FMUS)
-def test_an_fmu_of_any_name_is_sound(kind: Any, fmi: Any, made: Made) -> None:
+def test_an_fmu_of_any_name_is_sound(kind, fmi, made):
     with zipfile.ZipFile(made.folder / f"{kind}.fmu") as archive:
         description = ElementTree.fromstring(archive.read("modelDescription.xml"))
         page = Page(archive.read("documentation/index.html").decode())
@@ -255,7 +255,7 @@ def test_an_fmu_of_any_name_is_sound(kind: Any, fmi: Any, made: Made) -> None:
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
-def test_a_report_loads_and_runs_nothing(made: Made) -> None:
+def test_a_report_loads_and_runs_nothing(made):
     plain, worst = (
         Page((made.folder / name / "report.html").read_text(encoding="utf-8"))
         for name in ("plain", "worst")
@@ -267,18 +267,18 @@ def test_a_report_loads_and_runs_nothing(made: Made) -> None:
 
 
 @pytest.mark.parametrize("text", TEXTS)
-def test_a_page_bears_any_text(text: str, tmp_path: Path) -> None:
+def test_a_page_bears_any_text(text, tmp_path):
     page = Page(wave(text).save(tmp_path / "p.html").read_text(encoding="utf-8"))
     assert (page.found, page.scripts) == ([], 3)
     assert page.text.count(escaping.one_line(text).strip()) >= 3  # title, heading, caption
 
 
-def test_a_picture_in_markdown_is_no_picture() -> None:
+def test_a_picture_in_markdown_is_no_picture():
     assert "<img" not in markup.markdown("![i](http://evil.example/x.png)")
 
 
 @pytest.mark.parametrize("text", TEXTS)
-def test_pictures_of_a_log_bear_any_name(text: str, tmp_path: Path) -> None:
+def test_pictures_of_a_log_bear_any_name(text, tmp_path):
     """From the file to the page: names of channels, and the name of the file."""
     name = re.sub(r"[/\x00]", "_", text)[:60] + ".csv"
     head = re.sub(r"[\n\r\x00]", " ", text).replace('"', '""')
@@ -294,7 +294,7 @@ def test_pictures_of_a_log_bear_any_name(text: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", NOT_PRINTABLE)
-def test_errors_and_tables_do_not_move_the_cursor(text: str, capsys: Any, tmp_path: Path) -> None:
+def test_errors_and_tables_do_not_move_the_cursor(text, capsys, tmp_path):
     assert escaping.lines(text) == str(AmbkitError(text))
     printing.note(text)
     printing.show([table(text, [text, text], [[text, "[red]1[/red]"]]), text])
@@ -309,19 +309,19 @@ def test_errors_and_tables_do_not_move_the_cursor(text: str, capsys: Any, tmp_pa
     assert all(map(str.isprintable, capsys.readouterr().err.split("\n")))
 
 
-def test_a_key_of_toml_is_told_in_one_line() -> None:
+def test_a_key_of_toml_is_told_in_one_line():
     with pytest.raises(ConfigError, match=r"b\.toml:1: evil\\nb\.toml:9: mass: unknown key"):
         Bearing.from_toml('"evil\\nb.toml:9: mass" = 1\n' + BEARING.to_toml(), "b.toml")
 
 
-def test_half_a_character_in_an_expert_is_told(tmp_path: Path) -> None:
+def test_half_a_character_in_an_expert_is_told(tmp_path):
     text = expert("x").model_dump_json().replace('"source":"x"', r'"source":"a\ud800"')
     (tmp_path / "e.json").write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=r'e\.json:1: source: .*, is "a\\ud800"$'):
         Expert.load(tmp_path / "e.json")
 
 
-def test_what_is_written_as_toml_is_printable() -> None:
+def test_what_is_written_as_toml_is_printable():
     data = {"a": "x\x1b\u202e\U000e0001", "\x1b": 1, "t": {"b\t": ["\t\n\x85", {"\u2028": 0.1}]}}
     text = escaping.toml_text(data)
     assert all(map(str.isprintable, text.split("\n")))
@@ -329,6 +329,6 @@ def test_what_is_written_as_toml_is_printable() -> None:
 
 
 @pytest.mark.parametrize("prefix", ["test", "selftest", "math", "STDIO", "clean"])
-def test_a_prefix_is_no_header_and_no_target(prefix: str, tmp_path: Path) -> None:
+def test_a_prefix_is_no_header_and_no_target(prefix, tmp_path):
     with pytest.raises(AmbkitError, match="prefix must not be"):
         export_c(BEARING, None, tmp_path / "c", prefix=prefix)

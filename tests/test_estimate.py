@@ -1,28 +1,24 @@
 """What an estimator says about a record: names, standard deviations, and the way into a file."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimate, KalmanFilter, Record, Scenario, Status
+from ambkit import Bearing, KalmanFilter, Record, Scenario, Status
 
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(BEARING, Scenario(duration=0.5, seed=1)).record
 
 
 @pytest.fixture(scope="module")
-def estimate() -> Estimate:
+def estimate():
     y = RECORD["y"].copy()
     y[1000:1010] = np.nan
     kf = KalmanFilter(BEARING)
     return kf.run(Record(RECORD.t, {"y": y, "u": RECORD["u"]}), covariance=True)
 
 
-def test_states_have_names(estimate: Estimate) -> None:
+def test_states_have_names(estimate):
     assert estimate.names == ("x", "v", "f_d", "x_m")
     for column, name in enumerate(estimate.names):
         assert (estimate[name] == estimate.mean[:, column]).all()
@@ -32,7 +28,7 @@ def test_states_have_names(estimate: Estimate) -> None:
         estimate["q"]
 
 
-def test_standard_deviations_are_those_of_the_errors(estimate: Estimate) -> None:
+def test_standard_deviations_are_those_of_the_errors(estimate):
     """Where the disturbance is the random walk that the filter takes it for."""
     noise = ambkit.FilterNoise(disturbance=4.0)
     t = BEARING.sampling_time * np.arange(20_001)
@@ -54,9 +50,7 @@ def test_standard_deviations_are_those_of_the_errors(estimate: Estimate) -> None
         without.std("x")
 
 
-def test_the_normalised_innovation_is_one_where_the_measurement_was_used(
-    estimate: Estimate,
-) -> None:
+def test_the_normalised_innovation_is_one_where_the_measurement_was_used(estimate):
     assert estimate.nis[estimate.used][100:].mean() == pytest.approx(1, abs=0.1)
     assert (estimate.nis[~estimate.used] == 0).all()
     assert np.flatnonzero(~estimate.used).tolist() == list(range(1000, 1010))
@@ -64,7 +58,7 @@ def test_the_normalised_innovation_is_one_where_the_measurement_was_used(
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
-def test_saved_estimates_come_back(estimate: Estimate, tmp_path: Path, ending: str) -> None:
+def test_saved_estimates_come_back(estimate, tmp_path, ending):
     path = tmp_path / f"estimate{ending}"
     estimate.save(path)
     back = Record.load(path)

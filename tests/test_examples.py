@@ -18,7 +18,7 @@ EXAMPLES = Path(__file__).parent.parent / "examples"
 def run(tmp_path, monkeypatch, capsys):
     """Run an example as a user would, in a folder of its own; return what it printed."""
 
-    def run(name: str) -> str:
+    def run(name):
         monkeypatch.chdir(tmp_path)
         runpy.run_path(str(EXAMPLES / name), run_name="__main__")
         return capsys.readouterr().out
@@ -26,7 +26,7 @@ def run(tmp_path, monkeypatch, capsys):
     return run
 
 
-def numbers(pattern: str, text: str) -> list[float]:
+def numbers(pattern, text):
     """Return the groups of the only match."""
     (match,) = re.finditer(pattern, text)
     return [float(number) for number in match.groups()]

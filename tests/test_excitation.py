@@ -1,10 +1,6 @@
 """Experiments: signals that excite what they say, limits that hold, errors that follow."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +14,7 @@ from ambkit import Bearing, Record, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.control.pid import PID
-from ambkit.identification.excitation import Design, Limits, design
+from ambkit.identification.excitation import Limits, design
 from ambkit.identification.excitation.signals import KINDS, multisine, prbs, stepped_sine
 from ambkit.identification.maximum_likelihood.likelihood import Data, Likelihood
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
@@ -30,7 +26,7 @@ FREE = ("magnet_constant", "air_gap", "sensor_lag", "position_offset")
 BAND = (8.0, 80.0)
 
 
-def designed(**options: Any) -> Design:
+def designed(**options):
     return design(BEARING, LOOP, **({"free": FREE, "band": BAND} | options))
 
 
@@ -39,9 +35,7 @@ def designed(**options: Any) -> Design:
 
 @settings(deadline=None, max_examples=25)
 @given(st.sampled_from(sorted(KINDS)), st.integers(800, 5000), st.floats(4, 40), st.floats(2.5, 10))
-def test_signals_excite_their_band_with_amplitude_one(
-    kind: str, n: int, periods: float, ratio: float
-) -> None:
+def test_signals_excite_their_band_with_amplitude_one(kind, n, periods, ratio):
     T = 1e-3
     low = periods / (n * T)
     high = min(ratio * low, 0.4 / T)
@@ -61,7 +55,7 @@ def test_signals_excite_their_band_with_amplitude_one(
 
 
 @pytest.mark.parametrize("band", [(2.0, 300.0), (20.0, 100.0), (2.5, 20.0)])
-def test_a_multisine_has_a_low_crest_factor(band: tuple[float, float]) -> None:
+def test_a_multisine_has_a_low_crest_factor(band):
     """Random phases give 3 to 4; a lone sine has 1.41."""
     signal = multisine(20_001, 1e-4, band)
     assert signal.crest_factor < 1.6
@@ -75,7 +69,7 @@ def test_a_multisine_has_a_low_crest_factor(band: tuple[float, float]) -> None:
     assert others.max() < 1e-9 * amplitude.max()
 
 
-def test_a_binary_signal_is_of_maximum_length() -> None:
+def test_a_binary_signal_is_of_maximum_length():
     """White within its period: the autocorrelation is 1, and -1/(2^n - 1) at every other shift."""
     signal = prbs(20_000, 1e-3, (8.1, 100.0))
     assert set(signal.values) == {-1.0, 1.0}
@@ -87,7 +81,7 @@ def test_a_binary_signal_is_of_maximum_length() -> None:
     assert signal.frequencies == pytest.approx([1 / (31 * hold * 1e-3), 100.0])
 
 
-def test_a_stepped_sine_goes_through_zero_where_it_changes() -> None:
+def test_a_stepped_sine_goes_through_zero_where_it_changes():
     signal = stepped_sine(10_000, 1e-3, (2.0, 50.0))
     assert len(signal.parts) == 12
     assert np.abs(signal.values[[part.start for part in signal.parts]]).max() < 1e-9
@@ -107,9 +101,7 @@ LIMITS = ((1.2, 1e-4), (0.8, 5e-4))
         [(kind, *LIMITS[k % 2]) for k, kind in enumerate(sorted(KINDS))],
     ),
 )
-def test_one_limit_is_filled_and_none_exceeded(
-    kind: str, current: float, displacement: float
-) -> None:
+def test_one_limit_is_filled_and_none_exceeded(kind, current, displacement):
     found = designed(kind=kind, limits=Limits(current, displacement))
     iu, x = (np.max(np.abs(found.record[name])) for name in ("iu", "x"))
     assert iu <= current
@@ -122,7 +114,7 @@ def test_one_limit_is_filled_and_none_exceeded(
     assert np.max(np.abs(record["x"])) < 1.05 * displacement
 
 
-def test_wider_limits_tell_more_and_so_does_more_time() -> None:
+def test_wider_limits_tell_more_and_so_does_more_time():
     narrow = designed(limits=Limits(0.8, 1e-4)).expectation.errors
     wide = designed(limits=Limits(1.2, 3e-4)).expectation.errors
     assert (wide < narrow).all()
@@ -130,7 +122,7 @@ def test_wider_limits_tell_more_and_so_does_more_time() -> None:
     assert (longer.expectation.errors[:3] < 0.75 * designed().expectation.errors[:3]).all()
 
 
-def test_the_band_that_is_chosen_is_the_best_of_those_tried() -> None:
+def test_the_band_that_is_chosen_is_the_best_of_those_tried():
     found = designed(band=None)
     certainty = dict(found.tried)
     assert certainty[found.band] == max(certainty.values())
@@ -140,7 +132,7 @@ def test_the_band_that_is_chosen_is_the_best_of_those_tried() -> None:
 
 
 @pytest.mark.study
-def test_estimates_scatter_as_predicted() -> None:
+def test_estimates_scatter_as_predicted():
     """40 repetitions of the experiment; one step of Gauss and Newton from the truth in each."""
     found = designed(kind="multisine", load=0.05)
     model, parameters = found.expectation.model, named(FREE)
@@ -176,7 +168,7 @@ def test_estimates_scatter_as_predicted() -> None:
         ({"load": 0.0}, "load's wander must be greater than 0 N"),
     ],
 )
-def test_what_cannot_be_designed_is_told(options: dict[str, Any], told: str) -> None:
+def test_what_cannot_be_designed_is_told(options, told):
     with pytest.raises(AmbkitError, match=told):
         designed(**options)
     with pytest.raises(AmbkitError, match=r"limit of the current must be .* at most 1\.5 A"):
@@ -188,15 +180,13 @@ def test_what_cannot_be_designed_is_told(options: dict[str, Any], told: str) -> 
 # ---- the command ----
 
 
-def run(*arguments: str) -> None:
+def run(*arguments):
     with pytest.raises(SystemExit) as left:
         main(list(arguments))
     assert left.value.code == 0
 
 
-def test_excite_then_simulate(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_excite_then_simulate(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     run("excite", "zittau_axial", "--duration", "0.6 s", "--band", "8 Hz,80 Hz", "--free",
         "magnet_constant", "--free", "mass", "--limit", "0.2 mm", "--out", "excitation.csv",
@@ -215,9 +205,7 @@ def test_excite_then_simulate(
     assert np.max(np.abs(record["x"])) < 2.05e-4
 
 
-def test_the_current_s_lag_is_foretold_where_the_amplifier_has_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_current_s_lag_is_foretold_where_the_amplifier_has_one(tmp_path, capsys):
     BEARING.replace(amplifier__bandwidth="200 Hz").save(tmp_path / "late.toml")
     words = ("--duration", "0.3 s", "--band", "15 Hz,150 Hz", "--json")
     for bearing, looked_for in ((str(tmp_path / "late.toml"), True), ("zittau_axial", False)):
@@ -226,9 +214,7 @@ def test_the_current_s_lag_is_foretold_where_the_amplifier_has_one(
         assert ("current_lag" in expected["parameters"] | expected["held"]) == looked_for
 
 
-def test_step_and_reference_exclude_each_other(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_step_and_reference_exclude_each_other(tmp_path, capsys):
     path = tmp_path / "r.csv"
     ambkit.simulate(BEARING, duration="10 ms").record.save(path)
     with pytest.raises(SystemExit) as left:

@@ -11,11 +11,11 @@ LARGEST = {"float64": 708.0, "float32": 87.0}
 """From here on the result stays what it is, the smallest that is still a normal number."""
 
 
-def exp_negative(t: np.ndarray, precision: str) -> np.ndarray:
+def exp_negative(t, precision):
     return core_module(precision).exp_negative(np.ascontiguousarray(t, dtype=precision))
 
 
-def relative_error(t: np.ndarray, precision: str) -> float:
+def relative_error(t, precision):
     """Greatest relative error in machine epsilons, against an exponential of higher precision."""
     given_t = t.astype(precision)
     got = exp_negative(given_t, precision)
@@ -26,7 +26,7 @@ def relative_error(t: np.ndarray, precision: str) -> float:
 
 
 @pytest.mark.parametrize("precision", LARGEST)
-def test_the_relative_error_stays_below_two_epsilons(precision: str) -> None:
+def test_the_relative_error_stays_below_two_epsilons(precision):
     if precision == "float64" and np.finfo(np.longdouble).nmant <= 52:
         pytest.skip("this machine's long double is no wider than double")
     top = LARGEST[precision]
@@ -39,7 +39,7 @@ def test_the_relative_error_stays_below_two_epsilons(precision: str) -> None:
 
 
 @pytest.mark.parametrize("precision", LARGEST)
-def test_special_values(precision: str) -> None:
+def test_special_values(precision):
     tiny = np.finfo(precision).tiny
     top = LARGEST[precision]
     got = exp_negative(np.array([0.0, top, 2 * top, 1e30, np.inf, np.nan]), precision)
@@ -49,7 +49,7 @@ def test_special_values(precision: str) -> None:
 
 
 @given(st.floats(0, 1000), st.floats(0, 1000))
-def test_it_falls_and_multiplies(a: float, b: float) -> None:
+def test_it_falls_and_multiplies(a, b):
     low, high = min(a, b), max(a, b)
     at_low, at_high, together = exp_negative(np.array([low, high, a + b]), "float64")
     # Two neighbours may come out in the wrong order by what the error allows, no more.

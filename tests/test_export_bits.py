@@ -3,14 +3,10 @@
 Their own model is code, straight-line, or arrays that loops go through.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
 from itertools import product
-from pathlib import Path
-from typing import Any
 
 import pytest
 from export_cases import BEARING, compiled, printed_by, program
@@ -20,7 +16,7 @@ from quick import quick
 from ambkit import AmbkitError, Machine, Scenario
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import export_c
 from ambkit.export.c.model import MOST_UNROLLED, states
 from ambkit.models.model import Descriptor
 
@@ -28,7 +24,7 @@ NOISE = {"variance": 1e-12, "bandwidth": 200.0}
 LATE = 1.5 * BEARING.sampling_time
 
 
-def hum(*frequencies: float) -> list[dict[str, float]]:
+def hum(*frequencies):
     return [{"frequency": f, "amplitude": 5e-6, "bandwidth": 0.5} for f in frequencies]
 
 
@@ -53,7 +49,7 @@ OF_AXES = (
 )  # fmt: skip
 BUILDS = (("double", False), ("double", True), ("float", None))
 # Machine, kind, precision, and whether by loops; None: as the export chooses.
-CASES: list[Any] = [
+CASES = [
     *(("all", kind, *build) for kind, build in product(OF_AXES, BUILDS)),
     *product(AXES.keys() - {"all"}, ("linear", "extended"), ("double",), (False, True)),
     *product(("rigid rotor",), OF_MACHINES, ("float",), (None, False)),
@@ -70,7 +66,7 @@ QUICK = {
 }  # fmt: skip
 
 
-def made(machine: Any, kind: str, out: Path, **options: Any) -> CExport:
+def made(machine, kind, out, **options):
     magnet = None if kind == "linear" else KINDS[kind].magnet(machine)  # type: ignore[misc]
     return export_c(machine, magnet, out, kind=kind, prefix="f", **options)
 
@@ -79,11 +75,9 @@ def made(machine: Any, kind: str, out: Path, **options: Any) -> CExport:
 @pytest.mark.parametrize(
     ("name", "kind", "precision", "loops"), quick(sorted(CASES, key=str), QUICK)
 )
-def test_c_has_python_s_bits(
-    name: str, kind: str, precision: str, loops: bool | None, tmp_path: Path
-) -> None:
+def test_c_has_python_s_bits(name, kind, precision, loops, tmp_path):
     if name in AXES:
-        exported: Any = AXES[name]
+        exported = AXES[name]
     else:
         exported = machine() if name == "rigid rotor" else Machine.preset(name)
     made(exported, kind, tmp_path, precision=precision, loops=loops)
@@ -95,7 +89,7 @@ def test_c_has_python_s_bits(
 
 
 @compiled
-def test_a_large_model_is_computed_by_loops(tmp_path: Path) -> None:
+def test_a_large_model_is_computed_by_loops(tmp_path):
     large = BEARING.replace(sensor__hum=hum(50.0, 100.0, 150.0, 300.0, 600.0))
     export = made(large, "extended", tmp_path)
     assert "core/src/loops.c" in export.files
@@ -107,7 +101,7 @@ def test_a_large_model_is_computed_by_loops(tmp_path: Path) -> None:
     assert "equal to the last bit" in printed_by(tmp_path)
 
 
-def test_its_header_names_its_states(tmp_path: Path) -> None:
+def test_its_header_names_its_states(tmp_path):
     export = made(AXES["all"], "linear", tmp_path)
     header = (tmp_path / "f.h").read_text()
     (fields,) = re.findall(r"typedef struct f_estimates \{\n(.*?)\n\}", header, re.DOTALL)
@@ -122,7 +116,7 @@ def test_its_header_names_its_states(tmp_path: Path) -> None:
     assert export.cost is None
 
 
-def test_a_state_of_a_name_that_c_has_gets_another() -> None:
+def test_a_state_of_a_name_that_c_has_gets_another():
     described = [Descriptor(n, "m", 1.0, "noise") for n in ("x", "double", "k_i", "feed_back")]
     assert [s.field for s in states(described)] == ["x", "double_", "k_i_", "feed_back_"]
 
@@ -137,7 +131,7 @@ FUSED = ("-O2", "-ffp-contract=fast", "-march=native")
 """What gcc and clang take by default for aarch64, or for this processor."""
 
 
-def fuses(compiler: str) -> bool:
+def fuses(compiler):
     words = [compiler, *FUSED, "-dM", "-E", "-x", "c", "/dev/null"]
     defined = subprocess.run(words, capture_output=True, text=True).stdout
     return "__FMA__" in defined or "__aarch64__" in defined
@@ -155,9 +149,7 @@ def fuses(compiler: str) -> bool:
          ("tum_mlps", "levitated", "double", "gcc")],
     ),
 )  # fmt: skip
-def test_contraction_is_let_pass(
-    name: str, flight: str, precision: Any, compiler: str, tmp_path: Path
-) -> None:
+def test_contraction_is_let_pass(name, flight, precision, compiler, tmp_path):
     """Where rounding is amplified, the self-test asks only those for bits that promise them."""
     if shutil.which(compiler) is None or not fuses(compiler):
         pytest.skip(f"{compiler} is not there, or this processor fuses nothing")
@@ -180,9 +172,7 @@ def test_contraction_is_let_pass(
     [("heart_pump", "float"), ("heart_pump", "double"),
      pytest.param("tum_mlps_flexible", "float", marks=pytest.mark.long)],
 )  # fmt: skip
-def test_a_hundredth_of_a_gain_is_seen_by_who_contracts(
-    name: str, precision: Any, tmp_path: Path
-) -> None:
+def test_a_hundredth_of_a_gain_is_seen_by_who_contracts(name, precision, tmp_path):
     if not fuses("gcc"):
         pytest.skip("this processor fuses nothing")
     one = Machine.preset(name)
@@ -203,15 +193,13 @@ def test_a_hundredth_of_a_gain_is_seen_by_who_contracts(
         (machine(), "observer", {}, "one axis"),
     ],
 )
-def test_what_cannot_be_exported_says_so(
-    exported: Any, kind: str, options: dict[str, Any], text: str, tmp_path: Path
-) -> None:
+def test_what_cannot_be_exported_says_so(exported, kind, options, text, tmp_path):
     with pytest.raises(AmbkitError, match=text):
         export_c(exported, None, tmp_path / "c", kind=kind, **options)
     assert not (tmp_path / "c").exists()
 
 
-def test_the_configuration_changes_with_the_machine(tmp_path: Path) -> None:
+def test_the_configuration_changes_with_the_machine(tmp_path):
     first = export_c(machine(), None, tmp_path / "a")
     again = export_c(machine(), None, tmp_path / "b")
     other = export_c(machine(speed=501.0), None, tmp_path / "c")

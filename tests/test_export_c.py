@@ -33,7 +33,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 Exported = Callable[..., CExport]
 
 
-def texts(folder: Path) -> dict[str, bytes]:
+def texts(folder):
     """Return the bytes of every file in a folder."""
     files = (path for path in folder.rglob("*") if path.is_file())
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
@@ -43,7 +43,7 @@ def texts(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def workflow(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+def workflow(tmp_path_factory):
     """The README's lines from training to self-test, run by a shell; folder and output."""
     for tool in ("cmake", "make", "bash"):
         if shutil.which(tool) is None:
@@ -61,14 +61,14 @@ def workflow(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder, done.stdout
 
 
-def test_the_workflow_of_the_readme_ends_with_pass(workflow: tuple[Path, str]) -> None:
+def test_the_workflow_of_the_readme_ends_with_pass(workflow):
     _, printed = workflow
     last = printed.splitlines()[-1]
     assert last == "pass: zittau_axial, 771 samples, two instances: equal to the last bit"
     assert last in README
 
 
-def test_the_workflow_is_that_of_the_issue() -> None:
+def test_the_workflow_is_that_of_the_issue():
     assert re.search(
         r"^ambkit train zittau_axial --out expert\.json$\n"
         r"^ambkit export c zittau_axial --filter expert\.json --out out/$\n"
@@ -78,7 +78,7 @@ def test_the_workflow_is_that_of_the_issue() -> None:
     )
 
 
-def test_another_process_writes_the_same_bytes(workflow: tuple[Path, str], tmp_path: Path) -> None:
+def test_another_process_writes_the_same_bytes(workflow, tmp_path):
     folder, _ = workflow
     expert = ambkit.Expert.load(folder / "expert.json")
     export_c(BEARING, expert, tmp_path / "here")
@@ -92,13 +92,11 @@ class Called(NamedTuple):
 
 
 @pytest.fixture
-def command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[[str], Called]:
+def command(tmp_path, monkeypatch, capsys):
     """Call ``ambkit export c`` with further words, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
 
-    def call(words: str) -> Called:
+    def call(words):
         capsys.readouterr()
         with pytest.raises(SystemExit) as done:
             main(["export", "c", *shlex.split(words)])
@@ -108,9 +106,7 @@ def command(
 
 
 @pytest.mark.parametrize("kind", ["linear", "closed-law", "tabulated", "observer"])
-def test_the_command_takes_names_and_files(
-    command: Callable[[str], Called], exported: Exported, kind: str
-) -> None:
+def test_the_command_takes_names_and_files(command, exported, kind):
     chosen("adaptive").magnet.save("expert.json")
     named = "expert.json --table-error auto" if kind == "tabulated" else kind
     done = command(f"zittau_axial --filter {named} --out out")
@@ -135,9 +131,7 @@ def test_the_command_takes_names_and_files(
         ("zittau_axial --clock 80MHz --out o", "there is no option --clock"),
     ],
 )
-def test_what_the_user_did_wrong_is_one_message(
-    command: Callable[[str], Called], tmp_path: Path, words: str, said: str
-) -> None:
+def test_what_the_user_did_wrong_is_one_message(command, tmp_path, words, said):
     done = command(words)
     assert done.code == 2
     assert said in done.err
@@ -150,7 +144,7 @@ def test_what_the_user_did_wrong_is_one_message(
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_dates_no_paths(exported: Exported, kind: str, precision: str) -> None:
+def test_no_dates_no_paths(exported, kind, precision):
     for name, content in texts(exported(kind, precision).folder).items():
         text = content.decode()
         assert not re.search(r"\b20\d\d-\d\d|__DATE__|__TIME__|__TIMESTAMP__|__FILE__", text), name
@@ -160,18 +154,14 @@ def test_no_dates_no_paths(exported: Exported, kind: str, precision: str) -> Non
         assert not re.search(r"[ \t]$", text, re.MULTILINE), f"{name}: blanks at the end of a line"
 
 
-def test_the_same_input_gives_the_same_bytes_into_any_folder(
-    exported: Exported, tmp_path: Path
-) -> None:
+def test_the_same_input_gives_the_same_bytes_into_any_folder(exported, tmp_path):
     for kind in ("linear", "tabulated"):
         again = export(kind, tmp_path / kind / "elsewhere")
         assert texts(again.folder) == texts(exported(kind).folder)
         assert again.configuration == exported(kind).configuration
 
 
-def test_whatever_the_filter_is_made_from_changes_the_hash(
-    exported: Exported, tmp_path: Path
-) -> None:
+def test_whatever_the_filter_is_made_from_changes_the_hash(exported, tmp_path):
     heavier = BEARING.replace(rotor__mass=BEARING.rotor.mass * (1 + 1e-6))
     made = {
         "as it is": exported("linear"),
@@ -196,7 +186,7 @@ def test_whatever_the_filter_is_made_from_changes_the_hash(
         assert f'_VERSION "{ambkit.__version__}"' in header
 
 
-def test_its_header_says_which_sampled_model_it_has(tmp_path: Path) -> None:
+def test_its_header_says_which_sampled_model_it_has(tmp_path):
     for as_printed, told in (
         (False, "force held, all else exact"),
         (True, "position held (eq. 19"),
@@ -212,7 +202,7 @@ def test_its_header_says_which_sampled_model_it_has(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_folder_holds_what_the_core_holds(exported: Exported, kind: str) -> None:
+def test_the_folder_holds_what_the_core_holds(exported, kind):
     """The library's own files byte for byte, save precision, and a model that is not built in."""
     made = exported(kind)
     core = [name for name in made.files if name.startswith("core/")]
@@ -225,7 +215,7 @@ def test_the_folder_holds_what_the_core_holds(exported: Exported, kind: str) -> 
 
 
 @pytest.mark.skipif(shutil.which("sha256sum") is None, reason="sha256sum is not installed")
-def test_the_manifest_is_of_all_files(exported: Exported) -> None:
+def test_the_manifest_is_of_all_files(exported):
     made = exported("adaptive")
     command = ["sha256sum", "--check", "--strict", "ambkit.sha256"]
     done = subprocess.run(command, cwd=made.folder, capture_output=True, text=True)
@@ -235,9 +225,7 @@ def test_the_manifest_is_of_all_files(exported: Exported) -> None:
     assert checked == set(made.files)
 
 
-def test_an_export_is_not_poured_among_other_files(
-    command: Callable[[str], Called],
-) -> None:
+def test_an_export_is_not_poured_among_other_files(command):
     Path("bearing.toml").write_text("mine")
     done = command("zittau_axial --out .")
     assert done.code == 2
@@ -246,14 +234,14 @@ def test_an_export_is_not_poured_among_other_files(
     assert texts(Path()) == {"bearing.toml": b"mine"}
 
 
-def test_a_new_repository_is_empty(tmp_path: Path) -> None:
+def test_a_new_repository_is_empty(tmp_path):
     (tmp_path / ".git").mkdir()
     (tmp_path / ".git" / "HEAD").write_text("ref: refs/heads/main")
     made = export("linear", tmp_path)
     assert set(texts(tmp_path)) == {".git/HEAD", "ambkit.sha256", *made.files}
 
 
-def test_what_lies_beside_an_older_export_is_not_touched(tmp_path: Path) -> None:
+def test_what_lies_beside_an_older_export_is_not_touched(tmp_path):
     first = export("adaptive", tmp_path)
     assert (tmp_path / "core" / "src" / "fuzzy.c").exists()
     (tmp_path / "notes.txt").write_text("mine")
@@ -262,7 +250,7 @@ def test_what_lies_beside_an_older_export_is_not_touched(tmp_path: Path) -> None
     assert set(first.files) - set(second.files), "nothing was there to be taken away"
 
 
-def test_a_file_of_the_same_name_is_not_overwritten(tmp_path: Path) -> None:
+def test_a_file_of_the_same_name_is_not_overwritten(tmp_path):
     export("linear", tmp_path)
     (tmp_path / "core" / "src" / "fuzzy.c").write_text("mine")
     before = texts(tmp_path)
@@ -272,7 +260,7 @@ def test_a_file_of_the_same_name_is_not_overwritten(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["../outside.txt", "{folder}/outside.txt", "a/../../outside.txt"])
-def test_a_manifest_cannot_reach_outside(tmp_path: Path, name: str) -> None:
+def test_a_manifest_cannot_reach_outside(tmp_path, name):
     outside, folder = tmp_path / "outside.txt", tmp_path / "out"
     outside.write_text("mine")
     folder.mkdir()
@@ -282,14 +270,14 @@ def test_a_manifest_cannot_reach_outside(tmp_path: Path, name: str) -> None:
     assert outside.read_text() == "mine"
 
 
-def test_a_file_is_no_folder(tmp_path: Path) -> None:
+def test_a_file_is_no_folder(tmp_path):
     (tmp_path / "out").write_text("mine")
     with pytest.raises(AmbkitError, match="out"):
         export("linear", tmp_path / "out")
     assert (tmp_path / "out").read_text() == "mine"
 
 
-def test_an_installed_package_brings_its_c(tmp_path: Path, exported: Exported) -> None:
+def test_an_installed_package_brings_its_c(tmp_path, exported):
     """The Python files and what CMake installs side by side, as in a wheel, and no repository."""
     installed = Path(sys.prefix, "lib", f"python{sys.version_info[0]}.{sys.version_info[1]}",
                      "site-packages")  # fmt: skip
@@ -312,13 +300,13 @@ def test_an_installed_package_brings_its_c(tmp_path: Path, exported: Exported) -
     assert texts(tmp_path / "out") == texts(exported("linear").folder)
 
 
-def test_a_kind_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_a_kind_that_is_none_is_refused(tmp_path):
     with pytest.raises(AmbkitError, match='no kind of estimator "kalman"; known: '):
         export_c(BEARING, None, tmp_path / "out", kind="kalman")
     assert not (tmp_path / "out").exists()
 
 
-def test_linear_is_what_no_estimator_is(exported: Exported, tmp_path: Path) -> None:
+def test_linear_is_what_no_estimator_is(exported, tmp_path):
     assert chosen("linear") == ("linear", None, None, ())
     law = export_c(BEARING, ClosedLaw(BEARING), tmp_path / "law")
     assert texts(law.folder) == texts(exported("closed-law").folder)

@@ -1,7 +1,5 @@
 """Exported C through gcc and clang, linked as a controller's firmware would, and run."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 import shutil
@@ -42,9 +40,7 @@ pytestmark = pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "precision"), [*CASES, ("linear", "double"), ("tabulated", "double")]
 )
-def test_it_compiles_without_a_warning_and_passes(
-    exported: Exported, tmp_path: Path, kind: str, precision: str, compiler: str
-) -> None:
+def test_it_compiles_without_a_warning_and_passes(exported, tmp_path, kind, precision, compiler):
     made = exported(kind, precision)
     done = program(compiler, made.folder, tmp_path / "selftest")
     assert (done.returncode, done.stderr) == (0, "")
@@ -55,7 +51,7 @@ def test_it_compiles_without_a_warning_and_passes(
     assert said.returncode == 0
 
 
-def cpu_flags() -> set[str]:
+def cpu_flags():
     try:
         return set(Path("/proc/cpuinfo").read_text().split())
     except OSError:
@@ -65,9 +61,7 @@ def cpu_flags() -> set[str]:
 @needs_gcc
 @pytest.mark.skipif("fma" not in cpu_flags(), reason="this processor has no fused multiply-add")
 @pytest.mark.parametrize("kind", KINDS)
-def test_where_the_compiler_contracts_it_passes_within_its_bound(
-    exported: Exported, tmp_path: Path, kind: str
-) -> None:
+def test_where_the_compiler_contracts_it_passes_within_its_bound(exported, tmp_path, kind):
     flags = ("-O2", "-mfma", "-ffp-contract=fast")
     done = program("gcc", exported(kind).folder, tmp_path / "selftest", flags)
     assert (done.returncode, done.stderr) == (0, "")
@@ -91,9 +85,7 @@ def test_where_the_compiler_contracts_it_passes_within_its_bound(
         ("core/src/kalman_step.h", r"unchanged >= ", "the frozen sensor"),
     ],
 )
-def test_the_selftest_fails_where_something_is_wrong(
-    exported: Exported, tmp_path: Path, file: str, pattern: str, changed: str
-) -> None:
+def test_the_selftest_fails_where_something_is_wrong(exported, tmp_path, file, pattern, changed):
     made = exported("adaptive")
     shutil.copytree(made.folder, tmp_path / "out")
     path = tmp_path / "out" / file.format(made.name)
@@ -121,7 +113,7 @@ def test_the_selftest_fails_where_something_is_wrong(
 
 @needs_gcc
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_example_of_its_readme_compiles(exported: Exported, tmp_path: Path, kind: str) -> None:
+def test_the_example_of_its_readme_compiles(exported, tmp_path, kind):
     made = exported(kind)
     examples = re.findall(r"```c\n(.*?)```", (made.folder / "README.md").read_text(), re.DOTALL)
     assert len(examples) == 2
@@ -133,7 +125,7 @@ def test_the_example_of_its_readme_compiles(exported: Exported, tmp_path: Path, 
 
 @needs_gcc
 @pytest.mark.parametrize("name", ["filter_task", "two_tasks"])
-def test_the_tasks_of_the_docs_compile(exported: Exported, name: str) -> None:
+def test_the_tasks_of_the_docs_compile(exported, name):
     task = Path(__file__).parents[1] / "examples" / "controller" / f"{name}.c"
     done = understood("gcc", exported("linear").folder, task)
     assert (done.returncode, done.stderr) == (0, "")
@@ -141,7 +133,7 @@ def test_the_tasks_of_the_docs_compile(exported: Exported, name: str) -> None:
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
 @pytest.mark.parametrize("kind", KINDS)
-def test_its_header_is_c_plus_plus_as_well(exported: Exported, tmp_path: Path, kind: str) -> None:
+def test_its_header_is_c_plus_plus_as_well(exported, tmp_path, kind):
     made = exported(kind)
     name = made.name
     (tmp_path / "user.cpp").write_text(
@@ -176,7 +168,7 @@ size_t {0}_estimates_size(void)
 class Filters:
     """Exports in one shared library, called through their own headers."""
 
-    def __init__(self, folder: Path, made: dict[str, CExport], precision: str) -> None:
+    def __init__(self, folder, made, precision):
         self.real = ctypes.c_float if precision == "float" else ctypes.c_double
         folders = [one.folder for one in made.values()]
         # By their names: what they share is compiled once.
@@ -188,14 +180,14 @@ class Filters:
         subprocess.run([*words, "-shared", "-o", library], cwd=folder, check=True)
         self.library = ctypes.CDLL(str(library))
 
-    def start(self, name: str) -> Filter:
+    def start(self, name):
         return Filter(self, name)
 
 
 class Filter:
     """One instance of an exported filter."""
 
-    def __init__(self, filters: Filters, name: str) -> None:
+    def __init__(self, filters, name):
         self.real, library = filters.real, filters.library
         state, estimates = (
             getattr(library, f"{name}_{what}_size")() for what in ("state", "estimates")
@@ -205,7 +197,7 @@ class Filter:
         self.functions = [getattr(library, f"{name}_{what}") for what in ("reset", "step")]
         getattr(library, f"{name}_init")(self.state)
 
-    def take(self, y: float, u: float | None) -> tuple[float, ...]:
+    def take(self, y, u):
         """Take a sample in; return x, v, f_d, x_m and the status."""
         reset, step = self.functions
         real = self.real
@@ -218,7 +210,7 @@ class Filter:
 
 @needs_gcc
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_instances_of_several_filters_run_side_by_side(tmp_path: Path, precision: str) -> None:
+def test_instances_of_several_filters_run_side_by_side(tmp_path, precision):
     """One program, each kind with a prefix of its own, two instances of each, in any order."""
     built_in = [kind for kind in KINDS if kind != "constant-velocity"]  # of one core
     kinds = {f"f{n}": kind for n, kind in enumerate(built_in)}
@@ -254,9 +246,7 @@ def test_instances_of_several_filters_run_side_by_side(tmp_path: Path, precision
 @needs_gcc
 @pytest.mark.skipif(shutil.which("nm") is None, reason="nm is not installed")
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_name_has_the_prefix_and_nothing_is_borrowed(
-    exported: Exported, tmp_path: Path, kind: str
-) -> None:
+def test_every_name_has_the_prefix_and_nothing_is_borrowed(exported, tmp_path, kind):
     made = export(kind, tmp_path / "out", prefix="Axis_2")
     assert {f"{made.name}{ending}" for ending in (".h", ".c", "_data.h", "_data.c")} <= set(
         made.files
@@ -267,7 +257,7 @@ def test_every_name_has_the_prefix_and_nothing_is_borrowed(
         words = [*command("gcc"), "-c", name, "-o", compiled[-1]]
         subprocess.run(words, cwd=made.folder, check=True)
 
-    def symbols(*options: str) -> set[str]:
+    def symbols(*options):
         words = ["nm", "--extern-only", "--just-symbols", "--quiet", *options, *compiled]
         done = subprocess.run(words, check=True, capture_output=True, text=True)
         return {line for line in done.stdout.split() if not line.endswith(":")}
@@ -295,9 +285,7 @@ class Supervised(ctypes.Structure):
 
 @needs_gcc
 @pytest.mark.parametrize("kind", ["linear", "extended", "observer", "augmented", "low-pass"])
-def test_init_is_all_there_is_to_do_at_power_on(
-    exported: Exported, tmp_path: Path, kind: str
-) -> None:
+def test_init_is_all_there_is_to_do_at_power_on(exported, tmp_path, kind):
     """The first measurement is where it starts; what may be fed back is said."""
     made = exported(kind)
     library = tmp_path / "filter.so"

@@ -1,11 +1,7 @@
 """Estimator and controllers in one step, as C: what the simulation flew, to the last bit."""
 
-from __future__ import annotations
-
 import subprocess
 from itertools import product
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -48,7 +44,7 @@ QUICKLY = [
 ]  # fmt: skip
 
 
-def run(folder: Path, *defines: str) -> str:
+def run(folder, *defines):
     sources = [str(path.relative_to(folder)) for path in folder.rglob("*.c")]
     build = [*command("gcc"), *defines, *sources, "-o", "test.out"]
     subprocess.run(build, cwd=folder, check=True, timeout=120)
@@ -59,7 +55,7 @@ def run(folder: Path, *defines: str) -> str:
 @pytest.mark.parametrize(
     ("name", "precision"), quick(product(FLIGHTS, ["float", "double"]), QUICKLY)
 )
-def test_currents_are_those_of_the_simulation(name: str, precision: Any, tmp_path: Path) -> None:
+def test_currents_are_those_of_the_simulation(name, precision, tmp_path):
     flight, options = FLIGHTS[name]
     one = machine(speed=600.0)
     export_c(one, None, tmp_path / "c", prefix="f", precision=precision, scenario=flight, **options)
@@ -71,7 +67,7 @@ def test_currents_are_those_of_the_simulation(name: str, precision: Any, tmp_pat
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["ufu_flexible", "compressor", "tum_mlps_flexible", "heart_pump"])
 @pytest.mark.parametrize("kind", ["decentralised", "translation and tilt", "lqg"])
-def test_those_of_presets(name: str, kind: Any, tmp_path: Path) -> None:
+def test_those_of_presets(name, kind, tmp_path):
     flight = Scenario(feedback="estimate", control=Control(type=kind))
     export_c(Machine.preset(name), None, tmp_path / "c", prefix="f", scenario=flight)
     assert "samples flown: equal to the last bit" in run(tmp_path / "c")
@@ -79,14 +75,14 @@ def test_those_of_presets(name: str, kind: Any, tmp_path: Path) -> None:
 
 @compiled
 @pytest.mark.long
-def test_a_rotor_that_bends_is_let_turn_as_in_the_simulation(tmp_path: Path) -> None:
+def test_a_rotor_that_bends_is_let_turn_as_in_the_simulation(tmp_path):
     one = Machine.preset("ufu_flexible").replace(speed="9000 rpm")
     flight = Scenario(feedback="estimate", control=Control(unbalance="force-free"))
     export_c(one, None, tmp_path / "c", prefix="f", scenario=flight, **UNBALANCE)
     assert "samples flown: equal to the last bit" in run(tmp_path / "c")
 
 
-def test_what_is_flown_visits_limits_and_losses() -> None:
+def test_what_is_flown_visits_limits_and_losses():
     flight = FLIGHTS["cross feedback"][0].model_copy(update={"sequence": LiftOff()})
     one = machine(speed=600.0)
     kalman = KalmanFilter(one, precision="float32")
@@ -117,7 +113,7 @@ FAULTS = {
 
 @compiled
 @pytest.mark.long
-def test_faults_are_noticed(tmp_path: Path) -> None:
+def test_faults_are_noticed(tmp_path):
     """Planted one by one; the control signal that the filter is told is the one that acted."""
     one = machine(speed=600.0)
     control = Control(type="translation and tilt", unbalance="force-free", cross_feedback=0.5)
@@ -170,7 +166,7 @@ int main()
 
 @compiled
 @pytest.mark.parametrize("name", ["force-free", "force-free, from a speed", "lqg, still"])
-def test_currents_stay_within_limits_whatever_is_given(name: str, tmp_path: Path) -> None:
+def test_currents_stay_within_limits_whatever_is_given(name, tmp_path):
     """And C++ takes the headers."""
     flight, options = FLIGHTS[name]
     folder = tmp_path / "c"
@@ -205,9 +201,7 @@ int main(void)
 
 
 @compiled
-def test_the_exported_step_hands_back_to_plain_control_where_the_unbalance_is_large(
-    tmp_path: Path,
-) -> None:
+def test_the_exported_step_hands_back_to_plain_control_where_the_unbalance_is_large(tmp_path):
     """Force-free with the unbalance that is described; with five times as much it is limited."""
     largest = 0.04 * 4.0 * 0.3e-3  # [kg m] a plane, by mass and clearance
     described = machine(speed=600.0).replace(
@@ -258,7 +252,7 @@ def test_the_exported_step_hands_back_to_plain_control_where_the_unbalance_is_la
     assert swings["force-free", 5] == pytest.approx(swings["off", 5], rel=0.02)
 
 
-def test_what_has_no_controllers_says_so(tmp_path: Path) -> None:
+def test_what_has_no_controllers_says_so(tmp_path):
     with pytest.raises(AmbkitError, match="cross_feedback: is of a rotor that is a body"):
         export_c(
             BEARING, None, tmp_path / "c", scenario=Scenario(controller=Control(cross_feedback=0.5))
@@ -269,7 +263,7 @@ def test_what_has_no_controllers_says_so(tmp_path: Path) -> None:
     assert not (tmp_path / "c").exists()
 
 
-def test_readings_that_are_lost_are_flown() -> None:
+def test_readings_that_are_lost_are_flown():
     one = machine()
     lost = np.zeros((101, len(one.readings)))
     lost[50, 1] = np.nan
@@ -282,7 +276,7 @@ def test_readings_that_are_lost_are_flown() -> None:
         simulate(one, Scenario(duration=0.01), external_inputs=ExternalInputs(readings=lost[:50]))
 
 
-def test_the_command_takes_a_flight(call: Any, tmp_path: Path) -> None:
+def test_the_command_takes_a_flight(call, tmp_path):
     flight = tmp_path / "scenario.toml"
     flight.write_text(
         'feedback = "estimate"\n[control]\ntype = "lqg"\nunbalance = "compensation"\n'

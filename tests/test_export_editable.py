@@ -1,14 +1,10 @@
 """Exports whose data file has each number once, and starts wherever the rotor lies."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 import shutil
 import subprocess
 from itertools import product
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,8 +14,7 @@ from quick import quick
 
 import ambkit
 from ambkit import AmbkitError, FilterNoise, KalmanFilter
-from ambkit.estimate.estimator import Estimator
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import export_c
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 
@@ -32,14 +27,12 @@ KINDS = ("linear", "closed-law", "extended", "ud", "multiple-model", "linear-ada
     product(KINDS, ("float", "double")),
     {*product(KINDS, ("float",)), ("extended", "double"), ("multiple-model", "double")},
 ))  # fmt: skip
-def test_what_follows_is_computed_at_init_to_the_same_bits(
-    tmp_path: Path, kind: str, precision: Any
-) -> None:
+def test_what_follows_is_computed_at_init_to_the_same_bits(tmp_path, kind, precision):
     made = export(kind, tmp_path / "c", prefix="f", precision=precision, editable=True)
     assert "equal to the last bit" in printed_by(made.folder)
 
 
-def test_as_printed_too(tmp_path: Path) -> None:
+def test_as_printed_too(tmp_path):
     made = export("linear", tmp_path / "c", prefix="f", as_printed=True, editable=True)
     assert "equal to the last bit" in printed_by(made.folder)
 
@@ -47,7 +40,7 @@ def test_as_printed_too(tmp_path: Path) -> None:
 class Compiled:
     """An export of prefix f in a library."""
 
-    def __init__(self, made: CExport, library: Path) -> None:
+    def __init__(self, made, library):
         (library.parent / "size.c").write_text(
             f'#include "{made.name}.h"\nsize_t f_size(void);\n'
             "size_t f_size(void)\n{\n  return sizeof(f_state);\n}\n"
@@ -59,20 +52,20 @@ class Compiled:
         self.state = ctypes.create_string_buffer(self.of.f_size())
         self.now = (ctypes.c_float * 16)()
 
-    def init(self) -> int:
+    def init(self):
         return int(self.of.f_init(self.state))
 
-    def step(self, y: float, u: float) -> tuple[float, ...]:
+    def step(self, y, u):
         self.of.f_step(self.state, y, u, self.now)
         return tuple(self.now[:4])
 
-    def deviations(self) -> list[float]:
+    def deviations(self):
         std = (ctypes.c_float * 4)()
         self.of.f_deviations(self.state, std)
         return list(std)
 
 
-def edited(made: CExport, **numbers: str) -> None:
+def edited(made, **numbers):
     """Edit numbers in the data file, each where it stands, which is once."""
     path = made.folder / f"{made.name}_data.c"
     text = path.read_text()
@@ -83,7 +76,7 @@ def edited(made: CExport, **numbers: str) -> None:
     path.write_text(text)
 
 
-def along(compiled: Compiled, record: ambkit.Record) -> np.ndarray:
+def along(compiled, record):
     u = np.concatenate([[0.0], record["u"][:-1]])
     return np.array([compiled.step(*sample) for sample in zip(record["y"], u, strict=True)])
 
@@ -97,16 +90,14 @@ def along(compiled: Compiled, record: ambkit.Record) -> np.ndarray:
     ],
     ids=["gate", "T_sen", "m"],
 )
-def test_what_is_edited_takes_effect(
-    tmp_path: Path, numbers: dict[str, str], like: dict[str, float]
-) -> None:
+def test_what_is_edited_takes_effect(tmp_path, numbers, like):
     """As a filter that was told so from the start; but for what else stands in the file."""
-    told: Any = {"gravity": "disturbance", "noise": NOISE}
+    told = {"gravity": "disturbance", "noise": NOISE}
     made = export("linear", tmp_path / "c", prefix="f", editable=True, **told)
     own = dict(like)
     gate = own.pop("gate", 8.0)
     other = BEARING.replace(**own)
-    kf: Estimator = KalmanFilter(other, precision="float32", gate=gate, **told)
+    kf = KalmanFilter(other, precision="float32", gate=gate, **told)
     first = KalmanFilter(BEARING, precision="float32", **told)
     edited(made, **numbers)
     compiled = Compiled(made, tmp_path / "f.so")
@@ -125,22 +116,20 @@ def test_what_is_edited_takes_effect(
     np.testing.assert_array_equal(found, np.asarray(expected, np.float32))
 
 
-def test_settings_that_cannot_be_are_told(tmp_path: Path) -> None:
+def test_settings_that_cannot_be_are_told(tmp_path):
     made = export("linear", tmp_path / "c", prefix="f", editable=True)
     edited(made, gate="-1.0F")
     assert Compiled(made, tmp_path / "f.so").init() == 64  # AMB_BAD_PARAMETER
 
 
-def test_of_another_model_nothing_is_editable(tmp_path: Path) -> None:
+def test_of_another_model_nothing_is_editable(tmp_path):
     with pytest.raises(AmbkitError, match="editable is for the paper's axis"):
         export_c(machine(), None, tmp_path / "c", editable=True)
 
 
 @pytest.mark.parametrize("beyond", [-3.0, 0.0, 3.0])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_the_first_sample_is_right_wherever_the_rotor_lies(
-    tmp_path: Path, beyond: float, side: float
-) -> None:
+def test_the_first_sample_is_right_wherever_the_rotor_lies(tmp_path, beyond, side):
     """On a stop the noise shows it beyond in every other sample."""
     made = export("linear", tmp_path / "c", prefix="f")
     compiled = Compiled(made, tmp_path / "f.so")
@@ -153,7 +142,7 @@ def test_the_first_sample_is_right_wherever_the_rotor_lies(
     assert abs(x) <= travel + 3 * noise
 
 
-def test_deviations_are_those_of_python(tmp_path: Path) -> None:
+def test_deviations_are_those_of_python(tmp_path):
     made = export("extended", tmp_path / "c", prefix="f")
     compiled = Compiled(made, tmp_path / "f.so")
     compiled.of.f_init(compiled.state)

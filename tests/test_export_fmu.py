@@ -43,7 +43,7 @@ ALL = [(kind, fmi) for kind in KINDS for fmi in (2, 3)]
 ESTIMATES = ("x", "v", "f_d", "x_m", "k_i", "k_s", "innovation", "variance", "status")
 
 
-def disturbed(bearing: Bearing) -> ambkit.Scenario:
+def disturbed(bearing):
     """A step, a load, and noise in 300 samples."""
     T = bearing.sampling_time
     return ambkit.Scenario(
@@ -56,13 +56,11 @@ def disturbed(bearing: Bearing) -> ambkit.Scenario:
 
 
 @pytest.fixture(scope="session")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+def made(tmp_path_factory):
     """Export an FMU, each one once."""
     folder, done = tmp_path_factory.mktemp("fmu"), {}
 
-    def make(
-        kind: Any = "estimator", fmi: Any = 3, bearing: Bearing = BEARING, **options: Any
-    ) -> Path:
+    def make(kind="estimator", fmi=3, bearing=BEARING, **options):
         key = f"{bearing.name}-{kind}-{fmi}-{'-'.join(map(str, options.values()))}.fmu"
         if key not in done:
             done[key] = export_fmu(bearing, None, folder / key, kind=kind, fmi=fmi, **options).path
@@ -73,8 +71,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def instance(made: Callable[..., Path], tmp_path: Path) -> Callable[..., Instance]:
-    def make(kind: str = "estimator", fmi: int = 3, **options: Any) -> Instance:
+def instance(made, tmp_path):
+    def make(kind="estimator", fmi=3, **options):
         folder = tmp_path / f"{kind}{fmi}"
         return Instance(folder if folder.exists() else unpacked(made(kind, fmi), folder), **options)
 
@@ -91,11 +89,11 @@ Command = Callable[..., Called]
 
 
 @pytest.fixture
-def command(capsys: pytest.CaptureFixture[str]) -> Command:
+def command(capsys):
     """Call ``ambkit export fmu zittau_axial`` with further words."""
     from ambkit.cli.main import main
 
-    def call(*words: str) -> Called:
+    def call(*words):
         capsys.readouterr()
         with pytest.raises(SystemExit) as done:
             main(["export", "fmu", "zittau_axial", *words])
@@ -104,7 +102,7 @@ def command(capsys: pytest.CaptureFixture[str]) -> Command:
     return call
 
 
-def simulated(path: Path, T: float, start: dict[str, float], **inputs: Any) -> Any:
+def simulated(path, T, start, **inputs):
     """What FMPy makes of it, one row more than samples: what is read after each."""
     n = len(next(iter(inputs.values())))
     signals = np.zeros(n, dtype=[("time", float), *((name, float) for name in inputs)])
@@ -116,7 +114,7 @@ def simulated(path: Path, T: float, start: dict[str, float], **inputs: Any) -> A
     )
 
 
-def spoilt(bearing: Bearing) -> Record:
+def spoilt(bearing):
     """A closed-loop record with measurements far away, a frozen sensor and a saturated demand."""
     record = ambkit.simulate(bearing, disturbed(bearing)).record
     y, u = record["y"].copy(), record["u"].copy()
@@ -126,14 +124,14 @@ def spoilt(bearing: Bearing) -> Record:
     return Record(record.t, {"y": y, "u": u}, {"y": "m", "u": "V"})
 
 
-def check_estimate(result: Any, estimate: ambkit.Estimate, prefix: str = "") -> None:
+def check_estimate(result, estimate, prefix=""):
     names = {"variance": "innovation_variance"}
     for name in dict.fromkeys((*ESTIMATES, *estimate.names)):
         expected = estimate.status if name == "status" else estimate[names.get(name, name)]
         np.testing.assert_array_equal(result[prefix + name][1:], expected, name)
 
 
-def check_loop(path: Path, scenario: ambkit.Scenario, estimator: Any) -> None:
+def check_loop(path, scenario, estimator):
     """Hold a closed loop in FMPy to the simulation with the same estimator."""
     bearing = estimator.machine
     run = simulate_run(bearing, scenario, estimator=estimator)
@@ -154,11 +152,11 @@ def check_loop(path: Path, scenario: ambkit.Scenario, estimator: Any) -> None:
 
 
 @pytest.mark.parametrize(("kind", "fmi"), ALL)
-def test_fmpy_finds_nothing(made: Callable[..., Path], kind: str, fmi: int) -> None:
+def test_fmpy_finds_nothing(made, kind, fmi):
     assert validate_fmu(str(made(kind, fmi))) == []
 
 
-def fmutool(path: Path) -> str:
+def fmutool(path):
     pytest.importorskip("fmu_manipulation_toolbox", reason="fmutool is not installed")
     command = [str(Path(sys.executable).with_name("fmutool")), "-input", str(path), "-check"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -168,7 +166,7 @@ def fmutool(path: Path) -> str:
 @pytest.mark.parametrize(
     ("kind", "fmi"), quick(ALL, [("estimator", 3), ("plant", 2), ("closed-loop", 3)])
 )
-def test_fmutool_finds_nothing(made: Callable[..., Path], kind: str, fmi: int) -> None:
+def test_fmutool_finds_nothing(made, kind, fmi):
     said = fmutool(made(kind, fmi))
     assert f"compliant with FMI-{fmi}.0" in said
     assert f"No semantic error against the FMI-{fmi} standard" in said
@@ -176,7 +174,7 @@ def test_fmutool_finds_nothing(made: Callable[..., Path], kind: str, fmi: int) -
     assert "WARNING" not in said
 
 
-def test_the_tools_would_find_a_fault(made: Callable[..., Path], tmp_path: Path) -> None:
+def test_the_tools_would_find_a_fault(made, tmp_path):
     bad = tmp_path / "bad.fmu"
     with zipfile.ZipFile(made()) as old, zipfile.ZipFile(bad, "w") as new:
         for name in old.namelist():
@@ -195,9 +193,7 @@ def test_the_tools_would_find_a_fault(made: Callable[..., Path], tmp_path: Path)
         [(*one, ("gcc", "clang")[k % 3 % 2]) for k, one in enumerate(ALL)],
     ),
 )
-def test_sources_compile_without_warnings(
-    made: Callable[..., Path], tmp_path: Path, kind: str, fmi: int, compiler: str
-) -> None:
+def test_sources_compile_without_warnings(made, tmp_path, kind, fmi, compiler):
     if shutil.which(compiler) is None:
         pytest.skip(f"there is no {compiler}")
     sources = unpacked(made(kind, fmi), tmp_path) / "sources"
@@ -212,9 +208,7 @@ def test_sources_compile_without_warnings(
 
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED], ids=lambda b: b.name)
-def test_linear_filter_in_fmpy_equals_the_library(
-    made: Callable[..., Path], bearing: Bearing, fmi: int
-) -> None:
+def test_linear_filter_in_fmpy_equals_the_library(made, bearing, fmi):
     record = spoilt(bearing)
     found = simulated(
         made("estimator", fmi, bearing), bearing.sampling_time, {}, y=record["y"], u=record["u"]
@@ -224,13 +218,13 @@ def test_linear_filter_in_fmpy_equals_the_library(
     assert len(set(estimate.status)) >= 4  # the record has what it is said to have
 
 
-def expert(bearing: Bearing) -> Any:
+def expert(bearing):
     return ambkit.train(bearing).expert
 
 
 @pytest.mark.optimised
 @pytest.mark.parametrize("magnet", [ClosedLaw, stiffness_map, expert], ids=lambda s: s.__name__)
-def test_adaptive_filter_in_fmpy_equals_the_library(magnet: Any, tmp_path: Path) -> None:
+def test_adaptive_filter_in_fmpy_equals_the_library(magnet, tmp_path):
     record, knows = spoilt(BEARING), magnet(BEARING)
     path = export_fmu(BEARING, knows, tmp_path / "adaptive.fmu").path
     found = simulated(path, BEARING.sampling_time, {}, y=record["y"], u=record["u"])
@@ -250,7 +244,7 @@ def test_adaptive_filter_in_fmpy_equals_the_library(magnet: Any, tmp_path: Path)
         "multiple-model",
     ],
 )
-def test_every_kind_in_fmpy_equals_the_library(name: str, tmp_path: Path) -> None:
+def test_every_kind_in_fmpy_equals_the_library(name, tmp_path):
     """One of each state, and of each structure that only a kind has."""
     record = spoilt(BEARING)
     path = export_fmu(BEARING, None, tmp_path / "kind.fmu", filter=name).path
@@ -261,9 +255,7 @@ def test_every_kind_in_fmpy_equals_the_library(name: str, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED, IRON], ids=lambda b: b.name)
-def test_plant_in_fmpy_equals_the_library(
-    made: Callable[..., Path], bearing: Bearing, fmi: int
-) -> None:
+def test_plant_in_fmpy_equals_the_library(made, bearing, fmi):
     scenario = disturbed(bearing)
     record = ambkit.simulate(bearing, scenario).record
     n = len(record.t)
@@ -279,7 +271,7 @@ def test_plant_in_fmpy_equals_the_library(
 
 
 # A current that lags, late controls, a bent sensor that rounds, runout and stops that bounce.
-PARTS: dict[str, Any] = {
+PARTS = {
     "amplifier__bandwidth": "1 kHz",
     "amplifier__voltage_limit": "20 V",
     "amplifier__resistance": "2 ohm",
@@ -290,7 +282,7 @@ PARTS: dict[str, Any] = {
     "stop": {"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"},
     "rotor__clearance": "0.2 mm",
 }
-LATE: dict[str, Any] = {"delay": "0.03 ms"}
+LATE = {"delay": "0.03 ms"}
 
 
 @pytest.mark.parametrize(
@@ -305,7 +297,7 @@ LATE: dict[str, Any] = {"delay": "0.03 ms"}
     ],
     ids=lambda b: b.name,
 )
-def test_a_plant_with_parts_in_fmpy_equals_the_library(bearing: Bearing, tmp_path: Path) -> None:
+def test_a_plant_with_parts_in_fmpy_equals_the_library(bearing, tmp_path):
     eager = ambkit.PID(setpoint_weight=1.0, kd=5.0).completed(bearing)  # it comes to the stop
     scenario = disturbed(bearing).replace(noise=False, controller=eager)
     record = ambkit.simulate(bearing, scenario).record
@@ -324,7 +316,7 @@ def test_a_plant_with_parts_in_fmpy_equals_the_library(bearing: Bearing, tmp_pat
 
 
 # All that adds a state, and iron that saturates.
-STATES: dict[str, Any] = {
+STATES = {
     "amplifier__bandwidth": "500 Hz",
     "delay": "0.15 ms",
     "sensor__coloured_noise": {"variance": "4 um^2", "bandwidth": "200 Hz"},
@@ -334,9 +326,7 @@ WHOLE = IRON.replace(name="whole", **STATES)
 
 
 @pytest.mark.parametrize("kind", ["linear", "augmented", "observer", "low-pass"])
-def test_an_estimator_with_more_states_in_fmpy_equals_the_library(
-    kind: str, tmp_path: Path
-) -> None:
+def test_an_estimator_with_more_states_in_fmpy_equals_the_library(kind, tmp_path):
     """The paper's own step, a kind with more than the model, one gain, and none."""
     record, estimator = spoilt(WHOLE), REGISTRY[kind].make(WHOLE)
     path = export_fmu(WHOLE, None, tmp_path / "whole.fmu", filter=kind).path
@@ -352,7 +342,7 @@ SOFT = {"reference": ambkit.Step(amplitude=5e-5, time=2e-3)}
 STOPS = PARTS | STATES | {
     "rotor__clearance": "0.1 mm", "sensor__runout": [{"order": 2, "amplitude": "3 um"}],
 }  # fmt: skip
-LOOPS: dict[str, tuple[Callable[[Path], Bearing], str, int, dict[str, Any]]] = {
+LOOPS = {
     "two-sided, FMI 2": (lambda _: BEARING, "linear", 2, {}),
     "two-sided, FMI 3": (lambda _: BEARING, "linear", 3, {}),
     "one-sided, FMI 2": (lambda _: ONE_SIDED, "linear", 2, {}),
@@ -371,9 +361,7 @@ LOOPS: dict[str, tuple[Callable[[Path], Bearing], str, int, dict[str, Any]]] = {
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_a_closed_loop_in_fmpy_equals_the_library(
-    made: Callable[..., Path], name: str, tmp_path: Path
-) -> None:
+def test_a_closed_loop_in_fmpy_equals_the_library(made, name, tmp_path):
     bearing_of, kind, fmi, changes = LOOPS[name]
     bearing = bearing_of(tmp_path)
     scenario = disturbed(bearing).replace(**changes)
@@ -382,7 +370,7 @@ def test_a_closed_loop_in_fmpy_equals_the_library(
     check_loop(path, scenario, REGISTRY[kind].make(bearing))
 
 
-def test_a_scenario_s_controller_closes_the_loop(command: Command, tmp_path: Path) -> None:
+def test_a_scenario_s_controller_closes_the_loop(command, tmp_path):
     pid = ambkit.Control(kp=2500, kd=10, derivative_filter=1e-4, feedback="measurement")
     scenario = disturbed(BEARING).replace(controller=pid)
     scenario.save(tmp_path / "run.toml")
@@ -396,13 +384,7 @@ def test_a_scenario_s_controller_closes_the_loop(command: Command, tmp_path: Pat
 @pytest.mark.parametrize(
     ("kind", "fmi"), quick([("estimator", 2), ("closed-loop", 3)], [("estimator", 2)])
 )
-def test_sources_alone_compile_to_the_same(
-    made: Callable[..., Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    kind: str,
-    fmi: int,
-) -> None:
+def test_sources_alone_compile_to_the_same(made, tmp_path, monkeypatch, kind, fmi):
     monkeypatch.delenv("CC", raising=False)  # CMake looks for a compiler itself
     bare = tmp_path / "bare.fmu"
     with zipfile.ZipFile(made(kind, fmi)) as whole, zipfile.ZipFile(bare, "w") as without:
@@ -427,7 +409,7 @@ def test_sources_alone_compile_to_the_same(
 
 
 NOISY = np.random.default_rng(1).normal(0, 2e-5, (2, 60))
-INPUTS: dict[str, dict[str, Any]] = {
+INPUTS = {
     "estimator": {"y": NOISY[0], "u": 5e3 * NOISY[1]},
     "plant": {"u": 5e3 * NOISY[0], "noise_y": NOISY[1]},
     "closed-loop": {"r": NOISY[0], "noise_y": NOISY[1]},
@@ -440,9 +422,7 @@ OUTPUTS = {
 
 
 @pytest.mark.parametrize(("kind", "fmi"), ALL)
-def test_a_run_is_repeated_exactly_from_a_state(
-    instance: Callable[..., Instance], kind: str, fmi: int
-) -> None:
+def test_a_run_is_repeated_exactly_from_a_state(instance, kind, fmi):
     one = instance(kind, fmi).start()
     inputs, names = INPUTS[kind], ("time", *OUTPUTS[kind])
     one.run(inputs, names)
@@ -470,14 +450,12 @@ def test_a_run_is_repeated_exactly_from_a_state(
 
 
 @pytest.mark.parametrize(("kind", "fmi"), ALL)
-def test_instances_do_not_know_of_each_other(
-    instance: Callable[..., Instance], kind: str, fmi: int
-) -> None:
+def test_instances_do_not_know_of_each_other(instance, kind, fmi):
     inputs, names = INPUTS[kind], OUTPUTS[kind]
     reversed_inputs = {name: values[::-1] for name, values in inputs.items()}
     alone = [instance(kind, fmi).start().run(given, names) for given in (inputs, reversed_inputs)]
     pair = [instance(kind, fmi, name=name).start() for name in ("a", "b")]
-    rows: list[list[Any]] = [[], []]
+    rows = [[], []]
     for k in range(len(NOISY[0])):
         for one, given, found in zip(pair, (inputs, reversed_inputs), rows, strict=True):
             one.step(**{name: values[k] for name, values in given.items()})
@@ -487,7 +465,7 @@ def test_instances_do_not_know_of_each_other(
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_parameters_of_the_filter_are_the_library_s(made: Callable[..., Path], fmi: int) -> None:
+def test_parameters_of_the_filter_are_the_library_s(made, fmi):
     record = spoilt(BEARING)
     start = {"control_variance": 3e-4, "disturbance_growth": 7.0}
     found = simulated(
@@ -498,9 +476,7 @@ def test_parameters_of_the_filter_are_the_library_s(made: Callable[..., Path], f
     assert np.any(tuned.f_d != KalmanFilter(BEARING).run(record).f_d)
 
 
-def test_mass_and_magnet_constant_of_the_plant_are_the_library_s(
-    made: Callable[..., Path],
-) -> None:
+def test_mass_and_magnet_constant_of_the_plant_are_the_library_s(made):
     other = ONE_SIDED.replace(rotor__mass=0.07, magnet__magnet_constant=1.1e-4)
     record = ambkit.simulate(other, disturbed(other)).record
     noise_u, _ = (noise[:, 0] for noise in drawn(other, disturbed(other), len(record.t)))
@@ -516,9 +492,7 @@ def test_mass_and_magnet_constant_of_the_plant_are_the_library_s(
 
 
 @pytest.mark.parametrize(("kind", "fmi"), ALL)
-def test_parameters_can_be_changed_on_the_way(
-    instance: Callable[..., Instance], kind: str, fmi: int
-) -> None:
+def test_parameters_can_be_changed_on_the_way(instance, kind, fmi):
     name = "mass" if kind == "plant" else "disturbance_growth"
     runs = []
     for value in (None, "same", "other"):
@@ -536,9 +510,7 @@ def test_parameters_can_be_changed_on_the_way(
 
 
 @pytest.mark.parametrize(("kind", "fmi"), ALL)
-def test_whole_multiples_are_as_many_steps_and_time_does_not_drift(
-    instance: Callable[..., Instance], kind: str, fmi: int
-) -> None:
+def test_whole_multiples_are_as_many_steps_and_time_does_not_drift(instance, kind, fmi):
     start, samples = 12.5, 0
     one = instance(kind, fmi).start(start)
     T = BEARING.sampling_time
@@ -556,9 +528,7 @@ def test_whole_multiples_are_as_many_steps_and_time_does_not_drift(
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_an_estimator_samples_inside_whatever_the_master_steps(
-    instance: Callable[..., Instance], fmi: int
-) -> None:
+def test_an_estimator_samples_inside_whatever_the_master_steps(instance, fmi):
     """Steps of half a sample, and of 1.23: y and u are those set when a sample begins."""
     T, held = BEARING.sampling_time, INPUTS["estimator"]
     y, u = (np.asarray(held[name]) for name in ("y", "u"))
@@ -584,9 +554,7 @@ def test_an_estimator_samples_inside_whatever_the_master_steps(
     "bearing", [BEARING, IRON, WITH_PARTS], ids=["plain", "iron", "with parts"]
 )
 @pytest.mark.parametrize("kind", ["plant", "closed-loop"])
-def test_a_plant_can_be_asked_between_two_samples(
-    made: Callable[..., Path], tmp_path: Path, kind: str, bearing: Bearing
-) -> None:
+def test_a_plant_can_be_asked_between_two_samples(made, tmp_path, kind, bearing):
     folder = unpacked(made(kind, 3, bearing), tmp_path / "fmu")
     inputs = {"u": 0.5, "f_d": 2.0} if kind == "plant" else {"r": 1e-4, "f_d": 2.0}
     coarse, fine = Instance(folder).start(), Instance(folder).start()
@@ -606,7 +574,7 @@ def test_a_plant_can_be_asked_between_two_samples(
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_any_output_interval_comes_to_an_end(made: Callable[..., Path], fmi: int) -> None:
+def test_any_output_interval_comes_to_an_end(made, fmi):
     for kind in KINDS:
         result = fmpy.simulate_fmu(
             str(made(kind, fmi)), stop_time=0.0123 * 5, output_interval=0.0123
@@ -615,7 +583,7 @@ def test_any_output_interval_comes_to_an_end(made: Callable[..., Path], fmi: int
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_nan_is_a_lost_sensor(instance: Callable[..., Instance], fmi: int) -> None:
+def test_nan_is_a_lost_sensor(instance, fmi):
     one = instance("estimator", fmi).start()
     for k in range(20):
         one.step(y=1e-6 * (k % 3), u=0.0)
@@ -627,7 +595,7 @@ def test_nan_is_a_lost_sensor(instance: Callable[..., Instance], fmi: int) -> No
     assert np.isfinite(one.get(*ESTIMATES)).all()
 
 
-def test_faults_of_the_plant(instance: Callable[..., Instance]) -> None:
+def test_faults_of_the_plant(instance):
     one, well = instance("plant").start(), instance("plant").start()
     for n in range(30):
         one.step(u=-1.0, noise_y=1e-6 * n)
@@ -648,7 +616,7 @@ def test_faults_of_the_plant(instance: Callable[..., Instance]) -> None:
     assert one.get("iu") == [pytest.approx(-0.5 * BEARING.amplifier.gain)]
 
 
-def test_an_estimator_in_float_is_what_flies(tmp_path: Path) -> None:
+def test_an_estimator_in_float_is_what_flies(tmp_path):
     record = spoilt(BEARING)
     path = export_fmu(BEARING, None, tmp_path / "f.fmu", precision="float").path
     result = simulated(path, BEARING.sampling_time, {"y": record["y"][0]},
@@ -666,7 +634,7 @@ def test_an_estimator_in_float_is_what_flies(tmp_path: Path) -> None:
 # ---- Several in one file ----
 
 
-def test_a_system_wires_plant_estimator_and_controller(tmp_path: Path) -> None:
+def test_a_system_wires_plant_estimator_and_controller(tmp_path):
     """Driven by FMPy: the rotor hovers under a load, which the estimate finds."""
     from fmpy.ssp.simulation import simulate_ssp
 
@@ -680,7 +648,7 @@ def test_a_system_wires_plant_estimator_and_controller(tmp_path: Path) -> None:
     assert result["estimate_f_d"][-1] == pytest.approx(1.0, rel=0.05)
 
 
-def test_a_system_is_what_the_standard_says(tmp_path: Path) -> None:
+def test_a_system_is_what_the_standard_says(tmp_path):
     from fmpy.ssp.ssd import read_ssd
 
     for feedback in ("estimate", "measurement"):
@@ -697,7 +665,7 @@ def test_a_system_is_what_the_standard_says(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_a_controller_alone_is_that_of_the_loop(tmp_path: Path, fmi: Any) -> None:
+def test_a_controller_alone_is_that_of_the_loop(tmp_path, fmi):
     record = ambkit.simulate(BEARING, disturbed(BEARING)).record
     pid = ambkit.Control.for_bearing(BEARING).fed_by("measurement")
     path = export_fmu(
@@ -721,7 +689,7 @@ def test_a_controller_alone_is_that_of_the_loop(tmp_path: Path, fmi: Any) -> Non
     shutil.which("aarch64-linux-gnu-gcc") is None, reason="aarch64-linux-gnu-gcc is not installed"
 )
 @pytest.mark.parametrize(("fmi", "folder"), [(2, "aarch64-linux"), (3, "aarch64-linux")])
-def test_several_platforms_in_one_file(tmp_path: Path, fmi: Any, folder: str) -> None:
+def test_several_platforms_in_one_file(tmp_path, fmi, folder):
     path = export_fmu(BEARING, None, tmp_path / "f.fmu", fmi=fmi, everywhere=True).path
     with zipfile.ZipFile(path) as archive:
         binaries = [name for name in archive.namelist() if name.startswith("binaries/")]
@@ -735,9 +703,7 @@ def test_several_platforms_in_one_file(tmp_path: Path, fmi: Any, folder: str) ->
 # ---- What is refused ----
 
 
-def refused(
-    capsys: pytest.CaptureFixture[str], said: str, call: Callable[..., Any], *arguments: Any
-) -> None:
+def refused(capsys, said, call, *arguments):
     """The call fails, and its message has these words."""
     capsys.readouterr()
     with pytest.raises((FMICallException, Exception), match=r"returned|failed|Failed"):
@@ -746,9 +712,7 @@ def refused(
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_what_is_refused_is_told_and_changes_nothing(
-    instance: Callable[..., Instance], capsys: pytest.CaptureFixture[str], fmi: int
-) -> None:
+def test_what_is_refused_is_told_and_changes_nothing(instance, capsys, fmi):
     no = lambda said, call, *arguments: refused(capsys, said, call, *arguments)  # noqa: E731
     inputs, names = INPUTS["estimator"], ESTIMATES
     expected = instance("estimator", fmi).start().run(inputs, names)
@@ -789,9 +753,7 @@ def test_what_is_refused_is_told_and_changes_nothing(
     no("a step is not possible after termination", one.fmu.doStep, at, 1e-4)
 
 
-def test_states_of_another_model_are_refused(
-    instance: Callable[..., Instance], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_states_of_another_model_are_refused(instance, capsys):
     plant, loop = instance("plant").start(), instance("closed-loop").start()
     stored = plant.fmu.serializeFMUState(plant.fmu.getFMUState())
     refused(capsys, "are not a state", loop.fmu.deserializeFMUState, stored)
@@ -801,18 +763,14 @@ def test_states_of_another_model_are_refused(
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_the_same_input_gives_the_same_bytes(
-    made: Callable[..., Path], tmp_path: Path, fmi: Any
-) -> None:
+def test_the_same_input_gives_the_same_bytes(made, tmp_path, fmi):
     again = export_fmu(BEARING, None, tmp_path / "again.fmu", fmi=fmi)
     assert again.path.read_bytes() == made("estimator", fmi).read_bytes()
     heavier = export_fmu(BEARING.replace(rotor__mass=0.519), None, tmp_path / "h.fmu", fmi=fmi)
     assert heavier.token != again.token
 
 
-def test_all_needs_no_python_and_no_other_library(
-    made: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_all_needs_no_python_and_no_other_library(made, tmp_path):
     if shutil.which("ldd") is None:
         pytest.skip("there is no ldd")
     (binary,) = unpacked(made("closed-loop"), tmp_path).rglob("*.so")
@@ -821,7 +779,7 @@ def test_all_needs_no_python_and_no_other_library(
     assert libraries <= {"linux-vdso", "libc", "ld-linux-x86-64", "ld-linux-aarch64", "statically"}
 
 
-def test_without_a_compiler_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_compiler_it_says_so(tmp_path, monkeypatch):
     out = tmp_path / "a.fmu"
     monkeypatch.setenv("CC", "no-such-compiler -O2")
     with pytest.raises(AmbkitError, match=r"no C compiler \(no-such-compiler\)"):
@@ -836,7 +794,7 @@ def test_without_a_compiler_it_says_so(tmp_path: Path, monkeypatch: pytest.Monke
     assert not out.exists()
 
 
-def test_command(command: Command, tmp_path: Path) -> None:
+def test_command(command, tmp_path):
     out = tmp_path / "plant.fmu"
     done = command("--kind", "plant", "--fmi", "2", "--out", str(out))
     assert (done.code, validate_fmu(str(out))) == (0, [])
@@ -856,9 +814,7 @@ def test_command(command: Command, tmp_path: Path) -> None:
         ("--filter missing.json --out filter.fmu", "missing.json: cannot be read"),
     ],
 )
-def test_what_the_command_refuses(
-    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, said: str
-) -> None:
+def test_what_the_command_refuses(command, tmp_path, monkeypatch, words, said):
     monkeypatch.chdir(tmp_path)
     done = command(*words.split())
     assert done.code == 2
@@ -866,7 +822,7 @@ def test_what_the_command_refuses(
     assert os.listdir(tmp_path) == []
 
 
-def test_the_command_takes_the_names_of_the_others(command: Command, tmp_path: Path) -> None:
+def test_the_command_takes_the_names_of_the_others(command, tmp_path):
     named, given = tmp_path / "named.fmu", tmp_path / "given.fmu"
     assert command("--filter", "closed-law", "--out", str(named)).code == 0
     export_fmu(BEARING, ClosedLaw(BEARING), given)

@@ -1,13 +1,10 @@
 """FMUs of machines with several axes: equal to the library to the last bit, in FMPy."""
 
-from __future__ import annotations
-
 import pickle
 import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +13,7 @@ from ambkit import KalmanFilter, Machine, Scenario, Step
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.export.fmu import export_fmu, export_ssp
 from ambkit.simulation.recording import drawn
-from ambkit.simulation.run import Run, simulate_run
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Disturbance, Reference
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
@@ -38,7 +35,7 @@ FIVE = machine(
 PLANTS = {"tum_mlps": MACHINE, "ufu_rig": Machine.preset("ufu_rig"), "five": FIVE}
 """ "ufu_rig" has amplifiers that lag and a dead time. """
 QUICK = LiftOff(wait=2e-3, lift=0.02, land=0.02, stop=0.08)
-LOOPS: dict[str, tuple[Machine, dict[str, Any]]] = {
+LOOPS = {
     "five": (FIVE, {"duration": 0.03}),
     "compressor": (Machine.preset("compressor"), {"duration": 0.02}),
     "measured": (MACHINE, {"duration": 0.03, "feedback": "measurement"}),
@@ -46,7 +43,7 @@ LOOPS: dict[str, tuple[Machine, dict[str, Any]]] = {
 }
 
 
-def loaded(machine: Machine) -> dict[str, Any]:
+def loaded(machine):
     """A step of the first reference, and one of the last load."""
     axes = machine.axes
     reference = Step(amplitude=0.05 * axes[0].bearing.clearance, time=20 * machine.sampling_time)
@@ -72,15 +69,12 @@ pickle.dump(other.run(inputs, names), open(out, "wb"))
 """
 
 
-def flown(**options: Any) -> tuple[Scenario, Run]:
+def flown(**options):
     scenario = Scenario(seed=3, **options)
     return scenario, simulate_run(MACHINE, scenario, estimator=KalmanFilter(MACHINE))
 
 
-def simulated(
-    path: Path, run: Run, names: list[str], start_values: dict[str, float] | None = None,
-    **more: Any,
-) -> Any:  # fmt: skip
+def simulated(path, run, names, start_values=None, **more):
     inputs = {name: run.record[name] for name in names} | more
     n = len(run.record.t)
     signals = np.zeros(n, dtype=[("time", float), *((name, float) for name in inputs)])
@@ -95,7 +89,7 @@ def simulated(
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_an_estimator_of_several_axes_has_python_s_bits(fmi: Any, tmp_path: Path) -> None:
+def test_an_estimator_of_several_axes_has_python_s_bits(fmi, tmp_path):
     _, run = flown(duration=300 * T, feedback="measurement")
     path = export_fmu(MACHINE, None, tmp_path / "filter.fmu", fmi=fmi).path
     assert validate_fmu(str(path)) == []
@@ -119,9 +113,7 @@ def test_an_estimator_of_several_axes_has_python_s_bits(fmi: Any, tmp_path: Path
     ],
     ids=["in flight", "from rest to rest"],
 )
-def test_a_whole_controller_of_several_axes_has_python_s_bits(
-    options: dict[str, Any], tmp_path: Path
-) -> None:
+def test_a_whole_controller_of_several_axes_has_python_s_bits(options, tmp_path):
     scenario, run = flown(**options)
     path = export_fmu(
         MACHINE, None, tmp_path / "flown.fmu", kind="whole-controller", scenario=scenario
@@ -142,7 +134,7 @@ def test_a_whole_controller_of_several_axes_has_python_s_bits(
         assert set(run.record["mode"]) == {0, 1, 2, 3, 4}
 
 
-def test_the_bytes_of_a_state_go_on_in_another_process(tmp_path: Path) -> None:
+def test_the_bytes_of_a_state_go_on_in_another_process(tmp_path):
     _, run = flown(duration=40 * T)
     path = export_fmu(MACHINE, None, tmp_path / "filter.fmu", fmi=2).path
     folder, names = unpacked(path, tmp_path / "unpacked"), tuple(f"f_d_{name}" for name in AXES)
@@ -159,13 +151,13 @@ def test_the_bytes_of_a_state_go_on_in_another_process(tmp_path: Path) -> None:
     assert pickle.loads(out.read_bytes()) == one.run(rest, names)
 
 
-def noises(of: Machine, scenario: Scenario, n: int) -> dict[str, Any]:
+def noises(of, scenario, n):
     noise_u, noise_y = drawn(of, scenario, n)
     of_axes = {f"noise_u_{at.name}": noise_u[:, k] for k, at in enumerate(of.axes)}
     return of_axes | {f"noise_y_{at.name}": noise_y[:, k] for k, at in enumerate(of.readings)}
 
 
-def check_plant(found: Any, run: Run, y_from: int = 0) -> None:
+def check_plant(found, run, y_from=0):
     """What the rotor does, what sensors show and how magnets pull, to the last bit."""
     n, machine = len(run.record.t), run.machine
     moving = [name for name in run.record.signals if name.startswith(("q_", "x_m_", "s_"))]
@@ -180,7 +172,7 @@ def check_plant(found: Any, run: Run, y_from: int = 0) -> None:
 
 
 @pytest.mark.parametrize("case", PLANTS)
-def test_the_plant_of_several_axes_is_that_of_simulate(case: str, tmp_path: Path) -> None:
+def test_the_plant_of_several_axes_is_that_of_simulate(case, tmp_path):
     machine = PLANTS[case]
     scenario = Scenario(
         duration=200 * machine.sampling_time, noise=False, **loaded(machine)
@@ -200,9 +192,7 @@ def test_the_plant_of_several_axes_is_that_of_simulate(case: str, tmp_path: Path
 
 
 @pytest.mark.parametrize(("case", "fmi"), [(case, 2 + k % 2) for k, case in enumerate(LOOPS)])
-def test_the_closed_loop_of_several_axes_is_what_simulate_flies(
-    case: str, fmi: Any, tmp_path: Path
-) -> None:
+def test_the_closed_loop_of_several_axes_is_what_simulate_flies(case, fmi, tmp_path):
     machine, options = LOOPS[case]
     scenario = Scenario(seed=3, **loaded(machine) | options)
     run = simulate_run(machine, scenario, estimator=KalmanFilter(machine))
@@ -225,9 +215,7 @@ def test_the_closed_loop_of_several_axes_is_what_simulate_flies(
 
 
 @pytest.mark.parametrize("feedback", ["estimate", "measurement"])
-def test_controllers_of_several_axes_demand_what_simulate_s_do(
-    feedback: Any, tmp_path: Path
-) -> None:
+def test_controllers_of_several_axes_demand_what_simulate_s_do(feedback, tmp_path):
     scenario, run = flown(duration=200 * T, feedback=feedback, **loaded(MACHINE))
     path = export_fmu(
         MACHINE, None, tmp_path / "law.fmu", kind="controller", scenario=scenario
@@ -243,7 +231,7 @@ def test_controllers_of_several_axes_demand_what_simulate_s_do(
     assert np.ptp(run.record[f"u_{AXES[0]}"]) > 1e-3
 
 
-def test_a_foundation_shakes_the_plant_of_several_axes(tmp_path: Path) -> None:
+def test_a_foundation_shakes_the_plant_of_several_axes(tmp_path):
     shaken = {"type": "sine", "amplitude": 2.0, "frequency": 40.0}
     scenario = Scenario.model_validate(
         {"duration": 200 * T, "base": [{"direction": "x", "acceleration": shaken}], "noise": False}
@@ -254,7 +242,7 @@ def test_a_foundation_shakes_the_plant_of_several_axes(tmp_path: Path) -> None:
     check_plant(simulated(path, run, names), run)
 
 
-def test_the_system_of_several_axes_wires_all_of_them(tmp_path: Path) -> None:
+def test_the_system_of_several_axes_wires_all_of_them(tmp_path):
     from fmpy.ssp.simulation import simulate_ssp
 
     path, step = tmp_path / "system.ssp", 0.05 * MACHINE.bearings[0].clearance

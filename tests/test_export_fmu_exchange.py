@@ -1,11 +1,7 @@
 """The plant as an FMU for model exchange: integrated by FMPy with CVode, and by the library."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +21,7 @@ from iron import TWO_SIDED as IRON  # noqa: E402
 from test_export_fmu import fmutool  # noqa: E402
 
 BEARING = Bearing.preset("zittau_axial")
-PARTS: dict[str, Any] = {
+PARTS = {
     "amplifier__bandwidth": "1 kHz",
     "speed": "6000 rpm",
     "sensor__runout": [{"order": n, "amplitude": "3 um", "phase": "90 deg"} for n in (1, 3)],
@@ -47,7 +43,7 @@ CASES = {
 }
 
 
-def held(t: Any, **series: Any) -> Any:
+def held(t, **series):
     """Series that stay between the samples: two rows for each."""
     T = t[1] - t[0]
     rows = np.zeros(2 * len(t), dtype=[("time", float), *((name, float) for name in series)])
@@ -57,7 +53,7 @@ def held(t: Any, **series: Any) -> Any:
     return rows
 
 
-def integrated(path: Path, t: Any, **series: Any) -> Any:
+def integrated(path, t, **series):
     """What CVode makes of it, the last row at each time; events have rows of their own."""
     T = t[1] - t[0]
     others = dict.fromkeys(("noise_u", "noise_y", "fault_y_offset", "fault_frozen"), 0.0)
@@ -72,9 +68,7 @@ def integrated(path: Path, t: Any, **series: Any) -> Any:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_an_importer_that_integrates_it_finds_what_the_library_does(
-    name: str, tmp_path: Path
-) -> None:
+def test_an_importer_that_integrates_it_finds_what_the_library_does(name, tmp_path):
     bearing, states = CASES[name]
     T = bearing.sampling_time
     samples = 120 if bearing.magnet.type == "one-sided" else 250  # alone it is unstable
@@ -84,7 +78,7 @@ def test_an_importer_that_integrates_it_finds_what_the_library_does(
         disturbance=ambkit.Step(amplitude=0.3 * bearing.weight, time=60 * T),
     )  # fmt: skip
     record = simulate_run(bearing, scenario).record
-    fmi: Any = 2 if states == 3 else 3
+    fmi = 2 if states == 3 else 3
     path = export_fmu(bearing, None, tmp_path / "plant.fmu", kind="plant", fmi=fmi).path
     assert validate_fmu(str(path)) == []
     assert len(read_model_description(str(path)).derivatives) == states
@@ -99,9 +93,7 @@ def test_an_importer_that_integrates_it_finds_what_the_library_does(
 
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("changes", [{}, SOFT_STOP], ids=["hard", "soft"])
-def test_it_falls_onto_its_stop_and_is_lifted(
-    changes: dict[str, Any], fmi: Any, tmp_path: Path
-) -> None:
+def test_it_falls_onto_its_stop_and_is_lifted(changes, fmi, tmp_path):
     """Without currents it falls; then they come back and pull it up to the other side."""
     bearing = BEARING.replace(rotor__clearance="0.3 mm", **changes)
     T, n = bearing.sampling_time, 400
@@ -129,7 +121,7 @@ def test_it_falls_onto_its_stop_and_is_lifted(
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_the_tools_find_nothing(fmi: Any, tmp_path: Path) -> None:
+def test_the_tools_find_nothing(fmi, tmp_path):
     path = export_fmu(CASES["voltage"][0], None, tmp_path / "p.fmu", kind="plant", fmi=fmi).path
     said = fmutool(path)
     assert f"No semantic error against the FMI-{fmi} standard" in said
@@ -144,7 +136,7 @@ def test_the_tools_find_nothing(fmi: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_a_dead_time_is_for_co_simulation_alone(fmi: Any, tmp_path: Path) -> None:
+def test_a_dead_time_is_for_co_simulation_alone(fmi, tmp_path):
     late = BEARING.replace(delay="0.12 ms")
     path = export_fmu(late, None, tmp_path / "p.fmu", kind="plant", fmi=fmi).path
     assert validate_fmu(str(path)) == []

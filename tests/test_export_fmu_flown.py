@@ -5,8 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 from itertools import product
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.estimate.registry import KINDS
 from ambkit.export.fmu import export_fmu, export_ssp
 from ambkit.simulation.recording import drawn
-from ambkit.simulation.run import Run, simulate_run
+from ambkit.simulation.run import simulate_run
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
@@ -57,7 +56,7 @@ CASES = {
 }
 
 
-def scenario_of(case: Case) -> Scenario:
+def scenario_of(case):
     T = case.bearing.sampling_time
     return Scenario.model_validate({
         "duration": (300 if case.start == "levitated" else 1200) * T,
@@ -70,12 +69,12 @@ def scenario_of(case: Case) -> Scenario:
     })  # fmt: skip
 
 
-def flown(case: Case, precision: Any = "float64") -> Run:
+def flown(case, precision="float64"):
     estimator = KINDS[case.estimator].make(case.bearing, precision=precision)
     return simulate_run(case.bearing, scenario_of(case), estimator=estimator)
 
 
-def simulated(path: Path, T: float, **inputs: Any) -> Any:
+def simulated(path, T, **inputs):
     n = len(next(iter(inputs.values())))
     signals = np.zeros(n, dtype=[("time", float), *((name, float) for name in inputs)])
     signals["time"] = T * np.arange(n)
@@ -84,7 +83,7 @@ def simulated(path: Path, T: float, **inputs: Any) -> Any:
     return fmpy.simulate_fmu(str(path), stop_time=n * T, output_interval=T, input=signals)
 
 
-def check_estimate(found: Any, run: Run) -> None:
+def check_estimate(found, run):
     assert run.estimate is not None
     for name in run.estimate.names:
         np.testing.assert_array_equal(found[f"estimate.{name}"][1:], run.estimate[name], name)
@@ -95,7 +94,7 @@ BOTH_WAYS = [(name, k % 2) for k, name in enumerate(CASES)] + [("lqg that lifts"
 
 
 @pytest.mark.parametrize(("name", "fmi"), [(name, 2 + way) for name, way in BOTH_WAYS])
-def test_the_closed_loop_is_what_simulate_flies(name: str, fmi: Any, tmp_path: Path) -> None:
+def test_the_closed_loop_is_what_simulate_flies(name, fmi, tmp_path):
     case = CASES[name]
     run, scenario = flown(case), scenario_of(case)
     record, n = run.record, len(run.record.t)
@@ -123,9 +122,7 @@ def test_the_closed_loop_is_what_simulate_flies(name: str, fmi: Any, tmp_path: P
 @pytest.mark.parametrize(
     ("name", "precision"), [(name, ("float", "double")[way]) for name, way in BOTH_WAYS]
 )
-def test_the_whole_controller_is_what_simulate_flies(
-    name: str, precision: Any, tmp_path: Path
-) -> None:
+def test_the_whole_controller_is_what_simulate_flies(name, precision, tmp_path):
     case = CASES[name]
     numbers = {"float": "float32", "double": "float64"}[precision]
     run, scenario = flown(case, numbers), scenario_of(case)
@@ -159,7 +156,7 @@ def test_the_whole_controller_is_what_simulate_flies(
 @pytest.mark.parametrize(
     ("name", "fmi"), [("lqg", 2), ("feed forward", 3), ("lqg of an amplifier's states", 3)]
 )
-def test_a_controller_alone_takes_all_states(name: str, fmi: Any, tmp_path: Path) -> None:
+def test_a_controller_alone_takes_all_states(name, fmi, tmp_path):
     case = CASES[name]
     run = flown(case)
     assert run.estimate is not None
@@ -178,7 +175,7 @@ def test_a_controller_alone_takes_all_states(name: str, fmi: Any, tmp_path: Path
 
 
 @pytest.mark.parametrize("kind", ["closed-loop", "whole-controller"])
-def test_it_starts_where_the_parameters_say(kind: Any, tmp_path: Path) -> None:
+def test_it_starts_where_the_parameters_say(kind, tmp_path):
     """Off the middle, with the current that holds it there, it stays as long as nothing happens."""
     case = CASES["lqg"]
     x = 1e-4
@@ -199,11 +196,11 @@ def test_it_starts_where_the_parameters_say(kind: Any, tmp_path: Path) -> None:
     product(["closed-loop", "whole-controller", "controller"], ["gcc", "clang"]),
     [("closed-loop", "gcc"), ("whole-controller", "clang"), ("controller", "gcc")],
 ))  # fmt: skip
-def test_sources_compile_without_warnings(kind: Any, compiler: str, tmp_path: Path) -> None:
+def test_sources_compile_without_warnings(kind, compiler, tmp_path):
     if shutil.which(compiler) is None:
         pytest.skip(f"there is no {compiler}")
     case = CASES["lqg" if kind == "controller" else "lqg that lifts"]
-    precision: Any = "float" if kind == "whole-controller" else "double"
+    precision = "float" if kind == "whole-controller" else "double"
     path = export_fmu(
         BEARING, None, tmp_path / "a.fmu", kind=kind, scenario=scenario_of(case),
         precision=precision,
@@ -215,7 +212,7 @@ def test_sources_compile_without_warnings(kind: Any, compiler: str, tmp_path: Pa
     subprocess.run(command, cwd=sources, check=True)
 
 
-def test_a_run_from_power_on_is_repeated_from_a_state(tmp_path: Path) -> None:
+def test_a_run_from_power_on_is_repeated_from_a_state(tmp_path):
     case = CASES["lqg that lifts"]
     path = export_fmu(
         BEARING, None, tmp_path / "a.fmu", kind="closed-loop", scenario=scenario_of(case)
@@ -231,7 +228,7 @@ def test_a_run_from_power_on_is_repeated_from_a_state(tmp_path: Path) -> None:
     assert one.run({"noise_y": noise}, names) == on != first
 
 
-def test_a_system_lifts_off_and_lands(tmp_path: Path) -> None:
+def test_a_system_lifts_off_and_lands(tmp_path):
     """Driven by FMPy: plant and whole controller, two files."""
     from fmpy.ssp.simulation import simulate_ssp
     from fmpy.ssp.ssd import read_ssd
@@ -256,7 +253,7 @@ def test_a_system_lifts_off_and_lands(tmp_path: Path) -> None:
     assert np.abs(flying[-50:]).max() < 0.1 * BEARING.rotor.clearance
 
 
-def test_a_system_of_a_regulator_wires_all_states(tmp_path: Path) -> None:
+def test_a_system_of_a_regulator_wires_all_states(tmp_path):
     from fmpy.ssp.simulation import simulate_ssp
 
     export_ssp(BEARING, None, tmp_path / "a.ssp", scenario=Scenario(controller=Control(type="lqg")))
@@ -269,7 +266,7 @@ def test_a_system_of_a_regulator_wires_all_states(tmp_path: Path) -> None:
     assert abs(found["x"][-1]) < 0.05 * BEARING.rotor.clearance
 
 
-def test_what_is_refused(tmp_path: Path) -> None:
+def test_what_is_refused(tmp_path):
     lifts = Scenario(sequence=QUICK)
     with pytest.raises(AmbkitError, match="use kind whole-controller"):
         export_fmu(BEARING, None, tmp_path / "a.fmu", kind="controller", scenario=lifts)

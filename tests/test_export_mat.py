@@ -1,11 +1,7 @@
 """MAT-files: what SciPy, and Octave where it is there, read back."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
-from pathlib import Path
-from typing import Any
 
 import fe_map
 import iron
@@ -32,14 +28,14 @@ LATE = iron.TWO_SIDED.replace(
 )
 
 
-def read_back(bearing: Bearing, expert: Any, folder: Path) -> Any:
+def read_back(bearing, expert, folder):
     path = folder / "bearing.mat"
     export_mat(bearing, expert, path)
     return loadmat(path, simplify_cells=True)
 
 
 @pytest.mark.parametrize("bearing", [*BEARINGS, iron.TWO_SIDED, LATE], ids=lambda b: b.name)
-def test_the_model_predicts_as_the_core_does(bearing: Bearing, tmp_path: Path) -> None:
+def test_the_model_predicts_as_the_core_does(bearing, tmp_path):
     m = read_back(bearing, None, tmp_path)
     kf = KalmanFilter(bearing)
     assert list(m["states"]) == [state.name for state in kf.states]
@@ -63,7 +59,7 @@ def test_the_model_predicts_as_the_core_does(bearing: Bearing, tmp_path: Path) -
 
 
 @both
-def test_the_model_is_exact_between_samples(bearing: Bearing, tmp_path: Path) -> None:
+def test_the_model_is_exact_between_samples(bearing, tmp_path):
     m = read_back(bearing, None, tmp_path)
     s, k = oracles.settings_of(bearing), ambkit.ConstantStiffness.of(bearing)
     A, B, _ = oracles.system_matrices(s, k.k_i, k.k_s)
@@ -73,7 +69,7 @@ def test_the_model_is_exact_between_samples(bearing: Bearing, tmp_path: Path) ->
 
 
 @both
-def test_tables_and_bearing_come_back(bearing: Bearing, tmp_path: Path) -> None:
+def test_tables_and_bearing_come_back(bearing, tmp_path):
     m = read_back(bearing, None, tmp_path)
     stiff, tables = stiffness_map(bearing), m["tables"]
     for name in ("current", "displacement", "k_i", "k_s"):
@@ -87,7 +83,7 @@ def test_tables_and_bearing_come_back(bearing: Bearing, tmp_path: Path) -> None:
     assert list(m["states"]) == ["x", "v", "f_d", "x_m"]
 
 
-def test_iron_that_saturates_is_in_the_tables_and_in_the_model(tmp_path: Path) -> None:
+def test_iron_that_saturates_is_in_the_tables_and_in_the_model(tmp_path):
     """The figures of the issue, by Froehlich in closed form."""
     m = read_back(iron.TWO_SIDED, None, tmp_path)
     T, mass = m["T"], 5.0
@@ -100,7 +96,7 @@ def test_iron_that_saturates_is_in_the_tables_and_in_the_model(tmp_path: Path) -
     assert m["bearing"]["magnet"]["saturation"] == 1.6
 
 
-def test_a_force_map_is_in_the_tables_and_its_file_is_named(tmp_path: Path) -> None:
+def test_a_force_map_is_in_the_tables_and_its_file_is_named(tmp_path):
     bearing = Bearing.load(fe_map.written(tmp_path))
     m = read_back(bearing, None, tmp_path)
     tables = m["tables"]
@@ -111,7 +107,7 @@ def test_a_force_map_is_in_the_tables_and_its_file_is_named(tmp_path: Path) -> N
     assert [m["bearing"]["magnet"][key] for key in FILES] == ["fe.csv", "channels.toml"]
 
 
-def test_what_there_are_several_of_is_an_array_of_structs(tmp_path: Path) -> None:
+def test_what_there_are_several_of_is_an_array_of_structs(tmp_path):
     sensor = read_back(LATE, None, tmp_path)["bearing"]["sensor"]
     assert [line["frequency"] for line in sensor["hum"]] == [50.0, 150.0]
     assert sensor["coloured_noise"]["bandwidth"] == 200.0
@@ -119,7 +115,7 @@ def test_what_there_are_several_of_is_an_array_of_structs(tmp_path: Path) -> Non
 
 
 @both
-def test_the_expert_s_rules_give_its_stiffnesses(bearing: Bearing, tmp_path: Path) -> None:
+def test_the_expert_s_rules_give_its_stiffnesses(bearing, tmp_path):
     expert = ambkit.train(bearing).expert
     m = read_back(bearing, expert, tmp_path)
     net, tables = m["expert"], m["tables"]
@@ -136,7 +132,7 @@ def test_the_expert_s_rules_give_its_stiffnesses(bearing: Bearing, tmp_path: Pat
     )
 
 
-def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_the_same_input_gives_the_same_bytes(tmp_path):
     a, b = tmp_path / "a.mat", tmp_path / "b.mat"
     export_mat(BEARINGS[0], None, a)
     export_mat(BEARINGS[0], None, b)
@@ -146,7 +142,7 @@ def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("octave") is None, reason="Octave is not installed")
-def test_octave_reads_it(tmp_path: Path) -> None:
+def test_octave_reads_it(tmp_path):
     path = tmp_path / "bearing.mat"
     m = export_mat(BEARINGS[0], None, path)
     code = f"load('{path}'); printf('%.17g ', A, tables.k_s, bearing.magnet.air_gap);"
@@ -160,7 +156,7 @@ def test_octave_reads_it(tmp_path: Path) -> None:
     assert [float(word) for word in done.stdout.split()] == expected
 
 
-def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command(tmp_path, capsys):
     from ambkit.cli.main import main
 
     out = tmp_path / "bearing.mat"

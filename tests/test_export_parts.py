@@ -1,10 +1,5 @@
 """Filters of bearings with other parts, exported: warning-free C that passes its own self-test."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import fe_map
 import iron
 import pytest
@@ -15,7 +10,7 @@ from ambkit.export.c import export_c
 
 pytestmark = compiled
 STD = BEARING.sensor.noise_variance**0.5
-FORMS: dict[str, dict[str, Any]] = {
+FORMS = {
     "plain": {}, "editable": {"editable": True}, "control": {"scenario": Scenario(duration=0.1)},
 }  # fmt: skip
 
@@ -29,9 +24,7 @@ FORMS: dict[str, dict[str, Any]] = {
           for kind in ("linear", "ud", "observer", "augmented") for ratio in (5, 20, 50, 100)),
     ],
 )  # fmt: skip
-def test_a_sensor_with_steps(
-    form: str, ratio: float, kind: str, precision: Any, tmp_path: Path
-) -> None:
+def test_a_sensor_with_steps(form, ratio, kind, precision, tmp_path):
     bearing = BEARING.replace(sensor__quantisation=ratio * STD)
     export_c(bearing, None, tmp_path / "c", prefix="rig", kind=kind, precision=precision,
              force=True, **FORMS[form])  # fmt: skip
@@ -40,7 +33,7 @@ def test_a_sensor_with_steps(
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("part", ["iron", "force map", "eddy current"])
-def test_a_magnet_that_is_not_the_papers(part: str, precision: Any, tmp_path: Path) -> None:
+def test_a_magnet_that_is_not_the_papers(part, precision, tmp_path):
     bearing = {
         "iron": lambda: iron.TWO_SIDED,
         "force map": lambda: Bearing.load(fe_map.written(tmp_path)),

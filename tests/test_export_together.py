@@ -1,7 +1,5 @@
 """Exports that meet: several in one firmware, and in C++; names that a linker or compiler has."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
@@ -14,7 +12,7 @@ from machine_cases import machine
 from ambkit import Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.export import core_sources
-from ambkit.export.c import CExport, export_c, prefix
+from ambkit.export.c import export_c, prefix
 from ambkit.export.fmu import export_fmu
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
@@ -41,7 +39,7 @@ int try_{0}(void)
 """
 
 
-def objects_of(made: CExport, folder: Path) -> list[Path]:
+def objects_of(made, folder):
     """Compile an export with its self-test, in its own folder as in a makefile of its own."""
     tests = [f"selftest/{made.name}_{part}.c" for part in ("selftest", "vectors")]
     trial = folder / f"{made.name}_try.c"
@@ -54,14 +52,14 @@ def objects_of(made: CExport, folder: Path) -> list[Path]:
     return found
 
 
-def symbols(objects: list[Path]) -> set[str]:
+def symbols(objects):
     words = ["nm", "--extern-only", "--defined-only", "--just-symbols", "--quiet"]
     done = subprocess.run([*words, *map(str, objects)], check=True, capture_output=True, text=True)
     return {line for line in done.stdout.split() if not line.endswith(":")}
 
 
 @pytest.fixture
-def of_another_version(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def of_another_version(monkeypatch, tmp_path):
     """From here on, another text of the core: a struct has its fields in another order."""
     changed = tmp_path / "another core"
     shutil.copytree(core_sources.folder(), changed)
@@ -74,9 +72,7 @@ def of_another_version(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.mark.long
 @needs_gcc
-def test_float_double_another_model_and_another_version_in_one_firmware(
-    tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
+def test_float_double_another_model_and_another_version_in_one_firmware(tmp_path, request):
     made = [
         export("linear", tmp_path / "a", prefix="a"),
         export("adaptive", tmp_path / "b", prefix="b", precision="double"),
@@ -101,7 +97,7 @@ def test_float_double_another_model_and_another_version_in_one_firmware(
     assert said.stdout == "00000"
 
 
-def test_what_is_equal_is_shared(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+def test_what_is_equal_is_shared(tmp_path, request):
     place = "core/include/ambkit/precision.h"
     first = export("linear", tmp_path / "first")
     again = export("adaptive", tmp_path / "again")
@@ -113,7 +109,7 @@ def test_what_is_equal_is_shared(tmp_path: Path, request: pytest.FixtureRequest)
 
 @needs_gpp
 @pytest.mark.parametrize("kind", ["linear", "multiple-model", "linear-adaptive-noise", "machine"])
-def test_a_main_in_c_plus_plus_links(tmp_path: Path, kind: str) -> None:
+def test_a_main_in_c_plus_plus_links(tmp_path, kind):
     """With all headers of the export, before and after those of the library of C++."""
     if kind == "machine":
         made = export_c(machine(), None, tmp_path / "c", prefix="axis")
@@ -140,7 +136,7 @@ def test_a_main_in_c_plus_plus_links(tmp_path: Path, kind: str) -> None:
     assert subprocess.run([tmp_path / "run"], capture_output=True, text=True).stdout == "0"
 
 
-def test_includes_stand_outside_of_extern_c() -> None:
+def test_includes_stand_outside_of_extern_c():
     for header in sorted((core_sources.folder() / "include" / "ambkit").glob("*.h")):
         text = header.read_text()
         block = re.search(r'extern "C" \{(.*)', text, re.DOTALL)
@@ -169,7 +165,7 @@ def test_includes_stand_outside_of_extern_c() -> None:
         ("a2345678901234567", "at most 16 characters"),
     ],
 )
-def test_a_prefix_that_cannot_be_is_refused(tmp_path: Path, given: str, said: str) -> None:
+def test_a_prefix_that_cannot_be_is_refused(tmp_path, given, said):
     with pytest.raises(AmbkitError, match=re.escape(said)):
         export("linear", tmp_path / "c", prefix=given)
     assert not (tmp_path / "c").exists()
@@ -188,7 +184,7 @@ def test_a_prefix_that_cannot_be_is_refused(tmp_path: Path, given: str, said: st
         ("öl", "axis__l"),
     ],
 )
-def test_a_name_that_cannot_be_one_gives_another(name: str, made: str) -> None:
+def test_a_name_that_cannot_be_one_gives_another(name, made):
     assert prefix.checked(None, name) == made
 
 
@@ -196,7 +192,7 @@ def test_a_name_that_cannot_be_one_gives_another(name: str, made: str) -> None:
 
 
 @needs_gcc
-def test_headers_of_another_precision_are_refused_when_they_are_compiled(tmp_path: Path) -> None:
+def test_headers_of_another_precision_are_refused_when_they_are_compiled(tmp_path):
     """The first include folder has the core's headers, for both."""
     made = [
         export("linear", tmp_path / "a", prefix="a"),
@@ -205,7 +201,7 @@ def test_headers_of_another_precision_are_refused_when_they_are_compiled(tmp_pat
     ]
     includes = [f"-I{one.folder / at}" for one in made for at in (".", "core/include", "core")]
 
-    def compiled(*names: str) -> subprocess.CompletedProcess[str]:
+    def compiled(*names):
         main = tmp_path / "main.c"
         main.write_text("".join(f'#include "{name}.h"\n' for name in names) + "int main(void);\n")
         words = ["gcc", "-std=c99", "-fsyntax-only", *includes, str(main)]
@@ -218,7 +214,7 @@ def test_headers_of_another_precision_are_refused_when_they_are_compiled(tmp_pat
 
 
 @needs_gcc
-def test_an_axis_given_as_a_machine_is_exported_as_the_axis(tmp_path: Path) -> None:
+def test_an_axis_given_as_a_machine_is_exported_as_the_axis(tmp_path):
     calibrated, hashes = {"scenario": Scenario(), "calibrated": True}, []
     for name, one in (("axis", BEARING), ("machine", BEARING.long)):
         made = export_c(one, None, tmp_path / name, **calibrated)  # type: ignore[arg-type]

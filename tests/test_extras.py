@@ -1,9 +1,6 @@
 """What is read, and what is said, where a library of an extra is not installed."""
 
-from __future__ import annotations
-
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +21,7 @@ LOGS = {
 
 
 @pytest.fixture
-def without_arrow(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_arrow(monkeypatch):
     """Have no pyarrow."""
     for name in [*filter(lambda name: name.partition(".")[0] == "pyarrow", sys.modules)]:
         monkeypatch.delitem(sys.modules, name)
@@ -45,7 +42,7 @@ def test_csv_is_the_same_without_arrow(name, tmp_path, request):
 
 
 @pytest.mark.usefixtures("without_arrow")
-def test_an_error_names_the_extra(tmp_path: Path):
+def test_an_error_names_the_extra(tmp_path):
     (tmp_path / "log.parquet").write_bytes(b"PAR1")
     with pytest.raises(ExtraMissing, match=r"needs pyarrow: pip install 'ambkit\[parquet\]'$"):
         ambkit.read(tmp_path / "log.parquet")

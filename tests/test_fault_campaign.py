@@ -1,10 +1,7 @@
 """Estimators through faults: the harness says what happened, and all come back."""
 
-from __future__ import annotations
-
 import functools
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +11,7 @@ from ambkit import AmbkitError, Bearing, Scenario, Sine, Status
 from ambkit.control.control import Control
 from ambkit.control.pid import PID
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.faults import FAULTS, FaultCampaign, inject_faults
+from ambkit.judge.faults import FAULTS, inject_faults
 from ambkit.judge.faults.fault_run import Flight
 from ambkit.judge.faults.fault_test import BASELINE, faults_figure, recovery_text
 from ambkit.judge.faults.faults import CLEAN, Channel
@@ -34,9 +31,7 @@ N = 400
 MEASURED = Control(feedback="measurement")
 
 
-def flown(
-    estimator: Any = None, *, beside: bool = False, window: slice = slice(100, 150), **series: Any
-) -> Any:
+def flown(estimator=None, *, beside=False, window=slice(100, 150), **series):
     """A short flight with these series of faults in the window."""
     faults = Faults.none(N, beside=beside)
     for name, values in series.items():
@@ -53,7 +48,7 @@ def flown(
 # ---- faults in the loop ----
 
 
-def test_a_loop_without_faults_is_the_plain_loop_to_the_last_bit() -> None:
+def test_a_loop_without_faults_is_the_plain_loop_to_the_last_bit():
     plain = ambkit.simulate(
         PAPER,
         Scenario(duration=(N - 1) * PAPER.sampling_time, seed=3, controller=MEASURED,
@@ -64,7 +59,7 @@ def test_a_loop_without_faults_is_the_plain_loop_to_the_last_bit() -> None:
 
 
 @pytest.mark.parametrize("late", [0.25, 1.0, 2.5])
-def test_a_late_measurement_lies_between_two_earlier_ones(late: float) -> None:
+def test_a_late_measurement_lies_between_two_earlier_ones(late):
     true = flown().record["y"]
     y = flown(beside=True, late=late).record["y"]
     window = np.arange(100, 150)
@@ -73,26 +68,26 @@ def test_a_late_measurement_lies_between_two_earlier_ones(late: float) -> None:
     np.testing.assert_array_equal(np.delete(y, window), np.delete(true, window))
 
 
-def test_a_delay_that_grows_with_time_is_a_stuck_sensor() -> None:
+def test_a_delay_that_grows_with_time_is_a_stuck_sensor():
     y = flown(late=1.0 + np.arange(50)).record["y"]
     assert (y[100:150] == y[99]).all()
     assert y[150] != y[99]
 
 
-def test_before_the_first_sample_there_is_the_first() -> None:
+def test_before_the_first_sample_there_is_the_first():
     y = flown(window=slice(0, 50), beside=True, late=7.0).record["y"]
     assert (y[:8] == y[0]).all()
     assert y[8] != y[0]
 
 
-def test_beside_the_loop_the_rotor_does_not_notice() -> None:
+def test_beside_the_loop_the_rotor_does_not_notice():
     clean, beside = flown().record, flown(beside=True, y_times=0.0, y_plus=np.nan).record
     np.testing.assert_array_equal(beside["x"], clean["x"])
     assert np.isnan(beside["y"][100:150]).all()
     assert (flown(y_times=0.0, y_plus=1e-4).record["x"] != clean["x"]).any()
 
 
-def test_the_estimator_is_told_what_the_amplifier_does_not_get() -> None:
+def test_the_estimator_is_told_what_the_amplifier_does_not_get():
     kf = ambkit.KalmanFilter(PAPER)
     run = flown(kf, u_times=0.0, u_plus=np.inf)
     told = np.flatnonzero(run.estimate.status & Status.BAD_CONTROL)
@@ -101,13 +96,13 @@ def test_the_estimator_is_told_what_the_amplifier_does_not_get() -> None:
     np.testing.assert_array_equal(run.record["iu"], flown().record["iu"])
 
 
-def test_an_amplifier_without_current_drops_the_rotor() -> None:
+def test_an_amplifier_without_current_drops_the_rotor():
     run = flown(current=0.0)
     assert (run.record["iu"][100:150] == 0).all()
     assert run.record["x"][150] < flown().record["x"][150] - 1e-5
 
 
-def test_series_of_the_wrong_length_are_refused() -> None:
+def test_series_of_the_wrong_length_are_refused():
     with pytest.raises(ValueError, match="external_inputs fault late must have 2 values"):
         ambkit.simulate(
             PAPER,
@@ -116,7 +111,7 @@ def test_series_of_the_wrong_length_are_refused() -> None:
         )
 
 
-def test_who_lies_on_a_stop_is_found_there() -> None:
+def test_who_lies_on_a_stop_is_found_there():
     scenario = Scenario(duration=0.01, controller=MEASURED)
     record = ambkit.simulate(PAPER, scenario, external_inputs=ExternalInputs(place=-1e-3)).record
     assert record["x"][0] == -1e-3
@@ -126,7 +121,7 @@ def test_who_lies_on_a_stop_is_found_there() -> None:
 # ---- what is said of a flight ----
 
 
-def test_every_fault_is_felt() -> None:
+def test_every_fault_is_felt():
     """Each changes what an estimator gets, or what the rotor does; the clean flight nothing."""
     flight = Flight(PAPER, PID.for_bearing(PAPER), in_loop=False, seed=1)
     for fault in (CLEAN, *FAULTS.values()):
@@ -139,7 +134,7 @@ def test_every_fault_is_felt() -> None:
         assert window.stop - window.start == fault.length(PAPER)
 
 
-def test_a_filter_that_does_not_come_back_is_told() -> None:
+def test_a_filter_that_does_not_come_back_is_told():
     """A sensor with an offset that is not there in the clean flight, and never ends."""
     flight = Flight(PAPER, PID.for_bearing(PAPER), in_loop=False, seed=0)
     channel, windows = flight.through(CLEAN)
@@ -164,7 +159,7 @@ def test_a_filter_that_does_not_come_back_is_told() -> None:
     assert 60 < told.recovery < 500
 
 
-def test_a_rotor_that_is_lost_is_told() -> None:
+def test_a_rotor_that_is_lost_is_told():
     flight = Flight(PAPER, PID.for_bearing(PAPER), in_loop=True, seed=0)
     channel, windows = flight.through(CLEAN)
     band = flight.band(flight.fly(channel, ambkit.KalmanFilter(PAPER)))
@@ -178,13 +173,13 @@ def test_a_rotor_that_is_lost_is_told() -> None:
 
 
 @functools.cache
-def small() -> FaultCampaign:
+def small():
     return inject_faults(
         PAPER, ["linear", "low-pass"], faults=["outage-10ms", "rail"], steps=20_000
     )
 
 
-def test_the_result_is_whole_and_repeats() -> None:
+def test_the_result_is_whole_and_repeats():
     found = small()
     assert found.estimators == ["linear", "low-pass"]
     assert found.faults == ["clean", "outage-10ms", "rail", "mixture"]
@@ -200,7 +195,7 @@ def test_the_result_is_whole_and_repeats() -> None:
     assert found.to_dict()["estimators"]["linear"]["recovered"]
 
 
-def test_the_picture_has_a_row_for_each_fault_and_a_column_for_each_estimator() -> None:
+def test_the_picture_has_a_row_for_each_fault_and_a_column_for_each_estimator():
     beside, in_loop = (panel.item(Cells) for panel in faults_figure(small()).panels)
     assert beside is not None
     assert in_loop is not None
@@ -211,7 +206,7 @@ def test_the_picture_has_a_row_for_each_fault_and_a_column_for_each_estimator() 
     assert beside.texts[0] == ["0", "0", ""]
 
 
-def test_what_is_unknown_is_refused() -> None:
+def test_what_is_unknown_is_refused():
     with pytest.raises(AmbkitError, match='no fault "gremlin"; known: lift-off, knock'):
         inject_faults(PAPER, ["linear"], faults=["gremlin"])
     with pytest.raises(AmbkitError, match='no estimator "ukv"; known: low-pass'):
@@ -224,7 +219,7 @@ def test_what_is_unknown_is_refused() -> None:
 
 
 @functools.cache
-def campaign(bearing: str, precision: Any) -> FaultCampaign:
+def campaign(bearing, precision):
     return inject_faults(BEARINGS[bearing], faults=QUICK, steps=20_000, precisions=(precision,))
 
 
@@ -232,9 +227,7 @@ def campaign(bearing: str, precision: Any) -> FaultCampaign:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("bearing", BEARINGS)
-def test_every_estimator_comes_back_from_every_fault(
-    bearing: str, precision: str, kind: str
-) -> None:
+def test_every_estimator_comes_back_from_every_fault(bearing, precision, kind):
     found = campaign(bearing, precision)
     failed = [each for each in found.failures if each.estimator == kind]
     assert [(e.fault, e.setting, recovery_text([e])) for e in failed] == []
@@ -248,9 +241,7 @@ def test_every_estimator_comes_back_from_every_fault(
 
 @pytest.mark.parametrize("kind", ["augmented", "multiple-model"])
 @pytest.mark.parametrize(("times", "plus"), [(20.0, 0.0), (1.0, 3.0), (1.0, -3.0)])
-def test_a_long_saturation_does_not_pass_for_a_weak_magnet(
-    kind: str, times: float, plus: float
-) -> None:
+def test_a_long_saturation_does_not_pass_for_a_weak_magnet(kind, times, plus):
     """The control signal is told far too large for three seconds of motion; then all is at rest."""
     T, moves = PAPER.sampling_time, 40
     reference = ambkit.Constant(value=0.0)
@@ -273,7 +264,7 @@ def test_a_long_saturation_does_not_pass_for_a_weak_magnet(
     assert abs(estimate.scale[-1] - 1) < 0.1
 
 
-def test_a_loop_with_faults_runs_in_one_go() -> None:
+def test_a_loop_with_faults_runs_in_one_go():
     """What is late would have to reach back into the stretch before."""
     from ambkit.simulation.run import Loop
 

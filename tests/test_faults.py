@@ -1,9 +1,5 @@
 """What goes wrong on a rig: the status says so, the state stays finite, the filter finds back."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 from filter_cases import full
@@ -12,7 +8,6 @@ from hypothesis import strategies as st
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
-from ambkit.estimate.estimate import Estimate
 
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(
@@ -27,14 +22,14 @@ RECORD = ambkit.simulate(
 START = 3000
 """Sample at which the trouble begins."""
 
-MAGNETS: dict[str, Any] = {"linear": None, "closed law": ClosedLaw(BEARING)}
+MAGNETS = {"linear": None, "closed law": ClosedLaw(BEARING)}
 every_filter = pytest.mark.parametrize(
     ("magnet", "precision"),
     [(name, precision) for name in MAGNETS for precision in ("float64", "float32")],
 )
 
 
-def broken(n: int, **changes: float | str) -> Record:
+def broken(n, **changes):
     """The record with n samples of y or u replaced; "frozen" repeats the last good one."""
     signals = {name: RECORD[name].copy() for name in ("y", "u")}
     for name, value in changes.items():
@@ -43,7 +38,7 @@ def broken(n: int, **changes: float | str) -> Record:
     return Record(RECORD.t, signals)
 
 
-def run(record: Record, magnet: str, precision: Any, **options: Any) -> Estimate:
+def run(record, magnet, precision, **options):
     kf = KalmanFilter(BEARING, MAGNETS[magnet], precision=precision, **options)
     estimate = kf.run(record, covariance=True)
     assert np.isfinite(estimate.mean).all()
@@ -51,7 +46,7 @@ def run(record: Record, magnet: str, precision: Any, **options: Any) -> Estimate
     return estimate
 
 
-def samples_to_recover(estimate: Estimate, end: int) -> int:
+def samples_to_recover(estimate, end):
     """Samples after ``end`` until all states stay within what they are without any trouble.
 
     That is: six of the standard deviations that the settled filter believes in, and for the linear
@@ -71,9 +66,7 @@ def samples_to_recover(estimate: Estimate, end: int) -> int:
 
 @every_filter
 @pytest.mark.parametrize(("n", "recovered_in"), [(1, 0), (20, 10), (200, 200)])
-def test_missing_samples_are_flagged_and_bridged(
-    magnet: str, precision: str, n: int, recovered_in: int
-) -> None:
+def test_missing_samples_are_flagged_and_bridged(magnet, precision, n, recovered_in):
     estimate = run(broken(n, y=np.nan), magnet, precision)
     missing = estimate.status == Status.MISSING
     assert np.flatnonzero(missing).tolist() == list(range(START, START + n))
@@ -86,7 +79,7 @@ def test_missing_samples_are_flagged_and_bridged(
 
 
 @every_filter
-def test_five_seconds_without_samples_end_in_3_ms(magnet: str, precision: str) -> None:
+def test_five_seconds_without_samples_end_in_3_ms(magnet, precision):
     """The unstable plant is predicted until its place is any between the stops: that is held."""
     n = 50_000
     estimate = run(broken(n, y=np.nan), magnet, precision)
@@ -105,7 +98,7 @@ def test_five_seconds_without_samples_end_in_3_ms(magnet: str, precision: str) -
 
 
 @every_filter
-def test_a_frozen_sensor_is_not_believed(magnet: str, precision: str) -> None:
+def test_a_frozen_sensor_is_not_believed(magnet, precision):
     n = 300
     estimate = run(broken(n, y="frozen"), magnet, precision)
     frozen = (estimate.status & Status.FROZEN) > 0
@@ -118,9 +111,7 @@ def test_a_frozen_sensor_is_not_believed(magnet: str, precision: str) -> None:
 
 @every_filter
 @pytest.mark.parametrize("value", [0.0101, -1.0, 1e6, 1e30])
-def test_what_cannot_be_the_rotor_counts_as_missing(
-    magnet: str, precision: str, value: float
-) -> None:
+def test_what_cannot_be_the_rotor_counts_as_missing(magnet, precision, value):
     """Beyond ten clearances."""
     estimate = run(broken(3, y=value), magnet, precision)
     without = run(broken(3, y=np.nan), magnet, precision)
@@ -129,7 +120,7 @@ def test_what_cannot_be_the_rotor_counts_as_missing(
 
 
 @every_filter
-def test_a_spike_of_nine_travels_is_an_outlier(magnet: str, precision: str) -> None:
+def test_a_spike_of_nine_travels_is_an_outlier(magnet, precision):
     """Just within what counts as a measurement: told, and left out."""
     estimate = run(broken(1, y=9e-3), magnet, precision)
     without = run(broken(1, y=np.nan), magnet, precision)
@@ -144,7 +135,7 @@ def test_a_spike_of_nine_travels_is_an_outlier(magnet: str, precision: str) -> N
 
 
 @every_filter
-def test_after_three_outliers_the_measurement_is_believed(magnet: str, precision: str) -> None:
+def test_after_three_outliers_the_measurement_is_believed(magnet, precision):
     """The rotor really is elsewhere, and then again: it is the estimate that was wrong."""
     estimate = run(broken(100, y=0.9e-3), magnet, precision, frozen_limit=0)
     outlier = np.flatnonzero(estimate.status & Status.OUTLIER)
@@ -155,7 +146,7 @@ def test_after_three_outliers_the_measurement_is_believed(magnet: str, precision
     assert samples_to_recover(estimate, START + 100) <= 400
 
 
-def test_a_record_without_one_good_sample_leaves_the_filter_whole() -> None:
+def test_a_record_without_one_good_sample_leaves_the_filter_whole():
     nothing = Record(RECORD.t[:5000], {"y": np.full(5000, np.nan), "u": RECORD["u"][:5000]})
     kf = KalmanFilter(BEARING)
     estimate = kf.run(nothing, covariance=True)
@@ -167,7 +158,7 @@ def test_a_record_without_one_good_sample_leaves_the_filter_whole() -> None:
 
 
 @pytest.mark.parametrize("first", [np.nan, 0.5, 2e-3])
-def test_a_record_may_begin_with_nonsense(first: float) -> None:
+def test_a_record_may_begin_with_nonsense(first):
     """Even with the place where the closed law has its pole, the air gap of 2 mm."""
     y = RECORD["y"].copy()
     y[0] = first
@@ -175,7 +166,7 @@ def test_a_record_may_begin_with_nonsense(first: float) -> None:
     assert samples_to_recover(estimate, 1) <= 300
 
 
-def test_an_estimate_in_the_pole_of_the_law_stays_finite() -> None:
+def test_an_estimate_in_the_pole_of_the_law_stays_finite():
     kf = ambkit.AdaptiveKalmanFilter(BEARING, ClosedLaw(BEARING))
     kf.reset([2e-3, 0.0, 0.0, 2e-3])
     for k in range(START, START + 500):
@@ -186,7 +177,7 @@ def test_an_estimate_in_the_pole_of_the_law_stays_finite() -> None:
 
 
 @pytest.mark.parametrize("noise", [1e-7, 1e-8, 1e-9])
-def test_in_single_precision_a_sharp_sensor_is_found_again(noise: float) -> None:
+def test_in_single_precision_a_sharp_sensor_is_found_again(noise):
     """What is left of 1 mm of doubt beside 1 nm of noise, squared, is beyond float's digits."""
     sharp = BEARING.replace(sensor__noise_variance=noise**2)
     record = ambkit.simulate(
@@ -207,9 +198,7 @@ def test_in_single_precision_a_sharp_sensor_is_found_again(noise: float) -> None
 
 
 @every_filter
-def test_a_missing_control_signal_is_replaced_by_the_last_good_one(
-    magnet: str, precision: str
-) -> None:
+def test_a_missing_control_signal_is_replaced_by_the_last_good_one(magnet, precision):
     estimate = run(broken(100, u=np.nan), magnet, precision)
     held = run(broken(100, u="frozen"), magnet, precision)
     bad = (estimate.status & Status.BAD_CONTROL) > 0
@@ -221,9 +210,7 @@ def test_a_missing_control_signal_is_replaced_by_the_last_good_one(
 
 @every_filter
 @pytest.mark.parametrize(("asked", "given_out"), [(1000.0, 1.5), (-1e30, -1.5)])
-def test_a_current_beyond_its_limit_counts_as_the_limit(
-    magnet: str, precision: str, asked: float, given_out: float
-) -> None:
+def test_a_current_beyond_its_limit_counts_as_the_limit(magnet, precision, asked, given_out):
     estimate = run(broken(100, u=asked), magnet, precision)
     limited = run(broken(100, u=given_out), magnet, precision)
     saturated = (estimate.status & Status.SATURATED) > 0
@@ -233,7 +220,7 @@ def test_a_current_beyond_its_limit_counts_as_the_limit(
     assert not (limited.status & ~np.uint16(expected)).any()
 
 
-def test_infinities_are_no_better_than_missing_samples() -> None:
+def test_infinities_are_no_better_than_missing_samples():
     """A record holds none, but a step may meet them."""
     kf, other = KalmanFilter(BEARING), KalmanFilter(BEARING)
     for filter_ in (kf, other):
@@ -258,9 +245,7 @@ rubbish = st.one_of(
 
 @settings(max_examples=100)
 @given(st.lists(st.tuples(rubbish, rubbish), max_size=60), st.sampled_from(sorted(MAGNETS)))
-def test_after_any_rubbish_the_filter_is_finite_and_finds_back_in_50_ms(
-    trouble: list[tuple[float, float]], magnet: str
-) -> None:
+def test_after_any_rubbish_the_filter_is_finite_and_finds_back_in_50_ms(trouble, magnet):
     kf = KalmanFilter(BEARING, MAGNETS[magnet])
     for y, u in trouble:
         assert np.isfinite(kf.step(y, u)).all()

@@ -1,14 +1,10 @@
 """A filter as a file: what is read is what was written, and mistakes are told by their line."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimator, FilterNoise, Record
+from ambkit import Bearing, Estimator, FilterNoise
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
@@ -27,16 +23,16 @@ OPTIONS = {
 
 
 @pytest.fixture(scope="module")
-def record() -> Record:
+def record():
     return ambkit.simulate(BEARING, ambkit.scenario_for(BEARING, step=0.3e-3, load=2.0)).record
 
 
 @pytest.fixture(scope="module")
-def expert() -> ambkit.Expert:
+def expert():
     return ambkit.train(BEARING).expert
 
 
-def same(one: Estimator, other: Estimator, record: Record) -> None:
+def same(one, other, record):
     """Both leave the same bits along a record."""
     a, b = one.run(record, covariance=True), other.run(record, covariance=True)
     np.testing.assert_array_equal(a.mean, b.mean)
@@ -45,9 +41,7 @@ def same(one: Estimator, other: Estimator, record: Record) -> None:
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_what_is_read_is_what_was_written(
-    name: str, tmp_path: Path, record: Record, expert: ambkit.Expert
-) -> None:
+def test_what_is_read_is_what_was_written(name, tmp_path, record, expert):
     magnet = expert if name == "adaptive" else learned_magnet(name, BEARING)
     noise = FilterNoise(measurement=3e-11, disturbance=41.7)
     made = KINDS[name].make(BEARING, magnet, noise=noise, gate=6.5, outlier_limit=4,
@@ -65,9 +59,7 @@ def test_what_is_read_is_what_was_written(
     assert again.read_text() == (tmp_path / "filter.toml").read_text()
 
 
-def test_files_that_a_filter_needs_are_written_beside_it_and_may_move_with_it(
-    tmp_path: Path, expert: ambkit.Expert
-) -> None:
+def test_files_that_a_filter_needs_are_written_beside_it_and_may_move_with_it(tmp_path, expert):
     (tmp_path / "a").mkdir()
     other = BEARING.replace(name="another", magnet__air_gap="2.1 mm")
     ambkit.AdaptiveKalmanFilter(other, expert).save(tmp_path / "a" / "f.toml")
@@ -79,7 +71,7 @@ def test_files_that_a_filter_needs_are_written_beside_it_and_may_move_with_it(
     assert read.magnet == expert
 
 
-def test_a_force_map_of_its_own_goes_along(tmp_path: Path, record: Record) -> None:
+def test_a_force_map_of_its_own_goes_along(tmp_path, record):
     law = ambkit.magnet_of(BEARING)
     i, x = (a.ravel() for a in np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1e-3, 1e-3, 9)))
     surface = ForceSurface(BEARING, ForcePoints(i, x, 0.9 * law.force(i, x)))
@@ -90,7 +82,7 @@ def test_a_force_map_of_its_own_goes_along(tmp_path: Path, record: Record) -> No
     same(made, read, record)
 
 
-def test_a_start_of_its_own(tmp_path: Path, record: Record) -> None:
+def test_a_start_of_its_own(tmp_path, record):
     made = ambkit.KalmanFilter(BEARING)
     made.start_std = {"f_d": 0.25}
     made.save(tmp_path / "f.toml")
@@ -101,7 +93,7 @@ def test_a_start_of_its_own(tmp_path: Path, record: Record) -> None:
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_raw_inputs_are_scaled_in_the_filter_s_precision(precision: str) -> None:
+def test_raw_inputs_are_scaled_in_the_filter_s_precision(precision):
     kf = ambkit.KalmanFilter(BEARING, precision=precision)
     kf.inputs = Inputs(
         y=Scaling(unit="mm", sign=-1, offset="10 mm"),
@@ -121,7 +113,7 @@ def test_raw_inputs_are_scaled_in_the_filter_s_precision(precision: str) -> None
         kf.run_raw(raw_y, raw_u[:2])
 
 
-def wrong(text: str, folder: Path) -> list[str]:
+def wrong(text, folder):
     (folder / "f.toml").write_text(text)
     with pytest.raises(ConfigError) as told:
         Estimator.load(folder / "f.toml")
@@ -147,25 +139,25 @@ HEAD = 'kind = "extended"\nsampling_time = "0.1 ms"\n'
     ('kind = "extended"\nsampling_time = "1 ms"\nbearing.preset = "zittau_axial"\n',
      "2: sampling_time: must be the bearing's, "),
 ])  # fmt: skip
-def test_what_is_wrong_is_told_with_its_line(text: str, told: str, tmp_path: Path) -> None:
+def test_what_is_wrong_is_told_with_its_line(text, told, tmp_path):
     assert any(told in problem for problem in wrong(text, tmp_path)), wrong(text, tmp_path)
 
 
-def test_a_file_that_changed_since_is_refused(tmp_path: Path, expert: ambkit.Expert) -> None:
+def test_a_file_that_changed_since_is_refused(tmp_path, expert):
     ambkit.AdaptiveKalmanFilter(BEARING, expert).save(tmp_path / "f.toml")
     expert.scaled(1.1).save(tmp_path / "f.expert.json")
     told = wrong((tmp_path / "f.toml").read_text(), tmp_path)
     assert any("is not what it was when this filter was made" in problem for problem in told)
 
 
-def test_a_start_that_cannot_be(tmp_path: Path) -> None:
+def test_a_start_that_cannot_be(tmp_path):
     text = HEAD + 'bearing.preset = "zittau_axial"\n[start]\nq = "1 m"\n'
     (tmp_path / "f.toml").write_text(text)
     with pytest.raises(AmbkitError, match=r"start\.q: unknown key, known here: x, v"):
         Estimator.load(tmp_path / "f.toml")
 
 
-def test_a_table_of_one_s_own_has_no_file(tmp_path: Path) -> None:
+def test_a_table_of_one_s_own_has_no_file(tmp_path):
     other = ambkit.stiffness_map(BEARING.replace(magnet__air_gap="2.2 mm"))
     with pytest.raises(AmbkitError, match="knows its magnet by a StiffnessMap"):
         ambkit.AdaptiveKalmanFilter(BEARING, other).save(tmp_path / "f.toml")

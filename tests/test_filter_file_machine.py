@@ -1,7 +1,5 @@
 """The filter of a machine as a file: read is what was written, and commands take it."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,9 +1,5 @@
 """Settings, starts and records that make no sense: told with name, limit and value."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import oracles
 import pytest
@@ -28,14 +24,12 @@ RECORD = ambkit.simulate(BEARING, Scenario(duration=0.3, seed=2)).record
         ({"disturbance": np.inf}, r"noise.disturbance must be 0 or greater N\^2/s, got inf"),
     ],
 )
-def test_a_variance_out_of_range_is_told_with_name_limit_and_value(
-    noise: dict[str, float], told: str
-) -> None:
+def test_a_variance_out_of_range_is_told_with_name_limit_and_value(noise, told):
     with pytest.raises(ValueError, match=told):
         KalmanFilter(BEARING, noise=FilterNoise(**noise))
 
 
-def test_no_noise_where_none_is_needed() -> None:
+def test_no_noise_where_none_is_needed():
     """Zero is a variance for the process: certain control, constant disturbance."""
     quiet = KalmanFilter(BEARING, noise=FilterNoise(control=0.0, disturbance=0.0))
     estimate = quiet.run(RECORD, covariance=True)
@@ -53,14 +47,14 @@ def test_no_noise_where_none_is_needed() -> None:
         ({"gate": 0.0}, "gate must be greater than 0 standard deviations, got 0.0"),
     ],
 )
-def test_an_option_out_of_range_is_told(options: dict[str, Any], told: str) -> None:
+def test_an_option_out_of_range_is_told(options, told):
     with pytest.raises(ValueError, match=told):
         KalmanFilter(BEARING, **options)
 
 
 @pytest.mark.parametrize("name", ["T", "m", "T_sen", "x_max", "var_y", "gate"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-def test_the_core_refuses_settings_that_make_no_filter(name: str, value: float) -> None:
+def test_the_core_refuses_settings_that_make_no_filter(name, value):
     settings_ = oracles.settings_of(BEARING) | {name: value}
     told = "T, m and T_sen must be" if name in ("T", "m", "T_sen") else "outside its range"
     with pytest.raises(ValueError, match=told):
@@ -71,7 +65,7 @@ def test_the_core_refuses_settings_that_make_no_filter(name: str, value: float) 
     ("mean", "std"),
     [([np.nan, 0, 0, 0], [1, 1, 1, 1]), ([0] * 4, [1, 0, 1, 1]), ([0] * 3, [1] * 4)],
 )
-def test_a_start_that_makes_no_sense_is_refused_and_leaves_the_state(mean: Any, std: Any) -> None:
+def test_a_start_that_makes_no_sense_is_refused_and_leaves_the_state(mean, std):
     kf = KalmanFilter(BEARING)
     kf.step(1e-5, 0.5)
     before = kf.mean, kf.covariance
@@ -81,7 +75,7 @@ def test_a_start_that_makes_no_sense_is_refused_and_leaves_the_state(mean: Any, 
     assert (kf.covariance == before[1]).all()
 
 
-def test_stiffnesses_that_are_no_numbers_are_not_predicted_with() -> None:
+def test_stiffnesses_that_are_no_numbers_are_not_predicted_with():
     n = 200
     core = core_module()
     kf = made(core, "Kalman", core.Constant(10.0, 7e3), oracles.settings_of(BEARING))
@@ -94,7 +88,7 @@ def test_stiffnesses_that_are_no_numbers_are_not_predicted_with() -> None:
     assert np.isfinite(out["mean"]).all()
 
 
-def test_a_record_that_does_not_fit_is_told() -> None:
+def test_a_record_that_does_not_fit_is_told():
     slow = Record(np.arange(100) * 1e-3, {"y": np.zeros(100), "u": np.zeros(100)})
     with pytest.raises(RecordError, match=r"sampled every 0.001 s, .* sampling_time = 0.0001 s"):
         KalmanFilter(BEARING).run(slow)

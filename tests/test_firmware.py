@@ -2,20 +2,16 @@
 
 import json
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from ambkit import Bearing, KalmanFilter, Scenario
 from ambkit.cli.main import main
-from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import CYCLES_PER_INSTRUCTION, Cost, cost, export_c
+from ambkit.export.c import CYCLES_PER_INSTRUCTION, cost, export_c
 from ambkit.export.c.model import states
 from ambkit.export.pil import build
-from ambkit.machine.magnets import MagnetModel
 from firmware import harness, measure, path
 
 MISSING = harness.missing_tools()
@@ -39,29 +35,27 @@ MEASURED = tuple(name for name in NAMES if name != "steady-state")
 
 
 @pytest.fixture(scope="module", params=MEASURED)
-def kind(request: pytest.FixtureRequest) -> str:
-    name: str = request.param
+def kind(request):
+    name = request.param
     return name
 
 
 @pytest.fixture(scope="module")
-def case(kind: str, tmp_path_factory: pytest.TempPathFactory) -> measure.Case:
+def case(kind, tmp_path_factory):
     return measure.case(kind, measure.magnets()[kind], tmp_path_factory.mktemp(kind))
 
 
 @pytest.fixture(scope="module")
-def here(case: measure.Case) -> Estimate:
+def here(case):
     """What the float build on this machine gives."""
     return case.estimator.run(measure.record(), covariance=True)
 
 
-def test_the_self_test_passes_to_the_last_bit(case: measure.Case) -> None:
+def test_the_self_test_passes_to_the_last_bit(case):
     assert (case.there.unequal, case.there.wrong_status) == (0, 0)
 
 
-def test_estimates_are_those_of_the_float_build_here_bit_for_bit(
-    case: measure.Case, here: Estimate
-) -> None:
+def test_estimates_are_those_of_the_float_build_here_bit_for_bit(case, here):
     assert case.there.mean.shape == (measure.SAMPLES, 4)
     assert case.there.mean.tobytes() == here.mean.astype("<f4").tobytes()
     np.testing.assert_array_equal(case.there.status, here.status)
@@ -70,9 +64,7 @@ def test_estimates_are_those_of_the_float_build_here_bit_for_bit(
 
 
 @pytest.mark.parametrize("kind", LIMITS, indirect=True)
-def test_contraction_moves_the_estimates_within_the_bound(
-    kind: str, case: measure.Case, here: Estimate, tmp_path: Path
-) -> None:
+def test_contraction_moves_the_estimates_within_the_bound(kind, case, here, tmp_path):
     record = measure.record()
     firmware = harness.build(case.export, tmp_path, "fast")
     there = harness.run(firmware, record["y"], record["u"])
@@ -83,13 +75,13 @@ def test_contraction_moves_the_estimates_within_the_bound(
 
 
 @pytest.mark.parametrize("kind", LIMITS, indirect=True)
-def test_a_step_of_the_papers_filter_stays_within_its_limit(kind: str, case: measure.Case) -> None:
+def test_a_step_of_the_papers_filter_stays_within_its_limit(kind, case):
     assert 50 < np.median(case.there.instructions) <= LIMITS[kind]
     assert 50 < np.median(case.there.trusted) <= TRUSTED[kind]
 
 
 @pytest.mark.parametrize("kind", ["linear", "unscented"], indirect=True)
-def test_a_wrong_expectation_in_the_self_test_is_found(case: measure.Case, tmp_path: Path) -> None:
+def test_a_wrong_expectation_in_the_self_test_is_found(case, tmp_path):
     """The harness itself must be able to fail."""
     vectors = case.export / "selftest" / "filter_vectors.c"
     text = vectors.read_text()
@@ -105,12 +97,12 @@ def test_a_wrong_expectation_in_the_self_test_is_found(case: measure.Case, tmp_p
     assert harness.run(firmware, [0.0], [0.0]).unequal == 2  # of two instances
 
 
-def test_no_double_no_heap_no_stdio_no_variables(case: measure.Case) -> None:
+def test_no_double_no_heap_no_stdio_no_variables(case):
     assert harness.borrowed(case.firmware) <= HELPERS
     assert harness.size(case.firmware).variables == 0
 
 
-def test_a_controller_has_a_bound_on_any_path(tmp_path: Path) -> None:
+def test_a_controller_has_a_bound_on_any_path(tmp_path):
     made = export_c(measure.BEARING, None, tmp_path / "c", prefix="rig", scenario=Scenario(),
                     telemetry=True).folder  # fmt: skip
     fields = [state.field for state in states(KalmanFilter(measure.BEARING).states)]
@@ -122,13 +114,13 @@ def test_a_controller_has_a_bound_on_any_path(tmp_path: Path) -> None:
     assert 1500 < found.instructions < 8000
 
 
-def test_double_helpers_would_be_found(tmp_path: Path) -> None:
+def test_double_helpers_would_be_found(tmp_path):
     export = export_c(measure.BEARING, None, tmp_path / "export", precision="double").folder
     borrowed = harness.borrowed(harness.build(export, tmp_path / "build"))
     assert any(name.startswith("__aeabi_d") for name in borrowed)
 
 
-def told_is_measured(case: measure.Case) -> None:
+def told_is_measured(case):
     """Otherwise: python -m firmware."""
     told = cost.of(case.estimator)
     assert told is not None, "not measured"
@@ -144,28 +136,28 @@ def told_is_measured(case: measure.Case) -> None:
     assert told.compiler.split()[2:] == harness.compiler().split()[2:]  # the flags
 
 
-def test_the_cost_told_is_what_is_measured(case: measure.Case) -> None:
+def test_the_cost_told_is_what_is_measured(case):
     told_is_measured(case)
 
 
-def test_the_cost_of_another_number_of_rules(tmp_path: Path) -> None:
+def test_the_cost_of_another_number_of_rules(tmp_path):
     told_is_measured(measure.case("adaptive", measure.fewer_rules(16), tmp_path))
 
 
 @pytest.mark.parametrize("kind", ["closed-law", "multiple-model"])
-def test_the_cost_for_another_bearing(kind: str, tmp_path: Path) -> None:
+def test_the_cost_for_another_bearing(kind, tmp_path):
     """One-sided, and sampled ten times as slowly."""
     told_is_measured(measure.case(kind, None, tmp_path, Bearing.preset("inteco_ml")))
 
 
 @cache
-def stored(name: str) -> Cost | None:
+def stored(name):
     magnet = measure.magnets()[name]
     return cost.of(KINDS[name].make(measure.BEARING, magnet, precision="float32"))
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_name_has_a_cost(name: str) -> None:
+def test_every_name_has_a_cost(name):
     spent = stored(name)
     assert spent is not None
     assert (spent.trusted is not None) == (name in LIMITS)
@@ -176,18 +168,16 @@ def test_every_name_has_a_cost(name: str) -> None:
     [("multiple-model", None, {"scales": (0.8, 1.2)}), ("extended", "table", {})],
     ids=["fewer models", "another magnet"],
 )
-def test_what_was_not_measured_has_no_cost(
-    unmeasured: tuple[str, str | None, dict[str, Any]], tmp_path: Path
-) -> None:
+def test_what_was_not_measured_has_no_cost(unmeasured, tmp_path):
     kind, of, options = unmeasured
-    magnet: MagnetModel | None = measure.magnets()[of] if of else None
+    magnet = measure.magnets()[of] if of else None
     made = export_c(measure.BEARING, magnet, tmp_path, kind=kind, **options)
     assert made.cost is None
     assert "instructions a step" not in (made.folder / "README.md").read_text()
 
 
 @pytest.mark.parametrize("kind", ["linear", "multiple-model"], indirect=True)
-def test_the_readme_of_an_export_tells_its_cost(kind: str, case: measure.Case) -> None:
+def test_the_readme_of_an_export_tells_its_cost(kind, case):
     rows = [row.split("|") for row in (case.export / "README.md").read_text().splitlines()]
     facts = {row[1].strip(): row[2].strip() for row in rows if len(row) == 4}
     spent = stored(kind)
@@ -198,7 +188,7 @@ def test_the_readme_of_an_export_tells_its_cost(kind: str, case: measure.Case) -
 
 
 @pytest.mark.parametrize("name", ["linear", "unscented"])
-def test_the_command_tells_the_cost(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_tells_the_cost(name, capsys):
     words = ["export", "cost", "zittau_axial", "--filter", name, "--clock", "80 MHz", "--json"]
     with pytest.raises(SystemExit) as left:
         main(words)

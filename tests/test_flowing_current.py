@@ -1,7 +1,5 @@
 """A measured current with what drives it: the sensor's noise is no motion, and no delay."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -26,15 +24,15 @@ from benchmarks.quiet_rig import (
 
 
 @pytest.fixture(scope="module")
-def records() -> list[Record]:
+def records():
     return quiet_loops(2)
 
 
-def without(record: Record, name: str) -> Record:
+def without(record, name):
     return Record(record.t, {n: record[n] for n in record if n != name}, record.units, record.meta)
 
 
-def test_the_current_is_known_as_well_as_is_said(records: list[Record]) -> None:
+def test_the_current_is_known_as_well_as_is_said(records):
     for record in records[:1]:
         found = smooth_current([record])
         assert found is not None
@@ -46,7 +44,7 @@ def test_the_current_is_known_as_well_as_is_said(records: list[Record]) -> None:
         assert found.unknown < SENSOR / 4
 
 
-def test_at_its_start_the_current_is_known_almost_as_well_as_later() -> None:
+def test_at_its_start_the_current_is_known_almost_as_well_as_later():
     off = []
     for record in quiet_loops(60, duration=0.4, first=7000):
         current = at_the_truth(record).current
@@ -55,7 +53,7 @@ def test_at_its_start_the_current_is_known_almost_as_well_as_later() -> None:
     assert np.all(scatter[:200] < 2.2 * current.unknown)  # 3.4 from the first measurement
 
 
-def test_a_current_that_was_measured_starts_where_it_was(records: list[Record]) -> None:
+def test_a_current_that_was_measured_starts_where_it_was(records):
     """Else the first measurements throw it about, and a magnet is no line over amperes."""
     for record in records:
         joint = at_the_truth(record)
@@ -63,13 +61,13 @@ def test_a_current_that_was_measured_starts_where_it_was(records: list[Record]) 
         assert np.all(np.abs(found - record["iu"])[:30] < 5 * joint.current.unknown)
 
 
-def test_at_the_truth_nothing_has_a_slope() -> None:
+def test_at_the_truth_nothing_has_a_slope():
     for name, row in quiet_rig.slopes(12, first=3000).items():
         assert abs(row["in_errors"]) < 4, name
         assert abs(row["slope"]) < 4 / 12**0.5, name  # it scatters as the information says
 
 
-def test_magnet_and_delay_are_found_in_a_quiet_loop(records: list[Record]) -> None:
+def test_magnet_and_delay_are_found_in_a_quiet_loop(records):
     found = identified(records[1])
     for name, true in (("magnet_constant", 1.0012e-4), ("air_gap", 12.149e-3), ("delay", 0.0)):
         assert abs(found[name] - true) < 3 * found.standard_error(name), name
@@ -81,7 +79,7 @@ def test_magnet_and_delay_are_found_in_a_quiet_loop(records: list[Record]) -> No
     assert any("too quiet" in said or "good part" in said for said in raw.remarks)
 
 
-def test_what_drives_no_current_is_not_taken_for_its_control(records: list[Record]) -> None:
+def test_what_drives_no_current_is_not_taken_for_its_control(records):
     record = records[0]
     assert smooth_current([without(record, "control")]) is None
     other = np.random.default_rng(0).normal(size=len(record))
@@ -90,7 +88,7 @@ def test_what_drives_no_current_is_not_taken_for_its_control(records: list[Recor
         assert smooth_current([Record(record.t, signals, record.units, record.meta)]) is None
 
 
-def at_the_truth(record: Record, free: tuple[str, ...] = ()) -> Joint:
+def at_the_truth(record, free=()):
     """Coil and loop as they were simulated."""
     current = flowing_at_the_truth(record)
     model = current.driving(TRUTH.replace(current_offset=record.meta["offset"]))
@@ -98,7 +96,7 @@ def at_the_truth(record: Record, free: tuple[str, ...] = ()) -> Joint:
     return Joint([record], current, model, named(free), settling, current.coil.settled)
 
 
-def test_at_the_true_coil_the_likelihood_of_both_signals_has_no_slope_that_of_one_has() -> None:
+def test_at_the_true_coil_the_likelihood_of_both_signals_has_no_slope_that_of_one_has():
     """The control answers to the position, and so tells what the current has done."""
     both, alone = [], []
     for record in quiet_loops(24, first=3000):
@@ -115,11 +113,11 @@ def test_at_the_true_coil_the_likelihood_of_both_signals_has_no_slope_that_of_on
     assert in_their_errors(np.array(alone)) < -4  # a gain that is too small
 
 
-def in_their_errors(slopes: np.ndarray) -> np.ndarray:
+def in_their_errors(slopes):
     return slopes.mean(axis=0) / slopes.std(axis=0, ddof=1) * math.sqrt(len(slopes))
 
 
-def test_slopes_are_those_of_the_likelihood_of_both_signals(records: list[Record]) -> None:
+def test_slopes_are_those_of_the_likelihood_of_both_signals(records):
     joint = at_the_truth(records[0], ("air_gap",))
     information, scores, known = joint.slopes()
     assert known == 0
@@ -131,7 +129,7 @@ def test_slopes_are_those_of_the_likelihood_of_both_signals(records: list[Record
         assert scores[at].sum() == pytest.approx(slope, rel=1e-2, abs=0.02 * 1e-3 / step)
 
 
-def test_an_unknown_coil_is_in_the_errors(records: list[Record]) -> None:
+def test_an_unknown_coil_is_in_the_errors(records):
     joint = at_the_truth(records[0], ("air_gap", "current_offset"))
     alone = Data(joint.current.records, joint.settling).local(joint.model, joint.parameters)
     with_coil = joint.local(alone)
@@ -141,7 +139,7 @@ def test_an_unknown_coil_is_in_the_errors(records: list[Record]) -> None:
 
 
 @pytest.mark.study
-def test_over_seeds_nothing_is_biased_and_the_errors_hold() -> None:
+def test_over_seeds_nothing_is_biased_and_the_errors_hold():
     """``python -m benchmarks.identification quiet`` runs the 200 of docs/explanation/rig.md."""
     table = quiet_rig.study(12, first=1000)
     for name in ("magnet_constant", "air_gap", "delay", "current_offset"):

@@ -1,10 +1,6 @@
 """A force map as a magnet: the smooth surface in C, as plant, and as what estimators know."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
-from typing import Any
 
 import fe_map
 import iron
@@ -40,30 +36,30 @@ FINE = np.meshgrid(np.linspace(-2.5, 2.5, 83), np.linspace(-0.25e-3, 0.25e-3, 61
 share = st.floats(-1, 1)
 
 
-def rms(values: Any) -> float:
+def rms(values):
     return float(np.sqrt(np.mean(np.asarray(values) ** 2)))
 
 
 @pytest.fixture(scope="module")
-def surface() -> ForceSurface:
+def surface():
     return ForceSurface(fe_map.BEARING, ForcePoints(IU, X, fe_map.fe_force(IU, X)))
 
 
 @pytest.fixture(scope="module")
-def bearing(tmp_path_factory: pytest.TempPathFactory) -> Bearing:
+def bearing(tmp_path_factory):
     return Bearing.load(fe_map.written(tmp_path_factory.mktemp("fe")))
 
 
 # ---- the patches in C ----
 
 
-def cubic(iu: Any, x: Any) -> Any:
+def cubic(iu, x):
     """A force that patches hold exactly, if their derivatives are right."""
     i, d = iu / 2, x / 1e-4
     return 3 + 5 * i - 2 * d + i**3 * d**2 - 0.5 * i * d**3 + i**2 - i**3 * d**3
 
 
-def magnet(core: Any = CORE) -> Any:
+def magnet(core=CORE):
     made = patches(cubic, (-1.0, 2.0), (-1e-4, 1e-4))
     return core.Surface(
         made.displacement[0], made.displacement[1] - made.displacement[0],
@@ -73,7 +69,7 @@ def magnet(core: Any = CORE) -> Any:
 
 
 @given(st.floats(-1, 2), share)
-def test_a_cubic_comes_back(iu: float, d: float) -> None:
+def test_a_cubic_comes_back(iu, d):
     x = 1e-4 * d
     found = magnet()
     assert force(found, iu, x) == pytest.approx(cubic(iu, x) - cubic(0, 0), rel=1e-9, abs=1e-9)
@@ -84,7 +80,7 @@ def test_a_cubic_comes_back(iu: float, d: float) -> None:
 
 
 @given(st.floats(-4, 6), st.floats(-4, 4))
-def test_outside_it_goes_on_linearly_and_smoothly(iu: float, d: float) -> None:
+def test_outside_it_goes_on_linearly_and_smoothly(iu, d):
     x, found = 1e-4 * d, magnet()
     room = 1e-5 * (1 + abs(iu)) * (1 + abs(d))
     d_i, d_x = differences(found, iu, x, 1e-6, 1e-10)
@@ -100,7 +96,7 @@ def test_outside_it_goes_on_linearly_and_smoothly(iu: float, d: float) -> None:
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_both_forms_meet_at_the_origin(precision: Any) -> None:
+def test_both_forms_meet_at_the_origin(precision):
     """The difference of two forces has no digits left there; the form goes over to the tangent."""
     found = magnet(core_module(precision))
     at_origin = np.array(through_origin(found, 0.0, 0.0))
@@ -112,7 +108,7 @@ def test_both_forms_meet_at_the_origin(precision: Any) -> None:
             np.testing.assert_allclose(k, at_origin, rtol=room + 60 * far)
 
 
-def test_asked_at_no_number_it_answers_with_none() -> None:
+def test_asked_at_no_number_it_answers_with_none():
     found = magnet()
     for place in ((np.nan, 0.0), (0.0, np.nan)):
         assert np.isnan(force(found, *place))
@@ -123,7 +119,7 @@ def test_asked_at_no_number_it_answers_with_none() -> None:
         CORE.Surface(0, 1, 0, 1, *3 * [np.ones((2, 3))], np.ones((3, 2)), 1, 1)
 
 
-def test_a_force_with_a_corner_is_refused() -> None:
+def test_a_force_with_a_corner_is_refused():
     with pytest.raises(AmbkitError, match=r"not smooth enough: at .* nodes it is still .* N off"):
         patches(lambda iu, x: 10 * np.abs(iu - 0.3), (-1, 1), (-1e-3, 1e-3))
 
@@ -131,9 +127,7 @@ def test_a_force_with_a_corner_is_refused() -> None:
 # ---- the map of finite elements ----
 
 
-def test_the_surface_is_right_where_a_network_and_a_refitted_law_are_not(
-    surface: ForceSurface,
-) -> None:
+def test_the_surface_is_right_where_a_network_and_a_refitted_law_are_not(surface):
     """Of 603 N rms to 0.2 N, as the issue asks; what the core computes is the surface."""
     truth = fe_map.fe_force(*FINE)
     size = rms(truth)
@@ -146,7 +140,7 @@ def test_the_surface_is_right_where_a_network_and_a_refitted_law_are_not(
     assert rms(law.force(*FINE) - truth) > 17 / 603 * size
 
 
-def test_points_left_out_choose_the_surface(surface: ForceSurface) -> None:
+def test_points_left_out_choose_the_surface(surface):
     choice = choose_model(fe_map.BEARING, surface, weights=True)
     assert choice is not None
     assert choice.chosen.name in (SURFACE, NETWORK)
@@ -154,7 +148,7 @@ def test_points_left_out_choose_the_surface(surface: ForceSurface) -> None:
     assert choice[SURFACE].worse <= choice[NETWORK].worse
 
 
-def test_a_law_that_is_right_is_chosen() -> None:
+def test_a_law_that_is_right_is_chosen():
     b = fe_map.BEARING
     noise = np.random.default_rng(0).normal(size=IU.size)
     through = ForceSurface(b, ForcePoints(IU, X, ClosedLaw(b).force(IU, X) + noise))
@@ -165,7 +159,7 @@ def test_a_law_that_is_right_is_chosen() -> None:
     assert choose_model(b, ForceSurface(b, through.points.where(few))) is None
 
 
-def test_a_refitted_law_is_found() -> None:
+def test_a_refitted_law_is_found():
     b = fe_map.BEARING
     true = b.replace(**b.magnet.with_constant(0.9 * b.magnet.magnet_constant),
                      magnet__air_gap=0.8e-3)  # fmt: skip
@@ -178,7 +172,7 @@ def test_a_refitted_law_is_found() -> None:
 # ---- as a bearing's magnet ----
 
 
-def test_any_column_names_do(bearing: Bearing, surface: ForceSurface) -> None:
+def test_any_column_names_do(bearing, surface):
     found = magnet_of(bearing)
     np.testing.assert_allclose(found.force(*FINE), surface.force(*FINE), rtol=1e-6, atol=0.01)
     assert Bearing.from_toml(bearing.to_toml()) == bearing
@@ -186,7 +180,7 @@ def test_any_column_names_do(bearing: Bearing, surface: ForceSurface) -> None:
     assert abs(left) < 1e-9
 
 
-def test_its_constant_is_a_scale_of_it(bearing: Bearing) -> None:
+def test_its_constant_is_a_scale_of_it(bearing):
     m = bearing.magnet
     more = bearing.replace(**m.with_constant(1.2 * m.magnet_constant))
     np.testing.assert_allclose(
@@ -202,9 +196,7 @@ def test_its_constant_is_a_scale_of_it(bearing: Bearing) -> None:
         ('force_map = "fe.csv"\n', "", "fe.toml:7: magnet.force_channels: is of a force_map"),
     ],
 )
-def test_what_is_wrong_with_a_map_is_told_with_its_line(
-    tmp_path: Path, old: str, new: str, told: str
-) -> None:
+def test_what_is_wrong_with_a_map_is_told_with_its_line(tmp_path, old, new, told):
     path = fe_map.written(tmp_path)
     channels = (tmp_path / "channels.toml").read_text()
     (tmp_path / "wrong.toml").write_text(channels.replace("f_mag", "F"))
@@ -217,7 +209,7 @@ def test_what_is_wrong_with_a_map_is_told_with_its_line(
     assert "Traceback" not in str(refused.value)
 
 
-def shaken(b: Bearing) -> Scenario:
+def shaken(b):
     return Scenario.model_validate(
         {
             "duration": 0.4,
@@ -228,7 +220,7 @@ def shaken(b: Bearing) -> Scenario:
 
 
 @pytest.mark.parametrize("kind", ["extended", "closed-law", "unscented", "linear"])
-def test_as_plant_and_in_estimators(bearing: Bearing, kind: str) -> None:
+def test_as_plant_and_in_estimators(bearing, kind):
     record = ambkit.simulate(bearing, shaken(bearing)).record
     assert not record.meta["stop_touched"]
     np.testing.assert_allclose(
@@ -239,7 +231,7 @@ def test_as_plant_and_in_estimators(bearing: Bearing, kind: str) -> None:
     assert rms(told.f_d[late]) < 0.6 * rms(ideal.f_d[late])
 
 
-def test_given_as_a_source_it_is_that_of_the_bearing(bearing: Bearing) -> None:
+def test_given_as_a_source_it_is_that_of_the_bearing(bearing):
     """And as the plant of a bearing that knows the law alone."""
     surface = magnet_of(bearing)
     here = simulate_run(bearing, shaken(bearing)).record
@@ -254,7 +246,7 @@ def test_given_as_a_source_it_is_that_of_the_bearing(bearing: Bearing) -> None:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """A folder with the map in its own names, as columns with units, and the bearing's law."""
     text = fe_map.written(tmp_path).read_text()
     (tmp_path / "law.toml").write_text(
@@ -265,7 +257,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def said(capsys: pytest.CaptureFixture[str], *words: str, fails: int = 0) -> tuple[str, str]:
+def said(capsys, *words, fails=0):
     from ambkit.cli.main import main
 
     try:
@@ -277,9 +269,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: str, fails: int = 0) -> tup
     return captured.out, captured.err
 
 
-def test_train_shows_what_is_best_at_points_left_out(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_train_shows_what_is_best_at_points_left_out(folder, capsys):
     words = ["train", "map", "law.toml", "fe.csv", "--channels", "channels.toml"]
     shown, _ = said(capsys, *words, "--rules", "4x4")
     for name in (LAW, REFITTED, SURFACE, NETWORK):
@@ -293,18 +283,14 @@ def test_train_shows_what_is_best_at_points_left_out(
     assert Bearing.load("refitted.toml").magnet.air_gap > 0.9e-3
 
 
-def test_train_warns_of_an_expert_worse_than_its_law(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_train_warns_of_an_expert_worse_than_its_law(folder, capsys):
     right = ClosedLaw(fe_map.BEARING).force(IU, X)
     ForcePoints(IU, X, np.asarray(right)).save("right.csv")
     shown, _ = said(capsys, *["train", "map", "law.toml", "right.csv", "--rules", "3x3"])
     assert "the law is better at points left out" in shown
 
 
-def test_commands_take_a_map_for_an_expert_or_the_true_magnet(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_take_a_map_for_an_expert_or_the_true_magnet(folder, capsys):
     run = ("simulate", "law.toml", "--step", "0.05 mm", "--duration", "0.1 s")
     said(capsys, *run, "--plant", "map.csv", "--out", "run.csv")
     record = ambkit.Record.load("run.csv")
@@ -322,7 +308,7 @@ def test_commands_take_a_map_for_an_expert_or_the_true_magnet(
     assert "a MAT-file holds an expert" in told
 
 
-def test_identification_leaves_its_air_gap_alone(bearing: Bearing) -> None:
+def test_identification_leaves_its_air_gap_alone(bearing):
     """The map has the gap in it; a law beneath with another one would be another surface."""
     model = LoopModel(bearing)
     assert "air_gap" not in usual(model)
@@ -332,7 +318,7 @@ def test_identification_leaves_its_air_gap_alone(bearing: Bearing) -> None:
     assert told.held == {"air_gap": "the force map has it in it"}
 
 
-def test_in_the_comparison_who_knows_it_is_at_the_limit(bearing: Bearing) -> None:
+def test_in_the_comparison_who_knows_it_is_at_the_limit(bearing):
     made = bench(bearing, CASES["model"], candidates(["linear", "extended"], bearing), runs=4)
     extended, linear = made.best["extended"], made.best["linear"]
     assert extended.mean("nis") == pytest.approx(1.0, abs=0.06)
@@ -342,7 +328,7 @@ def test_in_the_comparison_who_knows_it_is_at_the_limit(bearing: Bearing) -> Non
 
 
 @pytest.mark.parametrize("of", ["law", "iron", "map"])
-def test_the_case_of_iron_that_saturates_further(of: str, bearing: Bearing) -> None:
+def test_the_case_of_iron_that_saturates_further(of, bearing):
     """By the textbook: both fluxes bend off, and the own force falls by the ideal one's share."""
     b = {"law": fe_map.BEARING, "iron": iron.TWO_SIDED, "map": bearing}[of]
     m, iu, x = b.magnet, np.array([1.2, -0.4, 2.0]), np.array([1e-4, 5e-5, -2e-4])
@@ -356,7 +342,7 @@ def test_the_case_of_iron_that_saturates_further(of: str, bearing: Bearing) -> N
     np.testing.assert_allclose(at_rest, 0, atol=1e-2 * np.abs(force(iu, x)).max())
 
 
-def test_an_export_is_the_same_wherever_the_map_lies(bearing: Bearing, tmp_path: Path) -> None:
+def test_an_export_is_the_same_wherever_the_map_lies(bearing, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     other = Bearing.load(fe_map.written(tmp_path / "elsewhere"))
     made = [export_c(b, None, tmp_path / f"out{k}") for k, b in enumerate((bearing, other))]
@@ -364,7 +350,7 @@ def test_an_export_is_the_same_wherever_the_map_lies(bearing: Bearing, tmp_path:
 
 
 @pytest.fixture
-def fe_of_750(folder: Path) -> Path:
+def fe_of_750(folder):
     """750 points of a saturating law with the scatter of finite elements, and that law beside."""
     iu, x = (each.ravel() for each in np.meshgrid(
         np.linspace(-2.5, 2.5, 30), np.linspace(-0.25e-3, 0.25e-3, 25)))  # fmt: skip
@@ -378,9 +364,7 @@ def fe_of_750(folder: Path) -> Path:
 
 
 @pytest.mark.long
-def test_a_law_that_left_out_points_prefer_is_what_the_filter_knows(
-    fe_of_750: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_law_that_left_out_points_prefer_is_what_the_filter_knows(fe_of_750, capsys):
     words = ["train", "map", "saturating.toml", "fe750.csv"]
     shown, _ = said(capsys, *words, "--json", "--out", "filter=best.toml")
     errors = json.loads(shown)["models"]

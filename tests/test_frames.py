@@ -1,9 +1,6 @@
 """Records and estimates to pandas and xarray and back, to the bit, with units in attrs."""
 
-from __future__ import annotations
-
 import sys
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,18 +22,18 @@ ARRAYS = (
 )  # fmt: skip
 
 
-def bits(array: Any) -> Any:
+def bits(array):
     return None if array is None else (array.dtype, array.shape, array.tobytes())
 
 
-def same(one: Record, other: Record) -> bool:
+def same(one, other):
     signals = all(bits(one[name]) == bits(other[name]) for name in ("t", *one))
     return signals and list(one) == list(other) and (one.units, one.meta) == (
         other.units, other.meta,
     )  # fmt: skip
 
 
-def test_a_record_comes_back_to_the_bit() -> None:
+def test_a_record_comes_back_to_the_bit():
     lost = Record(
         RECORD.t, {"y": np.where(RECORD.t < 1e-3, np.nan, RECORD["y"]), "T": RECORD["v"] + 300},
         {"T": "K"}, {"source": "rig", "nested": {"a": [1, None]}},
@@ -48,7 +45,7 @@ def test_a_record_comes_back_to_the_bit() -> None:
     assert same(Record.from_pandas(part), lost.between(5e-4, 20e-4))
 
 
-def test_units_are_in_attrs() -> None:
+def test_units_are_in_attrs():
     frame, dataset = RECORD.to_pandas(), RECORD.to_xarray()
     assert frame.attrs["units"] == {"t": "s", **RECORD.units}
     assert frame.index.name == "t"
@@ -61,7 +58,7 @@ def test_units_are_in_attrs() -> None:
 
 @pytest.mark.parametrize("covariance", [False, True])
 @pytest.mark.parametrize("kind", ["KalmanFilter", "AugmentedKalmanFilter", "LowPass"])
-def test_an_estimate_comes_back_to_the_bit(kind: str, covariance: bool) -> None:
+def test_an_estimate_comes_back_to_the_bit(kind, covariance):
     made = getattr(ambkit, kind)(BEARING).run(RECORD, covariance=covariance)
     frame, dataset = made.to_pandas(), made.to_xarray()
     assert frame["x"].to_numpy().tobytes() == np.ascontiguousarray(made.x).tobytes()
@@ -77,7 +74,7 @@ def test_an_estimate_comes_back_to_the_bit(kind: str, covariance: bool) -> None:
         Estimate.from_pandas(frame.drop(columns="k_i"))
 
 
-def test_somebody_elses_frame_is_converted() -> None:
+def test_somebody_elses_frame_is_converted():
     t = [0.0, 1.0, 2.0]
     frame = pandas.DataFrame({"t": t, "y": [1, 2, 3], "speed": [1.0, 2.0, 3.0]})
     record = Record.from_pandas(frame, units={"t": "ms", "y": "µm", "speed": "mm/ms"})
@@ -96,7 +93,7 @@ def test_somebody_elses_frame_is_converted() -> None:
     assert (read.t[-1], read["y"][-1]) == pytest.approx((2e-3, 2e-3))
 
 
-def wide() -> Any:
+def wide():
     return xarray.Dataset({"y": (("t", "z"), np.zeros((2, 2)))}, {"t": [0.0, 1.0]})
 
 
@@ -128,14 +125,14 @@ T = {"t": [0.0, 1.0]}
          "is not a complete estimate of ambkit: 'states' is missing"),
     ],
 )  # fmt: skip
-def test_what_is_no_record_is_refused_in_a_line(read: Any, told: str) -> None:
+def test_what_is_no_record_is_refused_in_a_line(read, told):
     with pytest.raises(RecordError) as caught:
         read()
     assert str(caught.value) == told
 
 
 @pytest.mark.parametrize("library", ["pandas", "xarray"])
-def test_a_missing_library_is_told_in_a_line(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_library_is_told_in_a_line(library, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(AmbkitError) as caught:
         getattr(RECORD, f"to_{library}")()

@@ -1,9 +1,5 @@
 """Frequency responses by eigenvectors are those of a factorisation per frequency, and quicker."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 import threadpoolctl
@@ -17,7 +13,7 @@ from ambkit.models.linear import LinearSystem
 MACHINES = ("heart_pump", "tum_mlps_flexible", "ufu_flexible")
 
 
-def closed_loop(machine: str) -> tuple[LinearSystem, Any]:
+def closed_loop(machine):
     """Return S of a preset's closed loop, and frequencies [Hz] at which no feature is left out."""
     loop = LoopOf(ambkit.Machine.preset(machine), None).loop(None)
     closed, m = loop.closed, loop.measurements
@@ -25,26 +21,24 @@ def closed_loop(machine: str) -> tuple[LinearSystem, Any]:
     return closed.select(*names), grid(loop, points=60, near=5)
 
 
-def by_factorisation(system: LinearSystem, f: Any) -> Any:
+def by_factorisation(system, f):
     half = 1j * np.pi * f * system.T
     shift, A = 2 * np.exp(half) * np.sinh(half), system.A - np.eye(len(system.A))
     return [system.D + system.C @ np.linalg.solve(s * np.eye(len(A)) - A, system.B) for s in shift]
 
 
 @pytest.mark.parametrize("machine", MACHINES)
-def test_a_response_is_that_of_a_factorisation_per_frequency(machine: str) -> None:
+def test_a_response_is_that_of_a_factorisation_per_frequency(machine):
     system, f = closed_loop(machine)
     found, expected = system.response(f), np.array(by_factorisation(system, f))
     off = np.abs(found - expected).max(axis=(1, 2)) / np.abs(expected).max(axis=(1, 2))
     assert off.max() < 1e-8
 
 
-def test_it_takes_one_set_of_eigenvectors_and_no_factorisation(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_it_takes_one_set_of_eigenvectors_and_no_factorisation(monkeypatch):
     system, f = closed_loop("tum_mlps_flexible")
     system.response(f[:1])
-    solved: list[int] = []
+    solved = []
     solve = np.linalg.solve
     monkeypatch.setattr(np.linalg, "solve", lambda a, b: (solved.append(len(a)), solve(a, b))[1])
     system.response(f)
@@ -52,7 +46,7 @@ def test_it_takes_one_set_of_eigenvectors_and_no_factorisation(
 
 
 @pytest.mark.parametrize("machine", MACHINES)
-def test_a_plant_with_a_dead_time_needs_no_factorisation_either(machine: str) -> None:
+def test_a_plant_with_a_dead_time_needs_no_factorisation_either(machine):
     late = ambkit.Machine.preset(machine)
     late = late.model_copy(update={"delay": 2.4 * late.sampling_time})
     loop = LoopOf(late).loop()
@@ -63,7 +57,7 @@ def test_a_plant_with_a_dead_time_needs_no_factorisation_either(machine: str) ->
     assert off.max() < 1e-8
 
 
-def test_dependent_eigenvectors_of_a_dead_time_are_split_off() -> None:
+def test_dependent_eigenvectors_of_a_dead_time_are_split_off():
     n = 12  # a dead time of many samples: one chain of states, all of whose poles are 0
     chain = LinearSystem(
         np.eye(n, k=-1), np.eye(n)[:, :1], np.eye(n)[-1:], np.zeros((1, 1)), 1e-4, (), (), ()
@@ -74,7 +68,7 @@ def test_dependent_eigenvectors_of_a_dead_time_are_split_off() -> None:
     assert np.abs(chain.response(f)[:, 0, 0] - late).max() < 1e-12
 
 
-def test_nearly_dependent_eigenvectors_are_not_used() -> None:
+def test_nearly_dependent_eigenvectors_are_not_used():
     n = 12  # a chain of low-passes, all of whose poles are 0.5
     chain = LinearSystem(
         0.5 * np.eye(n) + np.eye(n, k=-1), np.eye(n)[:, :1], np.eye(n)[-1:], np.zeros((1, 1)),
@@ -86,7 +80,7 @@ def test_nearly_dependent_eigenvectors_are_not_used() -> None:
     assert np.abs(chain.response(f)[:, 0, 0] / expected - 1).max() < 1e-9
 
 
-def test_units_of_the_states_change_nothing() -> None:
+def test_units_of_the_states_change_nothing():
     system, f = closed_loop("heart_pump")
     size = 10.0 ** np.linspace(-9, 9, len(system.A))
     scaled = LinearSystem(
@@ -97,8 +91,8 @@ def test_units_of_the_states_change_nothing() -> None:
     assert np.abs(scaled.response(f) - system.response(f)).max() < 1e-9
 
 
-def test_small_matrices_are_computed_in_one_thread_and_the_callers_number_comes_back() -> None:
-    def threads() -> set[int]:
+def test_small_matrices_are_computed_in_one_thread_and_the_callers_number_comes_back():
+    def threads():
         blas = [each for each in threadpoolctl.threadpool_info() if each["user_api"] == "blas"]
         return {each["num_threads"] for each in blas}
 
@@ -111,15 +105,15 @@ def test_small_matrices_are_computed_in_one_thread_and_the_callers_number_comes_
         assert threads() == before
 
 
-def test_margins_of_a_campaign_are_computed_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_margins_of_a_campaign_are_computed_in_one_thread(monkeypatch):
     from ambkit.campaigns import worker
     from ambkit.campaigns.plan import Plan
     from ambkit.campaigns.study import load
 
-    seen: set[int] = set()
+    seen = set()
     old = worker.peaks
 
-    def spy(*given: Any) -> Any:
+    def spy(*given):
         blas = [each for each in threadpoolctl.threadpool_info() if each["user_api"] == "blas"]
         seen.update(each["num_threads"] for each in blas)
         return old(*given)

@@ -2,8 +2,6 @@
 
 import json
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +24,7 @@ displacements = st.floats(-0.5e-3, 0.5e-3)
 log_widths = st.lists(st.floats(math.log(0.1), math.log(3)), min_size=50, max_size=50)
 
 
-def naive(expert: Expert, iu: float, x: float) -> tuple[float, float]:
+def naive(expert, iu, x):
     """Eq. 32 and 33 word for word, a rule at a time."""
     outputs = []
     for name in ("k_i", "k_s"):
@@ -43,21 +41,19 @@ def naive(expert: Expert, iu: float, x: float) -> tuple[float, float]:
     return outputs[0], outputs[1]
 
 
-def random_expert(logs: list[float], **options: Any) -> Expert:
+def random_expert(logs, **options):
     return Expert.from_map(MAP, widths=np.exp(np.reshape(logs, (2, 25))), **options)
 
 
 @given(log_widths, currents, displacements, st.booleans(), st.sampled_from(["grid", "unit"]))
-def test_evaluates_the_equations_of_the_paper(
-    logs: list[float], iu: float, x: float, normalised: bool, scaling: Any
-) -> None:
+def test_evaluates_the_equations_of_the_paper(logs, iu, x, normalised, scaling):
     expert = random_expert(logs, normalised=normalised, scaling=scaling)
     # The narrowest rules do not reach everywhere: a sum of 1e-60 has its digits, too.
     np.testing.assert_allclose(expert.stiffness(iu, x), naive(expert, iu, x), rtol=1e-10)
 
 
 @given(log_widths, st.floats(-10, 10), st.floats(-0.1, 0.1))
-def test_outside_the_box_it_answers_as_at_the_edge(logs: list[float], iu: float, x: float) -> None:
+def test_outside_the_box_it_answers_as_at_the_edge(logs, iu, x):
     expert = random_expert(logs)
     inside = min(max(iu, -1.5), 1.5), min(max(x, -0.5e-3), 0.5e-3)
     k_i, k_s = expert.stiffness(iu, x)
@@ -65,23 +61,21 @@ def test_outside_the_box_it_answers_as_at_the_edge(logs: list[float], iu: float,
     assert expert.force(iu, x) == pytest.approx(float(k_i * iu + k_s * x), rel=1e-12)
 
 
-def test_shapes_broadcast() -> None:
+def test_shapes_broadcast():
     expert = Expert.from_map(MAP)
     k_i, k_s = expert.stiffness(np.linspace(-1, 1, 4), np.zeros((3, 1)))
     assert k_i.shape == k_s.shape == (3, 4)
     assert expert.force(0.0, 0.0) == 0.0
 
 
-def test_a_one_sided_network_adds_the_force_that_carries() -> None:
+def test_a_one_sided_network_adds_the_force_that_carries():
     stiff = stiffness_map(ZITTAU.replace(magnet__type="one-sided"))
     expert = Expert.from_map(stiff)
     assert expert.force(0.0, 0.0) == expert.force_bias == stiff.force_bias > 0
 
 
 @pytest.mark.parametrize(("preset", "near"), [("zittau_axial", 1e-6), ("inteco_ml", 1e-2)])
-def test_another_magnet_constant_multiplies_what_the_rules_conclude(
-    preset: str, near: float
-) -> None:
+def test_another_magnet_constant_multiplies_what_the_rules_conclude(preset, near):
     """What training anew ends at, the bias force of a one-sided magnet included.
 
     The search of the second stops on a flat ground, not always at the same place.
@@ -105,7 +99,7 @@ def test_another_magnet_constant_multiplies_what_the_rules_conclude(
 
 
 @pytest.mark.parametrize("normalised", [False, True])
-def test_float32_answers_alike(normalised: bool) -> None:
+def test_float32_answers_alike(normalised):
     expert = Expert.from_map(MAP, normalised=normalised)
     iu, x = (g.ravel() for g in np.meshgrid(np.linspace(-2, 2, 21), np.linspace(-1e-3, 1e-3, 21)))
     double = expert.in_core(_core).through_origin(iu, x)
@@ -113,7 +107,7 @@ def test_float32_answers_alike(normalised: bool) -> None:
     np.testing.assert_allclose(single, double, rtol=2e-5)
 
 
-def test_the_paper_s_network_is_tables_4_5_and_6() -> None:
+def test_the_paper_s_network_is_tables_4_5_and_6():
     expert = Expert.paper()
     assert not expert.normalised
     np.testing.assert_array_equal(expert.widths, paper.table6())
@@ -131,7 +125,7 @@ def test_the_paper_s_network_is_tables_4_5_and_6() -> None:
     assert expert.rules[3] == rule
 
 
-def test_the_paper_s_network_is_worse_than_constants_and_better_when_normalised() -> None:
+def test_the_paper_s_network_is_worse_than_constants_and_better_when_normalised():
     constant = MAP.force_rms(lambda iu, x: 10.05 * iu + 7537.5 * x)
     assert constant == pytest.approx(1.43, abs=0.005)
     assert MAP.force_rms(Expert.paper().force) == pytest.approx(1.98, abs=0.02)
@@ -139,9 +133,7 @@ def test_the_paper_s_network_is_worse_than_constants_and_better_when_normalised(
 
 
 @given(logs=log_widths, normalised=st.booleans())
-def test_a_file_gives_back_the_same_network(
-    logs: list[float], normalised: bool, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_file_gives_back_the_same_network(logs, normalised, tmp_path_factory):
     path = tmp_path_factory.mktemp("expert") / "expert.json"
     expert = random_expert(logs, normalised=normalised)
     expert.save(path)
@@ -151,7 +143,7 @@ def test_a_file_gives_back_the_same_network(
     assert path.read_bytes() == first
 
 
-def edited(path: Path, **changes: Any) -> Path:
+def edited(path, **changes):
     """Save a network with some keys changed, or left out where None."""
     Expert.from_map(MAP).save(path)
     data = json.loads(path.read_text()) | changes
@@ -177,14 +169,12 @@ RULE = Expert.from_map(MAP).rules[0].model_dump()
         ({"current_range": [1, 1]}, "e.json:1: current_range: must ascend, is 1 A to 1 A"),
     ],
 )
-def test_a_file_that_is_no_network_is_told_apart(
-    changes: dict[str, Any], message: str, tmp_path: Path
-) -> None:
+def test_a_file_that_is_no_network_is_told_apart(changes, message, tmp_path):
     with pytest.raises(AmbkitError, match=message):
         Expert.load(edited(tmp_path / "e.json", **changes))
 
 
-def test_a_file_cut_short_says_in_which_line(tmp_path: Path) -> None:
+def test_a_file_cut_short_says_in_which_line(tmp_path):
     path = edited(tmp_path / "e.json")
     path.write_text(path.read_text()[:500])
     with pytest.raises(AmbkitError, match=r"e\.json:1: not valid JSON"):
@@ -192,14 +182,14 @@ def test_a_file_cut_short_says_in_which_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["[1, 2]", "null", "3"])
-def test_a_file_with_something_else_is_refused(text: str, tmp_path: Path) -> None:
+def test_a_file_with_something_else_is_refused(text, tmp_path):
     path = tmp_path / "e.json"
     path.write_text(text)
     with pytest.raises(AmbkitError, match=r"e\.json:1: must be a"):
         Expert.load(path)
 
 
-def test_a_missing_file_and_an_unwritable_folder_are_named(tmp_path: Path) -> None:
+def test_a_missing_file_and_an_unwritable_folder_are_named(tmp_path):
     with pytest.raises(AmbkitError, match=r"none\.json: cannot be read"):
         Expert.load(tmp_path / "none.json")
     with pytest.raises(AmbkitError, match="cannot be written"):
@@ -216,13 +206,13 @@ def test_a_missing_file_and_an_unwritable_folder_are_named(tmp_path: Path) -> No
         ({"scaling": (1.0, -1e3)}, "per_metre: must be greater than 0"),
     ],
 )
-def test_what_cannot_be_used_is_named(options: dict[str, Any], message: str) -> None:
+def test_what_cannot_be_used_is_named(options, message):
     with pytest.raises(AmbkitError, match=message):
         Expert.from_map(MAP, **options)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_inputs_that_are_not_finite_are_refused(value: float) -> None:
+def test_inputs_that_are_not_finite_are_refused(value):
     expert = Expert.from_map(MAP)
     with pytest.raises(AmbkitError, match="x must be finite"):
         expert.stiffness(0.0, [0.0, value])
@@ -230,7 +220,7 @@ def test_inputs_that_are_not_finite_are_refused(value: float) -> None:
         expert.force(value, 0.0)
 
 
-def test_too_many_nodes_are_refused() -> None:
+def test_too_many_nodes_are_refused():
     stiff = stiffness_map(ZITTAU, currents=np.linspace(-1.5, 1.5, 13))
     with pytest.raises(AmbkitError, match=r"rules: .* at most 64 items"):
         Expert.from_map(stiff)

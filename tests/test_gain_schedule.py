@@ -1,10 +1,6 @@
 """Gains of PIDs over the speed of rotation: as data, in the loop, in its margins and in C."""
 
-from __future__ import annotations
-
 from itertools import product
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +16,7 @@ from ambkit.export.c import export_c
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation.waveforms import Constant, Ramp, Step
 
-AT_REST: dict[str, Any] = {
+AT_REST = {
     "kp": 30e3, "ki": 100e3, "kd": 30.0, "derivative_filter": 0.2e-3, "anti_windup": 30e-3,
     "setpoint_weight": 0.5,
 }  # fmt: skip
@@ -29,13 +25,13 @@ SCHEDULED = Control(**AT_REST, schedule=[ScheduledGains(speed=400.0, **FAST)])
 ONE = machine(speed=600.0)
 
 
-def between(share: float) -> Control:
+def between(share):
     """The gains so far from rest to the first speed, of any."""
     gains = {k: (1 - share) * AT_REST[k] + share * v for k, v in FAST.items()}
     return Control(**AT_REST | gains)
 
 
-def test_it_is_data() -> None:
+def test_it_is_data():
     text = """
     [controller.pid.A1]
     kp = "3000 A/m"
@@ -50,7 +46,7 @@ def test_it_is_data() -> None:
     assert Scenario.from_toml(scenario.to_toml()) == scenario
 
 
-def test_gains_are_linear_between_speeds_and_constant_beyond() -> None:
+def test_gains_are_linear_between_speeds_and_constant_beyond():
     plain, two = PID(kp=1.0), [ScheduledGains(speed=0, kp=2.0), ScheduledGains(speed=30, kp=5.0)]
     one = [ScheduledGains(speed=10, kp=3.0, ki=9000.0)]
     schedule = GainSchedule.of([plain, PID(kp=1.0, schedule=two), PID(kp=1.0, schedule=one)])
@@ -66,8 +62,8 @@ def test_gains_are_linear_between_speeds_and_constant_beyond() -> None:
 @pytest.mark.parametrize("type", ["decentralised", "translation and tilt"])
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
 def test_at_a_speed_it_flies_and_is_assessed_as_the_gains_of_that_speed(
-    feedback: Any, type: Any, speed: float, share: float
-) -> None:
+    feedback, type, speed, share
+):
     one, update = ONE.replace(speed=speed), {"type": type, "feedback": feedback}
     laws = [law.model_copy(update=update) for law in (SCHEDULED, between(share))]
     step = Step(amplitude=20e-6, time=5e-3)
@@ -80,7 +76,7 @@ def test_at_a_speed_it_flies_and_is_assessed_as_the_gains_of_that_speed(
     np.testing.assert_allclose(loops[0].sensitivity(f), loops[1].sensitivity(f), rtol=1e-12)
 
 
-def test_margins_over_the_speed_follow_it() -> None:
+def test_margins_over_the_speed_follow_it():
     found = ambkit.assess_speed(ONE, "linear", SCHEDULED, fastest=800.0, count=3)
     fast = ambkit.assess(ONE.replace(speed=400.0), "linear", between(1.0))
     assert found.peaks[1].max() == pytest.approx(fast.loops[fast.last].peak, rel=1e-6)
@@ -91,7 +87,7 @@ def test_margins_over_the_speed_follow_it() -> None:
     product(["measurement", "estimate"], ["float", "double"]),
     [("measurement", "float"), ("estimate", "double")],
 ))  # fmt: skip
-def test_the_c_has_its_bits_in_a_run_up(feedback: Any, precision: Any, tmp_path: Path) -> None:
+def test_the_c_has_its_bits_in_a_run_up(feedback, precision, tmp_path):
     schedule = [ScheduledGains(speed=100.0, ki=50e3), *SCHEDULED.schedule]
     law = Control(type="translation and tilt", feedback=feedback, schedule=schedule)
     flight = Scenario(controller=law, speed=Ramp(slope=600.0, start=0.0, end=1.0))
@@ -102,7 +98,7 @@ def test_the_c_has_its_bits_in_a_run_up(feedback: Any, precision: Any, tmp_path:
     assert "FAIL: f with its controllers" in run(tmp_path / "c")
 
 
-def test_what_has_no_schedule_refuses_it() -> None:
+def test_what_has_no_schedule_refuses_it():
     with pytest.raises(AmbkitError, match=r"schedule\[1\]\.speed: must be above the one before"):
         Control(schedule=[ScheduledGains(speed=10.0), ScheduledGains(speed=10.0)])
     with pytest.raises(AmbkitError, match='schedule: is of a PID; type = "lqg" has none'):

@@ -15,7 +15,7 @@ from ambkit.simulation.run import simulate_run
 from ambkit.simulation.waveforms import Constant
 
 
-def axes() -> dict[str, Bearing]:
+def axes():
     """Return the presets of one axis, and an axis of each end of those that are machines."""
     found = {name: Bearing.preset(name) for name in ("zittau_axial", "inteco_ml")}
     for name in ("hindawi_2011", "tum_mlps", "ufu_rig"):
@@ -50,7 +50,7 @@ def test_a_step_overshoots_by_less_than_a_seventh(name, share, feedback):
     assert abs(x[-1] / amplitude - 1) < 0.02
 
 
-def lagging(rng: np.random.Generator) -> Bearing:
+def lagging(rng):
     """Return a bearing of a laboratory as any may be: sampled, late, slow."""
     T = float(10 ** rng.uniform(-4.3, -3))
     return Bearing.preset("zittau_axial").replace(

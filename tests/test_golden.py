@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from golden.axes import AXES, TABLES, Row, read_rows, record_of
+from golden.axes import AXES, TABLES, read_rows, record_of
 from golden.runs import RUNS, filtered, read
 
 import ambkit
@@ -12,7 +12,7 @@ HOW = "\nif the change is meant: python -m tests.golden, and look at the diff"
 
 
 @pytest.mark.parametrize("name", RUNS)
-def test_the_run_is_the_recorded_one(name: str) -> None:
+def test_the_run_is_the_recorded_one(name):
     recorded, now = read(name), RUNS[name]()
     assert list(recorded) == list(now)
     for column, values in now.items():
@@ -25,7 +25,7 @@ def test_the_run_is_the_recorded_one(name: str) -> None:
             )
 
 
-def test_as_printed_it_is_what_it_was_before_there_was_another_model() -> None:
+def test_as_printed_it_is_what_it_was_before_there_was_another_model():
     recorded, now = read("linear_as_printed"), filtered(None, "float64", as_printed=True)
     assert list(recorded) == list(now)
     assert (recorded["status"] == now["status"]).all()
@@ -34,7 +34,7 @@ def test_as_printed_it_is_what_it_was_before_there_was_another_model() -> None:
         assert np.abs(values - recorded[column]).max() <= 1e-12 * scale, column
 
 
-def test_the_recorded_runs_have_something_in_them() -> None:
+def test_the_recorded_runs_have_something_in_them():
     """A step, a load, a gap, a frozen spell, and a current beyond its limit."""
     flags = np.unique(read("linear")["status"]).tolist()
     assert {0.0, 1.0, 2.0, 4.0, 8.0} <= set(flags)
@@ -49,12 +49,12 @@ BY_LAPACK = ("observer", "steady-state")
 """Kinds whose gain is computed by LAPACK; its last bits are the processor's too."""
 
 
-def case(row: Row) -> str:
+def case(row):
     return ", ".join(row[name] for name in list(row)[: list(row).index("bits")])
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_every_kind_and_plant_answers_as_recorded(name: str) -> None:
+def test_every_kind_and_plant_answers_as_recorded(name):
     recorded, now = read_rows(name), list(TABLES[name]())
     assert [case(row) for row in recorded] == [case(row) for row in now]
     changed = []
@@ -68,7 +68,7 @@ def test_every_kind_and_plant_answers_as_recorded(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", AXES)
-def test_a_machine_with_one_axis_is_that_axis(name: str) -> None:
+def test_a_machine_with_one_axis_is_that_axis(name):
     """Every kind, both precisions: mean, covariance, innovations and status to the last bit."""
     axis = AXES[name]
     machine, record = axis.long, record_of(axis)

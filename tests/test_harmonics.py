@@ -1,10 +1,5 @@
 """What is said of unbalance and runout: an amplitude where a record tells it, or a covariance."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from test_machine_synchronous import BOTH, RUN_UP, SERVICE, spoilt, steady
@@ -16,14 +11,14 @@ from ambkit.simulation.waveforms import Ramp
 TRUE = 20 / SERVICE**2
 
 
-def told(flight: Scenario, **options: Any) -> dict[str, Harmonic]:
+def told(flight, **options):
     dirty, _ = spoilt()
     kf = ExtendedKalmanFilter(dirty, synchronous=BOTH, **options)
     record = simulate(dirty, flight, filter=kf).record
     return {each.name: each for each in harmonics(kf, record)}
 
 
-def test_at_constant_speed_there_is_a_covariance_and_no_amplitude() -> None:
+def test_at_constant_speed_there_is_a_covariance_and_no_amplitude():
     found = told(Scenario(duration=0.3, seed=1))
     assert set(found) == {"U1", "r1_La", "r1_Lb", "r1_Ra", "r1_Rb"}
     for each in found.values():
@@ -39,7 +34,7 @@ def test_at_constant_speed_there_is_a_covariance_and_no_amplitude() -> None:
 
 
 @pytest.mark.parametrize("duration", [2.05, 2.0507])  # after whole turns, and at 50 degrees
-def test_after_a_run_up_there_is_an_amplitude_with_its_angle(duration: float) -> None:
+def test_after_a_run_up_there_is_an_amplitude_with_its_angle(duration):
     dirty, _ = spoilt()
     found = told(Scenario(duration=duration, seed=1, speed=RUN_UP), noise=steady(dirty))
     one = found["U1"]
@@ -50,7 +45,7 @@ def test_after_a_run_up_there_is_an_amplitude_with_its_angle(duration: float) ->
     assert not any(each.by_start for each in found.values())
 
 
-def test_the_errors_of_amplitude_and_angle_are_those_of_the_vector() -> None:
+def test_the_errors_of_amplitude_and_angle_are_those_of_the_vector():
     std = np.array([0.1, 0.2])
     one = Harmonic("U1", "unbalance", "kg m", 3.0, 0.0, np.diag(std**2), 10.0, 0.0)
     assert one.amplitude == pytest.approx((3.0, 0.1))
@@ -61,7 +56,7 @@ def test_the_errors_of_amplitude_and_angle_are_those_of_the_vector() -> None:
     assert Harmonic("U1", "unbalance", "kg m", 3.0, 0.0, np.diag(std**2), 0.3, 0.9).by_start
 
 
-def test_the_commands_say_so(call: Any, tmp_path: Path) -> None:
+def test_the_commands_say_so(call, tmp_path):
     dirty, _ = spoilt()
     (tmp_path / "m.toml").write_text(dirty.to_toml())
     both = ("--filter", "linear+unbalance+runout")
@@ -77,7 +72,7 @@ def test_the_commands_say_so(call: Any, tmp_path: Path) -> None:
         assert "the start says more" in call(*words, *flown, *both).out
 
 
-def test_without_such_states_there_is_nothing_to_say() -> None:
+def test_without_such_states_there_is_nothing_to_say():
     machine = Machine.preset("tum_mlps")
     kf = ExtendedKalmanFilter(machine)
     flight = Scenario(duration=0.02, speed=Ramp(slope=100.0))

@@ -1,13 +1,8 @@
 """Logs from strangers: none reads another file, none unpacks to more than there is memory for."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import tracemalloc
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,18 +19,18 @@ SECRET = "root:x:0:0:root:/root:/bin/bash\n" * 8
 TIME = np.arange(100) * 1e-3
 
 
-def secret(folder: Path) -> Path:
+def secret(folder):
     path = folder / "secret.txt"
     path.write_text(SECRET, encoding="utf-8")
     return path
 
 
-def external_storage(file: Any, folder: Path) -> None:
+def external_storage(file, folder):
     where = [(str(secret(folder)), 0, 128)]
     file.create_dataset("pos", shape=(16,), dtype="f8", external=where)
 
 
-def external_link(file: Any, folder: Path) -> None:
+def external_link(file, folder):
     import h5py
 
     with h5py.File(folder / "other.h5", "w") as other:
@@ -43,7 +38,7 @@ def external_link(file: Any, folder: Path) -> None:
     file["pos"] = h5py.ExternalLink("other.h5", "/pos")
 
 
-def soft_link_beyond(file: Any, folder: Path) -> None:
+def soft_link_beyond(file, folder):
     import h5py
 
     external_link(file, folder)
@@ -51,7 +46,7 @@ def soft_link_beyond(file: Any, folder: Path) -> None:
     file["pos"] = h5py.SoftLink("/rig/there")
 
 
-def virtual(file: Any, folder: Path) -> None:
+def virtual(file, folder):
     import h5py
 
     with h5py.File(folder / "other.h5", "w") as other:
@@ -61,7 +56,7 @@ def virtual(file: Any, folder: Path) -> None:
     file.create_virtual_dataset("pos", layout)
 
 
-WAYS_OUT: dict[Callable[[Any, Path], None], str] = {
+WAYS_OUT = {
     external_storage: "pos has its numbers in .*secret.txt",
     external_link: "pos is a link to another file",
     soft_link_beyond: "rig/there is a link to another file",
@@ -71,9 +66,7 @@ WAYS_OUT: dict[Callable[[Any, Path], None], str] = {
 
 @pytest.mark.parametrize("way", WAYS_OUT, ids=lambda way: way.__name__)
 @pytest.mark.parametrize("name", ["log.h5", "log.mat"])
-def test_hdf5_reads_nothing_beyond_its_file(
-    way: Callable[[Any, Path], None], name: str, tmp_path: Path, capsys: Any
-) -> None:
+def test_hdf5_reads_nothing_beyond_its_file(way, name, tmp_path, capsys):
     import h5py
 
     path = tmp_path / name
@@ -90,7 +83,7 @@ def test_hdf5_reads_nothing_beyond_its_file(
     assert "root:x" not in said.out + said.err
 
 
-def test_a_soft_link_within_the_file_does_no_harm(tmp_path: Path) -> None:
+def test_a_soft_link_within_the_file_does_no_harm(tmp_path):
     import h5py
 
     with h5py.File(tmp_path / "log.h5", "w") as file:
@@ -100,9 +93,7 @@ def test_a_soft_link_within_the_file_does_no_harm(tmp_path: Path) -> None:
     assert list(read_log(tmp_path / "log.h5").arrays) == ["time"]
 
 
-def test_an_attachment_of_an_mdf_is_not_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_attachment_of_an_mdf_is_not_read(tmp_path, monkeypatch):
     from asammdf import MDF, Signal
     from asammdf.blocks import mdf_v4
 
@@ -112,10 +103,10 @@ def test_an_attachment_of_an_mdf_is_not_read(
         flags = Signal.Flags.stream_sync  # such an attachment is not embedded
         file.append([Signal(np.sin(TIME), TIME, name="pos", attachment=beyond, flags=flags)])
         file.save(tmp_path / "with.mf4")
-    read: list[Any] = []
+    read = []
     extract = mdf_v4.MDF4._extract_attachment
 
-    def told(self: Any, index: Any, **options: Any) -> Any:
+    def told(self, index, **options):
         read.append(index)
         return extract(self, index, **options)
 
@@ -129,14 +120,14 @@ def test_an_attachment_of_an_mdf_is_not_read(
 
 
 @pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch) -> None:
+def small(monkeypatch):
     monkeypatch.setenv(memory_limit.VARIABLE, "5 MB")
 
 
-def zeros_in(name: str) -> Callable[[Path], None]:
+def zeros_in(name):
     """What writes a log of 4e6 zeros in a small file of this format."""
 
-    def write(path: Path) -> None:
+    def write(path):
         zeros = np.zeros(4_000_000)
         if name.endswith(".h5"):
             import h5py
@@ -181,7 +172,7 @@ def zeros_in(name: str) -> Callable[[Path], None]:
     "name",
     ["a.h5", "cell.mat", "short.mat", "7.3.mat", "a.parquet", "text.parquet", "a.mf4"],
 )
-def test_a_file_that_unpacks_to_too_much_is_refused_before_it_is(name: str, tmp_path: Path) -> None:
+def test_a_file_that_unpacks_to_too_much_is_refused_before_it_is(name, tmp_path):
     path = tmp_path / name
     zeros_in(name)(path)
     assert path.stat().st_size < 4_100_000
@@ -202,7 +193,7 @@ def test_a_file_that_unpacks_to_too_much_is_refused_before_it_is(name: str, tmp_
     assert f"set {memory_limit.VARIABLE}" in said
 
 
-def test_the_limit_can_be_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_limit_can_be_raised(tmp_path, monkeypatch):
     zeros_in("a.h5")(tmp_path / "a.h5")
     monkeypatch.setenv(memory_limit.VARIABLE, "63 MB")
     with pytest.raises(RecordError, match="would take 64 MB"):
@@ -212,14 +203,14 @@ def test_the_limit_can_be_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("given", ["5", "-1 GB", "0 GB", "lots", "3 mm"])
-def test_a_limit_is_a_size(given: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_limit_is_a_size(given, tmp_path, monkeypatch):
     zeros_in("a.h5")(tmp_path / "a.h5")
     monkeypatch.setenv(memory_limit.VARIABLE, given)
     with pytest.raises(AmbkitError, match=f"^{memory_limit.VARIABLE}: "):
         read_log(tmp_path / "a.h5")
 
 
-def test_a_channel_map_reads_less(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_channel_map_reads_less(tmp_path, monkeypatch):
     import h5py
 
     with h5py.File(tmp_path / "a.h5", "w") as file:
@@ -231,7 +222,7 @@ def test_a_channel_map_reads_less(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.usefixtures("small")
-def test_a_text_that_is_too_long_or_never_ends_is_refused(tmp_path: Path) -> None:
+def test_a_text_that_is_too_long_or_never_ends_is_refused(tmp_path):
     rows = "".join(f"{k * 1e-3:.3f},0.00001\n" for k in range(60_000))
     (tmp_path / "long.csv").write_text(f"t [s],y [m]\n{rows}")
     with pytest.raises(RecordError, match=r"long\.csv: would take 6\.\d* MB of memory to read"):
@@ -246,7 +237,7 @@ def test_a_text_that_is_too_long_or_never_ends_is_refused(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("ending", ["h5", "mat", "mf4", "npz", "parquet"])
-def test_a_binary_format_is_not_read_from_a_device(ending: str, tmp_path: Path) -> None:
+def test_a_binary_format_is_not_read_from_a_device(ending, tmp_path):
     endless = tmp_path / f"zero.{ending}"
     endless.symlink_to("/dev/zero")
     read = read_matrices if ending == "npz" else read_log
@@ -254,7 +245,7 @@ def test_a_binary_format_is_not_read_from_a_device(ending: str, tmp_path: Path) 
         read(endless)
 
 
-def test_names_of_arrays_are_printable_and_a_map_finds_them(tmp_path: Path) -> None:
+def test_names_of_arrays_are_printable_and_a_map_finds_them(tmp_path):
     import h5py
     import pyarrow as pa
     from pyarrow import parquet

@@ -1,12 +1,8 @@
 """Where a filter starts that knows currents: at what holds the rotor, from the first sample on."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
-from filter_cases import BEARING, Array, full
+from filter_cases import BEARING, full
 from scipy.stats import chi2
 
 import ambkit
@@ -21,7 +17,7 @@ JUDGED = ("x", "v", "f_d")
 kinds = pytest.mark.parametrize("kind", ["linear", "closed-law", "extended", "ud", "unscented"])
 
 
-def errors(kind: str, **options: Any) -> tuple[Array, Array]:
+def errors(kind, **options):
     """Of the first samples of hovering rotors (seeds, 60, states); stated covariances with them.
 
     A fresh filter as `run` starts it, or with `std` one that is that sure of where it is.
@@ -45,19 +41,19 @@ def errors(kind: str, **options: Any) -> tuple[Array, Array]:
     return np.array(found), np.array(stated)
 
 
-def squares(error: Array, P: Array) -> Array:
+def squares(error, P):
     return np.einsum("ski,ski->sk", error, np.linalg.solve(P, error[..., None])[..., 0])
 
 
 @kinds
-def test_the_first_samples_of_a_hovering_rotor_are_as_good_as_stated(kind: str) -> None:
+def test_the_first_samples_of_a_hovering_rotor_are_as_good_as_stated(kind):
     """The start is unsure on purpose: errors may be less than stated, not more."""
     nees = squares(*errors(kind)).mean(0)
     assert (nees < chi2.ppf(1 - 1e-5, len(JUDGED) * len(SEEDS)) / len(SEEDS)).all()
 
 
 @kinds
-def test_a_filter_that_is_sure_of_the_start_is_right(kind: str) -> None:
+def test_a_filter_that_is_sure_of_the_start_is_right(kind):
     """What moves the rotor is only the amplifier's noise, which the filter knows."""
     error, P = errors(kind, std=1e-3, noise=FilterNoise(disturbance=1e-6))
     nees = squares(error[..., :2], P[..., :2, :2])
@@ -71,7 +67,7 @@ def test_a_filter_that_is_sure_of_the_start_is_right(kind: str) -> None:
 
 
 @pytest.mark.parametrize("gravity", ["known", "disturbance"])
-def test_at_rest_the_currents_are_what_holds_the_rotor(gravity: Any) -> None:
+def test_at_rest_the_currents_are_what_holds_the_rotor(gravity):
     e = ambkit.ExtendedKalmanFilter(LATE, gravity=gravity)
     law, travel = ClosedLaw(LATE), LATE.rotor.clearance
     e.reset()
@@ -84,13 +80,13 @@ def test_at_rest_the_currents_are_what_holds_the_rotor(gravity: Any) -> None:
     assert e.levitation_current[0] == pytest.approx(LATE.levitation_current, rel=1e-9)
 
 
-def test_an_axis_whose_current_follows_at_once_starts_as_ever() -> None:
+def test_an_axis_whose_current_follows_at_once_starts_as_ever():
     e = ambkit.KalmanFilter(BEARING)
     assert e.levitation_current == (0.0, 0.0)
     assert e.equilibrium_state(1e-4).tolist() == [1e-4, 0.0, 0.0, BEARING.sensor.gain * 1e-4]
 
 
-def test_in_a_loop_it_knows_what_its_controller_demanded_before() -> None:
+def test_in_a_loop_it_knows_what_its_controller_demanded_before():
     """A rotor that hangs in the middle with no current falls: so does the estimate."""
     for start, current in (("released", 0.0), ("levitated", LATE.levitation_current)):
         e = ambkit.ExtendedKalmanFilter(LATE)

@@ -23,7 +23,7 @@ SAMPLES = 2000
 
 
 @pytest.fixture(scope="module")
-def record() -> Record:
+def record():
     """A run in which the reference of one axis is shaken."""
     T = MACHINE.sampling_time
     t = T * np.arange(SAMPLES + 1)
@@ -38,7 +38,7 @@ def record() -> Record:
     return run.record.select(*(s for s in run.record if s.startswith(("y_", "u_"))))
 
 
-def test_the_other_axes_bias_nothing(record: Record) -> None:
+def test_the_other_axes_bias_nothing(record):
     true = MACHINE.isolated_axis(AXIS)
     wrong = true.replace(**true.magnet.with_constant(0.8 * true.magnet.magnet_constant))
     described = with_axis(MACHINE, AXIS, wrong)
@@ -63,12 +63,12 @@ def test_the_other_axes_bias_nothing(record: Record) -> None:
     assert abs(off) > 5 * alone.standard_error("magnet_constant")
 
 
-def test_the_mass_of_an_axis_is_not_looked_for(record: Record) -> None:
+def test_the_mass_of_an_axis_is_not_looked_for(record):
     with pytest.raises(AmbkitError, match="no parameter is free; mass: all axes move one rotor"):
         identify(MACHINE, record, AXIS, free=["mass"])
 
 
-def test_what_cannot_be_is_said(record: Record) -> None:
+def test_what_cannot_be_is_said(record):
     with pytest.raises(AmbkitError, match="has the axes A1, A2, B1, B2: name one of them"):
         identify(MACHINE, record)
     with pytest.raises(AmbkitError, match="there is no axis C"):
@@ -77,13 +77,13 @@ def test_what_cannot_be_is_said(record: Record) -> None:
         identify(MACHINE, record.select(*(s for s in record if s != "u_B2")), AXIS)
 
 
-def run(line: list[str]) -> int:
+def run(line):
     with pytest.raises(SystemExit) as end:
         main(line)
     return int(end.value.code or 0)
 
 
-def test_the_command(record: Record, tmp_path, monkeypatch, capsys) -> None:
+def test_the_command(record, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     record.save("log.csv")
     MACHINE.save("machine.toml")
@@ -94,13 +94,13 @@ def test_the_command(record: Record, tmp_path, monkeypatch, capsys) -> None:
     assert found == pytest.approx(MACHINE.isolated_axis("A1").magnet.magnet_constant, rel=0.05)
 
 
-def test_an_axis_is_a_machine_of_its_own() -> None:
+def test_an_axis_is_a_machine_of_its_own():
     one = MACHINE["A2"]
     assert one.single
     assert one.isolated_axis("") is MACHINE.isolated_axis("A2")
 
 
-def test_an_expert_is_of_an_axis(tmp_path, monkeypatch) -> None:
+def test_an_expert_is_of_an_axis(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run(["train", "tum_mlps", "--axis", "B1", "--rules", "3x3", "--out", "one.json"]) == 0
     assert run(["train", "tum_mlps"]) == 2

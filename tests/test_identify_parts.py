@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Record, Scenario, Sine, simulate
+from ambkit import Bearing, Scenario, Sine, simulate
 from ambkit.identification.dead_time import acting, delayed, lagged
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -44,7 +44,7 @@ PARTS = {
 }
 
 
-def record_of(bearing: Bearing, seed: int) -> Record:
+def record_of(bearing, seed):
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(LINES))
     one, *more = (
         Sine(amplitude=a, frequency=f, phase=float(phase))
@@ -57,7 +57,7 @@ def record_of(bearing: Bearing, seed: int) -> Record:
     return record
 
 
-def found_by(known: Bearing, record: Record, free: tuple):
+def found_by(known, record, free):
     wrong = known.replace(**known.magnet.with_constant(1.1 * BEARING.magnet.magnet_constant))
     wrong = wrong.replace(sensor__noise_variance=1.5 * BEARING.sensor.noise_variance)
     start = LoopModel(wrong, disturbance_noise=1e-3, load_std=0.05)
@@ -67,12 +67,12 @@ def found_by(known: Bearing, record: Record, free: tuple):
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", PARTS)
-def test_what_knows_the_part_finds_it_and_the_bearing_and_what_does_not_is_wrong(name: str) -> None:
+def test_what_knows_the_part_finds_it_and_the_bearing_and_what_does_not_is_wrong(name):
     part = PARTS[name]
     plant = BEARING.replace(**part.true)
     truth = LoopModel(plant)
 
-    def both(seed: int):
+    def both(seed):
         record = record_of(plant, seed)
         right = found_by(plant.replace(**part.told), record, part.free)
         return right, found_by(BEARING, record, ())
@@ -93,7 +93,7 @@ def test_what_knows_the_part_finds_it_and_the_bearing_and_what_does_not_is_wrong
             assert max(wrong) > 5, wrong
 
 
-def test_what_was_found_is_in_the_bearing_that_is_written() -> None:
+def test_what_was_found_is_in_the_bearing_that_is_written():
     """So that a filter of it knows the delay and the lag, and the log's map need not."""
     plant = BEARING.replace(delay="0.15 ms", amplifier__bandwidth="200 Hz")
     told = BEARING.replace(delay="0.1 ms", amplifier__bandwidth="250 Hz")
@@ -115,7 +115,7 @@ def test_what_was_found_is_in_the_bearing_that_is_written() -> None:
     assert nis[BEARING] > nis[written]
 
 
-def test_a_delay_that_cannot_be_told_from_none_is_left_out_of_the_bearing() -> None:
+def test_a_delay_that_cannot_be_told_from_none_is_left_out_of_the_bearing():
     record = record_of(BEARING, 3)
     found = found_by(BEARING, record, ("delay",))
     assert abs(found["delay"]) < 3 * found.standard_error("delay")
@@ -124,7 +124,7 @@ def test_a_delay_that_cannot_be_told_from_none_is_left_out_of_the_bearing() -> N
     assert known.bearing.delay == 2e-5
 
 
-def test_a_model_takes_delay_and_lag_of_its_bearing_and_its_filter_has_neither() -> None:
+def test_a_model_takes_delay_and_lag_of_its_bearing_and_its_filter_has_neither():
     b = BEARING.replace(
         delay="0.15 ms", amplifier__bandwidth="200 Hz", amplifier__voltage_limit="50 V",
         amplifier__resistance="2 ohm",
@@ -141,7 +141,7 @@ def test_a_model_takes_delay_and_lag_of_its_bearing_and_its_filter_has_neither()
     assert plain.delayed_machine().amplifier.bandwidth == pytest.approx(159.2, rel=1e-3)
 
 
-def test_learning_online_takes_the_signal_as_it_acts() -> None:
+def test_learning_online_takes_the_signal_as_it_acts():
     late = BEARING.replace(delay="0.3 ms", amplifier__bandwidth="100 Hz")
     record = record_of(late, 0)
     u = record["u"]
@@ -154,7 +154,7 @@ def test_learning_online_takes_the_signal_as_it_acts() -> None:
     assert abs(plain / k - 1) > 2 * abs(knows / k - 1)
 
 
-def test_of_a_force_map_the_scale_is_found(tmp_path) -> None:
+def test_of_a_force_map_the_scale_is_found(tmp_path):
     """Of the magnet that is the map, and the law beside it goes along."""
     iu, x = (
         a.ravel() for a in np.meshgrid(np.linspace(-1.5, 1.5, 13), np.linspace(-1e-3, 1e-3, 9))

@@ -1,7 +1,5 @@
 """Imports go down only and in no circle, those by a string included (README.md, the house)."""
 
-from __future__ import annotations
-
 import ast
 import re
 import tomllib
@@ -18,7 +16,7 @@ FLOORS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlin
 FLOORS = next(contract["layers"] for contract in FLOORS if contract["type"] == "layers")
 
 
-def named(text: str, modules: set[str]) -> set[str]:
+def named(text, modules):
     """Return the module that a source names by each of its strings, as far as there is one."""
     tree = ast.parse(text)
     parts = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)
@@ -49,7 +47,7 @@ def named(text: str, modules: set[str]) -> set[str]:
 
 
 @pytest.fixture(scope="module")
-def graph() -> grimp.ImportGraph:
+def graph():
     """Return who imports whom; the package's own root, above all floors, left out."""
     made = grimp.build_graph("ambkit", cache_dir=None)
     modules = {each for each in made.modules if not made.is_module_squashed(each)}
@@ -63,13 +61,13 @@ def graph() -> grimp.ImportGraph:
     return made
 
 
-def floor_of(module: str) -> int:
+def floor_of(module):
     """Return how far from the top the floor of a module is."""
     room = module.split(".")[1]
     return next(k for k, floor in enumerate(FLOORS) if room in floor.split(" | "))
 
 
-def test_no_import_goes_up(graph: grimp.ImportGraph) -> None:
+def test_no_import_goes_up(graph):
     """Strings and `import_module` included."""
     inner = [each for each in graph.modules if each not in ("ambkit", "ambkit.__main__")]
     upward = [
@@ -82,7 +80,7 @@ def test_no_import_goes_up(graph: grimp.ImportGraph) -> None:
     assert "\n".join(sorted(upward)) == ""
 
 
-def test_no_import_circle(graph: grimp.ImportGraph) -> None:
+def test_no_import_circle(graph):
     """Neither between the rooms within a room, nor between single modules."""
     circles = {
         each: found for each in graph.modules if (found := graph.nominate_cycle_breakers(each))
@@ -103,6 +101,6 @@ def test_no_import_circle(graph: grimp.ImportGraph) -> None:
          "ambkit.estimate.kalman"),
     ],
 )  # fmt: skip
-def test_strings_are_seen(graph: grimp.ImportGraph, source: str, module: str) -> None:
+def test_strings_are_seen(graph, source, module):
     """The check finds what hid from it."""
     assert named(source, set(graph.modules)) == {module}

@@ -1,7 +1,5 @@
 """The errors that are predicted before an experiment are those that its estimates then have."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -31,14 +29,14 @@ SHAKEN = Scenario(
 )
 
 
-def scaled(scenario: Scenario, by: float) -> Scenario:
+def scaled(scenario, by):
     return scenario.replace(
         reference=ambkit.Sine(amplitude=2e-4 * by, frequency=20.0)
         + ambkit.Sine(amplitude=4e-5 * by, frequency=90.0)
     )
 
 
-def test_predicted_errors_are_the_scatter_of_estimates() -> None:
+def test_predicted_errors_are_the_scatter_of_estimates():
     """One step of Gauss and Newton from the truth, over 60 seeds, against one seed's prediction."""
     parameters = named(FREE)
     coordinates = Coordinates(CALM, parameters)
@@ -60,7 +58,7 @@ def test_predicted_errors_are_the_scatter_of_estimates() -> None:
     assert predicted.correlation[0, 1] > 0.8
 
 
-def test_what_scores_scatter_by_holds_all_that_correlates_them_within_a_block() -> None:
+def test_what_scores_scatter_by_holds_all_that_correlates_them_within_a_block():
     """Scores that are one for a block each, with its sign: the variance is that of their sums."""
     length = round(BLOCK * own_time(BEARING) / BEARING.sampling_time)
     signs = np.random.default_rng(4).choice([-1.0, 1.0], 100)
@@ -69,8 +67,8 @@ def test_what_scores_scatter_by_holds_all_that_correlates_them_within_a_block() 
 
 
 @pytest.mark.parametrize("name", FREE[:4])
-def test_more_excitation_and_more_time_give_smaller_errors(name: str) -> None:
-    def error(by: float, duration: float = 0.8) -> float:
+def test_more_excitation_and_more_time_give_smaller_errors(name):
+    def error(by, duration=0.8):
         scenario = scaled(SHAKEN, by).replace(duration=duration)
         return expect(ambkit.simulate(BEARING, scenario).record, CALM, FREE)[name]
 
@@ -78,7 +76,7 @@ def test_more_excitation_and_more_time_give_smaller_errors(name: str) -> None:
     assert error(1.0, 3.2) == pytest.approx(error(1.0) / 2, rel=0.2)
 
 
-def test_what_one_experiment_cannot_tell_is_named() -> None:
+def test_what_one_experiment_cannot_tell_is_named():
     """Mass and magnet constant: their ratio alone, but for noises and loads that are forces."""
     record = ambkit.simulate(BEARING, SHAKEN).record
     # The start of the load counts as known to the weight; without noise of the current and without
@@ -92,7 +90,7 @@ def test_what_one_experiment_cannot_tell_is_named() -> None:
     assert expectation["magnet_constant"] < 0.01 * BEARING.magnet.magnet_constant
 
 
-def test_the_certainty_counts_what_cannot_be_told_as_nothing() -> None:
+def test_the_certainty_counts_what_cannot_be_told_as_nothing():
     record = ambkit.simulate(BEARING, SHAKEN).record
     one = expect(record, CALM, ("magnet_constant",)).certainty
     both = expect(record, CALM, ("magnet_constant", "current_lag")).certainty
@@ -100,7 +98,7 @@ def test_the_certainty_counts_what_cannot_be_told_as_nothing() -> None:
     assert both == pytest.approx(one, abs=1e-6)  # a lag of zero has no logarithm to move
 
 
-def test_sensitivity_adds_up_to_the_information() -> None:
+def test_sensitivity_adds_up_to_the_information():
     record = ambkit.simulate(BEARING, SHAKEN).record
     alone = expect(record, CALM, ("magnet_constant",))
     assert alone.sensitivity.shape == (1, len(record))
@@ -108,7 +106,7 @@ def test_sensitivity_adds_up_to_the_information() -> None:
     assert 1 / np.sqrt(np.sum(alone.sensitivity**2)) == pytest.approx(alone.errors[0], rel=0.01)
 
 
-def test_a_record_without_measurements_is_told() -> None:
+def test_a_record_without_measurements_is_told():
     record = ambkit.simulate(BEARING, SHAKEN.replace(duration=0.05)).record
     nothing = Record(record.t, {"y": np.full(len(record), np.nan), "u": record["u"]})
     with pytest.raises(AmbkitError, match="no measurement"):

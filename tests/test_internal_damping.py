@@ -1,13 +1,8 @@
 """What damps within a rotor turns with it: poles, sampling, simulation, and files."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
-from machine_cases import Array, directions, integrated, machine, slopes
+from machine_cases import directions, integrated, machine, slopes
 from test_machine_bending import ROSS, ufu
 
 from ambkit import ConfigError, KalmanFilter, Machine, campbell
@@ -25,7 +20,7 @@ FIRST = 2 * np.pi * 100
 OUTER, INNER = 0.004, 0.016
 
 
-def rotor(inner: float | None = INNER, outer: float = OUTER) -> dict[str, Any]:
+def rotor(inner=INNER, outer=OUTER):
     mode = {
         "frequency": 100.0, "damping_ratio": outer, "mass": 1.5,
         "places": [-0.4, -0.3, -0.1, 0.0, 0.2, 0.4], "shape": [0.6, 0.04, -0.5, -0.6, 0.03, 1.0],
@@ -38,12 +33,12 @@ def rotor(inner: float | None = INNER, outer: float = OUTER) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def bent(speed: float, **keys: Any) -> Machine:
+def bent(speed, **keys):
     return machine(rotor=rotor(**keys), speed=speed)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.9, 1.0, 1.1])
-def test_it_drives_the_whirl_beyond_the_critical_speed(share: float) -> None:
+def test_it_drives_the_whirl_beyond_the_critical_speed(share):
     """Of a free mode s^2 + 2 (z + z_i) w s - 2 j z_i w W + w^2 = 0: its edge is in closed form."""
     limit = FIRST * (1 + OUTER / INNER)
     poles = open_loop(bent(share * limit), np.zeros(4)).poles
@@ -58,7 +53,7 @@ def test_it_drives_the_whirl_beyond_the_critical_speed(share: float) -> None:
         assert np.sign(fastest) == np.sign(share - 1)
 
 
-def test_at_rest_it_damps_as_any_other() -> None:
+def test_at_rest_it_damps_as_any_other():
     model = continuous(bent(0.0))
     other = continuous(bent(0.0, inner=None, outer=OUTER + INNER))
     np.testing.assert_allclose(model.A, other.A, rtol=1e-12, atol=0)
@@ -66,7 +61,7 @@ def test_at_rest_it_damps_as_any_other() -> None:
     assert bent(0.0).bending.damping_ratio == pytest.approx([OUTER + INNER])  # type: ignore[union-attr]
 
 
-def test_a_sample_is_exact_with_the_forces_held() -> None:
+def test_a_sample_is_exact_with_the_forces_held():
     one = bent(2000.0).replace(rotor__gravity="none")
     model = machine_model(one)
     size = np.array([state.size for state in model.states])
@@ -77,7 +72,7 @@ def test_a_sample_is_exact_with_the_forces_held() -> None:
     C = directions(one, one.readings)
     seen = [k for k, role in enumerate(roles) if role == "sensor"]
 
-    def rates(t: float, state: Array) -> Array:
+    def rates(t, state):
         q, w, y = state[:n], state[n : 2 * n], state[2 * n :]
         return np.r_[w, slopes(one, q, w, F), (C @ q - y) / 5e-5]
 
@@ -87,7 +82,7 @@ def test_a_sample_is_exact_with_the_forces_held() -> None:
     np.testing.assert_allclose(got / size[moving], exact / size[moving], rtol=0, atol=1e-9)
 
 
-def test_a_flight_shows_the_whirl_grow_that_the_poles_tell() -> None:
+def test_a_flight_shows_the_whirl_grow_that_the_poles_tell():
     """Magnets near the nodes cannot hold it: it whirls forwards, and grows by its pole."""
     one = bent(2.2 * FIRST, outer=1e-4, inner=0.03).replace(
         rotor__gravity="none", unbalance=[{"place": 0.0, "amount": 1e-9}]
@@ -106,7 +101,7 @@ def test_a_flight_shows_the_whirl_grow_that_the_poles_tell() -> None:
     assert round_ == pytest.approx(pole.imag, rel=1e-3)
 
 
-def test_filters_know_it() -> None:
+def test_filters_know_it():
     """The estimate of the bent rotor is honest at a speed at which it counts."""
     one = bent(1.05 * FIRST)
     record = simulate_run(one, Scenario(duration=0.3, seed=2)).record
@@ -114,7 +109,7 @@ def test_filters_know_it() -> None:
     assert 0.9 < np.mean(knowing.nis[1000:]) < 1.1
 
 
-def test_it_is_in_the_campbell_diagram() -> None:
+def test_it_is_in_the_campbell_diagram():
     found = campbell(bent(0.0), 3 * FIRST)
     near = np.abs(found.poles.imag - FIRST) < 60
     growing = (found.poles.real > 0) & near
@@ -122,7 +117,7 @@ def test_it_is_in_the_campbell_diagram() -> None:
     assert growing[found.speed > 1.6 * FIRST].any(axis=1).all()
 
 
-def test_matrices_of_a_file(tmp_path: Path) -> None:
+def test_matrices_of_a_file(tmp_path):
     with np.load(ROSS) as file:
         content = dict(file)
     content["D_internal"] = 2e-5 * content["K"]
@@ -140,7 +135,7 @@ def test_matrices_of_a_file(tmp_path: Path) -> None:
     assert reduced(ufu(7650.0), 4000.0, None, (), 0.01).internal.any()
 
 
-def test_it_comes_back_from_toml_and_is_checked() -> None:
+def test_it_comes_back_from_toml_and_is_checked():
     one = bent(0.0)
     assert Machine.from_toml(one.to_toml()) == one
     table = Machine.preset("ufu_flexible").replace(rotor__internal_damping_ratio=0.002)

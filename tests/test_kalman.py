@@ -1,13 +1,9 @@
 """The filter against its textbook form, other libraries, and its own other forms."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import oracles
 import pytest
-from filter_cases import BEARING, SETTINGS, START, STD, Array, core_filter, full, moving_record, off
+from filter_cases import BEARING, SETTINGS, START, STD, core_filter, full, moving_record, off
 from quick import quick
 
 import ambkit
@@ -18,7 +14,7 @@ from ambkit.machine.magnets import core_module
 
 
 @pytest.mark.parametrize("as_printed", [False, True])
-def test_eq_9_to_13_with_full_matrices(as_printed: bool) -> None:
+def test_eq_9_to_13_with_full_matrices(as_printed):
     """With (I - K H) P as in eq. 13, for as long as that keeps its symmetry."""
     s = SETTINGS | {"as_printed": as_printed}
     r = {name: values[:400] for name, values in moving_record(0.05).items()}
@@ -34,7 +30,7 @@ def test_eq_9_to_13_with_full_matrices(as_printed: bool) -> None:
 
 
 @pytest.mark.parametrize("as_printed", quick([False, True], {False}))
-def test_filterpy_agrees_over_100_000_steps(as_printed: bool) -> None:
+def test_filterpy_agrees_over_100_000_steps(as_printed):
     """Joseph's update, F, B and Q new at each step; to 1e-10 of each state's scale."""
     filterpy = pytest.importorskip("filterpy.kalman")
     s, r = SETTINGS | {"as_printed": as_printed}, moving_record(10.0)
@@ -63,14 +59,14 @@ def test_filterpy_agrees_over_100_000_steps(as_printed: bool) -> None:
     np.testing.assert_allclose(ours.covariance, kf.P, rtol=1e-9)
 
 
-def test_the_adaptive_filter_asks_the_law_at_its_estimate() -> None:
+def test_the_adaptive_filter_asks_the_law_at_its_estimate():
     """Fig. 8 written plainly: stiffness at the estimate and the current, then predict, update."""
     r = moving_record(0.3)
     y, u = r["y"], r["u"]
     naive = oracles.Kalman(SETTINGS, START, STD)
     mean, k = np.empty((len(y), 4)), np.empty((len(y), 2))
 
-    def force(iu: float, x: float) -> float:
+    def force(iu, x):
         return oracles.magnet_force(BEARING, iu, x)
 
     for i in range(len(y)):
@@ -90,7 +86,7 @@ def test_the_adaptive_filter_asks_the_law_at_its_estimate() -> None:
 
 
 @pytest.mark.parametrize(("k_i", "k_s"), [(10.05, 7537.5), (7.14, 32160.0)])
-def test_the_gain_settles_where_python_control_says(k_i: float, k_s: float) -> None:
+def test_the_gain_settles_where_python_control_says(k_i, k_s):
     control = pytest.importorskip("control")
     s = SETTINGS
     A, B, H = oracles.system_matrices(s, k_i, k_s)
@@ -113,7 +109,7 @@ def test_the_gain_settles_where_python_control_says(k_i: float, k_s: float) -> N
 # ---- one filter, said in several ways ----
 
 
-def test_a_run_is_its_steps_and_a_step_is_predict_and_update() -> None:
+def test_a_run_is_its_steps_and_a_step_is_predict_and_update():
     r = moving_record(0.05)
     y, u = r["y"], r["u"]
     law = ClosedLaw(BEARING).in_core(core_module())
@@ -132,11 +128,11 @@ def test_a_run_is_its_steps_and_a_step_is_predict_and_update() -> None:
     assert steps.k_s == halves.k_s
 
 
-def whole_innovation(y: Array, u: Array, law: Any) -> float:
+def whole_innovation(y, u, law):
     return float(core_filter(SETTINGS, magnet=law).run(y, u)["innovation"][-1])
 
 
-def test_a_forecast_goes_on_without_measurements() -> None:
+def test_a_forecast_goes_on_without_measurements():
     r = moving_record(0.02)
     y, u = r["y"], r["u"]
     kf = core_filter(SETTINGS)
@@ -153,7 +149,7 @@ def test_a_forecast_goes_on_without_measurements() -> None:
     assert kf.forecast(mean, u, len(y) + 5).shape == (0, 1)
 
 
-def test_the_filters_of_the_package_are_set_up_from_the_bearing() -> None:
+def test_the_filters_of_the_package_are_set_up_from_the_bearing():
     r = moving_record(0.05)
     record = ambkit.Record(
         BEARING.sampling_time * np.arange(len(r["y"])), {"y": r["y"], "u": r["u"]}
@@ -175,7 +171,7 @@ def test_the_filters_of_the_package_are_set_up_from_the_bearing() -> None:
     )
 
 
-def test_a_state_that_is_known_less_surely() -> None:
+def test_a_state_that_is_known_less_surely():
     kalman = ambkit.ExtendedKalmanFilter(BEARING)
     record = moving_record(0.01)
     kalman.core.run(record["y"], record["u"])

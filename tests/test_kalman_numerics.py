@@ -1,9 +1,6 @@
 """The filter in other units, in single precision, over ten million steps, for any parameters."""
 
-from __future__ import annotations
-
 import numpy as np
-import oracles
 import pytest
 from filter_cases import (
     BEARING,
@@ -11,7 +8,6 @@ from filter_cases import (
     SETTINGS,
     START,
     STD,
-    Array,
     core_filter,
     full,
     least_correlation_eigenvalue,
@@ -28,14 +24,14 @@ from ambkit.machine.magnets import core_module
 # ---- other units, other precision, very long ----
 
 
-def in_micrometres(s: oracles.Settings) -> oracles.Settings:
+def in_micrometres(s):
     """The same filter with lengths in um: N = kg m/s^2 makes the mass count in N s^2/um."""
     um = 1e6
     return s | {"m": s["m"] / um, "x_max": s["x_max"] * um, "var_y": s["var_y"] * um**2}
 
 
 @pytest.mark.parametrize("adaptive", [False, True])
-def test_metres_and_micrometres_give_one_answer(adaptive: bool) -> None:
+def test_metres_and_micrometres_give_one_answer(adaptive):
     """To 1e-12: nothing in the numerics knows an absolute size."""
     um, r, core = 1e6, moving_record(2.0), core_module()
     k, s0, i0 = 6.7e-6, 2e-3, 1.5
@@ -62,9 +58,7 @@ def test_metres_and_micrometres_give_one_answer(adaptive: bool) -> None:
 
 
 @pytest.mark.parametrize("adaptive", [False, True])
-def test_single_precision_stays_within_a_thousandth_of_the_standard_deviation(
-    adaptive: bool,
-) -> None:
+def test_single_precision_stays_within_a_thousandth_of_the_standard_deviation(adaptive):
     r = moving_record(5.0)
     given_k = {} if adaptive else {"k_i": r["k_i"], "k_s": r["k_s"]}
     runs = {}
@@ -80,7 +74,7 @@ def test_single_precision_stays_within_a_thousandth_of_the_standard_deviation(
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_the_covariance_is_positive_definite_after_ten_million_steps(precision: str) -> None:
+def test_the_covariance_is_positive_definite_after_ten_million_steps(precision):
     r = moving_record(10.0)
     n = 100_000
     part = {name: values[:n].astype(precision) for name, values in r.items()}
@@ -101,7 +95,7 @@ def test_the_covariance_is_positive_definite_after_ten_million_steps(precision: 
 
 
 @st.composite
-def sane_settings(draw: st.DrawFn) -> oracles.Settings:
+def sane_settings(draw):
     """Magnitudes from micro-bearings to large ones; noise from none to coarse."""
     power = lambda low, high: 10 ** draw(st.floats(low, high))  # noqa: E731
     T, m = power(-5, -3), power(-3, 2)
@@ -117,9 +111,7 @@ def sane_settings(draw: st.DrawFn) -> oracles.Settings:
 
 @settings(max_examples=150)
 @given(sane_settings(), st.floats(0.001, 0.3), st.integers(0, 10**6))
-def test_the_covariance_stays_positive_definite(
-    s: oracles.Settings, stiffness: float, seed: int
-) -> None:
+def test_the_covariance_stays_positive_definite(s, stiffness, seed):
     """k_s up to where the plant runs away by a third in a sample; y anywhere in the travel."""
     rng = np.random.default_rng(seed)
     n = 500
@@ -144,7 +136,7 @@ def test_the_covariance_stays_positive_definite(
 
 @settings(max_examples=50)
 @given(st.floats(-2, 2), st.floats(-2, 2), st.integers(0, 10**6))
-def test_the_estimate_is_linear_in_what_it_is_given(a: float, b: float, seed: int) -> None:
+def test_the_estimate_is_linear_in_what_it_is_given(a, b, seed):
     """With stiffnesses given, and no force besides: superposition."""
     s = SETTINGS | {
         "f_0": 0.0,
@@ -158,7 +150,7 @@ def test_the_estimate_is_linear_in_what_it_is_given(a: float, b: float, seed: in
     k = rng.uniform(8, 12, n), rng.uniform(6e3, 3e4, n)
     y, u = rng.normal(0, 1e-5, (2, n)), rng.normal(0, 0.01, (2, n))
 
-    def mean(y: Array, u: Array) -> Array:
+    def mean(y, u):
         kf = made(core_module(), "Kalman", core_module().Constant(1, 1), s)
         kf.reset(np.zeros(4), STD)
         return np.asarray(kf.run(y, u, *k)["mean"])
@@ -169,7 +161,7 @@ def test_the_estimate_is_linear_in_what_it_is_given(a: float, b: float, seed: in
     assert (np.abs(together - a * parts[0] - b * parts[1]) <= 1e-10 * scale).all()
 
 
-def test_a_measurement_never_makes_the_estimate_less_certain() -> None:
+def test_a_measurement_never_makes_the_estimate_less_certain():
     kf = core_filter(SETTINGS)
     rng = np.random.default_rng(0)
     for _ in range(200):

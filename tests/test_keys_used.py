@@ -1,12 +1,8 @@
 """No number of a machine's file is read and then forgotten: each moves the plant that flies."""
 
-from __future__ import annotations
-
 import copy
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,9 +28,9 @@ FLIES = Scenario(duration=0.03, start="released", disturbance=ambkit.Step(amplit
 DERIVED = ("sampling_time", "magnet__magnet_constant")
 
 
-def numbers(thing: Any, at: str = "") -> list[tuple[str, float]]:
+def numbers(thing, at=""):
     """Return the numbers of a part of a file with the key that `replace` takes."""
-    found: list[tuple[str, float]] = []
+    found = []
     for name in type(thing).model_fields:
         value, key = getattr(thing, name), f"{at}{name}"
         if hasattr(type(value), "model_fields"):
@@ -45,21 +41,21 @@ def numbers(thing: Any, at: str = "") -> list[tuple[str, float]]:
 
 
 @pytest.fixture(scope="module")
-def flown() -> ambkit.Record:
+def flown():
     return ambkit.simulate(RICH, FLIES).record
 
 
 @pytest.mark.parametrize(
     ("key", "value"), [(k, v) for k, v in numbers(RICH) if k not in DERIVED], ids=lambda v: str(v)
 )
-def test_each_number_moves_the_plant(flown: ambkit.Record, key: str, value: float) -> None:
+def test_each_number_moves_the_plant(flown, key, value):
     changed = int(value * 1.25) if key.endswith("turns") else 1.1 * value
     other = ambkit.simulate(RICH.replace(**{key: changed}), FLIES).record
     same = all(np.array_equal(flown[name], other[name]) for name in ("x", "y", "iu", "f_mag"))
     assert not same
 
 
-def test_no_number_is_left_out() -> None:
+def test_no_number_is_left_out():
     """What `RICH` does not state is a file, a word, or of the copper alone."""
     absent = {
         name
@@ -79,7 +75,7 @@ FILES = [
 ]
 
 
-def tables(data: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def tables(data, at=()):
     """Yield the path of each table, in lists too."""
     if isinstance(data, dict):
         yield at
@@ -89,8 +85,8 @@ def tables(data: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 @pytest.fixture(scope="module")
-def a_filter(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path: Path = tmp_path_factory.mktemp("filter") / "filter.toml"
+def a_filter(tmp_path_factory):
+    path = tmp_path_factory.mktemp("filter") / "filter.toml"
     kf = ambkit.AugmentedKalmanFilter(ambkit.Bearing.preset("zittau_axial"), wander=0.02)
     kf.origin = {"options.wander": "by hand"}
     kf.save(path)
@@ -98,12 +94,12 @@ def a_filter(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("path", [*FILES, None], ids=lambda p: p.stem if p else "filter")
-def test_a_key_that_nothing_reads_is_an_error(path: Path | None, a_filter: Path) -> None:
+def test_a_key_that_nothing_reads_is_an_error(path, a_filter):
     path = path or a_filter
     data = tomllib.loads(path.read_text(encoding="utf-8"))
     document = documents()[kind_of_toml(path)]
     for at in tables(data):
-        wrong: Any = copy.deepcopy(data)
+        wrong = copy.deepcopy(data)
         table = wrong
         for key in at:
             table = table[key]

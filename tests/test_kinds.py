@@ -14,9 +14,8 @@ from filter_cases import core_model, core_settings, made
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
-from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
-from ambkit.estimate.registry import KINDS, Kind, in_core_of
+from ambkit.estimate.registry import KINDS, in_core_of
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
@@ -38,7 +37,7 @@ kinds = pytest.mark.parametrize(
 
 @kinds
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_it_follows_the_rotor_and_finds_the_load(kind: Kind, precision: str) -> None:
+def test_it_follows_the_rotor_and_finds_the_load(kind, precision):
     estimate = kind.make(BEARING, precision=precision).run(RECORD)
     late = RECORD.t > 0.5
     assert np.abs(estimate.x - RECORD["x"])[late].max() < 4e-5
@@ -47,7 +46,7 @@ def test_it_follows_the_rotor_and_finds_the_load(kind: Kind, precision: str) -> 
 
 
 @kinds
-def test_step_by_step_is_the_whole_record(kind: Kind) -> None:
+def test_step_by_step_is_the_whole_record(kind):
     estimator = kind.make(BEARING)
     whole = estimator.run(RECORD)
     estimator.reset(estimator.initial_state(RECORD["y"]))
@@ -67,7 +66,7 @@ class Fault(NamedTuple):
     flag: Status
 
 
-def spikes(y: np.ndarray) -> np.ndarray:
+def spikes(y):
     y = y.copy()
     y[::37] += 0.7e-3
     return y
@@ -89,7 +88,7 @@ RECOVERED = 2000
 
 @kinds
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
-def test_faults_are_told_and_forgotten(kind: Kind, fault: Fault) -> None:
+def test_faults_are_told_and_forgotten(kind, fault):
     if kind.name == "low-pass" and fault.flag == Status.OUTLIER:
         pytest.skip("a low-pass has no idea of what an outlier is")
     y, u = RECORD["y"].copy(), RECORD["u"].copy()
@@ -114,7 +113,7 @@ def test_faults_are_told_and_forgotten(kind: Kind, fault: Fault) -> None:
 
 
 @kinds
-def test_an_amplifier_at_its_end_is_told_and_known(kind: Kind) -> None:
+def test_an_amplifier_at_its_end_is_told_and_known(kind):
     """A controller that asks for more than there is, where the plant was given what there is."""
     weak = BEARING.replace(amplifier__current_limit=0.6)
     eager = ambkit.PID(kp=3000.0, kd=12.0, setpoint_weight=1.0)
@@ -131,7 +130,7 @@ def test_an_amplifier_at_its_end_is_told_and_known(kind: Kind) -> None:
 
 
 @kinds
-def test_a_jump_of_the_magnet_constant_ends_nobody(kind: Kind) -> None:
+def test_a_jump_of_the_magnet_constant_ends_nobody(kind):
     """Who has not learned k takes it for a load, which is then in F_St; the position stays."""
     T = BEARING.sampling_time
     scenario = Scenario(duration=0.8, seed=4, reference=ambkit.Sine(amplitude=2e-4, frequency=8.0))
@@ -148,7 +147,7 @@ def test_a_jump_of_the_magnet_constant_ends_nobody(kind: Kind) -> None:
 # ---- extended ----
 
 
-def test_the_extended_filter_is_the_textbook_s() -> None:
+def test_the_extended_filter_is_the_textbook_s():
     """Force in the mean, tangent in the covariance, written naively beside it."""
     law = ClosedLaw(BEARING)
     s = oracles.settings_of(BEARING)
@@ -181,7 +180,7 @@ def test_the_extended_filter_is_the_textbook_s() -> None:
     np.testing.assert_allclose(out["covariance"][-1], P[np.triu_indices(4)], rtol=1e-9)
 
 
-def test_with_constant_stiffness_the_extended_filter_is_the_linear_one() -> None:
+def test_with_constant_stiffness_the_extended_filter_is_the_linear_one():
     constant = ConstantStiffness.of(BEARING)
     linear = KalmanFilter(BEARING, constant).run(RECORD)
     extended = KINDS["extended"].make(BEARING, constant).run(RECORD)
@@ -191,13 +190,13 @@ def test_with_constant_stiffness_the_extended_filter_is_the_linear_one() -> None
 # ---- observers ----
 
 
-def linear_model() -> LinearModel:
+def linear_model():
     k = ConstantStiffness.of(BEARING)
     return KalmanFilter(BEARING).linear_model(k.k_i, k.k_s)
 
 
 @pytest.mark.parametrize("lag", [2e-4, 1e-9])
-def test_all_poles_of_the_observer_are_where_they_were_put(lag: float) -> None:
+def test_all_poles_of_the_observer_are_where_they_were_put(lag):
     bearing = BEARING.replace(sensor__lag=lag)
     observer = ExtendedStateObserver(bearing, bandwidth=800.0)
     k = ConstantStiffness.of(bearing)
@@ -212,7 +211,7 @@ def test_all_poles_of_the_observer_are_where_they_were_put(lag: float) -> None:
     assert np.abs(poles[0] - (wanted if lag > 1e-6 else 0.0)) < 3e-3
 
 
-def test_the_steady_state_gain_is_dlqe_s() -> None:
+def test_the_steady_state_gain_is_dlqe_s():
     control = pytest.importorskip("control")
     steady = SteadyStateKalmanFilter(BEARING)
     units = np.array(steady.default_std())
@@ -221,7 +220,7 @@ def test_the_steady_state_gain_is_dlqe_s() -> None:
     np.testing.assert_allclose(m.A @ (steady.gain / units), L.ravel(), rtol=1e-9)
 
 
-def test_the_linear_filter_settles_to_the_steady_state() -> None:
+def test_the_linear_filter_settles_to_the_steady_state():
     steady = SteadyStateKalmanFilter(BEARING)
     linear = KalmanFilter(BEARING)
     late = linear.run(RECORD, covariance=True)
@@ -238,7 +237,7 @@ def test_the_linear_filter_settles_to_the_steady_state() -> None:
 # ---- low-pass ----
 
 
-def test_the_low_pass_is_three_exponential_averages() -> None:
+def test_the_low_pass_is_three_exponential_averages():
     low = KINDS["low-pass"].make(BEARING)
     out = low.run(RECORD)
     c, T, b = low.corners, BEARING.sampling_time, BEARING
@@ -264,12 +263,12 @@ def test_the_low_pass_is_three_exponential_averages() -> None:
         ("low-pass", {"force": -1.0}, "force must be greater than 0 rad/s, got -1.0"),
     ],
 )
-def test_a_parameter_out_of_range_is_told(name: str, options: dict[str, Any], told: str) -> None:
+def test_a_parameter_out_of_range_is_told(name, options, told):
     with pytest.raises(ValueError, match=told):
         KINDS[name].make(BEARING, **options)
 
 
-def test_settings_are_complete_and_known() -> None:
+def test_settings_are_complete_and_known():
     core = core_module()
     s = oracles.settings_of(BEARING)
     model, given = core_model(core, s), core_settings(s)
@@ -283,7 +282,7 @@ def test_settings_are_complete_and_known() -> None:
         core.Kalman([core.Constant(1, 1)] * 2, model, **given)
 
 
-def test_a_record_is_a_record_for_all() -> None:
+def test_a_record_is_a_record_for_all():
     empty = Record(RECORD.t[:3], {"y": RECORD["y"][:3], "u": RECORD["u"][:3]})
     for kind in KINDS.values():
         if kind.magnet:
@@ -291,7 +290,7 @@ def test_a_record_is_a_record_for_all() -> None:
 
 
 @kinds
-def test_the_core_calls_it_as_the_registry_says(kind: Kind) -> None:
+def test_the_core_calls_it_as_the_registry_says(kind):
     core = Path(__file__).parents[1] / "core"
     estimator = kind.make(BEARING)
     assert in_core_of(estimator) is kind.core

@@ -1,14 +1,11 @@
 """Lines in the measured position: found where they are, and not where they are not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Record, Scenario, Sine, simulate
+from ambkit import Bearing, Scenario, Sine, simulate
 from ambkit.identification.maximum_likelihood import (
-    MaximumLikelihood,
     line_noise,
     maximum_likelihood,
 )
@@ -22,24 +19,24 @@ HUMMING = BALL.replace(sensor__hum=LINES)
 FREE = ("magnet_constant", "measurement_noise", "control_noise", "disturbance_noise")
 
 
-def flown(plant: Bearing, seed: int, duration: float) -> Record:
+def flown(plant, seed, duration):
     reference = Sine(amplitude=1e-3, frequency=0.7)
     return simulate(plant, Scenario(duration=duration, seed=seed, reference=reference)).record
 
 
-def found_of(record: Record, known: Bearing = BALL, *, lines: bool = False) -> MaximumLikelihood:
+def found_of(record, known=BALL, *, lines=False):
     start = LoopModel(known, disturbance_noise=1e-4, substeps=1)
     return maximum_likelihood(
         record, start, FREE, improve_start=False, profile=False, lines=lines
     )  # fmt: skip
 
 
-def error(found: MaximumLikelihood, record: Record, ahead: int) -> float:
+def error(found, record, ahead):
     miss = record["y"][ahead:] - found.model.predict(record, ahead)
     return float(np.sqrt(np.mean(miss[500:] ** 2)))
 
 
-def test_two_lines_are_found_and_taken_out_of_the_prediction() -> None:
+def test_two_lines_are_found_and_taken_out_of_the_prediction():
     found = found_of(flown(HUMMING, 1, 3.0), lines=True)
     for line, true in zip(sorted(found.lines, key=lambda h: h.frequency), (170, 230), strict=True):
         assert line.frequency == pytest.approx(true, abs=0.05)
@@ -53,7 +50,7 @@ def test_two_lines_are_found_and_taken_out_of_the_prediction() -> None:
     assert [h["frequency"] for h in found.to_dict()["lines"]] == [h.frequency for h in found.lines]
 
 
-def test_a_line_that_the_likelihood_hardly_gains_by_is_not_taken_in(monkeypatch) -> None:
+def test_a_line_that_the_likelihood_hardly_gains_by_is_not_taken_in(monkeypatch):
     """Whatever the periodogram says: three figures more are likelier by chance alone."""
     monkeypatch.setattr(
         line_noise, "_candidate",
@@ -66,7 +63,7 @@ def test_a_line_that_the_likelihood_hardly_gains_by_is_not_taken_in(monkeypatch)
 
 
 @pytest.mark.study
-def test_with_lines_it_is_nearly_as_good_as_the_filter_that_knows_and_without_no_worse() -> None:
+def test_with_lines_it_is_nearly_as_good_as_the_filter_that_knows_and_without_no_worse():
     for seed in (1, 2):
         record, other = flown(HUMMING, seed, 8.0), flown(HUMMING, seed + 100, 8.0)
         found, knows = found_of(record, lines=True), found_of(record, HUMMING)

@@ -1,8 +1,5 @@
 """Forms that MATLAB, Simulink and loggers give a log: guessed, read, and checked by the guess."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import disguises
 import numpy as np
 import pytest
@@ -66,13 +63,13 @@ def cells(t, y, u):
     return {"log": {"time": t, "gap": y, "current": u}, "note": "run 7", "gain": 3.0}
 
 
-FORMS: list[Callable[..., dict[str, object]]] = [
+FORMS = [
     vectors_and_a_stale_matrix, vectors_beside_a_stale_longer_one, structure_with_time,
     structure_of_signals, array_of_columns, timeseries_as_structures, rows_of_to_file, cells,
 ]  # fmt: skip
 
 
-def in_turn(call, log: Path) -> tuple[str, str]:
+def in_turn(call, log):
     """Guess a map by the command, read and check by it; return the map and what check says."""
     code, text, err = call("read", "guess", str(log))
     assert code == 0, err

@@ -1,9 +1,5 @@
 """The closed loop: the same as a plain loop in Python, at rest where it should be, repeatable."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import oracles
 import pytest
@@ -12,7 +8,7 @@ from filter_cases import off
 import ambkit
 from ambkit import Bearing, ClosedLaw, Scenario
 from ambkit.simulation.recording import UNITS
-from ambkit.simulation.run import Run, simulate_run
+from ambkit.simulation.run import simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
 STEP = Scenario(
@@ -24,7 +20,7 @@ STEP = Scenario(
 )
 
 
-def naive_loop(bearing: Bearing, scenario: Scenario, record: Any, *, fed_back: str) -> Any:
+def naive_loop(bearing, scenario, record, *, fed_back):
     """Plant, sensor, PID and adaptive filter sample by sample; truth and estimates.
 
     Of the simulation it uses nothing but the noise, which the record shows: in y, and in the
@@ -40,7 +36,7 @@ def naive_loop(bearing: Bearing, scenario: Scenario, record: Any, *, fed_back: s
     noise_y = record["y"] - record["x_m"]
     noise_u = record["iu"] / s["k_ui"] - record["u"] if scenario.noise else np.zeros(len(record))
 
-    def magnet(iu: float, x: float) -> float:
+    def magnet(iu, x):
         return oracles.magnet_force(bearing, iu, x)
 
     start = record["r"][0]
@@ -66,7 +62,7 @@ def naive_loop(bearing: Bearing, scenario: Scenario, record: Any, *, fed_back: s
         path.append([*state, y, u, iu])
         mean.append(kf.X)
 
-        def slope(z: np.ndarray, iu: float = iu, f_d: float = record["f_d"][k]) -> np.ndarray:
+        def slope(z, iu=iu, f_d=record["f_d"][k]):
             force = magnet(iu, z[0]) - m * 9.81 + f_d
             return np.array([z[1], force / m, (s["K_sen"] * z[0] - z[2]) / s["T_sen"]])
 
@@ -82,7 +78,7 @@ def naive_loop(bearing: Bearing, scenario: Scenario, record: Any, *, fed_back: s
 
 @pytest.mark.parametrize("fed_back", ["measurement", "estimate"])
 @pytest.mark.parametrize(("noise", "amplitude"), [(True, 1e-4), (False, 5e-4)])
-def test_the_loop_is_the_plain_loop_in_python(fed_back: Any, noise: bool, amplitude: float) -> None:
+def test_the_loop_is_the_plain_loop_in_python(fed_back, noise, amplitude):
     """With noise within the current's limits; and without, where the large step meets them."""
     quiet = {"sensor__noise_variance": "1 um^2"}
     b = BEARING.replace(sensor__gain=0.8, amplifier__gain=1.25, **quiet)
@@ -105,7 +101,7 @@ def test_the_loop_is_the_plain_loop_in_python(fed_back: Any, noise: bool, amplit
 
 @pytest.mark.parametrize("bearing", ["zittau_axial", "inteco_ml"])
 @pytest.mark.parametrize("offset", [0.0, 2e-4])
-def test_started_in_hover_the_rotor_stays_put(bearing: str, offset: float) -> None:
+def test_started_in_hover_the_rotor_stays_put(bearing, offset):
     """Without noise: by less than a nanometre in a second of an unstable plant."""
     b = Bearing.preset(bearing)
     scenario = Scenario(
@@ -117,7 +113,7 @@ def test_started_in_hover_the_rotor_stays_put(bearing: str, offset: float) -> No
     assert np.abs(record["f_mag"] + b.weight).max() < 1e-6 * abs(b.weight)
 
 
-def test_hover_carries_the_load_that_is_there_from_the_start() -> None:
+def test_hover_carries_the_load_that_is_there_from_the_start():
     scenario = Scenario(
         duration=0.1, noise=False, disturbance=ambkit.Constant(value=-3.0),
         controller={"feedback": "measurement"},
@@ -127,20 +123,20 @@ def test_hover_carries_the_load_that_is_there_from_the_start() -> None:
     assert record["iu"][0] == pytest.approx((0.518 * 9.81 + 3) / 10.05, rel=1e-12)
 
 
-def test_in_hover_the_filter_in_the_loop_does_no_harm() -> None:
+def test_in_hover_the_filter_in_the_loop_does_no_harm():
     """A measurement that never moves counts as frozen, and the filter goes on without it."""
     run = simulate_run(BEARING, Scenario(duration=1.0, noise=False))
     assert np.abs(run.record["x"]).max() < 1e-6
 
 
-def test_started_at_rest_the_rotor_is_lifted_from_its_fall() -> None:
+def test_started_at_rest_the_rotor_is_lifted_from_its_fall():
     record = ambkit.simulate(BEARING, Scenario(duration=1.0, start="released", noise=False)).record
     assert record["x"][0] == 0
     assert record["x"].min() < -1e-5
     assert abs(record["x"][-1]) < 5e-6
 
 
-def test_where_no_current_can_hold_it_the_rotor_lies_on_the_stop() -> None:
+def test_where_no_current_can_hold_it_the_rotor_lies_on_the_stop():
     scenario = Scenario(duration=0.2, disturbance=ambkit.Constant(value=-60.0))
     run = simulate_run(BEARING, scenario)
     assert run.record["x"][-1] == -BEARING.rotor.clearance
@@ -153,7 +149,7 @@ def test_where_no_current_can_hold_it_the_rotor_lies_on_the_stop() -> None:
 # ---- noise and repetition ----
 
 
-def same(a: Run, b: Run) -> bool:
+def same(a, b):
     assert a.estimate is not None
     assert b.estimate is not None
     return bool((a.estimate.mean == b.estimate.mean).all()) and all(
@@ -161,13 +157,13 @@ def same(a: Run, b: Run) -> bool:
     )
 
 
-def test_a_seed_gives_one_run_and_another_seed_another() -> None:
+def test_a_seed_gives_one_run_and_another_seed_another():
     one, again, other = (simulate_run(BEARING, STEP.replace(seed=n)) for n in (1, 1, 2))
     assert same(one, again)
     assert not same(one, other)
 
 
-def test_the_noise_is_the_bearings_and_does_not_depend_on_the_estimator() -> None:
+def test_the_noise_is_the_bearings_and_does_not_depend_on_the_estimator():
     scenario = Scenario(duration=5.0, seed=5, disturbance=ambkit.Sine(amplitude=1, frequency=7))
     linear = ambkit.simulate(BEARING, scenario).record
     adaptive = ambkit.simulate(
@@ -185,7 +181,7 @@ def test_the_noise_is_the_bearings_and_does_not_depend_on_the_estimator() -> Non
     assert abs(np.corrcoef(on_y, on_u)[0, 1]) < 5 / np.sqrt(n)
 
 
-def test_the_record_says_what_the_magnet_does() -> None:
+def test_the_record_says_what_the_magnet_does():
     """f_mag is the whole force of the magnet, eq. 1, at the current and the place of the sample."""
     for name in ("zittau_axial", "inteco_ml"):
         b = Bearing.preset(name)
@@ -196,7 +192,7 @@ def test_the_record_says_what_the_magnet_does() -> None:
         np.testing.assert_allclose(record["f_mag"], law, rtol=1e-9, atol=1e-12)
 
 
-def test_the_plant_can_have_a_magnet_of_its_own() -> None:
+def test_the_plant_can_have_a_magnet_of_its_own():
     """The filter and the weight are the bearing's; the rotor obeys a weaker magnet."""
     weak = ambkit.ConstantStiffness(8.0, 6000.0)
     record = ambkit.simulate(BEARING, STEP.replace(noise=False), plant=weak).record
@@ -205,7 +201,7 @@ def test_the_plant_can_have_a_magnet_of_its_own() -> None:
     )
 
 
-def test_a_filter_in_single_precision_makes_a_loop_in_single_precision() -> None:
+def test_a_filter_in_single_precision_makes_a_loop_in_single_precision():
     """Close to the one in double, and not the same."""
     double = simulate_run(BEARING, STEP, estimator=ambkit.KalmanFilter(BEARING))
     single = simulate_run(

@@ -30,16 +30,14 @@ Array = NDArray[np.float64]
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 
 
-def gcc(*arguments: str | Path) -> None:
+def gcc(*arguments):
     done = subprocess.run(["gcc", *FLAGS, *map(str, arguments)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("precision", ["-DAMB_DOUBLE", "-DAMB_FLOAT"])
-def test_the_axis_by_loops_is_the_axis_built_in_to_the_last_bit(
-    precision: str, tmp_path: Path
-) -> None:
+def test_the_axis_by_loops_is_the_axis_built_in_to_the_last_bit(precision, tmp_path):
     """18,000 steps of every kind, with faults in between; a record, and the same smoothed."""
     here, axis = ROOT / "tests" / "c", tmp_path / "axis.o"
     gcc(precision, "-c", here / "axis.c", "-o", axis)
@@ -94,7 +92,7 @@ class Matrix:
     value: Array
     there: NDArray[np.bool_]
 
-    def row(self, i: int) -> list[tuple[int, float]]:
+    def row(self, i):
         """Its entries, columns ascending."""
         return [(int(j), float(self.value[i, j])) for j in np.flatnonzero(self.there[i])]
 
@@ -129,7 +127,7 @@ class Point:
     cov: Array
 
 
-def matrix(rng: np.random.Generator, rows: int, columns: int, most: int) -> Matrix:
+def matrix(rng, rows, columns, most):
     """Up to `most` entries in a row; one in six rows is empty."""
     there = np.zeros((rows, columns), bool)
     for i in range(rows):
@@ -138,7 +136,7 @@ def matrix(rng: np.random.Generator, rows: int, columns: int, most: int) -> Matr
     return Matrix(np.where(there, rng.normal(size=there.shape), 0.0), there)
 
 
-def random_model(rng: np.random.Generator) -> Model:
+def random_model(rng):
     n, p, m = (int(rng.integers(1, most + 1)) for most in (40, 8, 10))
     controls, noises = (int(rng.integers(1, most + 1)) for most in (6, 8))
     L = matrix(rng, n, n, 6)
@@ -161,7 +159,7 @@ def random_model(rng: np.random.Generator) -> Model:
     )
 
 
-def random_point(rng: np.random.Generator, model: Model) -> Point:
+def random_point(rng, model):
     n, p = len(model.L.value), len(model.h.value)
     controls = int(model.d.value.shape[1])
     size = 10 ** rng.uniform(-3, 3, n)
@@ -182,7 +180,7 @@ def random_point(rng: np.random.Generator, model: Model) -> Point:
 class Loops:
     """The C of core/src/loops.c, for one model."""
 
-    def __init__(self, library: ctypes.CDLL, model: Model) -> None:
+    def __init__(self, library, model):
         self._library = library
         self._kept: list[Any] = []
         n, p = len(model.L.value), len(model.h.value)
@@ -199,14 +197,14 @@ class Loops:
             r=self._numbers(model.r.value[model.h.there]),
         )  # fmt: skip
 
-    def _keep(self, made: Any) -> Any:
+    def _keep(self, made):
         self._kept.append(made)
         return made
 
-    def _numbers(self, numbers: Array) -> Any:
+    def _numbers(self, numbers):
         return self._keep((ctypes.c_double * max(1, len(numbers)))(*numbers))
 
-    def _sparse(self, of: Matrix) -> Sparse:
+    def _sparse(self, of):
         start = [0, *np.cumsum(of.there.sum(axis=1)).tolist()]
         column = np.nonzero(of.there)[1].tolist()
         return Sparse(
@@ -215,10 +213,10 @@ class Loops:
             self._numbers(of.value[of.there]),
         )
 
-    def call(self, name: str, *arguments: Any) -> None:
+    def call(self, name, *arguments):
         getattr(self._library, f"amb_model_{name}")(ctypes.byref(self._model), *arguments)
 
-    def predict(self, at: Point) -> tuple[Array, Array]:
+    def predict(self, at):
         """Mean, and covariance as its upper triangle."""
         mean, cov = at.mean.copy(), at.cov[np.triu_indices(self.n)]
         room = self.n * (2 * self.n + 2 * self.p + 2 * len(at.iu))  # AMB_WORK, with these sizes
@@ -230,9 +228,7 @@ class Loops:
         self.call("predict_covariance", *map(pointer, given))
         return mean, cov
 
-    def update(
-        self, r: int, y: float, var_y: float, at: Point
-    ) -> tuple[Array, Array, float, float]:
+    def update(self, r, y, var_y, at):
         """Mean, triangle, innovation and its variance."""
         mean, cov = at.mean.copy(), at.cov[np.triu_indices(self.n)]
         e = ctypes.c_double()
@@ -244,19 +240,19 @@ class Loops:
         return mean, cov, e.value, S
 
 
-def pointer(numbers: Array) -> Any:
+def pointer(numbers):
     assert numbers.flags.c_contiguous
     return numbers.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+def library(tmp_path_factory):
     made = tmp_path_factory.mktemp("loops") / "loops.so"
     gcc("-DAMB_DOUBLE", LOOPS, "-shared", "-fPIC", ROOT / "core" / "src" / "loops.c", "-o", made)
     return ctypes.CDLL(str(made))
 
 
-def close(got: Array, expected: Array) -> None:
+def close(got, expected):
     """A covariance's triangle, each entry beside the variances that it lies between."""
     size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))[np.triu_indices(len(expected))]
     assert np.all(np.abs(got - expected[np.triu_indices(len(expected))]) <= 1e-9 * size)
@@ -266,7 +262,7 @@ SEEDS = range(60)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_prediction_is_that_of_textbooks(seed: int, library: ctypes.CDLL) -> None:
+def test_a_prediction_is_that_of_textbooks(seed, library):
     rng = np.random.default_rng(seed)
     model = random_model(rng)
     at = random_point(rng, model)
@@ -289,7 +285,7 @@ def test_a_prediction_is_that_of_textbooks(seed: int, library: ctypes.CDLL) -> N
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_an_update_is_that_of_joseph(seed: int, library: ctypes.CDLL) -> None:
+def test_an_update_is_that_of_joseph(seed, library):
     rng = np.random.default_rng(seed)
     model = random_model(rng)
     at = random_point(rng, model)
@@ -311,7 +307,7 @@ def test_an_update_is_that_of_joseph(seed: int, library: ctypes.CDLL) -> None:
 # ---- the order, number by number ----
 
 
-def total(terms: list[float]) -> float:
+def total(terms):
     """From the first on; nothing is 0."""
     if not terms:
         return 0.0
@@ -321,7 +317,7 @@ def total(terms: list[float]) -> float:
     return sum_
 
 
-def mean_in_order(model: Model, at: Point) -> list[float]:
+def mean_in_order(model, at):
     X, iu = at.mean.tolist(), at.iu.tolist()
     F = [
         total([f] + [r * X[j] for j, r in model.r.row(at_f)])
@@ -335,7 +331,7 @@ def mean_in_order(model: Model, at: Point) -> list[float]:
     ]  # fmt: skip
 
 
-def covariance_in_order(model: Model, at: Point) -> list[float]:
+def covariance_in_order(model, at):
     """The upper triangle one sample on, as core/include/ambkit/model.h orders it."""
     n, forces, controls = len(at.mean), range(len(at.F)), range(len(at.iu))
     P, k_ui, var = at.cov.tolist(), at.k_ui.tolist(), at.var_u.tolist()
@@ -353,7 +349,7 @@ def covariance_in_order(model: Model, at: Point) -> list[float]:
     for k, var_k in enumerate(at.var_d.tolist()):
         for entry, value in model.N.row(k):
             growth[entry] += value * var_k
-    out: list[float] = []
+    out = []
     for i in range(n):
         b_i = model.b.row(i)
         B_i = [(c, value * k_ui[c]) for c, value in model.B_u.row(i)]
@@ -383,9 +379,7 @@ def covariance_in_order(model: Model, at: Point) -> list[float]:
     return out
 
 
-def update_in_order(
-    model: Model, r: int, y: float, var_y: float, at: Point
-) -> tuple[list[float], list[float]]:
+def update_in_order(model, r, y, var_y, at):
     n, X, P, c = len(at.mean), at.mean.tolist(), at.cov.tolist(), model.c.row(r)
     with_y = [total([P[x][j] * value for x, value in c]) for j in range(n)]
     S = total([value * with_y[x] for x, value in c]) + var_y
@@ -397,7 +391,7 @@ def update_in_order(
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_order_of_the_sums_is_the_contract(seed: int, library: ctypes.CDLL) -> None:
+def test_the_order_of_the_sums_is_the_contract(seed, library):
     rng = np.random.default_rng(1000 + seed)
     model = random_model(rng)
     at = random_point(rng, model)

@@ -109,7 +109,7 @@ def test_sampled_reference(dead_time, peaks, largest):
     assert integral.holds
 
 
-def least_peak_of_delay(plant: LinearSystem, delay: float) -> float:
+def least_peak_of_delay(plant, delay):
     """Return what no controller in continuous time is below, by the dead time alone [1]."""
     # Sampling, zeros, and that control is late for other reasons make it only worse. It is ``e^(p
     # delay)`` of the fastest pole where the poles' directions are at right angles.
