@@ -36,23 +36,12 @@ from ambkit.simulation.waveforms import Constant, Recorded, Sine
 
 Kind = Literal["multisine", "stepped-sine"]
 
-AMPLITUDES = (1e-3, 1e-2, 3e-2)
-"""Of the air gap, where nobody says how far to go."""
-
-SETTLED = 1e-4
-"""To what the slowest mode has decayed before a sweep is looked at."""
-
-LONGEST = 2.0
-"""But no longer is waited [s]."""
-
-SLOWEST = 8.0
-"""Lowest frequency, of the slowest that the period tells apart."""
-
-PER_DECADE = {"multisine": 20, "stepped-sine": 10}
-"""Frequencies of a sweep."""
-
-SIZE = 20_000
-"""Samples of a period of a multisine."""
+AMPLITUDES = (1e-3, 1e-2, 3e-2)  #: Of the air gap, where nobody says how far to go.
+SETTLED = 1e-4  #: To what the slowest mode has decayed before a sweep is looked at.
+LONGEST = 2.0  #: But no longer is waited [s].
+SLOWEST = 8.0  #: Lowest frequency, of the slowest that the period tells apart.
+PER_DECADE = {"multisine": 20, "stepped-sine": 10}  #: Frequencies of a sweep.
+SIZE = 20_000  #: Samples of a period of a multisine.
 
 STEP, APART = 2000, 1.5
 """Samples that one sine of many is looked at; and periods of its beat with the rotation, at least.
@@ -84,8 +73,7 @@ class Swept:
         return float(np.abs(self.sensitivity).max())
 
 
-SWEPT = ("amplitudes",)
-"""Section of a sweep."""
+SWEPT = ("amplitudes",)  #: Section of a sweep.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -64,8 +64,7 @@ def check_plausibility(record: Record, machine: Machine) -> list[str]:
 
 NOTES = logging.getLogger("ambkit")
 
-NONE = "none"
-"""Name of the filter of a loop that has none."""
+NONE = "none"  #: Name of the filter of a loop that has none.
 
 
 class LoopArguments(NamedTuple):
@@ -293,8 +292,7 @@ class Chosen(NamedTuple):
     magnet: MagnetModel | None
     file: FilterFile | None = None
     """The filter whose kind and magnet these are, where it is in a file."""
-    synchronous: tuple[str, ...] = ()
-    """What it estimates too of a rotor that turns."""
+    synchronous: tuple[str, ...] = ()  #: What it estimates too of a rotor that turns.
 
     @property
     def options(self) -> dict[str, Any]:

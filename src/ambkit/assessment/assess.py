@@ -25,8 +25,7 @@ from ambkit.machine.magnets import magnet_of
 TURNS, SAME = 60, 1e-6
 """Iterations at most, and the relative change of an orbit at which they end."""
 
-HELD = 0.9
-"""Of the air gap, how far an orbit may go."""
+HELD = 0.9  #: Of the air gap, how far an orbit may go.
 
 
 def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = None) -> LoopOf:
@@ -136,8 +135,7 @@ def _within(bearing: Any, of: LoopOf, result: Orbit) -> None:
             )
 
 
-MEASUREMENT = "measurement"
-"""What the loop is called whose controller is fed by the measurement."""
+MEASUREMENT = "measurement"  #: What the loop is called whose controller is fed by the measurement.
 
 
 @one_thread()

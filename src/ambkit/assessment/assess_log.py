@@ -34,8 +34,7 @@ BASIS = (
 )
 
 
-MODELS = ("models",)
-"""Section of the loops of the model."""
+MODELS = ("models",)  #: Section of the loops of the model.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 LOOKS = ("measurement", "estimate", "series 2", "series 3", "series 4")
 """Of the loops, in their order; further ones begin again."""
 
-SHOWN = 1e-4
-"""Of half the sampling rate, where pictures begin."""
+SHOWN = 1e-4  #: Of half the sampling rate, where pictures begin.
 
 
 class Curves(NamedTuple):

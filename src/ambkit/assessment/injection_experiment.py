@@ -35,8 +35,7 @@ from ambkit.simulation.scenario import Injection as Added
 from ambkit.simulation.scenario import Scenario, along, by_axis, settled_scenario
 from ambkit.simulation.waveforms import Recorded
 
-PERIODS = 10
-"""Of the signal: the first is left out, as the loop settles in it."""
+PERIODS = 10  #: Of the signal: the first is left out, as the loop settles in it.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -159,8 +158,7 @@ def injection_figure(
     )  # fmt: skip
 
 
-REST = 0.05
-"""Of the experiment, before the signal begins."""
+REST = 0.05  #: Of the experiment, before the signal begins.
 
 LINEAR = 0.05
 """Of the air gap, how far the rotor goes where nobody says it: magnets are not linear."""
@@ -172,11 +170,8 @@ REFUSED = 1e-3
 """Share of the measurements that a filter in the loop may take for outliers: one that refuses the
 signal is another loop."""
 
-FILLED = 0.97
-"""Part of a limit that is near enough to it."""
-
-DURATION = 5.0
-"""Of an experiment, where nobody says it [s]."""
+FILLED = 0.97  #: Part of a limit that is near enough to it.
+DURATION = 5.0  #: Of an experiment, where nobody says it [s].
 
 
 def design_injection(

@@ -19,8 +19,7 @@ from ambkit.judge.loop.margins import UnstablePole
 from ambkit.result.row import At, Row, put
 from ambkit.rotordynamics.unbalance_response import Grade
 
-VERDICT = "zone overall"
-"""Name of the row that judges a loop."""
+VERDICT = "zone overall"  #: Name of the row that judges a loop.
 
 USUAL_GRADES = (2.5e-3, 6.3e-3)
 """Balance quality grades of most rotors on magnetic bearings [m/s]."""

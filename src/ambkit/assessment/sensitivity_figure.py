@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 Zones = Sequence[tuple[str, float]]
 
-LOWEST = -30.0
-"""Of a sensitivity, what is shown [dB]."""
+LOWEST = -30.0  #: Of a sensitivity, what is shown [dB].
 
 AMPLITUDES = ("series 1", "series 2", "series 3", "series 4")
 """Looks of the sweeps, in their order; further ones begin again."""

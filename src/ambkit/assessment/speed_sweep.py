@@ -33,14 +33,9 @@ from ambkit.result.result import Result
 from ambkit.result.row import At, Row, Section, put
 from ambkit.rotordynamics.separation_margins import Separation, separations
 
-COUNT = 41
-"""Speeds, where nobody says how many."""
-
-COARSE, NEAR = 250, 9
-"""Points of a grid that finds a peak at one speed, and about each pole."""
-
-GREATEST = ("greatest",)
-"""Section of the greatest figures."""
+COUNT = 41  #: Speeds, where nobody says how many.
+COARSE, NEAR = 250, 9  #: Points of a grid that finds a peak at one speed, and about each pole.
+GREATEST = ("greatest",)  #: Section of the greatest figures.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -15,11 +15,8 @@ from ambkit.judge.loop.capacity import ROOM, ZERO
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule, Vector
 from ambkit.rotordynamics.campbell import SPEED
 
-SLOW = 2.0
-"""Modes up to so many times the greatest peak's frequency or speed are shown."""
-
-DAMPED = 0.995
-"""Damping ratio from which on a mode does not swing."""
+SLOW = 2.0  #: Modes up to so many times the greatest peak's frequency or speed are shown.
+DAMPED = 0.995  #: Damping ratio from which on a mode does not swing.
 
 
 def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure:

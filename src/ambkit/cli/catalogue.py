@@ -84,8 +84,7 @@ MAKES: Mapping[str, Mapping[str, Sequence[str]]] = {
 """Endings of what a command makes beside the forms of all results, by the name in WHAT=FILE."""
 
 PICTURES = (".png", ".svg", ".pdf", ".html")
-ROWS = (".json", ".csv", ".tex", ".html")
-"""What every result can be written as."""
+ROWS = (".json", ".csv", ".tex", ".html")  #: What every result can be written as.
 
 BEGIN = """Kalman filters for magnetic bearings, from a machine or a recording to C code.
 

@@ -14,8 +14,7 @@ from typing import Any, NoReturn
 # Nothing but what Python has loaded already: an interrupt during these imports leaves a traceback.
 TYPE_CHECKING = False
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it: 128 and the signal's number."""
+INTERRUPTED = 130  #: Exit code after Ctrl-C, as shells have it: 128 and the signal's number.
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:

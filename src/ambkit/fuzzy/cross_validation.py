@@ -160,8 +160,7 @@ def _models(
     ]
 
 
-CLEAR = 0.2
-"""The law's k_i or k_s is clearly positive from this part of its largest on."""
+CLEAR = 0.2  #: The law's k_i or k_s is clearly positive from this part of its largest on.
 
 
 @dataclass(frozen=True)

@@ -46,11 +46,8 @@ SAMPLING = (0.25, 0.5)
 PARAMETER_DIFFERENCE = 0.2
 """Relative difference from which on a number is of another machine, not of an identification."""
 
-STIFFNESS_FACTOR = 2.0
-"""Factor in a stiffness that no operating point explains."""
-
-NOISE_FACTOR = 1e3
-"""Factor in a noise intensity beyond what tuning may find."""
+STIFFNESS_FACTOR = 2.0  #: Factor in a stiffness that no operating point explains.
+NOISE_FACTOR = 1e3  #: Factor in a noise intensity beyond what tuning may find.
 
 GATES = (3.0, 1.0)
 """Gate, in standard deviations, below which healthy measurements are lost, and too many of them."""
@@ -64,17 +61,12 @@ WEIGHTS = 1e3  #: Load capacity in weights from which on mass or magnet is doubt
 class Finding(NamedTuple):
     """One figure of the judgement."""
 
-    name: str
-    """What it is."""
-    value: float
-    """In `unit`."""
+    name: str  #: What it is.
+    value: float  #: In `unit`.
     unit: str
-    limit: float
-    """What it is held against, in the same unit."""
-    sentence: str = ""
-    """What is wrong; empty where nothing is."""
-    fatal: bool = False
-    """Whether the filter must not fly."""
+    limit: float  #: What it is held against, in the same unit.
+    sentence: str = ""  #: What is wrong; empty where nothing is.
+    fatal: bool = False  #: Whether the filter must not fly.
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, in SI."""

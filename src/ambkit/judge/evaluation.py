@@ -33,8 +33,7 @@ from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.report.style import style_of
 from ambkit.result.row import Row
 
-LAGS = 50
-"""Lags of the whiteness test."""
+LAGS = 50  #: Lags of the whiteness test.
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,7 @@ from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, own_time
 
-STEP = 0.5
-"""The step of the disturbance force that is to be followed, over the load capacity."""
+STEP = 0.5  #: The step of the disturbance force that is to be followed, over the load capacity.
 
 REQUIRED, LONGEST = 1.0, 3.0
 """In how many of the rotor's time constants ``sqrt(m/k_s)`` the estimate is to follow that step

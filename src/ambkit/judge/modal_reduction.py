@@ -23,23 +23,17 @@ from ambkit.machine.rotors.descriptions import OfMatrices
 MORE, LEAST = 4, 10
 """Modes beyond those kept that stand for all in the loop, and how many these are at least."""
 
-BESIDE = 1.05
-"""How far beyond a mode that grows modes are to be kept."""
-
-SPEEDS = 61
-"""At which critical speeds are looked for."""
+BESIDE = 1.05  #: How far beyond a mode that grows modes are to be kept.
+SPEEDS = 61  #: At which critical speeds are looked for.
 
 
 class Peak(NamedTuple):
     """The peak of the sensitivity of an axis, with the modes kept and with all."""
 
     axis: str
-    speed: float
-    """Of rotation [rad/s]."""
-    kept: float
-    """[1]."""
-    full: float
-    """[1]; infinite where the loop is unstable."""
+    speed: float  #: Of rotation [rad/s].
+    kept: float  #: [1].
+    full: float  #: [1]; infinite where the loop is unstable.
 
     @property
     def share(self) -> float:

@@ -52,10 +52,8 @@ _WHITE = 0.5  # logarithm of the ratio that tells colour, as far as white noise 
 class Verdict(NamedTuple):
     """What speaks against a record being of a bearing."""
 
-    problems: tuple[str, ...]
-    """What makes it useless with this bearing."""
-    remarks: tuple[str, ...]
-    """What is odd."""
+    problems: tuple[str, ...]  #: What makes it useless with this bearing.
+    remarks: tuple[str, ...]  #: What is odd.
 
 
 def evaluate_record(record: Record, machine: Machine) -> Verdict:

@@ -45,8 +45,7 @@ class SignTest(NamedTuple):
     """The channel whose reversed sign the model takes best."""
 
     channel: str
-    log_likelihood_ratio: float
-    """Of the record with it reversed over the record as it is."""
+    log_likelihood_ratio: float  #: Of the record with it reversed over the record as it is.
     instants: int
 
     @property

@@ -21,17 +21,14 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import continuous
 
-DAMPED = 2.5
-"""Amplification factor below which API 617 takes a mode for critically damped."""
+DAMPED = 2.5  #: Amplification factor below which API 617 takes a mode for critically damped.
 
 
 class CriticalSpeed(NamedTuple):
     """A speed at which unbalance meets a forward whirl."""
 
-    speed: float
-    """Of rotation [rad/s]."""
-    damping_ratio: float
-    """Of the whirl there [1]."""
+    speed: float  #: Of rotation [rad/s].
+    damping_ratio: float  #: Of the whirl there [1].
 
     @property
     def amplification(self) -> float:

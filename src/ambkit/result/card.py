@@ -19,14 +19,9 @@ from ambkit.result.report.figure import WIDTH, Figure
 from ambkit.result.row import Stated
 from ambkit.result.tables import table, tables
 
-LONGEST = 300
-"""Characters of a cell or a note; a description may have thousands."""
-
-MOST_ROWS = 24
-"""Rows of a table; of more it says how many there are."""
-
-LIGHT = 110
-"""Pixels per inch of a picture that stands in a notebook, and is kept with it."""
+LONGEST = 300  #: Characters of a cell or a note; a description may have thousands.
+MOST_ROWS = 24  #: Rows of a table; of more it says how many there are.
+LIGHT = 110  #: Pixels per inch of a picture that stands in a notebook, and is kept with it.
 
 _LEFT = ' style="text-align:left"'
 
@@ -97,8 +92,7 @@ def value(number: Any, unit: str, digits: int = 4) -> str:
     return typeset(figure(number, unit, digits))
 
 
-SPAN = ("from", "to", "rms")
-"""Heads of what `spread` returns."""
+SPAN = ("from", "to", "rms")  #: Heads of what `spread` returns.
 
 
 def spread(values: Any, unit: str) -> list[str]:

@@ -21,11 +21,9 @@ from ambkit.result.report.page import write_page
 from ambkit.result.row import Part, Stated
 from ambkit.result.tables import by_name, remarks
 
-INDENT = "\N{NO-BREAK SPACE}" * 3
-"""Before the name of a figure that belongs to the last."""
+INDENT = "\N{NO-BREAK SPACE}" * 3  #: Before the name of a figure that belongs to the last.
 
-Key = tuple[str, tuple[str, ...]]
-"""Of a table: its result, and its section."""
+Key = tuple[str, tuple[str, ...]]  #: Of a table: its result, and its section.
 
 SIGNED = (
     "| | name | date | signature |\n|---|---|---|---|\n"

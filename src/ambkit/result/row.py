@@ -14,8 +14,7 @@ if TYPE_CHECKING:
 
 Value = float | int | bool | str | tuple[float, float] | None
 
-ZERO = 273.15
-"""0 degrees Celsius [K]."""
+ZERO = 273.15  #: 0 degrees Celsius [K].
 
 
 def decibels(factor: float) -> str:

@@ -15,8 +15,7 @@ from ambkit.result.row import Row, Section, Stated, by_section, singles
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions
 
-MISSED = "✗"
-"""Stands behind what does not keep its limit."""
+MISSED = "✗"  #: Stands behind what does not keep its limit.
 
 
 def tables(result: Stated, *, verbose: bool = True) -> Iterator[Table]:
@@ -96,11 +95,8 @@ def _grouped(rows: Sequence[Row], key: Callable[[Row], str]) -> Iterator[tuple[s
         yield name, [row for row in rows if key(row) == name]
 
 
-GAP = 3
-"""Columns of the screen between two columns of a table, and beside them."""
-
-LINE = 24
-"""Columns of the screen that names and sentences have in a table, if they need as many."""
+GAP = 3  #: Columns of the screen between two columns of a table, and beside them.
+LINE = 24  #: Columns of the screen that names and sentences have in a table, if they need as many.
 
 
 def screen_width() -> int:

@@ -160,8 +160,7 @@ def _with_files(filter: Sequence[Any]) -> tuple[list[str], dict[str, str]]:
     return list(dict.fromkeys(names)), files
 
 
-RUNS = 20
-"""Runs of a comparison where nobody says it: fewer make no distribution."""
+RUNS = 20  #: Runs of a comparison where nobody says it: fewer make no distribution.
 
 HEIGHTS = (0.1, 0.3, 0.5)
 """Steps of the reference in travels, of loops where nobody says what happens."""

@@ -53,8 +53,7 @@ from ambkit.workflow.identified_toml import annotated_toml
 from ambkit.workflow.identify import identify
 from ambkit.workflow.tune import BUDGET, RUNS
 
-DIGITS = 3
-"""Of the gains that are written down."""
+DIGITS = 3  #: Of the gains that are written down.
 
 
 def control_for(bearing: Machine) -> Control:

@@ -36,8 +36,7 @@ from ambkit.workflow.tune import Tuned, tune
 from ambkit.workflow.tuning import default_disturbance
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED, RAW, By
 
-STATE = "design.json"
-"""What was made from what, in the folder of a design."""
+STATE = "design.json"  #: What was made from what, in the folder of a design.
 
 
 class Stages:
@@ -79,11 +78,8 @@ def read_json(path: Path) -> Any:
         raise AmbkitError(f"{path}:{error.lineno}: is not what ambkit wrote; remove it") from None
 
 
-RUNS = 20
-"""Simulated runs that a filter is judged in."""
-
-FAR_FROM_BOUND = 0.8
-"""A filter whose position is this far from the bound is not exported unasked."""
+RUNS = 20  #: Simulated runs that a filter is judged in.
+FAR_FROM_BOUND = 0.8  #: A filter whose position is this far from the bound is not exported unasked.
 
 AS_LIKELY = 3e-3
 """Difference of log likelihood a sample within which the records do not tell two filters apart."""

@@ -33,11 +33,8 @@ from ambkit.workflow.tuning import (
 )
 from ambkit.workflow.warnings import OutsideOperatingRange, outside_operating_range
 
-HORIZONS = (1, 10)
-"""Steps ahead that are predicted."""
-
-ESTIMATORS = ("estimators",)
-"""Section of its rows."""
+HORIZONS = (1, 10)  #: Steps ahead that are predicted.
+ESTIMATORS = ("estimators",)  #: Section of its rows.
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,7 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.workflow.filter import Filtered, Filtering, filter
 from ambkit.workflow.warnings import OutsideOperatingRange, missing_control
 
-AUTO = "auto"
-"""Tune the intensity of the disturbance force."""
+AUTO = "auto"  #: Tune the intensity of the disturbance force.
 
 
 def filtered(

@@ -106,8 +106,7 @@ def identify(
     )
 
 
-LEAST = 3
-"""Logs of a corpus: fewer cannot be judged by each other."""
+LEAST = 3  #: Logs of a corpus: fewer cannot be judged by each other.
 
 Note = Callable[[str], None]
 

@@ -31,38 +31,27 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 from ambkit.simulation.scenario import Scenario
 
-EVALUATIONS = 60
-"""Where nobody says it."""
-
-QUANTILE = 0.95
-"""Of the machines: so many are no worse than what is made small."""
+EVALUATIONS = 60  #: Where nobody says it.
+QUANTILE = 0.95  #: Of the machines: so many are no worse than what is made small.
 
 GAINS = {"controller.kp": "A/m", "controller.ki": "A/(m s)", "controller.kd": "A s/m"}
 """Gains that the search may change, and their units."""
 
-FACTOR = 2.5
-"""How far from the tuned controller it looks, either way."""
-
-RULES = "expert.rules"
-"""Size of an expert: rules along current and along displacement."""
+FACTOR = 2.5  #: How far from the tuned controller it looks, either way.
+RULES = "expert.rules"  #: Size of an expert: rules along current and along displacement.
 
 SIZES = (3, 5, 7)
 
-WORST = 1e3
-"""In place of an infinite peak, and of an infinite error over the usual one's."""
+WORST = 1e3  #: In place of an infinite peak, and of an infinite error over the usual one's.
 
 
 class Tried(NamedTuple):
     """A controller with its filter."""
 
-    values: Mapping[str, float]
-    """What was changed, by name, in SI."""
-    error: float
-    """Quantile of the error of the disturbance force, rms [N]."""
-    peak: float
-    """Quantile of the peak of abs(S) [1]."""
-    touched: float
-    """Share of the machines that touch a stop, or cannot be [1]."""
+    values: Mapping[str, float]  #: What was changed, by name, in SI.
+    error: float  #: Quantile of the error of the disturbance force, rms [N].
+    peak: float  #: Quantile of the peak of abs(S) [1].
+    touched: float  #: Share of the machines that touch a stop, or cannot be [1].
     allowed: bool
     """Whether it keeps the peak below its ceiling, and enough rotors away from their stops."""
 

@@ -38,8 +38,7 @@ from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Scenario, check_for, default_for, settled_scenario
 from ambkit.simulation.waveforms import Recorded, Step
 
-NONE = "none"
-"""Name of the filter of a loop that has none."""
+NONE = "none"  #: Name of the filter of a loop that has none.
 
 STEP_AT, LOAD_AT = 0.1, 0.5
 """When the step of the reference and that of the load come, in lengths of the run."""

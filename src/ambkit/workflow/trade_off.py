@@ -23,8 +23,7 @@ from ambkit.result.row import Row, Section, put
 from ambkit.workflow.tune import BUDGET, RUNS, Tuned, tune
 from ambkit.workflow.tuning_tasks import ByTruth
 
-SIGNALS = {"x": "m", "f_d": "N"}
-"""Whose errors stand against the peak, and their units."""
+SIGNALS = {"x": "m", "f_d": "N"}  #: Whose errors stand against the peak, and their units.
 
 
 @dataclass(frozen=True)
@@ -49,8 +48,7 @@ AXES = {
 }
 """Of the picture, by signal."""
 
-POINTS = ("points",)
-"""Section of a trade-off."""
+POINTS = ("points",)  #: Section of a trade-off.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

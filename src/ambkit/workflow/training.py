@@ -26,8 +26,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 from ambkit.workflow.trained_expert import MeasuredForce, TrainedExpert
 
-RULES: Shape = (5, 5)
-"""Rules along current and displacement where nobody says it: the paper's."""
+RULES: Shape = (5, 5)  #: Rules along current and displacement where nobody says it: the paper's.
 
 
 def train_on_law(

@@ -35,14 +35,9 @@ from ambkit.result.row import Row, Section
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tuning_tasks import JUDGED, RAW, By, ByLikelihood, ByTruth
 
-BUDGET = 60
-"""Evaluations where nobody says it."""
-
-RUNS = 8
-"""Simulated runs to tune on, and as many others to judge by, where nobody says it."""
-
-MUCH_WORSE = 1.25
-"""Peak of the sensitivity, over the untuned filter's, that is warned of."""
+BUDGET = 60  #: Evaluations where nobody says it.
+RUNS = 8  #: Simulated runs to tune on, and as many others to judge by, where nobody says it.
+MUCH_WORSE = 1.25  #: Peak of the sensitivity, over the untuned filter's, that is warned of.
 
 BEYOND, FARTHEST = 100.0, 1e3
 """Cost of a peak beyond its ceiling by a factor of e, far above what else may change; and a ratio
@@ -58,8 +53,7 @@ AT_THE_END = 0.02
 UNITS = EVALUATED | {RAW.removeprefix("error of "): "m"}
 """Of the errors of a tuning, by what errs."""
 
-VALUES, VALIDATION = ("values",), ("unseen",)
-"""Sections of a tuning."""
+VALUES, VALIDATION = ("values",), ("unseen",)  #: Sections of a tuning.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -21,14 +21,12 @@ from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.parts import GRAVITY
 
-DECADES = (-8.0, 1.0)
-"""Range of the search, in decades around ``(2 m g)^2`` a second."""
+DECADES = (-8.0, 1.0)  #: Range of the search, in decades around ``(2 m g)^2`` a second.
 
 MUCH_LESS_LIKELY = 2.0
 """Loss of log likelihood with which a value counts as ruled out (Edwards 1972)."""
 
-AT_THE_END = 0.1
-"""Decades from the end of the range within which the search has run into it."""
+AT_THE_END = 0.1  #: Decades from the end of the range within which the search has run into it.
 
 
 TOO_LARGE = 2.0

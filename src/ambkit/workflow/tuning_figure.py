@@ -13,11 +13,8 @@ if TYPE_CHECKING:
 
     from ambkit.judge.comparison.tuning import Range, Tried
 
-HIGHEST_PEAK = 10.0
-"""Of the sensitivity, up to which filters are shown."""
-
-WORST_SHOWN = 5.0
-"""Costs are shown up to so many spans between the best and the untuned one."""
+HIGHEST_PEAK = 10.0  #: Of the sensitivity, up to which filters are shown.
+WORST_SHOWN = 5.0  #: Costs are shown up to so many spans between the best and the untuned one.
 
 
 def tuning_figure(

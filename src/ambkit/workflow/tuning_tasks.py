@@ -33,8 +33,7 @@ By = Literal["likelihood", "truth"]
 NOISE = ("noise.measurement", "noise.disturbance")
 """What a record tells of a filter's noise; that of the control signal is hardly in it."""
 
-SETTLING = 5.0
-"""Time at the start of a record that does not count, in the plant's own."""
+SETTLING = 5.0  #: Time at the start of a record that does not count, in the plant's own.
 
 VALIDATION_SHARE = 0.5
 """Share of each record, its end, that is kept to judge by where there are no other records."""
@@ -42,8 +41,7 @@ VALIDATION_SHARE = 0.5
 HALVINGS = 8
 """Of the range above the likeliest process noise, in which the largest likely one is found."""
 
-COMPARED = 3
-"""Filters of a search that are compared in all simulated runs, with all modes."""
+COMPARED = 3  #: Filters of a search that are compared in all simulated runs, with all modes.
 
 
 JUDGED: Mapping[By, str] = {
@@ -52,8 +50,7 @@ JUDGED: Mapping[By, str] = {
 }
 """What a tuned filter is judged by, on what it was not tuned on."""
 
-RAW = "error of the raw sensors"
-"""Figure of simulated runs that stands beside the error of x [m]."""
+RAW = "error of the raw sensors"  #: Figure of simulated runs that stands beside the error of x [m].
 
 AHEAD = {1: "error 1 step ahead [m]", 10: "error 10 steps ahead [m]"}
 """Figures of how well a record is predicted, by the number of samples."""

@@ -18,8 +18,7 @@ from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 
-ZERO = 273.15
-"""Of degrees Celsius [K]."""
+ZERO = 273.15  #: Of degrees Celsius [K].
 
 
 @dataclass(frozen=True)
@@ -92,11 +91,8 @@ def _until_limit(coil: Coil, power: float, start: float) -> float | None:
 ROOM = (("A", 0.3), ("B", 0.4), ("C", 0.5))
 """Zones of ISO 14839-2, and the shares of the least clearance below which the displacement is."""
 
-HIGHEST = 0.8
-"""Of half the sampling rate, up to where loads are looked at."""
-
-SIGMAS = 3.0
-"""Of noise, what a peak is taken for."""
+HIGHEST = 0.8  #: Of half the sampling rate, up to where loads are looked at.
+SIGMAS = 3.0  #: Of noise, what a peak is taken for.
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,10 +145,8 @@ class Demands:
 class Turned(NamedTuple):
     """What one line that turns with the rotor, or a multiple of it, moves: complex amplitudes."""
 
-    x: Complex
-    """Displacements (p,) of the axes [m]."""
-    i: Complex
-    """Demanded currents (p,) [A]."""
+    x: Complex  #: Displacements (p,) of the axes [m].
+    i: Complex  #: Demanded currents (p,) [A].
 
 
 def demands(

@@ -41,8 +41,7 @@ from ambkit.machine.rotors.modes import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.plant import Plant
 
-PROMPT = 1e-12
-"""Lag of an ideal sensor [s]: what is shorter than models tell from none."""
+PROMPT = 1e-12  #: Lag of an ideal sensor [s]: what is shorter than models tell from none.
 
 
 @lru_cache(maxsize=4)

@@ -17,14 +17,12 @@ if TYPE_CHECKING:
     from ambkit.control.linear.closed_loop import Loop
 
 
-LOWEST = 1e-6
-"""Of half the sampling rate, where a grid begins."""
+LOWEST = 1e-6  #: Of half the sampling rate, where a grid begins.
 
 UNDAMPED = 1e-9
 """Damping ratio of a pole below which L has no digits left at its frequency; S is zero there."""
 
-GRID = 3000
-"""Points of a grid, which finds what is refined."""
+GRID = 3000  #: Points of a grid, which finds what is refined.
 
 
 def grid(loop: Loop, points: int = GRID, near: int = 31) -> Array:
@@ -119,8 +117,7 @@ def peaks_by_poles(opened: Complex, closed: Complex, T: float, top: float) -> Ar
     return np.asarray(np.exp(tops_of(gain, f, gain(f))[0]))
 
 
-AXIS_LOWEST = 1e-4
-"""Of the end of the range, where these begin."""
+AXIS_LOWEST = 1e-4  #: Of the end of the range, where these begin.
 
 
 def _product(z: Complex, poles: Complex) -> Complex:
@@ -227,10 +224,8 @@ def margins(
 class UnstablePole(NamedTuple):
     """A pole of a closed loop that grows; of a pair the one above."""
 
-    frequency: float
-    """[Hz]; 0 of one that grows without swinging."""
-    growth: float
-    """Growth rate [1/s]; 0 on the limit of stability."""
+    frequency: float  #: [Hz]; 0 of one that grows without swinging.
+    growth: float  #: Growth rate [1/s]; 0 on the limit of stability.
 
     @property
     def doubling(self) -> float:
@@ -332,5 +327,4 @@ TAIL = 1e7
 HALVINGS, EXACT = 20, 1e-9
 """How often panels are halved, and what may change then, over the sum of the unstable poles."""
 
-GRADED, LEVELS = 0.3, 16
-"""By which ratio panels shrink towards a pole's frequency, and how often."""
+GRADED, LEVELS = 0.3, 16  #: By which ratio panels shrink towards a pole's frequency, and how often.

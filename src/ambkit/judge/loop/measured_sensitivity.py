@@ -15,14 +15,9 @@ from ambkit.data.record import Record
 
 Logged = Literal["after", "before"]
 
-LEVEL = 0.95
-"""What an interval holds with, where nobody says it."""
-
-SAME = 1e-5
-"""Share of a signal's power in which one period may differ from the next: logs round."""
-
-LEAST_PERIODS = 3
-"""Whole periods, of which the first is left out: the loop settles in it."""
+LEVEL = 0.95  #: What an interval holds with, where nobody says it.
+SAME = 1e-5  #: Share of a signal's power in which one period may differ from the next: logs round.
+LEAST_PERIODS = 3  #: Whole periods, of which the first is left out: the loop settles in it.
 
 LINE, BROAD = 1e-6, 1e-4
 """Of the greatest power of the injected signal, what a frequency needs to be told: of a period's
@@ -34,8 +29,7 @@ ORDER, HALF = 2, 7
 APART = 1.0
 """Beyond this share of the noise on one line, S is not told from the transient; 0.4 is usual."""
 
-PER_DECADE = 40
-"""Frequencies of a spectrum that are told."""
+PER_DECADE = 40  #: Frequencies of a spectrum that are told.
 
 CERTAIN = 10.0
 """Ratio to the deviation of its parts from which on a magnitude is as good as normal."""

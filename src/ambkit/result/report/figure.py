@@ -26,11 +26,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-WIDTH = 7.2
-"""Width of every figure [inch]: the text width of an A4 page."""
+WIDTH = 7.2  #: Width of every figure [inch]: the text width of an A4 page.
 PIXELS_PER_INCH = 200
-ENDINGS = (".png", ".svg", ".pdf", ".html")
-"""What a figure can be saved as."""
+ENDINGS = (".png", ".svg", ".pdf", ".html")  #: What a figure can be saved as.
 
 _RC: dict[Any, Any] = {
     "font.family": ["DejaVu Sans"],  # comes with matplotlib, so every machine draws the same

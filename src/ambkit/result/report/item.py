@@ -24,8 +24,7 @@ Vector = NDArray[np.float64]
 Json = dict[str, Any]
 Kind = TypeVar("Kind", bound="Item")
 
-LONG = 200
-"""Numbers of longer lines are rounded for the screen."""
+LONG = 200  #: Numbers of longer lines are rounded for the screen.
 
 _PAPER_MARKERS = {
     "circle": "o", "square": "s", "diamond": "D", "triangle": "^", "triangle down": "v",
