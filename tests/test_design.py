@@ -93,8 +93,13 @@ def test_the_filter_is_nearly_as_good_as_one_that_was_told_everything(rig):
 
 def test_it_says_which_filter_to_fly_and_why(rig):
     folder, found = rig
-    assert found.why.startswith("Use the extended Kalman filter with decentralised PID control: ")
-    assert "On validation records it predicts" in found.why
+    assert found.finding.startswith(
+        "Use the extended Kalman filter with decentralised PID control: "
+    )
+    rows = {row.key: row for row in found.rows if row.of == found.chosen.kind}
+    assert rows["x"].value < rows["raw_sensors"].value
+    assert rows["load"].value > 0
+    assert rows["ahead_10"].value > rows["ahead_1"].value
     assert found.objections == ()
     page = (folder / "out" / "design.html").read_text()
     assert "Use the extended Kalman filter" in page
@@ -143,7 +148,7 @@ def test_a_second_call_makes_nothing_anew(rig):
     files = {p: p.stat().st_mtime_ns for p in (folder / "out").rglob("*.toml")}
     said = []
     again = made(folder, note=said.append)
-    assert again.why == found.why
+    assert again.finding == found.finding
     unchanged = [p for p in files if p.parent.name != "out" or p.name != "filter.toml"]
     assert all(p.stat().st_mtime_ns == files[p] for p in unchanged)
 
@@ -153,7 +158,7 @@ def test_what_was_lost_is_made_again_and_alike(rig):
     lost = folder / "out" / "candidates" / "linear.toml"
     before = lost.read_text()
     lost.unlink()
-    assert made(folder).why == found.why
+    assert made(folder).finding == found.finding
     assert lost.read_text() == before
 
 
@@ -190,7 +195,7 @@ def test_the_command_is_the_function(rig, monkeypatch, capsys):
     with pytest.raises(SystemExit) as left:
         main(arguments)
     assert left.value.code == 0
-    assert " ".join(found.why.split()[:6]) in " ".join(capsys.readouterr().out.split())
+    assert " ".join(found.finding.split()[:6]) in " ".join(capsys.readouterr().out.split())
 
 
 def test_zeros_that_a_log_does_not_tell_stay_as_the_map_has_them(rig):

@@ -55,7 +55,7 @@ def test_a_second_call_makes_nothing_anew(designed):
     tuned = designed.chosen.file.stat().st_mtime_ns
     again = design(TUM, [], designed.folder, kinds=["linear"], max_sensitivity=2.0, runs=1,
                    budget=3, note=said.append)  # fmt: skip
-    assert again.why == designed.why
+    assert again.finding == designed.finding
     assert designed.chosen.file.stat().st_mtime_ns == tuned
 
 

@@ -40,7 +40,8 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     )  # fmt: skip
     assert code == 0, err
     assert "95 % interval" in out
-    assert "b.csv: It predicts 10 samples ahead with a fit of" in out
+    assert "fit, 10 samples ahead" in " ".join(out.split())
+    assert "b.csv: Nothing knows more of this record than the model." in out
     found = ambkit.Bearing.load("found.toml")
     text = (tmp_path / "found.toml").read_text()
     assert re.search(r'magnet_constant = ".*"  # found, standard error 0\.\d+ N mm\^2/A\^2', text)
@@ -217,6 +218,7 @@ def record():
 def test_the_truth_passes_and_what_is_wrong_is_named(record):
     good = validate(TRUTH, record, name="r", settling=0.01)
     assert good.good, good.verdict
+    assert good.verdict == "Nothing knows more of this record than the model."
     assert good.fit[10] > good.held[10]
     late = validate(replace(TRUTH, delay=8e-4), record, start=TRUTH, settling=0.01)
     assert not late.good

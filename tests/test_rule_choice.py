@@ -161,7 +161,7 @@ def test_command_chooses_says_so_and_draws_it(call, tmp_path):
     found = call(*arguments, "--plot", picture, "--out", expert, "--json")
     assert found.code == 0, found.err
     told = found.json
-    shapes = {c["shape"]: c for c in told["choice"]["candidates"]}
+    shapes = told["rules_left_out"]
     assert told["rules"] == shapes[told["choice"]["chosen"]]["rules"]
     assert shapes[told["choice"]["chosen"]]["error"] <= told["choice"]["limit"]
     assert len(json.loads(expert.read_text())["rules"]) == told["rules"]

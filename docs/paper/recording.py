@@ -11,14 +11,14 @@ import numpy as np
 from ambkit.data.record import Record
 from ambkit.data.recordings import folder
 from ambkit.estimate.constant_velocity import tune
-from ambkit.estimate.errors import Whiteness, prediction_error, whiteness
+from ambkit.estimate.errors import LAGS, Whiteness, prediction_error, whiteness
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
 from ambkit.identification.forces.lift_off import LiftOff, LiftOffFit, fit_lift_off, load_points
 from ambkit.judge.comparison import ConstantVelocityFilter
-from ambkit.judge.evaluation import LAGS, Evaluation, evaluate
+from ambkit.judge.evaluation import Evaluation, evaluate
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
 from ambkit.machine.parts import GRAVITY

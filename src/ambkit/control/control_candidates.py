@@ -15,6 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.axis_sensitivity import shown_along_axes
 from ambkit.control.control import Control
 from ambkit.control.controllers import Controllers, controllers_of
+from ambkit.control.held_loop import Gains
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_controller import compensator, controllers, fed
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
@@ -30,8 +31,6 @@ from ambkit.models.plant import Plant
 Feedback = Literal["measurement", "estimate"]
 
 SPEEDS = 9  #: Speeds of rotation at which loops are looked at, from rest to the fastest.
-IN_ORDER = ("kp", "ki", "kd", "derivative_filter", "anti_windup", "setpoint_weight")
-"""Of a PID as it flies, in their order."""
 LOWEST, GRID, NEAR = 1e-4, 200, np.linspace(-4, 4, 25)
 """Of the frequencies: start as a share of the range, count, and places about each pole, in its
 rate of decay: beside a zero the peak of one that is hardly damped is not at its own frequency."""
@@ -145,7 +144,8 @@ class Candidates:
         control_law = controllers_of(self.plant, control, None)
         gains = zip(control_law.names, control_law.pids, strict=True)
         return {
-            name: PID.model_validate(dict(zip(IN_ORDER, pid, strict=False))) for name, pid in gains
+            name: PID.model_validate(dict(zip(Gains._fields, pid, strict=False)))
+            for name, pid in gains
         }
 
     def _turns(self, control: Control, name: str) -> bool:

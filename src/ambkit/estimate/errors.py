@@ -51,7 +51,10 @@ class Whiteness:
         return float(np.mean(np.abs(self.correlation) <= self.bound))
 
 
-def whiteness(innovation: Array, lags: int = 50) -> Whiteness:
+LAGS = 50  #: Of the test of whiteness.
+
+
+def whiteness(innovation: Array, lags: int = LAGS) -> Whiteness:
     """Autocorrelation test of an innovation sequence (Mehra 1970)."""
     e = innovation - innovation.mean()
     power = float(e @ e)

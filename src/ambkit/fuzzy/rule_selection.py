@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,6 @@ from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import ForceFunction, StiffnessMap, stiffness_map
 from ambkit.result.report import Axis, Figure, Heatmap, Item, Note, Panel, Points, Rule
-
-if TYPE_CHECKING:
-    from ambkit.machine.forces.force_surface import ForceSurface
-    from ambkit.machine.stiffness import StiffnessMap
 
 Shape = tuple[int, int]  #: Rules along the current, and along the displacement.
 Box = tuple[tuple[float, float], tuple[float, float]]
@@ -119,15 +115,6 @@ class RuleChoice:
             "limit": self.limit,
             "surface_error": self.surface_error,
             "folds": self.folds,
-            "candidates": [
-                {
-                    "shape": c.name,
-                    "rules": c.rules,
-                    "error": c.error,
-                    "standard_error": c.standard_error,
-                }
-                for c in self.candidates
-            ],
         }
 
 

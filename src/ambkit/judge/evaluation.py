@@ -17,7 +17,7 @@ from ambkit.base.escaping import markdown
 from ambkit.data.record import Record
 from ambkit.data.record_card import lost_spans
 from ambkit.data.signals import by_name, each_of, signal
-from ambkit.estimate.errors import Whiteness, errors_along, rms, true_signal, whiteness
+from ambkit.estimate.errors import LAGS, Whiteness, errors_along, rms, true_signal, whiteness
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.estimate_panels import (
     innovation_panel,
@@ -32,8 +32,6 @@ from ambkit.result import signal_styles as styles
 from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.report.style import style_of
 from ambkit.result.row import Row
-
-LAGS = 50  #: Lags of the whiteness test.
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +225,7 @@ def _mean_nis(innovation: Array, variance: Array) -> float:
 def _white(innovation: Array) -> Whiteness | None:
     if innovation.size < 4 * LAGS or not np.ptp(innovation) > 0:
         return None
-    return whiteness(innovation, LAGS)
+    return whiteness(innovation)
 
 
 def _flags(status: NDArray[np.uint16]) -> dict[str, int]:

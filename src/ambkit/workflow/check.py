@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from ambkit.base import files
 from ambkit.base.config import toml_text
@@ -105,14 +105,14 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
 class Finding:
     """What a file turned out to be."""
 
-    path: Path  #: The file.
-    #: ``"bearing"``, ``"machine"``, ``"scenario"``, ``"study"``, ``"filter"``,
-    #: ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``;
-    #: ``"file"`` where that cannot be told.
-    kind: str
     about: str  #: What it holds, in a few words; empty where it is not valid.
     problems: tuple[str, ...] = ()  #: All that is wrong, each with its place.
     remarks: tuple[str, ...] = ()  #: What is odd about a record, and may be right.
+    path: Path = Path()  #: The file.
+    #: ``"bearing"``, ``"machine"``, ``"scenario"``, ``"study"``, ``"filter"``,
+    #: ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``;
+    #: ``"file"`` where that cannot be told.
+    kind: str = "file"
 
     @property
     def ok(self) -> bool:
@@ -133,16 +133,10 @@ def checked(
     """Check files, and report what each is and all that is wrong with it."""
     results = [inspect(path, channel_map, machine) for path in paths]
     data = [
-        {
-            "file": str(item.path),
-            "kind": item.kind,
-            "ok": item.ok,
-            "about": item.about,
-            "problems": list(item.problems),
-            "remarks": list(item.remarks),
-        }
+        {"file": str(item.path), "kind": item.kind, "ok": item.ok, "about": item.about,
+         "problems": list(item.problems), "remarks": list(item.remarks)}
         for item in results
-    ]
+    ]  # fmt: skip
     lines = [f"{item.path}: ok, {item.kind}: {item.about}\n" for item in results if item.ok]
     notes = [
         text
@@ -150,12 +144,6 @@ def checked(
         for text in (*item.problems, *(f"{item.path}: note: {remark}" for remark in item.remarks))
     ]
     return Document("".join(lines), data, notes, 0 if all(item.ok for item in results) else 2)
-
-
-class _Described(NamedTuple):
-    about: str
-    problems: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
 
 
 def inspect(
@@ -170,17 +158,14 @@ def inspect(
         if path.exists() and not path.is_file() and not path.is_dir():
             raise AmbkitError(f"{path}: is no file but a device or a pipe, which may never end")
         kind, describe = _recognise(path, channel_map, machine)
-        result = describe(path)
-        return Finding(path, kind, result.about, result.problems, result.remarks)
-    except (ConfigError, RecordError) as error:
-        return Finding(path, kind, "", error.problems)
+        return replace(describe(path), path=path, kind=kind)
     except AmbkitError as error:
-        return Finding(path, kind, "", (str(error),))
+        return Finding("", getattr(error, "problems", (str(error),)), (), path, kind)
 
 
 def _recognise(
     path: Path, channel_map: str | os.PathLike[str] | None, machine: Machine | None
-) -> tuple[str, Callable[[Path], _Described]]:
+) -> tuple[str, Callable[[Path], Finding]]:
     match path.suffix.lower():
         case ".toml":
             kind = kind_of_toml(path)
@@ -197,19 +182,19 @@ def _recognise(
             return "file", _unknown
 
 
-def _unknown(path: Path) -> _Described:
+def _unknown(path: Path) -> Finding:
     known = f".toml, .json, {', '.join(ENDINGS[:-1])} and {ENDINGS[-1]}"
     raise AmbkitError(f"{path}: what is that? known are {known} files")
 
 
-def _describe_document(kind: str, path: Path, machine: Machine | None) -> _Described:
+def _describe_document(kind: str, path: Path, machine: Machine | None) -> Finding:
     from ambkit.judge.adequacy import judge_adequacy, sentences
     from ambkit.judge.adequacy_criteria import of_machine
     from ambkit.rotordynamics import machine_report
 
     result = documents()[kind].load(path)
     if kind in SHORT.values():
-        return _Described(f"signals {', '.join(result.signals)}")
+        return Finding(f"signals {', '.join(result.signals)}")
     if kind == "filter":
         made = result.make()  # what only the whole tells: starts, options, the magnet's file
         judged = judge_adequacy(made, machine)
@@ -218,7 +203,7 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> _Descr
         problems = tuple(
             f"{path}: not exported, the filter is inadequate: {text}" for text in fatal
         )
-        return _Described(f"{result.kind}, for {result.plant.name}", problems, tuple(others))
+        return Finding(f"{result.kind}, for {result.plant.name}", problems, tuple(others))
     if kind == "machine" and not result.single:
         about, remarks = machine_report.described(result)
         lines = toml_text.parse(files.read_text(path))
@@ -226,15 +211,15 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> _Descr
             f"line {lines.line(remark.path)}: {remark.text}" if remark.path else remark.text
             for remark in remarks
         )
-        return _Described(about, (), (*notes, *sentences(list(of_machine(result)))))
+        return Finding(about, (), (*notes, *sentences(list(of_machine(result)))))
     if kind == "study":
-        return _Described(_of_study(result))
+        return Finding(_of_study(result))
     if kind == "scenario":
-        return _Described(f"{engineering(result.duration, 's')}, {_of_signals(result)}")
+        return Finding(f"{engineering(result.duration, 's')}, {_of_signals(result)}")
     result = result.isolated_axis("") if kind == "machine" else result
     mass = engineering(result.rotor.mass, "kg")
     about = "; ".join([f"{result.name}, {result.magnet.type}, {mass}", *in_words(result)])
-    return _Described(about, (), tuple(sentences(list(of_machine(result)))))
+    return Finding(about, (), tuple(sentences(list(of_machine(result)))))
 
 
 def _of_signals(scenario: Any) -> str:
@@ -257,14 +242,14 @@ def _of_study(study: Any) -> str:
     return f"{plan.runs} machines of {plan.nominal.name}, {study.sampling}; what varies: {varies}"
 
 
-def _describe_expert(path: Path) -> _Described:
+def _describe_expert(path: Path) -> Finding:
     from ambkit.fuzzy.expert import Expert
 
     expert = Expert.load(path)
-    return _Described(f"{len(expert.rules)} rules for {expert.source}")
+    return Finding(f"{len(expert.rules)} rules for {expert.source}")
 
 
-def _kind_of_table(path: Path, machine: Machine | None) -> tuple[str, Callable[[Path], _Described]]:
+def _kind_of_table(path: Path, machine: Machine | None) -> tuple[str, Callable[[Path], Finding]]:
     from ambkit.identification.forces import lift_off
 
     try:
@@ -294,22 +279,22 @@ def _perhaps_a_force(path: Path) -> list[str]:
     return [f"{path}: {NAMES}"]
 
 
-def _describe_points(path: Path) -> _Described:
+def _describe_points(path: Path) -> Finding:
     from ambkit.identification.forces.lift_off import load_points
 
     points = load_points(path)
     usable = sum(not p.problem for p in points)
-    return _Described(f"{len(points)} runs, {usable} of them usable")
+    return Finding(f"{len(points)} runs, {usable} of them usable")
 
 
-def _describe_force(path: Path, channels: str | os.PathLike[str] | None = None) -> _Described:
+def _describe_force(path: Path, channels: str | os.PathLike[str] | None = None) -> Finding:
     points = load_force_points(path, channels)
     (low, high), (left, right) = (
         [engineering(end, unit, digits=3) for end in (values.min(), values.max())]
         for values, unit in ((points.current, "A"), (points.displacement, "m"))
     )
     known = "" if points.standard_error is not None else ", without standard errors"
-    return _Described(f"{len(points)} points, {low} to {high}, {left} to {right}{known}")
+    return Finding(f"{len(points)} points, {low} to {high}, {left} to {right}{known}")
 
 
 def _lost(missing: Mapping[str, int]) -> str:
@@ -324,7 +309,7 @@ def _lost(missing: Mapping[str, int]) -> str:
 
 def _describe_record(
     path: Path, channel_map: str | os.PathLike[str] | None, machine: Machine | None
-) -> _Described:
+) -> Finding:
     import numpy as np
 
     from ambkit.data.reading import load
@@ -349,8 +334,8 @@ def _describe_record(
     ]
     remarks = account(faults, record.sampling_time)
     if machine is None:
-        return _Described(about, (), (*remarks, *suspects(record.t, record.signals, record.units)))
+        return Finding(about, (), (*remarks, *suspects(record.t, record.signals, record.units)))
     verdict = evaluate_record(record, machine)
-    return _Described(
+    return Finding(
         about, tuple(f"{path}: {p}" for p in verdict.problems), (*remarks, *verdict.remarks)
     )

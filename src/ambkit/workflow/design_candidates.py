@@ -34,7 +34,7 @@ from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tune import Tuned, tune
 from ambkit.workflow.tuning import default_disturbance
-from ambkit.workflow.tuning_tasks import AHEAD, JUDGED, RAW, By
+from ambkit.workflow.tuning_tasks import JUDGED, RAW, By
 
 STATE = "design.json"  #: What was made from what, in the folder of a design.
 
@@ -255,24 +255,3 @@ def adequacy_of(chosen: TunedCandidate, run: Scenario) -> list[Finding]:
     """Return whether a candidate may fly, with NIS on records that it was not tuned on."""
     made = FilterFile.load(chosen.file).make()
     return judge_adequacy(made, None, run, chosen.unseen.get("nis", math.nan))
-
-
-def evidence_for(chosen: TunedCandidate, candidates: Sequence[TunedCandidate]) -> str:
-    """Return what speaks for a candidate, in a sentence."""
-    x, f_d = engineering(chosen.errors["x"], "m", 3), engineering(chosen.errors["f_d"], "N", 3)
-    raw = engineering(chosen.raw, "m", 3)
-    errors = f"in position and {f_d} in the disturbance force; {raw} of the raw sensors."
-    if chosen.by == "truth":
-        return f"In simulated validation runs its error is {x} {errors}"
-
-    def ahead(candidate: TunedCandidate) -> str:
-        return engineering(candidate.unseen[AHEAD[10]], "m", digits=3)
-
-    others = [c for c in candidates if c is not chosen]
-    beside = "".join(f", the {KINDS[c.kind].label} {ahead(c)}" for c in others)
-    return (
-        f"On validation records it predicts the position 10 samples ahead to {ahead(chosen)} rms"
-        f"{beside}. In simulated runs with a step of {engineering(chosen.load, 'N', 3)} of the "
-        f"disturbance force its error is {x} (efficiency {100 * chosen.efficiency:.0f} %) "
-        f"{errors}"
-    )

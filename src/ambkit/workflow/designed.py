@@ -28,7 +28,7 @@ from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Bars, Figure, Item, Panel, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Part, Row, Section, put
-from ambkit.workflow.design_candidates import TunedCandidate, evidence_for
+from ambkit.workflow.design_candidates import TunedCandidate
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 
 UNITS = {"kp": "A/m", "ki": "A/(m s)", "kd": "A s/m", "derivative_filter": "s", "anti_windup": "s"}
@@ -64,11 +64,6 @@ class Design(Result):
         """The loop with the chosen filter."""
         return self.assessed.loops[self.chosen.kind]
 
-    @property
-    def why(self) -> str:
-        """Which filter is to fly and why, and what the loop comes to."""
-        return f"{self.finding} {evidence_for(self.chosen, self.candidates)}"
-
     TITLE = "A filter for {0.machine.name}"
 
     @property
@@ -82,11 +77,10 @@ class Design(Result):
 
     @property
     def notes(self) -> list[str]:
-        why = evidence_for(self.chosen, self.candidates)
         objections = [f"Objection: {objection}" for objection in self.objections]
         if not self.passed:
             objections.append("Nothing was exported: --force exports nevertheless.")
-        return [why, *objections, *self.remarks]
+        return [*objections, *self.remarks]
 
     @property
     def rows(self) -> list[Row]:
@@ -131,7 +125,6 @@ class Design(Result):
             "folder": str(self.folder),
             "machine": self.machine.name,
             "chosen": self.chosen.kind,
-            "why": self.why,
             "objections": list(self.objections),
             "adequacy": [item.to_dict() for item in self.adequacy],
             "peak": self.loop.peak,
@@ -181,8 +174,10 @@ def _of_candidate(of: TunedCandidate) -> list[Row]:
         *ahead,
         Row("log_likelihood", "log-likelihood per sample", -likelihood, detail=True),
         Row("nis", "mean NIS", of.unseen.get("nis"), detail=True),
-        *(Row(name, f"error of {name}", of.errors[name], unit, 3)
+        *(Row(name, f"error of {name}, simulated", of.errors[name], unit, 3)
           for name, unit in EVALUATED.items()),
+        Row("raw_sensors", "  of the raw sensors", of.raw, "m", 3),
+        Row("load", "  under a step of f_d of", of.load, "N", 3),
         Row("efficiency", "bound / error of x", of.efficiency, "%"),
         Row("peak", "peak of |S|", of.peak, "|S|"),
     ]  # fmt: skip

@@ -189,9 +189,13 @@ class Identified(Result):
                     if k in check.of_start else None, "%"),
                 Row("held", "last measurement held", check.held[k] / 100, "%"),
                 Row("error", "error, rms", check.error[k], "m", 3),
+                Row("without_a_magnet", "filter without a magnet, rms", check.without_a_magnet[k],
+                    "m", 3),
                 Row("white", "white lags", check.residual.share_within, "%"),
                 Row("free_of_control", "free of control", check.cross.share_within, "%"),
                 Row("nis", "mean NIS", check.nis, digits=3),
+                Row("predictable", "predictable", check.left, "%"),
+                Row("gain", "gain of likelihood per sample", check.gain),
             ], section=("fits",), of=check.name)  # fmt: skip
         return result
 

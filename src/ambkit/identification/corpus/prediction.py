@@ -112,9 +112,6 @@ class Baselines:
         return np.column_stack([rows[:, ORDER - 1 : 2 * ORDER - 1], rows @ _solved(self.controls)])
 
 
-LAGS = 50  #: Of the correlation of the residuals.
-
-
 @dataclass(frozen=True)
 class Prediction:
     """How a log is predicted by a model of the others."""
@@ -210,6 +207,6 @@ def predict(
         name, residual.size, **errors,
         floor=rms(np.sqrt(np.concatenate(variances))),
         nis=float(np.mean(np.concatenate(squares))),
-        white=whiteness(residual, LAGS).share_within,
+        white=whiteness(residual).share_within,
         left=predictable(residual, np.concatenate(controls)),
     )  # fmt: skip

@@ -32,7 +32,6 @@ from ambkit.identification.maximum_likelihood.search import maximise
 from ambkit.machine.magnets import own_time
 
 ASIDE = 1.959964  #: Standard errors to the ends of a 95 % interval.
-
 NEAR = 0.35
 """By which share the loss there may differ from that of a parabola, and still pass for one."""
 

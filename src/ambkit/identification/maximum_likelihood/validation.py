@@ -11,15 +11,13 @@ import numpy as np
 
 from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import RecordError
-from ambkit.base.units import engineering
 from ambkit.data.reading.faults import spike_free
 from ambkit.data.record import Record
 from ambkit.estimate.constant_velocity import tune
-from ambkit.estimate.errors import Whiteness, prediction_error, whiteness
+from ambkit.estimate.errors import LAGS, Whiteness, prediction_error, whiteness
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
 HORIZONS = (1, 2, 5, 10, 20, 50)  #: Steps ahead, where the user does not say.
-LAGS = 50  #: Of the correlations.
 
 ORDER = 30
 """Samples of its own past from which the control signal is predicted, see `cross_correlation`."""
@@ -77,46 +75,25 @@ class Validation:
 
     @property
     def verdict(self) -> str:
-        """What to think of the model, in sentences."""
-        k = self.farthest
-        fit, held, error = self.fit[k], self.held[k], self.error[k]
-        better = "better" if fit > held else "no better"
-        naive = engineering(self.without_a_magnet[k], "m", 3, like=error)
-        white, cross = 100 * self.residual.share_within, 100 * self.cross.share_within
-        sentences = [
-            f"It predicts {k} samples ahead with a fit of {fit:.1f} %, {better} than holding the "
-            f"last measurement ({held:.1f} %).",
-            f"Its error there is {engineering(error, 'm', 3)} rms, that of a filter without a "
-            f"magnet {naive}.",
-        ]
-        if self.of_start and self.gain >= 0:
-            sentences.append(
-                f"It is more likely than the start by {self.gain:.3f} a sample, whose fit was "
-                f"{self.of_start[k]:.1f} %."
-            )
-        elif self.of_start and self.gain < 0:
-            sentences.append(
-                f"The start was more likely, by {-self.gain:.3f} a sample: what was identified "
-                "does not hold here."
-            )
-        sentences += [
-            f"Its residuals are white ({white:.0f} % of the lags within the bounds)."
-            if white >= 100 * WHITE
-            else f"Its residuals are not white ({white:.0f} % of the lags within the bounds): some "
-            "motion is left unexplained, or the noise has colour.",
-            f"They do not depend on the control signal ({cross:.0f} % within)."
-            if cross >= 100 * WHITE
-            else f"They depend on the control signal ({cross:.0f} % within): force law, delay or "
-            "lag miss something.",
-            f"Of what it leaves, {100 * self.left:.1f} % could be predicted"
-            + (": little." if is_explained(self.left) else ": a better model would gain."),
-        ]
-        if not is_consistent(self.nis):
-            more = "larger" if self.nis > 1 else "smaller"
-            sentences.append(
-                f"They are {more} than expected: mean NIS {self.nis:.2f}, should be 1."
-            )
-        return " ".join(sentences)
+        """What the figures say against the model, in sentences."""
+        k, more = self.farthest, "larger" if self.nis > 1 else "smaller"
+        objections = {
+            "It predicts no better than the last measurement held.": self.fit[k] <= self.held[k],
+            "A filter without a magnet predicts better.":
+                self.error[k] > AS_GOOD * self.without_a_magnet[k],
+            f"The start was more likely, by {-self.gain:.3f} a sample: what was identified does "
+            "not hold here.": self.gain < 0,
+            "Its residuals are not white: some motion is left unexplained, or the noise has "
+            "colour.": self.residual.share_within < WHITE,
+            "Its residuals depend on the control signal: force law, delay or lag miss something.":
+                self.cross.share_within < WHITE,
+            "Much of what it leaves could be predicted: a better model would gain.":
+                not is_explained(self.left),
+            f"Its residuals are {more} than expected: mean NIS {self.nis:.2f}, should be 1.":
+                not is_consistent(self.nis),
+        }  # fmt: skip
+        said = " ".join(text for text, holds in objections.items() if holds)
+        return said or "Nothing knows more of this record than the model."
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, ready for JSON."""
@@ -189,7 +166,7 @@ def validate(
         held=fits(errors(lambda k: y[:-k])),
         error=error,
         of_start=of_start,
-        residual=whiteness(r, LAGS),
+        residual=whiteness(r),
         cross=cross_correlation(np.where(used, e / np.sqrt(S), 0.0)[first:], record["u"][first:]),
         nis=float(np.mean(r**2)),
         gain=gain,

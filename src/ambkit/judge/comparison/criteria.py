@@ -13,7 +13,7 @@ from ambkit.base.arrays import Array
 from ambkit.data.files.tables import Table
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
-from ambkit.estimate.errors import true_signal, whiteness
+from ambkit.estimate.errors import LAGS, true_signal, whiteness
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.cases import Trial
@@ -26,7 +26,6 @@ from ambkit.models.model import Descriptor
 SETTLING = 2.0
 """What counts begins after this time, in the plant's own: all have then left their start."""
 
-LAGS = 50  #: Lags of the whiteness test.
 
 EVALUATED = {"x": "m", "v": "m/s", "f_d": "N"}
 """States whose errors are judged together, and their units."""
@@ -225,7 +224,7 @@ def _innovations(estimate: Estimate, first: int) -> dict[str, float]:
     known = np.isfinite(innovation).all() and len(innovation) >= 4 * LAGS
     if not known or not (np.ptp(innovation, axis=0) > 0).all():
         return {}
-    white = [whiteness(item, LAGS).share_within for item in innovation.T]
+    white = [whiteness(item).share_within for item in innovation.T]
     return {"nis": float(np.mean(nis)), "white": float(np.mean(white))}
 
 
