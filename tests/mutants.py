@@ -13,6 +13,7 @@ mutant is the original (trivial compiler equivalence, Papadakis et al. 2015).
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import random
 import re
@@ -187,7 +188,6 @@ class Bench:
             made = self._work / (Path(file).stem + ".o")
             self._call([self.compiler, *self._flags, "-c", file, "-o", str(made)], folder)
             self._objects[file] = made
-        self._original = self._optimised(folder)
 
     _flags = ("-std=c99", "-O0", "-DAMB_NO_CONTRACTION", *INCLUDES)
 
@@ -279,6 +279,10 @@ class Bench:
                 return KILLED
             words = said.stdout.split()
             return Verdict(*(word == "1" for word in words[:4])) if len(words) == 7 else KILLED
+
+    @functools.cached_property
+    def _original(self) -> bytes:
+        return self._optimised(self.folder)
 
     def is_the_same(self, mutant: Mutant) -> bool:
         """Whether an optimising compiler makes the same program of it."""

@@ -22,6 +22,7 @@ from ambkit.machine.parts import GRAVITY
 from ambkit.models import exponential
 from ambkit.models.continuous import continuous, open_loop
 from ambkit.models.plant import Plant
+from ambkit.rotordynamics import machine_report
 from ambkit.simulation.waveforms import Ramp
 from benchmarks.judge_states import judge_states
 
@@ -160,6 +161,9 @@ def test_a_run_up_passes_the_first_bending_mode() -> None:
 
 def test_controllers_that_cannot_hold_say_so() -> None:
     held = holding(flexible())
+    one = flexible()
+    assert one.bending is not None
+    assert "a PID of each axis holds" in machine_report._held(one, one.bending).text
     assert held.held
     assert held.growing == []
     assert holding(flexible(), "estimate").pids[0].kp > 1.2 * held.pids[0].kp
@@ -167,6 +171,9 @@ def test_controllers_that_cannot_hold_say_so() -> None:
     found = holding(late)
     assert not found.held
     assert found.growing[0].real > 0
+    assert late.bending is not None
+    said = machine_report._held(late, late.bending).text
+    assert "no PID of each axis that was tried holds it" in said
     with pytest.raises(AmbkitError, match="no default controller was found that holds the rotor"):
         simulate(late, Scenario(duration=1.0, feedback="measurement"), "none")
     run = simulate(

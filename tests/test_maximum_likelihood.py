@@ -42,11 +42,12 @@ SEEDS = 12
 
 @pytest.fixture(scope="module")
 def records():
-    return closed_loops(TRUTH, SEEDS, first=1000)
+    return closed_loops(TRUTH, 4, first=1000)
 
 
 @pytest.fixture(scope="module")
-def found(records):
+def found():
+    records = closed_loops(TRUTH, SEEDS, first=1000)
     with ThreadPoolExecutor(2) as pool:
         return list(pool.map(lambda record: maximum_likelihood(record, START), records))
 
@@ -103,7 +104,7 @@ def test_a_start_far_off_and_the_truth_lead_to_the_same_place(records, found):
 def test_score_and_information_are_those_of_the_likelihood(records):
     """Score against differences of the value; information against differences of the score."""
     coordinates = Coordinates(TRUTH, named(["magnet_constant", "sensor_lag", "measurement_noise"]))
-    likelihood = Likelihood(Data(records[:4], 0.01), coordinates)
+    likelihood = Likelihood(Data(records[:2], 0.01), coordinates)
     z = np.array([0.02, -0.05, 0.1])
     local = likelihood.local(z)
     h = 1e-4 * np.eye(3)
@@ -114,7 +115,7 @@ def test_score_and_information_are_those_of_the_likelihood(records):
     bend = [(likelihood.local(d).score - likelihood.local(-d).score) / 2e-2 for d in h]
     information = likelihood.local(zero).information
     root = np.sqrt(np.diag(information))
-    # What the second derivatives are expected to be, and are up to the noise of four records.
+    # What the second derivatives are expected to be, and are up to the noise of two records.
     np.testing.assert_allclose(
         -np.array(bend) / np.outer(root, root), information / np.outer(root, root), atol=0.1
     )
@@ -239,20 +240,27 @@ def spoilt(record, kind):
     return Record(record.t, {"y": record["y"], "u": u})
 
 
+QUIET = TRUTH.replace(amplifier__noise_variance=4e-5, sensor__noise_variance=1e-12)
+FREE = ["magnet_constant", "current_offset", "disturbance_noise"]
+
+
+@pytest.fixture(scope="module")
+def undisturbed():
+    record = closed_loops(QUIET, 1, first=43)[0]
+    return record, maximum_likelihood(record, QUIET, FREE, improve_start=False)
+
+
 @pytest.mark.parametrize("kind", quick(["here and there", "4 ms", "30 ms"], {"30 ms"}))
-def test_a_control_signal_that_was_lost_biases_nothing(kind):
-    quiet = TRUTH.replace(amplifier__noise_variance=4e-5, sensor__noise_variance=1e-12)
-    record = closed_loops(quiet, 1, first=43)[0]
-    free = ["magnet_constant", "current_offset", "disturbance_noise"]
-    whole = maximum_likelihood(record, quiet, free, improve_start=False)
+def test_a_control_signal_that_was_lost_biases_nothing(undisturbed, kind):
+    record, whole = undisturbed
     lost = spoilt(record, kind)
-    found = maximum_likelihood(lost, quiet, free, improve_start=False)
-    for name in free:
+    found = maximum_likelihood(lost, QUIET, FREE, improve_start=False)
+    for name in FREE:
         off = abs(found[name] - whole[name])
         assert off < 1.5 * whole.standard_error(name), name
         assert found.standard_error(name) < 1.5 * whole.standard_error(name), name
     believed = Record(lost.t, {"y": lost["y"], "u": filled(lost["u"])})
-    held = maximum_likelihood(believed, quiet, free, improve_start=False)
+    held = maximum_likelihood(believed, QUIET, FREE, improve_start=False)
     assert held["disturbance_noise"] > 1.4 * whole["disturbance_noise"]  # what it was like
 
 

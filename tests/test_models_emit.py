@@ -58,7 +58,7 @@ class Compiled:
         (folder / "generated" / "model.h").write_text(header)
         (folder / "model.c").write_text(self.source(model))
         library = folder / "model.so"
-        optimised = "-O1" if self.n < 16 else "-O0"  # at 40 states it takes a minute
+        optimised = "-O1" if self.n < 6 else "-O0"  # at 40 states it takes a minute
         command = [
             str(COMPILER), "-std=c99", optimised, "-ffp-contract=off", "-shared", "-fPIC", "-Wall",
             "-Wextra", "-Wconversion", "-Werror", f"-I{folder}", f"-I{ROOT / 'core' / 'include'}",

@@ -26,6 +26,7 @@ PARTS = {
 }
 MADE = [name for name in KINDS if KINDS[name].magnet is not None]
 """Those that need no training."""
+EVERY = {key: value for of in PARTS.values() for key, value in of.items()}
 
 GAINED = {"amplifier": (0.7, 0.25), "delay": (1.0, 0.85), "coloured noise": (0.95, 0.4),
           "hum": (0.55, 0.5)}  # fmt: skip
@@ -41,6 +42,11 @@ SHAKEN = Scenario(
 
 def with_part(name: str) -> Bearing:
     return BEARING.replace(**PARTS[name])
+
+
+@pytest.fixture(scope="module")
+def complete() -> Bearing:
+    return BEARING.replace(**EVERY)
 
 
 def flown(bearing: Bearing, seed: int, duration: float = 0.5) -> Record:
@@ -136,10 +142,9 @@ def test_the_general_limit_is_that_of_the_papers_axis() -> None:
 
 
 @pytest.mark.parametrize("kind", ["linear", "extended", "ud"])
-@pytest.mark.parametrize("name", PARTS)
-def test_smoothing_is_that_of_the_textbook(name: str, kind: str) -> None:
+def test_smoothing_is_that_of_the_textbook(complete: Bearing, kind: str) -> None:
     """Rauch, Tung and Striebel (1965) on the filter's own linear models, in units of their own."""
-    bearing = with_part(name)
+    bearing = complete
     record = ambkit.simulate(
         bearing, Scenario(duration=0.05, seed=1, reference=Step(amplitude=2e-4, time=0.02))
     ).record
@@ -171,9 +176,8 @@ def test_smoothing_is_that_of_the_textbook(name: str, kind: str) -> None:
         assert errors[0] < errors[1]
 
 
-@pytest.mark.parametrize("name", PARTS)
-def test_many_at_once_and_one_by_one_are_the_same(name: str) -> None:
-    bearing = with_part(name)
+def test_many_at_once_and_one_by_one_are_the_same(complete: Bearing) -> None:
+    bearing = complete
     records = [flown(bearing, seed, 0.1) for seed in (1, 2)]
     y, u = (np.array([record[signal] for record in records]) for signal in ("y", "u"))
     for kind in MADE:
@@ -195,10 +199,9 @@ def test_a_filter_takes_over_from_one_of_the_same_states_alone() -> None:
         ambkit.ExtendedKalmanFilter(BEARING).transfer_from(old)
 
 
-@pytest.mark.parametrize("name", PARTS)
-def test_after_faults_all_come_back(name: str) -> None:
+def test_after_faults_all_come_back(complete: Bearing) -> None:
     found = inject_faults(
-        with_part(name), ["linear", "extended", "observer"], steps=0,
+        complete, ["linear", "extended", "observer"], steps=0,
         faults=["knock", "outage-10ms", "spikes", "stuck", "nan-u"],
     )  # fmt: skip
     assert not found.failures, found.failures

@@ -47,7 +47,7 @@ def run(*command: str | Path, cwd: Path | None = None) -> subprocess.CompletedPr
 
 
 @pytest.mark.parametrize(("compiler", "build"), quick(
-    product(("gcc", "clang"), BUILDS), zip(("gcc", "clang", "clang", "gcc"), BUILDS, strict=True)
+    product(("gcc", "clang"), BUILDS), zip(("gcc", "clang"), BUILDS[::3], strict=True)
 ))  # fmt: skip
 def test_nothing_but_c99(compiler: str, build: tuple[str, ...]) -> None:
     if shutil.which(compiler) is None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from quick import quick
 
 import ambkit
 from ambkit.assessment.arguments import check_plausibility
@@ -39,7 +40,7 @@ def changed(record, **factors):
     return Record(record.t, signals)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_record_belongs_to_its_bearing_and_not_with_a_sign_reversed(name, seed):
     record = run(name, seed)
@@ -56,7 +57,7 @@ PRESETS = {
 }
 
 
-@pytest.mark.parametrize("steps", [0, 5, 30], ids="{} deviations".format)
+@pytest.mark.parametrize("steps", [0, 30], ids="{} deviations".format)
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_sign_is_known_of_quiet_records_of_coarse_sensors_and_of_a_rig_that_is_not_the_model(
     preset, steps
@@ -84,7 +85,9 @@ def test_a_sign_is_known_of_quiet_records_of_coarse_sensors_and_of_a_rig_that_is
             assert sign_test(changed(record, u=-1.0), axis).wrong, name
 
 
-@pytest.mark.parametrize("preset", ["tum_mlps", "ufu_flexible", "compressor"])
+@pytest.mark.parametrize(
+    "preset", quick(["tum_mlps", "ufu_flexible", "compressor"], ["tum_mlps", "ufu_flexible"])
+)
 def test_a_channel_of_several_that_is_reversed_is_named(preset):
     machine = ambkit.preset(preset)
     record = ambkit.simulate(

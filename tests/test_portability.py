@@ -19,7 +19,7 @@ import ambkit
 from ambkit.base.errors import AmbkitError
 from ambkit.export.c import CExport, export_c
 
-FEW = [("linear", "float"), ("adaptive", "double"), ("unscented", "float")]
+FEW = [("adaptive", "double"), ("unscented", "float")]
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 
 

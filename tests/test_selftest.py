@@ -131,6 +131,7 @@ def test_a_tenth_of_a_node_is_seen_without_the_crc_too(bench: mutants.Bench) -> 
     assert alive == []
 
 
+@pytest.mark.parametrize("bench", ["linear"], indirect=True)  # the same text as beside a table
 def test_operators_that_became_others_are_seen(bench: mutants.Bench) -> None:
     """A sample of those whose mutants are not alive in the whole score."""
     files = ("core/generated/axial.h", "core/src/kalman_step.h", f"{bench.name}.c")
@@ -158,6 +159,7 @@ def test_what_is_explained_stands_in_the_sources(exported: Exported) -> None:
     assert gone == []
 
 
+@pytest.mark.parametrize("bench", ["linear"], indirect=True)
 def test_the_bench_can_fail(bench: mutants.Bench) -> None:
     """What changes nothing passes, and is known for the same program."""
     file = f"{bench.name}.c"

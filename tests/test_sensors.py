@@ -14,7 +14,7 @@ def test_the_extended_filter_reaches_the_bound(lag: float, noise: float) -> None
     assert 0.93 < found["nees"] < 0.97, found
 
 
-@pytest.mark.parametrize("seed", quick([3, 5, 6, 8, 12], [3, 12]))
+@pytest.mark.parametrize("seed", quick([3, 5, 6, 8, 12], [3]))
 def test_no_kalman_filter_is_worse_than_a_naive_one(seed: int) -> None:
     """On sensible bearings drawn at random; 300 of them in benchmarks/README.md."""
     found = sensors.judged(seed)

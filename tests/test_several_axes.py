@@ -26,7 +26,7 @@ from ambkit import Status
 from ambkit.models import Model
 
 LOADED = ("position", "velocity", "disturbance force", "noise", "disturbance force")
-SEEDS = range(8)
+SEEDS = range(5)
 BIASES = 0.4
 THETAS = (0.7, 1.0, 1.3)
 

@@ -90,15 +90,14 @@ def _in_name(name: str) -> tuple[tuple[str, int], ...]:
 
 def _in_text(pattern: str) -> re.Pattern[str]:
     joined = pattern.replace(" ", r"\s+(?:[#*/]+\s+)?")
-    return re.compile(rf"(?<![A-Za-z0-9])(?:{joined})(?![A-Za-z0-9])", re.I)
+    return re.compile(rf"(?<![a-z0-9])(?:{joined})(?![a-z0-9])")
 
 
-def _beginning(pattern: str) -> str:
-    """Return letters that are wherever a pattern matches: most texts have not even these."""
-    if "|" in pattern:
-        return ""
-    letters = re.findall(r"[a-z]+(?![a-z?*{])|^", pattern)
-    return max(letters, key=len)
+def _letters(pattern: str) -> list[str]:
+    """Return letters of which some are wherever a pattern matches: most texts have none."""
+    for optional in (r"\([^()]*\)\??", r"\([^()]*\)\??", r"[a-z][?*{]"):
+        pattern = re.sub(optional, " ", pattern)
+    return [max(re.findall(r"[a-z]+|^", way), key=len) for way in pattern.split("|")]
 
 
 def places() -> dict[str, list[str]]:
@@ -106,7 +105,7 @@ def places() -> dict[str, list[str]]:
     table = words()
     found: dict[str, list[str]] = {word.pattern: [] for word in table}
     texts = [
-        (w.pattern, _beginning(w.pattern), _in_text(w.pattern))
+        (w.pattern, _letters(w.pattern), _in_text(w.pattern))
         for w in table if w.scope in ("text", "both")
     ]  # fmt: skip
     for path in files():
@@ -116,8 +115,9 @@ def places() -> dict[str, list[str]]:
             for pattern, count in _in_name(match[0]):
                 found[pattern] += [f"{where}:{names.count(chr(10), 0, match.start()) + 1}"] * count
         lower = text.lower()
-        for pattern, beginning, compiled in texts:
-            for match in compiled.finditer(text) if beginning in lower else ():
+        for pattern, letters, compiled in texts:
+            some = any(each in lower for each in letters)
+            for match in compiled.finditer(lower) if some else ():
                 found[pattern].append(f"{where}:{text.count(chr(10), 0, match.start()) + 1}")
     return found
 
