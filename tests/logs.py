@@ -22,6 +22,21 @@ unit = "A"
 scale = "1 V/A"
 """
 """Channel map of the logs with the columns time, pos and current."""
+TWO_CLOCKS = (MAP + 'time = "t_slow"\n[signals.t_slow]\ncolumn = "1/time"\nunit = "s"\n').replace(
+    '"time"', '"0/time"'
+)
+
+
+def sound(n: int = 4000, seed: int = 1) -> dict[str, NDArray[np.float64]]:
+    """Make a log without a fault: 3 Hz with noise, every millisecond."""
+    rng = np.random.default_rng(seed)
+    time = 1e-3 * np.arange(n)
+    wave = np.sin(2 * np.pi * 3 * time)
+    return {
+        "time": time,
+        "pos": 0.1 * wave + 0.01 * rng.normal(size=n),
+        "current": -0.3 * wave + 0.01 * rng.normal(size=n),
+    }
 
 
 def csv(path: Path, columns: Columns, separator: str = ",", decimal: str = ".") -> None:

@@ -81,26 +81,6 @@ def test_a_thick_beam_is_timoshenko_s(inner: float) -> None:
     assert found[0] < 0.95 * 4.73004**2 * thin / 0.5**2  # shear and rotary inertia count here
 
 
-def test_elements_converge() -> None:
-    """In the second order where they are shorter than thick, as shear is linear in them."""
-    fine = frequencies(uniform(0.5, 0.1, count=128), 3)
-    errors = [
-        np.abs(frequencies(uniform(0.5, 0.1, count=count), 3) / fine - 1) for count in (8, 16)
-    ]
-    assert (errors[0] / errors[1] > 3.8).all()
-
-
-def test_discs_and_the_rigid_body() -> None:
-    """A light bar with two discs: a dumb-bell."""
-    light = beam.Element(0.5, 0.01, 0.0, 1e-6, 2e11, 0.3)
-    discs = [beam.Disc(0.0, 2.0, 1e-3, 2e-3), beam.Disc(1.0, 6.0, 3e-3, 6e-3)]
-    body = body_of(beam.assemble([light, light], discs))
-    assert body.mass == pytest.approx(8.0)
-    assert body.centre == pytest.approx(0.75)
-    assert body.transverse_inertia == pytest.approx(2 * 0.75**2 + 6 * 0.25**2 + 4e-3)
-    assert body.polar_inertia == pytest.approx(8e-3)
-
-
 def test_a_section_is_divided_where_discs_are() -> None:
     one = beam.Element(1.0, 0.02, 0.0, **STEEL)
     elements = beam.divided([one, one], [0.37, 1.2])
@@ -153,19 +133,6 @@ def test_matrices_are_those_of_ross() -> None:
         assert np.abs((a - b) / size).max() < 1e-11
     np.testing.assert_allclose(frequencies(ours, 5), frequencies(theirs, 5), rtol=1e-9)
     assert theirs.D is not None
-
-
-def test_gyroscopics_are_those_of_ross() -> None:
-    """Whirls of the free rotor at 12,000 rpm, as ROSS's run_modal(1256.637) has them [Hz]."""
-    ours = ufu(7600.0)
-    n = len(ours.M)
-    inverse = np.linalg.inv(ours.M)
-    turned = 1j * 1256.637061435917 * inverse @ ours.G
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ ours.K, turned]])
-    poles = np.linalg.eigvals(A)
-    found = np.sort(np.abs(poles.imag)) / HERTZ
-    for expected in (101.661768, 106.910517, 346.619541, 450.965224, 728.351473, 813.465107):
-        assert np.abs(found - expected).min() < 2e-3 * expected**0.5
 
 
 def test_the_preset_s_free_modes() -> None:

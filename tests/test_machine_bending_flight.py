@@ -19,8 +19,7 @@ from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.parts import GRAVITY
-from ambkit.models import exponential
-from ambkit.models.continuous import continuous, open_loop
+from ambkit.models.continuous import open_loop
 from ambkit.models.plant import Plant
 from ambkit.rotordynamics import machine_report
 from ambkit.simulation.waveforms import Ramp
@@ -74,18 +73,6 @@ def test_unstable_poles_are_those_of_all_elements(speed: float, name: str) -> No
     assert errors(rigid).max() > 5e-3  # what bending changes
 
 
-def test_metres_and_micrometres_are_the_same() -> None:
-    """The transition over a sample, entry by entry."""
-    of = continuous(flexible(speed=2000.0))
-    A = of.A + 2000.0 * of.spin
-    lengths = np.array([1e6 if state.unit in ("m", "m/s") else 1.0 for state in of.states])
-    first = exponential.transition(A, 1e-4)
-    second = exponential.transition(A * lengths[:, None] / lengths, 1e-4)
-    back = second / lengths[:, None] * lengths
-    there = np.abs(first) > 1e-300
-    np.testing.assert_allclose(back[there], first[there], rtol=1e-12)
-
-
 # ---- in flight ----
 
 
@@ -137,13 +124,13 @@ def test_the_weight_bends_it_once() -> None:
 
 def test_a_run_up_passes_the_first_bending_mode() -> None:
     one = flexible(unbalance=[{"place": "364 mm", "amount": "2 g mm"}])
-    up = Ramp(slope=300.0, start=0.0)
+    up = Ramp(slope=400.0, start=0.0)
     usual = tuple(map(chosen, isolated_axes(one)))
     weak = _Search(one, usual, "measurement").most_damped().pids  # its peak of abs(S) is above 2
     pids = {a.name: PID(**gains._asdict()) for a, gains in zip(one.axes, weak, strict=True)}
     control = Control(pid=pids)
     run = simulate(
-        one, Scenario(duration=3.0, speed=up, noise=False, control=control, feedback="measurement")
+        one, Scenario(duration=2.3, speed=up, noise=False, control=control, feedback="measurement")
     )
     assert run.samples_at_the_stop == 0
     far = np.hypot(run.record["q_m1_x"], run.record["q_m1_y"])
@@ -154,7 +141,7 @@ def test_a_run_up_passes_the_first_bending_mode() -> None:
     assert far.max() > 5 * max(before, after)
     # Damped more by an estimator that knows the velocity at once, or by the default controllers.
     for feedback in ("estimate", "measurement"):
-        flight = Scenario(duration=3.0, speed=up, noise=False, feedback=feedback)
+        flight = Scenario(duration=2.3, speed=up, noise=False, feedback=feedback)
         damped = simulate(one, flight).record
         assert np.hypot(damped["q_m1_x"], damped["q_m1_y"]).max() < 0.6 * far.max()
 

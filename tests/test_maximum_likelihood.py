@@ -307,25 +307,6 @@ def test_finite_steps_of_the_filter_bias_nothing():
     assert np.abs(off).max() < 0.3  # standard errors
 
 
-def test_what_a_record_does_not_depend_on_is_held(records):
-    blind = TRUTH.replace(amplifier__noise_variance=1e-12)
-    found = maximum_likelihood(
-        records[0],
-        blind,
-        ["magnet_constant", "control_noise", "disturbance_noise"],
-        improve_start=False,
-    )
-    assert found.bearing.amplifier.noise_variance > 1e-6 or "control_noise" in found.held
-
-
-@pytest.mark.long
-def test_two_records_tell_more_than_one(records):
-    one = maximum_likelihood(records[0], TRUTH, improve_start=False)
-    both = maximum_likelihood(records[:2], TRUTH, improve_start=False)
-    assert both.samples == 2 * one.samples
-    assert np.all(both.errors < one.errors)
-
-
 @pytest.mark.study
 def test_robust_errors_agree_where_the_model_is_right(found):
     ratio = np.mean([one.robust_errors / one.errors for one in found], axis=0)

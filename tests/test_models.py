@@ -75,12 +75,6 @@ def test_compressed_rows_hold_the_whole_pattern() -> None:
             np.testing.assert_array_equal(kinds, model.pattern[name] != ZERO)
 
 
-def test_a_number_that_happens_to_be_zero_is_listed() -> None:
-    model = Axis(delay=1e-4, bandwidth=None).model()
-    _, column, value = compressed_rows(model.d, model.pattern["d"] != ZERO)
-    assert (column, value) == ([0], [pytest.approx(0, abs=1e-15)])
-
-
 def test_what_a_pattern_says_the_numbers_hold_to() -> None:
     model = machine_model(BEARING)
     with pytest.raises(ValueError, match="r has other numbers where its pattern says 0 or 1"):

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from filter_cases import BEARING, SETTINGS, STD, made, step_matrices
+from filter_cases import SETTINGS, made
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from model_cases import Axis, machine
@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from ambkit.machine.magnets import core_module
-from ambkit.models import ZERO, compose, machine_model
+from ambkit.models import ZERO, compose
 from ambkit.models.machine_parts import PAPER_CONSTANTS, printed
 from ambkit.models.parts import (
     Amplifier,
@@ -117,22 +117,6 @@ def test_the_paper_s_axis_has_the_core_s_numbers(
         assert value == pytest.approx(known[name], rel=room, abs=1e-300), name
     assert known["K_sen"] == s["K_sen"]  # of a machine at rest
     assert set(known) == {*PAPER_CONSTANTS.values(), "K_sen"}
-
-
-@pytest.mark.parametrize("as_printed", [False, True])
-def test_its_matrices_are_those_of_the_estimators(as_printed: bool) -> None:
-    core = core_module()
-    s = SETTINGS | {"as_printed": as_printed, "f_0": 0.0}
-    A, B, Q_stepped = step_matrices(made(core, "Kalman", core.Constant(10.05, 7537.5), s), s)
-    model = machine_model(BEARING)
-    model = printed(model) if as_printed else model
-    np.testing.assert_allclose(model.jacobian(10.05, 7537.5), A, rtol=1e-12)
-    np.testing.assert_allclose(model.input_matrix(10.05)[:, 0] * SETTINGS["k_ui"], B, rtol=1e-12)
-    var_u = SETTINGS["var_u"] * SETTINGS["k_ui"] ** 2
-    Q = model.process_noise(10.05, var_u, SETTINGS["var_d"])
-    rounding = 1e-30 * np.outer(STD, STD)
-    assert (np.abs(Q - Q_stepped) <= 1e-3 * np.abs(Q_stepped) + rounding).all()
-    np.testing.assert_array_equal(model.c, [[0, 0, 0, 1]])
 
 
 def test_as_printed_is_the_paper_s_axis_only() -> None:

@@ -1,6 +1,5 @@
 """Tables in a terminal of 80 columns, and in a narrower one: no name and no number is cut."""
 
-import subprocess
 import sys
 from pathlib import Path
 
@@ -75,15 +74,12 @@ def test_no_table_cuts_a_name_or_a_number(call, narrow, words, names):
     assert max(map(len, tables)) <= 80
 
 
-def test_a_pipe_has_eighty_columns(tmp_path, monkeypatch):
+def test_a_pipe_has_eighty_columns(call, monkeypatch):
     monkeypatch.delenv("COLUMNS")
-    done = subprocess.run(
-        [sys.executable, "-m", "ambkit", "assess", "zittau_axial", *EACH.split()],
-        cwd=tmp_path, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL,
-    )  # fmt: skip
-    lines = done.stdout.splitlines()
-    assert 60 < max(map(len, lines)) <= 80
-    assert set(FILTERS.split(",")) <= set(done.stdout.split())
+    monkeypatch.setattr(sys, "__stdout__", None)  # what tells of a terminal's size
+    shown = call("assess", "zittau_axial", *EACH.split()).out
+    assert 60 < max(map(len, shown.splitlines())) <= 80
+    assert set(FILTERS.split(",")) <= set(shown.split())
 
 
 def test_a_word_wider_than_the_screen_is_not_cut(narrow, capsys):

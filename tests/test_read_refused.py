@@ -10,24 +10,10 @@ from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading import RejectedLog, read
 from ambkit.data.reading.reading_figure import reading_figure, refused_figure
 from ambkit.result.report import Line, Rule, Span
-from ambkit.result.report.figure import ENDINGS
 from tests import logs
 
-MAP = logs.MAP
-TWO = (MAP + 'time = "t_slow"\n[signals.t_slow]\ncolumn = "1/time"\nunit = "s"\n').replace(
-    '"time"', '"0/time"'
-)
+MAP, TWO = logs.MAP, logs.TWO_CLOCKS
 T = 1e-3
-
-
-def columns(n=1000, seed=1):
-    rng = np.random.default_rng(seed)
-    wave = np.sin(2 * np.pi * 3 * T * np.arange(n))
-    return {
-        "time": T * np.arange(n),
-        "pos": 0.1 * wave + 0.01 * rng.normal(size=n),
-        "current": -0.3 * wave + 0.01 * rng.normal(size=n),
-    }
 
 
 def back(c):
@@ -61,7 +47,7 @@ def coarse(c):
     ],
 )
 def test_the_picture_of_a_refused_log_shows_where(tmp_path, spoil, axis, marked):
-    log = columns()
+    log = logs.sound(1000)
     spoil(log)
     logs.csv(tmp_path / "log.csv", log)
     with pytest.raises(RejectedLog) as failure:
@@ -86,7 +72,7 @@ def test_the_picture_of_a_refused_log_shows_where(tmp_path, spoil, axis, marked)
 
 def test_damaged_lines_are_shown_among_the_sound_ones(tmp_path):
     path = tmp_path / "log.csv"
-    logs.csv(path, columns())
+    logs.csv(path, logs.sound(1000))
     lines = path.read_text().split("\n")
     lines[200], lines[500] = "x,1,2", "1,2"
     path.write_text("\n".join(lines))
@@ -114,7 +100,7 @@ def test_two_clocks_are_shown_each_with_its_channels(tmp_path):
 
 @pytest.mark.parametrize("ending", ["png", "html"])
 def test_the_command_says_where_the_picture_of_a_refused_log_is(call, ending):
-    log = columns()
+    log = logs.sound(1000)
     back(log)
     logs.csv(Path("log.csv"), log)
     Path("map.toml").write_text(MAP)
@@ -144,7 +130,7 @@ def test_a_log_of_which_nothing_can_be_read_has_no_picture(call):
 
 @pytest.mark.parametrize("delay", [5, -5])
 def test_faults_are_told_by_the_clock_that_the_record_has(tmp_path, delay):
-    log = columns()
+    log = logs.sound(1000)
     log["pos"][400:450] = log["pos"][400]
     log["pos"][[2, 3]] = np.inf
     log["pos"][995:] = np.nan
@@ -198,14 +184,3 @@ def test_clocks_that_jump_together_are_read_in_parts(tmp_path):
         write(*jumps)
         with pytest.raises(RecordError, match="which of their samples belong together"):
             read(path, ChannelMap.from_toml(TWO), resample=True, segment=2)
-
-
-def test_a_refused_log_is_drawn_in_all_formats(tmp_path):
-    log = columns()
-    without_times(log)
-    logs.csv(tmp_path / "log.csv", log)
-    with pytest.raises(RejectedLog) as failure:
-        read(tmp_path / "log.csv", ChannelMap.from_toml(MAP))
-    figure = refused_figure(failure.value)
-    for ending in ENDINGS:
-        assert figure.save(tmp_path / f"log{ending}").is_file()

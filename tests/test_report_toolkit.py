@@ -589,11 +589,6 @@ def test_both_renderings_show_the_same_numbers():
     assert surface["contours"]["start"] == heat.levels[0]
 
 
-def test_small_steps_on_a_large_offset_keep_double_precision():
-    late = 1e6 + np.linspace(0, 1e-3, 100)
-    np.testing.assert_array_equal(numbers(Axis("t").numbers(late)), late)
-
-
 # Page
 
 

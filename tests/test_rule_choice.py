@@ -60,7 +60,7 @@ def test_more_rules_where_the_points_carry_them(carried):
 def test_enough_rules_reach_the_noise_and_none_does_better(points, noise):
     """With a spline through the points and lines left out this was 1.4 to 1.8."""
     errors = []
-    for seed in (1, 2, 3):
+    for seed in (1, 2):
         found = choose_rules(BEARING, points(closed, noise, seed=seed), candidates=[(5, 5)],
                              **QUICK)  # fmt: skip
         errors.append(found.best.error)

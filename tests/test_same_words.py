@@ -142,10 +142,8 @@ def test_a_loop_has_one_estimator_or_none_and_one_magnet(call: Any) -> None:
 
 @pytest.mark.parametrize(("options", "arguments"), [
     ({}, ""),
-    ({"rules": (3, 4), "method": "widths"}, "--rules 3x4 --method widths"),
-    ({"method": "steepest-gradient", "scaling": "unit"},
-     "--method steepest-gradient --scaling unit"),
-    ({"reach": "0.8 mm"}, "--reach 0.8mm"),
+    ({"rules": (3, 4), "method": "widths", "reach": "0.8 mm"},
+     "--rules 3x4 --method widths --reach 0.8mm"),
 ])  # fmt: skip
 def test_train_makes_the_expert_that_the_command_writes(
     call: Any, options: dict[str, Any], arguments: str

@@ -83,44 +83,6 @@ def test_it_is_the_textbook_s(name: str, missing: bool) -> None:
     np.testing.assert_array_equal(made.mean[-1], filtered.mean[-1])
 
 
-def test_it_is_filterpy_s() -> None:
-    """Without a control, and the weight a load, which is all that their prediction knows.
-
-    They invert the predicted covariance, which costs them seven digits here; with an inverse of
-    more digits they agree.
-    """
-    from filterpy.kalman import KalmanFilter as Theirs
-
-    def exact_inverse(P: np.ndarray) -> np.ndarray:
-        Z = np.linalg.inv(P).astype(np.longdouble)
-        for _ in range(2):  # Newton's iteration, with digits to spare
-            Z = Z + Z @ (np.eye(4) - P.astype(np.longdouble) @ Z)
-        return Z
-
-    n = 1000
-    y = RECORD["y"][2000 : 2000 + n]
-    record = Record(RECORD.t[:n], {"y": y, "u": np.zeros(n)})
-    ours = KINDS["linear"].make(BEARING, gravity="disturbance", gate=100.0)
-    filtered, made = ours.run(record, covariance=True), ours.smooth(record)
-    assert filtered.used.all()
-    units = np.array(ours.default_std())
-    assert filtered.covariance is not None
-    assert made.covariance is not None
-    theirs = Theirs(dim_x=4, dim_z=1)
-    m = models_of(ours, filtered)[0].scaled(units)
-    theirs.F, theirs.Q = m.A, m.Q
-    P = full(filtered.covariance) / np.outer(units, units)
-    means, covariances, *_ = theirs.rts_smoother(
-        (filtered.mean / units)[:, :, None], P, inv=exact_inverse
-    )
-    scale = np.abs(filtered.mean).max(axis=0)
-    assert (np.abs(made.mean - means[:, :, 0] * units) <= 1e-9 * scale).all()
-    sigma = sigmas(filtered)
-    wide = np.einsum("ki,kj->kij", sigma, sigma)
-    back = covariances * np.outer(units, units)
-    assert (np.abs(full(made.covariance) - back) <= 1e-9 * wide).all()
-
-
 @smoothed
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_it_knows_more_than_the_filter(name: str, precision: Any) -> None:
@@ -161,19 +123,6 @@ def test_its_errors_are_what_it_says() -> None:
             P = full(made.covariance[k : k + 1])[0][:3, :3]
             nees.append(error @ np.linalg.solve(P, error))
     assert 2.2 < np.mean(nees) < 3.9  # 3 expected; 60 draws
-
-
-@smoothed
-def test_an_outage_is_a_bridge(name: str) -> None:
-    y = RECORD["y"].copy()
-    y[4000:4060] = np.nan
-    estimator = KINDS[name].make(BEARING)
-    broken = Record(RECORD.t, {"y": y, "u": RECORD["u"]})
-    filtered, made = estimator.run(broken, covariance=True), estimator.smooth(broken)
-    inside = slice(4000, 4060)
-    assert made.std("x")[inside].max() < 0.3 * filtered.std("x")[inside].max()
-    off = [np.abs(e.x - RECORD["x"])[inside].max() for e in (made, filtered)]
-    assert off[0] < 0.5 * off[1]
 
 
 def test_over_an_outage_that_held_the_filter_nothing_is_carried() -> None:

@@ -253,7 +253,7 @@ def results(draw: st.DrawFn) -> Result:
     return Given(rows, draw(st.booleans()))
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow,
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow,
           HealthCheck.function_scoped_fixture])  # fmt: skip
 @given(result=results())
 def test_rows_are_read_back_from_every_teller(result: Result, tmp_path: Path) -> None:

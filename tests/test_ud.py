@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 import ambkit
 from ambkit import Bearing, ClosedLaw, Estimate, Record, Scenario, Status, UDKalmanFilter
 from ambkit.estimate.registry import KINDS
-from ambkit.machine.magnets import ConstantStiffness, core_module
+from ambkit.machine.magnets import core_module
 from benchmarks import long_run
 
 BEARING = Bearing.preset("zittau_axial")
@@ -80,14 +80,6 @@ def test_in_double_it_is_the_extended_filter() -> None:
     wide = np.einsum("ki,kj->kij", sigma, sigma)
     assert (np.abs(full(factored.covariance) - full(plain.covariance)) <= 1e-9 * wide).all()
     assert (factored.status == plain.status).all()
-
-
-def test_with_constant_stiffness_it_is_the_linear_filter() -> None:
-    constant = ConstantStiffness.of(BEARING)
-    record = ambkit.simulate(BEARING, Scenario(duration=0.2)).record
-    linear = ambkit.KalmanFilter(BEARING, constant).run(record)
-    factored = UDKalmanFilter(BEARING, constant).run(record)
-    np.testing.assert_allclose(factored.mean, linear.mean, rtol=1e-9, atol=1e-15)
 
 
 # ---- hard on float ----
