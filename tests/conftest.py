@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import subprocess
 import sys
@@ -63,6 +64,17 @@ DEAREST = (
 def pytest_configure(config: pytest.Config) -> None:
     """Let pytest-xdist keep our order; by itself it puts files of few tests at the end."""
     config.option.loadscopereorder = False
+
+
+def pytest_collection() -> None:
+    """Collect without looking for garbage: what is collected stays until the end."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Leave the tests and all modules out of later searches for garbage."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

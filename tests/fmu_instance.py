@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fmpy import extract, read_model_description
+import numpy as np
+from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
@@ -69,3 +71,33 @@ def unpacked(path: Path, folder: Path) -> Path:
     """Return the folder, with the FMU in it."""
     extract(str(path), str(folder))
     return folder
+
+
+def simulated(path: Path, T: float, start: dict[str, float] | None = None, **inputs: Any) -> Any:
+    """What FMPy makes of it, one row more than samples: what is read after each."""
+    n = len(next(iter(inputs.values())))
+    signals = np.zeros(n, dtype=[("time", float), *((name, float) for name in inputs)])
+    signals["time"] = T * np.arange(n)
+    for name, values in inputs.items():
+        signals[name] = values
+    return simulate_fmu(
+        str(path), stop_time=n * T, output_interval=T, input=signals, start_values=start or {}
+    )
+
+
+def check_sources(path: Path, folder: Path, compiler: str, *more: str) -> None:
+    """Compile the sources in an FMU as the product does, with all warnings and some more."""
+    sources = unpacked(path, folder) / "sources"
+    warnings = "-Wall -Wextra -Wpedantic -Wconversion -Wno-unused-parameter"
+    files = [str(file.relative_to(sources)) for file in sources.rglob("*.c")]
+    command = [
+        compiler,
+        "-std=c99",
+        "-fsyntax-only",
+        "-Werror",
+        *warnings.split(),
+        *more,
+        "-I.",
+        *files,
+    ]
+    subprocess.run(command, cwd=sources, check=True)

@@ -19,6 +19,7 @@ from ambkit.simulation.scenario import Disturbance, Reference
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 
+import fmu_instance  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
 from fmu_instance import Instance, unpacked  # noqa: E402
 from machine_cases import bearing, machine, sensor  # noqa: E402
@@ -76,16 +77,7 @@ def flown(**options):
 
 def simulated(path, run, names, start_values=None, **more):
     inputs = {name: run.record[name] for name in names} | more
-    n = len(run.record.t)
-    signals = np.zeros(n, dtype=[("time", float), *((name, float) for name in inputs)])
-    step = run.machine.sampling_time
-    signals["time"] = step * np.arange(n)
-    for name, values in inputs.items():
-        signals[name] = values
-    return fmpy.simulate_fmu(
-        str(path), stop_time=n * step, output_interval=step, input=signals,
-        start_values=start_values or {},
-    )  # fmt: skip
+    return fmu_instance.simulated(path, run.machine.sampling_time, start_values, **inputs)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

@@ -1,7 +1,6 @@
 """The plant as an FMU for model exchange: integrated by FMPy with CVode, and by the library."""
 
 import shutil
-import subprocess
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no 
 
 from fmpy import read_model_description  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
-from fmu_instance import unpacked  # noqa: E402
+from fmu_instance import check_sources  # noqa: E402
 from iron import TWO_SIDED as IRON  # noqa: E402
 from test_export_fmu import fmutool  # noqa: E402
 
@@ -127,12 +126,8 @@ def test_the_tools_find_nothing(fmi, tmp_path):
     assert f"No semantic error against the FMI-{fmi} standard" in said
     assert "ERROR" not in said
     assert "WARNING" not in said
-    sources = unpacked(path, tmp_path / "fmu") / "sources"
-    warnings = "-Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wno-unused-parameter"
-    files = [str(file.relative_to(sources)) for file in sources.rglob("*.c")]
-    words = ["-std=c99", "-fsyntax-only", "-Werror", *warnings.split(), "-I.", *files]
     for compiler in filter(shutil.which, ("gcc", "clang")):
-        subprocess.run([compiler, *words], cwd=sources, check=True)
+        check_sources(path, tmp_path / compiler, compiler, "-Wdouble-promotion")
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 from itertools import product
 from typing import NamedTuple
 
@@ -18,15 +17,15 @@ from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.estimate.registry import KINDS
 from ambkit.export.fmu import export_fmu, export_ssp
-from ambkit.simulation.recording import drawn
 from ambkit.simulation.run import simulate_run
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 
 from fmpy.validation import validate_fmu  # noqa: E402
-from fmu_instance import Instance, unpacked  # noqa: E402
+from fmu_instance import Instance, check_sources, simulated, unpacked  # noqa: E402
 from iron import TWO_SIDED as IRON  # noqa: E402
+from test_export_fmu import check_loop  # noqa: E402
 
 BEARING = Bearing.preset("zittau_axial")
 ONE_SIDED = Bearing.preset("inteco_ml")
@@ -69,25 +68,21 @@ def scenario_of(case):
     })  # fmt: skip
 
 
+def estimator_of(case, precision="float64"):
+    return KINDS[case.estimator].make(case.bearing, precision=precision)
+
+
 def flown(case, precision="float64"):
-    estimator = KINDS[case.estimator].make(case.bearing, precision=precision)
-    return simulate_run(case.bearing, scenario_of(case), estimator=estimator)
+    return simulate_run(case.bearing, scenario_of(case), estimator=estimator_of(case, precision))
 
 
-def simulated(path, T, **inputs):
-    n = len(next(iter(inputs.values())))
-    signals = np.zeros(n, dtype=[("time", float), *((name, float) for name in inputs)])
-    signals["time"] = T * np.arange(n)
-    for name, values in inputs.items():
-        signals[name] = values
-    return fmpy.simulate_fmu(str(path), stop_time=n * T, output_interval=T, input=signals)
-
-
-def check_estimate(found, run):
-    assert run.estimate is not None
-    for name in run.estimate.names:
-        np.testing.assert_array_equal(found[f"estimate.{name}"][1:], run.estimate[name], name)
-    np.testing.assert_array_equal(found["estimate.status"][1:], run.estimate.status)
+def exported(case, folder, kind, **options):
+    path = export_fmu(
+        case.bearing, None, folder / "flown.fmu", kind=kind, scenario=scenario_of(case),
+        filter=case.estimator, **options,
+    ).path  # fmt: skip
+    assert validate_fmu(str(path)) == []
+    return path
 
 
 BOTH_WAYS = [(name, k % 2) for k, name in enumerate(CASES)] + [("lqg that lifts", 1)]
@@ -96,24 +91,8 @@ BOTH_WAYS = [(name, k % 2) for k, name in enumerate(CASES)] + [("lqg that lifts"
 @pytest.mark.parametrize(("name", "fmi"), [(name, 2 + way) for name, way in BOTH_WAYS])
 def test_the_closed_loop_is_what_simulate_flies(name, fmi, tmp_path):
     case = CASES[name]
-    run, scenario = flown(case), scenario_of(case)
-    record, n = run.record, len(run.record.t)
-    noise_u, noise_y = (noise[:, 0] for noise in drawn(case.bearing, scenario, n))
-    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
-    if case.sequence is not None:
-        inputs["fly"] = case.sequence.fly(record.t)
-    path = export_fmu(
-        case.bearing, None, tmp_path / "loop.fmu", kind="closed-loop", fmi=fmi, scenario=scenario,
-        filter=case.estimator,
-    ).path  # fmt: skip
-    assert validate_fmu(str(path)) == []
-    found = simulated(path, case.bearing.sampling_time, **inputs)
-    for signal in ("x", "v", "x_m"):
-        np.testing.assert_array_equal(found[signal][:n], record[signal], signal)
-    for signal in ("y", "u", "iu", *(["mode"] if case.sequence else [])):
-        np.testing.assert_array_equal(found[signal][1:], record[signal], signal)
-    check_estimate(found, run)
-    assert np.ptp(record["x"]) > 1e-6
+    path = exported(case, tmp_path, "closed-loop", fmi=fmi)
+    record = check_loop(path, scenario_of(case), estimator_of(case), moved=1e-6).record
     if case.start == "landed" and case.sequence is not None:
         modes = {Mode(int(mode)) for mode in record["mode"]}
         assert modes >= {Mode.WAITING, Mode.LIFTING, Mode.FLYING, Mode.LANDING, Mode.OFF}
@@ -125,27 +104,26 @@ def test_the_closed_loop_is_what_simulate_flies(name, fmi, tmp_path):
 def test_the_whole_controller_is_what_simulate_flies(name, precision, tmp_path):
     case = CASES[name]
     numbers = {"float": "float32", "double": "float64"}[precision]
-    run, scenario = flown(case, numbers), scenario_of(case)
-    record = run.record
-    inputs = {"y": record["y"], "r": record["r"]}
+    run = flown(case, numbers)
+    record, inputs = run.record, {"y": run.record["y"], "r": run.record["r"]}
     if case.sequence is not None:
         inputs["fly"] = case.sequence.fly(record.t)
-    path = export_fmu(
-        case.bearing, None, tmp_path / "flown.fmu", kind="whole-controller", scenario=scenario,
-        filter=case.estimator, precision=precision, fmi=2 if precision == "float" else 3,
-    ).path  # fmt: skip
-    assert validate_fmu(str(path)) == []
+    fmi = 2 if precision == "float" else 3
+    path = exported(case, tmp_path, "whole-controller", precision=precision, fmi=fmi)
     found = simulated(path, case.bearing.sampling_time, **inputs)
     np.testing.assert_array_equal(found["u"][1:], record["u"])
-    check_estimate(found, run)
+    for name in run.estimate.names:
+        np.testing.assert_array_equal(found[f"estimate.{name}"][1:], run.estimate[name], name)
+    np.testing.assert_array_equal(found["estimate.status"][1:], run.estimate.status)
     if case.sequence is None:
         return
     np.testing.assert_array_equal(found["mode"][1:], record["mode"])
     if case.start == "levitated":
         return
-    estimator = KINDS[case.estimator].make(case.bearing, precision=numbers)
     pid = case.controller.completed(case.bearing)
-    told = Controller.of_axis(case.bearing, estimator, pid, case.sequence).run(**inputs)
+    told = Controller.of_axis(case.bearing, estimator_of(case, numbers), pid, case.sequence).run(
+        **inputs
+    )
     for k in range(told["coil"].shape[1]):
         np.testing.assert_array_equal(found[f"coil_{k}"][1:], told["coil"][:, k])
     np.testing.assert_array_equal(found["on"][1:], told["on"])
@@ -159,13 +137,8 @@ def test_the_whole_controller_is_what_simulate_flies(name, precision, tmp_path):
 def test_a_controller_alone_takes_all_states(name, fmi, tmp_path):
     case = CASES[name]
     run = flown(case)
-    assert run.estimate is not None
     states = {state: run.estimate[state] for state in run.estimate.names}
-    path = export_fmu(
-        case.bearing, None, tmp_path / "c.fmu", kind="controller", fmi=fmi,
-        scenario=scenario_of(case), filter=case.estimator,
-    ).path  # fmt: skip
-    assert validate_fmu(str(path)) == []
+    path = exported(case, tmp_path, "controller", fmi=fmi)
     found = simulated(path, case.bearing.sampling_time, r=run.record["r"], **states)
     np.testing.assert_array_equal(found["u"][1:], run.record["u"])
     one = Instance(unpacked(path, tmp_path / "fmu")).start()
@@ -182,7 +155,7 @@ def test_it_starts_where_the_parameters_say(kind, tmp_path):
     current = float(ambkit.machine.loading.levitation_current(
         BEARING, ambkit.magnet_of(BEARING), x, BEARING.weight
     ))  # fmt: skip
-    path = export_fmu(BEARING, None, tmp_path / "a.fmu", kind=kind, scenario=scenario_of(case)).path
+    path = exported(case, tmp_path, kind)
     one = Instance(unpacked(path, tmp_path / "fmu")).start(start_position=x, start_current=current)
     assert one.get("estimate.x") == [x]
     one.step(r=x, **({"y": x} if kind == "whole-controller" else {}))
@@ -201,22 +174,11 @@ def test_sources_compile_without_warnings(kind, compiler, tmp_path):
         pytest.skip(f"there is no {compiler}")
     case = CASES["lqg" if kind == "controller" else "lqg that lifts"]
     precision = "float" if kind == "whole-controller" else "double"
-    path = export_fmu(
-        BEARING, None, tmp_path / "a.fmu", kind=kind, scenario=scenario_of(case),
-        precision=precision,
-    ).path  # fmt: skip
-    sources = unpacked(path, tmp_path / "fmu") / "sources"
-    warnings = "-Wall -Wextra -Wpedantic -Wconversion -Wno-unused-parameter"
-    files = [str(file.relative_to(sources)) for file in sources.rglob("*.c")]
-    command = [compiler, "-std=c99", "-fsyntax-only", "-Werror", *warnings.split(), "-I.", *files]
-    subprocess.run(command, cwd=sources, check=True)
+    check_sources(exported(case, tmp_path, kind, precision=precision), tmp_path / "fmu", compiler)
 
 
 def test_a_run_from_power_on_is_repeated_from_a_state(tmp_path):
-    case = CASES["lqg that lifts"]
-    path = export_fmu(
-        BEARING, None, tmp_path / "a.fmu", kind="closed-loop", scenario=scenario_of(case)
-    ).path
+    path = exported(CASES["lqg that lifts"], tmp_path, "closed-loop")
     one = Instance(unpacked(path, tmp_path / "fmu")).start()
     names, noise = ("x", "u", "f_mag", "mode"), np.random.default_rng(0).normal(0, 1e-6, 250)
     first = one.run({"noise_y": noise}, names)
