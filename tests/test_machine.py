@@ -1,9 +1,6 @@
 """The machine as a description: what it holds, what cannot be, and its poles."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,13 +29,13 @@ RPM = math.pi / 30
     # Gyroscopics turn its tilt round before it has fallen far.
     ("heart_pump", 10_000 * RPM, [391.4457 - 286.8411j, 391.4457 + 286.8411j, 401.9052, 401.9052]),
 ])  # fmt: skip
-def test_open_loop_poles(name: str, speed: float, poles: list[complex]) -> None:
+def test_open_loop_poles(name, speed, poles):
     preset = Machine.preset(name)
     found = open_loop(preset, [k.k_s for k in stiffnesses(preset)], speed).unstable
     np.testing.assert_allclose(found, poles, rtol=0, atol=1.5e-3)
 
 
-def test_stiffnesses_of_the_presets() -> None:
+def test_stiffnesses_of_the_presets():
     given = {"tum_mlps": (59.855034, 191_843.057), "hindawi_2011": (38.0, 144_000.0),
              "ufu_rig": (55.7335, 129_013.0)}  # fmt: skip
     for name, (k_i, k_s) in given.items():
@@ -47,7 +44,7 @@ def test_stiffnesses_of_the_presets() -> None:
             assert found.k_s == pytest.approx(k_s, rel=3e-6)
 
 
-def test_a_bearing_alone_has_the_effective_mass_never_the_whole() -> None:
+def test_a_bearing_alone_has_the_effective_mass_never_the_whole():
     tum = Machine.preset("tum_mlps")
     masses = [tum.isolated_axis(axis.name).rotor.mass for axis in tum.axes]
     np.testing.assert_allclose(masses, [1.234, 1.234, 1.193, 1.193], atol=5e-4)
@@ -58,14 +55,14 @@ def test_a_bearing_alone_has_the_effective_mass_never_the_whole() -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_presets_come_back_from_their_toml(name: str) -> None:
+def test_presets_come_back_from_their_toml(name):
     preset = Machine.preset(name)
     assert Machine.from_toml(preset.to_toml()) == preset
     assert preset.source
     assert preset.name == name
 
 
-def test_check_says_what_axes_would_be_alone(tmp_path: Path) -> None:
+def test_check_says_what_axes_would_be_alone(tmp_path):
     path = tmp_path / "machine.toml"
     path.write_text(presets.text("tum_mlps").replace("3000 rpm", "0 rpm"))
     found = inspect(path)
@@ -75,7 +72,7 @@ def test_check_says_what_axes_would_be_alone(tmp_path: Path) -> None:
         assert told in remark
 
 
-def test_axes_that_do_not_couple_are_bearings_alone(tmp_path: Path) -> None:
+def test_axes_that_do_not_couple_are_bearings_alone(tmp_path):
     one = uncoupled()
     one.save(tmp_path / "machine.toml")
     assert "bearings alone" in inspect(tmp_path / "machine.toml").remarks[0]
@@ -88,7 +85,7 @@ def test_axes_that_do_not_couple_are_bearings_alone(tmp_path: Path) -> None:
 # ---- geometry ----
 
 
-def test_a_point_moves_by_its_arm() -> None:
+def test_a_point_moves_by_its_arm():
     at = geometry.Line.across(0.3, math.pi / 6)
     c, s = math.cos(math.pi / 6), 0.5
     assert at.form == pytest.approx({"x": c, "y": s, "th_y": 0.3 * c, "th_x": -0.3 * s})
@@ -96,14 +93,14 @@ def test_a_point_moves_by_its_arm() -> None:
     assert geometry.Line.across(0.3, math.pi / 2).form == {"y": 1.0, "th_x": -0.3}
 
 
-def test_the_axes_carry_the_weight() -> None:
+def test_the_axes_carry_the_weight():
     one = machine(bearing=[bearing("A", 0.2, angle=0.4), bearing("B", -0.3, angle=1.0)])
     forces = geometry.supporting_forces(one.rotor, one.axes, 9.81)
     H = geometry.matrix([axis.line for axis in one.axes], one.positions)
     np.testing.assert_allclose(H.T @ forces, [4 * 9.81, 0, 0, 0], atol=1e-12)
 
 
-def test_a_grade_is_shared_by_the_planes() -> None:
+def test_a_grade_is_shared_by_the_planes():
     """ISO 21940-11: U_per = m G / speed, and each plane by the other's distance."""
     planes = [{"place": 0.1, "grade": 2.5e-3}, {"place": -0.3, "grade": 2.5e-3}]
     one = machine(unbalance=planes)
@@ -112,7 +109,7 @@ def test_a_grade_is_shared_by_the_planes() -> None:
     assert machine(unbalance=planes[:1]).unbalances()[0][1] == pytest.approx(whole)
 
 
-def test_five_axes() -> None:
+def test_five_axes():
     thrust = bearing("T", 0.0, type="thrust")
     rotor = {"mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.05, "gravity": "-z"}
     one = machine(
@@ -151,7 +148,7 @@ def test_five_axes() -> None:
     ('speed = "3000 rpm"', 'speed = "400000 rpm"', ["10: speed: must be less than half"]),
     ('gravity = "-x"', 'gravity = "-z"', ['rotor.gravity: must not be "-z"']),
 ])  # fmt: skip
-def test_what_cannot_be_is_told_with_its_line(old: str, new: str, problems: list[str]) -> None:
+def test_what_cannot_be_is_told_with_its_line(old, new, problems):
     text = presets.text("tum_mlps")
     assert old in text
     with pytest.raises(ConfigError) as found:
@@ -160,14 +157,14 @@ def test_what_cannot_be_is_told_with_its_line(old: str, new: str, problems: list
         assert problem in str(found.value)
 
 
-def test_a_sensor_that_sees_no_tilt_is_told() -> None:
+def test_a_sensor_that_sees_no_tilt_is_told():
     with pytest.raises(ConfigError, match="no sensor sees the rotor's th_"):
         machine(sensor=[sensor("A", 0.2)])
     with pytest.raises(ConfigError, match="no thrust bearing"):
         machine(sensor=[sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0, type="axial")])
 
 
-def test_a_machine_with_one_axis_is_written_short_and_read_either_way(tmp_path: Path) -> None:
+def test_a_machine_with_one_axis_is_written_short_and_read_either_way(tmp_path):
     axis = Bearing.preset("zittau_axial")
     one = axis.long
     assert one.single
@@ -180,7 +177,7 @@ def test_a_machine_with_one_axis_is_written_short_and_read_either_way(tmp_path: 
     assert load_machine("tum_mlps") == Machine.preset("tum_mlps")
 
 
-def test_a_part_of_an_axis_is_found_where_there_is_one() -> None:
+def test_a_part_of_an_axis_is_found_where_there_is_one():
     axis = Bearing.preset("zittau_axial")
     assert axis.long.magnet is axis.magnet
     with pytest.raises(AttributeError, match=r'it has several axes: use machine\["A1"\]'):

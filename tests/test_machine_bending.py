@@ -1,18 +1,14 @@
 """Flexible rotors: beams against theory and against ROSS, matrices in files, measured modes."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import runpy
 import sys
 import types
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from machine_cases import Array
 from scipy.optimize import brentq
 
 from ambkit import AmbkitError, ConfigError, Machine, mode_shapes
@@ -29,11 +25,11 @@ STEEL = {"density": 7850.0, "youngs": 2.1e11, "poisson": 0.3}
 HERTZ = 2 * math.pi
 
 
-def uniform(length: float, outer: float, inner: float = 0.0, count: int = 40) -> beam.Matrices:
+def uniform(length, outer, inner=0.0, count=40):
     return beam.assemble([beam.Element(length / count, outer, inner, **STEEL)] * count, [])
 
 
-def frequencies(matrices: beam.Matrices, count: int) -> Array:
+def frequencies(matrices, count):
     """Free bending frequencies [rad/s]."""
     return np.sqrt(matrices.free_modes[0][:count])
 
@@ -41,7 +37,7 @@ def frequencies(matrices: beam.Matrices, count: int) -> Array:
 # ---- beams ----
 
 
-def test_a_thin_beam_is_euler_s() -> None:
+def test_a_thin_beam_is_euler_s():
     """cos(b) cosh(b) = 1 of a free beam."""
     roots = [brentq(lambda b: math.cos(b) - 1 / math.cosh(b), k * math.pi + 0.5, k * math.pi + 2.5)
              for k in (1, 2, 3, 4)]  # fmt: skip
@@ -51,7 +47,7 @@ def test_a_thin_beam_is_euler_s() -> None:
     np.testing.assert_allclose(frequencies(uniform(length, outer), 4), expected, rtol=2e-5)
 
 
-def timoshenko(length: float, outer: float, inner: float, w: float) -> float:
+def timoshenko(length, outer, inner, w):
     """Determinant of a free beam by Timoshenko's equations: zero at its frequencies.
 
     By the exact solution of the four first-order equations over the length (transfer matrix).
@@ -72,7 +68,7 @@ def timoshenko(length: float, outer: float, inner: float, w: float) -> float:
 
 
 @pytest.mark.parametrize("inner", [0.0, 0.06])
-def test_a_thick_beam_is_timoshenko_s(inner: float) -> None:
+def test_a_thick_beam_is_timoshenko_s(inner):
     found = frequencies(uniform(0.5, 0.1, inner, count=200), 4)
     for w in found:
         low, high = (timoshenko(0.5, 0.1, inner, w * (1 + share)) for share in (-2e-4, 2e-4))
@@ -81,7 +77,7 @@ def test_a_thick_beam_is_timoshenko_s(inner: float) -> None:
     assert found[0] < 0.95 * 4.73004**2 * thin / 0.5**2  # shear and rotary inertia count here
 
 
-def test_a_section_is_divided_where_discs_are() -> None:
+def test_a_section_is_divided_where_discs_are():
     one = beam.Element(1.0, 0.02, 0.0, **STEEL)
     elements = beam.divided([one, one], [0.37, 1.2])
     ends = np.cumsum([each.length for each in elements])
@@ -94,7 +90,7 @@ def test_a_section_is_divided_where_discs_are() -> None:
 # ---- ROSS ----
 
 
-def ufu(laminations: float) -> beam.Matrices:
+def ufu(laminations):
     """The elements of ROSS's example, one for one, as its source has them."""
     ends = np.array([
         0, 12, 32, 52, 72, 92, 112, 120.8, 127.2, 134.8, 140.5, 146.9, 153, 159.2, 165.3, 180.4,
@@ -109,7 +105,7 @@ def ufu(laminations: float) -> beam.Matrices:
         for length, d in zip(np.diff(ends), outer, strict=True)
     ]
 
-    def disc(node: int, width: float, inner: float, out: float, density: float) -> beam.Disc:
+    def disc(node, width, inner, out, density):
         mass = density * math.pi * width * (out**2 - inner**2) / 4
         across = mass * (out**2 + inner**2) / 16 + mass * width**2 / 12
         return beam.Disc(float(ends[node]), mass, across, mass * (out**2 + inner**2) / 8)
@@ -124,7 +120,7 @@ def ufu(laminations: float) -> beam.Matrices:
     return beam.assemble(elements, discs)
 
 
-def test_matrices_are_those_of_ross() -> None:
+def test_matrices_are_those_of_ross():
     """The file was written by ROSS 2.3 itself, with examples/flexible/from_ross.py."""
     theirs, ours = read_matrices(ROSS), ufu(7600.0)
     for name in "MKG":
@@ -135,9 +131,8 @@ def test_matrices_are_those_of_ross() -> None:
     assert theirs.D is not None
 
 
-def test_the_preset_s_free_modes() -> None:
+def test_the_preset_s_free_modes():
     one = Machine.preset("ufu_flexible")
-    assert one.bending is not None
     np.testing.assert_allclose(one.bending.frequency[:2] / HERTZ, [104.19, 400.28], atol=6e-3)
     rigid = Machine.preset("ufu_rig")
     assert one.rotor.mass == pytest.approx(rigid.rotor.mass, rel=1e-6)
@@ -151,7 +146,7 @@ def test_the_preset_s_free_modes() -> None:
 # ---- reduction ----
 
 
-def test_a_reduced_rotor_has_the_compliance_of_the_whole() -> None:
+def test_a_reduced_rotor_has_the_compliance_of_the_whole():
     """At a frequency far below what is left out: against the whole matrices."""
     whole = ufu(7700.0)
     places = [0.153, 0.5669]
@@ -160,7 +155,7 @@ def test_a_reduced_rotor_has_the_compliance_of_the_whole() -> None:
     full = np.linalg.inv(whole.K - w**2 * whole.M)[np.ix_(nodes, nodes)]
     body = body_of(whole)
 
-    def told(**keys: Any) -> Array:
+    def told(**keys):
         found = reduced(whole, HERTZ * 500.0, 0.01, **keys)
         rows = np.array([[1, z - body.centre, *found.shape(z)] for z in places])
         stiff = np.concatenate([[0.0, 0.0], found.stiffness])
@@ -173,7 +168,7 @@ def test_a_reduced_rotor_has_the_compliance_of_the_whole() -> None:
     assert np.abs(kept - full).max() < 1e-3 * np.abs(cut - full).max() + 1e-12 * size
 
 
-def test_the_static_compliance_left_out_is_told() -> None:
+def test_the_static_compliance_left_out_is_told():
     whole = ufu(7700.0)
     places = [0.153, 0.5669]
     part = reduced(whole, HERTZ * 500.0, 0.01)
@@ -184,7 +179,7 @@ def test_the_static_compliance_left_out_is_told() -> None:
     np.testing.assert_allclose(part.residual(places), expected, rtol=1e-9)
 
 
-def test_modes_are_orthogonal_to_the_rigid_body_and_of_its_scale() -> None:
+def test_modes_are_orthogonal_to_the_rigid_body_and_of_its_scale():
     whole = ufu(7700.0)
     found = reduced(whole, HERTZ * 3000.0, 0.004)
     assert len(found.frequency) == 5
@@ -195,7 +190,7 @@ def test_modes_are_orthogonal_to_the_rigid_body_and_of_its_scale() -> None:
     assert found.polar[0, 0] == pytest.approx(body_of(whole).polar_inertia)
 
 
-def test_damping_of_matrices_is_taken_where_no_ratio_is_given() -> None:
+def test_damping_of_matrices_is_taken_where_no_ratio_is_given():
     whole = ufu(7700.0)
     proportional = beam.Matrices(
         whole.M, whole.K, whole.G, 3.0 * whole.M + 1e-5 * whole.K, whole.place, whole.shear
@@ -210,18 +205,18 @@ def test_damping_of_matrices_is_taken_where_no_ratio_is_given() -> None:
 # ---- files of matrices ----
 
 
-def content(**changes: Any) -> dict[str, Any]:
+def content(**changes):
     with np.load(ROSS) as found:
         given = {name: found[name] for name in found.files}
     return {name: each for name, each in (given | changes).items() if each is not None}
 
 
-def saved(path: Path, **changes: Any) -> Path:
+def saved(path, **changes):
     np.savez(path, **content(**changes))
     return path
 
 
-def test_units_and_order_of_a_file_do_not_matter(tmp_path: Path) -> None:
+def test_units_and_order_of_a_file_do_not_matter(tmp_path):
     """Millimetres and tonnes, rows and nodes in any order: the same rotor, to what rounding does.
 
     The eigenvalues of a beam of 53 nodes reach over 10 decades.
@@ -231,7 +226,7 @@ def test_units_and_order_of_a_file_do_not_matter(tmp_path: Path) -> None:
     scale = np.where(turns, 1e3, 1.0)
     mixed = rng.permutation(len(turns))
     nodes = rng.permutation(len(given["place"]))
-    changes: dict[str, Any] = {
+    changes = {
         name: (given[name] * np.outer(scale, scale) * 1e-3)[np.ix_(mixed, mixed)] for name in "MKGD"
     }
     changes |= {
@@ -246,7 +241,7 @@ def test_units_and_order_of_a_file_do_not_matter(tmp_path: Path) -> None:
     np.testing.assert_allclose(other.polar[0, 0], one.polar[0, 0], rtol=1e-12)
 
 
-def test_a_mat_file_is_read_as_well(tmp_path: Path) -> None:
+def test_a_mat_file_is_read_as_well(tmp_path):
     from scipy.io import savemat
 
     given = content()
@@ -261,7 +256,7 @@ def test_a_mat_file_is_read_as_well(tmp_path: Path) -> None:
 class Bad:
     """What a pickle would run."""
 
-    def __reduce__(self) -> Any:
+    def __reduce__(self):
         return (exec, ("raise SystemExit('run by a pickle')",))
 
 
@@ -280,7 +275,7 @@ class Bad:
     ({"K": content()["K"] + np.eye(318) * 1e6}, "must leave the rotor free, without bearings"),
     ({"K": content()["K"] + np.diag(np.arange(318) % 6 == 0) * 1e6}, "the same in the x and the y"),
 ])  # fmt: skip
-def test_hostile_files_are_refused(changes: dict[str, Any], text: str, tmp_path: Path) -> None:
+def test_hostile_files_are_refused(changes, text, tmp_path):
     path = saved(tmp_path / "rotor.npz", **changes)
     toml = machine_of("matrices", f'file = "{path.name}"\nmodes_up_to = "500 Hz"')
     with pytest.raises(ConfigError) as found:
@@ -291,7 +286,7 @@ def test_hostile_files_are_refused(changes: dict[str, Any], text: str, tmp_path:
     assert "rotor.file" in told
 
 
-def test_a_damaged_file_is_refused_or_its_numbers_are_the_same(tmp_path: Path) -> None:
+def test_a_damaged_file_is_refused_or_its_numbers_are_the_same(tmp_path):
     """An archive has bytes that mean nothing to its numbers, such as dates; all others count."""
     content, expected = ROSS.read_bytes(), dataclasses.asdict(read_matrices(ROSS))
     rng = np.random.default_rng(7)
@@ -312,7 +307,7 @@ def test_a_damaged_file_is_refused_or_its_numbers_are_the_same(tmp_path: Path) -
     assert refused >= 39
 
 
-def test_a_file_that_lies_about_its_size_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_lies_about_its_size_is_refused(tmp_path):
     import io
     import zipfile
 
@@ -332,7 +327,7 @@ REST = presets.text("ufu_flexible")
 REST = REST[REST.index("[[bearing]]") :]
 
 
-def machine_of(kind: str, keys: str) -> str:
+def machine_of(kind, keys):
     """A machine on the bearings of UFU's rig."""
     return (
         'name = "made"\nsampling_time = "0.1 ms"\nspeed = "1200 rpm"\n\n'
@@ -340,7 +335,7 @@ def machine_of(kind: str, keys: str) -> str:
     )
 
 
-def test_a_rotor_from_a_file_is_that_of_its_table(tmp_path: Path) -> None:
+def test_a_rotor_from_a_file_is_that_of_its_table(tmp_path):
     """ROSS's file has lighter laminations; besides that it is the preset's rotor."""
     path = tmp_path / "ross.npz"
     path.write_bytes(ROSS.read_bytes())
@@ -348,8 +343,6 @@ def test_a_rotor_from_a_file_is_that_of_its_table(tmp_path: Path) -> None:
     one = Machine.from_toml(machine_of("matrices", keys), "m.toml", tmp_path)
     text = presets.text("ufu_flexible").replace('"7700 kg/m^3"', '"7600 kg/m^3"')
     other = Machine.from_toml(text)
-    assert one.bending is not None
-    assert other.bending is not None
     # Finer elements, in which the discs are the same points.
     np.testing.assert_allclose(one.bending.frequency, other.bending.frequency, rtol=3e-4)
     np.testing.assert_allclose(one.bending.mass, other.bending.mass, rtol=2e-3)
@@ -358,7 +351,7 @@ def test_a_rotor_from_a_file_is_that_of_its_table(tmp_path: Path) -> None:
     assert again == one
 
 
-def measured(**changes: str) -> str:
+def measured(**changes):
     keys = {
         "mass": '"5.9 kg"', "transverse_inertia": '"0.186 kg m^2"',
         "polar_inertia": '"0.0048 kg m^2"',
@@ -376,9 +369,8 @@ def measured(**changes: str) -> str:
     return text
 
 
-def test_measured_modes() -> None:
+def test_measured_modes():
     one = Machine.from_toml(measured())
-    assert one.bending is not None
     assert one.positions[-2:] == ("m1_x", "m1_y")
     # As if each deflection were told by where it is largest: the same mode.
     doubled = measured(shape="[1.8, 0.3, -1.1, 0.6, 1.9]", mass='"5.8 kg"')
@@ -397,7 +389,7 @@ def test_measured_modes() -> None:
     ({"damping_ratio": "1.5"}, "damping_ratio: must be less than 1"),
     ({"frequency": '"8 kHz"'}, "keeps a mode at 8000 Hz"),
 ])  # fmt: skip
-def test_modes_that_cannot_be_are_told(changes: dict[str, str], text: str) -> None:
+def test_modes_that_cannot_be_are_told(changes, text):
     with pytest.raises(ConfigError) as found:
         Machine.from_toml(measured(**changes), "m.toml")
     assert text in str(found.value)
@@ -420,7 +412,7 @@ def test_modes_that_cannot_be_are_told(changes: dict[str, str], text: str) -> No
     ('type = "shaft"', 'type = "shatf"', 'rotor.type: must be one of "rigid", "shaft"'),
     ('type = "shaft"\n', "", "rotor.type: missing"),
 ])  # fmt: skip
-def test_what_cannot_be_is_told_with_its_line(old: str, new: str, text: str) -> None:
+def test_what_cannot_be_is_told_with_its_line(old, new, text):
     whole = presets.text("ufu_flexible")
     assert old in whole
     with pytest.raises(ConfigError) as found:
@@ -428,9 +420,8 @@ def test_what_cannot_be_is_told_with_its_line(old: str, new: str, text: str) -> 
     assert text in str(found.value)
 
 
-def nodes_of(one: Machine, mode: int) -> Array:
+def nodes_of(one, mode):
     """Places at which a mode does not move [m]."""
-    assert one.bending is not None
     places = np.linspace(*one.bending.ends, 2001)
     out = np.array([one.bending.shape(float(z))[mode] for z in places])
     at = np.flatnonzero(out[:-1] * out[1:] < 0)
@@ -439,7 +430,7 @@ def nodes_of(one: Machine, mode: int) -> Array:
     )
 
 
-def test_check_says_what_is_kept_who_holds_it_and_what_is_at_a_node(tmp_path: Path) -> None:
+def test_check_says_what_is_kept_who_holds_it_and_what_is_at_a_node(tmp_path):
     """In one file: sensor A at a node, and one between bearing B and its sensor."""
     text = presets.text("ufu_flexible")
     first, second = nodes_of(Machine.from_toml(text), 0)
@@ -464,14 +455,14 @@ def test_check_says_what_is_kept_who_holds_it_and_what_is_at_a_node(tmp_path: Pa
         Machine.from_toml(text[:sensors] + moved.replace('"566.9 mm"', f'"{second:.9g} m"'))
 
 
-def test_check_says_what_shapes_of_modes_left_out_are_kept() -> None:
+def test_check_says_what_shapes_of_modes_left_out_are_kept():
     one = Machine.preset("ufu_flexible").replace(rotor__residual=True)
     assert one.bending is not None
     (remark,) = machine_report._left_out(one, one.bending)
     assert "by 2 shapes more" in remark.text
 
 
-def test_mode_shapes_are_drawn() -> None:
+def test_mode_shapes_are_drawn():
     found = mode_shapes(Machine.preset("ufu_flexible"))
     assert found.figure().image(".png")[:4] == b"\x89PNG"
     assert found.to_dict()["modes"]["1"]["frequency"] == pytest.approx(104.19, abs=0.01)
@@ -486,36 +477,34 @@ def test_mode_shapes_are_drawn() -> None:
 class Rotor:
     """What from_ross.py asks of a rotor of ROSS, with the matrices of the file that it wrote."""
 
-    def __init__(self, shaft_elements: Any = None, disk_elements: Any = None, held: float = 0.0):
+    def __init__(self, shaft_elements=None, disk_elements=None, held=0.0):
         given = content()
         self.shaft_elements, self.disk_elements = shaft_elements, disk_elements
         self.nodes_pos, self.m = given["place"].tolist(), 5.9
         self._of, self.held = given, held
 
-    def M(self, speed: float) -> Array:
+    def M(self, speed):
         return np.asarray(self._of["M"])
 
-    def K(self, speed: float) -> Array:
+    def K(self, speed):
         return np.asarray(self._of["K"] + self.held * np.eye(318))
 
-    def C(self, speed: float) -> Array:
+    def C(self, speed):
         return np.asarray(self._of["D"])
 
-    def G(self) -> Array:
+    def G(self):
         return np.asarray(self._of["G"])
 
     @classmethod
-    def load(cls, path: str) -> Rotor:
+    def load(cls, path):
         return cls(held=1e6)
 
 
-def test_the_script_for_ross_writes_a_free_rotor(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_script_for_ross_writes_a_free_rotor(tmp_path, monkeypatch):
     """ROSS itself needs an environment of its own; this stands for it."""
     ross = types.ModuleType("ross")
-    ross.Rotor, ross.rotor_amb_example = Rotor, lambda: Rotor(held=1e6)  # type: ignore[attr-defined]
-    ross.__version__ = "0"  # type: ignore[attr-defined]
+    ross.Rotor, ross.rotor_amb_example = Rotor, lambda: Rotor(held=1e6)
+    ross.__version__ = "0"
     monkeypatch.setitem(sys.modules, "ross", ross)
     for arguments in ([], ["rotor.toml"]):
         out = str(tmp_path / "out.npz")

@@ -1,13 +1,10 @@
 """Flexible rotors, in motion: poles, flight, run-up, estimation."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import numpy as np
 import pytest
-from machine_cases import Array, directions
+from machine_cases import directions
 from test_machine_flight import CORE, LOADS, at_rest, released
 
 from ambkit import Machine, Scenario, simulate
@@ -28,7 +25,7 @@ from benchmarks.judge_states import judge_states
 UFU = "ufu_flexible"
 
 
-def flexible(**keys: Any) -> Machine:
+def flexible(**keys):
     return Machine.preset(UFU).replace(**keys)
 
 
@@ -37,10 +34,10 @@ def flexible(**keys: Any) -> Machine:
 
 @pytest.mark.parametrize("name", [UFU, "tum_mlps_flexible", "compressor"])
 @pytest.mark.parametrize("speed", [0.0, 1000.0])
-def test_unstable_poles_are_those_of_all_elements(speed: float, name: str) -> None:
+def test_unstable_poles_are_those_of_all_elements(speed, name):
     """Against the whole matrices with the magnets as springs, nothing reduced or left out."""
     one = Machine.preset(name).replace(speed=speed, rotor__damping_ratio=1e-9)
-    whole = one.rotor.matrices  # type: ignore[union-attr]
+    whole = one.rotor.matrices
     springs = [k.k_s for k in stiffnesses(one)][::2]
     K, n = whole.K.copy(), len(whole.M)
     for each, k_s in zip(one.bearing, springs, strict=True):
@@ -54,7 +51,7 @@ def test_unstable_poles_are_those_of_all_elements(speed: float, name: str) -> No
     poles = np.linalg.eigvals(A)
     expected = np.sort(poles.real[poles.real > 100])
 
-    def errors(machine: Machine) -> Array:
+    def errors(machine):
         found = open_loop(machine, [k.k_s for k in stiffnesses(machine)], speed).unstable
         assert len(found) == 4
         own = np.sort(found.real)[::2] if speed == 0 else np.unique(found.real.round(6))
@@ -76,7 +73,7 @@ def test_unstable_poles_are_those_of_all_elements(speed: float, name: str) -> No
 # ---- in flight ----
 
 
-def test_without_loss_energy_is_kept() -> None:
+def test_without_loss_energy_is_kept():
     """Kinetic, bending and magnetic energy, with gyroscopics, and magnets without control."""
     one = flexible(speed=3000.0, rotor__damping_ratio=1e-12, rotor__gravity="none", unbalance=[],
                    delay=None)  # fmt: skip
@@ -90,7 +87,6 @@ def test_without_loss_energy_is_kept() -> None:
     X[n : n + 4] = [2e-3, -3e-3, 0.05, 0.02]
     out = released(one, X, np.zeros(4), 50, 32)["X"]
     q, w = out[:, :n], out[:, n : 2 * n]
-    assert one.bending is not None
     kinetic = (w**2 * one.masses).sum(axis=1) / 2
     bent = (q[:, 4:] ** 2 * one.bending.stiffness.repeat(2)).sum(axis=1) / 2
     s = q @ H.T
@@ -105,7 +101,7 @@ def test_without_loss_energy_is_kept() -> None:
     assert np.ptp(bent) > 0.1 * moved
 
 
-def test_the_weight_bends_it_once() -> None:
+def test_the_weight_bends_it_once():
     """As gravity in each coordinate, with the sag that the bearings' forces leave: the same."""
     one = flexible()
     plant = Plant(one)
@@ -122,7 +118,7 @@ def test_the_weight_bends_it_once() -> None:
     assert 2e-5 < np.abs(sag[0]) < 3e-5  # of the first mode in x, by the bearings
 
 
-def test_a_run_up_passes_the_first_bending_mode() -> None:
+def test_a_run_up_passes_the_first_bending_mode():
     one = flexible(unbalance=[{"place": "364 mm", "amount": "2 g mm"}])
     up = Ramp(slope=400.0, start=0.0)
     usual = tuple(map(chosen, isolated_axes(one)))
@@ -146,7 +142,7 @@ def test_a_run_up_passes_the_first_bending_mode() -> None:
         assert np.hypot(damped["q_m1_x"], damped["q_m1_y"]).max() < 0.6 * far.max()
 
 
-def test_controllers_that_cannot_hold_say_so() -> None:
+def test_controllers_that_cannot_hold_say_so():
     held = holding(flexible())
     one = flexible()
     assert one.bending is not None
@@ -171,11 +167,10 @@ def test_controllers_that_cannot_hold_say_so() -> None:
     assert run.samples_at_the_stop > 0
 
 
-def test_poles_of_the_loop_are_what_a_flight_shows() -> None:
+def test_poles_of_the_loop_are_what_a_flight_shows():
     """The decay of the second mode after a push, against the pole of the sampled loop."""
     one = flexible(unbalance=[], speed=0.0)
     found = holding(one)
-    assert one.bending is not None
     near = found.poles[np.abs(found.poles.imag - one.bending.frequency[1]).argmin()]
     push = {"axis": "A1", "force": {"type": "impulse", "area": 0.01, "time": 0.0,
                                     "duration": 5e-4}}  # fmt: skip
@@ -191,7 +186,7 @@ def test_poles_of_the_loop_are_what_a_flight_shows() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.0, 1500.0])
-def test_filters_know_how_it_is_bent(speed: float) -> None:
+def test_filters_know_how_it_is_bent(speed):
     one = flexible(speed=speed, unbalance=[])
     run = simulate(one, Scenario(duration=0.3, seed=2))
     estimate = ExtendedKalmanFilter(one).run(run.record, covariance=True)
@@ -210,7 +205,7 @@ def test_filters_know_how_it_is_bent(speed: float) -> None:
         assert np.sqrt(np.mean(wrong**2)) < 1.6 * believed
 
 
-def test_a_run_up_is_followed_by_the_filter() -> None:
+def test_a_run_up_is_followed_by_the_filter():
     """Speed enters the model: through the first bending mode, with unbalance as states."""
     one = flexible(unbalance=[{"place": "364 mm", "amount": "2 g mm"}])
     up = Ramp(slope=400.0, start=0.0)
@@ -222,7 +217,7 @@ def test_a_run_up_is_followed_by_the_filter() -> None:
 
 
 @pytest.mark.long
-def test_judged_with_more_modes_and_residual_shapes() -> None:
+def test_judged_with_more_modes_and_residual_shapes():
     """Four modes and residual shapes: 52 states in the core, as good as can be."""
     one = flexible(rotor__modes_up_to=1200.0, rotor__residual=True)
     judged = judge_states(one, ("extended",), seeds=6, duration=0.2)

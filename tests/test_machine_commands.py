@@ -1,13 +1,9 @@
 """The commands that take a machine."""
 
-from __future__ import annotations
-
-from typing import Any
-
 from ambkit import Record
 
 
-def test_the_commands_take_a_machine(call: Any) -> None:
+def test_the_commands_take_a_machine(call):
     assert call("simulate", "tum_mlps", "--duration", "0.1 s", "--out", "run.csv").code == 0
     found = call("filter", "run.csv", "--machine", "tum_mlps", "--filter",
                  "extended+unbalance", "--out", "est.csv", "--json").json  # fmt: skip

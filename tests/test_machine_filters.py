@@ -1,9 +1,6 @@
 """Estimators of a machine: by truth beside the bound, and as those of its axes alone."""
 
-from __future__ import annotations
-
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +22,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.machine.force_laws import Bank, isolated_axes, weights_of
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import GRAVITY
-from ambkit.simulation.run import Run, simulate_run
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Ramp, Step
 from benchmarks.judge_states import judge_states
@@ -39,7 +36,7 @@ TAKEN = [n for n in KINDS if n not in (*OF_ONE_AXIS, *LEARNED, "constant-velocit
     ("name", "speed"),
     quick(product(PRESETS, (0.0, 2000.0)), zip(RIGID, (0.0, 2000.0, 2000.0), strict=True)),
 )
-def test_filters_are_as_good_as_can_be(name: str, speed: float) -> None:
+def test_filters_are_as_good_as_can_be(name, speed):
     """20 seeds, vague starts: in all quantities together and in each, the bound; and honest."""
     load = 0.03 if name == "tum_mlps_flexible" else 0.1  # a shaft of 8 mm
     one = Machine.preset(name).replace(speed=speed)
@@ -53,7 +50,7 @@ def test_filters_are_as_good_as_can_be(name: str, speed: float) -> None:
     assert (own[:4] < 0.7 * raw[:4]).all()
 
 
-def test_over_a_run_up_unbalance_and_runout_are_as_good_as_with_finer_steps() -> None:
+def test_over_a_run_up_unbalance_and_runout_are_as_good_as_with_finer_steps():
     """By the paired ratio to ten steps in a sample, on the same noise."""
     judged = judge_states(
         Machine.preset("tum_mlps"), ("extended",), seeds=2, duration=0.3, speed=Ramp(slope=1500.0),
@@ -65,7 +62,7 @@ def test_over_a_run_up_unbalance_and_runout_are_as_good_as_with_finer_steps() ->
     assert "paired" in judged.to_dict()
 
 
-def test_a_single_axis_is_judged_by_the_same_text() -> None:
+def test_a_single_axis_is_judged_by_the_same_text():
     """Also with an amplifier that lags, whose current is a state."""
     axis = Bearing.preset("zittau_axial").replace(amplifier__bandwidth="1 kHz")
     judged = judge_states(axis, ("extended",), seeds=6, finer=True)
@@ -78,7 +75,7 @@ def test_a_single_axis_is_judged_by_the_same_text() -> None:
 @pytest.mark.parametrize("name", PRESETS)
 @pytest.mark.parametrize("turns", [True, False])
 @pytest.mark.study
-def test_every_preset_over_a_run_up(name: str, turns: bool) -> None:
+def test_every_preset_over_a_run_up(name, turns):
     """Vague starts: the bound without unbalance and runout, the paired ratio with; 20 seeds of all
     are in benchmarks/machine_filters.py."""
     one, load = Machine.preset(name), 0.03 if name.endswith("flexible") else 0.1
@@ -95,12 +92,12 @@ def test_every_preset_over_a_run_up(name: str, turns: bool) -> None:
         assert 0.9 < judged.nees["extended"].mean() < 1.1
 
 
-def flown(one: Machine, **keys: Any) -> Run:
+def flown(one, **keys):
     return simulate_run(one, Scenario(duration=0.1, seed=5, **keys))
 
 
 @pytest.mark.parametrize("kind", TAKEN)
-def test_each_kind_takes_a_machine(kind: str) -> None:
+def test_each_kind_takes_a_machine(kind):
     one = machine()
     record = flown(one).record
     estimate = KINDS[kind].make(one).run(record)
@@ -114,13 +111,13 @@ def test_each_kind_takes_a_machine(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", OF_ONE_AXIS)
-def test_kinds_of_one_axis_say_so(kind: str) -> None:
+def test_kinds_of_one_axis_say_so(kind):
     with pytest.raises(ValueError, match="takes one axis; made has the axes A1, A2, B1, B2"):
         KINDS[kind].make(machine())
 
 
 @pytest.mark.parametrize("kind", ["linear", "extended", "ud", "unscented"])
-def test_axes_that_do_not_couple_are_filtered_as_bearings_alone(kind: str) -> None:
+def test_axes_that_do_not_couple_are_filtered_as_bearings_alone(kind):
     one = uncoupled()
     noise = FilterNoise(disturbance=900.0)
     record = flown(one).record
@@ -151,7 +148,7 @@ def test_axes_that_do_not_couple_are_filtered_as_bearings_alone(kind: str) -> No
             assert np.abs(got - expected).max() < 2e-4 * np.abs(expected).max()
 
 
-def test_step_by_step_it_says_the_same() -> None:
+def test_step_by_step_it_says_the_same():
     one = Machine.preset("ufu_rig")
     record = flown(one).record
     kf = ExtendedKalmanFilter(one)
@@ -166,7 +163,7 @@ def test_step_by_step_it_says_the_same() -> None:
     assert kf.covariance.shape == (28, 28)
 
 
-def test_an_estimate_is_a_record_with_the_names_of_axes_and_readings() -> None:
+def test_an_estimate_is_a_record_with_the_names_of_axes_and_readings():
     one = machine()
     estimate = KalmanFilter(one).run(flown(one).record, covariance=True)
     record = estimate.to_record()
@@ -180,12 +177,11 @@ def test_an_estimate_is_a_record_with_the_names_of_axes_and_readings() -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_each_preset_levitates_by_its_estimate(name: str) -> None:
+def test_each_preset_levitates_by_its_estimate(name):
     one = Machine.preset(name)
     push = 0.2 * one.rotor.mass * GRAVITY
     load = {"axis": "B2", "force": Step(amplitude=push, time=0.05)}
     run = simulate_run(one, Scenario(duration=0.4, feedback="estimate", disturbance=[load]))
-    assert run.estimate is not None
     late = slice(3000, None)
     for axis in one.axes:
         assert np.abs(run.record[f"s_{axis.name}"][late]).max() < 0.1 * axis.bearing.clearance
@@ -193,28 +189,28 @@ def test_each_preset_levitates_by_its_estimate(name: str) -> None:
     assert np.mean(run.estimate["f_d_B2"][late]) == pytest.approx(push, rel=0.1)
 
 
-def test_weight_is_known_or_a_disturbance() -> None:
+def test_weight_is_known_or_a_disturbance():
     one = machine()
     record = flown(one).record
     held = {"known": [0.0] * 4, "disturbance": weights_of(one)}
     for gravity, loads in held.items():
-        estimate = ExtendedKalmanFilter(one, gravity=gravity).run(record)  # type: ignore[arg-type]
+        estimate = ExtendedKalmanFilter(one, gravity=gravity).run(record)
         for axis, load in zip(one.axes, loads, strict=True):
             assert np.mean(estimate[f"f_d_{axis.name}"][500:]) == pytest.approx(load, abs=1.0)
 
 
-def test_magnets_are_known_one_by_one() -> None:
+def test_magnets_are_known_one_by_one():
     one = machine()
     record = flown(one).record
     laws = [magnet_of(each) for each in isolated_axes(one)]
     for given in (laws, Bank(laws), None):
-        estimate = ExtendedKalmanFilter(one, given).run(record)  # type: ignore[arg-type]
+        estimate = ExtendedKalmanFilter(one, given).run(record)
         assert estimate.k_i.shape == (len(record), 4)
     with pytest.raises(ValueError, match="zip"):
-        ExtendedKalmanFilter(one, laws[:3])  # type: ignore[arg-type]
+        ExtendedKalmanFilter(one, laws[:3])
 
 
-def test_gyroscopics_have_the_right_sign() -> None:
+def test_gyroscopics_have_the_right_sign():
     """At speed the filter that turns the other way has larger errors; at rest there is no other."""
     one = machine(speed=4000.0, rotor={
         "mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.15})  # fmt: skip
@@ -225,7 +221,7 @@ def test_gyroscopics_have_the_right_sign() -> None:
     whole = flown(one, disturbance=kicks).record
     record = whole.select(*(name for name in whole if name != "speed"))  # which filters follow
 
-    def wrong(of: Machine) -> float:
+    def wrong(of):
         estimate = ExtendedKalmanFilter(of).run(record)
         return float(np.sqrt(np.mean((estimate["w_x"] - record["q_w_x"])[50:] ** 2)))
 
@@ -234,7 +230,7 @@ def test_gyroscopics_have_the_right_sign() -> None:
     assert wrong(one.replace(speed=0.0)) > 1.1 * right
 
 
-def test_a_machine_that_is_too_large_is_refused() -> None:
+def test_a_machine_that_is_too_large_is_refused():
     many = [
         {"name": f"S{k}", "type": "single", "place": 0.01 * k - 0.05, "angle": 0.3 * k,
          "gain": 1.0, "lag": 5e-5, "noise_variance": 1e-12} for k in range(17)
@@ -243,14 +239,14 @@ def test_a_machine_that_is_too_large_is_refused() -> None:
         KalmanFilter(machine(sensor=many))
 
 
-def test_a_record_of_something_else_is_told() -> None:
+def test_a_record_of_something_else_is_told():
     t = np.arange(10) * 1e-4
     record = Record(t, {"y": t, "u": t}, {"y": "m", "u": "V"})
     with pytest.raises((AmbkitError, KeyError), match="y_A1"):
         KalmanFilter(machine()).run(record)
 
 
-def test_a_rotor_that_lands_is_not_judged() -> None:
+def test_a_rotor_that_lands_is_not_judged():
     """Of a touch-down bearing the models know nothing."""
     with pytest.raises(AmbkitError, match="comes into a touch-down bearing"):
         judge_states(machine(), seeds=1, load=3.0)

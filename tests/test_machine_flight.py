@@ -1,16 +1,12 @@
 """The machine in flight: its plant against integration, its presets, its touch-down bearings."""
 
-from __future__ import annotations
-
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
 from machine_cases import (
     OF_KILOGRAMS,
     PRESETS,
-    Array,
     bearing,
     directions,
     integrated,
@@ -34,17 +30,14 @@ CORE = core_module(any_model=True)
 LOADS = np.array([3.0, 0.0, -2.0, 1.0])
 
 
-def released(
-    one: Machine, X: Array | None, iu: Array, n: int, substeps: int, speed: Array | None = None,
-    q: Array | None = None,
-) -> dict[str, Any]:  # fmt: skip
+def released(one, X, iu, n, substeps, speed=None, q=None):  # fmt: skip
     """The plant alone from a state, with these currents demanded throughout and no control."""
     plant, p, m = Plant(one), len(one.axes), len(one.readings)
     q = np.zeros(len(one.positions)) if q is None else q
     speed = np.full(n + 1, one.speed) if speed is None else speed
     given = plant.arrays(CORE, 1, 0.0) | {"substeps": substeps}
     zero = np.zeros((n, p))
-    out: dict[str, Any] = CORE.simulate(
+    out = CORE.simulate(
         given | uncontrolled(one), r=zero, load=zero + LOADS, base=np.zeros((n, 3)), speed=speed,
         noise_u=zero,
         noise_y=np.zeros((n, m)), place=q, start=X, current=iu, integral=iu,
@@ -52,19 +45,19 @@ def released(
     return out | {"X": out["X"].T}
 
 
-def at_rest(one: Machine, q: Array, iu: Array) -> Array:
+def at_rest(one, q, iu):
     """All states of the plant where the rotor stands still at q with these currents."""
     return np.array(released(one, None, iu, 1, 1, q=q)["X"][0])
 
 
-def truth(one: Machine, iu: Array, growth: float) -> Any:
+def truth(one, iu, growth):
     """Rates of q, q', lagged readings and currents, from the equations, at any speed."""
     H, C = directions(one, one.axes), directions(one, one.readings)
     cores = [magnet_of(one.isolated_axis(axis.name)).in_core(core_module()) for axis in one.axes]
     corners = [axis.bearing.amplifier.bandwidth for axis in one.axes]
     planes, masses = one.unbalances(), one.masses
 
-    def rates(t: float, X: Array) -> Array:
+    def rates(t, X):
         speed, angle = one.speed + growth * t, one.speed * t + growth * t * t / 2
         m, n = C.shape
         q, w, y, i = X[:n], X[n : 2 * n], X[2 * n : 2 * n + m], X[2 * n + m :]
@@ -91,7 +84,7 @@ def truth(one: Machine, iu: Array, growth: float) -> Any:
 
 @pytest.mark.parametrize("name", OF_KILOGRAMS)
 @pytest.mark.parametrize("growth", [0.0, 4e4])
-def test_the_plant_is_met_in_the_fourth_order(name: str, growth: float) -> None:
+def test_the_plant_is_met_in_the_fourth_order(name, growth):
     """Nonlinear magnets, weight, loads, unbalance, gyroscopics, a run-up; against 1e-10."""
     coarse = "0.2 ms" if name == "compressor" else "0.4 ms"  # its modes go up to 1.9 kHz
     one = Machine.preset(name).replace(speed=1000.0, delay=None, sampling_time=coarse)
@@ -113,7 +106,7 @@ def test_the_plant_is_met_in_the_fourth_order(name: str, growth: float) -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_each_preset_rises_to_its_centre_at_once(name: str) -> None:
+def test_each_preset_rises_to_its_centre_at_once(name):
     one = Machine.preset(name)
     # The slowest integral is of tum_mlps_flexible: 0.35 s until the weight is carried.
     run = simulate_run(one, Scenario(start="landed", duration=1.0))
@@ -126,7 +119,7 @@ def test_each_preset_rises_to_its_centre_at_once(name: str) -> None:
 
 
 @pytest.mark.parametrize("voltage", [None, 1.7])
-def test_axes_that_do_not_couple_fly_as_bearings_alone(voltage: float | None) -> None:
+def test_axes_that_do_not_couple_fly_as_bearings_alone(voltage):
     """Also where two coils have currents of their own, as amplifiers have not the voltage."""
     one = uncoupled()
     most, more = (20.0, 5.0) if voltage is None else (22.0, 0.1)
@@ -156,7 +149,7 @@ def test_axes_that_do_not_couple_fly_as_bearings_alone(voltage: float | None) ->
             np.testing.assert_allclose(got, expected, rtol=0, atol=near * np.abs(expected).max())
 
 
-def test_unbalance_goes_round_and_a_run_up_passes_the_critical_speeds() -> None:
+def test_unbalance_goes_round_and_a_run_up_passes_the_critical_speeds():
     one = machine(unbalance=[{"place": 0.0, "amount": "30 g mm"}])
     steady = simulate_run(one, Scenario(duration=0.3, noise=False)).record
     late = slice(2000, None)  # 8 turns
@@ -170,7 +163,7 @@ def test_unbalance_goes_round_and_a_run_up_passes_the_critical_speeds() -> None:
     assert run["speed"][-1] == pytest.approx(2000.0)
 
 
-def test_runout_is_seen_and_not_there() -> None:
+def test_runout_is_seen_and_not_there():
     """Of a profile on the shaft, the second reading sees what the first saw, a quarter later."""
     runout = [{"order": 1, "amplitude": "3 um", "phase": 0.4}]
     one = machine(sensor=[sensor("A", 0.2, runout=runout, lag=1e-6), sensor("B", -0.3)])
@@ -182,7 +175,7 @@ def test_runout_is_seen_and_not_there() -> None:
         np.testing.assert_allclose(seen, expected, rtol=0, atol=5e-9)
 
 
-def test_a_delay_acts_as_late_as_it_says() -> None:
+def test_a_delay_acts_as_late_as_it_says():
     for delay in (1e-4, 1.3e-4):
         late = machine(delay=delay)
         force = {"axis": "A1", "force": Step(amplitude=40.0, time=0.01)}
@@ -196,7 +189,7 @@ def test_a_delay_acts_as_late_as_it_says() -> None:
         assert run.samples_at_the_stop == 0
 
 
-def test_a_thrust_bearing_carries_a_standing_rotor() -> None:
+def test_a_thrust_bearing_carries_a_standing_rotor():
     rotor = {"mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.05, "gravity": "-z"}
     thrust = bearing("T", 0, type="thrust")
     one = machine(
@@ -209,7 +202,7 @@ def test_a_thrust_bearing_carries_a_standing_rotor() -> None:
     assert np.abs(run["s_T"][-500:]).max() < 2e-5
 
 
-def test_what_does_not_fit_is_refused() -> None:
+def test_what_does_not_fit_is_refused():
     force = [{"axis": "C1", "force": Constant(value=1.0)}]
     with pytest.raises(AmbkitError, match="there is no axis C1; there are A1, A2, B1, B2"):
         simulate_run(machine(), Scenario(disturbance=force))
@@ -220,7 +213,7 @@ def test_what_does_not_fit_is_refused() -> None:
         simulate_run(machine(), Scenario(base=shaken))
 
 
-def test_several_forces_of_an_axis_add_up() -> None:
+def test_several_forces_of_an_axis_add_up():
     one = machine()
     two = [
         {"axis": "A1", "force": Constant(value=4.0)},
@@ -234,7 +227,7 @@ def test_several_forces_of_an_axis_add_up() -> None:
     np.testing.assert_array_equal(first["s_A1"], second.record["s_A1"])
 
 
-def test_a_foundation_that_moves_is_a_force_on_the_centre_of_mass() -> None:
+def test_a_foundation_that_moves_is_a_force_on_the_centre_of_mass():
     one = machine(unbalance=[{"place": 0.1, "amount": 2e-5}])
     shock = HalfSine(amplitude=50.0, time=0.01, duration=0.011)
     shaken = simulate_run(
@@ -253,7 +246,7 @@ def test_a_foundation_that_moves_is_a_force_on_the_centre_of_mass() -> None:
     np.testing.assert_array_equal(shaken["base_y"], shock.sample(shaken.t))
 
 
-def test_a_foundation_that_falls_leaves_a_rotor_without_weight() -> None:
+def test_a_foundation_that_falls_leaves_a_rotor_without_weight():
     lying = machine(speed=0.0).replace(rotor__gravity="-x")
     falls = [{"direction": "x", "acceleration": Constant(value=-GRAVITY)}]
     still = simulate_run(lying, Scenario(duration=0.6, noise=False, base=falls)).record
@@ -262,7 +255,7 @@ def test_a_foundation_that_falls_leaves_a_rotor_without_weight() -> None:
     assert still["iu_A1"][0] > 0.05
 
 
-def test_a_whole_rotor_drops_and_lies_still() -> None:
+def test_a_whole_rotor_drops_and_lies_still():
     """Where the power fails at 20 ms: free fall, the touch-down bearings, then nothing moves."""
     one = machine(speed=0.0)
     run = simulate_run(one, Scenario(duration=0.4, noise=False, off=0.02))

@@ -1,26 +1,22 @@
 """A machine lifts off its touch-down bearings, flies and lands; simulated, and the same as C."""
 
-from __future__ import annotations
-
 import subprocess
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from export_cases import COMPILER, command, compiled, printed_by
-from machine_cases import AND_LONG, PRESETS, Array
+from machine_cases import AND_LONG, PRESETS
 from quick import quick
 
-from ambkit import AmbkitError, KalmanFilter, Machine, Record, Scenario, harmonics
+from ambkit import AmbkitError, KalmanFilter, Machine, Scenario, harmonics
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import export_c
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.run import Run, simulate_run
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Disturbance
 from ambkit.simulation.waveforms import Ramp, Step
 from ambkit.workflow.filter import filter as filter_record
@@ -28,13 +24,13 @@ from ambkit.workflow.filter import filter as filter_record
 QUICK = LiftOff(start=0.005, stop=0.25, lift=0.1, land=0.1)
 
 
-def lifted(machine: Machine, **of_flight: object) -> Run:
-    keys: dict[str, Any] = {"duration": 0.42, "start": "landed", "sequence": QUICK, "seed": 3}
+def lifted(machine, **of_flight):
+    keys = {"duration": 0.42, "start": "landed", "sequence": QUICK, "seed": 3}
     flight = Scenario(**keys | of_flight)
     return simulate_run(machine, flight)
 
 
-def share_of_travel(run: Run, late: slice) -> float:
+def share_of_travel(run, late):
     machine, record = run.machine, run.record
     return max(
         float(np.abs(record[f"s_{axis.name}"][late]).max()) / axis.bearing.clearance
@@ -44,7 +40,7 @@ def share_of_travel(run: Run, late: slice) -> float:
 
 @pytest.mark.parametrize("name", AND_LONG)
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
-def test_each_preset_lifts_flies_and_lands(name: str, feedback: str) -> None:
+def test_each_preset_lifts_flies_and_lands(name, feedback):
     run = lifted(Machine.preset(name).replace(speed=0.0), feedback=feedback)
     record, mode = run.record, run.record["mode"]
     order = [Mode(int(m)) for m in mode[np.flatnonzero(np.diff(mode, prepend=-1))]]
@@ -61,7 +57,7 @@ def test_each_preset_lifts_flies_and_lands(name: str, feedback: str) -> None:
         assert abs(s[down].mean() - s[0]) < 0.3 * axis.bearing.clearance
 
 
-def test_lift_off_is_without_a_kick() -> None:
+def test_lift_off_is_without_a_kick():
     """Integrals start at what holds a rotor where this one lies."""
     run = lifted(Machine.preset("tum_mlps").replace(speed=0.0))
     record = run.record
@@ -73,7 +69,7 @@ def test_lift_off_is_without_a_kick() -> None:
         assert np.abs(s).max() < 1.15 * axis.bearing.clearance
 
 
-def test_a_machine_without_its_readings_trips_and_lifts_again() -> None:
+def test_a_machine_without_its_readings_trips_and_lifts_again():
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
     sequence = LiftOff(lift=0.05, land=0.05, lost=0.01)
     flight = Scenario(duration=0.4, start="landed", sequence=sequence, noise=False)
@@ -90,7 +86,7 @@ def test_a_machine_without_its_readings_trips_and_lifts_again() -> None:
     assert mode[-1] == Mode.FLYING
 
 
-def test_a_machine_that_is_overloaded_trips() -> None:
+def test_a_machine_that_is_overloaded_trips():
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
     axis = machine.axes[0].name
     push = Disturbance(axis=axis, force=Step(amplitude=500.0, time=0.2))
@@ -101,7 +97,7 @@ def test_a_machine_that_is_overloaded_trips() -> None:
     assert mode[-1] == Mode.TRIPPED
 
 
-def test_from_hovering_it_flies_at_once() -> None:
+def test_from_hovering_it_flies_at_once():
     flight = Scenario(duration=0.05, sequence=LiftOff(stop=0.04, land=0.2))
     run = simulate_run(Machine.preset("tum_mlps"), flight)
     assert run.record["mode"][0] == Mode.FLYING
@@ -109,7 +105,7 @@ def test_from_hovering_it_flies_at_once() -> None:
     assert share_of_travel(run, slice(0, 390)) < 0.1
 
 
-def test_a_sequence_changes_nothing_of_a_flight_that_does_not_need_it() -> None:
+def test_a_sequence_changes_nothing_of_a_flight_that_does_not_need_it():
     """The same numbers with the estimator in the loop, from the same start."""
     machine = Machine.preset("hindawi_2011")
     plain = Scenario(duration=0.05, feedback="estimate")
@@ -121,7 +117,7 @@ def test_a_sequence_changes_nothing_of_a_flight_that_does_not_need_it() -> None:
         np.testing.assert_array_equal(one.record[f"u_{axis.name}"], other.record[f"u_{axis.name}"])
 
 
-def test_the_flight_file_says_so(tmp_path: Path) -> None:
+def test_the_flight_file_says_so(tmp_path):
     text = 'duration = "0.4 s"\nstart = "landed"\n[sequence]\nlift = "0.1 s"\nstop = "0.3 s"\n'
     (tmp_path / "scenario.toml").write_text(text)
     flight = Scenario.load(tmp_path / "scenario.toml")
@@ -132,7 +128,7 @@ def test_the_flight_file_says_so(tmp_path: Path) -> None:
         Scenario.load(tmp_path / "scenario.toml")
 
 
-def test_what_lies_is_left_out_of_what_is_filtered() -> None:
+def test_what_lies_is_left_out_of_what_is_filtered():
     """Magnets are off there, which no filter is told: NIS would be several times too large."""
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
     record = lifted(machine, feedback="estimate").record
@@ -144,7 +140,7 @@ def test_what_lies_is_left_out_of_what_is_filtered() -> None:
 
 
 @pytest.mark.parametrize("stop", [0.25, None])
-def test_a_summary_is_of_the_flight(stop: float | None) -> None:
+def test_a_summary_is_of_the_flight(stop):
     machine = Machine.preset("tum_mlps")
     flight = Scenario(
         duration=0.35, start="landed", sequence=LiftOff(stop=stop, lift=0.05, land=0.05),
@@ -159,7 +155,7 @@ def test_a_summary_is_of_the_flight(stop: float | None) -> None:
     assert ("synchronous" in found) == (stop is None)  # a rotor that lies says nothing of it
 
 
-def test_a_summary_ends_where_the_power_fails() -> None:
+def test_a_summary_ends_where_the_power_fails():
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
     whole, failing = (Scenario(duration=0.2, off=off, seed=1) for off in (None, 0.1))
     rmse = [
@@ -195,7 +191,7 @@ AND_OTHERS = quick(product(FLIGHTS, ("float", "double")), QUICKLY)
 
 @compiled
 @pytest.mark.parametrize(("flown", "precision"), AND_OTHERS)
-def test_what_flies_is_what_was_simulated(flown: str, precision: Any, tmp_path: Path) -> None:
+def test_what_flies_is_what_was_simulated(flown, precision, tmp_path):
     """Lift-off, landing, trips, and a model that follows the speed: the self-test's own flights."""
     machine = Machine.preset("tum_mlps")
     export_c(
@@ -234,13 +230,12 @@ int main(void)
 """
 
 
-def signals_of_c(made: CExport, record: Record, machine: Machine, flight: Scenario) -> Array:
+def signals_of_c(made, record, machine, flight):
     """What the exported controller gives for a record's readings: control signals, and the mode."""
     folder = made.folder
     (folder / "main.c").write_text(MAIN)
     words = [*command(str(COMPILER)), *made.sources, "main.c", "-o", "fly"]
     subprocess.run(words, cwd=folder, check=True, capture_output=True)
-    assert flight.sequence is not None
     given = [record[f"y_{r.name}"] for r in machine.readings]
     given += [record["speed"], flight.sequence.fly(record.t)]
     told = np.ascontiguousarray(np.column_stack(given), float).tobytes()
@@ -253,7 +248,7 @@ RIGID_AND_FLEXIBLE = ["tum_mlps", "ufu_flexible"]
 
 @compiled
 @pytest.mark.parametrize("name", quick(PRESETS, RIGID_AND_FLEXIBLE))
-def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name: str, tmp_path: Path) -> None:
+def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name, tmp_path):
     """The exported controller, fed with the readings of a simulated flight: 0 samples differ."""
     machine = Machine.preset(name)
     flight = Scenario(
@@ -275,7 +270,7 @@ def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name: str, tmp_pa
 @pytest.mark.long
 @compiled
 @pytest.mark.parametrize("kind", ["linear-adaptive-noise", "extended", "ud", "multiple-model"])
-def test_each_kind_follows_the_speed_with_the_same_bits(kind: str, tmp_path: Path) -> None:
+def test_each_kind_follows_the_speed_with_the_same_bits(kind, tmp_path):
     machine, of = Machine.preset("tum_mlps"), KINDS[kind].magnet
     magnet = None if of is None else of(machine)
     flight = FLIGHTS["all"].replace(control=Control())

@@ -1,15 +1,11 @@
 """The machine, sampled: against integration, and against itself in other words."""
 
-from __future__ import annotations
-
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
 from machine_cases import (
     OF_KILOGRAMS,
-    Array,
     bearing,
     directions,
     integrated,
@@ -25,11 +21,11 @@ from ambkit.models import machine_model
 UNITS = {"m": 1e-4, "rad": 1e-4, "m/s": 1e-1, "rad/s": 1e-1, "N": 10.0, "A": 1.0}
 
 
-def sized(model: Any) -> Array:
+def sized(model):
     return np.array([UNITS[state.unit] for state in model.states])
 
 
-def fast(name: str) -> Machine:
+def fast(name):
     """A preset without delay at 20,000 rpm, which is half a turn in 15 samples."""
     return Machine.preset(name).replace(speed=2094.4, delay=None)
 
@@ -37,7 +33,7 @@ def fast(name: str) -> Machine:
 class Truth:
     """The machine's states by name, and their rates, from the equations."""
 
-    def __init__(self, one: Machine) -> None:
+    def __init__(self, one):
         self.one, self.H = one, directions(one, one.axes)
         self.C = directions(one, one.readings)
         self.gains = np.array([r.sensor.gain for r in one.readings])
@@ -45,7 +41,7 @@ class Truth:
         corners = [axis.bearing.amplifier.bandwidth for axis in one.axes]
         self.corner = None if corners[0] is None else 2 * np.pi * np.array(corners)
 
-    def rates(self, state: Array, u: Array, force: Any) -> Array:
+    def rates(self, state, u, force):
         """State: q, q', lagged readings, currents where they lag."""
         m, n = self.C.shape
         q, w, y = state[:n], state[n : 2 * n], state[2 * n : 2 * n + m]
@@ -58,7 +54,7 @@ class Truth:
 
 
 @pytest.mark.parametrize("name", OF_KILOGRAMS)
-def test_a_sample_is_exact_with_the_forces_held(name: str) -> None:
+def test_a_sample_is_exact_with_the_forces_held(name):
     one, rng = fast(name), np.random.default_rng(1)
     one = one.replace(rotor__gravity="none")
     model, truth = machine_model(one), Truth(one)
@@ -86,13 +82,13 @@ def test_a_sample_is_exact_with_the_forces_held(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", OF_KILOGRAMS)
-def test_the_nonlinear_machine_is_met_in_the_second_order(name: str) -> None:
+def test_the_nonlinear_machine_is_met_in_the_second_order(name):
     one = fast(name)
     laws = [magnet_of(one.isolated_axis(axis.name)) for axis in one.axes]
     cores = [law.in_core(core_module()) for law in laws]
     truth, end = Truth(one), 3.2e-3
 
-    def force(i: Array, s: Array) -> Array:
+    def force(i, s):
         return np.array([
             core.force(np.array([a]), np.array([b]))[0]
             for core, a, b in zip(cores, i, s, strict=True)
@@ -126,9 +122,9 @@ def test_the_nonlinear_machine_is_met_in_the_second_order(name: str) -> None:
 # ---- the same machine in other words ----
 
 
-def whole(**keys: Any) -> Machine:
+def whole(**keys):
     amplifier = {"bandwidth": 2000.0}
-    given: dict[str, Any] = {
+    given = {
         "bearing": [
             bearing("A", 0.2, angle=0.5, amplifier=amplifier),
             bearing("B", -0.3, angle=0.5, amplifier=amplifier),
@@ -139,7 +135,7 @@ def whole(**keys: Any) -> Machine:
     return machine(**given | keys)
 
 
-def test_gyroscopics_turn_with_the_rotation() -> None:
+def test_gyroscopics_turn_with_the_rotation():
     """A rotor without forces precesses by I_p W / I_t, the same way as it rotates."""
     one = machine(speed=3000.0)
     forth = machine_model(one)
@@ -152,7 +148,7 @@ def test_gyroscopics_turn_with_the_rotation() -> None:
     assert forth.L[i, j] == pytest.approx(-np.sin(rate * one.sampling_time), rel=1e-12)
 
 
-def test_sensors_of_all_kinds_see_along_their_lines() -> None:
+def test_sensors_of_all_kinds_see_along_their_lines():
     one = machine(sensor=[
         sensor("A", 0.25, angle=0.3), sensor("B", -0.3), sensor("S", 0.1, type="single", angle=1.0),
     ])  # fmt: skip
@@ -163,7 +159,7 @@ def test_sensors_of_all_kinds_see_along_their_lines() -> None:
     np.testing.assert_allclose(model.c @ (model.rest @ at_rest), C @ at_rest[:4], rtol=1e-12)
 
 
-def test_kinds_of_machines_have_one_pattern() -> None:
+def test_kinds_of_machines_have_one_pattern():
     keys = {machine_model(whole(speed=speed)).pattern_key() for speed in (0.0, 100.0, 3000.0)}
     assert len(keys) == 1
     assert machine_model(machine()).pattern_key() != machine_model(whole()).pattern_key()

@@ -1,10 +1,5 @@
 """Modes, unbalance response and run-ups of machines, as pictures and as figures."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from machine_cases import machine
@@ -17,7 +12,7 @@ from ambkit.simulation.waveforms import Ramp
 UNBALANCE = [{"place": 0.1, "amount": 5e-6, "angle": 0.4}]
 
 
-def test_the_unbalance_response_is_that_of_a_flight() -> None:
+def test_the_unbalance_response_is_that_of_a_flight():
     """At a speed above the rigid criticals, to what sensor lag and sampling change."""
     one = machine(speed=900.0, unbalance=UNBALANCE)
     found = ambkit.unbalance_response(one, 1800.0, count=180)
@@ -33,7 +28,7 @@ def test_the_unbalance_response_is_that_of_a_flight() -> None:
     assert found.to_dict()["amplitude"].keys() == {"A1", "A2", "B1", "B2"}
 
 
-def test_far_above_the_criticals_a_rotor_turns_about_its_axis_of_inertia() -> None:
+def test_far_above_the_criticals_a_rotor_turns_about_its_axis_of_inertia():
     one = machine(unbalance=[{"place": 0.0, "amount": 8e-6}], rotor={
         "mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 1e-6,
     })  # fmt: skip
@@ -41,7 +36,7 @@ def test_far_above_the_criticals_a_rotor_turns_about_its_axis_of_inertia() -> No
     np.testing.assert_allclose(found.amplitude[-1], 2e-6, rtol=0.01)
 
 
-def test_far_above_the_criticals_a_couple_of_unbalance_is_opposed_by_the_forward_whirl() -> None:
+def test_far_above_the_criticals_a_couple_of_unbalance_is_opposed_by_the_forward_whirl():
     """By I_t - I_p: it would be their sum if the unbalance turned against the rotor."""
     rotor = {"mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.08}
     one = machine(unbalance=[{"place": 0.1, "amount": 8e-6}], rotor=rotor)
@@ -51,7 +46,7 @@ def test_far_above_the_criticals_a_couple_of_unbalance_is_opposed_by_the_forward
     np.testing.assert_allclose(found.amplitude[-1], expected, rtol=0.01)
 
 
-def test_the_limit_that_is_drawn_is_the_nearest_stop() -> None:
+def test_the_limit_that_is_drawn_is_the_nearest_stop():
     one = machine(unbalance=[{"place": 0.1, "amount": 2e-3}])
     narrow = one.replace(
         bearing=(one.bearing[0].model_copy(update={"clearance": 2e-4}), *one.bearing[1:])
@@ -61,7 +56,7 @@ def test_the_limit_that_is_drawn_is_the_nearest_stop() -> None:
     assert [set(item.y) for item in limits] == [{2e-4}]
 
 
-def test_a_run_up_stands_on_the_speed_of_rotation() -> None:
+def test_a_run_up_stands_on_the_speed_of_rotation():
     one = machine(unbalance=[{"place": 0.1, "amount": 5e-5}])
     flight = Scenario(duration=1.0, noise=False, speed=Ramp(slope=1000.0))
     found = ambkit.waterfall(simulate_run(one, flight).record, "s_A1", window=0.1)
@@ -71,7 +66,7 @@ def test_a_run_up_stands_on_the_speed_of_rotation() -> None:
     assert found.unit == "m"
 
 
-def test_a_steady_sine_is_as_high_as_it_is() -> None:
+def test_a_steady_sine_is_as_high_as_it_is():
     t = np.arange(4000) * 1e-3
     record = ambkit.Record(
         t, {"s_A1": 3e-6 * np.sin(2 * np.pi * 50 * t), "speed": 0 * t + 300.0},
@@ -83,14 +78,14 @@ def test_a_steady_sine_is_as_high_as_it_is() -> None:
         ambkit.waterfall(record, "s_A1", window=10.0)
 
 
-def test_without_unbalance_there_is_no_response() -> None:
+def test_without_unbalance_there_is_no_response():
     with pytest.raises(AmbkitError, match="no response"):
         ambkit.unbalance_response(machine())
     with pytest.raises(AmbkitError, match="fastest"):
         ambkit.unbalance_response(machine(unbalance=UNBALANCE), -1.0)
 
 
-def test_each_is_drawn(call: Any, tmp_path: Path) -> None:
+def test_each_is_drawn(call, tmp_path):
     for words in (["--fastest", "9000 rpm"], ["modes"], ["unbalance", "--fastest", "9000 rpm"]):
         picture = tmp_path / f"{words[0]}.png"
         command = ["rotor", *words, "ufu_flexible", "--plot", str(picture)]
@@ -107,7 +102,7 @@ def test_each_is_drawn(call: Any, tmp_path: Path) -> None:
     assert np.size(drawn) == 2
 
 
-def test_a_notebook_shows_a_run_and_what_has_a_figure() -> None:
+def test_a_notebook_shows_a_run_and_what_has_a_figure():
     run = simulate_run(machine(), Scenario(duration=0.02))
     for shown, said in (
         (run, "Simulated run"),

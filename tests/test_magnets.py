@@ -1,10 +1,5 @@
 """The closed law and the table of the core against the plain force law, and differences."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import Any
-
 import iron
 import numpy as np
 import pytest
@@ -36,7 +31,7 @@ share = st.floats(-1, 1)
 
 
 @st.composite
-def places(draw: st.DrawFn, of: Sequence[str] = tuple(LAWS)) -> tuple[Bearing, float, float]:
+def places(draw, of=tuple(LAWS)):
     """A bearing, a current within its limits and a displacement within its travel."""
     b = LAWS[draw(st.sampled_from(of))]
     low, high = b.current_min, b.current_max
@@ -48,7 +43,7 @@ def places(draw: st.DrawFn, of: Sequence[str] = tuple(LAWS)) -> tuple[Bearing, f
 
 
 @given(places(tuple(CLOSED)))
-def test_the_closed_law_is_eq_1(place: tuple[Bearing, float, float]) -> None:
+def test_the_closed_law_is_eq_1(place):
     b, iu, x = place
     plain = magnet_force(b, iu, x) - magnet_force(b, 0, 0)
     scale = b.magnet.magnet_constant * (2 * b.magnet.bias_current / b.magnet.air_gap) ** 2
@@ -58,7 +53,7 @@ def test_the_closed_law_is_eq_1(place: tuple[Bearing, float, float]) -> None:
 
 
 @laws
-def test_the_law_does_not_cancel_near_the_origin(bearing: Bearing) -> None:
+def test_the_law_does_not_cancel_near_the_origin(bearing):
     """Where eq. 1 as printed subtracts equal squares, the force still has all its digits."""
     magnet = magnet_of(bearing).in_core(CORE)
     k_i, k_s = tangent(magnet, 0.0, 0.0)
@@ -70,7 +65,7 @@ def test_the_law_does_not_cancel_near_the_origin(bearing: Bearing) -> None:
 
 
 @given(places())
-def test_the_tangent_is_the_slope_of_the_force(place: tuple[Bearing, float, float]) -> None:
+def test_the_tangent_is_the_slope_of_the_force(place):
     b, iu, x = place
     magnet = magnet_of(b).in_core(CORE)
     k_i, k_s = tangent(magnet, iu, x)
@@ -80,7 +75,7 @@ def test_the_tangent_is_the_slope_of_the_force(place: tuple[Bearing, float, floa
     assert k_s == pytest.approx(d_s, rel=1e-8, abs=1e-8 * scale_s)
 
 
-def test_at_the_origin_both_forms_are_the_corrected_eq_4_and_5() -> None:
+def test_at_the_origin_both_forms_are_the_corrected_eq_4_and_5():
     k, i0, s0 = 6.7e-6, 1.5, 2e-3
     magnet = ClosedLaw(TWO_SIDED).in_core(CORE)
     expected = pytest.approx((4 * k * i0 / s0**2, 4 * k * i0**2 / s0**3), rel=1e-14)
@@ -92,7 +87,7 @@ def test_at_the_origin_both_forms_are_the_corrected_eq_4_and_5() -> None:
 
 
 @given(places())
-def test_through_the_origin_gives_the_force_exactly(place: tuple[Bearing, float, float]) -> None:
+def test_through_the_origin_gives_the_force_exactly(place):
     b, iu, x = place
     magnet = magnet_of(b).in_core(CORE)
     k_i, k_s = through_origin(magnet, iu, x)
@@ -104,16 +99,14 @@ def test_through_the_origin_gives_the_force_exactly(place: tuple[Bearing, float,
 @pytest.mark.parametrize(
     ("a", "b"), [(0.8, 0.3), (-0.5, 0.5), (0.0, 0.4), (0.6, 0.0), (-0.7, -0.9)]
 )
-def test_through_the_origin_is_the_limit_of_the_papers_least_squares(
-    bearing: Bearing, a: float, b: float
-) -> None:
+def test_through_the_origin_is_the_limit_of_the_papers_least_squares(bearing, a, b):
     """The nine points of eq. 27 shrink; what is left falls with the square of their distance."""
     iu, x = a * bearing.current_max * 0.5, b * 0.5 * bearing.rotor.clearance
     limit = np.array(through_origin(ClosedLaw(bearing).in_core(CORE), iu, x))
 
     ampere, metre = equally_far(bearing)
 
-    def left(step: float) -> np.ndarray:
+    def left(step):
         found = least_squares_stiffness(
             lambda i, d: magnet_force(bearing, i, d), iu, x, step * ampere, step * metre
         )
@@ -125,7 +118,7 @@ def test_through_the_origin_is_the_limit_of_the_papers_least_squares(
     np.testing.assert_allclose(coarse[noticed] / fine[noticed], 16, rtol=0.05)
 
 
-def test_constant_stiffness_is_a_straight_force() -> None:
+def test_constant_stiffness_is_a_straight_force():
     magnet = ConstantStiffness(10.0, 7e3).in_core(CORE)
     assert force(magnet, 0.5, -1e-4) == pytest.approx(10 * 0.5 - 7e3 * 1e-4, rel=1e-15)
     assert through_origin(magnet, 0.5, 1e-4) == tangent(magnet, -1.0, 0) == (10.0, 7e3)
@@ -134,7 +127,7 @@ def test_constant_stiffness_is_a_straight_force() -> None:
 @pytest.mark.parametrize(
     ("k_i", "k_s", "told"), [(np.nan, 1, "k_i must be finite"), (1, np.inf, "k_s")]
 )
-def test_a_stiffness_that_is_no_number_is_refused(k_i: float, k_s: float, told: str) -> None:
+def test_a_stiffness_that_is_no_number_is_refused(k_i, k_s, told):
     with pytest.raises(ValueError, match=told):
         ConstantStiffness(k_i, k_s)
 
@@ -144,24 +137,22 @@ def test_a_stiffness_that_is_no_number_is_refused(k_i: float, k_s: float, told: 
 TABLE_IU, TABLE_X = np.linspace(-1.5, 1.5, 7), np.linspace(-5e-4, 5e-4, 5)
 
 
-def table(of_k_i: Any, of_k_s: Any) -> Any:
+def table(of_k_i, of_k_s):
     iu, x = np.meshgrid(TABLE_IU, TABLE_X)
     return CORE.Table(TABLE_X[0], TABLE_X[1] - TABLE_X[0], TABLE_IU[0], TABLE_IU[1] - TABLE_IU[0],
                       of_k_i(iu, x), of_k_s(iu, x))  # fmt: skip
 
 
-def k_i_surface(iu: Any, x: Any) -> Any:
+def k_i_surface(iu, x):
     return 10 + 2 * iu - 3e3 * x + 4e3 * iu * x
 
 
-def k_s_surface(iu: Any, x: Any) -> Any:
+def k_s_surface(iu, x):
     return 7e3 - 500 * iu + 1e6 * x - 2e6 * iu * x
 
 
 @given(st.floats(-3, 3), st.floats(-1e-3, 1e-3))
-def test_a_bilinear_surface_comes_back_from_a_table_and_its_edge_is_held(
-    iu: float, x: float
-) -> None:
+def test_a_bilinear_surface_comes_back_from_a_table_and_its_edge_is_held(iu, x):
     magnet = table(k_i_surface, k_s_surface)
     at = (np.clip(iu, -1.5, 1.5), np.clip(x, -5e-4, 5e-4))
     k_i, k_s = through_origin(magnet, iu, x)
@@ -171,7 +162,7 @@ def test_a_bilinear_surface_comes_back_from_a_table_and_its_edge_is_held(
 
 
 @given(st.floats(-2, 2), st.floats(-8e-4, 8e-4))
-def test_the_tables_tangent_is_the_slope_of_its_force(iu: float, x: float) -> None:
+def test_the_tables_tangent_is_the_slope_of_its_force(iu, x):
     # Not across a node, where the slope jumps.
     assume(np.min(np.abs(TABLE_IU - iu)) > 1e-3)
     assume(np.min(np.abs(TABLE_X - x)) > 1e-6)
@@ -185,7 +176,7 @@ def test_the_tables_tangent_is_the_slope_of_its_force(iu: float, x: float) -> No
 
 @pytest.mark.parametrize("x", np.linspace(-5, 5, 11) * 2.0**-12)
 @pytest.mark.parametrize("iu", np.linspace(-2, 2, 9))
-def test_the_tables_tangent_holds_at_each_node_edge_and_beyond(iu: float, x: float) -> None:
+def test_the_tables_tangent_holds_at_each_node_edge_and_beyond(iu, x):
     """Where both sides have one slope; an edge belongs to the table, beyond it nothing changes."""
     columns, rows = np.linspace(-1.5, 1.5, 7), np.linspace(-4, 4, 5) * 2.0**-12
     grid = np.meshgrid(columns, rows)
@@ -198,14 +189,14 @@ def test_the_tables_tangent_holds_at_each_node_edge_and_beyond(iu: float, x: flo
     assert tangent(magnet, iu, x) == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_table_asked_at_no_number_answers_with_none() -> None:
+def test_a_table_asked_at_no_number_answers_with_none():
     magnet = table(k_i_surface, k_s_surface)
     for iu, x in ((np.nan, 0.0), (0.0, np.nan), (np.nan, np.nan)):
         assert np.isnan(through_origin(magnet, iu, x)).all()
     assert np.isfinite(through_origin(magnet, np.inf, -np.inf)).all()
 
 
-def test_a_table_needs_two_by_two_nodes_of_one_shape() -> None:
+def test_a_table_needs_two_by_two_nodes_of_one_shape():
     with pytest.raises(ValueError, match="at least 2 x 2"):
         CORE.Table(0, 1, 0, 1, np.ones((1, 3)), np.ones((1, 3)))
     with pytest.raises(ValueError, match="differ in shape"):
@@ -216,7 +207,7 @@ def test_a_table_needs_two_by_two_nodes_of_one_shape() -> None:
 
 
 @laws
-def test_in_single_precision_the_law_is_the_same_to_its_digits(bearing: Bearing) -> None:
+def test_in_single_precision_the_law_is_the_same_to_its_digits(bearing):
     rng = np.random.default_rng(2)
     iu = rng.uniform(bearing.current_min, bearing.current_max, 1000).astype(np.float32)
     x = (0.5 * bearing.rotor.clearance * rng.uniform(-1, 1, 1000)).astype(np.float32)
@@ -234,17 +225,17 @@ def test_in_single_precision_the_law_is_the_same_to_its_digits(bearing: Bearing)
             np.testing.assert_allclose(low, high, rtol=2e-5, atol=2e-6 * np.abs(high).max())
 
 
-def test_both_builds_live_side_by_side() -> None:
+def test_both_builds_live_side_by_side():
     """Each has types of its own, and none takes the other's."""
     single, double = core_module("float32"), core_module()
     assert single.Kalman is not double.Kalman
     assert ConstantStiffness(1, 2).in_core(single).force(np.ones(1), np.ones(1)).dtype == np.float32
     with pytest.raises(ValueError, match="'float64' or 'float32', got 'float16'"):
-        core_module("float16")  # type: ignore[arg-type]
+        core_module("float16")
 
 
 @pytest.mark.parametrize("name", presets.names())
-def test_a_current_carries_what_needs_no_more(name: str) -> None:
+def test_a_current_carries_what_needs_no_more(name):
     bearing = Bearing.preset(name)
     law = magnet_of(bearing)
     for pull in (-bearing.weight, 3.0, -0.01):

@@ -1,14 +1,9 @@
 """Many closed loops are `simulate_run` one by one, to the last bit, judged by their truth."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 import ambkit
 from ambkit import (
@@ -27,7 +22,6 @@ from ambkit.estimate.registry import KINDS
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.lanes import windows
 from ambkit.simulation.recording import Stream
-from ambkit.simulation.run import Run
 from ambkit.simulation.run_figures import FLAGS, figures_for
 
 BEARING = Bearing.preset("zittau_axial")
@@ -44,17 +38,17 @@ LOST = SCENARIO.replace(disturbance=Step(amplitude=-40.0, time=0.03))
 MEASURED = SCENARIO.replace(controller=PID.model_copy(update={"feedback": "measurement"}))
 
 
-def columns(runs: list[Planned], **options: Any) -> dict[str, NDArray[Any]]:
+def columns(runs, **options):
     return simulate_many(runs, **options).columns()
 
 
-def assert_same(got: dict[str, NDArray[Any]], expected: dict[str, NDArray[Any]]) -> None:
+def assert_same(got, expected):
     assert got.keys() == expected.keys()
     for name, values in expected.items():
         np.testing.assert_array_equal(got[name], values, err_msg=name)
 
 
-def mixture() -> list[Planned]:
+def mixture():
     """Kinds with lanes and without, plants, feedbacks, stops, parts, faults; not in groups."""
     runs = []
     quantised = BEARING.replace(sensor__quantisation="1 um")
@@ -87,28 +81,28 @@ ONE_BY_ONE = columns(MIXED, instructions="scalar", threads=1)
 
 @pytest.mark.parametrize("instructions", instruction_sets())
 @pytest.mark.parametrize("threads", [1, 3])
-def test_neither_lanes_nor_threads_change_a_bit(instructions: str, threads: int) -> None:
+def test_neither_lanes_nor_threads_change_a_bit(instructions, threads):
     assert_same(columns(MIXED, instructions=instructions, threads=threads), ONE_BY_ONE)
 
 
 @settings(max_examples=10, deadline=None)
 @given(order=st.permutations(range(len(MIXED))), cut=st.integers(0, len(MIXED)))
-def test_neither_order_nor_splitting_changes_a_bit(order: list[int], cut: int) -> None:
+def test_neither_order_nor_splitting_changes_a_bit(order, cut):
     halves = [columns([MIXED[i] for i in part]) for part in (order[:cut], order[cut:])]
     joined = {name: np.concatenate([half[name] for half in halves]) for name in ONE_BY_ONE}
     assert_same(joined, {name: values[order] for name, values in ONE_BY_ONE.items()})
 
 
-def test_runs_of_several_chunks_are_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_of_several_chunks_are_in_their_order(monkeypatch):
     monkeypatch.setattr("ambkit.simulation.many.CHUNK", 7)
     monkeypatch.setattr("ambkit.simulation.lanes.MOST_PLANS", 10)
-    told: list[int] = []
+    told = []
     many = simulate_many(iter(MIXED), done=told.append)
     assert_same(many.columns(), ONE_BY_ONE)
     assert (len(many), sum(told), max(told)) == (len(MIXED), len(MIXED), 7)
 
 
-def by_hand(run: Run) -> dict[str, float]:
+def by_hand(run):
     """The figures from the samples of a run, by NumPy."""
     record, estimate, T = run.record, run.estimate, BEARING.sampling_time
     where = windows(record["r"], record["f_d"], 1)
@@ -140,11 +134,11 @@ def by_hand(run: Run) -> dict[str, float]:
     return found
 
 
-def rms(error: NDArray[np.float64]) -> float:
+def rms(error):
     return float(np.sqrt(np.mean(error**2)))
 
 
-def test_the_figures_are_those_of_the_samples() -> None:
+def test_the_figures_are_those_of_the_samples():
     many = simulate_many(MIXED)
     for place, planned in enumerate(MIXED):
         run = planned.simulated()
@@ -159,7 +153,7 @@ def test_the_figures_are_those_of_the_samples() -> None:
                 assert count[place] == np.count_nonzero(run.estimate.status & flag)
 
 
-def test_what_a_stop_does_to_the_figures() -> None:
+def test_what_a_stop_does_to_the_figures():
     """The load of 3 N is borne; under 40 N the rotor lands, and no load was borne before."""
     runs = [Planned(BEARING, scenario, KALMAN) for scenario in (SCENARIO, LOST)]
     figures = simulate_many(runs).figures
@@ -173,7 +167,7 @@ def test_what_a_stop_does_to_the_figures() -> None:
     assert tuple(still.status) == FLAGS == tuple(flag.name.lower() for flag in Status)
 
 
-def test_where_a_step_and_a_load_can_be_judged() -> None:
+def test_where_a_step_and_a_load_can_be_judged():
     n = np.arange(400)
     r, f_d = np.where(n >= 100, 2e-4, 0.0), np.where(n >= 300, 3.0, 0.0)
     assert windows(r, f_d, 1) == (1, (100, 300, 2e-4), 300)
@@ -183,7 +177,7 @@ def test_where_a_step_and_a_load_can_be_judged() -> None:
     assert windows(r, np.where(n >= 380, 3.0, 0.0), 1) == (1, (100, 380, 2e-4), None)
 
 
-def test_a_number_stands_for_the_run_of_the_scenario() -> None:
+def test_a_number_stands_for_the_run_of_the_scenario():
     own = simulate_many([Planned(BEARING, SCENARIO.replace(run=9), KALMAN)])
     given = Planned(BEARING, SCENARIO, KALMAN, number=9)
     assert_same(simulate_many([given]).columns(), own.columns())
@@ -192,7 +186,7 @@ def test_a_number_stands_for_the_run_of_the_scenario() -> None:
     assert record.meta["run"] == 9
 
 
-def test_what_cannot_be_done_is_said() -> None:
+def test_what_cannot_be_done_is_said():
     run = Planned(BEARING, SCENARIO, KALMAN)
     with pytest.raises(ValueError, match=r"settling must be less than the 0\.08 s of a run"):
         simulate_many([run], settling=1.0)
@@ -205,7 +199,7 @@ def test_what_cannot_be_done_is_said() -> None:
         simulate_many([run, Planned(Machine.preset("tum_mlps"), Scenario(duration=0.01))])
 
 
-def test_runs_of_several_axes_are_those_of_a_run_alone() -> None:
+def test_runs_of_several_axes_are_those_of_a_run_alone():
     machine, scenario = Machine.preset("tum_mlps"), Scenario(duration=0.01, seed=2)
     kalman = KalmanFilter(machine)
     runs = [Planned(machine, scenario, kalman, number=number) for number in range(3)]
@@ -217,13 +211,13 @@ def test_runs_of_several_axes_are_those_of_a_run_alone() -> None:
     assert many.figures["displacement_peak"][2] == farthest
 
 
-def test_an_axis_given_as_a_machine_is_flown_as_the_axis() -> None:
+def test_an_axis_given_as_a_machine_is_flown_as_the_axis():
     runs = [Planned(of, SCENARIO, KALMAN) for of in (BEARING, BEARING.long)]
     for values in simulate_many(runs).figures.values():
         assert np.array_equal(values[0], values[1], equal_nan=True)
 
 
-def test_the_noise_is_normal_and_its_streams_are_apart() -> None:
+def test_the_noise_is_normal_and_its_streams_are_apart():
     """Kolmogorov-Smirnov on 10^6 numbers, tails by their count, and all correlations nil."""
     from scipy.stats import binom, kstest
 
@@ -238,7 +232,7 @@ def test_the_noise_is_normal_and_its_streams_are_apart() -> None:
     assert (Stream(1).normal(2.0, 100) == 2 * z[:100]).all()
 
 
-def test_the_normal_numbers_are_the_inverse_of_the_distribution() -> None:
+def test_the_normal_numbers_are_the_inverse_of_the_distribution():
     from scipy.special import ndtri
 
     from ambkit.machine.magnets import core_module
@@ -251,7 +245,7 @@ def test_the_normal_numbers_are_the_inverse_of_the_distribution() -> None:
     np.testing.assert_allclose(z, ndtri((bits + 0.5) / 2.0**52), rtol=1e-13)
 
 
-def test_a_record_is_filtered_to_the_same_bits_by_all_instructions() -> None:
+def test_a_record_is_filtered_to_the_same_bits_by_all_instructions():
     record = ambkit.simulate(BEARING, SCENARIO, filter=KALMAN).record
     y, u = record["y"].copy(), record["u"].copy()
     y[100:130], u[200:220] = np.nan, 50.0

@@ -10,9 +10,8 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 from export_cases import BEARING, CASES
@@ -21,7 +20,7 @@ from machine_cases import machine
 from ambkit import PID, Scenario
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import export_c
 from ambkit.simulation.waveforms import Ramp
 
 BIN = Path(sys.executable).parent
@@ -51,7 +50,7 @@ class Finding(NamedTuple):
     line: int
 
 
-def findings(folder: Path, *words: str) -> set[Finding]:
+def findings(folder, *words):
     """Return what cppcheck has to say, suppressed or not."""
     command = [str(BIN / "cppcheck"), "--addon=misra", "--std=c99", "--enable=style", "--quiet",
                "--template={id} {file} {line}", "--template-location=", *words]  # fmt: skip
@@ -62,14 +61,14 @@ def findings(folder: Path, *words: str) -> set[Finding]:
 
 
 @pytest.fixture(scope="module", params=CHECKED, ids="-".join)
-def case(request, exported: Callable[..., CExport]) -> tuple[CExport, set[Finding]]:
+def case(request, exported):
     made = exported(*request.param)
     define, includes, files = command_of(made)
     expanded = [str(p.relative_to(made.folder)) for f in files for p in made.folder.glob(f)]
     return made, findings(made.folder, define, *includes, *sorted(expanded))
 
 
-def command_of(made: CExport) -> tuple[str, list[str], list[str]]:
+def command_of(made):
     """Return define, include folders and files of the command that misra.txt prints."""
     words = command_line(made).split()
     (define,) = [word for word in words if word.startswith("-D")]
@@ -77,16 +76,16 @@ def command_of(made: CExport) -> tuple[str, list[str], list[str]]:
     return define, includes, [word for word in words if word.endswith(".c")]
 
 
-def command_line(made: CExport) -> str:
+def command_line(made):
     text = (made.folder / "misra.txt").read_text()
     (command,) = re.findall(r"^#   (cppcheck .*?[^\\])\n#\n", text, re.MULTILINE | re.DOTALL)
     return command.replace("\\\n#", "")
 
 
 @functools.cache
-def deviations(misra: Path) -> dict[tuple[str, str], str]:
+def deviations(misra):
     """Return the reason of each deviation, by rule and file ("" for all files)."""
-    found: dict[tuple[str, str], str] = {}
+    found = {}
     for paragraph in misra.read_text().split("\n\n"):
         lines = paragraph.strip().splitlines()
         reason = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
@@ -98,20 +97,18 @@ def deviations(misra: Path) -> dict[tuple[str, str], str]:
     return found
 
 
-def explained(finding: Finding, misra: Path) -> bool:
+def explained(finding, misra):
     return bool({(finding.rule, ""), (finding.rule, finding.file)} & set(deviations(misra)))
 
 
-def test_nothing_is_found_that_is_not_explained(case: tuple[CExport, set[Finding]]) -> None:
+def test_nothing_is_found_that_is_not_explained(case):
     made, found = case
     assert found, "cppcheck has looked at nothing"
     assert [f for f in found if not explained(f, made.folder / "misra.txt")] == []
 
 
-def test_those_left_out_have_no_file_of_the_core_that_others_lack(
-    exported: Callable[..., CExport],
-) -> None:
-    def of_core(case: tuple[str, str]) -> set[str]:
+def test_those_left_out_have_no_file_of_the_core_that_others_lack(exported):
+    def of_core(case):
         return {file for file in exported(*case).sources if file.startswith("core/")}
 
     others = [of_core(case) for case in CASES if case not in CONTAINED]
@@ -119,7 +116,7 @@ def test_those_left_out_have_no_file_of_the_core_that_others_lack(
         assert any(of_core(case) <= other for other in others), case
 
 
-def test_each_deviation_occurs_and_has_its_reason(case: tuple[CExport, set[Finding]]) -> None:
+def test_each_deviation_occurs_and_has_its_reason(case):
     made, found = case
     occurring = {(f.rule, file) for f in found for file in ("", f.file)}
     for deviation, reason in deviations(made.folder / "misra.txt").items():
@@ -128,7 +125,7 @@ def test_each_deviation_occurs_and_has_its_reason(case: tuple[CExport, set[Findi
         assert len(reason) > 40, f"{deviation} has no reason"
 
 
-def unexplained(made: CExport) -> list[Finding | str]:
+def unexplained(made):
     """Return what is found and not in misra.txt, and what is there and nowhere found."""
     define, includes, files = command_of(made)
     expanded = sorted(str(p.relative_to(made.folder)) for f in files for p in made.folder.glob(f))
@@ -140,7 +137,7 @@ def unexplained(made: CExport) -> list[Finding | str]:
 
 
 @pytest.mark.parametrize("calibrated", [False, True])
-def test_a_whole_controller_keeps_the_rules_too(calibrated: bool, tmp_path: Path) -> None:
+def test_a_whole_controller_keeps_the_rules_too(calibrated, tmp_path):
     scenario = Scenario(duration=0.1, controller=PID.for_bearing(BEARING))
     made = export_c(
         BEARING, None, tmp_path / "out", prefix="rig", scenario=scenario, calibrated=calibrated,
@@ -149,7 +146,7 @@ def test_a_whole_controller_keeps_the_rules_too(calibrated: bool, tmp_path: Path
     assert unexplained(made) == []
 
 
-MACHINES: dict[str, dict[str, Any]] = {
+MACHINES = {
     "filter": {"kind": "augmented"},
     "controllers": {"scenario": Scenario(feedback="estimate", control=Control(type="lqg"))},
     "lift-off and run-up": {
@@ -160,13 +157,13 @@ MACHINES: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("of", MACHINES)
-def test_a_machine_keeps_the_rules_too(of: str, tmp_path: Path) -> None:
+def test_a_machine_keeps_the_rules_too(of, tmp_path):
     made = export_c(machine(), None, tmp_path / "out", prefix="rig", **MACHINES[of])
     assert "core/src/loops.c" in made.sources
     assert unexplained(made) == []
 
 
-def test_the_command_in_misra_txt_finds_nothing(exported: Callable[..., CExport]) -> None:
+def test_the_command_in_misra_txt_finds_nothing(exported):
     made = exported("adaptive")
     done = subprocess.run(
         ["bash", "-c", command_line(made)],
@@ -178,7 +175,7 @@ def test_the_command_in_misra_txt_finds_nothing(exported: Callable[..., CExport]
     assert len(files) == len(made.sources)
 
 
-def test_the_check_bites() -> None:
+def test_the_check_bites():
     """Each rule that a line of the file names is found there, and nothing else is."""
     expected = {
         Finding(f"misra-c2012-{rule}", MUST_FAIL.name, number)

@@ -6,17 +6,15 @@ import math
 import pickle
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import Any
 
 import numpy as np
 import pytest
 from filter_cases import BEARING
 from model_cases import Axis, machine
 from model_oracles import random_model, random_settings
-from numpy.typing import NDArray
 
 from ambkit.models import NUMBER, ONE, ZERO, compose, machine_model
-from ambkit.models.declaration import UNIT, Part, Plan
+from ambkit.models.declaration import UNIT, Plan
 from ambkit.models.model import compressed_rows
 from ambkit.models.parts import (
     PARTS,
@@ -29,12 +27,10 @@ from ambkit.models.parts import (
 )
 from ambkit.models.sampling import Sampling
 
-Array = NDArray[np.float64]
-
 # ---- patterns ----
 
 
-def test_the_pattern_is_of_the_kind_not_of_the_numbers() -> None:
+def test_the_pattern_is_of_the_kind_not_of_the_numbers():
     keys = {Axis(m=m, K_sen=K, lag=lag).model().pattern_key()
             for m, K, lag in ((0.5, 1.0, 1e-4), (30.0, -2.0, 1e-9), (1.0, 1.0, 1e3))}  # fmt: skip
     assert len(keys) == 1
@@ -47,7 +43,7 @@ def test_the_pattern_is_of_the_kind_not_of_the_numbers() -> None:
     assert len({case.model().pattern_key() for case in kinds}) == len(kinds)
 
 
-def test_the_paper_s_axis_has_the_paper_s_pattern() -> None:
+def test_the_paper_s_axis_has_the_paper_s_pattern():
     pattern = machine_model(BEARING).pattern
     known = {
         "L": [[1, 2, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [2, 2, 0, 2]],
@@ -60,7 +56,7 @@ def test_the_paper_s_axis_has_the_paper_s_pattern() -> None:
         np.testing.assert_array_equal(pattern[name], kinds, name)
 
 
-def test_compressed_rows_hold_the_whole_pattern() -> None:
+def test_compressed_rows_hold_the_whole_pattern():
     for model in (machine_model(BEARING), random_model(3, 12, 2, 3)):
         for name in ("L", "b", "h", "c", "d"):
             start, column, value = compressed_rows(
@@ -75,7 +71,7 @@ def test_compressed_rows_hold_the_whole_pattern() -> None:
             np.testing.assert_array_equal(kinds, model.pattern[name] != ZERO)
 
 
-def test_what_a_pattern_says_the_numbers_hold_to() -> None:
+def test_what_a_pattern_says_the_numbers_hold_to():
     model = machine_model(BEARING)
     with pytest.raises(ValueError, match="r has other numbers where its pattern says 0 or 1"):
         replace(model, r=2 * model.r)
@@ -95,7 +91,7 @@ def test_what_a_pattern_says_the_numbers_hold_to() -> None:
 @pytest.mark.parametrize("case", [
     Axis(), Axis(bandwidth=2000.0), Axis(delay=2.7e-4), Axis(delay=1.5e-4, bandwidth=500.0),
 ], ids=repr)  # fmt: skip
-def test_at_rest_nothing_moves(case: Axis) -> None:
+def test_at_rest_nothing_moves(case):
     """The same current demanded for long, forces in balance, the rotor somewhere."""
     model = case.model()
     free = {"x": 3e-4, "f_d": 2.0} | {"u_1": 0.7} | ({"i": 0.7} if not case.delay else {})
@@ -111,7 +107,7 @@ def test_at_rest_nothing_moves(case: Axis) -> None:
 # ---- from a bearing ----
 
 
-def test_a_bearing_s_keys_bring_their_parts() -> None:
+def test_a_bearing_s_keys_bring_their_parts():
     lines = [{"frequency": at, "amplitude": 5e-6, "bandwidth": 0.5} for at in (50.0, 150.0)]
     model = machine_model(BEARING.replace(
         delay=1.5e-4, amplifier__bandwidth=2000.0, sensor__lag=2e-4, sensor__hum=lines,
@@ -132,16 +128,16 @@ class Mount:
     rate: float
 
     @classmethod
-    def of(cls, machine: Any, sizes: Any) -> list[Mount]:
+    def of(cls, machine, sizes):
         return [cls(3.0)]
 
-    def declare(self, plan: Plan) -> None:
+    def declare(self, plan):
         plan.state("creep", "m", 1e-6, "noise")
         plan.rate("creep", "creep", -self.rate)
         plan.add_to_reading("y", {"creep": UNIT})
 
 
-def test_a_new_part_is_one_class_and_its_registration(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_part_is_one_class_and_its_registration(monkeypatch):
     # The package has a function of the module's name.
     parts = import_module("ambkit.models.machine_parts")
     monkeypatch.setattr(parts, "PARTS", (*PARTS, Mount))
@@ -161,12 +157,12 @@ def test_a_new_part_is_one_class_and_its_registration(monkeypatch: pytest.Monkey
     ([Rotor(1.0, 1.0, 1.0), Delay(1.0, 1.0)], "no amplifier has the demanded current u"),
     ([Rotor({(0, 0): 0.0}, 1.0, 1.0)], "mass must be symmetric and positive definite"),
 ])  # fmt: skip
-def test_parts_that_do_not_fit_are_refused(parts: list[Part], message: str) -> None:
+def test_parts_that_do_not_fit_are_refused(parts, message):
     with pytest.raises(ValueError, match=message):
         compose(parts, 1e-3)
 
 
-def test_a_model_that_was_composed_before_is_kept_and_no_other_one() -> None:
+def test_a_model_that_was_composed_before_is_kept_and_no_other_one():
     one = [Rotor(1.0, 1.0, 1.0), MagnetPlace(1.0), Sensor(1.0, 1.0, 1e-4)]
     assert compose(one, 1e-3) is compose([replace(part) for part in one], 1e-3)
     assert compose(one, 1e-3, name="other").name == "other"
@@ -177,7 +173,7 @@ def test_a_model_that_was_composed_before_is_kept_and_no_other_one() -> None:
     ), "a one by structure is still one"
 
 
-def _plan(parts: list[Part]) -> Plan:
+def _plan(parts):
     plan = Plan(1e-3)
     for part in parts:
         plan.add(part)
@@ -188,8 +184,8 @@ def _plan(parts: list[Part]) -> Plan:
 
 
 @pytest.mark.parametrize(("n", "p", "m"), [(2, 1, 1), (5, 1, 2), (16, 4, 4), (40, 8, 10)])
-def test_random_models_are_stable_and_of_all_kinds(n: int, p: int, m: int) -> None:
-    seen: dict[str, set[int]] = {}
+def test_random_models_are_stable_and_of_all_kinds(n, p, m):
+    seen = {}
     for seed in range(20):
         model = random_model(seed, n, p, m)
         s = random_settings(model, seed)

@@ -1,20 +1,15 @@
 """Straight-line C from a pattern: the bits of naive loops, and the text of the paper's axis."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from filter_cases import BEARING
 from model_oracles import (
-    Array,
     Loops,
     Settings,
     added,
@@ -23,7 +18,7 @@ from model_oracles import (
     random_state,
 )
 
-from ambkit.models import Model, compose, emit, machine_model
+from ambkit.models import compose, emit, machine_model
 from ambkit.models.emit import steps
 from ambkit.models.emit.covariance import predict_covariance
 from ambkit.models.machine_parts import PAPER_CONSTANTS
@@ -49,7 +44,7 @@ double = ctypes.c_double
 class Compiled:
     """The functions of a model's header, on arrays."""
 
-    def __init__(self, model: Model, folder: Path, naming: emit.Naming | None = None) -> None:
+    def __init__(self, model, folder, naming=None):
         names = emit.Names(model, naming)
         self.names, self.n, self.size = names, names.n, len(names.pairs)
         (folder / "generated").mkdir()
@@ -67,7 +62,7 @@ class Compiled:
         subprocess.run(command, check=True, cwd=folder)
         self.library = ctypes.CDLL(str(library))
 
-    def source(self, model: Model) -> str:
+    def source(self, model):
         """Functions with a symbol of their own, and those of one force for all of them."""
         p, m = self.names.p, self.names.m
         call = {
@@ -108,7 +103,7 @@ class Compiled:
         filled = f"static const amb_model model = {emit.initialiser(self.names, model)};\n"
         return f'#include "ambkit/model.h"\n{filled}{functions}'
 
-    def call(self, function: str, *arguments: Any) -> None:
+    def call(self, function, *arguments):
         """Arrays are given as they are, and changed in place."""
         given = [
             double(at) if isinstance(at, float) else at.ctypes.data_as(ctypes.POINTER(double))
@@ -116,16 +111,16 @@ class Compiled:
         ]
         self.library[function](*given)
 
-    def triangle(self, P: Array) -> Array:
+    def triangle(self, P):
         return np.ascontiguousarray(P[np.triu_indices(self.n)])
 
-    def square(self, cov: Array) -> Array:
+    def square(self, cov):
         P = np.zeros((self.n, self.n))
         P[np.triu_indices(self.n)] = cov
         return np.triu(P) + np.triu(P, 1).T
 
 
-def same_bits(model: Model, s: Settings, folder: Path, naming: emit.Naming | None = None) -> None:
+def same_bits(model, s, folder, naming=None):
     """A few whole samples: displacement, current, prediction, all updates."""
     code, loops, rng = Compiled(model, folder, naming), Loops(model), np.random.default_rng(1)
     X, P = random_state(model, 2)
@@ -161,7 +156,7 @@ def same_bits(model: Model, s: Settings, folder: Path, naming: emit.Naming | Non
     assert np.linalg.eigvalsh(P / np.outer(size, size)).min() > 0
 
 
-def _same_shown(code: Compiled, loops: Loops, X: Array, P: Array) -> None:
+def _same_shown(code, loops, X, P):
     """What all sensors show of a state, its variance, and its covariance with the states."""
     m = len(loops.rows["c"])
     shown, variance, with_y = np.zeros(m), np.zeros(m), np.zeros((m, code.n))
@@ -175,7 +170,7 @@ def _same_shown(code: Compiled, loops: Loops, X: Array, P: Array) -> None:
         assert shown[r] == added(c * float(X[j]) for j, c in row)
 
 
-def _same_structure(code: Compiled, model: Model, X: Array) -> None:
+def _same_structure(code, model, X):
     """What forces move, what each state is, and what sensors show at rest."""
     moved, roles, rest = np.zeros((len(model.forces), code.n)), np.zeros(code.n), X.copy()
     code.call("pushed", moved)
@@ -189,14 +184,14 @@ def _same_structure(code: Compiled, model: Model, X: Array) -> None:
 
 
 @compiled
-def test_the_axis_s_code_has_the_bits_of_the_loops(tmp_path: Path) -> None:
+def test_the_axis_s_code_has_the_bits_of_the_loops(tmp_path):
     model = machine_model(BEARING)
     s = Settings(*(np.array([at]) for at in (10.05, 7537.5, 1.0, 8e-5, 1e-3, 8.3e-11)))
     same_bits(model, s, tmp_path, PAPER_CONSTANTS)
 
 
 @compiled
-def test_an_axis_of_all_parts_has_the_bits_of_the_loops(tmp_path: Path) -> None:
+def test_an_axis_of_all_parts_has_the_bits_of_the_loops(tmp_path):
     """Names of states beside names of arguments: the amplifier's current is i."""
     model = compose([
         Rotor(0.5, 1e-3, 0.1), MagnetPlace(10.0), Disturbance(10.0, 0.01), Sensor(0.8, None, 1e-3),
@@ -216,9 +211,7 @@ SMALL = [(2, 1, 1, 4), (5, 1, 2, 4), (8, 2, 2, 3), (11, 3, 1, 2), (16, 4, 4, 2)]
     *((*size, controlled) for size in SMALL for controlled in (False, True)),
     pytest.param(40, 8, 10, 1, True, marks=pytest.mark.long),
 ])  # fmt: skip
-def test_random_patterns_have_the_bits_of_the_loops(
-    n: int, p: int, m: int, seeds: int, controlled: bool, tmp_path: Path
-) -> None:
+def test_random_patterns_have_the_bits_of_the_loops(n, p, m, seeds, controlled, tmp_path):
     for seed in range(seeds):
         folder = tmp_path / str(seed)
         folder.mkdir()
@@ -227,7 +220,7 @@ def test_random_patterns_have_the_bits_of_the_loops(
 
 
 @pytest.mark.parametrize(("n", "p", "m"), [(4, 1, 1), (9, 3, 4)])
-def test_the_loops_are_the_textbook_s_filter(n: int, p: int, m: int) -> None:
+def test_the_loops_are_the_textbook_s_filter(n, p, m):
     """A P A' + Q and P - K S K', in full matrices."""
     for seed in range(10):
         model = random_model(seed, n, p, m)
@@ -245,16 +238,16 @@ def test_the_loops_are_the_textbook_s_filter(n: int, p: int, m: int) -> None:
             np.testing.assert_allclose(new, P - S * np.outer(K, K), atol=1e-12)
 
 
-FUNCTIONS: list[Callable[[emit.Names], str]] = [
+FUNCTIONS = [
     steps.displacement, steps.predict_mean, predict_covariance, steps.update,
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("function", FUNCTIONS)
-def test_the_paper_s_axis_has_the_text_that_flies(function: Callable[[emit.Names], str]) -> None:
+def test_the_paper_s_axis_has_the_text_that_flies(function):
     """Each statement of the header in core/generated."""
 
-    def code(text: str) -> str:
+    def code(text):
         return re.sub(r"\s+", " ", re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))
 
     flies = code((ROOT / "core" / "generated" / "axial.h").read_text())
@@ -263,14 +256,14 @@ def test_the_paper_s_axis_has_the_text_that_flies(function: Callable[[emit.Names
     assert text in flies
 
 
-def test_a_one_by_structure_costs_no_product() -> None:
+def test_a_one_by_structure_costs_no_product():
     names = emit.Names(machine_model(BEARING), PAPER_CONSTANTS)
     assert list(names.constants.values())[:4] == ["T", "T_2", "T_m", "T2_2m"]
     assert "AMB_C(1.0) *" not in emit.header(names, "x")
     assert "mean[2] =" not in steps.predict_mean(names)  # f_d stays what it is
 
 
-def test_numbers_are_those_of_a_model_of_the_pattern() -> None:
+def test_numbers_are_those_of_a_model_of_the_pattern():
     names = emit.Names(machine_model(BEARING), PAPER_CONSTANTS)
     lighter = machine_model(BEARING.replace(rotor__mass="0.5 kg"))
     found = emit.constants(names, lighter)

@@ -1,7 +1,5 @@
 """Sampled models are exact: against integration, quadrature and closed forms."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -10,7 +8,6 @@ from filter_cases import SETTINGS, made
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from model_cases import Axis, machine
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -25,11 +22,10 @@ from ambkit.models.parts import (
     Sensor,
 )
 
-Array = NDArray[np.float64]
 QUICK = settings(max_examples=25, deadline=None, phases=set(Phase) - {Phase.shrink, Phase.explain})
 
 
-def agrees(case: Axis, seed: int) -> None:
+def agrees(case, seed):
     """The model's X+, mean current and mean displacement against integration."""
     model, rng = case.model(), np.random.default_rng(seed)
     size = np.array([at.size for at in model.states])
@@ -57,14 +53,14 @@ def agrees(case: Axis, seed: int) -> None:
     Axis(hum=(50.0, 0.5)),
     Axis(hum=(3000.0, 0.0)),
 ], ids=repr)  # fmt: skip
-def test_each_part_is_sampled_exactly(case: Axis) -> None:
+def test_each_part_is_sampled_exactly(case):
     for seed in range(3):
         agrees(case, seed)
 
 
 @pytest.mark.parametrize("samples", [0.0, 0.3, 1.0, 1.5, 2.0, 2.7])
 @pytest.mark.parametrize("bandwidth", [None, 2000.0])
-def test_any_delay_is_sampled_exactly(samples: float, bandwidth: float | None) -> None:
+def test_any_delay_is_sampled_exactly(samples, bandwidth):
     for seed in range(3):
         agrees(Axis(delay=samples * 1e-4, bandwidth=bandwidth), seed)
 
@@ -76,10 +72,7 @@ def test_any_delay_is_sampled_exactly(samples: float, bandwidth: float | None) -
     coloured=st.none() | st.floats(-3, 0.5), hum=st.none() | st.floats(-3, 0.5),
     seed=st.integers(0, 99),
 )  # fmt: skip
-def test_all_combinations_are_sampled_exactly(
-    T: float, m: float, lag: float | None, bandwidth: float | None, delay: float,
-    coloured: float | None, hum: float | None, seed: int,
-) -> None:  # fmt: skip
+def test_all_combinations_are_sampled_exactly(T, m, lag, bandwidth, delay, coloured, hum, seed):
     """Lag, bandwidth and frequencies as powers of ten of the sample's length and rate."""
     T = 10**T
     agrees(Axis(
@@ -97,9 +90,7 @@ def test_all_combinations_are_sampled_exactly(
 @given(
     T=st.floats(-5, -2), m=st.floats(-2, 2), lag=st.floats(-3, 3), gain=st.floats(-2, 2),
 )  # fmt: skip
-def test_the_paper_s_axis_has_the_core_s_numbers(
-    T: float, m: float, lag: float, gain: float
-) -> None:
+def test_the_paper_s_axis_has_the_core_s_numbers(T, m, lag, gain):
     """T_sen/T from 1/1000 to 1000: to 1e-12, what the sensor makes of noise to 1e-3."""
     s = {"T": 10**T, "m": 10**m, "T_sen": 10**T * 10**lag, "K_sen": 10**gain}
     core = core_module()
@@ -119,7 +110,7 @@ def test_the_paper_s_axis_has_the_core_s_numbers(
     assert set(known) == {*PAPER_CONSTANTS.values(), "K_sen"}
 
 
-def test_as_printed_is_the_paper_s_axis_only() -> None:
+def test_as_printed_is_the_paper_s_axis_only():
     with pytest.raises(ValueError, match="as printed there are the states x, v, f_d and x_m"):
         printed(Axis(bandwidth=2000.0).model())
 
@@ -127,7 +118,7 @@ def test_as_printed_is_the_paper_s_axis_only() -> None:
 # ---- noise ----
 
 
-def test_the_noise_of_a_random_walk_is_that_of_a_quadrature() -> None:
+def test_the_noise_of_a_random_walk_is_that_of_a_quadrature():
     """With the magnet's place driven by the walk, through rotor and lag."""
     for lag in (1e-7, 1e-5, 2e-4, 1e-1):
         case = Axis(lag=lag)
@@ -139,7 +130,7 @@ def test_the_noise_of_a_random_walk_is_that_of_a_quadrature() -> None:
         np.testing.assert_allclose(case.model().N[0], N, rtol=1e-8)
 
 
-def test_stationary_noise_stays_as_large_as_it_is() -> None:
+def test_stationary_noise_stays_as_large_as_it_is():
     """1 - exp(-2 decay T) is added to what is left of a variance of 1; also with a slow decay."""
     for scale in (1e-6, 1.0, 30.0):
         case = Axis(coloured=200.0 * scale, hum=(50.0, 0.5 * scale))
@@ -160,7 +151,7 @@ def test_stationary_noise_stays_as_large_as_it_is() -> None:
 # ---- several coordinates ----
 
 
-def test_a_rotor_of_two_planes_is_sampled_exactly() -> None:
+def test_a_rotor_of_two_planes_is_sampled_exactly():
     """Gyroscopics, damping, stiffness, forces on both planes, a disturbance away from magnets."""
     T, model = 1e-4, compose(machine(), 1e-4)
     M, D = np.array([[2.0, 0.1], [0.1, 0.5]]), np.diag([3.0, 0.0])
@@ -173,7 +164,7 @@ def test_a_rotor_of_two_planes_is_sampled_exactly() -> None:
     start = X[[model.index(name) for name in names]]
     held = F + [X[model.index("f_d0")], 0.0] + P[1] * X[model.index("f_d1")]
 
-    def slope(_: float, z: Array) -> Array:
+    def slope(_, z):
         q, v, x_m = z[:2], z[2:4], z[4:]
         pushed = np.linalg.solve(M, held - (D + 900.0 * G) @ v - K @ q)
         return np.concatenate([v, pushed, ([0.9, 1.0] * (P @ q) - x_m) / [1e-4, 2e-4]])
@@ -185,7 +176,7 @@ def test_a_rotor_of_two_planes_is_sampled_exactly() -> None:
     assert (model.L[:, model.index("f_d1")] != 0).sum() > 4
 
 
-def test_its_noise_is_that_of_a_quadrature() -> None:
+def test_its_noise_is_that_of_a_quadrature():
     """Both disturbances, one at a magnet's place, one between them; seen by both sensors."""
     T, model = 1e-4, compose(machine(), 1e-4)
     inverse = np.linalg.inv([[2.0, 0.1], [0.1, 0.5]])
@@ -211,7 +202,7 @@ def test_its_noise_is_that_of_a_quadrature() -> None:
         assert np.count_nonzero(model.N[k]) == np.count_nonzero(N)
 
 
-def test_the_mean_displacement_is_the_free_rotor_s() -> None:
+def test_the_mean_displacement_is_the_free_rotor_s():
     T, model = 1e-4, compose(machine(), 1e-4)
     M, D = np.array([[2.0, 0.1], [0.1, 0.5]]), np.diag([3.0, 0.0])
     G, K = np.array([[0, 0.2], [-0.2, 0]]), np.diag([4e4, 0.0])
@@ -225,7 +216,7 @@ def test_the_mean_displacement_is_the_free_rotor_s() -> None:
     assert (model.pattern["h"][:, others] == ZERO).all()
 
 
-def test_metres_and_micrometres_give_the_same() -> None:
+def test_metres_and_micrometres_give_the_same():
     one, other = compose(machine(), 1e-4), compose(machine(metre=1e6), 1e-4)
     unit = np.array([1e6 if at.unit in ("m", "m/s") else 1.0 for at in one.states])
     np.testing.assert_allclose(other.L, one.L * unit[:, None] / unit, rtol=1e-12)

@@ -1,12 +1,8 @@
 """What self-tests of machines do not see is known, with its reason: mutants, and lines."""
 
-from __future__ import annotations
-
 import random
 import shutil
-from collections.abc import Iterator
 from functools import cache
-from typing import Any
 
 import mutants
 import numpy as np
@@ -26,9 +22,9 @@ pytestmark = [
 ]
 
 KNOWN = unseen.lists(True, True, False)
-LIFTING: dict[str, Any] = {"start": "landed", "sequence": LiftOff()}
+LIFTING = {"start": "landed", "sequence": LiftOff()}
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
-FLOWN: dict[str, tuple[str, Scenario | None]] = {
+FLOWN = {
     "pid": ("tum_mlps", Scenario(feedback="estimate", control=CROSSED, **LIFTING)),
     "lqg": ("tum_mlps", Scenario(feedback="estimate", control=Control(type="lqg"), **LIFTING)),
     "measured": ("tum_mlps", Scenario(**LIFTING)),
@@ -40,11 +36,11 @@ SAMPLE = 60
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    made: dict[str, mutants.Bench] = {}
+def bench(tmp_path_factory):
+    made = {}
 
     @cache
-    def of(name: str) -> mutants.Bench:
+    def of(name):
         preset, flight = FLOWN[name]
         machine = gained(preset)
         to = tmp_path_factory.mktemp(name) / "c"
@@ -58,7 +54,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
         each.close()
 
 
-def test_operators_that_became_others_are_seen(bench: Any) -> None:
+def test_operators_that_became_others_are_seen(bench):
     """A sample of what runs in the first machine, the core's by the others too."""
     first = bench("pid")
     never = first.never_run()
@@ -69,14 +65,14 @@ def test_operators_that_became_others_are_seen(bench: Any) -> None:
     assert [str(m) for m in alive if not first.is_the_same(m)] == []
 
 
-def seen_by_none(bench: Any, mutant: mutants.Mutant) -> bool:
+def seen_by_none(bench, mutant):
     names = list(FLOWN) if mutant.file.startswith("core/") else ["pid"]
     return all(
         mutant.file not in bench(name).flying() or bench(name).judge(mutant).exact for name in names
     )
 
 
-def test_the_supervisor_is_seen_whole(bench: Any) -> None:
+def test_the_supervisor_is_seen_whole(bench):
     first = bench("pid")
     of = [m for m in first.operators() if mutants.function_of(first, m) == "supervise"]
     assert len(of) > 20
@@ -85,10 +81,9 @@ def test_the_supervisor_is_seen_whole(bench: Any) -> None:
     assert [str(m) for m in alive if not first.is_the_same(m)] == []
 
 
-def has(name: str, data: str) -> unseen.Has:
+def has(name, data):
     """What decides which lines run, of the estimator, the flight and the text of the data file."""
     preset, flight = FLOWN[name]
-    assert flight is not None
     machine = gained(preset)
     flight, kalman = settled_scenario(machine, flight), KalmanFilter(machine, precision="float32")
     known = kalman.core.parameters["set"]
@@ -103,7 +98,7 @@ def has(name: str, data: str) -> unseen.Has:
 
 
 @pytest.mark.parametrize("name", ["pid", "lqg", "measured"])  # of rotors that do not bend
-def test_what_does_not_run_is_known(name: str, bench: Any) -> None:
+def test_what_does_not_run_is_known(name, bench):
     """Each line with an operator that never runs is listed with its reason."""
     one = bench(name)
     entries = unseen.not_run(has(name, one.text("f_data.c")))
@@ -121,7 +116,7 @@ def test_what_does_not_run_is_known(name: str, bench: Any) -> None:
     assert left == []
 
 
-def test_what_is_explained_stands_in_the_sources(bench: Any) -> None:
+def test_what_is_explained_stands_in_the_sources(bench):
     """What explains nothing any more hides nothing."""
     texts = {file: bench("pid").text(file) for file in bench("pid").flying()}
     gone = [

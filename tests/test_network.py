@@ -1,9 +1,5 @@
 """The fuzzy basis function network of the core against eq. 32-33 written plainly."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -19,8 +15,8 @@ CORE = core_module()
 class Network:
     """A random network, as the core has it and as the oracle has it."""
 
-    def __init__(self, rules: int, seed: int, *, normalised: bool, narrow: float = 1.0,
-                 precision: Any = "float64") -> None:  # fmt: skip
+    def __init__(self, rules, seed, *, normalised, narrow=1.0,
+                 precision="float64"):  # fmt: skip
         rng = np.random.default_rng(seed)
         self.normalised = normalised
         self.scale = np.array([1.0, 1e3])
@@ -35,7 +31,7 @@ class Network:
             *self.scale, *self.box.ravel(), self.normalised,
         )  # fmt: skip
 
-    def expected(self, iu: float, x: float) -> tuple[float, ...]:
+    def expected(self, iu, x):
         held = np.clip([iu, x], self.box[:, 0], self.box[:, 1]) * self.scale
         return tuple(
             network_output(held, self.centres, s, w, normalised=self.normalised)
@@ -50,13 +46,13 @@ networks = st.builds(
 
 
 @given(networks, *inputs)
-def test_the_network_is_eq_32_and_33(net: Network, iu: float, x: float) -> None:
+def test_the_network_is_eq_32_and_33(net, iu, x):
     """Inside its box, and outside as at the nearest point of it."""
     assert through_origin(net.core, iu, x) == pytest.approx(net.expected(iu, x), rel=1e-12)
 
 
 @given(networks, *inputs)
-def test_the_networks_tangent_is_the_slope_of_its_force(net: Network, iu: float, x: float) -> None:
+def test_the_networks_tangent_is_the_slope_of_its_force(net, iu, x):
     assume(np.min(np.abs(net.box[0] - iu)) > 1e-4)
     assume(np.min(np.abs(net.box[1] - x)) > 1e-7)
     scale = np.abs(net.weights).max(axis=1)
@@ -65,7 +61,7 @@ def test_the_networks_tangent_is_the_slope_of_its_force(net: Network, iu: float,
 
 
 @given(networks, *inputs)
-def test_the_basis_functions_make_the_output(net: Network, iu: float, x: float) -> None:
+def test_the_basis_functions_make_the_output(net, iu, x):
     at = np.array([iu]), np.array([x])
     for of_k_s, weights in enumerate(net.weights):
         basis = net.core.basis(bool(of_k_s), *at)
@@ -79,7 +75,7 @@ def test_the_basis_functions_make_the_output(net: Network, iu: float, x: float) 
 
 @settings(max_examples=30)
 @given(st.integers(0, 999), *inputs)
-def test_far_from_every_rule_the_nearest_one_decides(seed: int, iu: float, x: float) -> None:
+def test_far_from_every_rule_the_nearest_one_decides(seed, iu, x):
     """Rules as narrow as Table 6 prints some: every membership vanishes in between."""
     net = Network(25, seed, normalised=True, narrow=1e-4)
     held = np.clip([iu, x], net.box[:, 0], net.box[:, 1]) * net.scale
@@ -97,14 +93,14 @@ def test_far_from_every_rule_the_nearest_one_decides(seed: int, iu: float, x: fl
 
 
 @pytest.mark.parametrize("normalised", [True, False])
-def test_the_tangent_is_finite_far_from_every_rule(normalised: bool) -> None:
+def test_the_tangent_is_finite_far_from_every_rule(normalised):
     net = Network(25, 0, normalised=normalised, narrow=1e-4)
     grid = np.meshgrid(np.linspace(-1.5, 1.5, 31), np.linspace(-5e-4, 5e-4, 31))
     for part in net.core.tangent(*(g.ravel() for g in grid)):
         assert np.isfinite(part).all()
 
 
-def test_a_network_has_1_to_64_rules_and_arrays_of_one_length() -> None:
+def test_a_network_has_1_to_64_rules_and_arrays_of_one_length():
     with pytest.raises(ValueError, match="1 to 64 rules, got 65"):
         Network(65, 0, normalised=True)
     with pytest.raises(ValueError, match="1 to 64 rules, got 0"):
@@ -115,7 +111,7 @@ def test_a_network_has_1_to_64_rules_and_arrays_of_one_length() -> None:
 
 
 @pytest.mark.parametrize("normalised", [True, False])
-def test_in_single_precision_the_network_is_the_same_to_its_digits(normalised: bool) -> None:
+def test_in_single_precision_the_network_is_the_same_to_its_digits(normalised):
     rng = np.random.default_rng(3)
     iu = rng.uniform(-1.8, 1.8, 1000).astype(np.float32)
     x = rng.uniform(-6e-4, 6e-4, 1000).astype(np.float32)

@@ -1,7 +1,5 @@
 """Sensor noise that depends on the position: simulated, filtered, identified."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -15,7 +13,7 @@ RISE = -700.0  # 1/m
 BEARING = Bearing.preset("zittau_axial").replace(sensor__position_noise=RISE)
 
 
-def test_it_goes_with_a_bearing_through_its_file() -> None:
+def test_it_goes_with_a_bearing_through_its_file():
     again = Bearing.from_toml(BEARING.to_toml())
     assert again.sensor.position_noise == RISE
     assert "position_noise" not in Bearing.preset("zittau_axial").to_toml()
@@ -23,7 +21,7 @@ def test_it_goes_with_a_bearing_through_its_file() -> None:
 
 @pytest.mark.parametrize("kind", ["linear", "extended", "ud", "unscented"])
 @pytest.mark.parametrize("at", [0.6e-3, -0.6e-3, -0.99e-3])
-def test_a_filter_expects_the_noise_of_where_the_rotor_is(kind: str, at: float) -> None:
+def test_a_filter_expects_the_noise_of_where_the_rotor_is(kind, at):
     """S is that of a sensor of this variance everywhere, at one place."""
     std = [1e-5, 1e-2, 1.0, 1e-5]
     share = min(max(1 + RISE * at, 1 / 8), 8.0)
@@ -40,7 +38,7 @@ def test_a_filter_expects_the_noise_of_where_the_rotor_is(kind: str, at: float) 
     np.testing.assert_allclose(rising.covariance, level.covariance, rtol=1e-9, atol=1e-25)
 
 
-def test_a_simulated_sensor_is_noisier_on_one_side() -> None:
+def test_a_simulated_sensor_is_noisier_on_one_side():
     spread = {}
     for at in (-0.4e-3, 0.4e-3):
         scenario = ambkit.Scenario(duration=0.6, reference=ambkit.Constant(value=at))
@@ -53,7 +51,7 @@ def test_a_simulated_sensor_is_noisier_on_one_side() -> None:
 
 
 @pytest.mark.study
-def test_it_is_found_beside_all_else_with_an_honest_error() -> None:
+def test_it_is_found_beside_all_else_with_an_honest_error():
     truth = TRUTH.replace(sensor__position_noise=4000.0)
     records = closed_loops(truth, 2, first=3)
     start = TRUTH.replace(known={"position_noise": (0.0, 5000.0)})

@@ -1,15 +1,11 @@
 """What notebooks show of objects, their plots, and what completion offers."""
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import re
 import sys
-from collections.abc import Iterator
 from html import unescape
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import numpy as np
@@ -17,7 +13,7 @@ import pytest
 from quick import quick
 
 import ambkit
-from ambkit import Bearing, Estimate, Expert, KalmanFilter, Record
+from ambkit import Bearing, Expert, KalmanFilter, Record
 from ambkit.assessment.injection_experiment import design_injection
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
@@ -39,7 +35,7 @@ ESTIMATE = KalmanFilter(BEARING).run(RECORD, covariance=True)
 
 
 @pytest.fixture(scope="module")
-def shown() -> dict[str, Any]:
+def shown():
     """One of each that a notebook shows, under the name of its class."""
     from ambkit.identification.forces.lift_off import LiftOff
     from ambkit.workflow.lift_off import identify_by_lift_off
@@ -78,18 +74,18 @@ NAMES = (
 )  # fmt: skip
 
 
-def read(html: str) -> str:
+def read(html):
     """What there is to read in a table."""
     return " ".join(unescape(re.sub(r"<[^>]+>", " ", html)).split())
 
 
-def test_a_signal_is_summed_up_by_its_ends_and_its_root_mean_square() -> None:
+def test_a_signal_is_summed_up_by_its_ends_and_its_root_mean_square():
     values = np.array([np.nan, 1e-3, 3e-3, 5e-3])  # about a mean: no standard deviation
     assert spread(values, "m") == ["1\u00a0mm", "5\u00a0mm", "3.416\u00a0mm"]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_notebook_shows_a_table_and_a_picture(shown: dict[str, Any], name: str) -> None:
+def test_a_notebook_shows_a_table_and_a_picture(shown, name):
     html = shown[name]._repr_html_()
     assert picture(html).startswith(b"\x89PNG")
     assert html.count("<tr>") > 1
@@ -97,19 +93,19 @@ def test_a_notebook_shows_a_table_and_a_picture(shown: dict[str, Any], name: str
     assert (page.found, page.scripts) == ([], 0)
 
 
-def picture(html: str) -> bytes:
+def picture(html):
     (packed,) = re.findall(r'src="data:image/png;base64,([^"]+)"', html)
     return base64.b64decode(packed)
 
 
 @pytest.mark.pictures
 @pytest.mark.parametrize("name", quick(NAMES, ("Record", "Expert", "Bench")))
-def test_pictures_of_a_notebook_are_light(shown: dict[str, Any], name: str) -> None:
+def test_pictures_of_a_notebook_are_light(shown, name):
     assert 1_000 < len(picture(shown[name]._repr_html_())) < 150_000
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_all_are_plotted_both_ways(shown: dict[str, Any], name: str) -> None:
+def test_all_are_plotted_both_ways(shown, name):
     from plotly.graph_objects import Figure as Interactive
 
     matplotlib.use("agg")
@@ -127,7 +123,7 @@ def test_all_are_plotted_both_ways(shown: dict[str, Any], name: str) -> None:
     pyplot.close(axes[0].figure)
 
 
-def test_an_identification_by_likelihood_is_shown() -> None:
+def test_an_identification_by_likelihood_is_shown():
     rate = ambkit.Scenario(duration="0.2 s", reference=ambkit.Sine(amplitude="50 µm", frequency=20))
     found = ambkit.identify(
         BEARING, ambkit.simulate(BEARING, rate).record, free=["magnet_constant"]
@@ -137,7 +133,7 @@ def test_an_identification_by_likelihood_is_shown() -> None:
         assert each.plot().data
 
 
-def test_the_tables_have_the_figures() -> None:
+def test_the_tables_have_the_figures():
     table = read(BEARING._repr_html_())
     for text in ("air gap 2 mm", "bias current 1.5 A", "k_i 10.05 N/A", "mass 0.518 kg"):
         assert text in table.replace("\u00a0", " ")
@@ -151,7 +147,7 @@ def test_the_tables_have_the_figures() -> None:
     assert read(gap._repr_html_()).endswith(" 100")
 
 
-def hostile(text: str) -> Iterator[Any]:
+def hostile(text):
     bearing = called(BEARING, text)
     signals = {**RECORD.signals, text: RECORD["y"]}
     record = Record(RECORD.t, signals, {**RECORD.units, text: "m"}, {"source": text})
@@ -169,7 +165,7 @@ def hostile(text: str) -> Iterator[Any]:
 
 @pytest.mark.filterwarnings("ignore:Glyph:UserWarning")  # of characters that no font has
 @pytest.mark.parametrize("text", [PRINTABLE[3], PRINTABLE[5], "".join(NOT_PRINTABLE)])
-def test_other_peoples_names_stay_text(text: str) -> None:
+def test_other_peoples_names_stay_text(text):
     for thing in hostile(text):
         html = thing._repr_html_()
         page = Page(html)
@@ -180,7 +176,7 @@ def test_other_peoples_names_stay_text(text: str) -> None:
         assert "<img" not in drawn
 
 
-def test_own_axes_get_a_panel_and_keep_their_look() -> None:
+def test_own_axes_get_a_panel_and_keep_their_look():
     from matplotlib.figure import Figure as Canvas
 
     first, second, third = Canvas().subplots(3)
@@ -203,7 +199,7 @@ def test_own_axes_get_a_panel_and_keep_their_look() -> None:
     ]  # fmt: skip
 
 
-def test_a_map_in_own_axes_has_its_colour_bar() -> None:
+def test_a_map_in_own_axes_has_its_colour_bar():
     from matplotlib.figure import Figure as Canvas
 
     line, canvas = np.linspace(0, 1, 5), Canvas(layout="constrained")
@@ -212,7 +208,7 @@ def test_a_map_in_own_axes_has_its_colour_bar() -> None:
     assert [ax.get_ylabel() for ax in canvas.axes] == ["y", "force [N]"]
 
 
-def test_what_cannot_be_drawn_is_told_in_a_line() -> None:
+def test_what_cannot_be_drawn_is_told_in_a_line():
     from matplotlib.figure import Figure as Canvas
 
     ax = Canvas().subplots()
@@ -228,7 +224,7 @@ def test_what_cannot_be_drawn_is_told_in_a_line() -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_without_plotly_the_plot_is_of_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_plotly_the_plot_is_of_matplotlib(monkeypatch):
     matplotlib.use("agg")
     from matplotlib import pyplot
 
@@ -243,7 +239,7 @@ def test_without_plotly_the_plot_is_of_matplotlib(monkeypatch: pytest.MonkeyPatc
     [BEARING, Bearing, SCENARIO, ambkit.PID, ambkit.PID(), ambkit.Step, Expert.paper(), Expert],
     ids=lambda thing: getattr(thing, "__name__", type(thing).__name__),
 )
-def test_completion_shows_what_users_look_for(thing: Any) -> None:
+def test_completion_shows_what_users_look_for(thing):
     names = {name for name in dir(thing) if not name.startswith("_")}
     assert not {n for n in names if n.startswith("model_")} | names & {"copy", "dict", "json"}
     of_class = thing if isinstance(thing, type) else type(thing)
@@ -253,7 +249,7 @@ def test_completion_shows_what_users_look_for(thing: Any) -> None:
         assert set(of_class.model_fields) <= names
 
 
-def test_ipython_shows_and_completes_the_same() -> None:
+def test_ipython_shows_and_completes_the_same():
     shell_of = pytest.importorskip("IPython.core.interactiveshell")
     shell = shell_of.InteractiveShell.instance()
     try:
@@ -270,7 +266,7 @@ def test_ipython_shows_and_completes_the_same() -> None:
         shell_of.InteractiveShell.clear_instance()
 
 
-def test_quantities_are_taken_with_their_units() -> None:
+def test_quantities_are_taken_with_their_units():
     assert in_si("step", "50 µm", "m") == in_si("step", 5e-5, "m") == 5e-5
     assert in_si("step", np.float32(0.5), "m") == 0.5
     assert in_si("step", None, "m") is None
@@ -339,27 +335,27 @@ def test_quantities_are_taken_with_their_units() -> None:
         ),
     ],
 )
-def test_wrong_types_are_told_in_a_line(wrong: Any, told: str) -> None:
+def test_wrong_types_are_told_in_a_line(wrong, told):
     with pytest.raises((TypeError, AmbkitError)) as caught:
         wrong()
     assert str(caught.value) == told
 
 
-def test_a_reading_is_not_a_record_and_the_message_helps() -> None:
+def test_a_reading_is_not_a_record_and_the_message_helps():
     class Read:
         record = RECORD
 
-        def __repr__(self) -> str:
+        def __repr__(self):
             return "x" * 99
 
     with pytest.raises(TypeError, match=r"is the Read; give its \.record"):
-        ambkit.tune(BEARING, Read())  # type: ignore[arg-type]
+        ambkit.tune(BEARING, Read())
 
 
-def test_estimates_of_a_gap_and_without_covariance_are_drawn() -> None:
+def test_estimates_of_a_gap_and_without_covariance_are_drawn():
     lost = np.where((RECORD.t > 0.02) & (RECORD.t < 0.05), np.nan, RECORD["y"])
     record = Record(RECORD.t, {"y": lost, "u": RECORD["u"]})
-    told: Estimate = KalmanFilter(BEARING).run(record)
+    told = KalmanFilter(BEARING).run(record)
     assert "MISSING 299" in read(told._repr_html_())
     assert "missing" in {trace.name for trace in record.plot().data} | {
         shape.name for shape in record.plot().layout.shapes
@@ -367,7 +363,7 @@ def test_estimates_of_a_gap_and_without_covariance_are_drawn() -> None:
 
 
 @pytest.mark.filterwarnings("ignore")  # of Jupyter, about itself
-def test_the_page_runs_as_a_notebook(tmp_path: Path) -> None:
+def test_the_page_runs_as_a_notebook(tmp_path):
     nbformat, nbclient = (pytest.importorskip(name) for name in ("nbformat", "nbclient"))
     pytest.importorskip("ipykernel")
     text = (Path(__file__).parent.parent / "docs" / "start" / "notebook.md").read_text(
@@ -397,7 +393,7 @@ def test_the_page_runs_as_a_notebook(tmp_path: Path) -> None:
     ],
     ids=lambda thing: type(thing).__name__,
 )  # fmt: skip
-def test_what_is_public_has_a_short_repr_and_a_card(thing: Any) -> None:
+def test_what_is_public_has_a_short_repr_and_a_card(thing):
     text = repr(thing)
     assert text.startswith(f"<{type(thing).__name__.removeprefix('Placed')}")
     assert text.endswith(">")
@@ -408,14 +404,14 @@ def test_what_is_public_has_a_short_repr_and_a_card(thing: Any) -> None:
     assert page.count("<tr>") > 0
 
 
-def test_a_repr_escapes_what_a_file_says() -> None:
+def test_a_repr_escapes_what_a_file_says():
     assert (
         re.search(r"[\x1b\n]", repr(Expert.paper().model_copy(update={"source": "a\x1b[31m\nb"})))
         is None
     )
 
 
-def test_a_notebook_shows_every_figure_of_pyplot_not_the_first_alone() -> None:
+def test_a_notebook_shows_every_figure_of_pyplot_not_the_first_alone():
     """Matplotlib's defaults, set about each figure, switched off the mode that shows them."""
     with matplotlib.rc_context({"interactive": True}), paper_style(BEARING.figure()):
         assert matplotlib.is_interactive()

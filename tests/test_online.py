@@ -1,22 +1,16 @@
 """ADALINE, least squares and the Kalman filter with k beside each other: who is right, and when."""
 
-from __future__ import annotations
-
 import json
 import math
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Result
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 import ambkit
-from ambkit import Bearing, Constant, Record, Scenario, Sine, Step
+from ambkit import Bearing, Constant, Scenario, Sine, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.online.adaline import OnlineResult, mean_error
 from ambkit.identification.online.comparison import OnlineComparison, compare_online, online_figure
@@ -24,14 +18,13 @@ from ambkit.identification.online.magnet_constant import AugmentedIdentifier, Au
 from ambkit.result.report import Band, Line, Rule, Span
 from ambkit.simulation.external_inputs import ExternalInputs
 
-Array = NDArray[np.float64]
 BEARING = Bearing.preset("zittau_axial")
 K = BEARING.magnet.magnet_constant
 START = K / 1.3
 PID = ambkit.PID.textbook(BEARING)  # the rotor moves
 
 
-def moved(seed: int = 0, *, load: float = 0.0, colour: float = 0.0, step: float = 6e-4) -> Record:
+def moved(seed=0, *, load=0.0, colour=0.0, step=6e-4):
     """Steps to and fro about the centre, for a second; sensor noise correlated over `colour`."""
     reference = Constant(value=0.0) + Step(amplitude=step / 2, time=0.02)
     for place, time in enumerate(np.arange(0.1, 0.95, 0.15)):
@@ -50,7 +43,7 @@ def moved(seed: int = 0, *, load: float = 0.0, colour: float = 0.0, step: float 
     return ambkit.simulate(BEARING, scenario, external_inputs=external_inputs).record
 
 
-def errors(records: list[Record]) -> dict[str, Array]:
+def errors(records):
     """Error of each k over the truth, and its standard error, a row a record."""
     all_of = [compare_online(record, BEARING, start=START).results for record in records]
     return {
@@ -60,7 +53,7 @@ def errors(records: list[Record]) -> dict[str, Array]:
     }  # fmt: skip
 
 
-def test_all_find_k_where_the_rotor_moves() -> None:
+def test_all_find_k_where_the_rotor_moves():
     """The filter within what it says; the others but for their own bias.
 
     Over 96 seeds ADALINE is 0.09 % too high and least squares 0.64 ± 0.28 % too low, 1.4 % at most.
@@ -76,7 +69,7 @@ def test_all_find_k_where_the_rotor_moves() -> None:
 
 
 @pytest.mark.parametrize("load", [0.0, 2.0])
-def test_at_rest_who_needs_motion_says_so_and_does_not_drift(load: float) -> None:
+def test_at_rest_who_needs_motion_says_so_and_does_not_drift(load):
     """ADALINE learns from the weight instead, and takes a load for the magnet."""
     still = Scenario(duration=0.5, disturbance=Constant(value=load))
     learned = compare_online(ambkit.simulate(BEARING, still).record, BEARING, start=START)
@@ -92,7 +85,7 @@ def test_at_rest_who_needs_motion_says_so_and_does_not_drift(load: float) -> Non
     )
 
 
-def test_without_a_weight_nobody_learns_at_rest() -> None:
+def test_without_a_weight_nobody_learns_at_rest():
     level = BEARING.replace(rotor__gravity="none")
     learned = compare_online(
         ambkit.simulate(level, Scenario(duration=0.3)).record, level, start=START
@@ -107,7 +100,7 @@ def test_without_a_weight_nobody_learns_at_rest() -> None:
         )
 
 
-def test_a_load_that_is_not_told_leads_only_adaline_astray() -> None:
+def test_a_load_that_is_not_told_leads_only_adaline_astray():
     learned = compare_online(moved(load=3.0), BEARING, start=START)
     assert learned.agree("rls", "augmented")
     assert "the k of ADALINE is" in learned.agreement
@@ -118,7 +111,7 @@ def test_a_load_that_is_not_told_leads_only_adaline_astray() -> None:
         assert abs(told.to_dict()["learners"][name]["load"]) < 0.2
 
 
-def test_colour_is_told_and_white_noise_is_not() -> None:
+def test_colour_is_told_and_white_noise_is_not():
     """The filter bends k to it; ADALINE and least squares look at slow motion only."""
     white = [compare_online(moved(seed), BEARING) for seed in range(4)]
     assert not any(one.coloured for one in white)
@@ -135,7 +128,7 @@ def test_colour_is_told_and_white_noise_is_not() -> None:
     assert abs(bias["rls"]) < 0.02
 
 
-def test_the_filter_is_that_of_the_registry() -> None:
+def test_the_filter_is_that_of_the_registry():
     record = moved(1)
     result = AugmentedIdentifier(BEARING, start=START).run(record, disturbance=1.0)
     plain = ambkit.AugmentedKalmanFilter(BEARING.replace(magnet__magnet_constant=START)).run(record)
@@ -149,7 +142,7 @@ def test_the_filter_is_that_of_the_registry() -> None:
 
 
 @pytest.mark.parametrize("windows", [0.5, 5.0, 40.0])
-def test_the_error_of_a_mean_is_how_means_scatter(windows: float) -> None:
+def test_the_error_of_a_mean_is_how_means_scatter(windows):
     """A first-order process drawn anew many times, against what one draw says of its own mean."""
     memory = 60.0
     n, pole = round(windows * memory), math.exp(-1 / memory)
@@ -165,12 +158,12 @@ def test_the_error_of_a_mean_is_how_means_scatter(windows: float) -> None:
 class Said(OnlineResult):
     """A result with a given k and error."""
 
-    def __init__(self, k: float, error: float, learned: bool = True) -> None:
+    def __init__(self, k, error, learned=True):
         super().__init__(np.arange(8.0), np.full(8, k), np.full(8, not learned))
         object.__setattr__(self, "_error", error)
 
     @property
-    def standard_error(self) -> float:
+    def standard_error(self):
         return float(vars(self)["_error"])
 
 
@@ -185,7 +178,7 @@ class Said(OnlineResult):
         ((1.0, 2.0, 3.0), "No two of them agree."),
     ],
 )  # fmt: skip
-def test_who_agrees_with_whom_is_one_sentence(k: tuple[float, ...], sentence: str) -> None:
+def test_who_agrees_with_whom_is_one_sentence(k, sentence):
     results = dict(
         zip(("adaline", "rls", "augmented"), (Said(one, 0.02) for one in k), strict=True)
     )
@@ -198,7 +191,7 @@ def test_who_agrees_with_whom_is_one_sentence(k: tuple[float, ...], sentence: st
     )
 
 
-def test_the_picture_shows_truth_bands_and_what_was_held() -> None:
+def test_the_picture_shows_truth_bands_and_what_was_held():
     learned = compare_online(moved(), BEARING, start=START)
     constants, *monitors = online_figure(learned).panels
     assert len(monitors) == 3
@@ -217,14 +210,14 @@ def test_the_picture_shows_truth_bands_and_what_was_held() -> None:
 
 
 @pytest.fixture
-def call(call: Callable[..., Result]) -> Callable[..., Result]:
+def call(call):
     """Identify from a run, with further arguments."""
     swing = Scenario(duration=0.4, reference=Sine(amplitude=3e-4, frequency=20.0), controller=PID)
     ambkit.simulate(BEARING, swing).record.save("run.csv")
     return partial(call, "identify", "online", "zittau_axial", "run.csv")
 
 
-def test_the_command_shows_all_three(call: Any) -> None:
+def test_the_command_shows_all_three(call):
     code, out, err = call("--initial", "5 N mm^2/A^2", "--plot", "on.png")
     assert code == 0, err
     for words in ("adaline", "rls", "augmented", "against the true 6.7 N mm^2"):
@@ -243,7 +236,7 @@ def test_the_command_shows_all_three(call: Any) -> None:
     assert Bearing.load("found.toml").magnet.magnet_constant == pytest.approx(k)
 
 
-def test_without_a_preferred_method_there_is_no_bearing_to_write(call: Any) -> None:
+def test_without_a_preferred_method_there_is_no_bearing_to_write(call):
     code, out, err = call("--out", "found.toml")
     assert code == 2
     assert "a machine is of one method: method=adaline, rls, augmented" in err

@@ -7,25 +7,23 @@ import pytest
 
 from ambkit.machine import paper
 from ambkit.machine.machine import Bearing
-from ambkit.machine.stiffness import StiffnessMap, stiffness_map
+from ambkit.machine.stiffness import stiffness_map
 
 REFERENCE = Path(__file__).parents[2] / "shared" / "reference"
 
 
 @pytest.fixture(scope="module")
-def ours() -> StiffnessMap:
+def ours():
     return stiffness_map(Bearing.preset("zittau_axial"))
 
 
-def test_our_nodes_are_those_of_tables_2_and_3(ours: StiffnessMap) -> None:
+def test_our_nodes_are_those_of_tables_2_and_3(ours):
     np.testing.assert_array_equal(ours.current, paper.CURRENTS)
     np.testing.assert_allclose(ours.displacement, paper.DISPLACEMENTS, rtol=1e-15, atol=0)
 
 
 @pytest.mark.parametrize("misprint", paper.MISPRINTS)
-def test_a_misprint_is_what_its_mirror_image_says(
-    misprint: paper.Misprint, ours: StiffnessMap
-) -> None:
+def test_a_misprint_is_what_its_mirror_image_says(misprint, ours):
     table = {"table4": paper.table4()}[misprint.table]
     assert table[misprint.row, misprint.column] == misprint.printed
     mirrored = table[::-1, ::-1][misprint.row, misprint.column]
@@ -33,7 +31,7 @@ def test_a_misprint_is_what_its_mirror_image_says(
     assert abs(ours.k_i[misprint.row, misprint.column] - misprint.meant) <= 0.01
 
 
-def test_table_6_has_two_widths_a_rule_in_the_order_of_the_rules() -> None:
+def test_table_6_has_two_widths_a_rule_in_the_order_of_the_rules():
     widths = paper.table6()
     assert widths.shape == (2, 25)
     # sigma_16 is at (-1.5 A, 0.25 mm): the smallest for k_s.
@@ -43,7 +41,7 @@ def test_table_6_has_two_widths_a_rule_in_the_order_of_the_rules() -> None:
 
 
 @pytest.mark.parametrize("name", ["table4_ki.csv", "table5_ks.csv", "table6_widths.csv"])
-def test_the_shipped_tables_are_the_reference(name: str) -> None:
+def test_the_shipped_tables_are_the_reference(name):
     if not REFERENCE.is_dir():
         pytest.skip("../shared/reference is not there")
     shipped = Path(paper.__file__).parent / name

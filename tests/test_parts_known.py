@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Record, Scenario, Sine, Step
+from ambkit import Bearing, Scenario, Sine, Step
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
 from ambkit.judge.comparison.bound import bearing_bound
@@ -40,16 +40,16 @@ SHAKEN = Scenario(
 """The control works at 40 Hz: what is late matters where something moves."""
 
 
-def with_part(name: str) -> Bearing:
+def with_part(name):
     return BEARING.replace(**PARTS[name])
 
 
 @pytest.fixture(scope="module")
-def complete() -> Bearing:
+def complete():
     return BEARING.replace(**EVERY)
 
 
-def flown(bearing: Bearing, seed: int, duration: float = 0.5) -> Record:
+def flown(bearing, seed, duration=0.5):
     """A step, then a load; the loop is fed by the linear filter that knows."""
     scenario = Scenario(
         duration=duration, seed=seed,
@@ -61,9 +61,9 @@ def flown(bearing: Bearing, seed: int, duration: float = 0.5) -> Record:
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_who_knows_the_part_is_better(name: str) -> None:
+def test_who_knows_the_part_is_better(name):
     bearing = with_part(name)
-    left: dict[str, list[float]] = {"x": [], "f_d": []}
+    left = {"x": [], "f_d": []}
     for seed in range(5):
         record = ambkit.simulate(bearing, SHAKEN.model_copy(update={"seed": seed})).record
         assert not record.meta["stop_touched"]
@@ -77,13 +77,13 @@ def test_who_knows_the_part_is_better(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_the_comparison_judges_all_and_nobody_is_below_the_limit(name: str) -> None:
+def test_the_comparison_judges_all_and_nobody_is_below_the_limit(name):
     bearing = with_part(name)
 
     class Raw:
         """The sensor itself."""
 
-        def step(self, y: float, _u: float) -> tuple[float, float, float, float]:
+        def step(self, y, _u):
             return y, np.nan, np.nan, y
 
     field = candidates(MADE, bearing, custom={"raw": lambda _bearing: Raw()})
@@ -105,7 +105,7 @@ def test_the_comparison_judges_all_and_nobody_is_below_the_limit(name: str) -> N
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_the_limit_of_a_linear_machine_is_the_covariance_of_its_filter(name: str) -> None:
+def test_the_limit_of_a_linear_machine_is_the_covariance_of_its_filter(name):
     """Held at one place the tangents hardly move, and the limit is the Riccati equation's."""
     bearing = with_part(name)
     record = ambkit.simulate(bearing, Scenario(duration=0.1, noise=False)).record
@@ -118,7 +118,7 @@ def test_the_limit_of_a_linear_machine_is_the_covariance_of_its_filter(name: str
         np.testing.assert_allclose(bound[300:, place], std, rtol=5e-3, atol=1e-9 * state.size)
 
 
-def test_the_general_limit_is_that_of_the_papers_axis() -> None:
+def test_the_general_limit_is_that_of_the_papers_axis():
     """By the composed model, and by the closed form that the paper's axis has."""
     from ambkit.judge.comparison import bound
 
@@ -142,7 +142,7 @@ def test_the_general_limit_is_that_of_the_papers_axis() -> None:
 
 
 @pytest.mark.parametrize("kind", ["linear", "extended", "ud"])
-def test_smoothing_is_that_of_the_textbook(complete: Bearing, kind: str) -> None:
+def test_smoothing_is_that_of_the_textbook(complete, kind):
     """Rauch, Tung and Striebel (1965) on the filter's own linear models, in units of their own."""
     bearing = complete
     record = ambkit.simulate(
@@ -176,7 +176,7 @@ def test_smoothing_is_that_of_the_textbook(complete: Bearing, kind: str) -> None
         assert errors[0] < errors[1]
 
 
-def test_many_at_once_and_one_by_one_are_the_same(complete: Bearing) -> None:
+def test_many_at_once_and_one_by_one_are_the_same(complete):
     bearing = complete
     records = [flown(bearing, seed, 0.1) for seed in (1, 2)]
     y, u = (np.array([record[signal] for record in records]) for signal in ("y", "u"))
@@ -187,7 +187,7 @@ def test_many_at_once_and_one_by_one_are_the_same(complete: Bearing) -> None:
             np.testing.assert_array_equal(mean, estimator.run(record).mean, err_msg=kind)
 
 
-def test_a_filter_takes_over_from_one_of_the_same_states_alone() -> None:
+def test_a_filter_takes_over_from_one_of_the_same_states_alone():
     bearing = with_part("hum")
     record = flown(bearing, 0, 0.1)
     old, new = ambkit.KalmanFilter(bearing), ambkit.ExtendedKalmanFilter(bearing)
@@ -199,7 +199,7 @@ def test_a_filter_takes_over_from_one_of_the_same_states_alone() -> None:
         ambkit.ExtendedKalmanFilter(BEARING).transfer_from(old)
 
 
-def test_after_faults_all_come_back(complete: Bearing) -> None:
+def test_after_faults_all_come_back(complete):
     found = inject_faults(
         complete, ["linear", "extended", "observer"], steps=0,
         faults=["knock", "outage-10ms", "spikes", "stuck", "nan-u"],
@@ -208,7 +208,7 @@ def test_after_faults_all_come_back(complete: Bearing) -> None:
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_tuning_finds_how_the_load_wanders(name: str) -> None:
+def test_tuning_finds_how_the_load_wanders(name):
     """A tenth of what is assumed untuned: from the record alone, to a third of a decade."""
     bearing = with_part(name)
     growth = 0.1 * default_disturbance(bearing)
@@ -228,7 +228,7 @@ def test_tuning_finds_how_the_load_wanders(name: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["low-pass", "observer"])
-def test_who_predicts_little_follows_the_controls_all_the_same(kind: str) -> None:
+def test_who_predicts_little_follows_the_controls_all_the_same(kind):
     """The demanded currents of the samples before, and behind them a lag of first order."""
     bearing = BEARING.replace(delay="0.15 ms", amplifier__bandwidth="200 Hz")
     record = flown(bearing, 0, 0.15)
@@ -249,7 +249,7 @@ def test_who_predicts_little_follows_the_controls_all_the_same(kind: str) -> Non
 
 
 @pytest.mark.parametrize("kind", ["observer", "steady-state"])
-def test_a_constant_gain_finds_a_line_that_stands_still(kind: str) -> None:
+def test_a_constant_gain_finds_a_line_that_stands_still(kind):
     still = BEARING.replace(sensor__hum=[{"frequency": "50 Hz", "amplitude": "30 um"}])
     estimator = KINDS[kind].make(still)
     assert np.isfinite(estimator.covariance).all()
@@ -263,7 +263,7 @@ def test_a_constant_gain_finds_a_line_that_stands_still(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["low-pass", "observer"])
-def test_who_knows_no_noise_says_nothing_of_it(kind: str) -> None:
+def test_who_knows_no_noise_says_nothing_of_it(kind):
     noisy = BEARING.replace(**PARTS["coloured noise"], **PARTS["hum"])
     record = flown(noisy, 0)
     estimator = KINDS[kind].make(noisy)

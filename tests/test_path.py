@@ -1,10 +1,7 @@
 """The bound on the instructions of a call: what is counted, and what has none."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
 
@@ -55,7 +52,7 @@ NONE = {
 }
 
 
-def linked(folder: Path, source: Path, *flags: str) -> Path:
+def linked(folder, source, *flags):
     image = folder / "f.elf"
     link = ("-nostdlib", "-Wl,-Ttext=0", "-Wl,-ef", f"-T{folder / 'f.ld'}")
     (folder / "f.ld").write_text("SECTIONS { .text 0 : { *(.text*) *(.rodata*) } }")
@@ -64,20 +61,20 @@ def linked(folder: Path, source: Path, *flags: str) -> Path:
     return image
 
 
-def found(folder: Path, text: str) -> path.Bound:
+def found(folder, text):
     source = folder / "f.s"
     source.write_text(HEAD + text + "\n")
     return path.bound(linked(folder, source), "f", objects=0b1)
 
 
 @pytest.mark.parametrize("of", COUNTED)
-def test_the_longest_way_is_counted(of: str, tmp_path: Path) -> None:
+def test_the_longest_way_is_counted(of, tmp_path):
     text, most = COUNTED[of]
     assert found(tmp_path, text) == (most, "")
 
 
 @pytest.mark.parametrize("of", NONE)
-def test_what_depends_on_data_has_no_bound(of: str, tmp_path: Path) -> None:
+def test_what_depends_on_data_has_no_bound(of, tmp_path):
     text, why = NONE[of]
     told = found(tmp_path, text)
     assert told.instructions is None
@@ -108,7 +105,7 @@ int f(void)
 
 
 @pytest.mark.parametrize("optimised", ["-O0", "-O1", "-O2", "-O3", "-Os"])
-def test_whole_numbers_are_those_that_a_processor_computes(optimised: str, tmp_path: Path) -> None:
+def test_whole_numbers_are_those_that_a_processor_computes(optimised, tmp_path):
     source = tmp_path / "f.c"
     source.write_text(NUMBERS)
     main = '#include <stdio.h>\nint f(void);\nint main(void) { printf("%d", f()); return 0; }\n'

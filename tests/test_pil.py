@@ -1,16 +1,11 @@
 """Processor in the loop: an exported controller on a Cortex-M4F in qemu flies the plant."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Result
 
 import ambkit
 from ambkit import Bearing, KalmanFilter, Machine, Record, Scenario, Step
@@ -38,9 +33,7 @@ SCENARIO = Scenario(
 
 
 @pytest.mark.parametrize("tool", TOOLS)
-def test_what_is_missing_is_said_with_what_to_install(
-    tool: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_missing_is_said_with_what_to_install(tool, monkeypatch, capsys):
     monkeypatch.setattr(build.shutil, "which", lambda name: None if name == tool else name)
     with pytest.raises(SystemExit) as left:
         main(["pil", "zittau_axial"])
@@ -59,9 +52,7 @@ def test_what_is_missing_is_said_with_what_to_install(
         (["zittau_axial", "--board", "c2000"], "TI's C2000 code generation tools"),
     ],
 )
-def test_what_cannot_be_flown_is_said(
-    words: list[str], said: str, call: Callable[..., Result], tmp_path: Path
-) -> None:
+def test_what_cannot_be_flown_is_said(words, said, call, tmp_path):
     text = f'feedback = "measurement"\n{SCENARIO.to_toml()}'
     (tmp_path / "axis.toml").write_text(text)
     if "c2000" in words and shutil.which("cl2000"):
@@ -86,9 +77,7 @@ FLOWN = {
 @pytest.mark.long
 @needs_tools
 @pytest.mark.parametrize("name", FLOWN)
-def test_a_whole_machine_is_flown_with_the_bits_of_the_simulation(
-    name: str, tmp_path: Path
-) -> None:
+def test_a_whole_machine_is_flown_with_the_bits_of_the_simulation(name, tmp_path):
     flight, options = FLOWN[name]
     machine = Machine.preset("tum_mlps")
     KalmanFilter(machine, **options).save(tmp_path / "filter.toml")
@@ -103,7 +92,7 @@ def test_a_whole_machine_is_flown_with_the_bits_of_the_simulation(
 
 @pytest.mark.long
 @needs_tools
-def test_other_bits_of_a_machine_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_bits_of_a_machine_would_be_seen(monkeypatch):
     contract = tuple(f.replace("contract=off", "contract=fast") for f in build.FLAGS)
     monkeypatch.setattr(build, "FLAGS", contract)
     found = pil(Machine.preset("tum_mlps"), scenario=FLOWN["readings"][0])
@@ -111,14 +100,14 @@ def test_other_bits_of_a_machine_would_be_seen(monkeypatch: pytest.MonkeyPatch) 
     assert min(found.unequal, found.selftest) > 100
 
 
-def test_the_stack_seen_and_its_bound_are_of_one_build() -> None:
+def test_the_stack_seen_and_its_bound_are_of_one_build():
     """Where qemu can run it: a bound at -O2 holds for no build at -O3."""
     of = {name: build.in_qemu(board) for name, board in build.BOARDS.items()}
     assert of["stm32f4"] is build.BOARDS["stm32f4"]
     assert of["amdc"] is of["c2000"] is build.QEMU_BOARD
 
 
-def test_the_deepest_call_is_found(tmp_path: Path) -> None:
+def test_the_deepest_call_is_found(tmp_path):
     """By names, by pointers; not where a function calls itself or a frame has no bound."""
     text = """node: { title: "a" label: "a\\n16 bytes (static)" }
 node: { title: "b" label: "b\\n8 bytes (static)" }
@@ -159,7 +148,7 @@ int main(void)
 """
 
 
-def along(record: Record, folder: Path) -> np.ndarray:
+def along(record, folder):
     """What the exported C says of a record, compiled for this machine: (samples, numbers)."""
     export = export_c(BEARING, None, folder / "c", prefix="rig", scenario=SCENARIO).folder
     (folder / "along.c").write_text(ALONG)
@@ -176,7 +165,7 @@ def along(record: Record, folder: Path) -> np.ndarray:
 @pytest.mark.long
 @needs_tools
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
-def test_a_record_has_the_same_bits_at_every_stage(tmp_path: Path) -> None:
+def test_a_record_has_the_same_bits_at_every_stage(tmp_path):
     """Flown there, written as a log, read, filtered, and through the exported C compiled here."""
     found = pil(BEARING, scenario=SCENARIO, board="stm32f4")
     assert (found.unequal, found.selftest) == (0, 0)
@@ -206,7 +195,7 @@ def test_a_record_has_the_same_bits_at_every_stage(tmp_path: Path) -> None:
 
 @pytest.mark.long
 @needs_tools
-def test_the_rigs_own_numbers_go_there(tmp_path: Path) -> None:
+def test_the_rigs_own_numbers_go_there(tmp_path):
     estimator = KalmanFilter(BEARING)
     estimator.inputs = Inputs(y=Scaling(unit="V", scale="0.2 mm/V", sign=-1, offset="0.1 mm"))
     estimator.save(tmp_path / "filter.toml")
@@ -218,7 +207,7 @@ def test_the_rigs_own_numbers_go_there(tmp_path: Path) -> None:
 
 @pytest.mark.long
 @needs_tools
-def test_the_command_says_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_says_it(tmp_path, capsys):
     path, out, page = tmp_path / "s.toml", tmp_path / "flight.csv", tmp_path / "pil.html"
     path.write_text(SCENARIO.to_toml())
     with pytest.raises(SystemExit) as left:
@@ -237,7 +226,7 @@ def test_the_command_says_it(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 @pytest.mark.long
 @needs_tools
-def test_other_bits_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_bits_would_be_seen(monkeypatch):
     """The check must be able to fail: the firmware is told to contract."""
     monkeypatch.setattr(
         build, "FLAGS", tuple(f.replace("contract=off", "contract=fast") for f in build.FLAGS)
@@ -249,10 +238,10 @@ def test_other_bits_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.long
 @needs_tools
-def test_a_firmware_that_does_not_answer_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_firmware_that_does_not_answer_is_said(monkeypatch):
     monkeypatch.setattr("ambkit.export.pil.processor.PATIENCE", 2.0)  # seconds
 
-    def broken(image: Path, folder: Path, *sizes: int) -> Processor:
+    def broken(image, folder, *sizes):
         image.write_bytes(b"nothing that runs")
         return Processor(image, folder, *sizes)
 

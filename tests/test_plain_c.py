@@ -3,8 +3,6 @@
 The vectors of `sim/lanes.c` are GCC's and clang's; without them one filter runs after the other.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
@@ -33,14 +31,14 @@ COMPILERS = [
 
 
 @pytest.fixture(scope="module")
-def string_h(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def string_h(tmp_path_factory):
     """A folder with what of string.h is used, and no attributes of one C library."""
     folder = tmp_path_factory.mktemp("include")
     (folder / "string.h").write_text(STRING)
     return folder
 
 
-def run(*command: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+def run(*command, cwd=None):
     return subprocess.run(
         [str(word) for word in command], cwd=cwd, capture_output=True, text=True, timeout=300
     )
@@ -49,7 +47,7 @@ def run(*command: str | Path, cwd: Path | None = None) -> subprocess.CompletedPr
 @pytest.mark.parametrize(("compiler", "build"), quick(
     product(("gcc", "clang"), BUILDS), zip(("gcc", "clang"), BUILDS[::3], strict=True)
 ))  # fmt: skip
-def test_nothing_but_c99(compiler: str, build: tuple[str, ...]) -> None:
+def test_nothing_but_c99(compiler, build):
     if shutil.which(compiler) is None:
         pytest.skip(f"no {compiler}")
     flags = ["-std=c99", "-pedantic-errors", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
@@ -58,7 +56,7 @@ def test_nothing_but_c99(compiler: str, build: tuple[str, ...]) -> None:
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
-def test_no_name_of_a_compilers_own(compiler: str, string_h: Path) -> None:
+def test_no_name_of_a_compilers_own(compiler, string_h):
     """Attributes and built-in functions pass -pedantic-errors; their names tell them."""
     includes = [f"-I{HEADERS}", f"-I{string_h}", *INCLUDES]
     for source in SOURCES:
@@ -69,9 +67,7 @@ def test_no_name_of_a_compilers_own(compiler: str, string_h: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("clang") is None, reason="clang is not installed")
 @pytest.mark.parametrize("build", BUILDS, ids=" ".join)
-def test_a_compiler_as_msvc_takes_it(
-    build: tuple[str, ...], string_h: Path, tmp_path: Path
-) -> None:
+def test_a_compiler_as_msvc_takes_it(build, string_h, tmp_path):
     """Clang with MSVC's options, macros and ABI; of headers it needs those of the language."""
     like_msvc = ["clang", "--driver-mode=cl", "--target=x86_64-pc-windows-msvc", "/std:c11"]
     strict = ["/W4", "/WX", "/clang:-Wno-missing-field-initializers", "/clang:-ffreestanding"]
@@ -89,9 +85,7 @@ def test_a_compiler_as_msvc_takes_it(
 @pytest.mark.long
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("precision", ["-DAMB_DOUBLE", "-DAMB_FLOAT"])
-def test_lanes_without_vectors_have_the_same_bits(
-    compiler: str, precision: str, tmp_path: Path
-) -> None:
+def test_lanes_without_vectors_have_the_same_bits(compiler, precision, tmp_path):
     """All estimators in lanes, faults and all, compiled both ways: one digest of all results."""
     both = [source for source in SOURCES if source.stem in {"batch", "lanes", "lanes_fuzzy"}]
     rest = [source for source in SOURCES if source not in both]

@@ -4,10 +4,6 @@ The plant is reached through the closed loop with a controller of gain zero, who
 one current throughout.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import oracles
 import pytest
@@ -22,7 +18,7 @@ BEARING = Bearing.preset("zittau_axial")
 M, S0, I0, K = 0.518, 2e-3, 1.5, 6.7e-6
 
 
-def released(n: int, T: float, **changes: Any) -> dict[str, Any]:
+def released(n, T, **changes):
     """Release the rotor at x_start; n samples of T [s] under a constant current and force."""
     current, f_d = changes.pop("current", 0.0), changes.pop("f_d", 0.0)
     magnet = changes.pop("magnet", None) or ClosedLaw(BEARING).in_core(core_module())
@@ -37,10 +33,10 @@ def released(n: int, T: float, **changes: Any) -> dict[str, Any]:
     return fly(magnet, **(loop | changes))
 
 
-def exact(t: np.ndarray, start: float, current: float, force: float, T_sen: float) -> np.ndarray:
+def exact(t, start, current, force, T_sen):
     """The same motion by a solver of order 8 on the naive force law: x, v, x_m as columns."""
 
-    def slope(_: float, s: np.ndarray) -> list[float]:
+    def slope(_, s):
         x, v, x_m = s
         f = oracles.magnet_force(BEARING, current, x) + force
         return [v, f / M, (x - x_m) / T_sen]
@@ -49,7 +45,7 @@ def exact(t: np.ndarray, start: float, current: float, force: float, T_sen: floa
     return solve_ivp(slope, (0, t[-1]), [start, 0, start], t_eval=t, **options).y.T
 
 
-def test_the_integrator_is_of_order_four() -> None:
+def test_the_integrator_is_of_order_four():
     """Half the step, a sixteenth of the error: against a solver of order 8."""
     n, T, weight = 6, 2e-3, -M * 9.81
     reference = exact(T * np.arange(n), 1e-4, 0.4, weight + 1.0, 2e-3)
@@ -64,7 +60,7 @@ def test_the_integrator_is_of_order_four() -> None:
     assert (np.diff(np.array(errors), axis=0) < 0).all()
 
 
-def test_with_the_usual_steps_the_error_is_nothing_beside_the_noise() -> None:
+def test_with_the_usual_steps_the_error_is_nothing_beside_the_noise():
     T, n = BEARING.sampling_time, 100
     reference = exact(T * np.arange(n), 1e-4, 0.4, -M * 9.81, BEARING.sensor.lag)
     run = released(n, T, f_0=-M * 9.81, current=0.4, T_sen=BEARING.sensor.lag)
@@ -74,7 +70,7 @@ def test_with_the_usual_steps_the_error_is_nothing_beside_the_noise() -> None:
         assert error < 1e-6 * np.abs(reference[:, column]).max()
 
 
-def test_energy_is_conserved_at_constant_current() -> None:
+def test_energy_is_conserved_at_constant_current():
     """No weight, no lag in the force: v^2 m/2 less the work of the magnet, eq. 1 integrated."""
     current = -0.05
     run = released(80, 1e-4, current=current)
@@ -85,7 +81,7 @@ def test_energy_is_conserved_at_constant_current() -> None:
     np.testing.assert_allclose(kinetic - (work - work[0]), 0, atol=1e-9 * kinetic[-1])
 
 
-def test_the_mirrored_run_is_the_mirror_of_the_run() -> None:
+def test_the_mirrored_run_is_the_mirror_of_the_run():
     rng = np.random.default_rng(0)
     f_d = rng.uniform(-5, 5, 500)
     there = released(500, 1e-4, current=0.3, f_d=f_d)
@@ -95,13 +91,13 @@ def test_the_mirrored_run_is_the_mirror_of_the_run() -> None:
         assert (there[name] == -back[name]).all()
 
 
-def test_in_balance_nothing_moves() -> None:
+def test_in_balance_nothing_moves():
     still = released(1000, 1e-4, x_start=0.0)
     for name in ("x", "v", "x_m", "force"):
         assert (still[name] == 0).all()
 
 
-def test_constant_acceleration_is_met_exactly() -> None:
+def test_constant_acceleration_is_met_exactly():
     """Without magnet, in free fall."""
     nothing = core_module().Constant(0.0, 0.0)
     run = released(50, 1e-4, magnet=nothing, f_0=-M * 9.81, x_start=0.0)
@@ -110,7 +106,7 @@ def test_constant_acceleration_is_met_exactly() -> None:
     np.testing.assert_allclose(run["v"], -9.81 * t, rtol=1e-12)
 
 
-def test_at_a_stop_the_rotor_stays_until_it_is_pulled_off() -> None:
+def test_at_a_stop_the_rotor_stays_until_it_is_pulled_off():
     n = 4000
     f_d = np.where(np.arange(n) < 2000, -40.0, 40.0)
     run = released(n, 1e-4, f_d=f_d, x_start=0.0)
@@ -128,7 +124,7 @@ def test_at_a_stop_the_rotor_stays_until_it_is_pulled_off() -> None:
     assert run["touched"] == pytest.approx(at_rest, abs=3)
 
 
-def test_a_push_too_weak_for_the_magnets_pull_leaves_the_rotor_at_the_stop() -> None:
+def test_a_push_too_weak_for_the_magnets_pull_leaves_the_rotor_at_the_stop():
     pull = oracles.magnet_force(BEARING, 0.0, 1e-3)
     weaker = released(500, 1e-4, x_start=1e-3, f_d=-0.99 * pull)
     assert (weaker["x"] == 1e-3).all()
@@ -137,7 +133,7 @@ def test_a_push_too_weak_for_the_magnets_pull_leaves_the_rotor_at_the_stop() -> 
 
 
 @pytest.mark.parametrize("gain", [1.0, 0.5])
-def test_the_sensor_lags_by_its_time_constant(gain: float) -> None:
+def test_the_sensor_lags_by_its_time_constant(gain):
     """A rotor that has come to rest at the stop: what is left falls by exp(-T / T_sen) a sample."""
     T, T_sen = 1e-4, 1e-3
     run = released(600, T, x_start=0.0, f_d=200.0, T_sen=T_sen, K_sen=gain)
@@ -149,7 +145,7 @@ def test_the_sensor_lags_by_its_time_constant(gain: float) -> None:
 
 
 @pytest.mark.parametrize("lag", ["0.1 us", "5 us", "20 us"])
-def test_a_sensor_faster_than_the_integrators_step_is_followed(lag: str) -> None:
+def test_a_sensor_faster_than_the_integrators_step_is_followed(lag):
     """Runge-Kutta diverges from 2.8 time constants a step on: simulate takes more steps then."""
     fast = BEARING.replace(sensor__lag=lag)
     scenario = ambkit.Scenario(

@@ -3,10 +3,7 @@
 The control signal is set by its noise, with a controller of gain zero.
 """
 
-from __future__ import annotations
-
 import itertools
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +25,7 @@ from ambkit.simulation.run import Loop
 M, K, S0, I0 = 0.518, 6.7e-6, 2e-3, 1.5
 BEARING = Bearing.preset("zittau_axial")
 HEAVY = 1e9  # a rotor that stays where it is [kg]
-ALL: dict[str, Any] = {
+ALL = {
     "amplifier__bandwidth": "2 kHz",
     "amplifier__voltage_limit": "30 V",
     "amplifier__resistance": "2 ohm",
@@ -44,14 +41,12 @@ ALL: dict[str, Any] = {
 }  # fmt: skip
 
 
-def law(**changes: Any) -> Any:
+def law(**changes):
     fields = {"k": K, "s0": S0, "i0": I0, "two_sided": True, "ampere": 1.0, "metre": 1e-3}
     return core_module().Law("closed", **(fields | changes))
 
 
-def driven(
-    command: Any, parts: dict[str, Any] | None, *, T: float = 1e-4, **changes: Any
-) -> dict[str, Any]:
+def driven(command, parts, *, T=1e-4, **changes):
     """Run the plant with control currents demanded at each sample [A]."""
     command = np.asarray(command, dtype=float)
     n = command.size
@@ -67,7 +62,7 @@ def driven(
     return fly(magnet, **(loop | changes))
 
 
-def coils(**changes: Any) -> dict[str, Any]:
+def coils(**changes):
     pair = {"voltage": 20.0, "R": 2.0, "k": K, "s0": S0, "i0": I0, "pair": True}
     return {"corner": 2 * np.pi * 500} | pair | changes
 
@@ -75,7 +70,7 @@ def coils(**changes: Any) -> dict[str, Any]:
 # ---- No part ----
 
 
-def test_a_bearing_without_parts_is_simulated_without_them() -> None:
+def test_a_bearing_without_parts_is_simulated_without_them():
     for name in presets.names():
         bearing = Bearing.preset(name)
         fields = plant_parts.axis_fields(bearing, None, None, 0.0, 4)
@@ -84,7 +79,7 @@ def test_a_bearing_without_parts_is_simulated_without_them() -> None:
         assert plant_parts.coil_fields(bearing) is None
 
 
-def test_parts_that_are_all_off_change_nothing_but_the_order_of_sums() -> None:
+def test_parts_that_are_all_off_change_nothing_but_the_order_of_sums():
     command = np.random.default_rng(0).uniform(-0.2, 0.2, 400)
     plain, off = driven(command, None, x_start=1e-4), driven(command, {}, x_start=1e-4)
     assert np.abs(plain["x"]).max() > 3e-4
@@ -93,7 +88,7 @@ def test_parts_that_are_all_off_change_nothing_but_the_order_of_sums() -> None:
         np.testing.assert_allclose(off[name], plain[name], rtol=0, atol=1e-10 * scale)
 
 
-def test_the_core_takes_no_part_that_it_does_not_know() -> None:
+def test_the_core_takes_no_part_that_it_does_not_know():
     with pytest.raises(ValueError, match="a plant has no part corners"):
         driven([0.0], {"corners": 1.0})
     with pytest.raises(ValueError, match="delay must be 0 to 16 samples"):
@@ -105,7 +100,7 @@ def test_the_core_takes_no_part_that_it_does_not_know() -> None:
 # ---- Amplifier ----
 
 
-def test_the_current_follows_as_a_first_order_lag() -> None:
+def test_the_current_follows_as_a_first_order_lag():
     corner, T = 2 * np.pi * 800, 1e-4
     run = driven(np.full(40, 0.5), {"corner": corner}, m=HEAVY, substeps=16)
     np.testing.assert_allclose(
@@ -116,7 +111,7 @@ def test_the_current_follows_as_a_first_order_lag() -> None:
 
 
 @pytest.mark.parametrize("x", [0.0, 4e-4])
-def test_the_slew_is_what_the_voltage_leaves_beside_the_resistance(x: float) -> None:
+def test_the_slew_is_what_the_voltage_leaves_beside_the_resistance(x):
     """L di/dt + R i = U in a rotor at rest: an exponential towards U/R, in each coil its own."""
     U, R, T, n = 20.0, 2.0, 1e-5, 80
     parts = coils(corner=2 * np.pi * 20e3, voltage=U, R=R)
@@ -140,7 +135,7 @@ def test_the_slew_is_what_the_voltage_leaves_beside_the_resistance(x: float) -> 
     )
 
 
-def naive(t: float, s: Any, parts: dict[str, Any], demanded: float, turned: float = 0.0) -> list:
+def naive(t, s, parts, demanded, turned=0.0):
     """Right-hand side of the whole plant as the field writes it: x, v, x_m, i1, i2."""
     x, v, x_m, i1, i2 = s
     rates = []
@@ -167,7 +162,7 @@ def naive(t: float, s: Any, parts: dict[str, Any], demanded: float, turned: floa
     return [v, (F + push) / M, (seen - x_m) / 2e-4, *rates]
 
 
-def exact(command: np.ndarray, T: float, parts: dict[str, Any], x_start: float) -> np.ndarray:
+def exact(command, T, parts, x_start):
     """Solve piece by piece with solve_ivp; the state at each sample."""
     seen = x_start + sum(parts.get("runout_cosine", ()))
     s = np.array([x_start, 0, seen, I0, I0])
@@ -198,7 +193,7 @@ WHOLE = coils() | {
 }  # fmt: skip
 
 
-def test_with_all_that_is_smooth_the_integrator_is_of_order_four() -> None:
+def test_with_all_that_is_smooth_the_integrator_is_of_order_four():
     """Amplifier, back-EMF, a dead time of 1.425 samples, runout and a bent sensor at once."""
     T = 4e-4
     command = np.array([0.3, -0.2, 0.1, -0.3, 0.2, -0.1, 0.3, 0.0])
@@ -217,7 +212,7 @@ def test_with_all_that_is_smooth_the_integrator_is_of_order_four() -> None:
     assert order == pytest.approx([4, 4, 4, 4], abs=0.4)
 
 
-def test_where_the_voltage_is_limited_now_and_then_the_solver_says_the_same() -> None:
+def test_where_the_voltage_is_limited_now_and_then_the_solver_says_the_same():
     parts = WHOLE | {"voltage": 6.0}
     command = np.array([0.3, -0.2, 0.1, -0.3, 0.2, -0.1, 0.3, 0.0])
     reference = exact(command, 4e-4, parts, 1e-4)
@@ -229,7 +224,7 @@ def test_where_the_voltage_is_limited_now_and_then_the_solver_says_the_same() ->
         np.testing.assert_allclose(run[name], reference[:, column], atol=1e-5 * scale)
 
 
-def test_a_scaled_magnet_is_scaled_with_its_coils() -> None:
+def test_a_scaled_magnet_is_scaled_with_its_coils():
     command = np.random.default_rng(1).uniform(-1, 1, 60)
     parts = coils(voltage=8.0)
     one = driven(command, parts, scale=np.full(60, 0.8), x_start=1e-4, coil=law(two_sided=False))
@@ -243,7 +238,7 @@ def test_a_scaled_magnet_is_scaled_with_its_coils() -> None:
 
 
 @pytest.mark.parametrize("halves", [1, 2, 3, 4, 7])
-def test_a_delay_shifts_the_control_between_the_samples(halves: int) -> None:
+def test_a_delay_shifts_the_control_between_the_samples(halves):
     """The same plant sampled twice as often, and its control shifted by whole samples there."""
     T, command = 1e-4, np.random.default_rng(2).uniform(-0.4, 0.4, 50)
     delay = {"delay": halves // 2, "delay_rest": T / 2 * (halves % 2)}
@@ -254,8 +249,8 @@ def test_a_delay_shifts_the_control_between_the_samples(halves: int) -> None:
         np.testing.assert_allclose(late[name], fine[name][::2], rtol=1e-8, atol=1e-14)
 
 
-def test_a_delay_is_told_in_whole_samples_and_the_rest() -> None:
-    def delay(text: str) -> tuple[int, float]:
+def test_a_delay_is_told_in_whole_samples_and_the_rest():
+    def delay(text):
         parts = plant_parts.axis_fields(BEARING.replace(delay=text), None, None, 0.0, 4)
         return parts["delay"], parts["delay_rest"]
 
@@ -269,7 +264,7 @@ def test_a_delay_is_told_in_whole_samples_and_the_rest() -> None:
 # ---- Sensor ----
 
 
-def test_runout_comes_through_the_lag() -> None:
+def test_runout_comes_through_the_lag():
     """Each line's amplitude and phase behind 1/(1 + j n speed T_sen), after 10^5 turns as well."""
     T, lag, speed = 1e-4, 2e-4, 6000 * 2 * np.pi / 60
     bearing = BEARING.replace(
@@ -292,8 +287,8 @@ def test_runout_comes_through_the_lag() -> None:
     np.testing.assert_allclose(run["x_m"][100:], expected[100:], atol=3e-11)
 
 
-def test_substeps_follow_the_fastest_part() -> None:
-    def steps(**changes: Any) -> int:
+def test_substeps_follow_the_fastest_part():
+    def steps(**changes):
         bearing = BEARING.replace(**changes)
         result = plant_parts.substeps(bearing, [None], 4, bearing.speed)
         loops = core_module("float64", any_model=True)
@@ -307,7 +302,7 @@ def test_substeps_follow_the_fastest_part() -> None:
     assert steps(speed="30000 rpm", sensor__runout=runout) == 7
 
 
-def test_a_bent_sensor_settles_on_its_curve() -> None:
+def test_a_bent_sensor_settles_on_its_curve():
     for x in (-5e-4, 3e-4):
         run = driven(
             np.zeros(100), {"quadratic": 50.0, "cubic": 1e5}, m=HEAVY, x_start=x, K_sen=2.0,
@@ -317,7 +312,7 @@ def test_a_bent_sensor_settles_on_its_curve() -> None:
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_a_quantised_measurement_is_off_by_half_a_step_at_most(precision: str) -> None:
+def test_a_quantised_measurement_is_off_by_half_a_step_at_most(precision):
     step = 2e-6
     bearing = BEARING.replace(sensor__quantisation=step)
     kalman = ambkit.KalmanFilter(bearing, precision=precision)
@@ -331,7 +326,7 @@ def test_a_quantised_measurement_is_off_by_half_a_step_at_most(precision: str) -
     np.testing.assert_allclose(whole, np.round(whole), atol=10 * eps * np.abs(whole).max())
 
 
-def test_what_is_no_number_stays_what_it_is_in_the_rounding() -> None:
+def test_what_is_no_number_stays_what_it_is_in_the_rounding():
     noise = np.array([0.0, np.nan, np.inf, -np.inf, 1e300, 0.6e-6, -0.6e-6, 0.4e-6])
     still = {"m": HEAVY, "magnet": core_module().Constant(0.0, 0.0), "noise_y": noise}
     y = driven(np.zeros(8), {"step": 1e-6}, **still)["y"]
@@ -341,7 +336,7 @@ def test_what_is_no_number_stays_what_it_is_in_the_rounding() -> None:
 # ---- Noise ----
 
 
-def test_the_white_noise_is_what_it_was_whatever_stands_beside_it() -> None:
+def test_the_white_noise_is_what_it_was_whatever_stands_beside_it():
     scenario, n = ambkit.Scenario(seed=7, run=3), 500
     white_u, white_y = (
         Stream(7, 3, number).normal(np.sqrt(variance), n)
@@ -360,12 +355,12 @@ def test_the_white_noise_is_what_it_was_whatever_stands_beside_it() -> None:
     assert not np.any(silent)
 
 
-def autocovariance(z: np.ndarray, lags: range) -> np.ndarray:
+def autocovariance(z, lags):
     n = z.shape[-1]
     return np.array([np.mean(z[..., : n - lag] * z[..., lag:]) for lag in lags])
 
 
-def test_coloured_noise_has_the_autocovariance_of_first_order() -> None:
+def test_coloured_noise_has_the_autocovariance_of_first_order():
     T, n = 1e-4, 200_000
     noise = ColouredNoise(variance="1 um^2", bandwidth="200 Hz")
     seeds = range(20)
@@ -378,7 +373,7 @@ def test_coloured_noise_has_the_autocovariance_of_first_order() -> None:
 
 
 @pytest.mark.parametrize("bandwidth", ["0 Hz", "2 Hz"])
-def test_hum_has_its_line(bandwidth: str) -> None:
+def test_hum_has_its_line(bandwidth):
     T, n, f, A = 1e-4, 100_000, 50.0, 5e-6
     line = Hum(frequency=f, amplitude=A, bandwidth=bandwidth)
     z = np.array([plant_noise.hum(line, T, n, Stream(s)) for s in range(40)])
@@ -398,7 +393,7 @@ def test_hum_has_its_line(bandwidth: str) -> None:
 STOP = {"stiffness": 1e8, "damping": 0.5, "farthest": 1.9e-3}
 
 
-def impact(v_in: float, n: int = 1500, T: float = 1e-5, **changes: Any) -> dict[str, Any]:
+def impact(v_in, n=1500, T=1e-5, **changes):
     """Push the rotor to a velocity with one sample's force, towards the stop at +1 mm."""
     push = np.zeros(n)
     push[0] = M * v_in / T
@@ -407,11 +402,11 @@ def impact(v_in: float, n: int = 1500, T: float = 1e-5, **changes: Any) -> dict[
     return driven(np.zeros(n), parts, T=T, f_d=push, magnet=nothing, x_start=0.9e-3, **changes)
 
 
-def restitution(v_in: float, damping: float) -> float:
+def restitution(v_in, damping):
     """Hunt and Crossley's equation integrated: a v - ln(1 + a v) is the same before and after."""
     a = 1.5 * damping
 
-    def lost(v: float) -> float:
+    def lost(v):
         return a * v - np.log1p(a * v)
 
     out = brentq(lambda v: lost(-v) - lost(v_in), 1e-9 * v_in, v_in)
@@ -419,7 +414,7 @@ def restitution(v_in: float, damping: float) -> float:
 
 
 @pytest.mark.parametrize("v_in", [0.02, 0.1, 0.4])
-def test_the_rotor_comes_back_as_the_formula_says(v_in: float) -> None:
+def test_the_rotor_comes_back_as_the_formula_says(v_in):
     run = impact(v_in, n={0.02: 1500, 0.1: 600, 0.4: 300}[v_in])
     assert run["v"][-1] == run["v"][-2]  # free again
     e = -run["v"][-1] / v_in
@@ -431,7 +426,7 @@ def test_the_rotor_comes_back_as_the_formula_says(v_in: float) -> None:
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.5, 20.0])
-def test_the_energy_never_rises(damping: float) -> None:
+def test_the_energy_never_rises(damping):
     """Under a weight that keeps it bouncing between and against the stops, with a lossy one too."""
     weight = -M * 9.81
     nothing = core_module().Constant(0.0, 0.0)
@@ -450,7 +445,7 @@ def test_the_energy_never_rises(damping: float) -> None:
 
 
 @pytest.mark.parametrize("stiffness", [1e8, 1e10, 1e12])
-def test_the_impact_does_not_depend_on_the_steps(stiffness: float) -> None:
+def test_the_impact_does_not_depend_on_the_steps(stiffness):
     """Also where the whole of it is over in a fraction of a step."""
     nothing = core_module().Constant(0.0, 0.0)
     runs = [
@@ -467,7 +462,7 @@ def test_the_impact_does_not_depend_on_the_steps(stiffness: float) -> None:
             np.testing.assert_allclose(run[name], runs[-1][name], rtol=0, atol=1e-6 * scale)
 
 
-def test_the_impact_is_the_solvers() -> None:
+def test_the_impact_is_the_solvers():
     parts = coils() | STOP
     command = np.full(40, 0.6)
     reference = exact(command, 4e-4, parts, 8e-4)
@@ -478,7 +473,7 @@ def test_the_impact_is_the_solvers() -> None:
         np.testing.assert_allclose(run[name], reference[:, column], atol=2e-6 * scale)
 
 
-def test_a_stop_too_soft_ends_before_the_magnet() -> None:
+def test_a_stop_too_soft_ends_before_the_magnet():
     run = driven(np.zeros(2000), STOP | {"stiffness": 1.0}, f_d=100.0)
     assert run["x"].max() == 1.9e-3
     assert np.isfinite(run["force"]).all()
@@ -487,7 +482,7 @@ def test_a_stop_too_soft_ends_before_the_magnet() -> None:
 # ---- All of it, from the bearing's file ----
 
 
-def test_all_parts_at_once_hover_and_are_told() -> None:
+def test_all_parts_at_once_hover_and_are_told():
     bearing = BEARING.replace(**ALL)
     run = ambkit.simulate(bearing, ambkit.Scenario(duration=0.3)).record
     assert run.units["u_coil"] == run.units["u_coil_2"] == "V"
@@ -496,7 +491,7 @@ def test_all_parts_at_once_hover_and_are_told() -> None:
     assert "u_coil" not in ambkit.simulate(BEARING, ambkit.Scenario(duration=0.01)).record
 
 
-def test_stretches_are_the_whole_with_all_parts() -> None:
+def test_stretches_are_the_whole_with_all_parts():
     bearing, scenario = BEARING.replace(**ALL), ambkit.Scenario(duration=0.02)
     whole = Loop(bearing, scenario).run().record
     loop = Loop(bearing, scenario)
@@ -506,7 +501,7 @@ def test_stretches_are_the_whole_with_all_parts() -> None:
         np.testing.assert_array_equal(joined, whole[name], err_msg=name)
 
 
-def test_single_precision_does_nearly_the_same() -> None:
+def test_single_precision_does_nearly_the_same():
     bearing = BEARING.replace(**ALL | {"sensor__quantisation": None})
     scenario = ambkit.Scenario(duration=0.05, controller={"feedback": "measurement"})
     runs = {
@@ -519,7 +514,7 @@ def test_single_precision_does_nearly_the_same() -> None:
     assert 0 < off < 1e-3 * np.abs(runs["float64"]["x"]).max()
 
 
-def test_another_magnet_gets_the_mean_of_both_currents() -> None:
+def test_another_magnet_gets_the_mean_of_both_currents():
     bearing = BEARING.replace(amplifier__bandwidth="1 kHz", amplifier__voltage_limit="8 V",
                               amplifier__resistance="2 ohm")  # fmt: skip
     record = ambkit.simulate(

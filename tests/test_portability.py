@@ -1,12 +1,8 @@
 """Exported C assumes no widths of its types, and needs nothing that a controller lacks."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import portability
@@ -17,7 +13,7 @@ from quick import quick
 
 import ambkit
 from ambkit.base.errors import AmbkitError
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import export_c
 
 FEW = [("adaptive", "double"), ("unscented", "float")]
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
@@ -25,9 +21,7 @@ needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C 
 
 @needs_cc
 @pytest.mark.parametrize(("kind", "precision"), quick(CASES, FEW))
-def test_nothing_is_assumed_of_the_machine(
-    exported: Callable[..., CExport], kind: str, precision: str
-) -> None:
+def test_nothing_is_assumed_of_the_machine(exported, kind, precision):
     made = exported(kind, precision)
     found = portability.lint(made.folder, flight_files(made), INCLUDES, real=precision)
     assert sorted(found) == []
@@ -89,7 +83,7 @@ GOOD = {
 }
 
 
-def lint(folder: Path, text: str) -> set[portability.Finding]:
+def lint(folder, text):
     (folder / "a.h").write_text("")
     (folder / "a.c").write_text(text + "\n")
     return portability.lint(folder, ["a.h", "a.c"], ["-I."], real="float")
@@ -97,13 +91,13 @@ def lint(folder: Path, text: str) -> set[portability.Finding]:
 
 @needs_cc
 @pytest.mark.parametrize("fault", FAULTS)
-def test_the_rule_bites(tmp_path: Path, fault: str) -> None:
+def test_the_rule_bites(tmp_path, fault):
     found = lint(tmp_path, FAULTS[fault])
     assert {each.rule for each in found} == {fault.split(",")[0].split()[0]}
     assert {each.file for each in found} == {"a.c"}
 
 
-def test_every_rule_is_tried() -> None:
+def test_every_rule_is_tried():
     rules = {
         line.split()[0]
         for line in (portability.__doc__ or "").split("====\n")[1].splitlines()
@@ -114,7 +108,7 @@ def test_every_rule_is_tried() -> None:
 
 @needs_cc
 @pytest.mark.parametrize("good", GOOD)
-def test_the_rules_bite_nothing_else(tmp_path: Path, good: str) -> None:
+def test_the_rules_bite_nothing_else(tmp_path, good):
     assert lint(tmp_path, GOOD[good]) == set()
 
 
@@ -123,13 +117,13 @@ def test_the_rules_bite_nothing_else(tmp_path: Path, good: str) -> None:
 MSP430 = ["clang", "--target=msp430", "-std=c99", "-ffreestanding", "-fsyntax-only", *STRICT]
 
 
-def compiled_for_16_bits(folder: Path, *files: str) -> subprocess.CompletedProcess[str]:
+def compiled_for_16_bits(folder, *files):
     command = [*MSP430, *INCLUDES, *files]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
 
 
 @pytest.fixture(scope="module")
-def msp430(tmp_path_factory: pytest.TempPathFactory) -> None:
+def msp430(tmp_path_factory):
     if shutil.which("clang") is None:
         pytest.skip("clang is not installed")
     folder = tmp_path_factory.mktemp("msp430")
@@ -139,18 +133,14 @@ def msp430(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 @pytest.mark.parametrize(("kind", "precision"), quick(CASES, FEW))
-def test_a_compiler_with_an_int_of_16_bits_finds_nothing(
-    msp430: None, exported: Callable[..., CExport], kind: str, precision: str
-) -> None:
+def test_a_compiler_with_an_int_of_16_bits_finds_nothing(msp430, exported, kind, precision):
     made = exported(kind, precision)
     done = compiled_for_16_bits(made.folder, *made.sources)
     assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("fault", ["literal", "literal, unsigned", "shift", "shift, in place"])
-def test_that_compiler_would_find_what_others_do_not(
-    msp430: None, tmp_path: Path, fault: str
-) -> None:
+def test_that_compiler_would_find_what_others_do_not(msp430, tmp_path, fault):
     (tmp_path / "a.c").write_text(FAULTS[fault] + "\n")
     done = compiled_for_16_bits(tmp_path, "a.c")
     assert "a.c:1:" in done.stderr
@@ -170,9 +160,7 @@ BIG_ENDIAN = ("s390x-linux-gnu-gcc", "qemu-s390x")
     not all(map(shutil.which, BIG_ENDIAN)), reason=f"not there: one of {', '.join(BIG_ENDIAN)}"
 )
 @pytest.mark.parametrize("of", ["linear", "double", "tabulated", "controller", "machine"])
-def test_the_other_byte_order_gives_the_same_bits(
-    exported: Callable[..., CExport], of: str, tmp_path: Path
-) -> None:
+def test_the_other_byte_order_gives_the_same_bits(exported, of, tmp_path):
     if of == "controller":
         made = export_c(BEARING, None, tmp_path / "c", prefix="f", scenario=ambkit.Scenario())
     elif of == "machine":
@@ -190,7 +178,7 @@ def test_the_other_byte_order_gives_the_same_bits(
     assert "equal to the last bit" in said
 
 
-def test_a_table_that_an_int_of_16_bits_cannot_count_is_refused(tmp_path: Path) -> None:
+def test_a_table_that_an_int_of_16_bits_cannot_count_is_refused(tmp_path):
     fine = ambkit.stiffness_map(
         BEARING, currents=np.linspace(-1, 1, 182), displacements=np.linspace(-5e-4, 5e-4, 181)
     )

@@ -1,11 +1,8 @@
 """Bars: on a terminal, in a notebook without widgets, and nowhere else."""
 
-from __future__ import annotations
-
 import io
 import sys
 from types import ModuleType, SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -14,29 +11,29 @@ from ambkit.base.progress import in_notebook, progress
 
 
 @pytest.fixture
-def notebook(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+def notebook(monkeypatch):
     """What a notebook was given to display; each picture as its HTML, at once."""
-    shown: list[Any] = []
+    shown = []
 
     class Handle:
-        def update(self, thing: Any, *, raw: bool = False) -> None:
+        def update(self, thing, *, raw=False):
             shown.append(thing if raw else thing._repr_mimebundle_((), ()))
 
-    def display(thing: Any, *, display_id: bool) -> Handle:
+    def display(thing, *, display_id):
         assert display_id
         shown.append(thing._repr_mimebundle_((), ()))
         return Handle()
 
     ipython, sub = ModuleType("IPython"), ModuleType("IPython.display")
-    ipython.get_ipython = lambda: SimpleNamespace(kernel=object())  # type: ignore[attr-defined]
-    sub.display = display  # type: ignore[attr-defined]
+    ipython.get_ipython = lambda: SimpleNamespace(kernel=object())
+    sub.display = display
     monkeypatch.setitem(sys.modules, "IPython", ipython)
     monkeypatch.setitem(sys.modules, "IPython.display", sub)
     monkeypatch.setattr("ambkit.base.progress._REDRAWN", 0.0)
     return shown
 
 
-def test_without_a_reader_nothing_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_reader_nothing_is_shown(capsys):
     assert not in_notebook()
     with progress("counting", 2) as tell:
         tell("next")
@@ -44,9 +41,9 @@ def test_without_a_reader_nothing_is_shown(capsys: pytest.CaptureFixture[str]) -
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_terminal_shows_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_shows_a_bar(monkeypatch):
     terminal = io.StringIO()
-    terminal.isatty = lambda: True  # type: ignore[method-assign]
+    terminal.isatty = lambda: True
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
     with progress("counting", 2) as tell:
@@ -54,9 +51,7 @@ def test_a_terminal_shows_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "the\\nnext [bold]one" in terminal.getvalue()
 
 
-def test_a_notebook_shows_a_bar_and_takes_it_away(
-    notebook: list[Any], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_notebook_shows_a_bar_and_takes_it_away(notebook, capsys):
     with progress("counting", 2) as tell:
         for text in ("half", "all"):
             tell(text)
@@ -69,12 +64,12 @@ def test_a_notebook_shows_a_bar_and_takes_it_away(
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_failure_takes_the_bar_away_as_well(notebook: list[Any]) -> None:
+def test_a_failure_takes_the_bar_away_as_well(notebook):
     with pytest.raises(ValueError, match="no"), progress("counting"):
         raise ValueError("no")
     assert notebook[-1]["text/html"] == ""
 
 
-def test_long_functions_show_it_by_themselves(notebook: list[Any]) -> None:
+def test_long_functions_show_it_by_themselves(notebook):
     ambkit.inject_faults("zittau_axial", ["linear"], faults=["knock"], samples=0)
     assert any("knock" in each["text/html"] for each in notebook)

@@ -1,14 +1,10 @@
 """The proof that an export ships: its script, what it records, and that it sees what is wrong."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from export_cases import KINDS, command, export
@@ -17,11 +13,9 @@ from quick import quick
 from ambkit import Machine, Scenario
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.control.pid import PID
-from ambkit.export.c import CExport, export_c, proof
-from ambkit.export.c.c_literals import CPrecision
+from ambkit.export.c import export_c, proof
 from firmware import proof as prover
 
-Exported = Callable[..., CExport]
 STORED = json.loads(proof.STORED.read_text(encoding="utf-8"))
 
 OF = {"linear": "Kalman, Constant", "multiple-model": "MultipleModel, 5 models, Law"}
@@ -31,21 +25,21 @@ needs_frama_c = pytest.mark.skipif(
 )
 
 
-def test_of_every_kind_it_is_recorded_in_both_precisions_that_nothing_is_left() -> None:
+def test_of_every_kind_it_is_recorded_in_both_precisions_that_nothing_is_left():
     names = [prover.stored_as(kind, each) for kind in prover.NAMES for each in prover.PRECISIONS]
     assert set(STORED["filters"]) == set(names)
     stored = STORED["filters"] | STORED["controllers"]
     assert [name for name, found in stored.items() if any(found.values())] == []
 
 
-def test_the_table_is_what_is_recorded() -> None:
+def test_the_table_is_what_is_recorded():
     """Otherwise: python -m firmware.proof."""
     readme = Path(prover.__file__).with_name("README.md").read_text(encoding="utf-8")
     assert prover.table() in readme
 
 
 @pytest.mark.parametrize("kind", ["linear", "multiple-model"])
-def test_the_readme_says_what_was_recorded_and_no_more(exported: Exported, kind: str) -> None:
+def test_the_readme_says_what_was_recorded_and_no_more(exported, kind):
     made = exported(kind)
     text = (made.folder / "proof" / "README.md").read_text(encoding="utf-8")
     recorded = STORED["filters"][OF[kind] + ", float"]
@@ -56,7 +50,7 @@ def test_the_readme_says_what_was_recorded_and_no_more(exported: Exported, kind:
     assert "was not analysed" not in text
 
 
-def test_every_output_is_asked_for(exported: Exported) -> None:
+def test_every_output_is_asked_for(exported):
     made = exported("linear")
     header = (made.folder / f"{made.name}.h").read_text(encoding="utf-8")
     (body,) = re.findall(r"_estimates \{(.*?)\}", header, re.DOTALL)
@@ -73,14 +67,14 @@ double Frama_C_double_interval(double low, double high);
 """
 
 
-def export_proved(what: str, out: Path) -> CExport:
+def export_proved(what, out):
     """Each form that brings a proof, and what has none."""
     if what in ("machine", "machine and its controllers"):
         flight = Scenario(sequence=LiftOff()) if "controllers" in what else None
         return export_c(Machine.preset("tum_mlps"), None, out, prefix="f", scenario=flight)
     if what == "editable":
         return export("linear", out, prefix="f", editable=True)
-    of: dict[str, Any] = {} if what in KINDS else {"scenario": Scenario(controller=LAWS[what])}
+    of = {} if what in KINDS else {"scenario": Scenario(controller=LAWS[what])}
     if what == "calibrated":
         of["calibrated"] = True
     return export(what if what in KINDS else "linear", out, prefix="f", **of)
@@ -93,7 +87,7 @@ LAWS = prover.CONTROLLERS | {"calibrated": PID()}
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 @pytest.mark.parametrize("what", quick(WITH_PROOF, ["linear", *WITH_PROOF[len(KINDS) :]]))
-def test_script_and_harness_parse(what: str, tmp_path: Path) -> None:
+def test_script_and_harness_parse(what, tmp_path):
     """As a shell has the one, and a compiler the other, with what Frama-C has built in."""
     folder = export_proved(what, tmp_path / "c").folder
     (tmp_path / "__fc_builtin.h").write_text(BUILTINS)
@@ -103,7 +97,6 @@ def test_script_and_harness_parse(what: str, tmp_path: Path) -> None:
     assert "proof/f_proof.c" in said
     texts = [file.read_text(encoding="utf-8") for file in (folder / "core" / "src").glob("*.c")]
     listed = re.search(r"-eva-slevel-function (\S+)", said)
-    assert listed is not None
     for named in listed[1].split(","):  # Frama-C aborts where there is no such function
         function = re.sub(r"^amb_f\w{6,}?_", "amb_", named.split(":")[0])
         assert any(f" {function}(" in text for text in texts), named
@@ -115,14 +108,14 @@ def test_script_and_harness_parse(what: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("what", ["editable", *MACHINES])
-def test_a_script_that_was_not_run_is_called_no_proof(what: str, tmp_path: Path) -> None:
+def test_a_script_that_was_not_run_is_called_no_proof(what, tmp_path):
     folder = export_proved(what, tmp_path / "c").folder
     text = (folder / "proof" / "README.md").read_text(encoding="utf-8")
     assert text.startswith("# Script for an analysis of f, which nothing is proved of yet\n")
     assert "# Proof" not in text
 
 
-def test_of_what_is_not_proved_nothing_is_said(tmp_path: Path) -> None:
+def test_of_what_is_not_proved_nothing_is_said(tmp_path):
     made = export_proved("calibrated", tmp_path / "c")
     assert not [file for file in made.files if file.startswith("proof/")]
     readme = (made.folder / "README.md").read_text(encoding="utf-8")
@@ -130,7 +123,7 @@ def test_of_what_is_not_proved_nothing_is_said(tmp_path: Path) -> None:
     assert "- It is not proved that no input leads to undefined" in readme
 
 
-def test_the_readme_of_a_controller_says_that_it_is_proved(tmp_path: Path) -> None:
+def test_the_readme_of_a_controller_says_that_it_is_proved(tmp_path):
     readme = (export_proved("LQG", tmp_path / "c").folder / "README.md").read_text(encoding="utf-8")
     assert "- Proved with the numbers of ambkit's own rig: no input" in readme
     assert "not proved" not in readme
@@ -143,9 +136,7 @@ def test_the_readme_of_a_controller_says_that_it_is_proved(tmp_path: Path) -> No
     [("linear", "double", None), ("unscented", "float", None),
      ("linear", "float", "PID of the reading"), ("linear", "float", "LQG")],
 )  # fmt: skip
-def test_what_is_recorded_comes_out(
-    kind: str, precision: CPrecision, law: str | None, tmp_path: Path
-) -> None:
+def test_what_is_recorded_comes_out(kind, precision, law, tmp_path):
     """Of the others: python -m firmware.proof all."""
     control = None if law is None else prover.CONTROLLERS[law]
     name, left, said = prover.prove(kind, precision, tmp_path / "out", control)
@@ -155,9 +146,7 @@ def test_what_is_recorded_comes_out(
 
 @pytest.mark.study
 @needs_frama_c
-def test_the_proof_fails_where_the_supervisor_looks_away(
-    exported: Exported, tmp_path: Path
-) -> None:
+def test_the_proof_fails_where_the_supervisor_looks_away(exported, tmp_path):
     folder = tmp_path / "out"
     made = exported("linear")
     shutil.copytree(made.folder, folder)

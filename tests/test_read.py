@@ -626,7 +626,7 @@ def test_many_rows_take_few_seconds_and_show_progress_on_a_terminal(tmp_path):
         terminal, inside = os.openpty()
     except OSError as error:
         pytest.skip(f"there are no pseudo terminals here: {error}")
-    shown: list[bytes] = []
+    shown = []
 
     def listen():
         with contextlib.suppress(OSError):  # Linux says EIO where the other end is closed

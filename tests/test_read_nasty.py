@@ -1,7 +1,6 @@
 """Logs as a stranger's logger writes them: each is read right, or refused in one clear word."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,22 +23,22 @@ HEAD = "time [s],pos [mm],current [A]"
 BARE = "time,pos,current"
 
 
-def rows(separator: str = ",", decimal: str = ".", time: Callable[[int], str] | None = None):
+def rows(separator=",", decimal=".", time=None):
     for k, values in enumerate(zip(TIME, POS, CURRENT, strict=True)):
         cells = [f"{value:.6f}".replace(".", decimal) for value in values]
         yield separator.join([time(k) if time else cells[0], *cells[1:]])
 
 
-def text(*lines: str, end: str = "\n") -> str:
+def text(*lines, end="\n"):
     return end.join(lines) + end
 
 
-def mixed_ends() -> str:
+def mixed_ends():
     lines = [HEAD, *rows()]
     return "".join(line + ("\n", "\r\n", "\r")[k % 3] for k, line in enumerate(lines))
 
 
-READ: dict[str, tuple[str, bytes | str]] = {
+READ = {
     "a byte order mark": ("csv", text(HEAD, *rows()).encode("utf-8-sig")),
     "UTF-16": ("csv", text(HEAD, *rows()).encode("utf-16")),
     "UTF-16 without a mark": ("csv", text(HEAD, *rows()).encode("utf-16-le")),

@@ -14,7 +14,6 @@ from dataclasses import replace
 from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -62,7 +61,7 @@ from ambkit.result.report.items import BUCKETS, decimate
 TIME = Axis("time $t$", "s")
 
 
-def step_response() -> Figure:
+def step_response():
     """Two panels over one time axis, 20,001 samples, noise in and around the signals."""
     noise = np.random.default_rng(1)
     t = np.linspace(0, 0.4, 20001)
@@ -93,7 +92,7 @@ def step_response() -> Figure:
     )
 
 
-def force_map() -> Figure:
+def force_map():
     """Two heat maps beside each other, one of them signed, with markers."""
     i, x = np.linspace(-1.5, 1.5, 31), np.linspace(-5e-4, 5e-4, 21)
     current, position = np.meshgrid(i, x)
@@ -116,7 +115,7 @@ def force_map() -> Figure:
     )
 
 
-def learning_curve() -> Figure:
+def learning_curve():
     n = np.arange(1.0, 2001.0)
     items = [
         Line(n, 1.4 * n**-0.25, signal="series 1", label="steepest gradient"),
@@ -131,7 +130,7 @@ def learning_curve() -> Figure:
     )
 
 
-def comparison() -> Figure:
+def comparison():
     steps = ["0.1 mm", "0.3 mm", "0.5 mm"]
     bars = [
         Bars(steps, [0.2, 0.4, 0.58], [0.02, 0.03, 0.05], signal="estimate linear"),
@@ -153,14 +152,14 @@ def comparison() -> Figure:
     )
 
 
-def matrix() -> Figure:
+def matrix():
     """A table of coloured cells, one of them empty."""
     shade = np.array([[0.0, 0.5], [np.nan, 1.0], [0.2, 0.3]])
     cells = Cells(["x\n[µm]", "NIS"], ["one", "two", "three"], shade, [["1", "2"]] * 3)
     return Figure("matrix", "All by all", "", [Panel(Axis(""), Axis(""), [cells])])
 
 
-def estimates() -> Figure:
+def estimates():
     """Rows of intervals, on a linear and on a logarithmic axis, beside where they began."""
     texts = ["6.65 N mm²/A²", "1.99 mm"]
     rows = Intervals(["$k$", "$s_0$"], [1.25, 0.99], [1.22, 0.97], [1.29, 1.01], texts)
@@ -179,7 +178,7 @@ def estimates() -> Figure:
 
 
 ALL = [step_response, force_map, learning_curve, comparison, matrix, estimates]
-ROWS: list[verdicts.SummaryRow] = [
+ROWS = [
     {
         "id": "table4.largest",
         "what": "Largest deviation from Table 4 [N/A]",
@@ -199,7 +198,7 @@ ROWS: list[verdicts.SummaryRow] = [
 ]
 
 
-def report() -> Report:
+def report():
     table = TableBlock(
         "table4",
         "Current stiffness $k_i$ in N/A",
@@ -227,26 +226,26 @@ def report() -> Report:
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(tmp_path_factory):
     return write_report(report(), tmp_path_factory.mktemp("report"))
 
 
 @pytest.fixture(scope="module")
-def page(written: Path) -> str:
+def page(written):
     return written.read_text(encoding="utf-8")
 
 
 # Style
 
 
-def lightness(colour: str) -> float:
+def lightness(colour):
     """CIE L* of an sRGB colour."""
     parts = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
     linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
     return float(116 * np.cbrt(linear @ [0.2126, 0.7152, 0.0722]) - 16)
 
 
-def contrast(colour: str) -> float:
+def contrast(colour):
     """Contrast with white (WCAG 2)."""
     luminance = ((lightness(colour) + 16) / 116) ** 3
     return 1.05 / (luminance + 0.05)
@@ -394,7 +393,7 @@ def test_limits_hold_where_matplotlib_finds_none_about_one_point(at):
 
 
 def test_a_mean_is_printed_with_its_spread_and_its_runs():
-    row: verdicts.SummaryRow = {
+    row = {
         "id": "a", "what": "error", "paper": None, "ours": -0.6397, "unit": "N",
         "verdict": "better", "spread": 0.0078, "runs": 20,
     }  # fmt: skip
@@ -484,7 +483,7 @@ def test_the_summary_is_typeset():
 # Static
 
 
-def drawn(figure: Figure) -> list[bytes]:
+def drawn(figure):
     return [figure.image(ending) for ending in (".png", ".svg", ".pdf")]
 
 
@@ -538,7 +537,7 @@ def test_axis_factor_turns_metres_into_millimetres():
 # Interactive
 
 
-def numbers(values: list) -> np.ndarray:
+def numbers(values):
     return np.array(values, dtype=np.float64)  # null becomes NaN
 
 
@@ -595,7 +594,7 @@ def test_both_renderings_show_the_same_numbers():
 class Outline(HTMLParser):
     """Collects what a page refers to."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
         self.ids: list[str] = []
         self.references: list[str] = []
@@ -693,7 +692,7 @@ def test_page_numbers_links_and_escapes(page):
 
 
 def test_report_writes_all_files_and_the_same_ones_again(written, tmp_path):
-    said: list[str] = []
+    said = []
     again = write_report(report(), tmp_path, said.append)
     assert again.read_bytes() == written.read_bytes()
     names = {path.name for path in (tmp_path / "figures").iterdir()}
@@ -726,10 +725,10 @@ def test_unwritable_place_is_named_and_the_old_file_stays(tmp_path):
 class Browser:
     """Chromium over its debugging pipe (Chrome DevTools Protocol: JSON between zero bytes)."""
 
-    def __init__(self, program: str, folder: Path) -> None:
+    def __init__(self, program, folder):
         ours, theirs = os.pipe(), os.pipe()
 
-        def third_and_fourth() -> None:  # the descriptors chromium listens on
+        def third_and_fourth():  # the descriptors chromium listens on
             os.dup2(ours[0], 3)
             os.dup2(theirs[1], 4)
 
@@ -747,7 +746,7 @@ class Browser:
         self.events: list[dict] = []
         self.count = 0
 
-    def call(self, method: str, session: str | None = None, **parameters) -> dict:
+    def call(self, method, session=None, **parameters):
         self.count += 1
         message = {"id": self.count, "method": method, "params": parameters}
         message |= {"sessionId": session} if session else {}
@@ -760,14 +759,14 @@ class Browser:
                 return answer["result"]
             self.events.append(answer)
 
-    def close(self) -> None:
+    def close(self):
         self.call("Browser.close")
         self.out.close()
         self.back.close()
         self.process.wait(30)
 
 
-def seen_in_a_browser(page: Path, folder: Path, figures: int, ask: str = "1") -> Any:
+def seen_in_a_browser(page, folder, figures, ask="1"):
     """Open a page; it must draw its figures, fetch nothing, and complain of nothing.
 
     Returns what the browser answers to `ask` then.
@@ -782,7 +781,7 @@ def seen_in_a_browser(page: Path, folder: Path, figures: int, ask: str = "1") ->
         browser.call(f"{domain}.enable", session)
     browser.call("Page.navigate", session, url=page.as_uri())
 
-    def value(expression: str) -> Any:
+    def value(expression):
         answer = browser.call(
             "Runtime.evaluate", session, expression=expression, returnByValue=True
         )
@@ -875,7 +874,7 @@ def test_unknown_verdict_is_refused():
         verdicts.tally([{**ROWS[0], "verdict": "fine"}])
 
 
-def test_names_below_bars_may_hold_formulas() -> None:
+def test_names_below_bars_may_hold_formulas():
     figure = Figure("bars", "", "", [Panel(Axis(""), Axis("y"), [Bars(["$k_i$", "b"], [1, 2])])])
     (bars,) = json.loads(screen.to_json(screen.described(figure)))["data"]
     assert bars["x"] == ["<i>k</i><sub><i>i</i></sub>", "b"]

@@ -217,7 +217,7 @@ def test_the_stated_findings_are_what_is_computed(outcome):
     assert f"to {median} % in the median of 100 seeds" in text
 
 
-def printed(row: dict, digits: str) -> str:
+def printed(row, digits):
     """What was found, with its spread over the seeds where it has one."""
     text = number(row["ours"], digits)
     spread = row["spread"]

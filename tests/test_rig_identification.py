@@ -14,7 +14,7 @@ RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
 FREE = ("measurement_noise", "control_noise", "disturbance_noise", "current_offset")
 
 
-def log(name: str, begin: float, end: float) -> ambkit.Record:
+def log(name, begin, end):
     channels = recordings.folder() / "closed_loop.toml"
     return ambkit.load(RIG / f"{name}.mat", channels).between(begin, end)
 

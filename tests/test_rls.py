@@ -1,15 +1,11 @@
 """Recursive least squares: against batch least squares, a textbook version, and ADALINE."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from portability import lint
 
 import ambkit
@@ -18,13 +14,12 @@ from ambkit.base.errors import AmbkitError
 from ambkit.identification.online.magnet_constant import RecursiveLeastSquares
 from ambkit.machine.magnets import core_module
 
-Array = NDArray[np.float64]
 BEARING = Bearing.preset("zittau_axial")
 K = BEARING.magnet.magnet_constant
 SWING = Scenario(duration=0.6, reference=ambkit.Sine(amplitude=3e-4, frequency=20.0))
 
 
-def data(n: int, count: int, seed: int = 0) -> tuple[Array, Array]:
+def data(n, count, seed=0):
     """Regressors of very different size, the first constant, and noisy outputs."""
     rng = np.random.default_rng(seed)
     other = rng.normal(0.3, 1, (count, n - 1)) * 10.0 ** -np.arange(n - 1)
@@ -32,8 +27,8 @@ def data(n: int, count: int, seed: int = 0) -> tuple[Array, Array]:
     return phi, phi @ np.arange(1, n + 1) + 0.1 * rng.normal(size=count)
 
 
-def run(phi: Array, y: Array, *, known: float = 1e-3, forgetting: float = 0.99,
-        least_excitation: float = 0.0, precision: Any = "float64") -> dict[str, Any]:  # fmt: skip
+def run(phi, y, *, known=1e-3, forgetting=0.99,
+        least_excitation=0.0, precision="float64"):  # fmt: skip
     core, n = core_module(precision), phi.shape[1]
     kind = {"float64": np.float64, "float32": np.float32}[precision]
     element = core.Rls(np.zeros(n, kind), np.full(n, known, kind), forgetting=forgetting,
@@ -42,7 +37,7 @@ def run(phi: Array, y: Array, *, known: float = 1e-3, forgetting: float = 0.99,
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
-def test_it_is_batch_weighted_least_squares(n: int) -> None:
+def test_it_is_batch_weighted_least_squares(n):
     phi, y = data(n, 300)
     theta = run(phi, y)["theta"]
     for count in (1, 2, 10, 300):
@@ -54,7 +49,7 @@ def test_it_is_batch_weighted_least_squares(n: int) -> None:
         assert theta[count - 1] == pytest.approx(batch, rel=1e-12, abs=1e-12)
 
 
-def test_single_precision_comes_to_the_same() -> None:
+def test_single_precision_comes_to_the_same():
     phi, y = data(3, 2000)
     double, single = run(phi, y)["theta"], run(phi, y, precision="float32")["theta"]
     spread = double[500:].std(axis=0)
@@ -63,7 +58,7 @@ def test_single_precision_comes_to_the_same() -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(st.lists(st.floats(-9, 9), min_size=3, max_size=3), st.floats(-9, 9), st.integers(0, 10**6))
-def test_no_unit_changes_the_answer(decades: list[float], of_output: float, seed: int) -> None:
+def test_no_unit_changes_the_answer(decades, of_output, seed):
     """Metres or micrometres: each parameter scales with its output over its regressor."""
     phi, y = data(3, 60, seed)
     by, out = 10.0 ** np.array(decades), 10.0**of_output
@@ -74,7 +69,7 @@ def test_no_unit_changes_the_answer(decades: list[float], of_output: float, seed
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10**6), st.floats(0.5, 0.9999), st.floats(1e-3, 0.1))
-def test_without_excitation_nothing_grows(seed: int, forgetting: float, least: float) -> None:
+def test_without_excitation_nothing_grows(seed, forgetting, least):
     """Excited, then for long with nothing but a whisper: held, and alive when data come again."""
     phi, y = data(2, 400, seed)
     rng = np.random.default_rng(seed)
@@ -92,20 +87,20 @@ def test_without_excitation_nothing_grows(seed: int, forgetting: float, least: f
 # ---- the magnet constant ----
 
 
-def learned(scenario: Scenario, load: str = "unknown", start: float = 1.5) -> Any:
+def learned(scenario, load="unknown", start=1.5):
     record = ambkit.simulate(BEARING, scenario).record
     return RecursiveLeastSquares(BEARING, start=start * K, load=load).run(record)
 
 
 @pytest.mark.parametrize("start", [0.5, 1.5])
 @pytest.mark.parametrize("load", ["known", "unknown"])
-def test_k_is_found(load: str, start: float) -> None:
+def test_k_is_found(load, start):
     errors = [learned(SWING.replace(seed=n), load, start).magnet_constant / K - 1 for n in range(4)]
     assert np.abs(errors).max() < 0.012
 
 
 @pytest.mark.parametrize("bandwidth", [20.0, 38.0, 150.0])
-def test_no_low_pass_makes_the_force_larger_than_it_is(bandwidth: float) -> None:
+def test_no_low_pass_makes_the_force_larger_than_it_is(bandwidth):
     """Without noise k is right to 0.25 %; by eq. 24's row of x it would be 0.3 to 2.6 % off."""
     record = ambkit.simulate(BEARING, SWING.replace(noise=False, duration=1.0)).record
     learner = RecursiveLeastSquares(BEARING, start=1.3 * K, bandwidth=bandwidth)
@@ -113,7 +108,7 @@ def test_no_low_pass_makes_the_force_larger_than_it_is(bandwidth: float) -> None
 
 
 @pytest.mark.parametrize("force", [-3.0, 3.0])
-def test_an_unknown_load_is_not_taken_for_the_magnet(force: float) -> None:
+def test_an_unknown_load_is_not_taken_for_the_magnet(force):
     """Where ADALINE is 37 % too low or 140 % too high."""
     swing = ambkit.Sine(amplitude=2e-4, frequency=20.0)
     disturbed = SWING.replace(reference=swing, disturbance=ambkit.Constant(value=force))
@@ -124,21 +119,21 @@ def test_an_unknown_load_is_not_taken_for_the_magnet(force: float) -> None:
     assert abs(told / K - 1) > 0.3
 
 
-def test_it_settles_in_a_fraction_of_adalines_time() -> None:
+def test_it_settles_in_a_fraction_of_adalines_time():
     """And with the same memory the same noise stays: 8 ms without learning, then it is there."""
     rest = Scenario(duration=0.5)
     record = ambkit.simulate(BEARING, rest).record
     adaline = Adaline(BEARING, start=1.5 * K).run(record)
     rls = RecursiveLeastSquares(BEARING, start=1.5 * K, load="known").run(record)
 
-    def settled(k: Array) -> float:
+    def settled(k):
         return float(record.t[np.flatnonzero(np.abs(k / K - 1) > 0.03)[-1]])
 
     assert settled(rls.k) < 0.25 * settled(adaline.k)
     assert rls.spread == pytest.approx(adaline.spread, rel=0.3)
 
 
-def test_a_load_that_jumps_leads_k_astray_until_it_is_forgotten() -> None:
+def test_a_load_that_jumps_leads_k_astray_until_it_is_forgotten():
     """The magnet's answer to the jump cancels it: as if k were nothing. Motion mends it."""
     jump = SWING.replace(
         duration=1.0, reference=ambkit.Sine(amplitude=3e-4, frequency=10.0),
@@ -150,7 +145,7 @@ def test_a_load_that_jumps_leads_k_astray_until_it_is_forgotten() -> None:
     assert result.k[-1] == pytest.approx(K, rel=0.02)
 
 
-def test_steps_are_the_run_and_bad_samples_teach_nothing() -> None:
+def test_steps_are_the_run_and_bad_samples_teach_nothing():
     record = ambkit.simulate(BEARING, SWING.replace(duration=0.1)).record
     y, u = record["y"].copy(), record["u"].copy()
     y[500:520] = np.nan
@@ -163,7 +158,7 @@ def test_steps_are_the_run_and_bad_samples_teach_nothing() -> None:
     assert np.isfinite(run.k).all()
 
 
-def test_units_of_length_do_not_matter() -> None:
+def test_units_of_length_do_not_matter():
     """The whole element in metres and in micrometres: k scales as N m^2, the load not at all."""
     core, b = core_module(), BEARING
     record = ambkit.simulate(b, SWING.replace(duration=0.1)).record
@@ -181,7 +176,7 @@ def test_units_of_length_do_not_matter() -> None:
     assert results[1][1] == pytest.approx(results[0][1], rel=1e-11, abs=1e-11)
 
 
-def test_a_small_controller_can_run_it() -> None:
+def test_a_small_controller_can_run_it():
     """No library, no malloc, no variables of its own, no int beyond 16 bits, no double."""
     core = Path(__file__).resolve().parent.parent / "core"
     files = [f"src/{name}.c" for name in ("rls", "magnet_rls", "adaline", "magnet")]
@@ -190,7 +185,7 @@ def test_a_small_controller_can_run_it() -> None:
     assert [finding for finding in found if "rls" in finding.file] == []
 
 
-def test_identify_takes_either_learner() -> None:
+def test_identify_takes_either_learner():
     scenario = SWING.replace(disturbance=ambkit.Constant(value=1.0))
     record = ambkit.simulate(BEARING, scenario).record
     found = ambkit.identify_online(BEARING, record, method="rls", initial=1.5 * K)
@@ -213,6 +208,6 @@ def test_identify_takes_either_learner() -> None:
         ("rate_force", 0.0, "rate_force must be"),
     ],
 )
-def test_arguments_outside_their_range_are_told(name: str, value: Any, told: str) -> None:
+def test_arguments_outside_their_range_are_told(name, value, told):
     with pytest.raises(ValueError, match=told):
         RecursiveLeastSquares(BEARING, **{name: value})

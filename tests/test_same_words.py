@@ -1,12 +1,8 @@
 """One word, one meaning: functions of ambkit do what the commands of the same name do."""
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,14 +10,13 @@ import pytest
 import ambkit
 from ambkit import Bearing, Estimator, Expert, Record
 from ambkit.base.errors import AmbkitError
-from ambkit.judge.comparison.study import Study
 from ambkit.result.result import plain
 from ambkit.workflow.comparison import tuned_filters
 
 BEARING = Bearing.preset("zittau_axial")
 
 
-def force_map(path: Path) -> Path:
+def force_map(path):
     """Points of a force that is 10 % above the bearing's law, in the usual columns."""
     iu, x = (a.ravel() for a in np.meshgrid(np.linspace(-1.5, 1.5, 7), np.linspace(-5e-4, 5e-4, 7)))
     force = 1.1 * np.asarray(ambkit.ClosedLaw(BEARING).force(iu, x))
@@ -30,14 +25,14 @@ def force_map(path: Path) -> Path:
     return path
 
 
-def same(a: Record, b: Record) -> None:
+def same(a, b):
     for name in a:
         np.testing.assert_array_equal(a[name], b[name])
 
 
 ONE, TWO, LAW = ["linear"], ["linear", "closed-law"], "--filter linear --filter closed-law"
 FREE = ["magnet_constant", "measurement_noise"]
-COMMANDS: dict[str, Callable[[], Any]] = {
+COMMANDS = {
     "simulate zittau_axial --step 0.2mm --disturbance 3N --seed 4": lambda: ambkit.simulate(
         BEARING, step="0.2 mm", disturbance="3 N", seed=4
     ),
@@ -82,7 +77,7 @@ COMMANDS: dict[str, Callable[[], Any]] = {
 
 
 @pytest.mark.parametrize("words", COMMANDS)
-def test_a_command_writes_what_its_function_returns(call: Any, words: str) -> None:
+def test_a_command_writes_what_its_function_returns(call, words):
     force_map(Path("force.csv"))
     Expert.paper().save("paper.json")
     Path("s.toml").write_text('duration = "0.1 s"\nseed = 4\n')
@@ -99,14 +94,14 @@ def test_a_command_writes_what_its_function_returns(call: Any, words: str) -> No
 OPTION = re.compile(r" --(?:(?!filter|machine|out|validate|free|nodes|rules)[\w-]+)(?: [^-]\S*)?")
 
 
-def comparable(call: Any, words: str) -> Any:
+def comparable(call, words):
     """Return what a command prints as JSON, without what is of files or of the processor's time."""
     done = call(*words.split(), "--json")
     assert done.code == 0, done.err
     return comparable_data(done.json)
 
 
-def comparable_data(data: Any) -> Any:
+def comparable_data(data):
     kept = {k: v for k, v in data.items() if k not in ("files", "notes", "adequacy", "record")}
     for one in kept.get("default", {}).values():
         del one["cost"], one["cost_half_width"]
@@ -120,9 +115,7 @@ def comparable_data(data: Any) -> Any:
     ({"step": "0.3 mm", "plant": "force.csv"}, "--step 0.3mm --plant force.csv"),
     ({"scenario": "s.toml"}, "--scenario s.toml"),
 ])  # fmt: skip
-def test_simulate_makes_the_record_that_the_command_writes(
-    call: Any, options: dict[str, Any], arguments: str
-) -> None:
+def test_simulate_makes_the_record_that_the_command_writes(call, options, arguments):
     force_map(Path("force.csv"))
     Path("s.toml").write_text('duration = "0.1 s"\nseed = 4\n')
     done = call("simulate", "zittau_axial", *arguments.split(), "--out", "run.csv")
@@ -130,7 +123,7 @@ def test_simulate_makes_the_record_that_the_command_writes(
     same(Record.load("run.csv"), ambkit.simulate(BEARING, **options).record)
 
 
-def test_a_loop_has_one_estimator_or_none_and_one_magnet(call: Any) -> None:
+def test_a_loop_has_one_estimator_or_none_and_one_magnet(call):
     with pytest.raises(AmbkitError, match="one filter: name one of them, not all"):
         ambkit.simulate(BEARING, filter="all")
     done = call("simulate", "zittau_axial", "--filter", "linear", "--filter", "adaptive")
@@ -145,19 +138,17 @@ def test_a_loop_has_one_estimator_or_none_and_one_magnet(call: Any) -> None:
     ({"rules": (3, 4), "method": "widths", "reach": "0.8 mm"},
      "--rules 3x4 --method widths --reach 0.8mm"),
 ])  # fmt: skip
-def test_train_makes_the_expert_that_the_command_writes(
-    call: Any, options: dict[str, Any], arguments: str
-) -> None:
+def test_train_makes_the_expert_that_the_command_writes(call, options, arguments):
     assert call("train", "zittau_axial", *arguments.split(), "--out", "e.json").code == 0
     assert Expert.load("e.json") == ambkit.train(BEARING, **options).expert
 
 
-def test_automatic_rules_ask_for_points() -> None:
+def test_automatic_rules_ask_for_points():
     with pytest.raises(AmbkitError, match="auto needs points that were measured"):
         ambkit.train(BEARING, rules="auto")
 
 
-def test_an_expert_reaches_as_far_as_it_is_told(call: Any) -> None:
+def test_an_expert_reaches_as_far_as_it_is_told(call):
     assert ambkit.train(BEARING, reach="0.8 mm").expert.displacement_range == (-0.8e-3, 0.8e-3)
     with pytest.raises(AmbkitError, match="reach must be above 0 m and at most the travel, 1 mm"):
         ambkit.train(BEARING, reach=1.2e-3)
@@ -167,7 +158,7 @@ def test_an_expert_reaches_as_far_as_it_is_told(call: Any) -> None:
 
 
 @pytest.mark.parametrize("out", ["e.json", "points.csv", "refitted.toml", None])
-def test_train_saves_the_filter_of_what_it_wrote(call: Any, out: str | None) -> None:
+def test_train_saves_the_filter_of_what_it_wrote(call, out):
     force_map(Path("force.csv"))
     written = [] if out is None else ["--out", out]
     model = {"points.csv": "surface", "refitted.toml": "law"}.get(out or "", "network")
@@ -199,9 +190,7 @@ def test_train_saves_the_filter_of_what_it_wrote(call: Any, out: str | None) -> 
         (["--out", "e.json"], "ClosedLaw"),
     ],
 )
-def test_a_filter_knows_what_points_left_out_prefer(
-    call: Any, options: list[str], asked: str
-) -> None:
+def test_a_filter_knows_what_points_left_out_prefer(call, options, asked):
     force_map(Path("force.csv"))
     words = ("train", "map", "zittau_axial", *options, "force.csv", "--rules", "3x3")
     done = call(*words, "--out", "filter=f.toml")
@@ -212,18 +201,18 @@ def test_a_filter_knows_what_points_left_out_prefer(
 
 
 @pytest.fixture(scope="module")
-def tuned() -> Any:
+def tuned():
     return ambkit.compare(BEARING, ["linear", "adaptive", "table", "observer"], case="step",
                           seeds=2, budget=6)  # fmt: skip
 
 
-def test_compare_in_a_case_is_the_command_s(call: Any, tuned: Study) -> None:
+def test_compare_in_a_case_is_the_command_s(call, tuned):
     done = call("compare", "zittau_axial", "--case", "step", "--seeds", "2", "--budget", "6",
                 "--filter", "linear", "--filter", "adaptive", "--filter", "table", "--filter",
                 "observer", "--out", "filters=filters", "--json")  # fmt: skip
     assert done.code == 0, done.err
 
-    def errors(data: dict[str, Any]) -> dict[str, Any]:
+    def errors(data):
         return {k: {s: each[s] for s in ("x", "v", "f_d")} for k, each in data["tuned"].items()}
 
     assert errors(done.json) == errors(tuned.to_dict())
@@ -244,20 +233,20 @@ def test_compare_in_a_case_is_the_command_s(call: Any, tuned: Study) -> None:
     assert any(tuned_filters(tuned)[name].origin for name in ("linear", "observer"))
 
 
-def test_tuned_filters_of_a_bearing_without_a_file_share_one(tmp_path: Path) -> None:
+def test_tuned_filters_of_a_bearing_without_a_file_share_one(tmp_path):
     own = BEARING.replace(name="mine", rotor__mass=0.6)
-    study: Any = ambkit.compare(own, ["linear", "extended"], case="step", seeds=1, budget=3)
+    study = ambkit.compare(own, ["linear", "extended"], case="step", seeds=1, budget=3)
     study.save_product("filters", tmp_path, {})
     made = {path.name for path in tmp_path.iterdir()}
     assert made == {"bearing.toml", "linear.toml", "extended.toml"}
     assert Estimator.load(tmp_path / "extended.toml").bearing == own
 
 
-def test_filters_of_a_mapping_have_each_run_to_themselves() -> None:
-    options: dict[str, Any] = {"steps": ["0.3 mm"], "disturbance": "2 N", "seeds": 6}
+def test_filters_of_a_mapping_have_each_run_to_themselves():
+    options = {"steps": ["0.3 mm"], "disturbance": "2 N", "seeds": 6}
     named = ambkit.compare_steps(BEARING, ["linear", "closed-law"], **options)
     law = ambkit.AdaptiveKalmanFilter(BEARING, ambkit.ClosedLaw(BEARING))
-    objects: dict[str, Any] = {"a, b": ambkit.KalmanFilter(BEARING), "law": law}
+    objects = {"a, b": ambkit.KalmanFilter(BEARING), "law": law}
     functions = {"a, b": lambda: ambkit.KalmanFilter(BEARING), "law": lambda: law}
     (wanted,) = named.scores.values()
     for filters in (objects, functions):
@@ -268,9 +257,9 @@ def test_filters_of_a_mapping_have_each_run_to_themselves() -> None:
                 np.testing.assert_array_equal(one.rmse[signal], other.rmse[signal])
 
 
-def test_what_is_not_there_is_not_saved(tmp_path: Path) -> None:
+def test_what_is_not_there_is_not_saved(tmp_path):
     with pytest.raises(AmbkitError, match="whole needs one case"):
         ambkit.compare(BEARING, ["linear"], case="all", whole=True)
-    study: Any = ambkit.compare(BEARING, ["linear"], case="step", seeds=1)
+    study = ambkit.compare(BEARING, ["linear"], case="step", seeds=1)
     with pytest.raises(AmbkitError, match="nothing was tuned"):
         study.save_product("filters", tmp_path, {})

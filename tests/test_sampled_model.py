@@ -1,15 +1,10 @@
 """The sampled model: exact with the force held, for any sensor, in both precisions."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import mpmath as mp
 import numpy as np
 import oracles
 import pytest
-from filter_cases import BEARING, PRECISIONS, SETTINGS, STD, Array, made, step_matrices
+from filter_cases import BEARING, PRECISIONS, SETTINGS, STD, made, step_matrices
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -24,7 +19,7 @@ PHI = 6.0
 """Machine epsilons by which a value may be wrong: what is lost from z = 1 on, in three steps."""
 
 
-def exact_phi(k: int, z: float) -> Any:
+def exact_phi(k, z):
     """By its integral over the exponential, in as many digits as the cancellation takes."""
     with mp.workdps(60):
         value = mp.exp(-mp.mpf(z))
@@ -34,7 +29,7 @@ def exact_phi(k: int, z: float) -> Any:
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_the_functions_phi_keep_their_digits(precision: Any) -> None:
+def test_the_functions_phi_keep_their_digits(precision):
     """From where the series serves to where nothing is left of the exponential."""
     near_one = 1 + np.linspace(-0.01, 0.01, 21)
     z = np.concatenate([np.logspace(-6, 4, 401), near_one]).astype(precision)
@@ -51,7 +46,7 @@ def test_the_functions_phi_keep_their_digits(precision: Any) -> None:
 # ---- the model's constants ----
 
 
-def constants(precision: Any, s: oracles.Settings) -> tuple[Any, oracles.Settings]:
+def constants(precision, s):
     """What the core made of the settings, and the settings as it holds them."""
     core = core_module(precision)
     held = made(core, "Kalman", core.Constant(1.0, 1.0), s).parameters
@@ -62,7 +57,7 @@ def constants(precision: Any, s: oracles.Settings) -> tuple[Any, oracles.Setting
     }  # fmt: skip
 
 
-def symmetric(c: dict[str, float]) -> Array:
+def symmetric(c):
     """Covariance of a growth of 1 (4, 4), from the constants."""
     N = np.ones((4, 4))
     for i in range(4):
@@ -80,9 +75,7 @@ def symmetric(c: dict[str, float]) -> Array:
 @example(T=-4.0, m=-0.3, lag=2.0, gain=0.0, turned=True, precision="float32")
 @example(T=-4.0, m=-0.3, lag=3.0, gain=2.0, turned=False, precision="float32")
 @example(T=-6.0, m=2.0, lag=0.0, gain=-2.0, turned=False, precision="float32")
-def test_its_constants_are_those_of_the_matrix_exponential(
-    T: float, m: float, lag: float, gain: float, turned: bool, precision: Any
-) -> None:
+def test_its_constants_are_those_of_the_matrix_exponential(T, m, lag, gain, turned, precision):
     """T_sen/T from 1/1000 to 1000, gains of either sign: as printed they cancel in float."""
     c, s = constants(precision, SETTINGS | {
         "T": 10**T, "m": 10**m, "T_sen": 10**T * 10**lag, "K_sen": 10**gain * (-1) ** turned,
@@ -106,7 +99,7 @@ def test_its_constants_are_those_of_the_matrix_exponential(
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-def test_as_printed_it_has_what_the_paper_s_has_and_no_more(precision: Any) -> None:
+def test_as_printed_it_has_what_the_paper_s_has_and_no_more(precision):
     c, s = constants(precision, SETTINGS | {"as_printed": True})
     L, b, N = oracles.held_force(s)
     assert c["b_sen"] == pytest.approx(L[3, 0], rel=1e-6)
@@ -118,10 +111,10 @@ def test_as_printed_it_has_what_the_paper_s_has_and_no_more(precision: Any) -> N
 # ---- against the motion itself ----
 
 
-def after_a_sample(s: oracles.Settings, iu: float, start: Array, law: ClosedLaw) -> Array:
+def after_a_sample(s, iu, start, law):
     """The rotor between the magnets, a sample on, to 1e-12; the control current is held."""
 
-    def slope(_: float, z: Array) -> list[float]:
+    def slope(_, z):
         f = float(law.force(np.array([iu]), z[:1])[0]) + law.bias_force + s["f_0"] + z[2]
         return [z[1], f / s["m"], 0.0, (s["K_sen"] * z[0] - z[3]) / s["T_sen"]]
 
@@ -129,7 +122,7 @@ def after_a_sample(s: oracles.Settings, iu: float, start: Array, law: ClosedLaw)
     return np.asarray(motion.y[:, -1])
 
 
-def orders(lag: float, as_printed: bool, filter_of: Callable[..., Any]) -> Array:
+def orders(lag, as_printed, filter_of):
     """By which power of T the prediction of x, v and x_m is off after one sample."""
     law = ClosedLaw(BEARING)
     start, iu = np.array([2e-4, 0.05, 1.0, 1.5e-4]), 0.7
@@ -143,21 +136,21 @@ def orders(lag: float, as_printed: bool, filter_of: Callable[..., Any]) -> Array
     return np.asarray(np.log2(np.array(off)[:-1] / np.array(off)[1:])[-1])
 
 
-def extended(magnet: Any, s: oracles.Settings) -> Any:
+def extended(magnet, s):
     return made(core_module(), "Extended", magnet, s)
 
 
-def unscented(magnet: Any, s: oracles.Settings) -> Any:
+def unscented(magnet, s):
     return made(core_module(), "Unscented", magnet, s, reach=3**0.5, curvature=2.0)
 
 
-def adaptive(magnet: Any, s: oracles.Settings) -> Any:
+def adaptive(magnet, s):
     return made(core_module(), "Kalman", magnet, s)
 
 
 @pytest.mark.parametrize("filter_of", [adaptive, extended, unscented])
 @pytest.mark.parametrize("lag", [2e-3, 2e-2])
-def test_one_sample_is_right_to_the_third_power_of_its_length(lag: float, filter_of: Any) -> None:
+def test_one_sample_is_right_to_the_third_power_of_its_length(lag, filter_of):
     """x and v to T^3, one power less over a whole run; x_m, an integral of x, to T^4.
 
     As printed v is off by T^2 already, as the magnet is asked where the sample begins, and so is
@@ -170,7 +163,7 @@ def test_one_sample_is_right_to_the_third_power_of_its_length(lag: float, filter
     assert (x, v, x_m) == pytest.approx((3, 2, 2), abs=0.15)
 
 
-def test_the_matrices_are_those_of_the_core_s_step() -> None:
+def test_the_matrices_are_those_of_the_core_s_step():
     """What Riccati equations, the bound and the MAT-file are made of."""
     for as_printed in (False, True):
         s = SETTINGS | {"as_printed": as_printed, "f_0": 0.0}
@@ -198,9 +191,7 @@ def test_the_matrices_are_those_of_the_core_s_step() -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("lag", [1e-6, 2e-5, 2e-4, 1e-3])
-def test_at_constant_speed_the_printed_model_is_ahead_and_the_exact_one_is_not(
-    lag: float, precision: Any
-) -> None:
+def test_at_constant_speed_the_printed_model_is_ahead_and_the_exact_one_is_not(lag, precision):
     """By v (T/(1-exp(-T/T_sen)) - T_sen): the sensor's reading of a ramp is v T_sen late."""
     T, speed, n = SETTINGS["T"], 1e-3, 4000
     x = speed * T * (np.arange(n) - n / 2)
@@ -219,10 +210,10 @@ def test_at_constant_speed_the_printed_model_is_ahead_and_the_exact_one_is_not(
     assert ahead[False] == pytest.approx(0.0, abs=rounding * T)
 
 
-def test_with_a_fast_sensor_the_filter_is_better_than_the_sensor() -> None:
+def test_with_a_fast_sensor_the_filter_is_better_than_the_sensor():
     """20 us and 0.5 um, an eddy-current probe, over a step of 0.5 mm; as printed it is not."""
     bearing = BEARING.replace(sensor__lag=2e-5, sensor__noise_variance=0.5e-6**2)
-    square: dict[str, list[float]] = {"raw": [], "exact": [], "printed": []}
+    square = {"raw": [], "exact": [], "printed": []}
     for seed in range(20):
         scenario = ambkit.Scenario(
             duration=0.2, seed=seed, reference=ambkit.Step(amplitude=5e-4, time=0.05)

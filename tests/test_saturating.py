@@ -1,9 +1,5 @@
 """Iron that saturates: the law against Froehlich's equation, and everywhere as a magnet."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import mpmath as mp
 import numpy as np
 import pytest
@@ -30,12 +26,12 @@ CORE = core_module()
 share = st.floats(-1, 1)
 
 
-def pull(b: Bearing, i: Any, s: Any) -> Any:
+def pull(b, i, s):
     """Force of one side, the flux density found from the magnetomotive forces around the loop."""
     m = b.magnet
     mu0, Bs, N = mp.mpf(MU_0), mp.mpf(m.saturation), m.turns
 
-    def left(B: Any) -> Any:
+    def left(B):
         H = B / (mu0 * m.relative_permeability) / (1 - B / Bs)
         return 2 * s * B / mu0 + m.iron_length * H - N * i
 
@@ -43,13 +39,13 @@ def pull(b: Bearing, i: Any, s: Any) -> Any:
     return B**2 * m.pole_area * mp.cos(m.pole_angle) / mu0
 
 
-def oracle(b: Bearing, iu: Any, x: Any) -> Any:
+def oracle(b, iu, x):
     i0, s0 = mp.mpf(b.magnet.bias_current), mp.mpf(b.magnet.air_gap)
     own = pull(b, i0 + iu, s0 - x)
     return own if b.magnet.type == "one-sided" else own - pull(b, i0 - iu, s0 + x)
 
 
-def test_the_figures_of_the_design() -> None:
+def test_the_figures_of_the_design():
     law = magnet_of(TWO_SIDED)
     assert isinstance(law, SaturatingLaw)
     assert tangent(law.in_core(CORE), 0, 0) == pytest.approx((49.660, 146_764), rel=1e-5)
@@ -60,7 +56,7 @@ def test_the_figures_of_the_design() -> None:
 @BEARINGS
 @settings(max_examples=30, deadline=None)
 @given(a=share, d=share)
-def test_the_law_is_froehlichs(b: Bearing, a: float, d: float) -> None:
+def test_the_law_is_froehlichs(b, a, d):
     iu, x = 2.4 * a, 0.25e-3 * d
     law = magnet_of(b)
     with mp.workdps(40):
@@ -80,7 +76,7 @@ def test_the_law_is_froehlichs(b: Bearing, a: float, d: float) -> None:
 @given(
     a=share, d=share, more=st.floats(1e3, 1e9)
 )  # times the permeability and the saturation of the bearing
-def test_its_limit_is_the_ideal_law(b: Bearing, a: float, d: float, more: float) -> None:
+def test_its_limit_is_the_ideal_law(b, a, d, more):
     ideal = b.replace(magnet__saturation=1.6 * more, magnet__relative_permeability=2000 * more)
     iu, x = 2.5 * a, 0.25e-3 * d
     magnet, closed = magnet_of(ideal).in_core(CORE), ClosedLaw(b).in_core(CORE)
@@ -92,7 +88,7 @@ def test_its_limit_is_the_ideal_law(b: Bearing, a: float, d: float, more: float)
         assert one == pytest.approx(other, rel=5 * near)
 
 
-def test_without_iron_it_is_the_ideal_law() -> None:
+def test_without_iron_it_is_the_ideal_law():
     assert isinstance(magnet_of(IDEAL), ClosedLaw)
     grid = np.meshgrid(np.linspace(-2.5, 2.5, 11), np.linspace(-2.5e-4, 2.5e-4, 11))
     here, there = SaturatingLaw(IDEAL), ClosedLaw(IDEAL)
@@ -100,7 +96,7 @@ def test_without_iron_it_is_the_ideal_law() -> None:
 
 
 @pytest.mark.parametrize("change", [("r1", "m1", "g1"), ("k_s", "b * other", "a * other")])
-def test_steps_that_are_not_the_law_are_refused(change: tuple[str, str, str]) -> None:
+def test_steps_that_are_not_the_law_are_refused(change):
     where, old, new = change
     good = saturating.functions[2]
     steps = tuple((n, t.replace(old, new) if n == where else t) for n, t in good.steps)
@@ -116,12 +112,12 @@ def test_steps_that_are_not_the_law_are_refused(change: tuple[str, str, str]) ->
 
 
 @BEARINGS
-def test_the_levitation_current_carries_the_rotor(b: Bearing) -> None:
+def test_the_levitation_current_carries_the_rotor(b):
     left = magnet_of(b).force(b.levitation_current, 0.0) + b.weight
     assert abs(float(left)) < 1e-12 * b.rotor.mass * 9.81
 
 
-def test_an_angle_takes_its_cosine() -> None:
+def test_an_angle_takes_its_cosine():
     straight = TWO_SIDED.replace(magnet__pole_angle=None)
     ratio = TWO_SIDED.magnet.magnet_constant / straight.magnet.magnet_constant
     assert ratio == pytest.approx(np.cos(np.deg2rad(22.5)), rel=1e-14)
@@ -156,14 +152,14 @@ def test_an_angle_takes_its_cosine() -> None:
         ('"5 kg"', '"40 kg"', "carries the rotor at x = 0, which no current does"),
     ],
 )
-def test_what_does_not_go_together_is_told_with_its_line(old: str, new: str, told: str) -> None:
+def test_what_does_not_go_together_is_told_with_its_line(old, new, told):
     assert old in TOML
     with pytest.raises(ConfigError) as refused:
         Bearing.from_toml(TOML.replace(old, new), name="iron.toml")
     assert told in str(refused.value)
 
 
-def test_another_constant_keeps_the_iron() -> None:
+def test_another_constant_keeps_the_iron():
     found = TWO_SIDED.replace(**TWO_SIDED.magnet.with_constant(4e-6))
     assert found.magnet.magnet_constant == pytest.approx(4e-6, rel=1e-14)
     assert found.magnet.turns == 208
@@ -198,7 +194,7 @@ REFERENCE = ambkit.simulation.scenario.Scenario.model_validate(
 ).reference
 
 
-def test_the_plant_is_the_bearings_magnet() -> None:
+def test_the_plant_is_the_bearings_magnet():
     record = ambkit.simulate(TWO_SIDED, SHAKEN).record
     assert not record.meta["stop_touched"]
     at = record["iu"], record["x"]
@@ -208,7 +204,7 @@ def test_the_plant_is_the_bearings_magnet() -> None:
 
 
 @pytest.mark.parametrize("kind", ["extended", "unscented", "closed-law", "ud"])
-def test_estimators_know_it(kind: str) -> None:
+def test_estimators_know_it(kind):
     """With the iron the disturbance force is found; without it, it takes what the iron lacks."""
     record = ambkit.simulate(TWO_SIDED, SHAKEN).record
     noise = ambkit.FilterNoise(disturbance=100.0)
@@ -219,14 +215,14 @@ def test_estimators_know_it(kind: str) -> None:
     assert off[0] < 0.4 * off[1]
 
 
-def test_the_linear_filter_takes_its_tangent() -> None:
+def test_the_linear_filter_takes_its_tangent():
     linear = KINDS["linear"].make(TWO_SIDED)
     assert linear.magnet == ConstantStiffness.of(TWO_SIDED)
     k_i, k_s = magnet_of(TWO_SIDED).tangent(0.0, 0.0)
     assert linear.magnet == ConstantStiffness(float(k_i), float(k_s))
 
 
-def test_many_runs_side_by_side_are_those_one_by_one() -> None:
+def test_many_runs_side_by_side_are_those_one_by_one():
     records = [
         ambkit.simulate(TWO_SIDED, SHAKEN.model_copy(update={"seed": seed})).record
         for seed in range(9)
@@ -237,7 +233,7 @@ def test_many_runs_side_by_side_are_those_one_by_one() -> None:
         np.testing.assert_array_equal(mean, filter_.run(record).mean)
 
 
-def test_its_constant_is_identified() -> None:
+def test_its_constant_is_identified():
     """A scale of the law: the turns and the iron stay, and the pole area is what is found."""
     k = 1.1 * TWO_SIDED.magnet.magnet_constant
     truth = TWO_SIDED.replace(**TWO_SIDED.magnet.with_constant(k))
@@ -257,7 +253,7 @@ def test_its_constant_is_identified() -> None:
 
 
 @pytest.mark.parametrize("bearing", [TWO_SIDED, ONE_SIDED], ids=["two-sided", "one-sided"])
-def test_ideal_iron_with_the_other_control_signal_pulls_the_same(bearing: Bearing) -> None:
+def test_ideal_iron_with_the_other_control_signal_pulls_the_same(bearing):
     iu, y = np.meshgrid(np.linspace(-2.4, 2.5, 15), np.linspace(-0.24e-3, 0.24e-3, 11))
     u = as_ideal(bearing, y, iu / bearing.amplifier.gain)
     assert not is_ideal(bearing)
@@ -269,7 +265,7 @@ def test_ideal_iron_with_the_other_control_signal_pulls_the_same(bearing: Bearin
 
 
 @pytest.mark.parametrize("method", ["adaline", "rls"])
-def test_who_learns_the_constant_online_knows_the_iron(method: str) -> None:
+def test_who_learns_the_constant_online_knows_the_iron(method):
     stronger = TWO_SIDED.replace(
         **TWO_SIDED.magnet.with_constant(1.1 * TWO_SIDED.magnet.magnet_constant)
     )

@@ -4,7 +4,6 @@ import copy
 import doctest
 import math
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,20 +28,19 @@ from ambkit.simulation.waveforms import (
     Sine,
     Step,
     Sum,
-    Waveform,
 )
 
 T = 1e-3
 t = T * np.arange(101)
 
 
-def refused(text: str) -> list[str]:
+def refused(text):
     with pytest.raises(ConfigError) as caught:
         Scenario.from_toml(text, "s.toml")
     return list(caught.value.problems)
 
 
-def test_the_defaults_are_a_noisy_hover() -> None:
+def test_the_defaults_are_a_noisy_hover():
     assert Scenario.from_toml("") == Scenario()
     quiet = Scenario().reference.sample(t)
     assert quiet.shape == t.shape
@@ -51,19 +49,19 @@ def test_the_defaults_are_a_noisy_hover() -> None:
 
 @pytest.mark.parametrize("at", [0, 1, 7, 29, 57, 100])
 @pytest.mark.parametrize("sampling_time", [1e-3, 1e-4, 1 / 3e3])
-def test_a_step_falls_on_its_sample_whatever_the_rounding(at: int, sampling_time: float) -> None:
+def test_a_step_falls_on_its_sample_whatever_the_rounding(at, sampling_time):
     time = sampling_time * np.arange(101)
     step = Step(amplitude=2.0, time=float(f"{at * sampling_time:.15g}")).sample(time)
     assert np.array_equal(step, np.where(np.arange(101) >= at, 2.0, 0.0))
 
 
-def test_ramp_rises_between_start_and_end() -> None:
+def test_ramp_rises_between_start_and_end():
     ramp = Ramp(slope=2.0, start=0.02, end=0.05).sample(t)
     assert np.allclose(ramp, np.interp(t, [0.02, 0.05], [0, 0.06]), rtol=1e-14, atol=0)
     assert Ramp(slope=2.0).sample(t)[-1] == pytest.approx(0.2, rel=1e-14)
 
 
-def test_sine_has_its_frequency_phase_and_mean() -> None:
+def test_sine_has_its_frequency_phase_and_mean():
     sine = Sine(amplitude=2.0, frequency=50.0, phase=math.pi / 2, offset=1.0).sample(t)
     assert sine[0] == 3.0
     assert sine[10] == pytest.approx(-1.0)
@@ -76,34 +74,32 @@ def test_sine_has_its_frequency_phase_and_mean() -> None:
     duration=st.floats(1e-9, 0.05),
     sampling_time=st.sampled_from([1e-4, 1e-3, 7e-3]),
 )
-def test_an_impulse_keeps_its_area_however_short(
-    area: float, time: float, duration: float, sampling_time: float
-) -> None:
+def test_an_impulse_keeps_its_area_however_short(area, time, duration, sampling_time):
     grid = sampling_time * np.arange(math.ceil(0.1 / sampling_time) + 2)
     force = Impulse(area=area, time=time, duration=duration).sample(grid)
     assert force.sum() * sampling_time == pytest.approx(area, rel=1e-9, abs=1e-12)
     assert np.count_nonzero(force) <= duration / sampling_time + 2
 
 
-def test_a_sequence_holds_each_value_until_the_next() -> None:
+def test_a_sequence_holds_each_value_until_the_next():
     values = Sequence(times=np.array([0.01, 0.02]), values=np.array([1, -1])).sample(t)
     assert [values[0], values[9], values[10], values[19], values[20], values[-1]] == [
         *(0, 0, 1, 1, -1, -1)
     ]
 
 
-def test_signals_add() -> None:
+def test_signals_add():
     both = Step(amplitude=1.0, time=0.01) + Constant(value=2.0)
     assert isinstance(both, Sum)
     assert [both.sample(t)[0], both.sample(t)[-1]] == [2.0, 3.0]
 
 
-def test_a_recorded_signal_is_interpolated_and_held_outside() -> None:
+def test_a_recorded_signal_is_interpolated_and_held_outside():
     recorded = Recorded(times=[0.01, 0.02], values=[1.0, 3.0])
     assert recorded.sample([0.0, 0.015, 0.1]) == pytest.approx([1.0, 2.0, 3.0])
 
 
-def test_a_recording_is_found_beside_the_scenario(tmp_path: Path) -> None:
+def test_a_recording_is_found_beside_the_scenario(tmp_path):
     force = np.sin(40 * t)
     Record(t, {"f_d": force}, {"f_d": "N"}).save(tmp_path / "load.csv")
     path = tmp_path / "run.toml"
@@ -126,7 +122,7 @@ def test_a_recording_is_found_beside_the_scenario(tmp_path: Path) -> None:
         ('file = "load.csv"\nvalues = ["1 N"]', "4: disturbance.file: give either"),
     ],
 )
-def test_a_recording_that_does_not_serve_is_refused(tmp_path: Path, table: str, told: str) -> None:
+def test_a_recording_that_does_not_serve_is_refused(tmp_path, table, told):
     y, holes = np.zeros_like(t), np.where(t > 0.05, np.nan, 0.0)
     units = {"y": "m", "f_d": "N", "holes": "N"}
     Record(t, {"y": y, "f_d": y, "holes": holes}, units).save(tmp_path / "load.csv")
@@ -138,7 +134,7 @@ def test_a_recording_that_does_not_serve_is_refused(tmp_path: Path, table: str, 
     assert f"run.toml:{told}" in str(caught.value)
 
 
-def test_a_signal_has_the_unit_of_its_place() -> None:
+def test_a_signal_has_the_unit_of_its_place():
     step = 'type = "step"\namplitude = "0.5 mm"\ntime = "20 ms"\n'
     scenario = Scenario.from_toml(f"[reference]\n{step}")
     assert scenario.reference == Step(amplitude=0.5e-3, time=0.02)
@@ -161,7 +157,7 @@ def test_a_signal_has_the_unit_of_its_place() -> None:
     assert Scenario(reference={"type": "step", "amplitude": "0.5 mm"}).reference.amplitude == 0.5e-3
 
 
-def test_many_mistakes_are_told_at_once_in_order() -> None:
+def test_many_mistakes_are_told_at_once_in_order():
     text = """\
 duration = "0.2 m"
 nois = true
@@ -209,7 +205,7 @@ seed = 3
         ('[controller]\nanti_windup = "0 s"', "2: controller.anti_windup: must be greater than 0"),
     ],
 )
-def test_one_mistake_gives_one_line(text: str, told: str) -> None:
+def test_one_mistake_gives_one_line(text, told):
     found = refused(text)
     assert len(found) == 1
     assert told in found[0]
@@ -219,12 +215,12 @@ number = st.floats(-1e6, 1e6)
 moment = st.floats(0, 1e6)
 
 
-def increasing(draw: st.DrawFn) -> list[float]:
+def increasing(draw):
     return sorted(draw(st.lists(moment, min_size=1, max_size=5, unique=True)))
 
 
 @st.composite
-def series(draw: st.DrawFn, kind: type[Waveform]) -> Waveform:
+def series(draw, kind):
     times = increasing(draw)
     return kind(times=times, values=[draw(number) for _ in times])
 
@@ -255,21 +251,21 @@ scenarios = st.builds(
 
 
 @given(scenarios)
-def test_toml_round_trip_is_the_identity(scenario: Scenario) -> None:
+def test_toml_round_trip_is_the_identity(scenario):
     again = Scenario.from_toml(scenario.to_toml())
     assert again == scenario
     assert hash(again) == hash(scenario)
 
 
 @given(waveforms, st.integers(1, 50))
-def test_every_signal_is_finite_and_as_long_as_its_time(signal: Waveform, n: int) -> None:
+def test_every_signal_is_finite_and_as_long_as_its_time(signal, n):
     values = signal.sample(1e-3 * np.arange(n))
     assert values.shape == (n,)
     assert values.dtype == np.float64
     assert np.isfinite(values).all()
 
 
-def test_gains_for_the_papers_bearing_are_the_defaults() -> None:
+def test_gains_for_the_papers_bearing_are_the_defaults():
     gains = PID.for_bearing(Bearing.preset("zittau_axial"))
     default = PID()
     assert (gains.kp, gains.kd) == (default.kp, default.kd)
@@ -279,7 +275,7 @@ def test_gains_for_the_papers_bearing_are_the_defaults() -> None:
 
 
 @pytest.mark.parametrize("name", presets.names())
-def test_gains_for_a_bearing_hold_it(name: str) -> None:
+def test_gains_for_a_bearing_hold_it(name):
     bearing = Bearing.preset(name)
     gap = bearing.magnet.air_gap
     scenario = Scenario(
@@ -293,17 +289,17 @@ def test_gains_for_a_bearing_hold_it(name: str) -> None:
     assert x[-1] == pytest.approx(gap / 10, rel=0.02)
 
 
-def test_the_json_schema_gives_defaults_as_a_file_would() -> None:
+def test_the_json_schema_gives_defaults_as_a_file_would():
     definitions = Scenario.json_schema()["$defs"]
     assert definitions["PID"]["properties"]["kp"]["default"] == "1700 A/m"
     assert definitions["Step"]["required"] == ["amplitude"]
 
 
-def test_docstring_examples() -> None:
+def test_docstring_examples():
     assert doctest.testmod(scenario_module).failed == 0
 
 
-def test_half_sine_is_half_a_period() -> None:
+def test_half_sine_is_half_a_period():
     shock = HalfSine(amplitude=3.0, time=0.01, duration=0.02)
     t = np.linspace(0, 0.05, 5001)
     value = shock.sample(t)

@@ -3,15 +3,11 @@
 The whole score, over all operators: ``python tests/mutants.py``.
 """
 
-from __future__ import annotations
-
 import random
 import re
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
 from itertools import cycle, product
-from pathlib import Path
 
 import mutants
 import pytest
@@ -20,10 +16,9 @@ from export_cases import BEARING, SAME_BITS, program
 from quick import quick
 
 from ambkit import Machine
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import export_c
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
-Exported = Callable[..., CExport]
 LOOSE = ("-O1", "-ffp-contract=off")  # without the word that each bit must be the same
 
 # Text in a file of the linear filter's export, and what is there instead: what a company would not
@@ -79,7 +74,7 @@ FAULTS = {
 }
 
 
-def printed(folder: Path, out: Path, flags: tuple[str, ...] = SAME_BITS) -> str:
+def printed(folder, out, flags=SAME_BITS):
     done = program("gcc", folder, out, flags)
     assert done.returncode == 0, done.stderr
     return subprocess.run([out], capture_output=True, text=True, timeout=60).stdout
@@ -88,9 +83,7 @@ def printed(folder: Path, out: Path, flags: tuple[str, ...] = SAME_BITS) -> str:
 @pytest.mark.parametrize(("fault", "flags"), quick(
     product(FAULTS, [SAME_BITS, LOOSE]), zip(FAULTS, cycle([SAME_BITS, LOOSE]), strict=False)
 ))  # fmt: skip
-def test_planted_faults_are_seen(
-    exported: Exported, tmp_path: Path, fault: str, flags: tuple[str, ...]
-) -> None:
+def test_planted_faults_are_seen(exported, tmp_path, fault, flags):
     file, old, new = FAULTS[fault]
     made = exported("linear")
     shutil.copytree(made.folder, tmp_path / "out")
@@ -102,14 +95,14 @@ def test_planted_faults_are_seen(
 
 
 @pytest.fixture(scope="module", params=["linear", "tabulated"])
-def bench(request: pytest.FixtureRequest, exported: Exported) -> Iterator[mutants.Bench]:
+def bench(request, exported):
     made = exported(request.param)
     one = mutants.Bench(made.folder, made.name)
     yield one
     one.close()
 
 
-def test_a_tenth_of_any_constant_is_seen_in_both_modes(bench: mutants.Bench) -> None:
+def test_a_tenth_of_any_constant_is_seen_in_both_modes(bench):
     file = f"{bench.name}_data.c"
     found = list(mutants.of_constants(file, bench.text(file)))
     assert len(found) > 50
@@ -119,7 +112,7 @@ def test_a_tenth_of_any_constant_is_seen_in_both_modes(bench: mutants.Bench) -> 
     assert alive == []
 
 
-def test_a_tenth_of_a_node_is_seen_without_the_crc_too(bench: mutants.Bench) -> None:
+def test_a_tenth_of_a_node_is_seen_without_the_crc_too(bench):
     file = f"{bench.name}_data.c"
     text = bench.text(file)
     at = text.find("nodes[")
@@ -132,7 +125,7 @@ def test_a_tenth_of_a_node_is_seen_without_the_crc_too(bench: mutants.Bench) -> 
 
 
 @pytest.mark.parametrize("bench", ["linear"], indirect=True)  # the same text as beside a table
-def test_operators_that_became_others_are_seen(bench: mutants.Bench) -> None:
+def test_operators_that_became_others_are_seen(bench):
     """A sample of those whose mutants are not alive in the whole score."""
     files = ("core/generated/axial.h", "core/src/kalman_step.h", f"{bench.name}.c")
     found = [m for file in files for m in mutants.of_operators(file, bench.text(file))]
@@ -148,7 +141,7 @@ def test_operators_that_became_others_are_seen(bench: mutants.Bench) -> None:
     assert [str(m) for m in left if not bench.is_the_same(m)] == []
 
 
-def test_what_is_explained_stands_in_the_sources(exported: Exported) -> None:
+def test_what_is_explained_stands_in_the_sources(exported):
     folder = exported("linear").folder
     texts = {path.name: path.read_text() for path in folder.rglob("*.[ch]")}
     gone = [
@@ -160,7 +153,7 @@ def test_what_is_explained_stands_in_the_sources(exported: Exported) -> None:
 
 
 @pytest.mark.parametrize("bench", ["linear"], indirect=True)
-def test_the_bench_can_fail(bench: mutants.Bench) -> None:
+def test_the_bench_can_fail(bench):
     """What changes nothing passes, and is known for the same program."""
     file = f"{bench.name}.c"
     text = bench.text(file)
@@ -196,13 +189,13 @@ MACHINE_FAULTS = {
 
 
 @pytest.fixture(scope="module")
-def machine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def machine(tmp_path_factory):
     to = tmp_path_factory.mktemp("machine") / "c"
     return export_c(Machine.preset("heart_pump"), None, to, prefix="f", loops=True).folder
 
 
 @pytest.mark.parametrize("fault", MACHINE_FAULTS)
-def test_planted_faults_of_a_machine_are_seen(fault: str, machine: Path, tmp_path: Path) -> None:
+def test_planted_faults_of_a_machine_are_seen(fault, machine, tmp_path):
     file, old, new = MACHINE_FAULTS[fault]
     shutil.copytree(machine, tmp_path / "out")
     path = tmp_path / "out" / file
@@ -211,13 +204,13 @@ def test_planted_faults_of_a_machine_are_seen(fault: str, machine: Path, tmp_pat
     assert printed(tmp_path / "out", tmp_path / "a.out").startswith("FAIL")
 
 
-def test_fast_math_is_said_in_a_sentence(exported: Exported, tmp_path: Path) -> None:
+def test_fast_math_is_said_in_a_sentence(exported, tmp_path):
     said = printed(exported("linear").folder, tmp_path / "a.out", ("-O2", "-ffast-math"))
     assert said.startswith("FAIL")
     assert "told that there is neither NaN nor infinity (-ffast-math," in said
 
 
-def test_edited_constants_are_named(exported: Exported, tmp_path: Path) -> None:
+def test_edited_constants_are_named(exported, tmp_path):
     made = exported("linear")
     shutil.copytree(made.folder, tmp_path / "out")
     data = tmp_path / "out" / f"{made.name}_data.c"
@@ -227,12 +220,12 @@ def test_edited_constants_are_named(exported: Exported, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["linear", "tabulated", "multiple-model"])
-def test_what_it_visits_ships_beside_it(exported: Exported, kind: str) -> None:
+def test_what_it_visits_ships_beside_it(exported, kind):
     text = (exported(kind).folder / "selftest" / "COVERAGE.md").read_text()
     for flag in ("MISSING", "FROZEN", "SATURATED", "BAD_CONTROL", "HELD", "OUTLIER", "INCONSISTENT",
                  "RESTARTED"):  # fmt: skip
         assert re.search(rf"\| `AMB_{flag}` \| [1-9]\d* samples \|", text), flag
-    low, high = map(float, re.search(r"\| `x` \| (\S+) to (\S+) m", text).groups())  # type: ignore[union-attr]
+    low, high = map(float, re.search(r"\| `x` \| (\S+) to (\S+) m", text).groups())
     travel = BEARING.rotor.clearance
     assert low < -0.9 * travel
     assert high > 0.9 * travel

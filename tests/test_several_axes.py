@@ -1,12 +1,8 @@
 """Kinds on machines of several forces, loads and sensors: by the textbook, axis by axis."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
-from filter_cases import Array, full
+from filter_cases import full
 from machines import (
     BIAS,
     CORE,
@@ -20,10 +16,9 @@ from machines import (
     wide,
     with_roles,
 )
-from model_oracles import Settings, random_model, random_settings
+from model_oracles import random_model, random_settings
 
 from ambkit import Status
-from ambkit.models import Model
 
 LOADED = ("position", "velocity", "disturbance force", "noise", "disturbance force")
 SEEDS = range(5)
@@ -34,26 +29,26 @@ THETAS = (0.7, 1.0, 1.3)
 class Dense:
     """A linear machine with full matrices, and naive steps."""
 
-    def __init__(self, model: Model, s: Settings, settings: dict[str, Any]) -> None:
+    def __init__(self, model, s, settings):
         self.model, self.s, self.f_0 = model, s, np.array(settings["f_0"])
         self.var_noise, self.var_y = s.var_noise.copy(), s.var_y.copy()
         self.n, self.p, self.m = (
             len(of) for of in (model.states, model.forces, model.measurements)
         )
 
-    def known(self, X: Array, u: Array) -> Array:
+    def known(self, X, u):
         """Forces of the known magnets [N]."""
         m, iu = self.model, self.s.k_ui * u
         return self.s.k_i * (m.e @ X + m.d @ iu) + self.s.k_s * (m.h @ X)
 
-    def predict(self, X: Array, P: Array, u: Array, theta: float = 1.0, bias: float = 0.0) -> Any:
+    def predict(self, X, P, u, theta=1.0, bias=0.0):
         m, k_i = self.model, theta * self.s.k_i
         F = theta * (self.known(X, u) + bias) + (self.f_0 - bias) + m.r @ X
         A = m.jacobian(k_i, theta * self.s.k_s)
         Q = m.process_noise(k_i, self.s.k_ui**2 * self.s.var_u, self.var_noise)
         return m.L @ X + m.B_u @ (self.s.k_ui * u) + m.b @ F, A @ P @ A.T + Q
 
-    def update(self, X: Array, P: Array, y: Array) -> Any:
+    def update(self, X, P, y):
         """One sensor after the other; also innovations and their variances."""
         e, S = np.zeros(self.m), np.zeros(self.m)
         for r, c in enumerate(self.model.c):
@@ -62,7 +57,7 @@ class Dense:
             X, P = X + K * e[r], P - np.outer(K, K) * S[r]
         return X, (P + P.T) / 2, e, S
 
-    def motion(self, n: int, theta: float, seed: int) -> tuple[Array, Array]:
+    def motion(self, n, theta, seed):
         """Measurements (n, m) and controls (n, c) of the machine itself, magnets of this scale."""
         rng, s = np.random.default_rng(seed), self.s
         X, y, u = np.zeros(self.n), np.zeros((n, self.m)), rng.normal(0, 1, (n, len(s.k_ui)))
@@ -73,18 +68,18 @@ class Dense:
         return y, u
 
 
-def constants(s: Settings) -> list[Any]:
+def constants(s):
     return [CORE.Constant(*k) for k in zip(s.k_i.tolist(), s.k_s.tolist(), strict=True)]
 
 
-def case(seed: int, theta: float = 1.2, n: int = 300) -> Any:
+def case(seed, theta=1.2, n=300):
     model, s = random_machine(seed, LOADED)
     settings = wide(model, s)
     dense = Dense(model, s, settings)
     return dense, settings, *dense.motion(n, theta, seed)
 
 
-def close(ours: Array, theirs: Array, sigma: Array) -> None:
+def close(ours, theirs, sigma):
     assert (np.abs(ours - theirs) <= 1e-8 * sigma).all()
 
 
@@ -92,7 +87,7 @@ def close(ours: Array, theirs: Array, sigma: Array) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_augmented_filter_is_the_textbook_s_with_the_scale_as_a_state(seed: int) -> None:
+def test_the_augmented_filter_is_the_textbook_s_with_the_scale_as_a_state(seed):
     dense, settings, y, u = case(seed)
     n, p = dense.n, dense.p
     ours = CORE.Augmented(
@@ -125,7 +120,7 @@ def test_the_augmented_filter_is_the_textbook_s_with_the_scale_as_a_state(seed: 
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_multiple_models_are_the_textbook_s_with_all_sensors_likelihoods(seed: int) -> None:
+def test_multiple_models_are_the_textbook_s_with_all_sensors_likelihoods(seed):
     """Blom and Bar-Shalom's, with sums over all pairs of models."""
     dense, settings, y, u = case(seed)
     n, count, leave = dense.n, len(THETAS), 0.02
@@ -167,7 +162,7 @@ def test_multiple_models_are_the_textbook_s_with_all_sensors_likelihoods(seed: i
         assert got["scale"][k] == pytest.approx(mu @ np.array(THETAS), rel=1e-8)
 
 
-def of_scale(kind: str, model: Model, std: float = 0.2) -> Any:
+def of_scale(kind, model, std=0.2):
     """On axes of the paper's bearing, holding the scale where it cannot be told."""
     bias, common = np.full(len(model.forces), BIAS), {"fresh": 0.012, "least": 0.1}
     asked, of = magnets(model), model_in_core(model)
@@ -183,7 +178,7 @@ def of_scale(kind: str, model: Model, std: float = 0.2) -> Any:
 
 
 @pytest.mark.parametrize("kind", ["augmented", "multiple-model"])
-def test_a_load_on_any_axis_counts_and_motion_on_any_axis_tells(kind: str) -> None:
+def test_a_load_on_any_axis_counts_and_motion_on_any_axis_tells(kind):
     """What is learned of the scale is the same whichever axis comes first."""
     model = axes(("1", "2"))
     other = [model.index(f"{name}{axis}") for name in ("x", "v", "f_d", "x_m") for axis in "21"]
@@ -211,7 +206,7 @@ def test_a_load_on_any_axis_counts_and_motion_on_any_axis_tells(kind: str) -> No
 
 @pytest.mark.parametrize("window", [1, 10])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_noise_is_found_of_each_sensor_and_each_load(seed: int, window: int) -> None:
+def test_noise_is_found_of_each_sensor_and_each_load(seed, window):
     """By the formulas of core/include/ambkit/adaptive_noise.h, with full matrices."""
     dense, settings, y, u = case(seed, theta=1.0, n=700)
     n, share, most = dense.n, 1 / 200, 100.0
@@ -266,13 +261,13 @@ def test_noise_is_found_of_each_sensor_and_each_load(seed: int, window: int) -> 
 # ---- states that are not there ----
 
 
-def without(*missing: str) -> tuple[Model, Settings]:
+def without(*missing):
     roles = [role for role in LOADED if role not in missing]
     model = random_model(3, 6, 1, 1)
     return with_roles(model, *roles), random_settings(model, 3)
 
 
-def make(kind: str, model: Model, s: Settings) -> Any:
+def make(kind, model, s):
     settings, of, asked = wide(model, s), model_in_core(model), constants(s)
     learn = {"fresh": 0.1, "least": 0.1}
     if kind == "augmented":
@@ -303,19 +298,19 @@ def make(kind: str, model: Model, s: Settings) -> Any:
         ("low-pass", "position"),
     ],
 )
-def test_who_needs_a_state_that_is_not_there_is_refused(kind: str, missing: str) -> None:
+def test_who_needs_a_state_that_is_not_there_is_refused(kind, missing):
     with pytest.raises(ValueError, match=f"needs a {missing}"):
         make(kind, *without(missing))
     assert make(kind, *without()) is not None
 
 
-def test_a_low_pass_filter_is_one_axis_s() -> None:
+def test_a_low_pass_filter_is_one_axis_s():
     model, s = random_machine(1, LOADED)
     with pytest.raises(ValueError, match="one sensor and one control; the model has"):
         make("low-pass", model, s)
 
 
-def test_who_needs_no_load_does_without() -> None:
+def test_who_needs_no_load_does_without():
     """Filter, its noise found online, and smoother, by the textbook."""
     model, s = without("disturbance force")
     dense = Dense(model, s, wide(model, s))
@@ -345,7 +340,7 @@ def test_who_needs_no_load_does_without() -> None:
 # ---- a sensor that is lost ----
 
 
-def filter_of(kind: str, model: Model) -> Any:
+def filter_of(kind, model):
     if kind == "unscented":
         e = CORE.Unscented(
             magnets(model), model_in_core(model), 3**0.5, 2.0, **axes_settings(model)
@@ -356,7 +351,7 @@ def filter_of(kind: str, model: Model) -> Any:
     return e
 
 
-def faulty(fault: str, y: Array) -> Array:
+def faulty(fault, y):
     """Sensor 1 gone for 0.2 s, or elsewhere for 5 ms."""
     y = y.copy()
     if fault == "lost":
@@ -368,7 +363,7 @@ def faulty(fault: str, y: Array) -> Array:
 
 @pytest.mark.parametrize("fault", ["lost", "elsewhere"])
 @pytest.mark.parametrize("kind", ["Kalman", "Extended", "UD", "unscented"])
-def test_another_axis_goes_on_as_if_it_were_alone(kind: str, fault: str) -> None:
+def test_another_axis_goes_on_as_if_it_were_alone(kind, fault):
     both, alone = axes(("1", "2")), axes(("2",))
     X, y, u = motion(both, 4000, 2, swing=np.array([1e-4, 2e-4]))
     ours = filter_of(kind, both).run(faulty(fault, y), u, covariance=True)
@@ -390,7 +385,7 @@ def test_another_axis_goes_on_as_if_it_were_alone(kind: str, fault: str) -> None
     assert (np.abs(ours["mean"][-1] - X[-1])[first] < 6 * at_end).all()
 
 
-def test_what_the_scale_is_correlated_with_on_another_axis_stays() -> None:
+def test_what_the_scale_is_correlated_with_on_another_axis_stays():
     """The same beside a scale that is uncertain and held: as wide as alone, and no wider."""
     both, alone = axes(("1", "2")), axes(("2",))
     _, y, u = motion(both, 4000, 2)
@@ -407,7 +402,7 @@ def test_what_the_scale_is_correlated_with_on_another_axis_stays() -> None:
 
 
 @pytest.mark.parametrize("kind", ["Kalman", "Extended", "UD", "unscented"])
-def test_of_coupled_axes_the_one_that_is_seen_stays_as_good_as_it_says(kind: str) -> None:
+def test_of_coupled_axes_the_one_that_is_seen_stays_as_good_as_it_says(kind):
     model = axes(("1", "2"), coupling=0.02)
     X, y, u = motion(model, 4000, 3, swing=np.array([1e-4, 1e-4]))
     ours = filter_of(kind, model).run(faulty("lost", y), u, covariance=True)
@@ -420,7 +415,7 @@ def test_of_coupled_axes_the_one_that_is_seen_stays_as_good_as_it_says(kind: str
     assert (np.abs(ours["mean"] - X)[-1] < 6 * sigma[-1]).all()
 
 
-def test_an_observer_that_starts_afresh_at_one_axis_leaves_the_other_alone() -> None:
+def test_an_observer_that_starts_afresh_at_one_axis_leaves_the_other_alone():
     from scipy.linalg import solve_discrete_are
 
     both, alone = axes(("1", "2")), axes(("2",))

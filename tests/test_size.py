@@ -43,13 +43,13 @@ MANY_PARAMETERS = {
 }
 
 
-def parameters(function: ast.FunctionDef) -> int:
+def parameters(function):
     arguments = function.args
     names = [a.arg for a in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)]
     return len(names) - (names[:1] in (["self"], ["cls"]))
 
 
-def body(function: ast.FunctionDef) -> int:
+def body(function):
     """Return the lines of a function without its parameters and its docstring."""
     has_docstring = ast.get_docstring(function, clean=False) is not None
     statements = function.body[has_docstring:] or function.body

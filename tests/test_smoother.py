@@ -1,18 +1,12 @@
 """The smoother: Rauch, Tung and Striebel's, and what it does where samples are missing."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 from filter_cases import full
 
 import ambkit
-from ambkit import Bearing, Estimate, Record, Scenario, Status
+from ambkit import Bearing, Record, Scenario, Status
 from ambkit.base.errors import RecordError
-from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.registry import KINDS
 
 BEARING = Bearing.preset("zittau_axial")
@@ -29,21 +23,19 @@ SMOOTHED = ("linear", "closed-law", "extended", "ud")
 smoothed = pytest.mark.parametrize("name", SMOOTHED)
 
 
-def models_of(estimator: Estimator, estimate: Estimate) -> list[LinearModel]:
+def models_of(estimator, estimate):
     """The model with which each sample was predicted."""
     each = zip(estimate.k_i, estimate.k_s, strict=True)
     return [estimator.linear_model(k_i, k_s) for k_i, k_s in each]
 
 
-def sigmas(estimate: Estimate) -> np.ndarray:
-    assert estimate.covariance is not None
+def sigmas(estimate):
     return np.asarray(np.sqrt(estimate.covariance[:, [0, 4, 7, 9]]))
 
 
-def textbook(estimator: Estimator, filtered: Estimate) -> tuple[np.ndarray, np.ndarray]:
+def textbook(estimator, filtered):
     """Rauch, Tung and Striebel 1965, with the inverse, in the states' own units."""
     units = np.array(estimator.default_std())
-    assert filtered.covariance is not None
     X, P = filtered.mean / units, full(filtered.covariance) / np.outer(units, units)
     models = [m.scaled(units) for m in models_of(estimator, filtered)]
     for k in range(len(X) - 2, -1, -1):
@@ -62,7 +54,7 @@ def textbook(estimator: Estimator, filtered: Estimate) -> tuple[np.ndarray, np.n
 
 @smoothed
 @pytest.mark.parametrize("missing", [False, True], ids=["whole", "with gaps"])
-def test_it_is_the_textbook_s(name: str, missing: bool) -> None:
+def test_it_is_the_textbook_s(name, missing):
     n = 1500
     y = RECORD["y"][:n].copy()
     if missing:
@@ -76,7 +68,6 @@ def test_it_is_the_textbook_s(name: str, missing: bool) -> None:
     made = estimator.smooth(record)
     X, P = textbook(estimator, filtered)
     sigma = sigmas(filtered)
-    assert made.covariance is not None
     assert (np.abs(made.mean - X) <= 1e-8 * sigma).all()
     wide = np.einsum("ki,kj->kij", sigma, sigma)
     assert (np.abs(full(made.covariance) - P) <= 1e-8 * wide).all()
@@ -85,11 +76,9 @@ def test_it_is_the_textbook_s(name: str, missing: bool) -> None:
 
 @smoothed
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_it_knows_more_than_the_filter(name: str, precision: Any) -> None:
+def test_it_knows_more_than_the_filter(name, precision):
     estimator = KINDS[name].make(BEARING, precision=precision)
     filtered, made = estimator.run(RECORD, covariance=True), estimator.smooth(RECORD)
-    assert filtered.covariance is not None
-    assert made.covariance is not None
     scale = sigmas(filtered)
     wide = np.einsum("ki,kj->kij", scale, scale)
     gained = (full(filtered.covariance) - full(made.covariance)) / wide
@@ -104,7 +93,7 @@ def test_it_knows_more_than_the_filter(name: str, precision: Any) -> None:
             assert np.std((made[state] - RECORD[state])[middle]) < 0.7 * before
 
 
-def test_its_errors_are_what_it_says() -> None:
+def test_its_errors_are_what_it_says():
     """NEES over seeds, where the model is true: a load that wanders as assumed."""
     rng = np.random.default_rng(1)
     noise = ambkit.FilterNoise(disturbance=1.0)  # N^2/s
@@ -117,7 +106,6 @@ def test_its_errors_are_what_it_says() -> None:
             Scenario(duration=0.3, seed=seed, disturbance=ambkit.Recorded(times=t, values=wander)),
         ).record
         made = KINDS["extended"].make(BEARING, noise=noise).smooth(run)
-        assert made.covariance is not None
         for k in (1000, 1500, 2000):
             error = np.array([made[s][k] - run[s][k] for s in ("x", "v", "f_d")])
             P = full(made.covariance[k : k + 1])[0][:3, :3]
@@ -125,7 +113,7 @@ def test_its_errors_are_what_it_says() -> None:
     assert 2.2 < np.mean(nees) < 3.9  # 3 expected; 60 draws
 
 
-def test_over_an_outage_that_held_the_filter_nothing_is_carried() -> None:
+def test_over_an_outage_that_held_the_filter_nothing_is_carried():
     y = RECORD["y"].copy()
     y[3000:6500] = np.nan
     estimator = KINDS["extended"].make(BEARING)
@@ -141,12 +129,12 @@ def test_over_an_outage_that_held_the_filter_nothing_is_carried() -> None:
 
 
 @pytest.mark.parametrize("name", ["low-pass", "observer", "steady-state"])
-def test_what_has_no_covariance_of_its_own_is_refused(name: str) -> None:
+def test_what_has_no_covariance_of_its_own_is_refused(name):
     with pytest.raises(ValueError, match="cannot be smoothed"):
         KINDS[name].make(BEARING).smooth(RECORD)
 
 
-def test_a_short_record() -> None:
+def test_a_short_record():
     for n in (2, 3):
         few = Record(RECORD.t[:n], {"y": RECORD["y"][:n], "u": RECORD["u"][:n]})
         made = KINDS["linear"].make(BEARING).smooth(few)
@@ -154,7 +142,7 @@ def test_a_short_record() -> None:
         assert np.isfinite(made.mean).all()
 
 
-def test_it_asks_for_the_record_s_own_sampling_time() -> None:
+def test_it_asks_for_the_record_s_own_sampling_time():
     slow = Record(2 * RECORD.t, {"y": RECORD["y"], "u": RECORD["u"]})
     with pytest.raises(RecordError, match="sampling_time"):
         KINDS["linear"].make(BEARING).smooth(slow)

@@ -1,9 +1,5 @@
 """From anywhere back to the rotor: random starts, lift-off, outages, spikes and gaps."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -23,17 +19,17 @@ both = pytest.mark.parametrize("precision", PRECISIONS)
 
 @every_kind
 @both
-def test_random_starts_end_at_the_rotor(kind: str, precision: Any) -> None:
+def test_random_starts_end_at_the_rotor(kind, precision):
     """Within 50 ms: by its own standard deviations, not held, as sure as after a long run."""
     assert starts.campaign(kind, precision, 150, seed=11) == []
 
 
 @every_kind
 @both
-def test_the_start_that_stood_still_for_ever(kind: str, precision: Any) -> None:
+def test_the_start_that_stood_still_for_ever(kind, precision):
     for std in ([1.01e-3, 1, 10, 1e-3], [2e-4, 10, 10, 1e-3], "diffuse"):
         kf = KINDS[kind].make(BEARING, precision=precision)
-        kf.reset([0, 0, 0, 0], std)  # type: ignore[arg-type]
+        kf.reset([0, 0, 0, 0], std)
         out = kf.core.run(*(RECORD[n][5000:5500].astype(precision) for n in ("y", "u")))
         assert not out["status"][-1] & (Status.HELD | Status.RESTARTED)
         assert abs(out["mean"][-1][0] - RECORD["x"][5499]) < 3e-5
@@ -42,9 +38,7 @@ def test_the_start_that_stood_still_for_ever(kind: str, precision: Any) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 @both
 @pytest.mark.parametrize("first", [10, 100, 1000, 10_000])
-def test_after_an_outage_with_spikes_and_gaps_it_is_back(
-    kind: str, precision: Any, first: int
-) -> None:
+def test_after_an_outage_with_spikes_and_gaps_it_is_back(kind, precision, first):
     if KINDS[kind].magnet is None:
         pytest.skip("its magnet is made elsewhere; it is the closed law's filter otherwise")
     y = RECORD["y"].copy()
@@ -61,7 +55,7 @@ def test_after_an_outage_with_spikes_and_gaps_it_is_back(
 
 @every_kind
 @both
-def test_a_first_measurement_that_is_a_spike(kind: str, precision: Any) -> None:
+def test_a_first_measurement_that_is_a_spike(kind, precision):
     y = RECORD["y"].copy()
     y[0] = -0.95e-3
     estimate = (
@@ -75,9 +69,7 @@ def test_a_first_measurement_that_is_a_spike(kind: str, precision: Any) -> None:
 @pytest.mark.parametrize("name", ["observer", "steady-state"])
 @pytest.mark.parametrize("lag", [2e-4, 2e-5])
 @both
-def test_an_observer_that_saw_the_clearance_comes_back(
-    name: str, lag: float, precision: Any
-) -> None:
+def test_an_observer_that_saw_the_clearance_comes_back(name, lag, precision):
     """The paper's rig, and a sensor much faster than a sample."""
     bearing = BEARING.replace(sensor__lag=lag)
     record = ambkit.simulate(bearing, Scenario(duration=1.0, seed=2)).record
@@ -94,10 +86,10 @@ def test_an_observer_that_saw_the_clearance_comes_back(
     assert np.abs(estimate.x - record["x"])[4000:].max() < 4e-5
 
 
-def test_a_start_that_is_none_is_refused() -> None:
+def test_a_start_that_is_none_is_refused():
     kf = ambkit.KalmanFilter(BEARING)
     with pytest.raises(ValueError, match="'diffuse', got 'wide'"):
-        kf.reset(std="wide")  # type: ignore[arg-type]
+        kf.reset(std="wide")
     with pytest.raises(ValueError, match="mean must be finite"):
         kf.reset([np.inf, 0, 0, 0])
     with pytest.raises(ValueError, match="std finite and positive"):

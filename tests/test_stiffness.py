@@ -1,7 +1,5 @@
 """The LSM machine (paper, eq. 26-31) and force tables."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,7 +10,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.force_points import ForceTable
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ClosedLaw
-from ambkit.machine.stiffness import StiffnessMap, local_stiffness, stiffness_map
+from ambkit.machine.stiffness import local_stiffness, stiffness_map
 
 ZITTAU = Bearing.preset("zittau_axial")
 ONE_SIDED = ZITTAU.replace(magnet__type="one-sided")
@@ -21,13 +19,13 @@ currents = st.floats(-1.5, 1.5)
 displacements = st.floats(-0.5e-3, 0.5e-3)
 
 
-def law(iu: Any, x: Any) -> Any:
+def law(iu, x):
     """Eq. 1, as printed up to its second equality."""
     k, i0, s0 = 6.7e-6, 1.5, 2e-3
     return k * (((i0 + iu) / (s0 - x)) ** 2 - ((i0 - iu) / (s0 + x)) ** 2)
 
 
-def normal_equations(iu: float, x: float) -> tuple[float, float]:
+def normal_equations(iu, x):
     """Eq. 27-31 word for word, in the paper's amperes and millimetres."""
     rows, forces = [], []
     for di in (-0.01, 0.0, 0.01):
@@ -40,14 +38,14 @@ def normal_equations(iu: float, x: float) -> tuple[float, float]:
 
 
 @given(currents, displacements)
-def test_agrees_with_the_normal_equations_of_the_paper(iu: float, x: float) -> None:
+def test_agrees_with_the_normal_equations_of_the_paper(iu, x):
     k_i, k_s, _ = local_stiffness(law, iu, x)
     expected = normal_equations(iu, x)
     # Eq. 31 squares the condition number: it is the less accurate one.
     np.testing.assert_allclose((k_i, k_s), expected, rtol=1e-8)
 
 
-def test_the_map_is_the_point_by_point_fit() -> None:
+def test_the_map_is_the_point_by_point_fit():
     stiff = stiffness_map(ZITTAU)
     for row, x in enumerate(stiff.displacement):
         for column, iu in enumerate(stiff.current):
@@ -57,20 +55,20 @@ def test_the_map_is_the_point_by_point_fit() -> None:
 
 
 @given(currents, displacements)
-def test_gives_the_force_itself_without_an_affine_term(iu: float, x: float) -> None:
+def test_gives_the_force_itself_without_an_affine_term(iu, x):
     k_i, k_s, residual = local_stiffness(law, iu, x)
     assert abs(k_i * iu + k_s * x - law(iu, x)) < 0.02
     assert residual < 0.15
 
 
-def test_for_small_steps_it_is_the_through_origin_form_of_the_core() -> None:
+def test_for_small_steps_it_is_the_through_origin_form_of_the_core():
     stiff = stiffness_map(ZITTAU, delta_current=1e-4, delta_displacement=1e-7)
     k_i, k_s = ClosedLaw(ZITTAU).stiffness(*np.meshgrid(stiff.current, stiff.displacement))
     np.testing.assert_allclose(stiff.k_i, k_i, rtol=1e-5)
     np.testing.assert_allclose(stiff.k_s, k_s, rtol=1e-5)
 
 
-def test_metres_and_micrometres_give_the_same() -> None:
+def test_metres_and_micrometres_give_the_same():
     iu, x = np.meshgrid(np.linspace(-1.5, 1.5, 5), np.linspace(-0.5e-3, 0.5e-3, 5))
     k_i, k_s, residual = local_stiffness(law, iu, x)
     k_i_um, k_s_um, residual_um = local_stiffness(
@@ -81,7 +79,7 @@ def test_metres_and_micrometres_give_the_same() -> None:
     np.testing.assert_allclose(residual_um, residual, rtol=1e-9)
 
 
-def test_a_linear_force_is_found_exactly() -> None:
+def test_a_linear_force_is_found_exactly():
     stiff = stiffness_map(ZITTAU, force=lambda iu, x: 3.0 * iu - 40.0 * x + 7.0)
     np.testing.assert_allclose(stiff.k_i, 3.0, rtol=1e-10)
     np.testing.assert_allclose(stiff.k_s, -40.0, rtol=1e-8)
@@ -89,7 +87,7 @@ def test_a_linear_force_is_found_exactly() -> None:
     assert np.max(stiff.residual) < 1e-12
 
 
-def test_a_one_sided_magnet_is_described_relative_to_what_it_carries() -> None:
+def test_a_one_sided_magnet_is_described_relative_to_what_it_carries():
     stiff = stiffness_map(ONE_SIDED)
     assert stiff.current[0] == ONE_SIDED.current_min
     assert stiff.force_bias == pytest.approx(6.7e-6 * (1.5 / 2e-3) ** 2, rel=1e-12)
@@ -98,7 +96,7 @@ def test_a_one_sided_magnet_is_described_relative_to_what_it_carries() -> None:
     np.testing.assert_allclose(whole, ClosedLaw(ONE_SIDED).force(iu, x), atol=0.02)
 
 
-def test_force_rms_is_the_mean_over_the_area() -> None:
+def test_force_rms_is_the_mean_over_the_area():
     stiff = stiffness_map(ZITTAU)
     a, w = np.polynomial.legendre.leggauss(40)
     iu, x = np.meshgrid(1.5 * a, 0.5e-3 * a)
@@ -109,7 +107,7 @@ def test_force_rms_is_the_mean_over_the_area() -> None:
 
 
 @pytest.mark.parametrize("core", [_core, _core_f32])
-def test_the_c_table_gives_the_nodes_back(core: Any) -> None:
+def test_the_c_table_gives_the_nodes_back(core):
     stiff = stiffness_map(ZITTAU)
     dtype = np.float64 if core is _core else np.float32
     iu, x = (grid.ravel().astype(dtype) for grid in np.meshgrid(stiff.current, stiff.displacement))
@@ -119,13 +117,13 @@ def test_the_c_table_gives_the_nodes_back(core: Any) -> None:
     np.testing.assert_allclose(k_s, stiff.k_s.ravel(), rtol=tolerance)
 
 
-def test_the_c_table_refuses_uneven_nodes() -> None:
+def test_the_c_table_refuses_uneven_nodes():
     stiff = stiffness_map(ZITTAU, currents=[-1.5, 0.0, 0.5, 1.5])
     with pytest.raises(AmbkitError, match=r"nodes of current are 0\.5 to 1\.5 apart"):
         stiff.in_core(_core)
 
 
-def test_the_fingerprint_changes_with_the_bearing_only() -> None:
+def test_the_fingerprint_changes_with_the_bearing_only():
     stiffer = ZITTAU.replace(magnet__magnet_constant="6.8 N mm^2/A^2")
     assert stiffness_map(ZITTAU).fingerprint == stiffness_map(ZITTAU).fingerprint
     assert stiffness_map(ZITTAU).fingerprint != stiffness_map(stiffer).fingerprint
@@ -146,24 +144,24 @@ def test_the_fingerprint_changes_with_the_bearing_only() -> None:
 )
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
 @pytest.mark.filterwarnings("ignore:divide by zero:RuntimeWarning")
-def test_what_cannot_be_used_is_named(options: dict[str, Any], message: str) -> None:
+def test_what_cannot_be_used_is_named(options, message):
     with pytest.raises(AmbkitError, match=message):
         stiffness_map(ZITTAU, **options)
 
 
-def tabulated(current: Any, displacement: Any) -> ForceTable:
+def tabulated(current, displacement):
     return ForceTable(current, displacement, law(*np.meshgrid(current, displacement)))
 
 
-def test_a_force_table_stands_for_the_law() -> None:
+def test_a_force_table_stands_for_the_law():
     table = tabulated(np.linspace(-1.6, 1.6, 17), np.linspace(-0.6e-3, 0.6e-3, 25))
     ours, exact = stiffness_map(ZITTAU, force=table), stiffness_map(ZITTAU)
     np.testing.assert_allclose(ours.k_i, exact.k_i, rtol=1e-3)
     np.testing.assert_allclose(ours.k_s, exact.k_s, rtol=1e-3)
 
 
-def test_a_force_table_is_exact_for_cubics_and_goes_on_for_one_step() -> None:
-    def cubic(iu: Any, x: Any) -> Any:
+def test_a_force_table_is_exact_for_cubics_and_goes_on_for_one_step():
+    def cubic(iu, x):
         return (1 - iu + iu**3) * (2 + 1e6 * x**2) + 1e3 * x
 
     current, displacement = np.linspace(-1, 1, 5), np.array([-1.0, -0.3, 0.1, 0.8, 1.2]) * 1e-3
@@ -180,7 +178,7 @@ def test_a_force_table_is_exact_for_cubics_and_goes_on_for_one_step() -> None:
         (np.nan, 0.0, "iu = nan A"),
     ],
 )
-def test_a_force_table_refuses_points_far_outside(iu: float, x: float, message: str) -> None:
+def test_a_force_table_refuses_points_far_outside(iu, x, message):
     table = tabulated(np.linspace(-1, 1, 5), np.linspace(-1e-3, 1e-3, 5))
     with pytest.raises(AmbkitError, match=message):
         table(iu, x)
@@ -194,13 +192,13 @@ def test_a_force_table_refuses_points_far_outside(iu: float, x: float, message: 
         ([0, 1, 2, 3], np.full((4, 4), np.inf), r"values\[0, 0\] must be finite, is inf"),
     ],
 )
-def test_a_force_table_names_what_is_wrong(current: Any, values: Any, message: str) -> None:
+def test_a_force_table_names_what_is_wrong(current, values, message):
     with pytest.raises(AmbkitError, match=message):
         ForceTable(current, [0, 1e-3, 2e-3, 3e-3], values)
 
 
-def test_a_map_is_read_only() -> None:
-    stiff: StiffnessMap = stiffness_map(ZITTAU)
+def test_a_map_is_read_only():
+    stiff = stiffness_map(ZITTAU)
     with pytest.raises(ValueError, match="read-only"):
         stiff.k_i[0, 0] = 1.0
 

@@ -1,7 +1,5 @@
 """A loop in stretches, and filters that take over from others in flight."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -21,12 +19,12 @@ CUTS = (0.0123, 0.05, 0.0777, None)
 PLAIN = ("linear", "closed-law", "extended", "unscented")
 
 
-def make(kind: str, k: float = 1.0) -> ambkit.estimate.estimator.Estimator:
+def make(kind, k=1.0):
     constant = k * BEARING.magnet.magnet_constant
     return KINDS[kind].make(BEARING.replace(magnet__magnet_constant=constant), None)
 
 
-def flown(loop: Loop, change: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def flown(loop, change=False):
     """States of plant and filter along the stretches; at each cut another filter takes over."""
     runs = []
     for until in CUTS:

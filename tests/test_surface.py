@@ -1,10 +1,5 @@
 """The Python surface: `load` takes any file, and every verb takes a filter in every form."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -16,14 +11,14 @@ AXIS, MLPS = ambkit.preset("zittau_axial"), ambkit.preset("tum_mlps")
 class Reading:
     """A filter of a user: the reading is the position."""
 
-    def __init__(self, machine: Any) -> None:
+    def __init__(self, machine):
         self.machine = machine
 
-    def step(self, y: float, u: float) -> list[float]:
+    def step(self, y, u):
         return [y, 0.0, 0.0, y]
 
 
-FORMS: dict[str, Any] = {
+FORMS = {
     "name": lambda kf, file: "extended",
     "file": lambda kf, file: str(file),
     "path": lambda kf, file: file,
@@ -37,7 +32,7 @@ FORMS: dict[str, Any] = {
         "kind": "linear",
     },
 }
-VERBS: dict[str, Any] = {
+VERBS = {
     "filter": lambda log, form: ambkit.filter(log, form, machine=AXIS),
     "compare": lambda _, form: ambkit.compare(AXIS, form, seeds=2),
     "compare_steps": lambda _, form: ambkit.compare_steps(
@@ -51,7 +46,7 @@ VERBS: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def log() -> ambkit.Record:
+def log():
     scenario = ambkit.scenario_for(AXIS, step=1e-4, duration=0.05)
     return ambkit.simulate(AXIS, scenario).record
 
@@ -63,9 +58,7 @@ OF_ALL = ("object", "sequence", "mapping")  # with all others among them
     *(("filter", form) for form in FORMS),
     *((verb, form) for verb in VERBS if verb != "filter" for form in OF_ALL),
 ])  # fmt: skip
-def test_a_verb_takes_a_filter_in_every_form(
-    verb: str, form: str, log: ambkit.Record, tmp_path: Path
-) -> None:
+def test_a_verb_takes_a_filter_in_every_form(verb, form, log, tmp_path):
     kf = ambkit.ExtendedKalmanFilter(AXIS)
     kf.save(tmp_path / "filter.toml")
     assert VERBS[verb](log, FORMS[form](kf, tmp_path / "filter.toml")).finding
@@ -80,9 +73,7 @@ def test_a_verb_takes_a_filter_in_every_form(
     ],
     ids=["noise", "machine without a file", "several axes"],
 )
-def test_a_filter_that_exists_is_exported_as_its_file_is(
-    kf: ambkit.Estimator, tmp_path: Path
-) -> None:
+def test_a_filter_that_exists_is_exported_as_its_file_is(kf, tmp_path):
     kf.save(tmp_path / "filter.toml")
     export_file = ambkit.export_c(tmp_path / "filter.toml", out=tmp_path / "a", force=True)
     ambkit.export_c(kf.bearing, kf, out=tmp_path / "b", force=True)
@@ -93,7 +84,7 @@ def test_a_filter_that_exists_is_exported_as_its_file_is(
     assert data[0] == data[1]
 
 
-def test_load_takes_any_file(log: ambkit.Record, tmp_path: Path) -> None:
+def test_load_takes_any_file(log, tmp_path):
     AXIS.save(tmp_path / "axis.toml")
     MLPS.save(tmp_path / "machine.toml")
     log.save(tmp_path / "run.csv")
@@ -117,7 +108,7 @@ def test_load_takes_any_file(log: ambkit.Record, tmp_path: Path) -> None:
         ambkit.load(tmp_path / "notes.docx")
 
 
-def test_what_was_identified_is_validated_later(log: ambkit.Record) -> None:
+def test_what_was_identified_is_validated_later(log):
     scenario = ambkit.scenario_for(AXIS, step=2e-4, duration=0.05, seed=3)
     other = ambkit.simulate(AXIS, scenario).record
     free = ["magnet_constant", "measurement_noise"]

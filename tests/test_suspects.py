@@ -1,10 +1,5 @@
 """A log that holds an estimate in the sensor's place, or a rotor that lies, is told of."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -22,22 +17,22 @@ LOST = ambkit.simulate(BEARING, step="0.3 mm", disturbance="30 N").record
 UNITS = {"y": "m", "u": "V", "x_logged": "m", "r": "m", "other": "V"}
 
 
-def log(**signals: Any) -> Record:
+def log(**signals):
     return Record(RUN.t, signals, {name: UNITS[name] for name in signals})
 
 
-def of_suspects(record: Record) -> list[str]:
+def of_suspects(record):
     return list(suspects(record.t, record.signals, record.units))
 
 
-def test_a_sound_log_is_not_suspected() -> None:
+def test_a_sound_log_is_not_suspected():
     assert of_suspects(RUN) == []
     assert of_suspects(log(y=RUN["y"], u=RUN["u"], x_logged=RUN["x"], other=RUN["y"])) == []
     assert check_plausibility(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
 
 
 @pytest.mark.parametrize("name", ["sinus_kalman.csv", "sinus_no_filter.csv"])
-def test_a_real_log_is_not_suspected(name: str) -> None:
+def test_a_real_log_is_not_suspected(name):
     record = ambkit.load(recordings.folder() / name)
     assert of_suspects(record) == []
     assert not any(
@@ -45,7 +40,7 @@ def test_a_real_log_is_not_suspected(name: str) -> None:
     )
 
 
-def test_an_estimate_in_the_sensor_s_place_is_noticed() -> None:
+def test_an_estimate_in_the_sensor_s_place_is_noticed():
     twice = log(y=RUN["x"], u=RUN["u"], x_logged=RUN["x"] * (1 + 1e-13))
     assert of_suspects(twice) == [
         "y and x_logged hold the same numbers: is y what the sensor shows, or what was made of it?"
@@ -59,12 +54,12 @@ def test_an_estimate_in_the_sensor_s_place_is_noticed() -> None:
     lambda y: np.convolve(y, np.ones(20) / 20, "same"),
     lambda y: y + 0.02 * (RUN["y"] - RUN["x"]) - (y - RUN["x"]),
 ])  # fmt: skip
-def test_a_smoothed_position_is_noticed(smooth: Any) -> None:
+def test_a_smoothed_position_is_noticed(smooth):
     (told,) = check_plausibility(log(y=smooth(RUN["y"]), u=RUN["u"]), BEARING)
     assert "the bearing's sensor has 9.1 µm; was y smoothed before it was logged" in told
 
 
-def test_a_rotor_that_lies_is_noticed_with_its_bearing_and_without() -> None:
+def test_a_rotor_that_lies_is_noticed_with_its_bearing_and_without():
     assert LOST.meta["stop_touched"] > 1000
     lying = log(y=LOST["y"], u=LOST["u"])
     (told,) = of_suspects(lying)
@@ -76,27 +71,27 @@ def test_a_rotor_that_lies_is_noticed_with_its_bearing_and_without() -> None:
     assert told in check_plausibility(lying, BEARING)
 
 
-def test_one_that_only_touches_a_stop_does_not_lie() -> None:
+def test_one_that_only_touches_a_stop_does_not_lie():
     y = RUN["y"].copy()
     y[2000:2050] = BEARING.rotor.clearance  # 5 ms, less than the plant's time constant
     verdict = evaluate_record(log(y=y, u=RUN["u"]), BEARING)
     assert not any("rests at" in text for text in verdict.remarks)
 
 
-def test_read_and_check_tell_it(tmp_path: Path) -> None:
+def test_read_and_check_tell_it(tmp_path):
     log(y=RUN["x"], u=RUN["u"], x_logged=RUN["x"]).save(tmp_path / "twice.csv")
     reading = ambkit.read(tmp_path / "twice.csv")
     assert any("hold the same numbers" in text for text in reading.account())
     assert any("the same numbers" in text for text in inspect(tmp_path / "twice.csv").remarks)
 
 
-def test_the_longest_run() -> None:
+def test_the_longest_run():
     assert longest_run(np.array([False, True, True, False, True, True, True])) == (4, 3)
     assert longest_run(np.zeros(3, bool)) == (0, 0)
     assert longest_run(np.zeros(0, bool)) == (0, 0)
 
 
-def test_a_rotor_that_a_load_pushed_away_and_that_came_back_does_not_lie() -> None:
+def test_a_rotor_that_a_load_pushed_away_and_that_came_back_does_not_lie():
     """It floats at its least place, before the load and after it: with two currents, but not on a
     stop, where the current would change in one visit.
     """
@@ -112,7 +107,7 @@ RNG = np.random.default_rng(2)
 STILL = ambkit.simulate(BEARING).record
 
 
-def lying(record: Record, share: float, u: Any = None) -> Record:
+def lying(record, share, u=None):
     """Lay the rotor on its lower stop for the last part of a record."""
     y, control, start = record["y"].copy(), record["u"].copy(), round((1 - share) * len(record))
     y[start:] = -1e-3 + 9e-6 * RNG.normal(size=y.size - start)
@@ -121,7 +116,7 @@ def lying(record: Record, share: float, u: Any = None) -> Record:
     return Record(record.t, {"y": y, "u": control}, {"y": "m", "u": "V"})
 
 
-def test_a_part_that_lies_spoils_no_sign_and_no_weight() -> None:
+def test_a_part_that_lies_spoils_no_sign_and_no_weight():
     """Of no problem there is one, and the end that is named is that on which the rotor lies."""
     record = lying(STILL, 0.3, 0.45)
     problems, remarks = evaluate_record(record, BEARING)
@@ -133,13 +128,13 @@ def test_a_part_that_lies_spoils_no_sign_and_no_weight() -> None:
     assert any("the rotor's stop, in 100 % of the samples" in text for text in remarks)
 
 
-def test_a_noise_that_hides_the_travel_shows_no_stop() -> None:
+def test_a_noise_that_hides_the_travel_shows_no_stop():
     problems, remarks = evaluate_record(log(y=1e3 * RUN["y"], u=RUN["u"]), BEARING)
     assert any("is a unit, scale or offset wrong?" in text for text in problems)
     assert not any("stop" in text for text in remarks)
 
 
-def test_channels_that_stand_still_are_told_as_what_they_are() -> None:
+def test_channels_that_stand_still_are_told_as_what_they_are():
     assert of_suspects(log(y=RUN["y"], u=0 * RUN["u"])) == [
         "u stands still throughout: is it the control signal?"
     ]
@@ -147,17 +142,17 @@ def test_channels_that_stand_still_are_told_as_what_they_are() -> None:
     assert remarks == ("y stands still at 0.1 mm: is it the sensor's?",)
 
 
-def test_a_current_at_its_limit_is_not_one_in_steps() -> None:
+def test_a_current_at_its_limit_is_not_one_in_steps():
     u = np.where(np.arange(len(RUN)) < len(RUN) / 2, 1.5, RUN["u"])
     assert not any("steps of a converter" in text for text in of_suspects(log(y=RUN["y"], u=u)))
 
 
-def test_a_slow_measurement_on_a_finer_grid_is_no_reference() -> None:
+def test_a_slow_measurement_on_a_finer_grid_is_no_reference():
     y = np.interp(RUN.t, RUN.t[::2], RUN["y"][::2])
     assert of_suspects(log(y=y, u=RUN["u"])) == []
 
 
-def test_a_light_low_pass_is_told_by_the_colour_of_the_noise() -> None:
+def test_a_light_low_pass_is_told_by_the_colour_of_the_noise():
     from scipy.signal import butter, lfilter
 
     assert check_plausibility(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
@@ -168,7 +163,7 @@ def test_a_light_low_pass_is_told_by_the_colour_of_the_noise() -> None:
     )
 
 
-def test_a_control_signal_too_small_to_hold_the_rotor_is_told() -> None:
+def test_a_control_signal_too_small_to_hold_the_rotor_is_told():
     sine = ambkit.Scenario(reference=ambkit.Sine(amplitude=0.3e-3, frequency=5.0))
     record = ambkit.simulate(BEARING, sine).record
     assert check_plausibility(log(y=record["y"], u=record["u"]), BEARING) == []
@@ -177,7 +172,7 @@ def test_a_control_signal_too_small_to_hold_the_rotor_is_told() -> None:
     assert "is the record of another rig, or a unit or a scale wrong?" in told
 
 
-def test_an_offset_that_the_weight_contradicts_is_told() -> None:
+def test_an_offset_that_the_weight_contradicts_is_told():
     rig = Bearing.preset("inteco_ml")
     record = ambkit.simulate(rig, duration=2.0).record
     away = Record(record.t, {"y": record["y"] + 7e-3, "u": record["u"]}, {"y": "m", "u": "V"})
@@ -188,7 +183,7 @@ def test_an_offset_that_the_weight_contradicts_is_told() -> None:
 
 
 @pytest.mark.parametrize("size", [3, 8])
-def test_a_running_mean_is_told_with_its_length(size: int) -> None:
+def test_a_running_mean_is_told_with_its_length(size):
     assert check_plausibility(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
     mean = np.convolve(RUN["y"], np.ones(size) / size, "same")
     (told,) = check_plausibility(log(y=mean, u=RUN["u"]), BEARING)
@@ -196,7 +191,7 @@ def test_a_running_mean_is_told_with_its_length(size: int) -> None:
 
 
 @pytest.mark.parametrize("preset", ["zittau_axial", "inteco_ml"])
-def test_no_healthy_log_holds_a_running_mean(preset: str) -> None:
+def test_no_healthy_log_holds_a_running_mean(preset):
     told, means = [], []
     for seed in range(3):
         for times in (0.5, 1.0, 2.0):
@@ -212,7 +207,7 @@ def test_no_healthy_log_holds_a_running_mean(preset: str) -> None:
     assert means.count(3) >= 0.9 * len(means)
 
 
-def test_what_no_bearing_explains_is_told_as_that() -> None:
+def test_what_no_bearing_explains_is_told_as_that():
     rng = np.random.default_rng(0)
     y = -1e-3 + 9e-6 * rng.normal(size=1000)
     lies = Record(RUN.t[:1000], {"y": y, "u": np.full(1000, 0.3)}, {"y": "m", "u": "V"})

@@ -1,7 +1,5 @@
 """Axes of machines swept in the simulation, and measured from logs."""
 
-import math
-
 import numpy as np
 import pytest
 from machine_cases import injected
@@ -12,7 +10,6 @@ from ambkit import Machine, Record
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.base.errors import AmbkitError, RecordError
 
-RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")
 
 

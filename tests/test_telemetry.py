@@ -1,12 +1,8 @@
 """Telemetry: frames that an export writes, as Python reads them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +12,7 @@ from machine_cases import machine
 import ambkit
 from ambkit import KalmanFilter, Scenario, Step
 from ambkit.base.errors import RecordError
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import export_c
 
 compiled = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 
@@ -76,7 +72,7 @@ int main(void)
 """.replace("FIRST", KalmanFilter(machine()).states[0].name)
 
 
-def built(made: CExport, folder: Path, source: str) -> Path:
+def built(made, folder, source):
     (folder / "main.c").write_text(source)
     files = [
         str(path)
@@ -91,19 +87,19 @@ def built(made: CExport, folder: Path, source: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def flown() -> Any:
+def flown():
     scenario = Scenario(duration=0.0599, reference=Step(amplitude=2e-4, time=0.01))
     return ambkit.simulate(BEARING, scenario).record
 
 
 @pytest.fixture(scope="module", params=["float", "double"])
-def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> CExport:
+def made(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("frames") / request.param
     return export_c(BEARING, None, folder, prefix="rig", precision=request.param, telemetry=True)
 
 
 @pytest.fixture(scope="module")
-def sent(made: CExport, flown: Any) -> bytes:
+def sent(made, flown):
     y, u = flown["y"].copy(), flown["u"]
     y[70] = np.nan
     if shutil.which("gcc") is None:
@@ -116,9 +112,9 @@ def sent(made: CExport, flown: Any) -> bytes:
 
 
 @compiled
-def test_what_is_read_is_what_the_filter_said(made: CExport, sent: bytes, flown: Any) -> None:
+def test_what_is_read_is_what_the_filter_said(made, sent, flown):
     record = ambkit.read_telemetry(sent, made.folder / "telemetry.json")
-    precision: Any = {"float": "float32", "double": "float64"}[made.precision]
+    precision = {"float": "float32", "double": "float64"}[made.precision]
     y = flown["y"].copy()
     y[70] = np.nan
     there = ambkit.Record(flown.t, {"y": y, "u": flown["u"]})
@@ -138,7 +134,7 @@ def test_what_is_read_is_what_the_filter_said(made: CExport, sent: bytes, flown:
 
 
 @compiled
-def test_what_is_damaged_is_left_out(made: CExport, sent: bytes) -> None:
+def test_what_is_damaged_is_left_out(made, sent):
     layout = made.folder / "telemetry.json"
     whole = ambkit.read_telemetry(sent, layout)
     length = 4 * (6 + 5)
@@ -153,7 +149,7 @@ def test_what_is_damaged_is_left_out(made: CExport, sent: bytes) -> None:
 
 
 @compiled
-def test_what_are_no_frames_of_it_is_said(made: CExport, sent: bytes, tmp_path: Path) -> None:
+def test_what_are_no_frames_of_it_is_said(made, sent, tmp_path):
     layout = made.folder / "telemetry.json"
     with pytest.raises(RecordError, match="two frames at least"):
         ambkit.read_telemetry(b"AMBF" + bytes(200), layout)
@@ -171,7 +167,7 @@ def test_what_are_no_frames_of_it_is_said(made: CExport, sent: bytes, tmp_path: 
 
 @compiled
 @pytest.mark.parametrize("flown", [False, True], ids=["filter", "controller"])
-def test_frames_of_a_machine(flown: bool, tmp_path: Path) -> None:
+def test_frames_of_a_machine(flown, tmp_path):
     scenario = Scenario() if flown else None
     made = export_c(
         machine(), None, tmp_path / "c", prefix="rig", telemetry=True, scenario=scenario
@@ -201,6 +197,6 @@ def test_frames_of_a_machine(flown: bool, tmp_path: Path) -> None:
         np.testing.assert_array_equal(record["mode"], [3, 3])
 
 
-def test_an_export_without_has_none(tmp_path: Path) -> None:
+def test_an_export_without_has_none(tmp_path):
     made = export_c(BEARING, None, tmp_path / "c", prefix="rig")
     assert not [file for file in made.files if "telemetry" in file]

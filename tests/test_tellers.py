@@ -6,11 +6,8 @@ import io
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html.parser import HTMLParser
-from pathlib import Path
-from typing import Any
 
 import pandas
 import pytest
@@ -46,7 +43,7 @@ COARSE = {"dB": 7e-3, "|S|": 6e-4, "deg": 1e-3, "degC": 0.06, "rpm": 0.0, "1": 6
 """What is lost of a number that is written with so many digits after the point."""
 
 
-def check_cell(row: Row, cell: str) -> None:
+def check_cell(row, cell):
     """Hold a cell to the value of its row."""
     text, value = cell.removesuffix(MISSED).strip(), row.value
     if value is None or (isinstance(value, float) and math.isnan(value)):
@@ -70,17 +67,17 @@ def check_cell(row: Row, cell: str) -> None:
     assert (kept(row) is False) == cell.endswith(MISSED)
 
 
-def kept(row: Row) -> bool | None:
+def kept(row):
     """Whether a row keeps its limit, by the words of the limit: a least value is itself kept."""
     if row.value is None or row.value != row.value or row.least is row.below is None:
         return None
-    value: Any = row.value
+    value = row.value
     if row.least is not None:
         return not value < row.least
     return not value > row.below if isinstance(row.below, str) else not value >= row.below
 
 
-def check_grid(table: Table, rows: Sequence[Row], *, across: bool) -> None:
+def check_grid(table, rows, *, across):
     """Find each row of a section in its table, by its name and what it is of."""
     known = {row.name for row in rows if row.known}
     heads = [head.strip() for head in table.headers]
@@ -96,39 +93,39 @@ def check_grid(table: Table, rows: Sequence[Row], *, across: bool) -> None:
 class Tables(HTMLParser):
     """The cells of the tables of a page, line by line."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text):
         super().__init__()
         self.lines: list[list[str]] = []
         self._inside = 0
         self.feed(text)
 
-    def handle_starttag(self, tag: str, attrs: Any) -> None:
+    def handle_starttag(self, tag, attrs):
         if tag == "tr":
             self.lines.append([])
         elif tag in ("td", "th"):
             self._inside += 1
             self.lines[-1].append("")
 
-    def handle_endtag(self, tag: str) -> None:
+    def handle_endtag(self, tag):
         self._inside -= tag in ("td", "th")
 
-    def handle_data(self, data: str) -> None:
+    def handle_data(self, data):
         if self._inside:
             self.lines[-1][-1] += data
 
 
-def bare(text: str) -> str:
+def bare(text):
     return re.sub(r"[\s\u00a0]+", " ", text).strip()
 
 
-def check_page(lines: Sequence[Sequence[str]], table: Table) -> None:
+def check_page(lines, table):
     """Find each line of a table as it is typeset."""
     there = {tuple(map(bare, line)) for line in lines}
     for cells in table.rows:
         assert (bare(cells[0]), *(bare(typeset(cell)) for cell in cells[1:])) in there
 
 
-def check_json(result: Result) -> None:
+def check_json(result):
     data = json.loads(result.to_json())
     for row in result.rows:
         place = data
@@ -146,7 +143,7 @@ def check_json(result: Result) -> None:
             assert within.get(f"{before}{key}") == json.loads(json.dumps(plain(value)))
 
 
-def check_pandas(result: Result) -> None:
+def check_pandas(result):
     frame = result.to_pandas()
     rows = list(singles(result.rows))
     assert len(frame) == len(rows)
@@ -164,13 +161,13 @@ def check_pandas(result: Result) -> None:
         assert (line.limit, line.note) == (row.limit(), row.note)
 
 
-def written(table: Table, width: int) -> str:
+def written(table, width):
     stream = io.StringIO()
     Console(file=stream, width=width, highlight=False, markup=False).print(table)
     return stream.getvalue()
 
 
-def check_terminal(table: Table) -> None:
+def check_terminal(table):
     """Wide, each line is a row; narrow, no line is too long and no number is cut."""
     lines = {tuple(re.split(r"\s{2,}", line.strip())) for line in written(table, 5000).splitlines()}
     for cells in table.rows:
@@ -183,7 +180,7 @@ def check_terminal(table: Table) -> None:
         assert all(cell in narrow for cell in cells[1:] if cell[:1].isdigit() and len(cell) < 30)
 
 
-def check(result: Result, tmp_path: Path) -> None:
+def check(result, tmp_path):
     """Read each row of a result back from each teller."""
     check_json(result)
     check_pandas(result)
@@ -225,7 +222,7 @@ NUMBERS = st.one_of(
 
 
 @st.composite
-def results(draw: st.DrawFn) -> Result:
+def results(draw):
     names = draw(st.lists(WORDS, min_size=1, max_size=5, unique=True))
     things = draw(st.lists(st.sampled_from(["linear", "A.x", "b c", "3"]), min_size=1, max_size=3,
                            unique=True))  # fmt: skip
@@ -256,11 +253,11 @@ def results(draw: st.DrawFn) -> Result:
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow,
           HealthCheck.function_scoped_fixture])  # fmt: skip
 @given(result=results())
-def test_rows_are_read_back_from_every_teller(result: Result, tmp_path: Path) -> None:
+def test_rows_are_read_back_from_every_teller(result, tmp_path):
     check(result, tmp_path)
 
 
-def some() -> Iterator[tuple[str, Any]]:
+def some():
     """Results of verbs that take little time."""
     bearing = ambkit.Bearing.preset("zittau_axial")
     rig = "tum_mlps"
@@ -285,5 +282,5 @@ def some() -> Iterator[tuple[str, Any]]:
 
 
 @pytest.mark.parametrize(("name", "make"), [*some()])
-def test_each_row_of_a_verb_is_read_back(name: str, make: Any, tmp_path: Path) -> None:
+def test_each_row_of_a_verb_is_read_back(name, make, tmp_path):
     check(make(), tmp_path)

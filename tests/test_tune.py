@@ -1,14 +1,10 @@
 """Tuning: what it finds, what that gains on data it did not see, and what it says of itself."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimator, FilterNoise, Record
+from ambkit import Bearing, Estimator, FilterNoise
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.judge.loop.loop_of import LoopOf
@@ -18,12 +14,12 @@ BEARING = Bearing.preset("zittau_axial")
 
 
 @pytest.fixture(scope="module")
-def walks() -> list[Record]:
+def walks():
     """Runs whose load is the walk that the filters assume, and whose noise is the bearing's."""
     return [each.record for each in trials(CASES["model"], BEARING, 3, 5)]
 
 
-def test_likelihood_finds_the_noise_that_there_was(walks: list[Record]) -> None:
+def test_likelihood_finds_the_noise_that_there_was(walks):
     found = ambkit.tune(BEARING, walks[:2], "extended", validate=walks[2:], budget=50)
     usual = ambkit.ExtendedKalmanFilter(BEARING).variances
     assert [each.name for each in found.free] == list(NOISE)
@@ -33,7 +29,7 @@ def test_likelihood_finds_the_noise_that_there_was(walks: list[Record]) -> None:
     assert found.trace[0].values["noise.measurement"] == pytest.approx(usual.measurement)
 
 
-def test_what_is_wrong_is_mended_on_records_that_it_did_not_see() -> None:
+def test_what_is_wrong_is_mended_on_records_that_it_did_not_see():
     """In the mean over eight records: on a single one the error of x may be luck."""
     walks = [each.record for each in trials(CASES["model"], BEARING, 10, 5)]
     wrong = BEARING.replace(sensor__noise_variance=9 * BEARING.sensor.noise_variance)
@@ -48,7 +44,7 @@ def test_what_is_wrong_is_mended_on_records_that_it_did_not_see() -> None:
     assert after == pytest.approx(1, abs=0.1)
 
 
-def test_simulated_truth_is_tuned_by_without_records() -> None:
+def test_simulated_truth_is_tuned_by_without_records():
     found = ambkit.tune(BEARING, filter="extended", budget=24, seeds=3)
     assert found.by == "truth"
     before, after = found.unseen["error over the untuned linear filter's"]
@@ -58,7 +54,7 @@ def test_simulated_truth_is_tuned_by_without_records() -> None:
     assert [each.cost for each in again.trace] == [each.cost for each in found.trace]
 
 
-def test_a_load_that_rests_does_not_make_a_filter_that_follows_none() -> None:
+def test_a_load_that_rests_does_not_make_a_filter_that_follows_none():
     still = ambkit.simulate(BEARING, ambkit.scenario_for(BEARING, step=0.1e-3, duration=1.0)).record
     found = ambkit.tune(BEARING, still, "linear", free=["noise.disturbance"], budget=30)
     least = min(found.trace, key=lambda each: each.cost).values["noise.disturbance"]
@@ -67,7 +63,7 @@ def test_a_load_that_rests_does_not_make_a_filter_that_follows_none() -> None:
         assert any("knows nothing of the loop" in text for text in found.warnings)
 
 
-def test_the_file_is_the_filter(walks: list[Record], tmp_path) -> None:
+def test_the_file_is_the_filter(walks, tmp_path):
     walks[0].save(tmp_path / "walk.csv")
     found = ambkit.tune(BEARING, tmp_path / "walk.csv", "linear", budget=12)
     found.save(tmp_path / "f.toml")
@@ -78,7 +74,7 @@ def test_the_file_is_the_filter(walks: list[Record], tmp_path) -> None:
         assert "likelihood of walk.csv; ambkit tune" in read.origin[NOISE[0]]
 
 
-def test_what_cannot_be_tuned_is_said(walks: list[Record]) -> None:
+def test_what_cannot_be_tuned_is_said(walks):
     with pytest.raises(AmbkitError, match="the low-pass filter has no idea of its innovations"):
         ambkit.tune(BEARING, walks, "low-pass")
     with pytest.raises(AmbkitError, match='there is no estimator "kalman"'):
@@ -89,13 +85,13 @@ def test_what_cannot_be_tuned_is_said(walks: list[Record]) -> None:
         ambkit.tune(BEARING, walks[0].between(None, 0.01), "linear")
 
 
-def test_a_value_at_its_bound_is_told(walks: list[Record]) -> None:
+def test_a_value_at_its_bound_is_told(walks):
     wrong = BEARING.replace(sensor__noise_variance=1e4 * BEARING.sensor.noise_variance)
     found = ambkit.tune(wrong, walks[:1], "linear", free=["noise.measurement"], budget=16)
     assert any("noise.measurement ran into the end of its range" in w for w in found.warnings)
 
 
-def test_the_picture_and_the_figures(walks: list[Record], tmp_path) -> None:
+def test_the_picture_and_the_figures(walks, tmp_path):
 
     found = ambkit.tune(BEARING, walks[:1], "linear", budget=12)
     found.figure().save(tmp_path / "t.png")
@@ -105,7 +101,7 @@ def test_the_picture_and_the_figures(walks: list[Record], tmp_path) -> None:
     assert len(data["trace"]) == 12
 
 
-def test_a_filter_of_a_file_stands_beside_the_kinds(walks: list[Record], tmp_path) -> None:
+def test_a_filter_of_a_file_stands_beside_the_kinds(walks, tmp_path):
     noise = FilterNoise(disturbance=3.0)
     ambkit.ExtendedKalmanFilter(BEARING, noise=noise).save(tmp_path / "f.toml")
     name = str(tmp_path / "f.toml")
@@ -132,13 +128,13 @@ STIFF = ambkit.PID.textbook(NOISY)
 
 
 @pytest.fixture(scope="module")
-def calm() -> Record:
+def calm():
     """A run whose load rests, so that likelihood asks for a filter that trusts its model."""
     steps = ambkit.scenario_for(LATE, step="5 um", duration="1 s", from_estimate=False)
     return ambkit.simulate(LATE, steps).record
 
 
-def test_likelihood_takes_the_loop_s_margin_and_a_ceiling_keeps_it(calm: Record) -> None:
+def test_likelihood_takes_the_loop_s_margin_and_a_ceiling_keeps_it(calm):
     free = ambkit.tune(LATE, calm, "linear", budget=24)
     assert free.kept
     untuned = free.peaks[0]
@@ -159,7 +155,7 @@ def test_likelihood_takes_the_loop_s_margin_and_a_ceiling_keeps_it(calm: Record)
     assert held.to_dict()["max_sensitivity"] == ceiling
 
 
-def test_a_ceiling_is_kept_even_where_the_untuned_filter_is_the_better_one() -> None:
+def test_a_ceiling_is_kept_even_where_the_untuned_filter_is_the_better_one():
     untuned = ambkit.assess(NOISY, "linear", STIFF).loops["linear"].peak
     held = ambkit.tune(NOISY, filter="linear", budget=24, seeds=2, controller=STIFF,
                        max_sensitivity=0.95 * untuned)  # fmt: skip
@@ -169,14 +165,14 @@ def test_a_ceiling_is_kept_even_where_the_untuned_filter_is_the_better_one() -> 
     assert held.unseen[judge][1] > held.unseen[judge][0]
 
 
-def test_the_controller_of_the_loop_is_the_one_that_is_given() -> None:
+def test_the_controller_of_the_loop_is_the_one_that_is_given():
     soft = ambkit.PID(kp=2000.0, ki=5000.0, kd=8.0)
     found = ambkit.tune(LATE, filter="linear", budget=1, seeds=1, controller=soft)
     expected = ambkit.assess(LATE, "linear", soft).loops["linear"].peak
     assert found.peaks[0] == pytest.approx(expected, rel=1e-4)
 
 
-def test_a_ceiling_that_cannot_be_kept_is_refused() -> None:
+def test_a_ceiling_that_cannot_be_kept_is_refused():
     with pytest.raises(
         AmbkitError, match=r"none keeps the peak of \|S\| below 1.1, the least is"
     ) as left:
@@ -191,7 +187,7 @@ def test_a_ceiling_that_cannot_be_kept_is_refused() -> None:
     assert np.isnan(ambkit.tune(LATE, filter="multiple-model", budget=1, seeds=1).peak)
 
 
-def test_trade_off_is_a_curve_from_which_to_pick() -> None:
+def test_trade_off_is_a_curve_from_which_to_pick():
     untuned = ambkit.assess(NOISY, "linear", STIFF).loops["linear"].peak
     ceilings = [1.1, 0.9 * untuned, 1.2 * untuned]
     found = ambkit.tune_trade_off(
@@ -212,11 +208,11 @@ def test_trade_off_is_a_curve_from_which_to_pick() -> None:
         ambkit.tune_trade_off(NOISY, peaks=[], filter="linear")
 
 
-def test_no_peak_is_computed_that_nobody_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    computed: list[int] = []
+def test_no_peak_is_computed_that_nobody_asked_for(monkeypatch):
+    computed = []
     old = LoopOf.peak
 
-    def spy(self: LoopOf, *given: Any) -> float:
+    def spy(self, *given):
         computed.append(1)
         return old(self, *given)
 

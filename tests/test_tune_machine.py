@@ -118,7 +118,7 @@ def test_commands(arguments, code, said, capsys, tmp_path, monkeypatch):
     assert said in " ".join((shown.out + shown.err).split())
 
 
-def test_the_same_filter_of_another_machine_keeps_its_noise() -> None:
+def test_the_same_filter_of_another_machine_keeps_its_noise():
     still = TUM.model_copy(update={"speed": 0.0})
     noise = FilterNoise(measurement=1e-12)
     for made in (KalmanFilter(TUM, noise=noise), KalmanFilter(bearing=TUM, noise=noise)):
@@ -130,7 +130,7 @@ def test_the_same_filter_of_another_machine_keeps_its_noise() -> None:
     assert around.for_machine(still).options["memory"] == 0.2
 
 
-def test_a_search_leaves_out_modes_beyond_the_range_of_the_standard() -> None:
+def test_a_search_leaves_out_modes_beyond_the_range_of_the_standard():
     rotor = Machine.preset("compressor").rotor.model_copy(update={"modes_up_to": 9000.0})
     many = Machine.preset("compressor").model_copy(update={"rotor": rotor})
     found = _with_few_modes(many)

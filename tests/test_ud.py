@@ -1,7 +1,5 @@
 """The filter on a factor: the same filter, and in single precision the better one."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
@@ -20,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, Estimate, Record, Scenario, Status, UDKalmanFilter
+from ambkit import Bearing, ClosedLaw, Record, Scenario, Status, UDKalmanFilter
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import core_module
 from benchmarks import long_run
@@ -28,7 +26,7 @@ from benchmarks import long_run
 BEARING = Bearing.preset("zittau_axial")
 
 
-def textbook_udu(P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def textbook_udu(P):
     """U D U' by the definition, last column first (Bierman 1977)."""
     P, n = P.copy(), len(P)
     U, D = np.eye(n), np.zeros(n)
@@ -39,7 +37,7 @@ def textbook_udu(P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return U, D
 
 
-def test_its_factor_is_that_of_the_textbook_s_covariance() -> None:
+def test_its_factor_is_that_of_the_textbook_s_covariance():
     k_i, k_s = 10.05, 7537.5
     core = core_module()
     kf = made(core, "UD", core.Constant(k_i, k_s), SETTINGS)
@@ -64,7 +62,7 @@ def test_its_factor_is_that_of_the_textbook_s_covariance() -> None:
     np.testing.assert_allclose(D / STD**2, D_naive, rtol=1e-6)
 
 
-def test_in_double_it_is_the_extended_filter() -> None:
+def test_in_double_it_is_the_extended_filter():
     scenario = Scenario(
         duration=0.5,
         reference=ambkit.Step(amplitude=5e-4, time=0.1),
@@ -73,8 +71,6 @@ def test_in_double_it_is_the_extended_filter() -> None:
     record = ambkit.simulate(BEARING, scenario).record
     plain = KINDS["extended"].make(BEARING).run(record, covariance=True)
     factored = KINDS["ud"].make(BEARING).run(record, covariance=True)
-    assert plain.covariance is not None
-    assert factored.covariance is not None
     sigma = np.sqrt(plain.covariance[:, [0, 4, 7, 9]])
     assert (np.abs(factored.mean - plain.mean) <= 1e-9 * sigma).all()
     wide = np.einsum("ki,kj->kij", sigma, sigma)
@@ -86,7 +82,7 @@ def test_in_double_it_is_the_extended_filter() -> None:
 
 
 @cache
-def after_an_outage(noise: float) -> dict[str, Estimate]:
+def after_an_outage(noise):
     """Half a second without a sensor, which then is sharper than float's digits reach."""
     sharp = BEARING.replace(sensor__noise_variance=noise**2)
     scenario = Scenario(duration=0.8, reference=ambkit.Sine(amplitude=3e-4, frequency=5.0))
@@ -105,13 +101,13 @@ def after_an_outage(noise: float) -> dict[str, Estimate]:
 
 
 @pytest.mark.parametrize("noise", [1e-6, 1e-7, 1e-8, 1e-9])
-def test_after_an_outage_a_sharp_sensor_is_believed_at_once(noise: float) -> None:
+def test_after_an_outage_a_sharp_sensor_is_believed_at_once(noise):
     """In standard deviations of the same filter in double, over the first 10 ms."""
     runs = after_an_outage(noise)
     assert runs["exact"].covariance is not None
     sigma = np.sqrt(runs["exact"].covariance[:, [0, 4, 7, 9]])
 
-    def off(name: str) -> float:
+    def off(name):
         return float((np.abs(runs[name].mean - runs["exact"].mean) / sigma)[7001:7100].max())
 
     assert off("factored") < 0.02
@@ -128,9 +124,7 @@ def test_after_an_outage_a_sharp_sensor_is_believed_at_once(noise: float) -> Non
     st.floats(-4, 2),
     st.lists(st.one_of(st.floats(-1e-3, 1e-3), st.just(np.nan)), min_size=1, max_size=200),
 )
-def test_it_is_positive_definite_whatever_the_noise(
-    log_noise: float, log_growth: float, y: list[float]
-) -> None:
+def test_it_is_positive_definite_whatever_the_noise(log_noise, log_growth, y):
     core = core_module("float32")
     s = oracles.settings_of(BEARING, var_y=10 ** (2 * log_noise), var_d=10**log_growth)
     kf = made(core, "UD", core.Constant(10.05, 7537.5), s)
@@ -146,7 +140,7 @@ def test_it_is_positive_definite_whatever_the_noise(
 # ---- long ----
 
 
-def test_three_million_steps_in_single_precision() -> None:
+def test_three_million_steps_in_single_precision():
     """The first of the billion of ``python -m benchmarks.long_run``."""
     seen = long_run.run(3_000_000, show=False)
     assert seen.steps == 3_000_000

@@ -27,7 +27,7 @@ PRESETS = ("ufu_flexible", "tum_mlps_flexible", "compressor")
 RPM = math.pi / 30
 
 
-def random_rotor(seed: int) -> Machine:
+def random_rotor(seed):
     """Return a rotor like the overhung one, of other sizes, places and damping; it can be held."""
     rng = np.random.default_rng(seed)
     base = Machine.load(OVERHUNG)
@@ -60,14 +60,14 @@ def random_rotor(seed: int) -> Machine:
 
 
 @functools.lru_cache
-def machine_of(name: str | int) -> Machine:
+def machine_of(name):
     if name == "overhung":
         return Machine.load(OVERHUNG)
     return random_rotor(name) if isinstance(name, int) else Machine.preset(name)
 
 
 @functools.lru_cache
-def criticals(name: str | int) -> dict[str, float]:
+def criticals(name):
     """Return the speeds at which the free rotor and the one held still move most [rad/s]."""
     machine = machine_of(name)
     filter = KalmanFilter(machine, synchronous=["unbalance"])
@@ -81,7 +81,7 @@ def criticals(name: str | int) -> dict[str, float]:
     return found
 
 
-def drawn(run: int, machines: tuple[str | int, ...]) -> tuple[Machine, Machine, Scenario]:
+def drawn(run, machines):
     """Return a machine as described, as it is, and a ramp or a stay near a critical speed."""
     rng = np.random.default_rng([run, 7])
     name = machines[run % len(machines)]
@@ -110,7 +110,7 @@ def drawn(run: int, machines: tuple[str | int, ...]) -> tuple[Machine, Machine, 
     return described, described.replace(unbalance=planes), flight
 
 
-def touched(described: Machine, real: Machine, flight: Scenario) -> int:
+def touched(described, real, flight):
     """Return in how many samples a touch-down bearing is touched."""
     filter = KalmanFilter(described, synchronous=["unbalance"])
     T = described.sampling_time
@@ -120,14 +120,14 @@ def touched(described: Machine, real: Machine, flight: Scenario) -> int:
     return run.samples_at_the_stop
 
 
-def stable(described: Machine, flight: Scenario) -> bool:
+def stable(described, flight):
     """Return whether the loop is stable at the fastest speed of a flight."""
     filter = KalmanFilter(described, synchronous=["unbalance"])
     loop = LoopOf(described, flight.controller).loop(filter)
     return bool(np.abs(loop.closed.poles()).max() < 1)
 
 
-def worse(run: int, machines: tuple[str | int, ...]) -> bool:
+def worse(run, machines):
     """Return whether a touch-down bearing is touched, and not under plain control, which is stable.
 
     An unstable loop loses the rotor with any control, sooner or later: when is chance.

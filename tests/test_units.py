@@ -6,7 +6,6 @@ import subprocess
 import sys
 from contextlib import suppress
 from decimal import Decimal
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -46,7 +45,7 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
         ("50 %", "1", 0.5),
     ],
 )
-def test_parse_gives_exactly_the_si_value(text: str, unit: str, value: float) -> None:
+def test_parse_gives_exactly_the_si_value(text, unit, value):
     assert parse(text, unit) == value
 
 
@@ -70,7 +69,7 @@ def test_parse_gives_exactly_the_si_value(text: str, unit: str, value: float) ->
         ("1e999 m", "m", "too large"),
     ],
 )
-def test_parse_says_what_is_wrong(text: str, unit: str, message: str) -> None:
+def test_parse_says_what_is_wrong(text, unit, message):
     with pytest.raises(ValueError, match=message.replace("(", r"\(")) as caught:
         parse(text, unit)
     assert text in str(caught.value)
@@ -94,7 +93,7 @@ def test_parse_says_what_is_wrong(text: str, unit: str, message: str) -> None:
         (math.inf, "m", "inf m"),
     ],
 )
-def test_engineering_prints_as_an_engineer_writes(value: float, unit: str, text: str) -> None:
+def test_engineering_prints_as_an_engineer_writes(value, unit, text):
     assert engineering(value, unit) == text
 
 
@@ -139,23 +138,23 @@ def test_a_value_ends_where_its_error_does(value, error, text):
 
 
 @given(finite, st.sampled_from(SURFACE_UNITS))
-def test_every_value_survives_printing_and_reading(value: float, unit: str) -> None:
+def test_every_value_survives_printing_and_reading(value, unit):
     assert parse(engineering(value, unit, digits=None), unit) == value
 
 
 @given(st.decimals(-1000, 1000, places=6), st.sampled_from([("mm", 3), ("um", 6), ("km", -3)]))
-def test_the_same_length_in_another_unit_is_the_same_float(number, scaled) -> None:  # type: ignore[no-untyped-def]
+def test_the_same_length_in_another_unit_is_the_same_float(number, scaled):
     unit, shift = scaled
     assert parse(f"{number:f} m", "m") == parse(f"{number.scaleb(shift):f} {unit}", "m")
 
 
 @given(st.text(max_size=20), st.sampled_from(SURFACE_UNITS))
-def test_any_text_gives_a_finite_number_or_a_value_error(text: str, unit: str) -> None:
+def test_any_text_gives_a_finite_number_or_a_value_error(text, unit):
     with suppress(ValueError):
         assert math.isfinite(parse(text, unit))
 
 
-def test_factor_and_its_inverse() -> None:
+def test_factor_and_its_inverse():
     assert factor("mm", "m") == 1e-3
     assert factor("N mm^2/A^2", "N m^2/A^2") == 1e-6
     assert factor("rpm", "rad/s") == pytest.approx(2 * math.pi / 60, rel=1e-15)
@@ -164,7 +163,7 @@ def test_factor_and_its_inverse() -> None:
         factor("V", "A")
 
 
-def test_docstring_examples() -> None:
+def test_docstring_examples():
     assert doctest.testmod(units).failed == 0
 
 
@@ -186,13 +185,13 @@ def test_typeset_as_in_a_book():
     )
 
 
-def test_seeds_are_a_number_a_range_or_first_and_number() -> None:
+def test_seeds_are_a_number_a_range_or_first_and_number():
     assert seeds_in(3) == seeds_in("3") == seeds_in("0:3") == range(3)
     assert seeds_in("4:3") == seeds_in(range(4, 7)) == range(4, 7)
     for wrong in ("0", "4:0", "-1:3", "4:", ":4", "3.5", "1:2:3", "", range(0), range(0, 9, 2),
                   range(-1, 3), True):  # fmt: skip
         with pytest.raises(AmbkitError, match=r"FIRST:N with the first from 0 on, are the "):
-            seeds_in(wrong)  # type: ignore[arg-type]
+            seeds_in(wrong)
 
 
 COMMON = [f"{prefix}{name}" for prefix in units._SHIFTS for name in (*units._COMMON, *units._ROOTS)]
@@ -203,7 +202,7 @@ PRODUCTS = (
 
 
 @pytest.mark.parametrize("pattern", ["{}", "{}^3", "{}^-2", "rad/{}", "mA {}", "{} / kg^2"])
-def test_common_units_have_the_size_that_pint_gives(pattern: str) -> None:
+def test_common_units_have_the_size_that_pint_gives(pattern):
     known = [u for u in map(pattern.format, COMMON + list(PRODUCTS)) if units._common_root(u)]
     assert len(known) > 180
     for unit in known:
@@ -212,7 +211,7 @@ def test_common_units_have_the_size_that_pint_gives(pattern: str) -> None:
         assert exponents == roots, unit
 
 
-def test_reading_and_checking_a_machine_does_not_import_pint(tmp_path: Path) -> None:
+def test_reading_and_checking_a_machine_does_not_import_pint(tmp_path):
     # Its import takes longer than the command.
     Bearing.preset("zittau_axial").save(tmp_path / "b.toml")
     code = (

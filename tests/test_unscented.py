@@ -1,9 +1,5 @@
 """The unscented filter: three forces are filterpy's nine points, and better than a tangent."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import oracles
 import pytest
@@ -19,7 +15,7 @@ MEAN = np.array([2e-5, 0.01, -1.0, 1e-5])
 STD = np.array([3e-5, 0.012, 5.0, 3e-5])
 
 
-def swinging() -> ambkit.Record:
+def swinging():
     scenario = ambkit.Scenario(
         duration=0.25,
         reference=ambkit.Sine(amplitude=4e-4, frequency=8.0),
@@ -34,7 +30,7 @@ def swinging() -> ambkit.Record:
     ("alpha", "beta", "kappa", "blunt"),
     [(1.0, 0.0, -1.0, 1.0), (0.5, 2.0, 1.0, 1.0), (1.0, 2.0, 3.0, 400.0)],
 )
-def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float) -> None:
+def test_it_is_filterpy_s(alpha, beta, kappa, blunt):
     """`blunt`: how much worse a sensor is, so that the points lie far apart."""
     record, law, core = swinging(), ClosedLaw(BEARING), core_module()
     s = oracles.settings_of(BEARING)
@@ -53,10 +49,10 @@ def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float)
     L, b, N = oracles.held_force(s)
     magnet = law.in_core(core)
 
-    def force(iu: float, x: float) -> float:
+    def force(iu, x):
         return float(magnet.force(np.array([iu]), np.array([x]))[0])
 
-    def transition(z: Any, _dt: float, iu: float) -> Any:
+    def transition(z, _dt, iu):
         X = D @ z
         at = X[0] + X[1] * s["T"] / 2
         return back @ (L @ X + b * (force(iu, at) + X[2] + s["f_0"]))
@@ -83,14 +79,14 @@ def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float)
     assert off.max() < 1e-9
 
 
-def test_the_mean_force_is_the_integral_where_the_tangent_is_not() -> None:
+def test_the_mean_force_is_the_integral_where_the_tangent_is_not():
     """A position known to 0.25 mm, at 0.3 mm: what force is to be expected?"""
     law, core = ClosedLaw(BEARING), core_module()
     s = oracles.settings_of(BEARING, f_0=0.0)
     mean, std = np.array([3e-4, 0, 0, 3e-4]), np.array([2.5e-4, 1e-3, 1e-3, 1e-5])
     iu = 0.4
     speed = {}
-    kinds: dict[str, dict[str, float]] = {
+    kinds = {
         "Extended": {}, "Unscented": {"reach": np.sqrt(3), "curvature": 2.0},
     }  # fmt: skip
     for name, own in kinds.items():
@@ -114,6 +110,6 @@ def test_the_mean_force_is_the_integral_where_the_tangent_is_not() -> None:
         ({"kappa": -3.5}, "beta must be 0.5 or more for a variance, got 0.0"),
     ],
 )
-def test_parameters_that_leave_no_spread_are_told(options: dict[str, float], told: str) -> None:
+def test_parameters_that_leave_no_spread_are_told(options, told):
     with pytest.raises(ValueError, match=told):
         ambkit.UnscentedKalmanFilter(BEARING, **options)

@@ -1,10 +1,6 @@
 """An unstable loop is drawn and told: Nyquist, loop gain and poles, and what grows."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +8,6 @@ from machine_cases import machine
 
 from ambkit import Bearing, assess
 from ambkit.assessment.assess import MEASUREMENT
-from ambkit.assessment.assessment import Assessment
 from ambkit.control.pid import PID
 
 PLANTS = {
@@ -23,11 +18,11 @@ SHAKY = PID(kp=25e3, ki=0.0, kd=0.5)
 
 
 @pytest.fixture(scope="module", params=PLANTS)
-def found(request: pytest.FixtureRequest) -> Assessment:
+def found(request):
     return PLANTS[request.param]()
 
 
-def test_growth_and_frequency_are_those_of_the_loop(found: Assessment) -> None:
+def test_growth_and_frequency_are_those_of_the_loop(found):
     """Followed in time: after the time to double the slowest of all has doubled."""
     for each in found.loops.values():
         assert not each.stable
@@ -45,7 +40,7 @@ def test_growth_and_frequency_are_those_of_the_loop(found: Assessment) -> None:
         assert math.log(more) == pytest.approx(many * T * pole.growth, rel=0.02)
 
 
-def test_it_is_drawn(found: Assessment) -> None:
+def test_it_is_drawn(found):
     figure = found.figure(MEASUREMENT)
     assert [panel.title for panel in figure.panels] == [
         "Open loop", "Poles of the closed loop", "Loop gain", "Phase",
@@ -57,7 +52,7 @@ def test_it_is_drawn(found: Assessment) -> None:
     assert f"{pole.frequency:.4g} Hz grows by {pole.growth:.3g}/s" in figure.caption
 
 
-def test_it_is_told_and_written(found: Assessment, tmp_path: Path) -> None:
+def test_it_is_told_and_written(found, tmp_path):
     pole = found.to_dict()["loops"][MEASUREMENT]["unstable_poles"]["1"]
     assert pole["time_to_double"] == pytest.approx(math.log(2) / pole["growth"])
     assert found.rows[0].kept is False
@@ -67,7 +62,7 @@ def test_it_is_told_and_written(found: Assessment, tmp_path: Path) -> None:
     assert "Not kept: zone overall" in page
 
 
-def test_the_command_prints_it(call: Any, tmp_path: Path) -> None:
+def test_the_command_prints_it(call, tmp_path):
     soft = tmp_path / "shaky.toml"
     soft.write_text('[controller]\nkp = "25000 A/m"\nki = "0 A/(m s)"\nkd = "0.5 A s/m"\n')
     asked = ["assess", "zittau_axial", "--filter", "none", "--controller", str(soft)]

@@ -1,7 +1,5 @@
 """What a user's editor and mypy --strict see of ambkit: py.typed, and types that say something."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import subprocess
@@ -24,7 +22,7 @@ ambkit.no_such_name
 """
 
 
-def mypy(folder: Path, *files: Path) -> str:
+def mypy(folder, *files):
     """What mypy says without any configuration, as strict as it can be."""
     options = ["--strict", "--config-file=", f"--cache-dir={folder}", "--no-error-summary"]
     command = [sys.executable, "-m", "mypy", *options, *map(str, files)]
@@ -32,7 +30,7 @@ def mypy(folder: Path, *files: Path) -> str:
 
 
 @pytest.mark.long
-def test_strict_types_pass_and_wrong_ones_do_not(tmp_path: Path) -> None:
+def test_strict_types_pass_and_wrong_ones_do_not(tmp_path):
     wrong = tmp_path / "wrong.py"
     wrong.write_text(WRONG)
     said = mypy(tmp_path, SCRIPT, wrong)
@@ -45,14 +43,14 @@ def test_strict_types_pass_and_wrong_ones_do_not(tmp_path: Path) -> None:
     assert "Estimate" in revealed[0]
 
 
-def test_the_script_has_all_public_names() -> None:
+def test_the_script_has_all_public_names():
     used = set(re.findall(r"(?<!from )\bambkit\.(\w+)", SCRIPT.read_text(encoding="utf-8")))
     assert used == set(ambkit.__all__)
 
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_the_script_runs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_script_runs(capsys):
     pytest.importorskip("control")
     runpy.run_path(str(SCRIPT), run_name="__main__")
     assert ambkit.__version__ in capsys.readouterr().out

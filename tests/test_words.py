@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -42,13 +41,13 @@ class Word(NamedTuple):
 
 
 @cache
-def words() -> list[Word]:
+def words():
     lines = (ROOT / "tests/words.txt").read_text(encoding="utf-8").splitlines()
     fields = (re.split(r"  +", line.strip(), maxsplit=3) for line in lines if line[:1] not in "#")
     return [Word(scope, int(left), *rest) for scope, left, *rest in fields]
 
 
-def files() -> Iterator[Path]:
+def files():
     """Yield what we wrote ourselves."""
     yield from (ROOT / name for name in FILES)
     for folder in FOLDERS:
@@ -59,7 +58,7 @@ def files() -> Iterator[Path]:
                 yield path
 
 
-def _parts(path: Path) -> tuple[str, str]:
+def _parts(path):
     """Return a file's names and its text, each with blanks in the place of the other."""
     content = path.read_text(encoding="utf-8")
     pattern = MARKDOWN if path.name.endswith(".md.j2") else TEXTS.get(path.suffix, C)
@@ -73,12 +72,12 @@ def _parts(path: Path) -> tuple[str, str]:
     return (matched, other) if pattern is MARKDOWN else (other, matched)
 
 
-def _blank(text: str) -> str:
+def _blank(text):
     return re.sub(r"[^\n]", " ", text)
 
 
 @cache
-def _in_name(name: str) -> tuple[tuple[str, int], ...]:
+def _in_name(name):
     """Return the patterns in an identifier, and how often."""
     lower = "_".join(part.lower() for part in re.findall(r"[A-Z]?[a-z]+|[A-Z]+|[0-9]+", name))
     counts = (
@@ -88,22 +87,22 @@ def _in_name(name: str) -> tuple[tuple[str, int], ...]:
     return tuple(count for count in counts if count[1])
 
 
-def _in_text(pattern: str) -> re.Pattern[str]:
+def _in_text(pattern):
     joined = pattern.replace(" ", r"\s+(?:[#*/]+\s+)?")
     return re.compile(rf"(?<![a-z0-9])(?:{joined})(?![a-z0-9])")
 
 
-def _letters(pattern: str) -> list[str]:
+def _letters(pattern):
     """Return letters of which some are wherever a pattern matches: most texts have none."""
     for optional in (r"\([^()]*\)\??", r"\([^()]*\)\??", r"[a-z][?*{]"):
         pattern = re.sub(optional, " ", pattern)
     return [max(re.findall(r"[a-z]+|^", way), key=len) for way in pattern.split("|")]
 
 
-def places() -> dict[str, list[str]]:
+def places():
     """Return where each pattern stands, as ``file:line``."""
     table = words()
-    found: dict[str, list[str]] = {word.pattern: [] for word in table}
+    found = {word.pattern: [] for word in table}
     texts = [
         (w.pattern, _letters(w.pattern), _in_text(w.pattern))
         for w in table if w.scope in ("text", "both")
