@@ -45,7 +45,7 @@ long run(long samples, const double *y, const double *u)
 def exported(machine: Machine, folder: Path) -> ctypes.CDLL:
     """Return the exported filter as a library."""
     export = export_c(
-        machine, None, folder / "c", kind="linear", prefix="filter", loops=False, precision="double"
+        machine, KalmanFilter(machine), folder / "c", prefix="filter", loops=False
     ).folder
     (folder / "run.c").write_text(RUN, encoding="utf-8")
     sources = [*export.glob("*.c"), *export.glob("core/src/*.c"), folder / "run.c"]

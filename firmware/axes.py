@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ambkit import Machine, Scenario, simulate
+from ambkit.estimate.registry import kind_called
 from ambkit.export.c import export_c
 from firmware import harness
 
@@ -38,9 +39,8 @@ def measure(kind: str, loops: bool, folder: Path) -> tuple[int, int, int, int]:
         The self-test says that bits differ.
     """
     machine = Machine.preset("hindawi_2011")
-    export = export_c(
-        machine, None, folder / "export", kind=kind, prefix="filter", loops=loops, precision="float"
-    ).folder
+    filter = kind_called(kind).make(machine, precision="float32")
+    export = export_c(machine, filter, folder / "export", prefix="filter", loops=loops).folder
     firmware = harness.build(export, folder / "build", main=harness.HERE / "axes.c")
     record = simulate(machine, Scenario(duration=SAMPLES * machine.sampling_time)).record
     y = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])

@@ -73,8 +73,8 @@ def magnets() -> dict[str, MagnetModel | None]:
 
 def case(kind: str, magnet: MagnetModel | None, folder: Path, bearing: Bearing = BEARING) -> Case:
     """Export, build and run one filter; `folder` takes what is made."""
-    export = export_c(bearing, magnet, folder / "export", kind=kind, prefix="filter").folder
     estimator = KINDS[kind].make(bearing, magnet, precision="float32")
+    export = export_c(bearing, estimator, folder / "export", prefix="filter").folder
     firmware = harness.build(export, folder / "build")
     recorded = record()
     there = harness.run(firmware, recorded["y"], recorded["u"])

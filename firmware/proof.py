@@ -21,6 +21,7 @@ from ambkit.control.control import Control
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c, proof
 from ambkit.export.c.c_literals import CPrecision
+from ambkit.machine.magnets import Precision
 from ambkit.simulation.scenario import Scenario
 from firmware import measure
 
@@ -58,12 +59,10 @@ def prove(
     tuple
         What it is stored under; what was left; and all that the script said.
     """
-    magnet = measure.magnets()[kind]
-    of = measure.BEARING
-    made = export_c(
-        of, magnet, folder, kind=kind, precision=precision, prefix="filter",
-        scenario=None if control is None else Scenario(controller=control),
-    )  # fmt: skip
+    of_core: Precision = "float32" if precision == "float" else "float64"
+    filter = KINDS[kind].make(measure.BEARING, measure.magnets()[kind], precision=of_core)
+    scenario = None if control is None else Scenario(controller=control)
+    made = export_c(measure.BEARING, filter, folder, prefix="filter", scenario=scenario)
     done = subprocess.run(
         ["sh", str(made.folder / "proof" / "prove.sh")], capture_output=True, text=True
     )

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from exporting import export_c
 
 from ambkit import Bearing
-from ambkit.assessment.arguments import Chosen, export_arguments
+from ambkit.assessment.arguments import filter_to_export
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS as REGISTRY
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import CExport
 
 BEARING = Bearing.preset("zittau_axial")
 # "tabulated" is the expert of "adaptive" as a table, in the same C as the map of "table"; what is
@@ -33,22 +34,26 @@ INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
 
 
 @functools.cache
-def chosen(kind: str) -> Chosen:
-    """Kind and magnet as ``ambkit export --filter`` takes them."""
-    return export_arguments(BEARING, "adaptive" if kind == "tabulated" else kind)[1]
+def magnet_of(kind: str) -> Any:
+    """What ``ambkit export --filter`` takes for the magnet."""
+    return filter_to_export(BEARING, "adaptive" if kind == "tabulated" else kind)[1].magnet
 
 
 def export(kind: str, out: Path, **options: Any) -> CExport:
-    form: Any = "tabulated" if kind == "tabulated" else "exact"
-    what = chosen(kind)
-    return export_c(BEARING, what.magnet, out, kind=what.kind, expert_form=form, **options)
+    return export_of(BEARING, kind, out, **options)
+
+
+def export_of(bearing: Bearing, kind: str, out: Path, **options: Any) -> CExport:
+    """Export a kind that asks what it asks of the magnet of `BEARING`."""
+    form = {"kind": "adaptive", "expert_form": "tabulated"} if kind == "tabulated" else {}
+    return export_c(bearing, magnet_of(kind), out, **{"kind": kind} | form | options)
 
 
 def estimator(kind: str, made: CExport) -> Estimator:
     """What was exported, in Python."""
-    what = chosen(kind)
-    magnet: Any = made.table or what.magnet
-    return REGISTRY[what.kind].make(BEARING, magnet, precision=CORE_PRECISION[made.precision])
+    of = REGISTRY["adaptive" if kind == "tabulated" else kind]
+    magnet = made.table or magnet_of(kind)
+    return of.make(BEARING, magnet, precision=CORE_PRECISION[made.precision])
 
 
 def flight_files(made: CExport) -> list[str]:

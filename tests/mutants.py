@@ -24,7 +24,7 @@ import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import unseen
 
@@ -387,7 +387,7 @@ def score(bench: Bench, mutants: list[Mutant], jobs: int = 2) -> Score:
 
 def main() -> None:
     """Print the score of some kinds; gains are not 1, where a product would be a quotient."""
-    from export_cases import BEARING, chosen, export_c
+    from export_cases import BEARING, export_c, export_of
 
     from ambkit import Machine
 
@@ -407,12 +407,7 @@ def main() -> None:
                 made = export_c(Machine.preset(kind), None, to, prefix="f", loops=True,
                                 precision=given.precision)  # fmt: skip
             else:
-                what = chosen(kind)
-                form: Any = "tabulated" if kind == "tabulated" else "exact"
-                made = export_c(
-                    gained, what.magnet, to, kind=what.kind, prefix="f",
-                    precision=given.precision, expert_form=form,
-                )  # fmt: skip
+                made = export_of(gained, kind, to, prefix="f", precision=given.precision)
             bench = Bench(made.folder, "f")
             known = unseen.lists(bool(given.machine), False, False)
             constants = list(of_constants("f_data.c", bench.text("f_data.c")))

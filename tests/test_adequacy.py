@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exporting import export_c
 
 import ambkit
 from ambkit import Bearing, FilterNoise, KalmanFilter, Machine
@@ -13,7 +14,6 @@ from ambkit.cli.main import main
 from ambkit.control.control import Control
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.registry import KINDS, learned_magnet
-from ambkit.export.c import export_c
 from ambkit.judge import adequacy_criteria
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.load_following import least_process_noise, load_capacity

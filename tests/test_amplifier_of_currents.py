@@ -4,12 +4,11 @@ import zipfile
 
 import numpy as np
 import pytest
+from exporting import export_c, export_fmu
 
 import ambkit
 from ambkit.base.errors import ConfigError
 from ambkit.campaigns.keys import changed
-from ambkit.export.c import export_c
-from ambkit.export.fmu import export_fmu
 
 VOLTS = ambkit.Bearing.preset("zittau_axial").replace(amplifier__gain="2 A/V")
 

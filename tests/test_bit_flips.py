@@ -9,6 +9,7 @@ import shutil
 import flips
 import pytest
 from export_cases import BEARING, KINDS, PRECISIONS, export
+from exporting import export_c
 from machine_cases import machine
 
 from ambkit import KalmanFilter, Scenario
@@ -17,7 +18,7 @@ from ambkit.control.controller_states import settling_of
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.control.pid import PID
 from ambkit.estimate.registry import learned_magnet
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import CExport
 from ambkit.simulation.waveforms import Ramp
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")

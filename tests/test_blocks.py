@@ -4,6 +4,7 @@ import control
 import numpy as np
 import pytest
 from export_cases import BEARING, compiled
+from exporting import export_c
 from machine_cases import machine
 from test_export_control import run
 
@@ -19,7 +20,6 @@ from ambkit.control.blocks import (
     sections_of,
 )
 from ambkit.control.linear.linear_controller import controller
-from ambkit.export.c import export_c
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation.external_inputs import ExternalInputs
 

@@ -12,6 +12,7 @@ import flips
 import numpy as np
 import pytest
 from export_cases import CORE_PRECISION, INCLUDES, SAME_BITS, STRICT, printed_by
+from exporting import export_c
 from quick import quick
 
 from ambkit import FilterNoise, KalmanFilter, Machine, Scenario
@@ -22,7 +23,7 @@ from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.data.signals import signal
 from ambkit.estimate.registry import learned_magnet
 from ambkit.export import a2l
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import CExport
 from ambkit.export.c.calibration import PARAMETERS
 from ambkit.export.c.control import controller_of
 from ambkit.machine.force_laws import weights_of

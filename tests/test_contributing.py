@@ -189,7 +189,7 @@ kf = ambkit.ExtendedKalmanFilter(bearing, magnet)
 estimate = kf.run(record)
 print(float(magnet.force(0.5, 0.001)), bool(np.abs(record["x"]).max() < 1e-4))
 print(bool(np.std(estimate["x"] - record["x"]) < np.std(record["y"] - record["x"])))
-export_c(bearing, magnet, {str(tmp_path / "c")!r}, precision="double")
+export_c(bearing, ambkit.AdaptiveKalmanFilter(bearing, magnet), {str(tmp_path / "c")!r})
 """,
     )
     assert text.split() == ["4.5", "True", "True"]
@@ -204,13 +204,12 @@ def test_the_state_is_in_the_filter_and_in_its_c(copy, tmp_path):
         copy,
         f"""
 import ambkit
-from ambkit.export.c import export_c
 bearing = ambkit.Bearing.preset("zittau_axial").replace(sensor__drift="1 um^2/s")
 record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.1)).record
 estimate = ambkit.KalmanFilter(bearing).run(record, covariance=True)
 assert estimate.mean.shape[1] == 5
 print(estimate.states[-1].name, bool((estimate.std("drift") > 0).all()))
-export_c(bearing, None, {str(tmp_path / "c")!r})
+ambkit.export_c(bearing, out={str(tmp_path / "c")!r})
 """,
     )
     assert said.split() == ["drift", "True"]

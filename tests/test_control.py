@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import unseen
 from export_cases import SAME_BITS, STRICT, program, understood
+from exporting import export_c
 
 from ambkit import Bearing, ExtendedKalmanFilter, KalmanFilter, Scenario, Step
 from ambkit.base.errors import AmbkitError
@@ -20,7 +21,6 @@ from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.control.pid import PID
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.estimate import Status
-from ambkit.export.c import export_c
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate, simulate_run
 

@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from exporting import export_c, export_fmu
 from hypothesis import given
 from hypothesis import strategies as st
 from jinja2 import Environment
@@ -27,8 +28,6 @@ from ambkit.cli import printing
 from ambkit.cli.main import main
 from ambkit.data.reading import read
 from ambkit.data.reading.reading_figure import reading_figure
-from ambkit.export.c import export_c
-from ambkit.export.fmu import export_fmu
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.result.report import (

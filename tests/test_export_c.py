@@ -17,16 +17,17 @@ from export_cases import (
     BEARING,
     KINDS,
     PRECISIONS,
-    chosen,
     export,
     flight_files,
+    magnet_of,
 )
+from exporting import export_c
 
 import ambkit
 from ambkit import ClosedLaw, FilterNoise
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import CExport
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -107,7 +108,7 @@ def command(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("kind", ["linear", "closed-law", "tabulated", "observer"])
 def test_the_command_takes_names_and_files(command, exported, kind):
-    chosen("adaptive").magnet.save("expert.json")
+    magnet_of("adaptive").save("expert.json")
     named = "expert.json --table-error auto" if kind == "tabulated" else kind
     done = command(f"zittau_axial --filter {named} --out out")
     assert done.code == 0
@@ -301,12 +302,11 @@ def test_an_installed_package_brings_its_c(tmp_path, exported):
 
 
 def test_a_kind_that_is_none_is_refused(tmp_path):
-    with pytest.raises(AmbkitError, match='no kind of estimator "kalman"; known: '):
-        export_c(BEARING, None, tmp_path / "out", kind="kalman")
+    with pytest.raises(AmbkitError, match='there is no filter and no file "kalman"; known: '):
+        ambkit.export_c(BEARING, "kalman", out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 def test_linear_is_what_no_estimator_is(exported, tmp_path):
-    assert chosen("linear") == ("linear", None, None, ())
     law = export_c(BEARING, ClosedLaw(BEARING), tmp_path / "law")
     assert texts(law.folder) == texts(exported("closed-law").folder)

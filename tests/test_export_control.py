@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 from export_cases import BEARING, INCLUDES, SAME_BITS, STRICT, command, compiled
+from exporting import export_c
 from machine_cases import machine
 from quick import quick
 
@@ -15,7 +16,6 @@ from ambkit.control.controller_states import Controller
 from ambkit.control.controllers import controllers_of
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.data.signals import signal
-from ambkit.export.c import export_c
 from ambkit.export.c.controller_test_cases import vectors
 from ambkit.models.plant import Plant
 from ambkit.simulation.external_inputs import ExternalInputs

@@ -9,12 +9,12 @@ from itertools import product
 import numpy as np
 import pytest
 from export_cases import BEARING, SAME_BITS, command, export, printed_by
+from exporting import export_c
 from machine_cases import machine
 from quick import quick
 
 import ambkit
 from ambkit import AmbkitError, FilterNoise, KalmanFilter
-from ambkit.export.c import export_c
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 

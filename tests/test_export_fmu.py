@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from exporting import export_fmu, export_ssp
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, magnet_of
@@ -20,7 +21,6 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.estimate.registry import KINDS as REGISTRY
-from ambkit.export.fmu import export_fmu, export_ssp
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.simulation.recording import drawn
 from ambkit.simulation.run import simulate_run

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exporting import export_fmu, export_ssp
 
 from ambkit import KalmanFilter, Machine, Scenario, Step
 from ambkit.control.lift_off_sequence import LiftOff
-from ambkit.export.fmu import export_fmu, export_ssp
 from ambkit.simulation.recording import drawn
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Disturbance, Reference

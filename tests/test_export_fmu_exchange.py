@@ -4,10 +4,10 @@ import shutil
 
 import numpy as np
 import pytest
+from exporting import export_fmu
 
 import ambkit
 from ambkit import Bearing, Scenario
-from ambkit.export.fmu import export_fmu
 from ambkit.simulation.run import simulate_run
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")

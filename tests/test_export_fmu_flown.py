@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from exporting import export_fmu, export_ssp
 from quick import quick
 
 import ambkit
@@ -16,7 +17,6 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.estimate.registry import KINDS
-from ambkit.export.fmu import export_fmu, export_ssp
 from ambkit.simulation.run import simulate_run
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")

@@ -8,11 +8,11 @@ import iron
 import numpy as np
 import oracles
 import pytest
+from exporting import export_mat
 from scipy.io import loadmat
 
 import ambkit
 from ambkit import Bearing, KalmanFilter
-from ambkit.export.mat import export_mat
 from ambkit.machine.magnets import evaluate_force, evaluate_stiffness
 from ambkit.machine.parts import FILES
 from ambkit.machine.stiffness import stiffness_map

@@ -4,9 +4,9 @@ import fe_map
 import iron
 import pytest
 from export_cases import BEARING, PRECISIONS, compiled, printed_by
+from exporting import export_c
 
 from ambkit import Bearing, Scenario
-from ambkit.export.c import export_c
 
 pytestmark = compiled
 STD = BEARING.sensor.noise_variance**0.5

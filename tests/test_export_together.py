@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 from export_cases import BEARING, INCLUDES, STRICT, command, export
+from exporting import export_c, export_fmu
 from machine_cases import machine
 
 from ambkit import Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.export import core_sources
-from ambkit.export.c import export_c, prefix
-from ambkit.export.fmu import export_fmu
+from ambkit.export.c import prefix
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 needs_gpp = pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")

@@ -5,11 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from exporting import export_c
 
 from ambkit import Bearing, KalmanFilter, Scenario
 from ambkit.cli.main import main
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import CYCLES_PER_INSTRUCTION, cost, export_c
+from ambkit.export.c import CYCLES_PER_INSTRUCTION, cost
 from ambkit.export.c.model import states
 from ambkit.export.pil import build
 from firmware import harness, measure, path

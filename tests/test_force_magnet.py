@@ -6,6 +6,7 @@ import fe_map
 import iron
 import numpy as np
 import pytest
+from exporting import export_c
 from hypothesis import given
 from hypothesis import strategies as st
 from magnet_at import differences, force, tangent, through_origin
@@ -16,7 +17,6 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import export_c
 from ambkit.fuzzy.cross_validation import LAW, NETWORK, REFITTED, SURFACE, choose_model, refitted
 from ambkit.fuzzy.rule_selection import measured_map
 from ambkit.identification.maximum_likelihood.information import expect

@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 from export_cases import BEARING, compiled
+from exporting import export_c
 from machine_cases import machine
 from quick import quick
 from test_export_control import run
@@ -12,7 +13,6 @@ from test_export_control import run
 import ambkit
 from ambkit import PID, AmbkitError, Control, KalmanFilter, Scenario
 from ambkit.control.pid import GainSchedule, ScheduledGains
-from ambkit.export.c import export_c
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.simulation.waveforms import Constant, Ramp, Step
 

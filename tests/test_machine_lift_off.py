@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 from export_cases import COMPILER, command, compiled, printed_by
+from exporting import export_c
 from machine_cases import AND_LONG, PRESETS
 from quick import quick
 
@@ -14,7 +15,6 @@ from ambkit import AmbkitError, KalmanFilter, Machine, Scenario, harmonics
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import export_c
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Disturbance

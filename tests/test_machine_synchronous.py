@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from export_cases import compiled, printed_by
+from exporting import export_c
 from machine_cases import integrated, machine, sensor
 from scipy.linalg import solve_discrete_are
 
@@ -15,7 +16,6 @@ from ambkit import (
     Scenario,
     simulate,
 )
-from ambkit.export.c import export_c
 from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.machine.accessories import Runout
 from ambkit.models.continuous import continuous

@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import pytest
 from export_cases import BEARING, CASES
+from exporting import export_c
 from machine_cases import machine
 
 from ambkit import PID, Scenario
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff
-from ambkit.export.c import export_c
 from ambkit.simulation.waveforms import Ramp
 
 BIN = Path(sys.executable).parent

@@ -8,12 +8,12 @@ import mutants
 import numpy as np
 import pytest
 import unseen
+from exporting import export_c
 from machine_cases import gained
 
 from ambkit import KalmanFilter, Scenario
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff
-from ambkit.export.c import export_c
 from ambkit.simulation.scenario import settled_scenario
 
 pytestmark = [

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exporting import export_c
 
 import ambkit
 from ambkit import AmbkitError, Bearing, Control, Machine, Scenario
 from ambkit.cli.main import main
 from ambkit.control.axis_sensitivity import shown_along_axes
-from ambkit.export.c.exporter import export_c
 
 AXIS, MACHINE = Bearing.preset("zittau_axial"), Machine.preset("tum_mlps")
 KP, KD = 1700.0, 11.0

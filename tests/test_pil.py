@@ -6,6 +6,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from exporting import export_c, pil
 
 import ambkit
 from ambkit import Bearing, KalmanFilter, Machine, Record, Scenario, Step
@@ -15,8 +16,7 @@ from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.filter_file import FilterFile
-from ambkit.export.c import export_c
-from ambkit.export.pil import build, pil
+from ambkit.export.pil import build
 from ambkit.export.pil.processor import Processor
 from ambkit.simulation.waveforms import Ramp
 

@@ -8,12 +8,12 @@ import numpy as np
 import portability
 import pytest
 from export_cases import BEARING, CASES, INCLUDES, SAME_BITS, STRICT, flight_files, program
+from exporting import export_c
 from machine_cases import machine
 from quick import quick
 
 import ambkit
 from ambkit.base.errors import AmbkitError
-from ambkit.export.c import export_c
 
 FEW = [("adaptive", "double"), ("unscented", "float")]
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 from export_cases import KINDS, command, export
+from exporting import export_c
 from quick import quick
 
 from ambkit import Machine, Scenario
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.control.pid import PID
-from ambkit.export.c import export_c, proof
+from ambkit.export.c import proof
 from firmware import proof as prover
 
 STORED = json.loads(proof.STORED.read_text(encoding="utf-8"))

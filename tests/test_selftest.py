@@ -13,10 +13,10 @@ import mutants
 import pytest
 import unseen
 from export_cases import BEARING, SAME_BITS, program
+from exporting import export_c
 from quick import quick
 
 from ambkit import Machine
-from ambkit.export.c import export_c
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 LOOSE = ("-O1", "-ffp-contract=off")  # without the word that each bit must be the same

@@ -114,13 +114,10 @@ def test_what_is_no_filter_is_named_in_a_line(given):
 
 @pytest.mark.parametrize("given", ["nosuch", ["nosuch"]])
 def test_a_filter_that_there_is_not_is_named_with_those_that_there_are(given):
-    from ambkit.export.fmu.exporter import export_fmu
-
     calls = [
         lambda: ambkit.assess(ZITTAU, given),
         lambda: ambkit.inject_faults(ZITTAU, given),
         lambda: ambkit.compare(ZITTAU, given),
-        lambda: export_fmu(ZITTAU, "estimator", "a.fmu", filter=given),
         lambda: ambkit.tune(ZITTAU, filter=given),
     ]
     for call in calls:
@@ -157,7 +154,9 @@ def test_a_machine_with_one_axis_is_taken_in_either_form():
 @pytest.mark.parametrize(("call", "said"), [
     (lambda _: ambkit.AdaptiveKalmanFilter(ZITTAU, 3), "magnet must be of type MagnetModel, is"),
     (lambda _: ambkit.inject_faults(ZITTAU, {"a": 3}), "a must be of type Estimator, is the int 3"),
-    (lambda to: export_c("zittau_axial", None, to), "bearing must be of type Machine, is the str"),
+    (lambda to: export_c("zittau_axial", ambkit.KalmanFilter(ZITTAU), to),
+     "machine must be of type Machine, is the str"),
+    (lambda to: export_c(ZITTAU, "linear", to), "filter must be of type Estimator, is the str"),
 ])  # fmt: skip
 def test_what_does_not_fit_is_named_in_a_line(call, said, tmp_path):
     with pytest.raises(TypeError, match=said):

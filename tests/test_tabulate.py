@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from export_cases import BEARING, CORE_PRECISION, PRECISIONS, chosen, export
+from export_cases import BEARING, CORE_PRECISION, PRECISIONS, export, magnet_of
 from scipy.stats import qmc
 
 import ambkit
@@ -26,7 +26,7 @@ def deviation(table, expert, bearing, precision, points):
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("bound", [None, 1.0, 0.02])
 def test_a_table_keeps_its_bound_wherever_the_filter_can_ask(bound, precision):
-    expert = chosen("adaptive").magnet
+    expert = magnet_of("adaptive")
     table = tabulate(expert, BEARING, bound=bound, precision=CORE_PRECISION[precision])
     iu, x = np.meshgrid(np.linspace(-1.5, 1.5, 51), np.linspace(-1e-3, 1e-3, 51))
     largest = np.abs(evaluate_force(expert, iu, x)).max()

@@ -7,12 +7,12 @@ import subprocess
 import numpy as np
 import pytest
 from export_cases import BEARING, INCLUDES, SAME_BITS, STRICT
+from exporting import export_c
 from machine_cases import machine
 
 import ambkit
 from ambkit import KalmanFilter, Scenario, Step
 from ambkit.base.errors import RecordError
-from ambkit.export.c import export_c
 
 compiled = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 

@@ -7,8 +7,9 @@ import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -27,12 +28,14 @@ from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.filter_saving import in_memory
-from ambkit.estimate.named import AT, PLUS, experts, factories
+from ambkit.estimate.named import AT, PLUS, FromFile, FromKind, experts, factories
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
+from ambkit.export.stiffness_table import tabulate
+from ambkit.fuzzy.expert import Expert
 from ambkit.judge.plausibility import evaluate_record, off_rate
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import MagnetModel
+from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.simulation.scenario import (
     Scenario,
     by_axis,
@@ -285,76 +288,67 @@ def filter_arguments(filters: Any, machine: Machine) -> dict[str, Estimator]:
     return {name: make() for name, make in factories(filters, machine).items()}
 
 
-class Chosen(NamedTuple):
-    """A kind of estimator to export, and what it asks for k_i and k_s; None for the kind's own."""
-
-    kind: str
-    magnet: MagnetModel | None
-    file: FilterFile | None = None
-    """The filter whose kind and magnet these are, where it is in a file."""
-    synchronous: tuple[str, ...] = ()  #: What it estimates too of a rotor that turns.
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """Further options of its kind."""
-        return {"synchronous": self.synchronous} if self.synchronous else {}
-
-
-def table_options(table_error: Any) -> dict[str, Any]:
-    """Return whether an expert is exported as a table, and how far that may be off [N]."""
-    if table_error is None:
-        return {}
-    bound = None if table_error == "auto" else in_si("table_error", table_error, "N")
-    return {"expert_form": "tabulated", "force_bound": bound}
-
-
 def axis_to_export(
     machine: Any, filter: Any, choice: Sequence[str] = tuple(KINDS)
-) -> tuple[Machine, Chosen]:
+) -> tuple[Machine, Estimator]:
     """Return the machine with one axis and the filter that are to be exported."""
-    plant, chosen = export_arguments(machine, filter, choice)
-    return axis_argument(plant), chosen
+    plant, result = filter_to_export(machine, filter, "double", choice=choice)
+    return axis_argument(plant), result
 
 
-def export_arguments(
-    machine: Any, filter: Any, choice: Sequence[str] = tuple(KINDS)
-) -> tuple[Machine, Chosen]:
+def filter_to_export(
+    machine: Any, filter: Any, precision: Literal["float", "double"] = "float",
+    table_error: Any = None, choice: Sequence[str] = tuple(KINDS),
+) -> tuple[Machine, Estimator]:  # fmt: skip
     """Return the machine and the filter that are to be exported; a filter's file gives both."""
     if is_filter(machine):
         if filter is not None:
             raise AmbkitError(f"{machine} is a filter already: leave out the other one")
         filter, machine = machine, FilterFile.load(machine).plant
     plant = machine_argument(machine)
-    return plant, _chosen("linear" if filter is None else filter, plant, choice)
+    of_core: Precision = "float32" if precision == "float" else "float64"
+    factory = _factory("linear" if filter is None else filter, plant, choice)
+    if table_error is not None:
+        bound = None if table_error == "auto" else in_si("table_error", table_error, "N")
+        if not isinstance(factory.magnet, Expert) or not plant.single:
+            raise AmbkitError(
+                "only an expert can be tabulated, that of a single axis; give one, or export the "
+                "exact form"
+            )
+        table = tabulate(factory.magnet, plant.short, bound=bound, precision=of_core)
+        factory = replace(factory, magnet=table)
+    return plant, factory(precision=of_core)
 
 
-def _chosen(filter: Any, machine: Machine, choice: Sequence[str]) -> Chosen:
-    """Return what is exported: of a kind, a filter's file, an expert, a force map or an object."""
+def _factory(filter: Any, machine: Machine, choice: Sequence[str]) -> FromKind | FromFile:
+    """Return what makes the filter: a kind, a filter's file, an expert, a force map, an object."""
+    of_type(Estimator, str, os.PathLike, filter=filter)
     if isinstance(filter, Estimator):
-        return Chosen(filter.name, filter.magnet, in_memory(filter))
-    of_type(str, os.PathLike, filter=filter)
+        return FromFile(_exportable(in_memory(filter), filter.name, choice), filter.magnet)
     text = os.fspath(filter)
     name, *synchronous = text.split(PLUS)
     if synchronous and machine.rotor.type == "mass":
         raise AmbkitError(f"filter: {text} is of a rotor that turns; {machine.name} is a mass")
     if name in choice:
-        return Chosen(name, learned_magnet(name, machine), None, tuple(synchronous))
+        return FromKind(name, machine, learned_magnet(name, machine), tuple(synchronous))
     if text in KINDS:
         raise AmbkitError(f"filter: {text} cannot be exported yet; {', '.join(choice)} can")
     path = Path(text.rpartition(AT)[2])
     if path.suffix == FILTER_SUFFIX:
-        result = FilterFile.load_for(text, machine)
-        if result.kind not in choice:
-            raise AmbkitError(
-                f"{path}: {result.kind} cannot be exported so; {', '.join(choice)} can"
-            )
-        return Chosen(result.kind, result.asked(), result)
+        file = _exportable(FilterFile.load_for(text, machine), path, choice)
+        return FromFile(file, file.asked())
     if not (path.suffix or path.exists() or os.sep in text):
         near = difflib.get_close_matches(text, choice, 1)
         hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(choice)}"
         raise AmbkitError(f'filter: there is no filter and no file "{text}"; {hint}')
     kind = text.partition(AT)[0] if AT in text else "adaptive"
-    return Chosen(kind_called(kind).name, experts(path, machine))
+    return FromKind(kind_called(kind).name, machine, experts(path, machine))
+
+
+def _exportable(file: FilterFile, name: Any, choice: Sequence[str]) -> FilterFile:
+    if file.kind not in choice:
+        raise AmbkitError(f"{name}: {file.kind} cannot be exported so; {', '.join(choice)} can")
+    return file
 
 
 def scenario_argument(given: Any) -> Scenario | None:

@@ -100,12 +100,13 @@ class FromFile:
     """What builds the filter in a file: it assumes what the file says, and nothing else."""
 
     file: FilterFile
+    magnet: MagnetModel | None = None
 
     def __call__(
         self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
     ) -> Estimator:
         """Build a fresh one; `noise` is that of others, and left alone."""
-        return self.file.make(precision=precision)
+        return self.file.make(precision=precision, magnet=self.magnet)
 
 
 @dataclass(frozen=True)

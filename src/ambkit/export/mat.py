@@ -13,12 +13,12 @@ import numpy as np
 from ambkit.base import files
 from ambkit.base.arrays import Array
 from ambkit.base.config import Part
+from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.filter_file import FilterFile
-from ambkit.estimate.kalman import AdaptiveKalmanFilter, KalmanFilter
 from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
+from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.machine.parts import FILES
@@ -28,19 +28,18 @@ _HEADER = 116  # bytes of text that a MAT-file begins with, where SciPy writes t
 
 
 def export_mat(
-    bearing: Machine,
-    expert: Expert | None,
-    out: str | os.PathLike[str],
-    *,
-    filter_file: FilterFile | None = None,
-    force: bool = False,
+    machine: Machine, filter: Estimator, out: str | os.PathLike[str], *, force: bool = False
 ) -> dict[str, Any]:
     """Write a MAT-file (version 5) whose bytes depend on its content alone."""
     from scipy.io import savemat
 
-    require_adequate(_estimator(bearing, expert, filter_file), bearing, force=force)
-    of = bearing if filter_file is None else filter_file.plant
-    content = variables(of, expert, filter_file)
+    if isinstance(filter.magnet, ForceSurface):
+        raise AmbkitError(
+            "filter: a MAT-file holds an expert; a force map goes into the machine, as its "
+            "force_map, and its tables along"
+        )
+    require_adequate(filter, machine, force=force)
+    content = variables(filter)
     text = f"MATLAB 5.0 MAT-file, written by ambkit {version('ambkit')}"
     with files.replacing(out) as temporary:
         savemat(temporary, content, appendmat=False, oned_as="row")
@@ -49,32 +48,20 @@ def export_mat(
     return content
 
 
-def _estimator(
-    bearing: Machine, expert: Expert | None, filter_file: FilterFile | None
-) -> Estimator:
-    """Return the filter whose model and noise are written."""
-    if filter_file is not None:
-        return filter_file.make(magnet=expert)
-    return KalmanFilter(bearing) if expert is None else AdaptiveKalmanFilter(bearing, expert)
-
-
-def variables(
-    bearing: Machine, expert: Expert | None, filter_file: FilterFile | None = None
-) -> dict[str, Any]:
+def variables(filter: Estimator) -> dict[str, Any]:
     """Return what the file holds, by the names in MATLAB; all in SI."""
-    filter = _estimator(bearing, expert, filter_file)
+    bearing, expert = filter.bearing, filter.magnet if isinstance(filter.magnet, Expert) else None
+    inputs = {"y": filter.inputs.y, "u": filter.inputs.u}
     content: dict[str, Any] = _model(filter) | {
         "states": np.array([state.name for state in filter.states], dtype=object),
         "tables": _tables(bearing, expert),
         "bearing": _fields(bearing),
+        "inputs": {
+            name: {"gain": item.gain, "zero": item.zero, "unit": item.unit}
+            for name, item in inputs.items()
+        },
         "about": f"{bearing.name}, written by ambkit {version('ambkit')}; SI units",
     }
-    if filter_file is not None:
-        read = {"y": filter.inputs.y, "u": filter.inputs.u}
-        content["inputs"] = {
-            name: {"gain": item.gain, "zero": item.zero, "unit": item.unit}
-            for name, item in read.items()
-        }
     return content if expert is None else content | {"expert": _expert(expert)}
 
 

@@ -73,15 +73,13 @@ def export_c(
     $ ambkit export c filter.toml --controller scenario.toml --out out/
     $ ambkit export c tum_mlps --controller mlps.toml --out out/
     """
-    from ambkit.assessment.arguments import export_arguments, scenario_argument, table_options
+    from ambkit.assessment.arguments import filter_to_export, scenario_argument
     from ambkit.export import c
 
-    model, chosen = export_arguments(machine, filter)
     return c.export_c(
-        model, chosen.magnet, out, kind=chosen.kind, filter_file=chosen.file, precision=precision,
-        prefix=prefix, editable=editable, scenario=scenario_argument(controller),
-        calibrated=calibration, telemetry=telemetry, force=force,
-        **table_options(table_error), **chosen.options,
+        *filter_to_export(machine, filter, precision, table_error), out, prefix=prefix,
+        editable=editable, scenario=scenario_argument(controller), calibrated=calibration,
+        telemetry=telemetry, force=force,
     )  # fmt: skip
 
 
@@ -118,14 +116,10 @@ def export_cost(
     --------
     $ ambkit export cost zittau_axial --filter extended
     """
-    from ambkit.assessment.arguments import export_arguments, table_options
+    from ambkit.assessment.arguments import filter_to_export
     from ambkit.export import c
 
-    model, chosen = export_arguments(machine, filter)
-    return c.filter_cost(
-        model, chosen.magnet, kind=chosen.kind, filter_file=chosen.file, clock=clock,
-        **table_options(table_error), **chosen.options,
-    )  # fmt: skip
+    return c.filter_cost(filter_to_export(machine, filter, table_error=table_error)[1], clock)
 
 
 def export_fmu(
@@ -181,7 +175,7 @@ def export_fmu(
     $ ambkit export fmu zittau_axial --kind whole-controller --scenario lqg.toml --out flown.fmu
     $ ambkit export fmu tum_mlps --out filter.fmu
     """
-    from ambkit.assessment.arguments import export_arguments, scenario_argument
+    from ambkit.assessment.arguments import filter_to_export, scenario_argument
     from ambkit.export import fmu
 
     if kind == "plant" and filter is not None:
@@ -191,13 +185,9 @@ def export_fmu(
             "scenario is for the kinds closed-loop, controller and whole-controller: only these "
             "have a controller"
         )
-    model, chosen = export_arguments(machine, filter)
-    if chosen.synchronous:
-        raise AmbkitError(f"filter: {filter} is exported as C only; an FMU takes {chosen.kind}")
     return fmu.export_fmu(
-        model, chosen.magnet, out, kind=kind, fmi=fmi, scenario=scenario_argument(scenario),
-        filter=chosen.kind, filter_file=chosen.file, precision=precision, everywhere=everywhere,
-        force=force,
+        *filter_to_export(machine, filter, precision), out, kind=kind, fmi=fmi,
+        scenario=scenario_argument(scenario), everywhere=everywhere, force=force,
     ).stated()  # fmt: skip
 
 
@@ -240,10 +230,9 @@ def export_ssp(
     from ambkit.export import fmu
     from ambkit.result.result import Statement
 
-    model, chosen = axis_to_export(machine, filter)
     made = fmu.export_ssp(
-        model, chosen.magnet, out, fmi=fmi, scenario=scenario_argument(scenario),
-        filter=chosen.kind, filter_file=chosen.file, force=force,
+        *axis_to_export(machine, filter), out, fmi=fmi, scenario=scenario_argument(scenario),
+        force=force,
     )  # fmt: skip
     fmus = {one.kind: list(one.variables) for one in made}
     return Statement(f"{out}: {len(made)} FMUs of FMI {fmi}.0.", {"path": str(out), "fmus": fmus})
@@ -330,17 +319,11 @@ def export_mat(
     """
     from ambkit.assessment.arguments import axis_to_export
     from ambkit.export import mat
-    from ambkit.fuzzy.expert import Expert
     from ambkit.result.result import Statement
 
-    model, result = axis_to_export(machine, filter, ("linear", "adaptive"))
-    chosen = result.magnet if result.kind == "adaptive" else None
-    if chosen is not None and not isinstance(chosen, Expert):
-        raise AmbkitError(
-            "filter: a MAT-file holds an expert; a force map goes into the machine, as its "
-            "force_map, and its tables along"
-        )
-    written = mat.export_mat(model, chosen, out, filter_file=result.file, force=force)
+    written = mat.export_mat(
+        *axis_to_export(machine, filter, ("linear", "adaptive")), out, force=force
+    )
     return Statement(
         f"{out}: {len(written)} variables.", {"path": str(out), "variables": list(written)}
     )

@@ -50,11 +50,10 @@ def pil(
     $ ambkit pil filter.toml --scenario scenario.toml --board stm32f4 --out pil.html
     $ ambkit pil tum_mlps --scenario mlps.toml
     """
-    from ambkit.assessment.arguments import export_arguments, scenario_argument
+    from ambkit.assessment.arguments import filter_to_export, scenario_argument
     from ambkit.export import pil as loop
 
-    model, chosen = export_arguments(machine, filter)
     return loop.pil(
-        model, chosen.magnet, scenario=scenario_argument(scenario), kind=chosen.kind,
-        filter_file=chosen.file, board=board, force=force,
+        *filter_to_export(machine, filter), scenario=scenario_argument(scenario), board=board,
+        force=force,
     )  # fmt: skip

@@ -130,10 +130,8 @@ def exported_filter(
 ) -> CExport:  # fmt: skip
     """Return the design's filter as C, with a run its controllers too; it is judged before."""
     file = FilterFile.load(place / "filter.toml")
-    return export_c(
-        plant, file.asked(), place / folder, filter_file=file, prefix=prefix,
-        precision="double" if precision == "double" else "float", force=True, scenario=run,
-    )  # fmt: skip
+    filter = file.make(precision="float64" if precision == "double" else "float32")
+    return export_c(plant, filter, place / folder, prefix=prefix, force=True, scenario=run)
 
 
 def of_tuning(tuned: Tuned) -> dict[str, Any]:

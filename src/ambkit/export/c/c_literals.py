@@ -103,6 +103,11 @@ def struct(
     return "{\n" + "".join(lines) + "  " * level + "}"
 
 
+def precision_of(filter: Estimator | None) -> CPrecision:
+    """Return what a model computes in: a plant in double, an estimator in its own precision."""
+    return "float" if filter is not None and filter.precision == "float32" else "double"
+
+
 def called(filter: Estimator) -> InCore:
     """Return how the core calls an estimator."""
     result = in_core_of(filter)

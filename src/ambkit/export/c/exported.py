@@ -36,7 +36,6 @@ class Export:
 
     filter: Estimator
     name: str
-    precision: CPrecision
     facts: dict[str, str]
     loops: bool | None = None
     editable: bool = False
@@ -44,6 +43,11 @@ class Export:
     scenario: Scenario | None = None
     calibrated: bool = False
     framed: bool = False
+
+    @property
+    def precision(self) -> CPrecision:
+        """What its numbers are."""
+        return c_literals.precision_of(self.filter)
 
     @property
     def several(self) -> bool:

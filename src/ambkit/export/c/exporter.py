@@ -1,4 +1,4 @@
-"""From a bearing and what its filter knows of its magnet to a folder of C."""
+"""From a filter, or a controller that it feeds, to a folder of C."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
@@ -17,25 +17,21 @@ from ambkit.control.control import Control
 from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.filter_file import FilterFile
-from ambkit.estimate.registry import KINDS
 from ambkit.export.c import calibration, control, cost, exported, render
-from ambkit.export.c.c_literals import CPrecision, called
+from ambkit.export.c.c_literals import CPrecision, called, precision_of
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.exported import Export
 from ambkit.export.c.prefix import checked
-from ambkit.export.stiffness_table import MOST_NODES, TabulatedExpert, tabulate
+from ambkit.export.stiffness_table import MOST_NODES, TabulatedExpert
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import MagnetModel, Precision
+from ambkit.machine.magnets import MagnetModel
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 from ambkit.simulation.scenario import Scenario, check_for, settled_scenario
 
 MOST_COUNTED = 65535  #: What an unsigned int of 16 bits holds, as a TI C2000 has.
-
-_CORE_PRECISION: dict[CPrecision, Precision] = {"float": "float32", "double": "float64"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,37 +74,25 @@ class CExport(Result):
 
 
 def export_c(
-    bearing: Machine,
-    magnet: MagnetModel | None,
+    machine: Machine,
+    filter: Estimator,
     out: str | os.PathLike[str],
     *,
-    kind: str | None = None,
-    precision: CPrecision = "float",
     prefix: str | None = None,
-    expert_form: Literal["exact", "tabulated"] = "exact",
-    force_bound: float | None = None,
     loops: bool | None = None,
-    filter_file: FilterFile | None = None,
     editable: bool = False,
     scenario: Scenario | None = None,
     calibrated: bool = False,
     telemetry: bool = False,
     force: bool = False,
-    **options: Any,
 ) -> CExport:
-    """Write a folder of C99 that compiles alone."""
-    of_type(Machine, bearing=bearing)
-    flown_on, bearing = bearing, (bearing if filter_file is None else filter_file.plant).short
-    name = checked(prefix, bearing.name)
-    options["precision"] = _CORE_PRECISION[precision]
-    table = None
-    if expert_form == "tabulated":
-        magnet = table = _tabulated(magnet, bearing, force_bound, options["precision"])
-    elif force_bound is not None:
-        raise AmbkitError("force_bound is for an expert in tabulated form")
-    filter = made(kind, bearing, magnet, filter_file, options)
-    wrong = require_adequate(filter, flown_on, scenario, force=force)
-    _check_nodes(filter)
+    """Write a folder of C99 that compiles alone: a filter that runs on a machine."""
+    of_type(Machine, machine=machine)
+    of_type(Estimator, filter=filter)
+    name = checked(prefix, filter.bearing.name)
+    _check_counts(filter)
+    wrong = require_adequate(filter, machine, scenario, force=force)
+    precision, magnet = precision_of(filter), filter.magnet
     spent = cost.of(filter) if precision == "float" and not editable else None
     controller: Controller | None = None
     if scenario is not None:
@@ -125,7 +109,7 @@ def export_c(
         facts = {"for": filter.description} | facts
     content = render.render(
         Export(
-            filter, name, precision, facts, loops, editable, controller, scenario, calibrated,
+            filter, name, facts, loops, editable, controller, scenario, calibrated,
             framed=telemetry,
         )
     )  # fmt: skip
@@ -135,19 +119,8 @@ def export_c(
     written = write_folder(Path(out), content.files)
     return CExport(
         written, name, precision, tuple(content.files), content.sources, content.configuration,
-        table, spent,
+        magnet if isinstance(magnet, TabulatedExpert) else None, spent,
     )  # fmt: skip
-
-
-def _tabulated(
-    magnet: MagnetModel | None, bearing: Machine, bound: float | None, precision: Precision
-) -> TabulatedExpert:
-    if not isinstance(magnet, Expert) or not bearing.single:
-        raise AmbkitError(
-            "only an expert can be tabulated, that of a single axis; give one, or export the "
-            "exact form"
-        )
-    return tabulate(magnet, bearing.isolated_axis(""), bound=bound, precision=precision)
 
 
 @dataclass(frozen=True, repr=False)
@@ -177,53 +150,15 @@ class FilterCost(Result):
     SECTIONS = {("cost",): Section("Cost on a Cortex-M4F, measured in qemu")}
 
 
-def filter_cost(
-    bearing: Machine, magnet: MagnetModel | None, *, kind: str, filter_file: FilterFile | None,
-    clock: Given, expert_form: Literal["exact", "tabulated"] = "exact",
-    force_bound: float | None = None, **options: Any,
-) -> FilterCost:  # fmt: skip
-    """Return what a filter costs, from the figures that were measured."""
+def filter_cost(filter: Estimator, clock: Given) -> FilterCost:
+    """Return what a filter in float costs, from the figures that were measured."""
     frequency = in_si("clock", clock, "Hz")
     if not frequency > 0:
         raise AmbkitError(f"clock must be greater than 0 Hz, is {frequency:g} Hz")
-    bearing = (bearing if filter_file is None else filter_file.plant).short
-    if expert_form == "tabulated":
-        magnet = _tabulated(magnet, bearing, force_bound, "float32")
-    estimator = made(kind, bearing, magnet, filter_file, {"precision": "float32"} | options)
-    spent = cost.of(estimator)
+    spent = cost.of(filter)
     if spent is None:
-        raise AmbkitError(f"the cost of {estimator.name} for {bearing.name} was not measured")
-    return FilterCost(estimator.name, bearing.name, spent, frequency)
-
-
-def made(
-    kind: str | None,
-    bearing: Machine,
-    magnet: MagnetModel | None,
-    filter_file: FilterFile | None,
-    options: dict[str, Any],
-) -> Estimator:
-    """Return the estimator that is exported."""
-    for limit in ("frozen_limit", "outlier_limit"):
-        if options.get(limit, 0) > MOST_COUNTED:
-            raise AmbkitError(
-                f"{limit} must be at most {MOST_COUNTED}, what an unsigned int holds everywhere; "
-                f"is {options[limit]}"
-            )
-    if filter_file is not None:
-        filter = filter_file.make(precision=options["precision"], magnet=magnet)
-        called(filter)
-        return filter
-    if kind is None:
-        kind = "linear" if magnet is None else "adaptive"
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise AmbkitError(f'there is no kind of estimator "{kind}"; known: {", ".join(KINDS)}')
-    try:
-        filter = KINDS[kind].make(bearing, magnet, **options)
-    except ValueError as error:  # a kind of one axis, or more than the core has room for
-        raise AmbkitError(str(error)) from error
-    called(filter)
-    return filter
+        raise AmbkitError(f"the cost of {filter.name} for {filter.bearing.name} was not measured")
+    return FilterCost(filter.name, filter.bearing.name, spent, frequency)
 
 
 def _controller(
@@ -242,7 +177,7 @@ def _controller(
     return controller, Scenario(controller=law, sequence=sequence, seed=scenario.seed)
 
 
-def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:
+def _facts(magnet: MagnetModel, precision: CPrecision) -> dict[str, str]:
     """Return what the README says of the filter, line by line."""
     facts: dict[str, str] = {"numbers": precision}
     if isinstance(magnet, Expert):
@@ -257,8 +192,16 @@ def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:
     return facts
 
 
-def _check_nodes(filter: Estimator) -> None:
-    """Refuse a table whose nodes an int of 16 bits cannot count."""
+def _check_counts(filter: Estimator) -> None:
+    """Refuse what the core does not know, and what an int of 16 bits cannot count."""
+    called(filter)
+    for limit in ("frozen_limit", "outlier_limit"):
+        count = filter.core.parameters["set"][limit]
+        if count > MOST_COUNTED:
+            raise AmbkitError(
+                f"{limit} must be at most {MOST_COUNTED}, what an unsigned int holds everywhere; "
+                f"is {count}"
+            )
     for magnet in exported.magnets_of(filter):
         rows, columns = (magnet.parameters.get(key, 0) for key in ("rows", "columns"))
         if rows * columns > MOST_NODES:

@@ -17,10 +17,8 @@ from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.filter_file import FilterFile
-from ambkit.estimate.registry import kind_called
+from ambkit.estimate.registry import kind_of
 from ambkit.export.c import c_literals
-from ambkit.export.c.c_literals import CPrecision
 from ambkit.export.c.model import c_model
 from ambkit.export.fmu import compiler, rig, sources, variables, xml
 from ambkit.export.fmu import controller as start_data
@@ -28,7 +26,6 @@ from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model, Variable, in_unit
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import MagnetModel
 from ambkit.result.result import Statement
 from ambkit.simulation.scenario import Scenario, settled_scenario
 
@@ -57,16 +54,13 @@ class FmuExport:
 
 
 def export_fmu(
-    bearing: Machine,
-    magnet: MagnetModel | None,
+    machine: Machine,
+    filter: Estimator,
     out: str | os.PathLike[str],
     *,
     kind: Kind = "estimator",
     fmi: Fmi = 3,
     scenario: Scenario | None = None,
-    filter: str | None = None,
-    filter_file: FilterFile | None = None,
-    precision: CPrecision = "double",
     everywhere: bool = False,
     force: bool = False,
 ) -> FmuExport:
@@ -79,27 +73,27 @@ def export_fmu(
     # on an estimator's input is a lost sensor.
     # FMUs are for co-simulation. A plant without a dead time is for model exchange too: its
     # importer integrates it, and its outputs follow at any time.
-    of_type(Machine, bearing=bearing)
-    machine = bearing.short
+    of_type(Machine, machine=machine)
+    of_type(Estimator, filter=filter)
+    machine = machine.short
     if kind not in (known := get_args(Kind)):
         raise AmbkitError(f"there is no FMU of kind {kind!r}; known: {', '.join(known)}")
-    if precision == "float" and kind not in ("estimator", "whole-controller"):
+    if filter.precision == "float32" and kind not in ("estimator", "whole-controller"):
         raise AmbkitError(
             f"a {kind} computes in double; precision float is for an estimator or a "
             "whole-controller"
         )
-    of: Any = {"precision": "float32" if precision == "float" else "float64"}
-    if filter_file is not None:
-        filter_ = filter_file.make(magnet=magnet, **of)
-    else:
-        kind_of_filter = filter or ("linear" if magnet is None else "adaptive")
-        filter_ = kind_called(kind_of_filter).make(machine, magnet, **of)
+    if synchronous := filter.options.get("synchronous"):
+        name = kind_of(filter)
+        raise AmbkitError(
+            f"filter: {'+'.join([name, *synchronous])} is exported as C only; an FMU takes {name}"
+        )
     if kind != "plant":
-        require_adequate(filter_, bearing, scenario, force=force)
+        require_adequate(filter, machine, scenario, force=force)
     what = scenario or Scenario()
     if kind in ("closed-loop", "controller"):
         what = settled_scenario(machine, what)
-    parts = _parts(kind, machine, filter_, what)
+    parts = _parts(kind, machine, filter, what)
     made = _content(machine, kind, fmi, parts, token="")
     token = _token(made.files)
     made = _content(machine, kind, fmi, parts, token)
@@ -207,7 +201,7 @@ def _loop(filter: Estimator, scenario: Scenario, *, whole: bool) -> _Parts:
 def _whole(filter: Estimator, scenario: Scenario) -> _Parts:
     start, law = start_data.flown(filter, scenario), _called(filter, scenario)
     about = f"The whole controller of {filter.bearing.name}: {filter.name}, {law}"
-    of_controller = start_data.controller_data(start, sources.precision_of(filter))
+    of_controller = start_data.controller_data(start, c_literals.precision_of(filter))
     data = sources.data_files("flight", filter=sources.filter_data(filter), **of_controller)
     return _Parts(about, "flight", variables.of_whole(filter, start), data, filter)
 

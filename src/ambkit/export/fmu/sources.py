@@ -44,11 +44,6 @@ _STANDARD: dict[Fmi, tuple[str, ...]] = {
 }
 
 
-def precision_of(filter: Estimator | None) -> CPrecision:
-    """Return what a model computes in: a plant in double, an estimator in its own precision."""
-    return "float" if filter is not None and filter.precision == "float32" else "double"
-
-
 def library_files(
     texts: dict[str, str], filter: Estimator | None, of_model: CModel | None
 ) -> dict[str, str]:
@@ -57,9 +52,9 @@ def library_files(
     # the one folder that a compiler must know.
     instead = {LOOPS: None} if of_model is None else of_model.instead
     room = {} if of_model is None else of_model.room
-    if room or precision_of(filter) == "float":
+    if room or c_literals.precision_of(filter) == "float":
         known = {"version": version("ambkit"), "room": room}
-        values = known | {"float": precision_of(filter) == "float"}
+        values = known | {"float": c_literals.precision_of(filter) == "float"}
         instead = instead | {_PRECISION: rendered("precision.h.j2", values)}
     simulation, sim = core_sources.folder().parent / "sim", {}
     stems = _included("sim", texts)
@@ -159,7 +154,7 @@ def description_files(kind: str, model: Model) -> dict[str, str]:
 
 def filter_data(filter: Estimator) -> dict[str, Any]:
     """Return what the data file says of an estimator."""
-    precision, of_model = precision_of(filter), c_model(filter)
+    precision, of_model = c_literals.precision_of(filter), c_model(filter)
     magnets = [
         magnet_data(held, f"magnet_{k}", precision)
         for k, held in enumerate(exported.magnets_of(filter))

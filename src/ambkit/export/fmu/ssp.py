@@ -10,11 +10,11 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ambkit.base.escaping import one_line
+from ambkit.estimate.estimator import Estimator
 from ambkit.export.fmu.exporter import FmuExport, export_fmu, write_archive
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, written
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import MagnetModel
 from ambkit.simulation.scenario import Scenario
 
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
@@ -25,8 +25,8 @@ Wire = tuple[str, str, str, str]
 
 
 def export_ssp(
-    bearing: Machine,
-    magnet: MagnetModel | None,
+    machine: Machine,
+    filter: Estimator,
     out: str | os.PathLike[str],
     *,
     fmi: Fmi = 2,
@@ -42,22 +42,15 @@ def export_ssp(
     has_sequence = what.sequence is not None
     kinds: dict[str, Kind] = {"plant": "plant", "controller": "controller"}
     kinds |= {"controller": "whole-controller"} if has_sequence else {"estimator": "estimator"}
+    options |= {"fmi": fmi, "scenario": what}
     with tempfile.TemporaryDirectory() as place:
         made = {
-            element: export_fmu(
-                bearing,
-                magnet,
-                Path(place) / f"{element}.fmu",
-                kind=kind,
-                fmi=fmi,
-                scenario=what,
-                **options,
-            )
-            for element, kind in kinds.items()
+            name: export_fmu(machine, filter, Path(place, f"{name}.fmu"), kind=kind, **options)
+            for name, kind in kinds.items()
         }
         content = {f"resources/{one.path.name}": one.path.read_bytes() for one in made.values()}
     wires = _wires(made, estimate=what.feedback != "measurement" and not has_sequence)
-    content["SystemStructure.ssd"] = description(bearing.name, wires).encode()
+    content["SystemStructure.ssd"] = description(machine.name, wires).encode()
     write_archive(Path(out), content)
     return tuple(made.values())
 

@@ -19,15 +19,13 @@ from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.data.telemetry import read_telemetry
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.filter_file import FilterFile
 from ambkit.export.c.control import controller_of
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION
-from ambkit.export.c.exporter import export_c, made
+from ambkit.export.c.exporter import export_c
 from ambkit.export.c.model import states
 from ambkit.export.pil import build
 from ambkit.export.pil.processor import Processor
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import MagnetModel
 from ambkit.result.report import Axis, Figure, Panel, Points
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
@@ -40,16 +38,14 @@ Expected = dict[str, NDArray[Any]]
 
 
 def pil(
-    bearing: Machine,
-    magnet: MagnetModel | None = None,
+    machine: Machine,
+    filter: Estimator,
     *,
     scenario: Scenario | None = None,
-    kind: str | None = None,
-    filter_file: FilterFile | None = None,
     board: str | None = None,
     force: bool = False,
 ) -> Pil:
-    """Fly a simulated plant by the exported controller, on a Cortex-M4F in qemu."""
+    """Fly a simulated plant by the exported controller with a filter in float, in qemu."""
     # The plant is simulated with the controller here, and what its sensors show goes to the
     # processor, sample by sample. Where that answers the same bits each time, which is what is
     # judged, the rotor would have moved no otherwise with the processor's own currents.
@@ -58,26 +54,25 @@ def pil(
     for_board = build.QEMU_BOARD if board is None else build.BOARDS[board]
     build.check(for_board)
     build.check(build.QEMU_BOARD)
-    plant = bearing.short
+    plant = machine.short
     several = not plant.single
     base_scenario = scenario or Scenario(duration=1.0)
     of_type(Scenario, scenario=base_scenario)
     sequence = base_scenario.sequence or LiftOff()
     lift_scenario = base_scenario.model_copy(update={"start": "landed", "sequence": sequence})
-    filter = made(kind, plant, magnet, filter_file, {"precision": "float32"})
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         export = export_c(
-            plant, magnet, folder / "export", kind=kind, filter_file=filter_file,
-            prefix=build.PREFIX, telemetry=True, force=force, scenario=lift_scenario,
+            plant, filter, folder / "export", prefix=build.PREFIX, telemetry=True, force=force,
+            scenario=lift_scenario,
         ).folder  # fmt: skip
         fields = [state.field for state in states(filter.states)]
         runs = build.in_qemu(for_board)
         image = build.firmware(export, fields, runs, folder / "qemu", several)
         built = build.size(export, for_board, folder / "board", several)
         run = simulate_run(plant, lift_scenario, estimator=filter)
-        machine, record = run.machine, run.record
-        measurement = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
+        record = run.record
+        measurement = np.column_stack([record[signal("y", r.name)] for r in plant.readings])
         y = filter.inputs.y.numbers(measurement)
         r = np.column_stack([record[signal("r", name)] for name in run.axes])
         flies, speed = sequence.fly(record.t), record.signals.get("speed", np.zeros(len(y)))
@@ -90,7 +85,7 @@ def pil(
         frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
     others = _others(answers, _expected(run, filter, lift_scenario, y, r, flies), run)
     s = np.column_stack([record[run.displacement(name)] for name in run.axes])
-    travel = np.array([axis.bearing.clearance for axis in machine.axes])
+    travel = np.array([axis.bearing.clearance for axis in plant.axes])
     names = [state.name for state in filter.states]
     return compare_bits(
         answers, greeting, off=s - r, moved=s, travel=travel, record=record, run=run,
