@@ -37,23 +37,31 @@ class Name(str):
 
 def number(value: float, precision: CPrecision) -> str:
     """Write a floating-point number such that it is read back to the last bit."""
-    text = f"{np.float32(value):.9g}" if precision == "float" else f"{value:.17g}"
-    if not any(mark in text for mark in ".en"):
-        text += ".0"
-    return text + ("F" if precision == "float" else "")
+    (text,) = _numbers([value], precision)
+    return text
+
+
+def _numbers(values: Any, precision: CPrecision) -> list[str]:
+    # Python's own floats are formatted in a third of the time of NumPy's.
+    if precision == "float":
+        texts = [f"{value:.9g}" for value in np.asarray(values, np.float32).tolist()]
+    else:
+        texts = [f"{value:.17g}" for value in np.asarray(values, float).tolist()]
+    end = "F" if precision == "float" else ""
+    return [text + end if "." in text or "e" in text or "n" in text else f"{text}.0{end}"
+            for text in texts]  # fmt: skip
 
 
 def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> str:
     """Write an array as an initialiser, rows as structs, lines of at most 100 columns."""
-
-    def literal(value: Any) -> str:
-        if values.dtype.kind == "i":
-            return str(value)
-        return f"{value}U" if values.dtype.kind == "u" else number(value, precision)
-
-    items = map(literal, values) if values.ndim == 1 else (
-        "{" + ", ".join(map(literal, row)) + "}" for row in values
-    )  # fmt: skip
+    if values.dtype.kind in "iu":
+        literals = [f"{value}{'U' * (values.dtype.kind == 'u')}" for value in values.ravel()]
+    else:
+        literals = _numbers(values.ravel(), precision)
+    items = literals
+    if values.ndim > 1:
+        n = values.shape[1]
+        items = ["{" + ", ".join(literals[k : k + n]) + "}" for k in range(0, len(literals), n)]
     lines, line = [], indent
     for item in items:
         if len(line) + len(item) + 1 > 100 and line != indent:
