@@ -20,16 +20,16 @@ from ambkit.data.record import Record
 from ambkit.data.signals import displacement as displacement_of
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.identification.excitation import Limits
+from ambkit.identification.excitation.design import Limits, check_band
+from ambkit.identification.excitation.excitation_figure import panels_within
 from ambkit.identification.excitation.signals import Excitation, sparse_multisine
 from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity, measured_sensitivity
 from ambkit.machine.force_laws import axis_named
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.modes import end_of_range
-from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule
+from ambkit.result.report import Axis, Band, Figure, Line, Panel, Points
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section
-from ambkit.result.signal_styles import CURRENT, POSITION, TIME
 from ambkit.simulation.run import samples, simulate_run
 from ambkit.simulation.scenario import Injection as Added
 from ambkit.simulation.scenario import Scenario, along, by_axis, settled_scenario
@@ -92,8 +92,7 @@ class Injection(Result):
 
     @property
     def rows(self) -> list[Row]:
-        record, limits, expected = self.record, self.limits, self.expected
-        current, far = (float(np.abs(record[name]).max()) for name in ("iu", "x"))
+        record, expected = self.record, self.expected
         return [
             Row("duration", "duration", float(record.t[-1]), "s"),
             Row("samples", "  samples", len(record)),
@@ -103,10 +102,7 @@ class Injection(Result):
             Row("band", "  of them", self.band, "Hz", 3),
             Row("amplitude", "amplitude added to the measurement", self.amplitude, "m"),
             Row("crest_factor", "  crest factor", self.excitation.crest_factor, digits=3),
-            Row("greatest_current", "greatest control current", current, "A",
-                below=limits.current),
-            Row("greatest_displacement", "greatest displacement", far, "m",
-                below=limits.displacement),
+            *self.limits.rows(record),
             Row("expected_peak", "expected peak of |S|", expected.peak, "|S|",
                 interval=expected.peak_interval()),
             Row("expected_error", "median half width of the 95 % interval",
@@ -128,15 +124,7 @@ def injection_figure(
     name: str, record: Record, limits: Limits, expected: MeasuredSensitivity
 ) -> Figure:
     """Show an experiment for the sensitivity over time, and the interval that it would give."""
-    t = record.t
-
-    def within(signal: str, limit: float, style: str, label: str) -> list[Item]:
-        return [
-            Line(t, record[signal], signal=style, label=label),
-            Rule(limit, signal="limit", label="limit"),
-            Rule(-limit, signal="limit", label="limit"),
-        ]
-
+    added = Line(record.t, record["injected"], signal="reference", label="added to the measurement")
     f, (low, high) = expected.frequency, expected.interval()
     S = np.abs(expected.sensitivity)
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f[0], 1.25 * f[-1]))
@@ -145,11 +133,7 @@ def injection_figure(
         f"Experiment for the sensitivity of {markdown(name)}",
         "As simulated, with the noise of the bearing; below, what this record tells.",
         [
-            Panel(TIME, POSITION, [
-                Line(t, record["injected"], signal="reference", label="added to the measurement"),
-                *within("x", limits.displacement, "truth", "position"),
-            ]),
-            Panel(TIME, CURRENT, within("iu", limits.current, "control", "control current")),
+            *panels_within(record, limits, added),
             Panel(frequency, Axis("sensitivity |S|", limits=(0.0, 1.2 * float(high.max()))), [
                 Band(f, low, high, signal="estimate", label="95 % interval"),
                 Points(f, S, signal="estimate", label="told"),
@@ -249,14 +233,10 @@ class _Experiment:
     def checked(self, band: tuple[float, float] | None) -> tuple[float, float]:
         """Return the band, given or not [Hz]."""
         lowest, highest = 1 / (self.period * self.T), 0.45 / self.T
-        low, high = band or (lowest, min(end_of_range(self.T, self.bearing.speed), highest))
-        if not lowest * (1 - 1e-9) <= low < high <= highest * (1 + 1e-9):
-            raise AmbkitError(
-                f"the band must rise, from {engineering(lowest, 'Hz')}, one period of the signal "
-                f"that comes {PERIODS} times, to {engineering(highest, 'Hz')} at most; "
-                f"is {engineering(low, 'Hz')} to {engineering(high, 'Hz')}"
-            )
-        return low, high
+        band = band or (lowest, min(end_of_range(self.T, self.bearing.speed), highest))
+        period = f", one period of the signal that comes {PERIODS} times,"
+        check_band(band, (lowest, period), (highest, " at most"))
+        return band
 
     def signal(self, band: tuple[float, float]) -> Excitation:
         """Return one period in a band [Hz]."""

@@ -33,6 +33,11 @@ def check_finite(**values: ArrayLike) -> None:
             raise AmbkitError(f"{name} must be finite, has {wrong[0]}")
 
 
+def rms(values: Array) -> float:
+    """Return the root mean square; NaN where any is."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def interpolated(values: Array) -> Array:
     """Return samples (n,) with straight lines where some are missing; zeros if all are."""
     known = np.isfinite(values)

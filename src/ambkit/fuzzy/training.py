@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, rms
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.fuzzy.expert import Expert, Method, Training
@@ -74,11 +74,6 @@ class TrainingSet:
         """RMS errors of answers (2, n): of the force [N], of k_i [N/A], of k_s [N/m]."""
         k_i, k_s = value - self.stiffness
         return rms(np.sum(value * self.inputs, axis=0) - self.force), rms(k_i), rms(k_s)
-
-
-def rms(values: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
 
 
 # What an error of k_i or k_s counts, against an equal error of the force: so much that both stay

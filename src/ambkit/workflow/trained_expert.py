@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ambkit.base.arrays import rms
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering, percent
 from ambkit.estimate.filter_saving import made_by
@@ -29,7 +30,6 @@ from ambkit.fuzzy.cross_validation import (
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.expert_card import training_figure
 from ambkit.fuzzy.rule_selection import RuleChoice, with_choice, with_surface
-from ambkit.fuzzy.training import rms
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.machine.forces.force_points import ForcePoints

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.arrays import Array, Bools, Index
+from ambkit.base.arrays import Array, Bools, Index, stretches
 from ambkit.base.units import engineering
 from ambkit.data.reading.clock import Clock, instant
 from ambkit.data.reading.spikes import is_valid, spikes, without
@@ -220,11 +220,8 @@ def _spike(name: str, there: Array, times: Array, unit: str, start: int, length:
 
 
 def _runs_of(where: Bools, times: Array, kind: str, name: str, text: str) -> Iterator[Fault]:
-    starts, lengths = _runs(where)
-    for start, length in zip(starts, lengths, strict=True):
-        if where[start]:
-            last = start + length - 1
-            yield Fault(kind, name, float(times[start]), float(times[last]), int(length), text)
+    for start, end in stretches(where):
+        yield Fault(kind, name, float(times[start]), float(times[end - 1]), end - start, text)
 
 
 def _runs(values: NDArray[np.generic]) -> tuple[Index, Index]:
@@ -264,17 +261,14 @@ def _coarse_stretches(name: str, there: Array, times: Array, unit: str) -> Itera
     different = 1 + np.count_nonzero(np.diff(blocks, axis=1), axis=1)
     moves = different > 2
     coarse = moves & (different < 0.1 * np.median(different))
-    starts, lengths = _runs(coarse)
-    for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
-        if not coarse[start]:
-            continue
-        part = slice(start * BLOCK, (start + length) * BLOCK)
+    for start, end in stretches(coarse):
+        part = slice(start * BLOCK, end * BLOCK)
         step = resolution(there[part])
         # A long run of one value explains few: frozen, or saturated.
         still = _runs(there[part])[1].max() > 0.3 * min(there[part].size, BLOCK)
         if step > 1.5 * noise(there[part]) and not still:
             ends = float(times[part][0]), float(times[part][-1])
-            yield Fault("quantised", name, *ends, length * BLOCK, _in_steps(step, unit))
+            yield Fault("quantised", name, *ends, (end - start) * BLOCK, _in_steps(step, unit))
 
 
 def _still(

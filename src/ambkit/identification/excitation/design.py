@@ -77,6 +77,15 @@ class Limits:
             0.5 * travel if displacement is None else displacement,
         )
 
+    def rows(self, record: Record) -> list[Row]:
+        """Return how far a record of the experiment goes towards them."""
+        current, far = (float(np.max(np.abs(record[name]))) for name in ("iu", "x"))
+        return [
+            Row("greatest_current", "greatest control current", current, "A", below=self.current),
+            Row("greatest_displacement", "greatest displacement", far, "m",
+                below=self.displacement),
+        ]  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Result):
@@ -122,20 +131,15 @@ class Design(Result):
 
     @property
     def rows(self) -> list[Row]:
-        record, limits, expected = self.record, self.limits, self.expectation
-        current, far = (float(np.max(np.abs(record[name]))) for name in ("iu", "x"))
+        record, expected = self.record, self.expectation
         results = [
             Row("duration", "duration", float(record.t[-1]), "s"),
             Row("samples", "  samples", len(record)),
             Row("band", "band", self.band, "Hz", 3),
             Row("amplitude", "greatest reference", self.amplitude, "m"),
-            Row("crest_factor", "  crest factor", self.excitation.crest_factor,
-                digits=3),
-            Row("greatest_current", "greatest control current", current, "A",
-                below=limits.current),
-            Row("greatest_displacement", "greatest displacement", far, "m",
-                below=limits.displacement),
-        ]  # fmt: skip
+            Row("crest_factor", "  crest factor", self.excitation.crest_factor, digits=3),
+            *self.limits.rows(record),
+        ]
         for p, error in zip(expected.parameters, expected.errors, strict=True):
             at = p.of(expected.model)
             results += put([
@@ -201,7 +205,9 @@ def design(
             f"the load's wander must be greater than 0 N, and its square finite, is {load:g} N"
         )
     loop = _Loop(bearing, scenario, limits, load)
-    bands = _bands(bearing, loop.duration) if band is None else [_checked(bearing, loop, band)]
+    end = 0.4 / bearing.sampling_time, ", two fifths of the sampling rate"
+    bands = [band] if band else _bands(bearing, loop.duration)
+    check_band(bands[0], (1 / loop.duration, ", one period in the record,"), end)
     model = LoopModel(bearing, disturbance_noise=load**2)
     free = usual(model) if free is None else free
     best: tuple[Band, Excitation, Array] | None = None
@@ -238,17 +244,15 @@ def _bands(bearing: Machine, duration: float) -> list[Band]:
     return bands
 
 
-def _checked(bearing: Machine, loop: _Loop, band: Band) -> Band:
-    low, high = band
-    min_frequency, max_frequency = 1 / loop.duration, 0.4 / bearing.sampling_time
-    if not min_frequency * (1 - 1e-9) <= low < high <= max_frequency * (1 + 1e-9):
+def check_band(band: Band, start: tuple[float, str], end: tuple[float, str]) -> None:
+    """Refuse a band that does not rise within its ends [Hz], which are given with what they are."""
+    (lowest, first), (highest, last), (low, high) = start, end, band
+    if not lowest * (1 - 1e-9) <= low < high <= highest * (1 + 1e-9):
         raise AmbkitError(
-            "the band must rise, "
-            f"from {engineering(min_frequency, 'Hz')}, one period in the record, "
-            f"to {engineering(max_frequency, 'Hz')}, two fifths of the sampling rate; "
+            f"the band must rise, from {engineering(lowest, 'Hz')}{first} to "
+            f"{engineering(highest, 'Hz')}{last}; "
             f"is {engineering(low, 'Hz')} to {engineering(high, 'Hz')}"
         )
-    return band
 
 
 class _Loop:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
+from ambkit.data.record import Record
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule
 from ambkit.result.signal_styles import CURRENT, POSITION, TIME
 
@@ -18,18 +19,8 @@ _LOOKS = ("series 1", "series 2", "series 3", "series 4", "constant")
 
 def excitation_figure(design: Any) -> Figure:
     """Show an experiment over time and over frequency."""
-    record, limits = design.record, design.limits
-    t = record.t
-    T = record.sampling_time
-
-    def within(signal: str, limit: float, style: str, label: str | None) -> list[Item]:
-        return [
-            Line(t, record[signal], signal=style, label=label),
-            Rule(limit, signal="limit", label="limit"),
-            Rule(-limit, signal="limit", label="limit"),
-        ]
-
-    reference: Item = Line(t, record["r"], signal="reference")
+    record, T = design.record, design.record.sampling_time
+    reference = Line(record.t, record["r"], signal="reference")
     frequency, reference_spectrum = _amplitudes(record["r"], T)
     _, moved = _amplitudes(record["x"], T)
     in_band = (frequency >= 0.5 * design.band[0]) & (frequency <= 2 * design.band[1])
@@ -47,14 +38,25 @@ def excitation_figure(design: Any) -> Figure:
         caption="As simulated, with the noise of the bearing. Below, from which frequencies the "
         "information on each parameter comes, the others known: its share in a third of an octave.",
         panels=[
-            Panel(TIME, POSITION, [
-                reference, *within("x", limits.displacement, "truth", "position")
-            ]),
-            Panel(TIME, CURRENT, within("iu", limits.current, "control", "control current")),
+            *panels_within(record, design.limits, reference),
             Panel(FREQUENCY, amplitude, excited),
             Panel(FREQUENCY, Axis("information", "%", 100.0), _shares(design, T)),
         ],
     )  # fmt: skip
+
+
+def panels_within(record: Record, limits: Any, added: Line) -> list[Panel]:
+    """Show position and current of an experiment within its limits, and what is added to them."""
+
+    def within(signal: str, limit: float, style: str, label: str) -> list[Item]:
+        return [
+            Line(record.t, record[signal], signal=style, label=label),
+            *(Rule(sign * limit, signal="limit", label="limit") for sign in (1, -1)),
+        ]
+
+    position = within("x", limits.displacement, "truth", "position")
+    current = within("iu", limits.current, "control", "control current")
+    return [Panel(TIME, POSITION, [added, *position]), Panel(TIME, CURRENT, current)]
 
 
 def _amplitudes(values: Array, T: float) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, rms
 from ambkit.base.errors import RecordError
 from ambkit.data.files.tables import Table, read_table
 from ambkit.data.record import Record
@@ -135,7 +135,7 @@ class LiftOffFit:
     @property
     def residual_rms(self) -> float:
         """Current that the law leaves unexplained, root mean square [A]."""
-        return float(np.sqrt(np.mean(self.residuals**2)))
+        return rms(self.residuals)
 
     def current(self, gap: Array | float, acceleration: Array | float = 0.0) -> Array:
         """Return the current [A] that carries the rotor at the distances `gap` [m]."""

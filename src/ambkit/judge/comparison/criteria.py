@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, rms
 from ambkit.data.files.tables import Table
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
@@ -141,11 +141,6 @@ def rows_along(states: Sequence[Descriptor], view: View) -> tuple[Array, Array, 
         if signal("f_d", axis.name) in names:
             loads[k, names.index(signal("f_d", axis.name))] = 1.0
     return (*view.along_axes(states), loads)
-
-
-def rms(error: Array) -> float:
-    """Root mean square; NaN where any is."""
-    return float(np.sqrt(np.mean(error**2)))
 
 
 def _force_errors(estimator: Any, estimate: Estimate, record: Record, view: View) -> Array:

@@ -8,14 +8,14 @@ from operator import methodcaller
 
 import numpy as np
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, rms
 from ambkit.base.escaping import label as escaped
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.threads import pool_of
 from ambkit.data.record import Record
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
-from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, errors_along, rms
+from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, errors_along
 from ambkit.judge.comparison.figures import SHOWN
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
@@ -61,7 +61,7 @@ def rows_of(scores: Mapping[str, Score]) -> list[Row]:
 
 def rmse(estimate: Estimate, record: Record, signal: str) -> float:
     """Root mean square error of an estimated signal against the truth in the record."""
-    return float(np.sqrt(np.mean((estimate[signal] - record[signal]) ** 2)))
+    return rms(estimate[signal] - record[signal])
 
 
 def compare(

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, rms
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.batch import run_many
 from ambkit.estimate.estimator import Estimator
@@ -21,7 +21,7 @@ from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import KINDS, check_named
 from ambkit.estimate.user_filter import OwnEstimator
 from ambkit.judge.comparison.cases import Trial
-from ambkit.judge.comparison.criteria import errors_along, rms
+from ambkit.judge.comparison.criteria import errors_along
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 

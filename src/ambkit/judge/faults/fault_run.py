@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, rms
 from ambkit.control.control import Control, as_control
 from ambkit.control.pid import PID
 from ambkit.data.record import Record
@@ -192,7 +192,7 @@ class Flight:
         control = self._off(record)[first:]
         return Band(
             {name: float(np.quantile(e, 0.99)) for name, e in errors.items()},
-            {name: float(np.sqrt(np.mean(e**2))) for name, e in errors.items()},
+            {name: rms(e) for name, e in errors.items()},
             float(np.quantile(control, 0.99)),
         )
 
