@@ -74,7 +74,7 @@ def main(seeds: int, names: list[str]) -> int:
     """Print the table, and judge by the limits."""
     print(HEAD)
     kept = True
-    for name in names or presets.machine_names():
+    for name in names or [n for n in presets.names() if not Machine.preset(n).single]:
         for turns in ("at rest", "at speed", "run-up"):
             try:
                 line, good = row(name, turns, seeds)

@@ -18,7 +18,8 @@ from ambkit.simulation.scenario import Injection, Scenario
 
 Array = NDArray[np.float64]
 
-PRESETS = presets.machine_names()
+BEARINGS = [name for name in presets.names() if Machine.preset(name).single]
+PRESETS = [name for name in presets.names() if name not in BEARINGS]
 RIGS = ["hindawi_2011", "tum_mlps", "ufu_flexible", "ufu_rig"]
 RIGID = [name for name in RIGS if name != "ufu_flexible"]
 AND_LONG = quick(PRESETS, RIGS)

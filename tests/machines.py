@@ -77,7 +77,8 @@ def axes(names: tuple[str, ...], *, coupling: float = 0.0) -> Model:
     parts += [MagnetPlace(force, f"f{a}", f"x{a}") for a in names]
     parts += [Disturbance(force, 1e-3 * force, f"f_d{a}", f"f{a}") for a in names]
     parts += [
-        Sensor(sensor.gain, BEARING.sensor_lag, TRAVEL, f"y{a}", f"x_m{a}", f"x{a}") for a in names
+        Sensor(sensor.gain, BEARING.lag_of(sensor), TRAVEL, f"y{a}", f"x_m{a}", f"x{a}")
+        for a in names
     ]
     parts += [Amplifier(current, None, f"u{a}", f"i{a}", f"f{a}") for a in names]
     return compose(parts, T)
@@ -92,7 +93,8 @@ def axes_settings(model: Model) -> dict[str, Any]:
         "sensor": 3 * b.sensor.gain * TRAVEL,
     }  # fmt: skip
     each = {
-        "K_sen": b.sensor.gain, "lag": b.sensor_lag, "travel": TRAVEL, "k_ui": b.amplifier.gain,
+        "K_sen": b.sensor.gain, "lag": b.lag_of(b.sensor), "travel": TRAVEL,
+        "k_ui": b.amplifier.gain,
         "iu_min": b.current_min, "iu_max": b.current_max, "f_0": KNOWN, "x_max": TRAVEL,
         "var_u": b.amplifier.noise_variance, "var_y": b.sensor.noise_variance,
         "rise": b.sensor.position_noise,

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exporting import export_c
+from machine_cases import PRESETS
 
 import ambkit
 from ambkit import Bearing, FilterNoise, KalmanFilter, Machine
@@ -18,7 +19,6 @@ from ambkit.judge import adequacy_criteria
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.load_following import least_process_noise, load_capacity
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
-from ambkit.machine.presets import machine_names
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Step
 from ambkit.workflow import design_candidates, identified
@@ -131,7 +131,7 @@ def kinds_of_machine(name):
 SPINDLE = Path(__file__).parents[1] / "examples" / "spindle.toml"
 GOOD = [
     pytest.param(AXIS, id=AXIS.name), pytest.param(BALL, id=BALL.name),
-    *map(kinds_of_machine, machine_names()),
+    *map(kinds_of_machine, PRESETS),
     pytest.param(Bearing.load(SPINDLE), id="spindle"),
 ]  # fmt: skip
 

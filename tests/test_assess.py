@@ -6,6 +6,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from machine_cases import BEARINGS
 from scipy.optimize import brentq
 
 import ambkit
@@ -19,7 +20,6 @@ from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.loop.margins import bode_integral, margins
 from ambkit.judge.loop.synthesis import least_peaks
-from ambkit.machine import presets
 from ambkit.models import machine_parts
 from ambkit.models.linear import LinearSystem, Signal, linearised
 from ambkit.simulation.external_inputs import ExternalInputs
@@ -291,7 +291,7 @@ def test_decay_of_the_simulated_loop_is_that_of_the_poles(name):
 # ---- what holds whatever the loop
 
 
-@pytest.mark.parametrize("preset", presets.names())
+@pytest.mark.parametrize("preset", BEARINGS)
 @pytest.mark.parametrize("late", [False, True], ids=["", "late"])
 def test_bodes_integral_to_six_digits(preset, late):
     bearing = Bearing.preset(preset)

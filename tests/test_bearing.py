@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from machine_cases import BEARINGS
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
@@ -88,8 +89,8 @@ def test_what_the_paper_does_not_give_is_marked_as_chosen():
 
 
 def test_preset_files_are_named_after_their_bearing_and_listed():
-    assert set(presets.names()) >= {"zittau_axial", "inteco_ml"}
-    for name in presets.names():
+    assert set(BEARINGS) >= {"zittau_axial", "inteco_ml"}
+    for name in BEARINGS:
         assert Bearing.preset(name).name == name
 
 
@@ -100,7 +101,7 @@ def test_an_unknown_preset_names_the_nearest():
         presets.text("../bearing")
 
 
-@pytest.mark.parametrize("name", presets.names())
+@pytest.mark.parametrize("name", BEARINGS)
 def test_the_levitation_current_carries_the_rotor(name):
     bearing = Bearing.preset(name)
     magnet, iu = bearing.magnet, bearing.levitation_current

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from machine_cases import BEARINGS, PRESETS
 
 import ambkit
 from ambkit import Machine
@@ -14,7 +15,6 @@ from ambkit.control.control import Control
 from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import overshoot
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.machine import presets
 from ambkit.machine.force_laws import slowest_time
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Reference, Scenario
@@ -188,7 +188,7 @@ def on_margins(machine, feedback):
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
 @pytest.mark.parametrize("name", [
     pytest.param(name, marks=pytest.mark.long if "flexible" in name else ())
-    for name in presets.machine_names()
+    for name in PRESETS
 ])  # fmt: skip
 def test_the_default_is_chosen_on_margins(name, feedback):
     machine = Machine.preset(name)
@@ -204,7 +204,7 @@ def test_the_default_is_chosen_on_margins(name, feedback):
     assert overshoot(loop, slowest_time(machine), p) == pytest.approx(most, abs=0.01)
 
 
-@pytest.mark.parametrize("name", presets.names())
+@pytest.mark.parametrize("name", BEARINGS)
 def test_that_of_a_bearing_too(name):
     bearing = ambkit.Bearing.preset(name)
     for feedback in ("measurement", "estimate"):

@@ -178,7 +178,7 @@ def test_margins_are_those_of_python_control():
     # States x, v, f_e, x_m by hand.
     A = np.array([
         [0, 1, 0, 0], [0, 0, 1 / m, 0], [k.k_s / LAG, 0, -1 / LAG, 0],
-        [1 / LATE.sensor_lag, 0, 0, -1 / LATE.sensor_lag],
+        [1 / LATE.lag_of(LATE.sensor), 0, 0, -1 / LATE.lag_of(LATE.sensor)],
     ])  # fmt: skip
     B = np.array([[0], [0], [k.k_i / LAG], [0]])
     P = control.c2d(control.ss(A, B, [[0, 0, 0, 1.0]], 0), T)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from machine_cases import bearing, machine, sensor
+from machine_cases import BEARINGS, bearing, machine, sensor
 
 from ambkit import AmbkitError, Bearing, Machine
 from ambkit.control.lift_off_sequence import Mode
@@ -18,7 +18,6 @@ from ambkit.fuzzy.rule_selection import BLOCKS, blocks_of
 from ambkit.judge.comparison.tuning import candidate_of_kind
 from ambkit.judge.faults import fault_run
 from ambkit.judge.loop.capacity import of_runout
-from ambkit.machine import presets
 from ambkit.machine.components import Unbalance
 from ambkit.machine.forces.force_surface import _nodes
 from ambkit.models.parts.typical_sizes import Typical
@@ -93,7 +92,7 @@ def test_nodes_of_a_force_divide_its_longer_side(low, high):
     assert high <= nodes[-1] < high + step
 
 
-@pytest.mark.parametrize("name", presets.names())
+@pytest.mark.parametrize("name", BEARINGS)
 def test_typical_sizes_are_what_they_are_said_to_be(name):
     """Force at twice the bias current; half of it brings the rotor to the stop at that velocity."""
     axis = Bearing.preset(name)

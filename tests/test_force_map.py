@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from force_table import force_table
 from scipy.interpolate import RegularGridInterpolator
 
 from ambkit import (
@@ -20,7 +21,7 @@ from ambkit import (
 from ambkit.fuzzy.rule_selection import measured_map
 from ambkit.identification.forces.force_map import force_map, nodes_for
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.machine.forces.force_points import ForcePoints, ForceTable, load_force_points
+from ambkit.machine.forces.force_points import ForcePoints, load_force_points
 
 BEARING = Bearing.preset("zittau_axial")
 
@@ -33,7 +34,7 @@ def saturating(iu, x):
 @pytest.fixture(scope="module")
 def record():
     nodes = np.linspace(-1.5, 1.5, 25), np.linspace(-1e-3, 1e-3, 25)
-    true = ForceTable(*nodes, saturating(*np.meshgrid(*nodes)))
+    true = force_table(*nodes, saturating(*np.meshgrid(*nodes)))
     plant = stiffness_map(
         BEARING,
         currents=np.linspace(-1.49, 1.49, 31),

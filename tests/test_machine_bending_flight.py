@@ -14,6 +14,7 @@ from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import _Search, chosen, holding
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.judge.whirl_modes import stiffnesses
+from ambkit.machine import geometry
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.parts import GRAVITY
 from ambkit.models.continuous import open_loop
@@ -114,7 +115,7 @@ def test_the_weight_bends_it_once():
     H = directions(one, one.axes)
     balance = H[:, :4].T @ F
     np.testing.assert_allclose(balance, [one.rotor.mass * GRAVITY, 0, 0, 0], atol=1e-9)
-    sag = one.bent_by(F)
+    sag = geometry.bent_by(one, F)
     assert 2e-5 < np.abs(sag[0]) < 3e-5  # of the first mode in x, by the bearings
 
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from machine_cases import BEARINGS
 from magnet_at import differences, force, tangent, through_origin
 from oracles import least_squares_stiffness, magnet_force
 
 from ambkit import Bearing
-from ambkit.machine import presets
 from ambkit.machine.magnets import (
     ClosedLaw,
     ConstantStiffness,
@@ -234,7 +234,7 @@ def test_both_builds_live_side_by_side():
         core_module("float16")
 
 
-@pytest.mark.parametrize("name", presets.names())
+@pytest.mark.parametrize("name", BEARINGS)
 def test_a_current_carries_what_needs_no_more(name):
     bearing = Bearing.preset(name)
     law = magnet_of(bearing)

@@ -7,13 +7,13 @@ import itertools
 
 import numpy as np
 import pytest
+from machine_cases import BEARINGS
 from one_axis import fly
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import ambkit
 from ambkit import Bearing
-from ambkit.machine import presets
 from ambkit.machine.accessories import ColouredNoise, Hum
 from ambkit.machine.magnets import core_module
 from ambkit.models import plant_parts as plant_parts
@@ -71,7 +71,7 @@ def coils(**changes):
 
 
 def test_a_bearing_without_parts_is_simulated_without_them():
-    for name in presets.names():
+    for name in BEARINGS:
         bearing = Bearing.preset(name)
         fields = plant_parts.axis_fields(bearing, None, None, 0.0, 4)
         assert fields["plain"]

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from machine_cases import BEARINGS
 
 from ambkit.base.errors import ConfigError
 from ambkit.control.pid import PID
 from ambkit.data.record import Record
-from ambkit.machine import presets
 from ambkit.machine.machine import Bearing
 from ambkit.simulation import scenario as scenario_module
 from ambkit.simulation.run import simulate
@@ -274,7 +274,7 @@ def test_gains_for_the_papers_bearing_are_the_defaults():
     assert gains.anti_windup == pytest.approx(default.anti_windup, rel=0.05)
 
 
-@pytest.mark.parametrize("name", presets.names())
+@pytest.mark.parametrize("name", BEARINGS)
 def test_gains_for_a_bearing_hold_it(name):
     bearing = Bearing.preset(name)
     gap = bearing.magnet.air_gap

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from force_table import force_table
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ambkit import _core, _core_f32
 from ambkit.base.errors import AmbkitError
-from ambkit.machine.forces.force_points import ForceTable
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import ClosedLaw
 from ambkit.machine.stiffness import local_stiffness, stiffness_map
@@ -149,52 +149,12 @@ def test_what_cannot_be_used_is_named(options, message):
         stiffness_map(ZITTAU, **options)
 
 
-def tabulated(current, displacement):
-    return ForceTable(current, displacement, law(*np.meshgrid(current, displacement)))
-
-
-def test_a_force_table_stands_for_the_law():
-    table = tabulated(np.linspace(-1.6, 1.6, 17), np.linspace(-0.6e-3, 0.6e-3, 25))
+def test_a_force_table_of_scipy_stands_for_the_law():
+    current, displacement = np.linspace(-1.6, 1.6, 17), np.linspace(-0.6e-3, 0.6e-3, 25)
+    table = force_table(current, displacement, law(*np.meshgrid(current, displacement)))
     ours, exact = stiffness_map(ZITTAU, force=table), stiffness_map(ZITTAU)
     np.testing.assert_allclose(ours.k_i, exact.k_i, rtol=1e-3)
     np.testing.assert_allclose(ours.k_s, exact.k_s, rtol=1e-3)
-
-
-def test_a_force_table_is_exact_for_cubics_and_goes_on_for_one_step():
-    def cubic(iu, x):
-        return (1 - iu + iu**3) * (2 + 1e6 * x**2) + 1e3 * x
-
-    current, displacement = np.linspace(-1, 1, 5), np.array([-1.0, -0.3, 0.1, 0.8, 1.2]) * 1e-3
-    table = ForceTable(current, displacement, cubic(*np.meshgrid(current, displacement)))
-    iu, x = np.meshgrid(np.linspace(-1.4, 1.4, 9), np.linspace(-1.5e-3, 1.5e-3, 9))
-    np.testing.assert_allclose(table(iu, x), cubic(iu, x), rtol=0, atol=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("iu", "x", "message"),
-    [
-        (1.8, 0.0, r"iu = 1\.8 A is more than one node step outside .* -1 to 1 A"),
-        (0.0, -3e-3, r"x = -0\.003 m is more than one node step outside"),
-        (np.nan, 0.0, "iu = nan A"),
-    ],
-)
-def test_a_force_table_refuses_points_far_outside(iu, x, message):
-    table = tabulated(np.linspace(-1, 1, 5), np.linspace(-1e-3, 1e-3, 5))
-    with pytest.raises(AmbkitError, match=message):
-        table(iu, x)
-
-
-@pytest.mark.parametrize(
-    ("current", "values", "message"),
-    [
-        ([0, 1, 2], np.zeros((4, 3)), "current must be a list of at least 4 nodes"),
-        ([0, 1, 2, 3], np.zeros((4, 5)), r"values must have shape \(4, 4\), .* has \(4, 5\)"),
-        ([0, 1, 2, 3], np.full((4, 4), np.inf), r"values\[0, 0\] must be finite, is inf"),
-    ],
-)
-def test_a_force_table_names_what_is_wrong(current, values, message):
-    with pytest.raises(AmbkitError, match=message):
-        ForceTable(current, [0, 1e-3, 2e-3, 3e-3], values)
 
 
 def test_a_map_is_read_only():

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from force_table import force_table
 
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import LeastSquares, TrainingSet, _least_squares, train
 from ambkit.machine import paper
-from ambkit.machine.forces.force_points import ForceTable
 from ambkit.machine.machine import Bearing
 from ambkit.machine.stiffness import stiffness_map
 
@@ -131,7 +131,7 @@ def test_a_force_table_is_learnt():
         return 15 * np.tanh(np.asarray(MAP.force(iu, x)) / 15)
 
     current, displacement = np.linspace(-1.6, 1.6, 15), np.linspace(-0.6e-3, 0.6e-3, 15)
-    table = ForceTable(current, displacement, saturating(*np.meshgrid(current, displacement)))
+    table = force_table(current, displacement, saturating(*np.meshgrid(current, displacement)))
     stiff = stiffness_map(ZITTAU, force=table)
     untrained = Expert.from_map(stiff)
     expert = train(stiff, weights=True)

@@ -6,6 +6,7 @@ import math
 import control
 import numpy as np
 import pytest
+from machine_cases import BEARINGS
 
 import ambkit
 from ambkit import Bearing, KalmanFilter, Scenario, Sine
@@ -13,7 +14,6 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.judge.loop.synthesis import LQG, Noise
-from ambkit.machine import presets
 from ambkit.simulation.run import simulate
 
 ZITTAU = Bearing.preset("zittau_axial")
@@ -68,7 +68,7 @@ def test_the_least_load_is_the_least_of_all():
     assert loop_of(ZITTAU).demands.capacity.voltage is None
 
 
-@pytest.mark.parametrize("preset", presets.names())
+@pytest.mark.parametrize("preset", BEARINGS)
 def test_constant_loads_are_held_up_to_the_end_and_no_farther(preset):
     bearing = Bearing.preset(preset)
     low, high = loop_of(bearing).demands.capacity.static
@@ -198,7 +198,7 @@ def test_lqg_makes_its_own_cost_least():
         assert best < cost(each.loop)
 
 
-@pytest.mark.parametrize("preset", presets.names())
+@pytest.mark.parametrize("preset", BEARINGS)
 def test_lqg_stands_beside_the_loops(preset):
     found = ambkit.assess(Bearing.preset(preset), "linear", beside=["lqg"])
     assert list(found.loops) == ["measurement", "LQG", "linear"]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
 
 from ambkit.identification.online.adaline import Adaline
 from ambkit.machine import paper
-from ambkit.machine.forces.force_points import ForceTable
-from ambkit.machine.stiffness import stiffness_map
+from ambkit.machine.stiffness import ForceFunction, stiffness_map
 from ambkit.result.report import Axis, Figure, Heatmap, Panel
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, TableBlock, Text
 from paper.study import CURRENT, POSITION, SEEDS, Part, Study, agrees, row
@@ -108,12 +108,16 @@ def _table(id: str, title: str, ours: Array, printed: Array, unit: float) -> Tab
     )
 
 
-def _force_table(study: Study) -> ForceTable:
+def _force_table(study: Study) -> ForceFunction:
     """A map as a rig would give it: the force at 13 x 13 points, a little beyond the box."""
     iu = np.linspace(study.map.current[0] - 0.05, study.map.current[-1] + 0.05, 13)
     x = 1.05 * np.linspace(study.map.displacement[0], study.map.displacement[-1], 13)
     currents, displacements = np.meshgrid(iu, x)
-    return ForceTable(iu, x, study.law.force(currents, displacements))
+    forces = study.law.force(currents, displacements)
+    grid = RegularGridInterpolator(
+        (x, iu), forces, method="cubic", bounds_error=False, fill_value=None
+    )
+    return lambda iu, x: grid((x, iu))
 
 
 def _figure_force(study: Study) -> Figure:

@@ -156,13 +156,6 @@ def _python_class(law: Law) -> str:
     holds = f"""
     @classmethod
     def holds_for(cls, m: Any) -> bool:
-        \"""Whether the keys of a ``[magnet]`` state this law.
-
-        Parameters
-        ----------
-        m : Magnet
-            The ``[magnet]`` of a machine.
-        \"""
         return {law.holds_for}
 """
     return f"""
@@ -182,13 +175,6 @@ class {law.name.title()}Law(ForceLaw):
 {holds if law.holds_for else ""}
     @classmethod
     def parameters_of(cls, m: Any) -> dict[str, float]:
-        \"""Return the parameters of a ``[magnet]``, by their names in C.
-
-        Parameters
-        ----------
-        m : Magnet
-            The ``[magnet]`` of a machine.
-        \"""
         return {{{values}}}
 """
 

@@ -53,7 +53,7 @@ MOST_RUNS = 10**9  #: Runs of a study: a Sobol sequence of 30 bits has no more.
 
 
 def _is_machine_file(value: Any) -> bool:
-    return value not in (*presets.names(), *presets.machine_names())
+    return value not in presets.names()
 
 
 def _is_filter_file(value: Any) -> bool:

@@ -91,7 +91,8 @@ class Engine:
         if self.built_in:
             axis = machine.isolated_axis("")
             self.model_of_core: Any = self.core.Model(
-                axis.sampling_time, axis.rotor.mass, axis.sensor.gain, axis.sensor_lag, as_printed,
+                axis.sampling_time, axis.rotor.mass, axis.sensor.gain, axis.lag_of(axis.sensor),
+                as_printed,
             )  # fmt: skip
         else:
             self.model_of_core = self.core.Model(arrays(self.model))

@@ -243,11 +243,9 @@ class FilterFile(Document):
 
 def magnet_in(path: str | os.PathLike[str], bearing: Machine) -> MagnetModel:
     """Return the expert in a file, or the surface through the points of a force map."""
-    if Path(path).suffix.lower() not in (".csv", ".parquet"):
-        from ambkit.fuzzy.expert import Expert
+    from ambkit.fuzzy.expert import Expert
 
-        return Expert.load(path)
-    return surface_in(path, bearing)
+    return Expert.load(path) if Path(path).suffix.lower() == ".json" else surface_in(path, bearing)
 
 
 def _of_options(kind: Any, options: Any) -> Iterator[tuple[str, str]]:

@@ -47,14 +47,14 @@ class PlantOf(Part):
     @cached_property
     def plant(self) -> Any:
         """The machine itself, of a single axis in its short form."""
-        if self.file is None and self.preset not in presets.all_names():
+        if self.file is None and self.preset not in presets.names():
             presets.text(self.preset or "")  # which says what there is
         return load_machine(self.file or self.preset or "")
 
     @classmethod
     def of(cls, name: str | os.PathLike[str]) -> Self:
         """Return what a user names: a preset, or a file as it is now."""
-        if name in presets.all_names():
+        if name in presets.names():
             return cls(preset=str(name))
         return cls(file=os.fspath(name), sha256=files.sha256(name))
 

@@ -133,7 +133,7 @@ def save(
 
 def preset_of(known: Machine) -> str | None:
     """Return the name of the preset that a bearing or a machine is, if it is one."""
-    usual = known.name in presets.all_names() and load_machine(known.name) == known
+    usual = known.name in presets.names() and load_machine(known.name) == known
     unit_matches = usual and load_machine(known.name).control_unit == known.control_unit
     return known.name if unit_matches else None
 

@@ -15,14 +15,12 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK, load_class
 from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.filter_file import FilterFile, magnet_in
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_magnet
 from ambkit.estimate.user_filter import OwnEstimator, is_own, own_factory
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.force_laws import bank_of, isolated_axes
-from ambkit.machine.forces.force_map import surface_in
-from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 
@@ -39,19 +37,12 @@ def experts(path: Path, machine: Machine) -> MagnetModel:
             f"{path}: an expert is of one magnet, and the axes {axes[0].name} and {other} of "
             f"{machine.name} have different ones"
         )
-    return bank_of([read_expert(path, axes[0])] * len(axes), machine)
-
-
-def read_expert(path: Path, bearing: Machine) -> Expert | ForceSurface:
-    """Return the expert in a file, or the surface through the points of a force map."""
-    if path.suffix.lower() != ".json":
-        return surface_in(path, bearing)
-    trained = Expert.load(path)
-    if not trained.source.startswith(bearing.name):
+    magnet = magnet_in(path, axes[0])
+    if isinstance(magnet, Expert) and not magnet.source.startswith(axes[0].name):
         logging.getLogger("ambkit").warning(
-            "%s: was trained for %s, not for %s", path, trained.source, bearing.name
+            "%s: was trained for %s, not for %s", path, magnet.source, axes[0].name
         )
-    return trained
+    return bank_of([magnet] * len(axes), machine)
 
 
 AT = "@"

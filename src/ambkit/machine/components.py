@@ -29,6 +29,7 @@ from ambkit.machine.accessories import (
 )
 from ambkit.machine.parts import Amplifier, Magnet, Mass, Rotor, Sensor
 from ambkit.machine.rotors.descriptions import MatrixRotor, ModalRotor, ShaftRotor
+from ambkit.machine.rotors.shaft_elements import inertia_contradictions
 
 Label = Annotated[str, StringConstraints(pattern=r"^([A-Za-z][A-Za-z0-9]{0,7})?$")]
 """Short name of a bearing or a sensor, of which names of signals are made."""
@@ -73,10 +74,7 @@ class RigidRotor(Part):
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         mass, I_t, I_p = (read(key) for key in ("mass", "transverse_inertia", "polar_inertia"))
-        if I_p > 2 * I_t * (1 + 1e-9):
-            limit = f"{engineering(2 * I_t, 'kg m^2')}, twice transverse_inertia: a thin disc has"
-            text = f"must be at most {limit} that, and no body more"
-            yield "polar_inertia", f"{text}; is {engineering(I_p, 'kg m^2')}"
+        yield from inertia_contradictions(read)
         first, second = read("first_end"), read("second_end")
         for key, end, sign in (("first_end", first, -1), ("second_end", second, 1)):
             if end is not None and end * sign <= 0:

@@ -248,17 +248,9 @@ class ForceLaw(Law):
         return self.parameters_of(m) | common
 
     def of_one_coil(self) -> dict[str, Any] | None:
-        """Return the fields of the law of one coil; None where only their sum is known."""
         return self.fields | {"two_sided": False} if self.ideal else None
 
     def in_core(self, core: ModuleType) -> Magnet:
-        """Build the C implementation.
-
-        Parameters
-        ----------
-        core : module
-            The build of the core that computes, see `core_module`.
-        """
         return core.Law(self.name, **self.fields)  # type: ignore[no-any-return]
 
 

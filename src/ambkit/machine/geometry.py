@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -217,10 +217,9 @@ def modal_positions(bending: Bending | None) -> tuple[str, ...]:
     return tuple(f"{name}_{plane}" for name in names for plane in "xy")
 
 
-def deflections(
-    bending: Bending | None, lines: list[Line], forces: Array, directions: tuple[str, ...]
-) -> Array:
-    """Return how far a rotor at rest is bent by forces along lines (2 modes,) [m]."""
-    if bending is None:
+def bent_by(machine: Any, forces: Array) -> Array:
+    """Return how far a rotor at rest is bent by forces along its axes (2 modes,) [m]."""
+    if machine.bending is None:
         return np.zeros(0)
-    return np.asarray((matrix(lines, directions).T @ forces) / np.repeat(bending.stiffness, 2))
+    H = matrix([axis.line for axis in machine.axes], modal_positions(machine.bending))
+    return np.asarray((H.T @ forces) / np.repeat(machine.bending.stiffness, 2))

@@ -31,13 +31,6 @@ class ClosedLaw(ForceLaw):
 
     @classmethod
     def parameters_of(cls, m: Any) -> dict[str, float]:
-        """Return the parameters of a ``[magnet]``, by their names in C.
-
-        Parameters
-        ----------
-        m : Magnet
-            The ``[magnet]`` of a machine.
-        """
         return {"k": m.magnet_constant, "s0": m.air_gap, "i0": m.bias_current}
 
 
@@ -60,24 +53,10 @@ class SaturatingLaw(ForceLaw):
 
     @classmethod
     def holds_for(cls, m: Any) -> bool:
-        """Whether the keys of a ``[magnet]`` state this law.
-
-        Parameters
-        ----------
-        m : Magnet
-            The ``[magnet]`` of a machine.
-        """
         return m.saturation is not None
 
     @classmethod
     def parameters_of(cls, m: Any) -> dict[str, float]:
-        """Return the parameters of a ``[magnet]``, by their names in C.
-
-        Parameters
-        ----------
-        m : Magnet
-            The ``[magnet]`` of a machine.
-        """
         return {
             "k": m.magnet_constant,
             "s0": m.air_gap,

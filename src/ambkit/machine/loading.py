@@ -49,7 +49,7 @@ def levitation_current_at(
 
 def load_machine(name: str | os.PathLike[str]) -> Machine:
     """Return a preset, or the machine in a file; of a single axis its short form."""
-    known, text = presets.all_names(), os.fspath(name)
+    known, text = presets.names(), os.fspath(name)
     if text in known:
         return Machine.preset(text)
     if Path(text).suffix == ".toml" or os.sep in text or Path(text).exists():

@@ -81,40 +81,19 @@ class Machine(Described, Document):
     """Sampling time T of controller and estimator [s]."""
     delay: Annotated[float, Quantity("s", "0.15 ms", above=0)] | None = None
     """Dead time from a sample to the change of the control currents that it leads to [s]."""
-    if TYPE_CHECKING:
-
-        @property
-        def speed(self) -> float:
-            """Speed of rotation, from x towards y [rad/s]."""
-
+    if TYPE_CHECKING:  # what both forms have, but for the last five: those are of one axis
+        speed: float
         rotor: Any
-        """The rotor; only of one axis it has a clearance."""
         magnet: Magnet
-        """The electromagnets of its one axis, as the next four."""
         amplifier: Amplifier
-        """The amplifier."""
         sensor: Sensor
-        """The position sensor; in the long form the list of the sensors."""
         stop: Stop | None
-        """The stop."""
         coil: Coil | None
-        """How the coils warm."""
 
         @property
-        def bearings(self) -> tuple[PlacedBearing, ...]:
-            """The bearings."""
-
+        def unbalance(self) -> tuple[Unbalance, ...]: ...
         @property
-        def sensors(self) -> tuple[PlacedSensor, ...]:
-            """The position sensors."""
-
-        @property
-        def unbalance(self) -> tuple[Unbalance, ...]:
-            """Unbalance, by its planes."""
-
-        @property
-        def long(self) -> PlacedMachine:
-            """The same machine in the long form."""
+        def long(self) -> PlacedMachine: ...
 
     def __new__(cls, /, **data: Any) -> Self:
         """Make it in the form that its keys are of."""
@@ -127,42 +106,34 @@ class Machine(Described, Document):
         Parameters
         ----------
         name : str
-            One of `ambkit.machine.presets.all_names`; of a `Bearing` one of `names`.
+            One of `ambkit.machine.presets.names`.
 
         Raises
         ------
         AmbkitError
             There is no preset of that name.
         """
-        known = presets.names() if cls is Bearing else presets.all_names()
-        return cls.from_toml(presets.text(name, known), name=f"{name}.toml")
+        return cls.from_toml(presets.text(name), name=f"{name}.toml")
 
     @classmethod
     def from_toml(cls, text: str, name: str = "<text>", folder: Path = Path()) -> Self:
-        """Read TOML text, in the short form of one axis or in the long.
-
-        Parameters
-        ----------
-        text : str
-            The TOML.
-        name : str
-            What the messages call it.
-        folder : Path
-            Where the files that the text names are looked for.
-
-        Raises
-        ------
-        ConfigError
-            With all that is wrong in it.
-        """
         if cls is not Machine:
             return super().from_toml(text, name, folder)
         return _form_of(toml_text.parse(text).data or {}).from_toml(text, name, folder)  # type: ignore[return-value]
 
     @classmethod
     def json_schema(cls) -> dict[str, Any]:
-        """Return the JSON schema of the TOML file, for editors that complete and check."""
         return PlacedMachine.json_schema() if cls is Machine else super().json_schema()
+
+    @property
+    def bearings(self) -> tuple[PlacedBearing, ...]:
+        """The bearings."""
+        return self.long.bearing
+
+    @property
+    def sensors(self) -> tuple[PlacedSensor, ...]:
+        """The position sensors."""
+        return self.long.sensor
 
     @cached_property
     def shaft(self) -> Shaft:
@@ -219,18 +190,6 @@ class Machine(Described, Document):
     def masses(self) -> NDArray[np.float64]:
         """What moves with each coordinate (q,) [kg] or [kg m^2]."""
         return np.array(list(geometry.masses(self.rotor, self.positions, self.bending).values()))
-
-    def bent_by(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far the rotor at rest is bent by forces along its axes (2 modes,) [m].
-
-        Parameters
-        ----------
-        forces : ndarray (p,)
-            Along the axes [N].
-        """
-        lines = [axis.line for axis in self.axes]
-        directions = geometry.modal_positions(self.bending)
-        return geometry.deflections(self.bending, lines, forces, directions)
 
     def line(self, place: float, angle: float) -> Line:
         """Return a direction across the shaft.
@@ -352,11 +311,6 @@ class Machine(Described, Document):
         return float(along_x(self.rotor.gravity) * self.rotor.mass * GRAVITY)
 
     @property
-    def sensor_lag(self) -> float:
-        """Lag of the sensor in models and plants [s]: one too short to tell is 0.001 samples."""
-        return max(self.sensor.lag, SHORTEST_LAG * self.sampling_time)
-
-    @property
     def current_min(self) -> float:
         """Least control current iu [A]; a one-sided coil's current i0 + iu stays positive."""
         return current_limits(self.amplifier.current_limit, self.magnet)[0]
@@ -375,12 +329,12 @@ class Machine(Described, Document):
         """
         return levitation_current_of(reader(self))
 
-    def lag_of(self, sensor: PlacedSensor) -> float:
-        """Return a sensor's lag in models and plants [s]; see `Bearing.sensor_lag`.
+    def lag_of(self, sensor: Sensor) -> float:
+        """Return a sensor's lag in models and plants [s]: one too short to tell is 0.001 samples.
 
         Parameters
         ----------
-        sensor : PlacedSensor
+        sensor : Sensor
             One of the machine's.
         """
         return max(sensor.lag, SHORTEST_LAG * self.sampling_time)
@@ -463,16 +417,6 @@ class PlacedMachine(Machine):
             self.__dict__["rotor"] = chosen
 
     @property
-    def bearings(self) -> tuple[PlacedBearing, ...]:
-        """The bearings."""
-        return self.bearing
-
-    @property
-    def sensors(self) -> tuple[PlacedSensor, ...]:
-        """The position sensors."""
-        return self.sensor
-
-    @property
     def long(self) -> PlacedMachine:
         """Itself."""
         return self
@@ -538,48 +482,25 @@ class Bearing(Shown, Machine):
         """Nothing: a mass does not turn."""
         return ()
 
-    @cached_property
-    def bearings(self) -> tuple[PlacedBearing, ...]:
-        """Its one bearing."""
-        # Each part was checked when this was made.
-        of = {"type": "single", "clearance": self.rotor.clearance, "magnet": self.magnet,
-              "amplifier": self.amplifier, "stop": self.stop, "coil": self.coil}  # fmt: skip
-        return (assembled(PlacedBearing, of),)
-
-    @cached_property
-    def sensors(self) -> tuple[PlacedSensor, ...]:
-        """Its one sensor."""
-        return (assembled(PlacedSensor, {"type": "single"} | dict(self.sensor)),)
-
-    @cached_property
-    def axes(self) -> tuple[Axis, ...]:
-        """Its one axis."""
-        return (Axis("", geometry.TRANSLATION, self.bearings[0]),)
-
-    @cached_property
-    def readings(self) -> tuple[Reading, ...]:
-        """Its one reading."""
-        return (Reading("", geometry.TRANSLATION, self.sensors[0]),)
-
     @property
     def isolated_made(self) -> dict[str, Machine]:
         """Itself."""
         return {"": self}
 
-    @property
-    def single(self) -> bool:
-        """True: the short form has one axis and one reading, without names."""
-        return True
-
     @cached_property
     def long(self) -> PlacedMachine:
         """The same machine in the long form; its signals keep their names, without a suffix."""
-        machine = PlacedMachine.model_construct(
-            name=self.name, description=self.description, source=self.source,
-            sampling_time=self.sampling_time, delay=self.delay, speed=self.speed,
-            rotor=MassRotor.model_construct(mass=self.rotor.mass, gravity=self.rotor.gravity),
-            bearing=self.bearings, sensor=self.sensors,
-        )  # fmt: skip
+        # Each part was checked when this was made.
+        of = {key: getattr(self, key) for key in (*Machine.model_fields, "speed")}
+        rotor = {"mass": self.rotor.mass, "gravity": self.rotor.gravity}
+        bearing = {key: getattr(self, key) for key in ("magnet", "amplifier", "stop", "coil")}
+        bearing |= {"type": "single", "clearance": self.rotor.clearance}
+        sensor = {"type": "single"} | dict(self.sensor)
+        machine = assembled(PlacedMachine, of | {
+            "rotor": assembled(MassRotor, rotor),
+            "bearing": (assembled(PlacedBearing, bearing),),
+            "sensor": (assembled(PlacedSensor, sensor),),
+        })  # fmt: skip
         machine.isolated_made[""] = self
         return machine
 

@@ -21,7 +21,6 @@ from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.machine.force_laws import axis_of
-from ambkit.machine.forces.force_points import check_nodes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import equally_far, magnet_of
 
@@ -202,7 +201,7 @@ def stiffness_map(
         ``ambkit.machine.magnets.equally_far``, on the paper's rig its 0.01 A and 0.01 mm.
     force : callable, optional
         ``force(iu [A], x [m]) -> [N]`` on arrays of one shape, bias force included: another law, a
-        :class:`ForceTable`. Default: the bearing's magnet.
+        table that SciPy interpolates. Default: the bearing's magnet.
 
     Returns
     -------
@@ -307,6 +306,14 @@ def _bias(force: ForceFunction) -> float:
 
 
 def _nodes(name: str, values: ArrayLike | None, usual: Array, unit: str) -> Array:
+    """Return nodes, a list of two finite, ascending numbers or more."""
     nodes = usual if values is None else np.array(values, dtype=float)
-    check_nodes(name, nodes, unit)
+    if nodes.ndim != 1 or nodes.size < 2:
+        raise AmbkitError(f"{name} must be a list of at least 2 nodes, has shape {nodes.shape}")
+    if not np.all(np.isfinite(nodes)):
+        raise AmbkitError(f"{name} must be finite, has {nodes[~np.isfinite(nodes)][0]} {unit}")
+    descents = np.flatnonzero(np.diff(nodes) <= 0)
+    if descents.size:
+        before, after = nodes[descents[0]], nodes[descents[0] + 1]
+        raise AmbkitError(f"{name} must ascend, has {before:g} {unit} before {after:g} {unit}")
     return nodes

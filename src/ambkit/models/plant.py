@@ -53,7 +53,7 @@ class Plant:
         H = self.H[:, : len(rigid)]
         generalised_load = geometry.weight_of(machine.rotor, rigid, GRAVITY) + H.T @ load
         forces = np.linalg.lstsq(H.T, -generalised_load, rcond=None)[0]
-        bent = machine.bent_by(forces + load + np.array(weights_of(machine)))
+        bent = geometry.bent_by(machine, forces + load + np.array(weights_of(machine)))
         q = np.linalg.lstsq(H, place - self.H[:, len(rigid) :] @ bent, rcond=None)[0]
         q = np.concatenate([q, bent])
         currents = [

@@ -68,7 +68,7 @@ def axis_fields(
         "current": [CURRENTS[0] if amplifier else -1],
         "second": [CURRENTS[1] if amplifier.get("pair") else -1],
         "farthest": [far], "shows": [2], "sensor_parts": [sensor],
-        "gain": [bearing.sensor.gain], "lag": [bearing.sensor_lag],
+        "gain": [bearing.sensor.gain], "lag": [bearing.lag_of(bearing.sensor)],
         "rings": [{"first": 0, "second": -1, "travel": clearance,
                    "stop": {} if stop is None else stop.model_dump()}],
         **({"delay": 0, "delay_rest": 0.0} | delay_of(bearing)),

@@ -12,7 +12,7 @@ from ambkit.result.result import Document
 
 def listing() -> Document:
     """Return the names of all presets, and what each is."""
-    machines = map(Machine.preset, (*presets.names(), *presets.machine_names()))
+    machines = map(Machine.preset, presets.names())
     data = [
         {"name": item.name, "description": item.description, "source": item.source,
          "kind": _form(item)}

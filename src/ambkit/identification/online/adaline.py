@@ -269,7 +269,7 @@ def first_element(
         "T": T,
         "m": bearing.rotor.mass,
         "K_sen": bearing.sensor.gain,
-        "a_sen": math.exp(-T / bearing.sensor_lag),
+        "a_sen": math.exp(-T / bearing.lag_of(bearing.sensor)),
         "k_ui": bearing.amplifier.gain,
         "iu_min": room * bearing.current_min,
         "iu_max": room * bearing.current_max,

@@ -141,7 +141,7 @@ def _held(bearing: Machine, record: Record, variances: Variances) -> tuple[Array
     from scipy.linalg import expm
 
     T, m = bearing.sampling_time, bearing.rotor.mass
-    lag = bearing.sensor_lag
+    lag = bearing.lag_of(bearing.sensor)
     k_i, k_s = magnet_of(bearing).tangent(record["iu"][:-1], record["x"][:-1])
     A = np.zeros((len(record) - 1, 5, 5))  # x, v, f_d, x_m, and the current, which is held
     A[:, 0, 1] = 1.0

@@ -21,7 +21,13 @@ from ambkit.machine.rotors import beam
 from ambkit.machine.rotors.matrix_file import read_matrices
 from ambkit.machine.rotors.measured_modes import ThroughPoints
 from ambkit.machine.rotors.modes import RANGE, Bending, Body, body_of, enough, reduced
-from ambkit.machine.rotors.shaft_elements import NAMED, Disc, Material, Section
+from ambkit.machine.rotors.shaft_elements import (
+    NAMED,
+    Disc,
+    Material,
+    Section,
+    inertia_contradictions,
+)
 
 Ratio = Annotated[float, Quantity("1", "0.002", above=0)]
 Frequency = Annotated[float, Quantity("Hz", "1 kHz", above=0)]
@@ -376,10 +382,8 @@ class ModalRotor(Part):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        I_t, I_p, modes = (read(k) for k in ("transverse_inertia", "polar_inertia", "mode"))
-        if I_p > 2 * I_t * (1 + 1e-9):
-            limit = f"{engineering(2 * I_t, 'kg m^2')}, twice transverse_inertia"
-            yield "polar_inertia", f"must be at most {limit}; is {engineering(I_p, 'kg m^2')}"
+        yield from inertia_contradictions(read)
+        modes = read("mode")
         if not isinstance(modes, tuple):
             return
         for at, (one, other) in enumerate(pairwise(modes), 1):

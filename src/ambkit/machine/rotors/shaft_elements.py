@@ -96,11 +96,7 @@ class Disc(Part):
             if not is_set[key]:
                 yield key, "missing: what else is said of the disc does not give it"
         if one and all(is_set[key] for key in by_mass):
-            I_t, I_p = read("transverse_inertia"), read("polar_inertia")
-            if I_p > 2 * I_t * (1 + 1e-9):
-                most = engineering(2 * I_t, "kg m^2")
-                text = f"must be at most {most}, twice transverse_inertia"
-                yield "polar_inertia", f"{text}; is {engineering(I_p, 'kg m^2')}"
+            yield from inertia_contradictions(read)
         yield from _bore(read)
 
     def on(self, density: float) -> beam.Disc:
@@ -113,6 +109,14 @@ class Disc(Part):
         mass = density * math.pi / 4 * (outer**2 - inner**2) * width
         squares = mass * (outer**2 + inner**2) / 16
         return beam.Disc(self.place, mass, squares + mass * width**2 / 12, 2 * squares)
+
+
+def inertia_contradictions(read: Read) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with the moments of inertia of a body: a thin disc has the most I_p."""
+    I_t, I_p = read("transverse_inertia"), read("polar_inertia")
+    if I_p > 2 * I_t * (1 + 1e-9):
+        limit = f"{engineering(2 * I_t, 'kg m^2')}, twice transverse_inertia"
+        yield "polar_inertia", f"must be at most {limit}; is {engineering(I_p, 'kg m^2')}"
 
 
 def _bore(read: Read) -> Iterator[tuple[str, str]]:

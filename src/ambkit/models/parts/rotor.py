@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.machine.geometry import deflections, modal_positions
+from ambkit.machine.geometry import bent_by, modal_positions
 from ambkit.machine.rotors.modes import Bending
 from ambkit.models.declaration import UNIT, Plan
 from ambkit.models.parts.typical_sizes import Typical
@@ -178,12 +178,11 @@ LEAST_BENT = 1 / 30  #: Of the travel, that a mode is expected to be out at leas
 def _typical_bendings(machine: Any, sizes: Sequence[Typical]) -> dict[str, tuple[float, float]]:
     """Return how far and how fast modes are bent [m], [m/s]: by what the magnets pull at most."""
     bending, positions = machine.bending, modal_positions(machine.bending)
-    lines = [axis.line for axis in machine.axes]
     least = LEAST_BENT * min(s.displacement for s in sizes)
     most = np.full(len(positions), least)
     for k, size in enumerate(sizes):
-        pull = size.force * np.eye(len(lines))[k]
-        most = np.maximum(most, np.abs(deflections(bending, lines, pull, positions)))
+        pull = size.force * np.eye(len(sizes))[k]
+        most = np.maximum(most, np.abs(bent_by(machine, pull)))
     rates = bending.frequency.repeat(2)
     return {
         q: (float(far), float(far * rate))
