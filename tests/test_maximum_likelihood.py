@@ -138,9 +138,11 @@ def test_what_looks_like_another_is_held_where_it_was_given(records):
     far = TRUTH.replace(rotor__mass=1e4 * mass, magnet__magnet_constant=1e4 * k)
     rest = named(["magnet_constant"])
     best = maximise(Data(records[:1], 0.01), TRUTH, rest)
-    drifted = replace(best, model=far, local=replace(best.local, value=best.local.value + 50))
+    data = best.likelihood.data
+    there = {"likelihood": data.likelihood(far, rest), "z": np.zeros(1)}
+    drifted = replace(best, **there, value=best.value + 50)
     mass_of = named(["mass"])[0]
-    model, at = fix(Data(records[:1], 0.01), drifted, mass_of, rest, TRUTH, TRUTH)
+    model, at = fix(data, drifted, mass_of, rest, TRUTH, TRUTH)
     assert model.bearing.rotor.mass == mass
     assert model.bearing.magnet.magnet_constant == pytest.approx(k, rel=0.1)
     assert at == engineering(mass, "kg", 3)

@@ -76,15 +76,18 @@ class Quantity:
             number = self._number(value, in_file=info.context is not None)
         except ValueError as error:
             raise self._wrong(f"{error}, write it like {self.shown_example()}") from None
-        value_text = value if isinstance(value, str) else self._shown(number)
+        wrong = ""
         if not math.isfinite(number):
-            raise self._wrong(f"must be finite, is {value_text}")
-        if self.above is not None and not number > self.above:
-            raise self._wrong(f"must be greater than {self._shown(self.above)}, is {value_text}")
-        if self.at_least is not None and not number >= self.at_least:
-            raise self._wrong(f"must be at least {self._shown(self.at_least)}, is {value_text}")
-        if self.at_most is not None and not number <= self.at_most:
-            raise self._wrong(f"must be at most {self._shown(self.at_most)}, is {value_text}")
+            wrong = "finite"
+        elif self.above is not None and not number > self.above:
+            wrong = f"greater than {self._shown(self.above)}"
+        elif self.at_least is not None and not number >= self.at_least:
+            wrong = f"at least {self._shown(self.at_least)}"
+        elif self.at_most is not None and not number <= self.at_most:
+            wrong = f"at most {self._shown(self.at_most)}"
+        if wrong:
+            value_text = value if isinstance(value, str) else self._shown(number)
+            raise self._wrong(f"must be {wrong}, is {value_text}")
         return number
 
     def _number(self, value: Any, in_file: bool) -> float:

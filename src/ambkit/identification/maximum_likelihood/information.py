@@ -28,7 +28,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
     identifiable,
     named,
 )
-from ambkit.identification.maximum_likelihood.search import maximise
+from ambkit.identification.maximum_likelihood.search import LONGEST_STEP, maximise
 from ambkit.machine.magnets import own_time
 
 ASIDE = 1.959964  #: Standard errors to the ends of a 95 % interval.
@@ -40,7 +40,7 @@ SAME_END = 0.15
 
 NEARLY = 1.1  #: Of the loss at an end: where the secants stop.
 FARTHEST = 50.0  #: End of an interval, in e-folds: what the records do not bound at all.
-ROUNDS = 4  #: Of the secant's, each a search over all other parameters.
+ROUNDS = 6  #: Of the secant's, each a search over all other parameters.
 
 ENOUGH = 0.1
 """Newton's decrement that ends such a search: what is left of it is added, to second order."""
@@ -100,36 +100,36 @@ def _end(
     seen: list[tuple[float, LoopModel]],
 ) -> float:
     """Return how far one coordinate goes until the profile has lost what 95 % may; by secants."""
-    # Over the root of the loss a parabola is a line, and few steps suffice. Each search for the
-    # others begins where they would be if all were quadratic, a standard error `along`. What is
-    # lost, and where, is added to `seen`.
+    # Over the root of the loss a parabola is a line, and distance over root nearly linear in the
+    # distance, so that few secants suffice; where that is too steep, no distance may be enough.
+    # Each search for the others begins on the parabola that leaves the maximum as a standard error
+    # `along` does and goes through where the last one ended, and not far from there. What is lost,
+    # and where, is added to `seen`.
     data, coordinates = likelihood.data, likelihood.coordinates
     parameter = coordinates.parameters[at]
     rest = [p for p in coordinates.parameters if p is not parameter]
-    error, model, there = float(along[at]), coordinates.model, 0.0
-    far = ASIDE * error
-    past: tuple[float, float] = (0.0, 0.0)
+    error, tangent = float(along[at]), along / along[at]
+    far, past, ratio, ended, bend = ASIDE * error, 0.0, error, 0 * along, 0 * along
     for _ in range(ROUNDS):
+        step = tangent * far + bend * far**2 - ended
+        far = past + (far - past) * min(1.0, LONGEST_STEP / np.max(np.abs(step)))
         try:
-            moved = Coordinates(model, coordinates.parameters).model_at(
-                along * ((far - there) / error)
-            )
-            maximised = maximise(data, moved, rest, ENOUGH) if rest else None
+            begin = coordinates.model_at(tangent * far + bend * far**2)
+            maximised = maximise(data, begin, rest, ENOUGH)
         except (ConfigError, OverflowError):  # no bearing can be there: the interval ends before
-            far = 0.5 * (past[0] + far)
+            far = 0.5 * (past + far)
             continue
-        if maximised is None:
-            value = data.log_likelihood(moved)
-        else:
-            model, there = maximised.model, far
-            value = maximised.local.value + 0.5 * maximised.local.left
-        seen.append((top - value, moved if maximised is None else model))
-        root = math.sqrt(2 * max(top - value, 0.0))
+        ended = coordinates.of(maximised.model)
+        bend = (ended - tangent * far) / far**2
+        seen.append((top - maximised.value, maximised.model))
+        root = math.sqrt(2 * max(top - maximised.value, 1e-9))
         if abs(0.5 * root**2 - 0.5 * ASIDE**2) < (NEARLY - 1) * 0.5 * ASIDE**2:
             break
-        slope = (far - past[0]) / (root - past[1]) if root > past[1] else 2 * far / ASIDE
-        past = (far, root)
-        far = math.copysign(min(abs(far + slope * (ASIDE - root)), 3 * abs(far)), error)
+        slope = (far / root - ratio) / (far - past)
+        past, ratio = far, far / root
+        ends = ASIDE * slope < 1
+        end = abs(ASIDE * (ratio - slope * past) / (1 - ASIDE * slope)) if ends else math.inf
+        far = math.copysign(min(end, 3 * abs(past)), error)
     return far
 
 
@@ -169,7 +169,7 @@ def restricted(
 
 def _known(data: Data, model: LoopModel, parameters: list[Parameter]) -> float:
     """Logarithm of the determinant of the information about some parameters."""
-    return float(np.linalg.slogdet(data.local(model, parameters).information)[1])
+    return float(np.linalg.slogdet(data.local(model, parameters, rough=True).information)[1])
 
 
 LEAST_EIGENVALUE = 1e-5

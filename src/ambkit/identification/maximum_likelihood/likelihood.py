@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,9 +73,11 @@ class Data:
         """Log likelihood under a model; minus infinity where no measurement counts."""
         return self.likelihood(model, []).value(np.zeros(0))
 
-    def local(self, model: LoopModel, parameters: Sequence[Parameter]) -> Local:
+    def local(
+        self, model: LoopModel, parameters: Sequence[Parameter], *, rough: bool = False
+    ) -> Local:
         """Return value, score and information at a model."""
-        return self.likelihood(model, parameters).local(np.zeros(len(parameters)))
+        return self.likelihood(model, parameters).local(np.zeros(len(parameters)), rough=rough)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +112,11 @@ class Likelihood:
         return _log_likelihood(e[used], S[used]) + log_prior(model)
 
     def slopes(self, z: Array, *, rough: bool = False) -> tuple[Array, Array, Array, Array, Bools]:
-        """Differentiate the innovations, by central differences."""
+        """Differentiate the innovations, by central differences; roughly by those to one side."""
         # z (p,); e (n,) [m]; S (n,) [m^2]; by_e (p, n); by_S (p, n)
         steps = STEP * np.eye(z.size)
         with ThreadPoolExecutor(processors()) as pool:  # the filter runs outside of Python's lock
-            ups = pool.map(lambda step: self._beside(z, step), steps)
+            ups = pool.map(lambda step: self._beside(z, step, *([-step] if rough else [])), steps)
             downs = pool.map(lambda step: self._beside(z, -step), () if rough else steps)
             e, S, used = here = self.innovations(z)
         if not used.any():
@@ -122,19 +125,19 @@ class Likelihood:
         for e_up, S_up, up, above in ups:
             e_down, S_down, down, below = next(downs, (*here, 0.0))
             used = used & up & down
-            slopes_e.append((e_up - e_down) / max(above + below, STEP))
-            slopes_S.append((S_up - S_down) / max(above + below, STEP))
+            slopes_e.append((e_up - e_down) / (above - below or STEP))
+            slopes_S.append((S_up - S_down) / (above - below or STEP))
         e, S = e[used], S[used]
         by_e = np.array([slope[used] for slope in slopes_e]).reshape(z.size, S.size) / np.sqrt(S)
         by_S = np.array([slope[used] for slope in slopes_S]).reshape(z.size, S.size) / S
         return e, S, by_e, by_S, used
 
-    def _beside(self, z: Array, step: Array) -> tuple[Array, Array, Bools, float]:
-        """Innovations a step aside and its length; at z itself where no bearing can be there."""
-        try:
-            return *self.innovations(z + step), STEP
-        except ConfigError:
-            return *self.innovations(z), 0.0
+    def _beside(self, z: Array, *steps: Array) -> tuple[Array, Array, Bools, float]:
+        """Innovations the first step aside at which a bearing can be, and its length; else at z."""
+        for step in steps:
+            with suppress(ConfigError):
+                return *self.innovations(z + step), float(step.sum())
+        return *self.innovations(z), 0.0
 
     def local(self, z: Array, *, rough: bool = False) -> Local:
         """Value, score and information, by differences of the innovations, see `slopes`."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,7 +23,6 @@ from ambkit.machine.magnets import ConstantStiffness
 CONVERGED = 1e-3
 """Newton's decrement that ends the search: squared distance to the maximum in standard errors."""
 
-FAR = 1.0  #: The decrement beyond which the next point is looked at roughly only.
 RIDGE = 0.5  #: The decrement that is let pass where no step helps any more.
 
 MUCH_LESS_LIKELY = 2.0
@@ -55,11 +55,26 @@ LEAST_GAIN = 0.1 * CONVERGED
 class Optimum:
     """Where a search ended."""
 
-    model: LoopModel  #: The most likely one.
-    local: Local  #: The likelihood there.
+    likelihood: Likelihood  #: That it went up.
+    z: Array  #: (p,) The most likely coordinates.
+    value: float  #: Log likelihood of the maximum, to second order in what is left to it.
     steps: int  #: That it took.
     converged: bool  #: Whether it ended at a maximum.
-    samples: int  #: Measurements that count.
+
+    @cached_property
+    def model(self) -> LoopModel:
+        """The most likely model."""
+        return self.likelihood.coordinates.model_at(self.z)
+
+    @cached_property
+    def local(self) -> Local:
+        """The likelihood there."""
+        return self.likelihood.local(self.z, rough=True)
+
+    @property
+    def samples(self) -> int:
+        """Measurements that count."""
+        return int(self.likelihood.innovations(self.z)[2].sum())
 
 
 def maximise(
@@ -69,16 +84,19 @@ def maximise(
     enough: float = CONVERGED,
 ) -> Optimum:
     """Go up to the maximum by Fisher's scoring, damped after Marquardt (1963)."""
-    # Newton's decrement ends it that is less than `enough`.
+    # Newton's decrement ends it that is less than `enough`, and so does a step that gains what a
+    # parabola promised: what is left then is of second order.
     # SciPy's trust regions are balls in the coordinates; here one coordinate is known a thousand
     # times as well as another, and only a region in units of the errors gets anywhere.
     likelihood = data.likelihood(begin, parameters)
-    z, damping, converged, steps = np.zeros(len(parameters)), 1e-3, False, 0
-    at, rough = likelihood.local(z), False
-    while steps < MOST_STEPS:
+    z, damping, steps = np.zeros(len(parameters)), 1e-3, 0
+    at, rough = likelihood.local(z, rough=True), True
+    while True:
         left = at.left
-        converged = left < enough
-        step = None if converged else _step_up(likelihood, z, at, damping)
+        value, converged = at.value + 0.5 * min(left, RIDGE), left < enough
+        if converged or steps == MOST_STEPS:
+            break
+        step = _step_up(likelihood, z, at, damping)
         if step is None and rough:
             at, rough = likelihood.local(z), False
             continue
@@ -87,28 +105,30 @@ def maximise(
             # there keeps a score of its own.
             converged = left < RIDGE
             break
-        z, damping, steps, rough = z + step[0], step[1], steps + 1, left > FAR
-        before, at = at.value, likelihood.local(z, rough=rough)
-        if at.value - before < LEAST_GAIN:  # with as much left: it creeps along a wall
-            converged = left < RIDGE
+        z, damping, value = step
+        steps, gain = steps + 1, value - at.value
+        if abs(gain - 0.5 * left) < 0.1 * enough:
+            converged = True
             break
-    if rough:
-        at = likelihood.local(z)
-    _, _, used = likelihood.innovations(z)
-    return Optimum(likelihood.coordinates.model_at(z), at, steps, converged, int(used.sum()))
+        at, rough = likelihood.local(z, rough=True), True
+        if gain < LEAST_GAIN:  # with as much left: it creeps along a wall
+            value, converged = at.value + 0.5 * min(at.left, RIDGE), left < RIDGE
+            break
+    return Optimum(likelihood, z, value, steps, converged)
 
 
 def _step_up(
     likelihood: Likelihood, z: Array, at: Local, damping: float
-) -> tuple[Array, float] | None:
-    """Return a step that leads up, and the damping of the next; None where none does."""
+) -> tuple[Array, float, float] | None:
+    """Return where a step leads up to, the damping of the next, and the value; None: nowhere."""
     information = at.held
     while damping < MOST_DAMPING:
         damped = information + damping * np.diag(np.diag(information))
         step = np.asarray(np.linalg.solve(damped, at.score), float)
         step *= min(1.0, LONGEST_STEP / np.max(np.abs(step)))
-        if likelihood.value(z + step) > at.value:
-            return step, max(damping / 10, 1e-9)
+        value = likelihood.value(z + step)
+        if value > at.value:
+            return z + step, max(damping / 10, 1e-9), value
         damping *= 10
     return None
 
@@ -136,10 +156,10 @@ def fix(
             begins.append(ran_from.replace(**{parameter.place: value}))
         maximised = max(
             (maximise(data, begin, rest) for begin in begins),
-            key=lambda one: one.local.value,
+            key=lambda one: one.value,
         )
         loss = RULED_OUT if parameter.name in LAGS else MUCH_LESS_LIKELY
-        likely = maximised.local.value > result.local.value - loss
+        likely = maximised.value > result.value - loss
         model = maximised.model if likely or ran_from is not None else result.model
     if model is result.model:
         why = f"as found, for {parameter.text(initial_model)}, as given, is far less likely"
@@ -161,7 +181,7 @@ def unnecessary(
             continue
         none = NO_LAG * result.model.bearing.sampling_time
         other = maximise(data, _with(result.model, parameter, none, rest), rest)
-        if other.local.value > result.local.value - RULED_OUT:
+        if other.value > result.value - RULED_OUT:
             return parameter, "the records are about as likely without any"
     return None
 
