@@ -9,7 +9,6 @@ import ambkit
 from ambkit import Bearing, Machine
 from ambkit.assessment.assess import MEASUREMENT, on_orbit
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.control.linear.linear_plant import OperatingPoint, Orbit, plant
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import magnet_of
@@ -117,9 +116,7 @@ def test_what_has_no_orbit_is_refused(machine, orbit, said):
     (["tum_mlps", "--orbit", "far"], 2, "not a number with a unit"),
     (["speed", "tum_mlps", "--orbit", "1 um"], 2, "invalid choice: '1 um' (choose from 'own')"),
 ])  # fmt: skip
-def test_command(arguments, code, said, capsys):
-    with pytest.raises(SystemExit) as left:
-        main(["assess", *arguments])
-    assert int(left.value.code or 0) == code
-    shown = capsys.readouterr()
-    assert said in shown.out + " ".join(shown.err.split())
+def test_command(arguments, code, said, call):
+    told = call("assess", *arguments)
+    assert told.code == code
+    assert said in told.out + " ".join(told.err.split())

@@ -11,7 +11,6 @@ from exporting import export_c
 
 import ambkit
 from ambkit import AmbkitError, Bearing, Control, Machine, Scenario
-from ambkit.cli.main import main
 from ambkit.control.axis_sensitivity import shown_along_axes
 
 AXIS, MACHINE = Bearing.preset("zittau_axial"), Machine.preset("tum_mlps")
@@ -145,9 +144,7 @@ class Still:
 """
 
 
-def test_from_a_file_in_python_toml_and_on_the_command_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_from_a_file_in_python_toml_and_on_the_command_line(tmp_path, call):
     file = tmp_path / "my.py"
     file.write_text(FILE)
     text = 'duration = "20 ms"\nplant = "my.py:Still"\n[controller]\ncustom = "my.py:Low"\n'
@@ -156,12 +153,8 @@ def test_from_a_file_in_python_toml_and_on_the_command_line(
     assert Scenario.from_toml(scenario.to_toml()) == scenario
     record = ambkit.simulate(AXIS, scenario).record
     assert (record["x"][1:] == 1e-5).all()
-    told = ["--scenario", str(tmp_path / "s.toml"), "--out", str(tmp_path / "run.csv")]
-    with pytest.raises(SystemExit) as left:
-        main(["simulate", "zittau_axial", *told])
-    assert left.value.code == 0
+    assert call("simulate", "zittau_axial", "--scenario", "s.toml", "--out", "run.csv").code == 0
     assert (ambkit.Record.load(tmp_path / "run.csv")["x"][1:] == 1e-5).all()
-    capsys.readouterr()
     for name, words in (
         ("Late", "Late: step(y, r, estimate) at sample 6: ZeroDivisionError"),
         ("Two", "Two: step(y, r, estimate) at sample 0: ValueError: it returned 2 numbers"),

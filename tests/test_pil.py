@@ -1,6 +1,5 @@
 """Processor in the loop: an exported controller on a Cortex-M4F in qemu flies the plant."""
 
-import json
 import shutil
 import subprocess
 
@@ -11,7 +10,6 @@ from exporting import export_c, pil
 import ambkit
 from ambkit import Bearing, KalmanFilter, Machine, Record, Scenario, Step
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.input_scaling import Inputs, Scaling
@@ -33,14 +31,12 @@ SCENARIO = Scenario(
 
 
 @pytest.mark.parametrize("tool", TOOLS)
-def test_what_is_missing_is_said_with_what_to_install(tool, monkeypatch, capsys):
+def test_what_is_missing_is_said_with_what_to_install(tool, monkeypatch, call):
     monkeypatch.setattr(build.shutil, "which", lambda name: None if name == tool else name)
-    with pytest.raises(SystemExit) as left:
-        main(["pil", "zittau_axial"])
-    assert left.value.code == 2
-    said = capsys.readouterr().err
-    assert f"needs {tool}, which is not there: apt-get install" in said
-    assert said.count("\n") == 1
+    told = call("pil", "zittau_axial")
+    assert told.code == 2
+    assert f"needs {tool}, which is not there: apt-get install" in told.err
+    assert told.err.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -207,14 +203,12 @@ def test_the_rigs_own_numbers_go_there(tmp_path):
 
 @pytest.mark.long
 @needs_tools
-def test_the_command_says_it(tmp_path, capsys):
+def test_the_command_says_it(tmp_path, call):
     path, out, page = tmp_path / "s.toml", tmp_path / "flight.csv", tmp_path / "pil.html"
     path.write_text(SCENARIO.to_toml())
-    with pytest.raises(SystemExit) as left:
-        main(["pil", "zittau_axial", "--scenario", str(path), "--json", "--out", str(out),
-              "--out", str(page)])  # fmt: skip
-    assert not left.value.code
-    told = json.loads(capsys.readouterr().out)
+    told = call(
+        "pil", "zittau_axial", "--scenario", path, "--json", "--out", out, "--out", page
+    ).json
     assert told["passed"] is True
     assert told["samples"] == 2001
     assert ambkit.Record.load(out).t.size == 2001

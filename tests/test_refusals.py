@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from ambkit.base.errors import RecordError, shortened
-from ambkit.cli.main import main
 
 LOG = "t,y,u\n" + "".join(
     f"{k * 1e-3:.4f},{1e-3 * np.sin(k / 50):.6f},{-np.sin(k / 50):.4f}\n"
@@ -18,17 +17,15 @@ LOG = "t,y,u\n" + "".join(
 
 
 @pytest.fixture
-def refused(capsys, tmp_path, monkeypatch):
+def refused(call):
     """Call a command that must fail with exit code 2; return what it says."""
-    monkeypatch.chdir(tmp_path)
 
-    def call(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main(arguments)
-        assert left.value.code == 2
-        return capsys.readouterr().err
+    def told(*arguments):
+        done = call(*arguments)
+        assert done.code == 2
+        return done.err
 
-    return call
+    return told
 
 
 @pytest.mark.parametrize("name", ["log.csv", "./log.csv", "link.csv"])
@@ -82,22 +79,9 @@ def test_an_option_that_is_taken_once_is_given_once(refused):
     assert "--step is given more than once" in refused(*twice)
 
 
-def test_a_loop_at_the_stop_is_told(capsys):
-    with pytest.raises(SystemExit):
-        main(
-            [
-                "compare",
-                "steps",
-                "zittau_axial",
-                "--steps",
-                "0.1 mm",
-                "--steps",
-                "5 mm",
-                "--seeds",
-                "1",
-            ]
-        )
-    out = capsys.readouterr().out
+def test_a_loop_at_the_stop_is_told(call):
+    far = ("--steps", "0.1 mm", "--steps", "5 mm", "--seeds", "1")
+    out = call("compare", "steps", "zittau_axial", *far).out
     assert "5 mm, linear: contact with the stop in 1 of 1 runs" in out
     assert "100 µm, linear: the rotor" not in out
 
@@ -108,13 +92,11 @@ def test_problems_are_counted_with_those_that_are_not_listed():
     assert told.endswith("and 240 more")
 
 
-def test_a_guess_invents_no_sampling_time(capsys, refused, tmp_path):
+def test_a_guess_invents_no_sampling_time(call, refused, tmp_path):
     lines = LOG.splitlines()
     rows = [f"run {k},{line[7:]}" for k, line in enumerate(lines[1:])]
     (tmp_path / "log.csv").write_text("\n".join(["when,y,u", *rows]) + "\n")
-    with pytest.raises(SystemExit):
-        main(["read", "guess", "log.csv"])
-    proposed = capsys.readouterr().out
+    proposed = call("read", "guess", "log.csv").out
     assert "columns without numbers are not read: when" in proposed.lower()
     (tmp_path / "map.toml").write_text(proposed)
     assert "give sampling_time" in refused("read", "log.csv", "--channels", "map.toml")

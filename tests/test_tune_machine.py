@@ -9,7 +9,6 @@ import pytest
 import ambkit
 from ambkit import FilterNoise, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.judge.comparison.tuning import candidate_of_kind
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -89,15 +88,14 @@ def test_what_cannot_be_tuned_is_refused(record):
         ambkit.tune(TUM, one, "linear")
 
 
-def test_one_expert_is_kept_for_all_bearings(tmp_path, capsys, monkeypatch):
+def test_one_expert_is_kept_for_all_bearings(call):
     """The filter's file names the expert that it was tuned with, and reads it back."""
-    monkeypatch.chdir(tmp_path)
     ambkit.train(TUM.isolated_axis("A1")).expert.save("expert.json")
-    with pytest.raises(SystemExit) as left:
-        main(["tune", "tum_mlps", "--filter", "adaptive@expert.json",
-              "--budget", "1", "--seeds", "1", "--max-sensitivity", "2",
-              "--out", "filter.toml"])  # fmt: skip
-    assert not left.value.code, capsys.readouterr().err
+    few = ("--budget", "1", "--seeds", "1", "--max-sensitivity", "2")
+    done = call(
+        "tune", "tum_mlps", "--filter", "adaptive@expert.json", *few, "--out", "filter.toml"
+    )
+    assert done.code == 0, done.err
     read = ambkit.FilterFile.load("filter.toml")
     assert {Path(each.file).name for each in read.magnets.values()} == {"expert.json"}
     assert list(read.magnets) == [each.name for each in TUM.bearing]
@@ -109,13 +107,10 @@ def test_one_expert_is_kept_for_all_bearings(tmp_path, capsys, monkeypatch):
      "Peak of |S| in the loop"),
     (["tune", "tum_mlps", "--filter", "low-pass"], 2, "takes one axis"),
 ])  # fmt: skip
-def test_commands(arguments, code, said, capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as left:
-        main(arguments)
-    shown = capsys.readouterr()
-    assert int(left.value.code or 0) == code, shown.err
-    assert said in " ".join((shown.out + shown.err).split())
+def test_commands(arguments, code, said, call):
+    told = call(*arguments)
+    assert told.code == code, told.err
+    assert said in " ".join((told.out + told.err).split())
 
 
 def test_the_same_filter_of_another_machine_keeps_its_noise():
