@@ -6,7 +6,7 @@ import gc
 import json
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -131,11 +131,21 @@ NO_LINES = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
 SYMBOLS: set[str] = set()
 
 
+def _texts(canvas: Any) -> Iterator[str]:
+    """Yield the texts of ours; numbers at ticks are matplotlib's, and made when it draws."""
+    texts = list(canvas.texts)
+    for axes in canvas.axes:
+        texts += [axes.title, axes.xaxis.label, axes.yaxis.label, *axes.texts]
+        texts += legend.get_texts() if (legend := axes.get_legend()) is not None else []
+        for axis in (axes.xaxis, axes.yaxis):
+            yield from getattr(axis.get_major_formatter(), "seq", ())
+    yield from (text.get_text() for text in texts)
+
+
 def _shown(canvas: Any, content: bytes) -> bytes:
     from matplotlib.mathtext import MathTextParser
-    from matplotlib.text import Text
 
-    for text in {found.get_text() for found in canvas.findobj(Text)} - SYMBOLS:
+    for text in set(_texts(canvas)) - SYMBOLS:
         SYMBOLS.add(text)
         if "$" in text:  # what else only drawing would refuse
             MathTextParser("path").parse(text)

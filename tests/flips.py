@@ -137,11 +137,11 @@ def magnets_of(made: CExport) -> dict[str, str]:
     return {"MAGNETS": "rig_magnet" if "rig_magnet[" in data else "(&rig_magnet)"}
 
 
-def compiled(made: CExport, program: str, *flags: str) -> Path:
-    """Return the program, compiled with the export."""
+def compiled(made: CExport, program: str, *flags: str, optimise: bool = True) -> Path:
+    """Return the program, compiled with the export; few flights take less than optimising does."""
     main, out = made.folder / "bit_flips.c", made.folder / "bit_flips"
     main.write_text(program)
-    command = ["gcc", "-std=gnu99", *SAME_BITS[1:], "-O2", *flags, *INCLUDES]
+    command = ["gcc", "-std=gnu99", *SAME_BITS[1:], "-O2" if optimise else "-O0", *flags, *INCLUDES]
     done = subprocess.run(
         [*command, *made.sources, main, "-o", out], cwd=made.folder, capture_output=True, text=True
     )
@@ -157,7 +157,7 @@ def campaign(
 
     With more than it, up to so `many` at once, drawn at random.
     """
-    out = compiled(made, program)
+    out = compiled(made, program, optimise=many > 1 or every < 32)
     words = [str(n) for n in (before, after, settling, every, first, many)]
     text = subprocess.run([out, *words], capture_output=True, text=True, check=True).stdout
     lines = text.splitlines()

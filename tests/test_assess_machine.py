@@ -1,5 +1,6 @@
 """Margins of machines: against the core and the simulation, and what is said of them."""
 
+import functools
 import math
 from dataclasses import replace
 
@@ -22,6 +23,11 @@ from ambkit.simulation.scenario import Scenario
 
 RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")
+
+
+@functools.cache
+def assessed():
+    return ambkit.assess(UFU, "linear")
 
 
 # ---- the pieces against what computes
@@ -152,7 +158,7 @@ def test_unbalance_is_answered_as_the_simulation_does(feedback):
 
 
 def test_ideal_pieces_say_what_each_costs():
-    found = ambkit.assess(UFU, "linear")
+    found = assessed()
     shares = found.shares()
     assert list(shares) == ["as it is", "amplifier", "sensor", "delay", "filter"]
     assert shares["as it is"] == pytest.approx(found.loops["linear"].peak, rel=1e-4)
@@ -166,7 +172,7 @@ def test_ideal_pieces_say_what_each_costs():
 
 
 def test_grades_of_balance():
-    found = ambkit.assess(UFU, "linear")
+    found = assessed()
     m, speed = UFU.rotor.mass, UFU.speed
     grades = {each.grade: each for each in found.grades()}
     each = grades[2.5e-3]
@@ -209,7 +215,7 @@ def test_a_load_moves_the_operating_point():
 
 
 def test_assessment_of_a_machine_says_it_all():
-    found = ambkit.assess(UFU, "linear")
+    found = assessed()
     assert list(found.loops) == [MEASUREMENT, "linear"]
     data = found.to_dict()
     loop = data["loops"]["linear"]
@@ -246,7 +252,7 @@ def test_lqg_of_a_machine_stands_beside_the_loops():
 
 @pytest.mark.long
 def test_the_verdict_on_a_machine(tmp_path):
-    found = ambkit.assess(UFU, "linear")
+    found = assessed()
     over = ambkit.assess_speed(UFU, "linear", fastest="6000 rpm", count=3)
     assert all(row.kept is not False for row in [*found.rows, *over.rows])
     rows = {row.key: row for row in found.rows if row.of == "linear"}

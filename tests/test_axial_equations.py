@@ -22,7 +22,9 @@ HEADER = (ROOT / "core" / "generated" / "axial.h").read_text(encoding="utf-8")
 def test_one_changed_sign_is_noticed(tmp_path, monkeypatch, capsys):
     from models import __main__ as writer
 
-    for name in writer.texts():
+    headers = writer.axial_headers()  # all texts are compared by ./test
+    monkeypatch.setattr(writer, "texts", lambda: headers)
+    for name in headers:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
     shutil.copy(ROOT / ".clang-format", tmp_path)
