@@ -8,122 +8,19 @@ struct LoopState {
   amb_loop_state state{};
 };
 
-#if defined(AMB_MODEL_LOOPS)
-// An estimator, and the model that turns with the rotor.
-struct Turning {
-  Estimator *estimator;
-  Model *model;
-  static void turn(void *self, amb_real before, amb_real after)
-  {
-    const auto &both = *static_cast<Turning *>(self);
-    both.estimator->turn(*both.model, before, after);
-  }
-};
-#endif
-
-// A controller or a plant in Python, around numbers of C. What is called raises nothing, and
-// returns as many numbers as there are (control/user_controller.py, simulation/external_inputs.py).
-struct OwnOf {
-  nb::callable answer;
-  size_t given[3], answers;
-  std::vector<size_t> places; // of the answer's numbers
-  bool ask(std::initializer_list<const amb_real *> from, amb_real to[]) const
-  {
-    nb::gil_scoped_acquire acquire;
-    nb::list arguments[3];
-    size_t at = 0;
-    for (const amb_real *numbers : from) {
-      for (size_t i = 0; (numbers != nullptr) && (i < given[at]); i++)
-        arguments[at].append(numbers[i]);
-      at++;
-    }
-    const nb::object result = answer(arguments[0], arguments[1], arguments[2]);
-    for (size_t i = 0; i < answers; i++)
-      to[places[i]] = nb::cast<amb_real>(result[i]);
-    return nb::len(result) > answers && nb::cast<amb_real>(result[answers]) > 0;
-  }
-  static void control(void *self, const amb_real y[], const amb_real r[], const amb_real mean[],
-                      amb_real iu[])
-  {
-    (void)static_cast<const OwnOf *>(self)->ask({y, r, mean}, iu);
-  }
-  static bool move(void *self, const amb_real iu[], const amb_real load[], amb_real X[])
-  {
-    return static_cast<const OwnOf *>(self)->ask({iu, load, nullptr}, X);
-  }
-};
-
-// An array of a run that may be absent, checked.
-const amb_real *series(const std::optional<Samples> &given, size_t n, size_t columns,
-                       const char *name)
+Named simulate(const nb::dict &given, const nb::kwargs &arguments)
 {
-  if (!given)
-    return nullptr;
-  same_length(n, samples_of(*given, columns, name), name);
-  return given->data();
-}
-
-Named simulate(const nb::dict &given, const Samples &r, const Samples &load, const Samples &noise_u,
-               const Samples &noise_y, const Vector &place, const Vector &current,
-               const Vector &integral, bool hovers, Estimator *estimator, Model *model,
-               Control *control, const std::optional<Samples> &speed,
-               const std::optional<Samples> &base, std::optional<size_t> off,
-               const std::optional<Samples> &scale, const std::optional<Named> &faults, bool beside,
-               const std::optional<Samples> &fly, LoopState *went,
-               const std::optional<Vector> &start,
-               const std::optional<nb::callable> &own_controller,
-               const std::optional<nb::callable> &own_plant)
-{
-  LoopOf of(given, estimator, control);
-  amb_loop &loop = of.loop;
-  const size_t p = of.axes(), m = of.sensors(), n = samples_of(r, p, "r");
-  of.check_start(place, current, integral);
-  const std::optional<Faults> wrong =
-      faults ? std::optional<Faults>(std::in_place, *faults, beside, n, of) : std::nullopt;
-  amb_loop_input input{};
-  input.n = n;
-  input.r = r.data();
-  input.load = series(load, n, p, "load");
-  input.noise_u = series(noise_u, n, p, "noise_u");
-  input.noise_y = series(noise_y, n, m, "noise_y");
-  input.speed = series(speed, n + 1, 1, "speed");
-  input.base = series(base, n, 3, "base");
-  input.scale = series(scale, n, 1, "scale");
-  input.fly = series(fly, n, 1, "fly");
-  input.faults = wrong ? &wrong->to : nullptr;
-  input.off = off.value_or(n);
-  if (!loop.plant.own && input.speed == nullptr)
-    throw std::invalid_argument("a plant of several axes needs a speed");
-#if defined(AMB_MODEL_LOOPS)
-  Turning turning{estimator, model};
-  if (estimator != nullptr && model != nullptr && model->turns()) {
-    if (input.speed == nullptr)
-      throw std::invalid_argument("a model that turns needs a speed");
-    loop.turn = &Turning::turn;
-    loop.model = &turning;
-  }
-#else
-  (void)model; // a single axis does not turn
-#endif
-  std::optional<OwnOf> controller, plant;
-  if (own_controller) {
-    const size_t states = estimator ? static_cast<size_t>(amb_states(&estimator->kf.model)) : 0;
-    controller.emplace(OwnOf{*own_controller, {m, p, states}, p, {}});
-    for (size_t c = 0; c < p; c++)
-      controller->places.push_back(c);
-    loop.own.control = &OwnOf::control;
-    loop.own.controller = &*controller;
-  }
-  if (own_plant) {
-    plant.emplace(OwnOf{*own_plant, {p, p, 0}, 0, {}});
-    for (int j = 0; j < (loop.plant.own ? 2 : 2 * loop.plant.positions); j++)
-      plant->places.push_back(static_cast<size_t>(j));
-    for (size_t r = 0; r < m; r++)
-      plant->places.push_back(static_cast<size_t>(loop.plant.shows[r]));
-    plant->answers = plant->places.size();
-    loop.own.move = &OwnOf::move;
-    loop.own.plant = &*plant;
-  }
+  Arguments named(arguments);
+  ClosedLoop closed_loop(given, named);
+  const amb_loop &loop = closed_loop.of.loop;
+  Estimator *estimator = closed_loop.estimator;
+  const size_t p = closed_loop.of.axes(), m = closed_loop.of.sensors(), n = closed_loop.in.n;
+  amb_loop_input input = closed_loop.in;
+  input.noise_u = closed_loop.series(named.take("noise_u"), n, p, "noise_u");
+  input.noise_y = closed_loop.series(named.take("noise_y"), n, m, "noise_y");
+  auto *went = named.or_else<LoopState *>("state", nullptr);
+  const auto start = named.or_else<std::optional<Vector>>("start", std::nullopt);
+  named.done();
   const auto columns = static_cast<size_t>(loop.plant.own ? 3 : loop.plant.states);
   Fresh<amb_real> X({columns, n}), iu({n, p}), force({n, p}), y({n, m}), u({n, p});
   std::vector<amb_real *> states;
@@ -133,7 +30,7 @@ Named simulate(const nb::dict &given, const Samples &r, const Samples &load, con
   History history(estimator ? n : 0, sizes, estimator != nullptr, estimator && estimator->scales());
   const amb_parts &coil = loop.plant.amplifier[0];
   const bool volts = p == 1 && coil.voltage > 0, both = volts && coil.pair;
-  const bool whole = control != nullptr;
+  const bool whole = closed_loop.control != nullptr;
   Fresh<amb_real> first({volts ? n : 0}), second({both ? n : 0});
   Fresh<unsigned short> status({n});
   Fresh<unsigned char> mode({whole ? n : 0}), usable({whole ? n : 0});
@@ -153,7 +50,7 @@ Named simulate(const nb::dict &given, const Samples &r, const Samples &load, con
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;
   if (!state.sampled)
-    of.settle(state, place, current, integral, hovers, estimator ? estimator->state() : nullptr);
+    closed_loop.settle(state, estimator ? estimator->state() : nullptr);
   if (start) {
     same_length(static_cast<size_t>(loop.plant.states), start->size(), "start");
     std::copy_n(start->data(), start->size(), state.plant.X);
@@ -191,16 +88,7 @@ void bind_loop(nb::module_ &m)
   nb::class_<LoopState>(m, "LoopState",
                         "Plant, controller and last sample of a closed loop; empty at first.")
       .def(nb::init<>());
-  m.def("simulate", &simulate, nb::arg("loop"), nb::kw_only(), nb::arg("r"), nb::arg("load"),
-        nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("place"), nb::arg("current"),
-        nb::arg("integral"), nb::arg("hovers") = true, nb::arg("estimator").none() = nb::none(),
-        nb::arg("model").none() = nb::none(), nb::arg("control").none() = nb::none(),
-        nb::arg("speed").none() = nb::none(), nb::arg("base").none() = nb::none(),
-        nb::arg("off").none() = nb::none(), nb::arg("scale").none() = nb::none(),
-        nb::arg("faults").none() = nb::none(), nb::arg("beside") = false,
-        nb::arg("fly").none() = nb::none(), nb::arg("state").none() = nb::none(),
-        nb::arg("start").none() = nb::none(), nb::arg("own_controller").none() = nb::none(),
-        nb::arg("own_plant").none() = nb::none(),
+  m.def("simulate", &simulate, nb::arg("loop"), nb::arg("named"),
         nb::sig(
             "def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: "
             "Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: "

@@ -77,23 +77,26 @@ const int *LoopOf::places(const char *name, size_t n, int most, int least)
   return ints.back().data();
 }
 
-amb_rows LoopOf::rows(const char *name, size_t count, size_t columns)
+Rows::Rows(const nb::tuple &parts, size_t count, size_t columns, const char *name)
+    : start(nb::cast<std::vector<unsigned short>>(parts[0])),
+      column(nb::cast<std::vector<unsigned short>>(parts[1])),
+      value(nb::cast<std::vector<amb_real>>(parts[2]))
 {
-  const auto parts = nb::cast<nb::tuple>(given[name]); // start, column, value
-  shorts.push_back(nb::cast<std::vector<unsigned short>>(parts[0]));
-  const std::vector<unsigned short> &start = shorts.back();
-  shorts.push_back(nb::cast<std::vector<unsigned short>>(parts[1]));
-  const std::vector<unsigned short> &column = shorts.back();
   same_length(count + 1, start.size(), name);
   same_length(start.back(), column.size(), name);
-  const amb_real *value = reals.keep(parts[2], start.back(), name);
+  same_length(start.back(), value.size(), name);
   for (size_t i = 0; i < count; i++)
     if (start[i + 1] < start[i])
       throw std::invalid_argument(std::string(name) + ": rows must ascend");
   for (const unsigned short at : column)
     if (at >= columns)
       throw std::invalid_argument(std::string(name) + ": a column is out of range");
-  return {start.data(), column.data(), value};
+  to = {start.data(), column.data(), value.data()};
+}
+
+amb_rows LoopOf::rows(const char *name, size_t count, size_t columns)
+{
+  return all_rows.emplace_back(nb::cast<nb::tuple>(given[name]), count, columns, name).to;
 }
 
 std::vector<amb_parts> LoopOf::all_parts(const char *name, size_t n) const
@@ -227,7 +230,7 @@ void LoopOf::set_controllers(Estimator *estimator)
     estimator->must_have({AMB_POSITION, AMB_VELOCITY}, "feedback from the estimate");
 }
 
-LoopOf::LoopOf(const nb::dict &said, Estimator *estimator, Control *control) : given(said)
+LoopOf::LoopOf(const nb::dict &fields, Estimator *estimator, Control *control) : given(fields)
 {
   if (control != nullptr && &control->estimator != estimator)
     throw std::invalid_argument("the controller has another estimator than the loop");
@@ -280,4 +283,103 @@ Faults::Faults(const nb::dict &arrays, bool beside, size_t n, const LoopOf &of)
         series("u_times", p),
         series("u_plus", p),
         series("current", p)};
+}
+
+bool OwnOf::ask(std::initializer_list<const amb_real *> from, amb_real to[]) const
+{
+  nb::gil_scoped_acquire acquire;
+  nb::list arguments[3];
+  size_t at = 0;
+  for (const amb_real *numbers : from) {
+    for (size_t i = 0; (numbers != nullptr) && (i < given[at]); i++)
+      arguments[at].append(numbers[i]);
+    at++;
+  }
+  const nb::object result = answer(arguments[0], arguments[1], arguments[2]);
+  for (size_t i = 0; i < answers; i++)
+    to[places[i]] = nb::cast<amb_real>(result[i]);
+  return nb::len(result) > answers && nb::cast<amb_real>(result[answers]) > 0;
+}
+
+const amb_real *ClosedLoop::series(nb::handle given, size_t n, size_t columns, const char *name)
+{
+  if (given.is_none())
+    return nullptr;
+  kept.push_back(nb::cast<Samples>(given));
+  same_length(n, samples_of(kept.back(), columns, name), name);
+  return kept.back().data();
+}
+
+ClosedLoop::ClosedLoop(const nb::dict &loop, Arguments &named)
+    : estimator(named.or_else<Estimator *>("estimator", nullptr)),
+      control(named.or_else<Control *>("control", nullptr)), of(loop, estimator, control),
+      keeps{nb::find(estimator), nb::find(control)}, place(named.must<Vector>("place")),
+      current(named.must<Vector>("current")), integral(named.must<Vector>("integral")),
+      hovers(named.or_else<bool>("hovers", true))
+{
+  const size_t p = of.axes();
+  const auto r = named.must<Samples>("r");
+  const size_t n = in.n = samples_of(r, p, "r");
+  of.check_start(place, current, integral);
+  kept.push_back(r);
+  in.r = r.data();
+  in.load = series(named.take("load"), n, p, "load");
+  in.speed = series(named.take("speed"), n + 1, 1, "speed");
+  in.base = series(named.take("base"), n, 3, "base");
+  in.scale = series(named.take("scale"), n, 1, "scale");
+  in.fly = series(named.take("fly"), n, 1, "fly");
+  in.off = named.or_else<size_t>("off", n);
+  const bool beside = named.or_else<bool>("beside", false);
+  const nb::object wrong = named.take("faults");
+  if (!wrong.is_none())
+    in.faults = &faults.emplace(nb::cast<nb::dict>(wrong), beside, n, of).to;
+  if (!of.loop.plant.own && in.speed == nullptr)
+    throw std::invalid_argument("a plant of several axes needs a speed");
+  set_model(named.or_else<Model *>("model", nullptr));
+  const nb::object own_controller = named.take("own_controller");
+  set_own(own_controller, named.take("own_plant"));
+}
+
+void ClosedLoop::set_model(Model *model)
+{
+#if defined(AMB_MODEL_LOOPS)
+  if (estimator == nullptr || model == nullptr || !model->turns())
+    return;
+  if (in.speed == nullptr)
+    throw std::invalid_argument("a model that turns needs a speed");
+  turning = {estimator, model};
+  of.loop.turn = &Turning::turn;
+  of.loop.model = &turning;
+#else
+  (void)model; // a single axis does not turn
+#endif
+}
+
+void ClosedLoop::set_own(const nb::object &own_controller, const nb::object &own_plant)
+{
+  const size_t p = of.axes(), m = of.sensors();
+  amb_loop &loop = of.loop;
+  if (!own_controller.is_none()) {
+    const size_t states = estimator ? estimator->sizes().states : 0;
+    controller.emplace(OwnOf{nb::cast<nb::callable>(own_controller), {m, p, states}, p, {}});
+    for (size_t c = 0; c < p; c++)
+      controller->places.push_back(c);
+    loop.own.control = [](void *self, const amb_real y[], const amb_real r[], const amb_real mean[],
+                          amb_real iu[]) {
+      (void)static_cast<const OwnOf *>(self)->ask({y, r, mean}, iu);
+    };
+    loop.own.controller = &*controller;
+  }
+  if (!own_plant.is_none()) {
+    plant.emplace(OwnOf{nb::cast<nb::callable>(own_plant), {p, p, 0}, 0, {}});
+    for (int j = 0; j < (loop.plant.own ? 2 : 2 * loop.plant.positions); j++)
+      plant->places.push_back(static_cast<size_t>(j));
+    for (size_t r = 0; r < m; r++)
+      plant->places.push_back(static_cast<size_t>(loop.plant.shows[r]));
+    plant->answers = plant->places.size();
+    loop.own.move = [](void *self, const amb_real iu[], const amb_real load[], amb_real X[]) {
+      return static_cast<const OwnOf *>(self)->ask({iu, load, nullptr}, X);
+    };
+    loop.own.plant = &*plant;
+  }
 }

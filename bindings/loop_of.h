@@ -10,6 +10,17 @@ extern "C" {
 // The parts of a plant, by the names of amb_parts; what is not named is 0.
 amb_parts parts_of(const nb::dict &given);
 
+// Rows of entries from a tuple of start, column and value.
+struct Rows {
+  Rows(const nb::tuple &parts, size_t count, size_t columns, const char *name);
+  Rows(const Rows &) = delete; // `to` points into the object
+  amb_rows to{};
+
+private:
+  std::vector<unsigned short> start, column;
+  std::vector<amb_real> value;
+};
+
 // Plant and controllers of a loop, by the names of amb_plant, and all that they point to.
 class LoopOf
 {
@@ -47,12 +58,50 @@ private:
   nb::dict given; // keeps the magnets
   Kept reals;
   std::list<std::vector<int>> ints;
-  std::list<std::vector<unsigned short>> shorts;
+  std::list<Rows> all_rows;
   std::vector<amb_magnet> magnets, coils;
   std::vector<amb_parts> amplifiers, sensor_parts;
   std::list<amb_parts> stops;
   std::vector<amb_ring> rings;
   Law law;
+};
+
+// What a call was named by name: each is taken once, and none may be left.
+class Arguments
+{
+public:
+  explicit Arguments(const nb::dict &given)
+  {
+    rest.update(given);
+  }
+  nb::object take(const char *name)
+  {
+    if (!rest.contains(name))
+      return nb::none();
+    nb::object value = rest[name];
+    nb::del(rest[name]);
+    return value;
+  }
+  template <typename T> T must(const char *name)
+  {
+    const nb::object value = take(name);
+    if (value.is_none())
+      throw std::invalid_argument(std::string(name) + " is missing");
+    return nb::cast<T>(value);
+  }
+  template <typename T> T or_else(const char *name, T otherwise)
+  {
+    const nb::object value = take(name);
+    return value.is_none() ? otherwise : nb::cast<T>(value);
+  }
+  void done() const
+  {
+    for (const auto &[name, value] : rest)
+      throw nb::type_error((std::string("there is no argument ") + nb::str(name).c_str()).c_str());
+  }
+
+private:
+  nb::dict rest;
 };
 
 // The faults of a run: arrays by the names of amb_loop_faults, a value a sample and sensor or axis.
@@ -64,4 +113,53 @@ public:
 
 private:
   std::vector<Samples> kept;
+};
+
+// A controller or a plant in Python, around numbers of C. What is called raises nothing, and
+// returns as many numbers as there are (control/user_controller.py, simulation/external_inputs.py).
+struct OwnOf {
+  nb::callable answer;
+  size_t given[3], answers;
+  std::vector<size_t> places; // of the answer's numbers
+  bool ask(std::initializer_list<const amb_real *> from, amb_real to[]) const;
+};
+
+// A loop, where it starts, and all that comes from outside but its noise.
+class ClosedLoop
+{
+public:
+  ClosedLoop(const nb::dict &loop, Arguments &named);
+  ClosedLoop(const ClosedLoop &) = delete; // `in` and the loop point into the object
+  void settle(amb_loop_state &state, void *state_of_estimator) const
+  {
+    of.settle(state, place, current, integral, hovers, state_of_estimator);
+  }
+  Estimator *estimator;
+  Control *control;
+  LoopOf of;
+  amb_loop_input in{};
+  // An array of the run, a row a sample, that may be absent; it is kept.
+  const amb_real *series(nb::handle given, size_t n, size_t columns, const char *name);
+
+private:
+  void set_model(Model *model);
+  void set_own(const nb::object &own_controller, const nb::object &own_plant);
+  nb::object keeps[2];
+  Vector place, current, integral;
+  bool hovers;
+  std::list<Samples> kept;
+  std::optional<Faults> faults;
+  std::optional<OwnOf> controller, plant;
+#if defined(AMB_MODEL_LOOPS)
+  // An estimator, and the model that turns with the rotor.
+  struct Turning {
+    Estimator *estimator;
+    Model *model;
+    static void turn(void *self, amb_real before, amb_real after)
+    {
+      const auto &both = *static_cast<Turning *>(self);
+      both.estimator->turn(*both.model, before, after);
+    }
+  } turning{};
+#endif
 };

@@ -11,93 +11,100 @@ extern "C" {
 namespace
 {
 
-using Doubles = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Doubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
+using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
-// All of a run but its number: loop, start, and what comes from outside. Python keeps magnets and
-// estimator alive, and the arrays are kept here.
+// All of a run but its number: loop, start, and what comes from outside.
 struct Plan {
-  LoopOf of;
-  Estimator *estimator;
+  ClosedLoop closed_loop;
   amb_many_run run{};
-  size_t n;
-  std::vector<amb_real> mean, std;
-  Vector place, current, integral;
-  bool hovers;
-  Vector r, load;
-  std::optional<Doubles> noise_u, noise_y;
-  std::optional<Vector> scale, fly;
-  std::optional<Faults> faults;
 
-  Plan(const Named &loop, Estimator *estimator_, Control *control, std::optional<Vector> at_mean,
-       std::optional<Vector> at_std, Vector place_, Vector current_, Vector integral_, bool hovers_,
-       Vector reference, Vector load_, uint64_t seed, double std_u, double std_y,
-       std::optional<Doubles> on_u, std::optional<Doubles> on_y, std::optional<Vector> scaled,
-       const std::optional<Named> &wrong, bool beside, std::optional<Vector> flies, size_t first,
-       size_t step_from, size_t step_to, amb_real height, size_t load_from, amb_real band)
-      : of(loop, estimator_, control), estimator(estimator_), n(reference.size()), place(place_),
-        current(current_), integral(integral_), hovers(hovers_), r(reference), load(load_),
-        noise_u(on_u), noise_y(on_y), scale(scaled), fly(flies)
+  Plan(const nb::dict &loop, const nb::kwargs &arguments) : Plan(loop, Arguments(arguments))
   {
-    same_length(1, of.axes(), "a loop that is judged, in axes,");
-    of.check_start(place, current, integral);
-    same_length(n, load.size(), "load");
-    for (const auto &[array, name] : {std::pair{&noise_u, "noise_u"}, {&noise_y, "noise_y"}})
-      if (*array)
-        same_length(n, (*array)->size(), name);
-    if (scale)
-      same_length(n, scale->size(), "scale");
-    if (fly)
-      same_length(n, fly->size(), "fly");
-    if (wrong)
-      faults.emplace(*wrong, beside, n, of);
-    if (estimator != nullptr) {
-      estimator->must_have({AMB_POSITION, AMB_VELOCITY, AMB_LOAD}, "a loop that is judged");
-      if (!at_mean || !at_std)
-        throw std::invalid_argument("an estimator needs a mean and an std to start from");
-      same_length(estimator->sizes().states, at_mean->size(), "mean");
-      same_length(estimator->sizes().states, at_std->size(), "std");
-      mean = copied(*at_mean);
-      std = copied(*at_std);
-    }
-    if (first >= n || step_to > n || load_from > n)
-      throw std::invalid_argument("spans must be within the run");
-    run.loop = &of.loop;
-    run.in.n = run.in.off = n;
-    run.in.r = r.data();
-    run.in.load = load.data();
-    run.key = {seed, 0};
-    run.std_u = std_u;
-    run.std_y = std_y;
-    run.noise_u = noise_u ? noise_u->data() : nullptr;
-    run.noise_y = noise_y ? noise_y->data() : nullptr;
-    run.in.scale = scale ? scale->data() : nullptr;
-    run.in.faults = faults ? &faults->to : nullptr;
-    run.in.fly = fly ? fly->data() : nullptr;
-    const bool steps = step_from < step_to;
-    run.windows = {static_cast<double>(first),
-                   static_cast<double>(step_from),
-                   static_cast<double>(step_to),
-                   steps ? height : 1.0,
-                   steps ? r.data()[step_from] : 0.0,
-                   static_cast<double>(load_from),
-                   band};
-    if (estimator != nullptr) {
-      std::vector<std::max_align_t> tried(memory());
-      if (!reset(tried.data()))
-        throw std::invalid_argument("mean must be finite, std finite and positive");
-    }
   }
   Plan(const Plan &) = delete; // `run` points into the object
 
   // Of an estimator's state, in units of the greatest alignment.
   size_t memory() const
   {
-    return estimator ? of.loop.estimator->methods->state_size / sizeof(std::max_align_t) + 1 : 0;
+    const amb_estimator *e = closed_loop.of.loop.estimator;
+    return e != nullptr ? e->methods->state_size / sizeof(std::max_align_t) + 1 : 0;
   }
   bool reset(void *state) const
   {
-    const amb_estimator *e = of.loop.estimator;
+    const amb_estimator *e = closed_loop.of.loop.estimator;
     return e->methods->reset(e, state, mean.data(), std.data()) == AMB_OK;
+  }
+
+private:
+  std::vector<amb_real> mean, std;
+  std::vector<double> std_u, std_y;
+  std::optional<Doubles> noise_u, noise_y;
+  std::vector<amb_windows> windows;
+  std::list<Rows> along;
+
+  Plan(const nb::dict &loop, Arguments named) : closed_loop(loop, named)
+  {
+    const size_t n = closed_loop.in.n, p = closed_loop.of.axes(), m = closed_loop.of.sensors();
+    run.loop = &closed_loop.of.loop;
+    run.in = closed_loop.in;
+    run.key = {named.must<uint64_t>("seed"), 0};
+    std_u = named.must<std::vector<double>>("std_u");
+    std_y = named.must<std::vector<double>>("std_y");
+    same_length(p, std_u.size(), "std_u");
+    same_length(m, std_y.size(), "std_y");
+    run.std_u = std_u.data();
+    run.std_y = std_y.data();
+    run.noise_u = noise(noise_u, named.take("noise_u"), n * p, "noise_u");
+    run.noise_y = noise(noise_y, named.take("noise_y"), n * m, "noise_y");
+    set_windows(named.must<Table>("windows"));
+    set_estimator(named.take("mean"), named.take("std"), named.take("along"));
+    named.done();
+  }
+  static const double *noise(std::optional<Doubles> &kept, const nb::object &given, size_t n,
+                             const char *name)
+  {
+    if (given.is_none())
+      return nullptr;
+    kept = nb::cast<Doubles>(given);
+    same_length(n, kept->size(), name);
+    return kept->data();
+  }
+  void set_windows(const Table &of)
+  {
+    const size_t columns = 7;
+    const auto n = static_cast<double>(closed_loop.in.n);
+    same_length(closed_loop.of.axes(), of.shape(0), "windows");
+    same_length(columns, of.shape(1), "windows");
+    for (size_t f = 0; f < of.shape(0); f++) {
+      const double *at = of.data() + f * columns;
+      if (!(at[0] >= 0 && at[0] < n && at[1] >= 0 && at[1] < n && at[2] <= n && at[4] >= 0 &&
+            at[4] <= n))
+        throw std::invalid_argument("spans must be within the run");
+      const amb_real there = closed_loop.in.r[static_cast<size_t>(at[1]) * of.shape(0) + f];
+      const amb_real height = static_cast<amb_real>(at[3]);
+      windows.push_back({at[0], at[1], at[2], height, there, at[4], at[5], at[6]});
+    }
+    run.windows = windows.data();
+  }
+  void set_estimator(const nb::object &at_mean, const nb::object &at_std, const nb::object &rows)
+  {
+    if (closed_loop.estimator == nullptr)
+      return;
+    const size_t states = closed_loop.estimator->sizes().states;
+    mean = nb::cast<std::vector<amb_real>>(at_mean);
+    std = nb::cast<std::vector<amb_real>>(at_std);
+    same_length(states, mean.size(), "mean");
+    same_length(states, std.size(), "std");
+    amb_rows *to = run.along;
+    for (const auto each : nb::cast<nb::list>(rows))
+      if (const size_t i = static_cast<size_t>(to++ - run.along); !each.is_none() && i < 3)
+        run.along[i] =
+            along.emplace_back(nb::cast<nb::tuple>(each), closed_loop.of.axes(), states, "along")
+                .to;
+    std::vector<std::max_align_t> tried(memory());
+    if (!reset(tried.data()))
+      throw std::invalid_argument("mean must be finite, std finite and positive");
   }
 };
 
@@ -109,22 +116,32 @@ public:
   std::vector<amb_real> noise_u, noise_y;
   std::vector<unsigned char> touched;
 
-  explicit Room(const Plan &plan) : noise_u(plan.n), noise_y(plan.n), touched(plan.n)
+  explicit Room(const Plan &plan)
   {
-    const size_t n = plan.n;
-    const Sizes of(plan.estimator ? plan.estimator->kf.model : amb_model{});
-    signals.resize(n * (7 + of.states + 2 * of.sensors + 2 * of.forces + 2));
+    const size_t n = plan.closed_loop.in.n, p = plan.closed_loop.of.axes(),
+                 m = plan.closed_loop.of.sensors();
+    const amb_estimator *e = plan.closed_loop.of.loop.estimator;
+    const Sizes of(e != nullptr ? e->kf->model : amb_model{});
+    const auto columns = static_cast<size_t>(plan.closed_loop.of.loop.plant.states);
+    noise_u.resize(n * p);
+    noise_y.resize(n * m);
+    touched.resize(n);
+    signals.resize(n * (columns + 3 * p + m + of.states + 2 * of.sensors + 2 * of.forces + 2));
     flags.resize(n * (1 + of.sensors));
     amb_real *next = signals.data();
-    const auto place = [&next, n](size_t columns) {
+    const auto place = [&next, n](size_t width) {
       amb_real *here = next;
-      next += n * columns;
+      next += n * width;
       return here;
     };
-    for (amb_real **each : {&X[0], &X[1], &X[2], &to.iu, &to.force, &to.y, &to.u})
-      *each = place(1);
-    to.X = X;
-    to.columns = 3;
+    for (size_t j = 0; j < columns; j++)
+      X.push_back(place(1));
+    to.X = X.data();
+    to.columns = static_cast<int>(columns);
+    to.iu = place(p);
+    to.force = place(p);
+    to.y = place(m);
+    to.u = place(p);
     to.estimate.mean = place(of.states);
     to.estimate.innovation = place(of.sensors);
     to.estimate.variance = place(of.sensors);
@@ -138,7 +155,7 @@ public:
 
 private:
   std::vector<amb_real> signals;
-  amb_real *X[3];
+  std::vector<amb_real *> X;
   std::vector<unsigned short> flags;
 };
 
@@ -148,7 +165,7 @@ std::vector<std::vector<size_t>> chunks(const std::vector<const Plan *> &plans,
 {
   std::vector<std::pair<unsigned int, size_t>> alike;
   for (const Plan *plan : plans)
-    alike.emplace_back(lanes > 1 ? amb_many_group(&plan->run) : 0U, plan->n);
+    alike.emplace_back(lanes > 1 ? amb_many_group(&plan->run) : 0U, plan->closed_loop.in.n);
   std::map<std::pair<unsigned int, size_t>, std::vector<size_t>> waiting;
   std::vector<std::vector<size_t>> full;
   for (size_t i = 0; i < count; i++) {
@@ -196,15 +213,14 @@ nb::typed<nb::tuple, Out<double>, Out<int64_t>> fly(const std::vector<const Plan
       runs.push_back(plan.run);
       runs.back().key.run = numbers.data()[i];
       runs.back().estimator = states.back().data();
-      if (plan.estimator != nullptr)
+      if (plan.closed_loop.estimator != nullptr)
         plan.reset(states.back().data());
-      plan.of.settle(runs.back().state, plan.place, plan.current, plan.integral, plan.hovers,
-                     states.back().data());
+      plan.closed_loop.settle(runs.back().state, states.back().data());
       each.push_back(&runs.back());
     }
     const Plan &first = *plans[static_cast<size_t>(which.data()[places[0]])];
     if (lanes > 1 && amb_many_group(&first.run) != 0U) {
-      amb_many_advance(set, each.data(), each.size(), first.n);
+      amb_many_advance(set, each.data(), each.size(), first.closed_loop.in.n);
     } else {
       Room room(first);
       amb_many_alone(each[0], room.noise_u.data(), room.noise_y.data(), room.touched.data(),
@@ -249,23 +265,17 @@ Out<uint32_t> philox(const std::vector<uint32_t> &counter, const std::vector<uin
 void bind_many(nb::module_ &m)
 {
   nb::class_<Plan>(m, "Plan", "A closed loop that is run many times, all but its number.")
-      .def(nb::init<const Named &, Estimator *, Control *, std::optional<Vector>,
-                    std::optional<Vector>, Vector, Vector, Vector, bool, Vector, Vector, uint64_t,
-                    double, double, std::optional<Doubles>, std::optional<Doubles>,
-                    std::optional<Vector>, const std::optional<Named> &, bool,
-                    std::optional<Vector>, size_t, size_t, size_t, amb_real, size_t, amb_real>(),
-           nb::arg("loop"), nb::kw_only(), nb::arg("estimator").none(), nb::arg("control").none(),
-           nb::arg("mean").none(), nb::arg("std").none(), nb::arg("place"), nb::arg("current"),
-           nb::arg("integral"), nb::arg("hovers"), nb::arg("r"), nb::arg("load"), nb::arg("seed"),
-           nb::arg("std_u"), nb::arg("std_y"), nb::arg("noise_u").none(), nb::arg("noise_y").none(),
-           nb::arg("scale").none(), nb::arg("faults").none(), nb::arg("beside"),
-           nb::arg("fly").none(), nb::arg("first"), nb::arg("step_from"), nb::arg("step_to"),
-           nb::arg("height"), nb::arg("load_from"), nb::arg("band"), nb::keep_alive<1, 3>(),
-           nb::keep_alive<1, 4>(), "See sim/many.h for shapes and units.");
+      .def(
+          nb::init<const nb::dict &, const nb::kwargs &>(), nb::arg("loop"), nb::arg("named"),
+          nb::sig("def __init__(self, loop: dict[str, Any], *, seed: int, std_u: list[float], "
+                  "std_y: list[float], noise_u: Any, noise_y: Any, windows: Any, mean: Any, "
+                  "std: Any, along: list[Any], **named: Any) -> None"),
+          "What `simulate` is named, and what sim/many.h has beside: noise, windows (axes, 7), and "
+          "an estimator's start and rows along the axes.");
   m.def(
       "fly", &fly, nb::arg("plans"), nb::arg("which"), nb::arg("numbers"), nb::kw_only(),
       nb::arg("instructions") = nb::none(), nb::arg("threads") = 1,
-      "Runs (runs,) of plans with these numbers: figures (runs, 18), counts of flags (runs, 12).");
+      "Runs (runs,) of plans with these numbers: figures (runs, 20), counts of flags (runs, 12).");
   m.def("normal_noise", &normal_noise, nb::arg("seed"), nb::arg("run"), nb::arg("stream"),
         nb::arg("n"), "Standard normal noise (n,) of these counters; see sim/noise.h.");
   m.def("philox", &philox, nb::arg("counter"), nb::arg("key"),

@@ -63,7 +63,7 @@ AMB_INLINE void lanes_stage(const lanes_pattern *p, const lanes_going *of, const
 #define amb_judged_where lanes_where
 #define amb_judged_all lanes_all_equal
 typedef struct lanes_windows {
-  lanes first, step_from, step_to, height, there, load_from, band;
+  lanes first, step_from, step_to, height, there, load_from, band, travel;
 } lanes_windows;
 
 #include "tally_step.h"
@@ -246,7 +246,7 @@ static void draw(loops_in_lanes *f, size_t first, size_t n)
     for (uint32_t stream = 0; stream < 2; stream++) {
       double *to = f->noise[i][stream];
       const double *given = (stream == AMB_NOISE_CONTROL) ? run->noise_u : run->noise_y;
-      const double std = (stream == AMB_NOISE_CONTROL) ? run->std_u : run->std_y;
+      const double std = (stream == AMB_NOISE_CONTROL) ? run->std_u[0] : run->std_y[0];
       if (given != NULL) {
         memcpy(to, given + first, ((n - first < STRETCH) ? n - first : STRETCH) * sizeof *to);
       } else if (std > 0.0) {
@@ -292,12 +292,14 @@ static void judge(loops_in_lanes *f, size_t first, size_t count)
   lanes_tally tally = f->tally;
   bool stepping = false;
   for (size_t i = 0; i < f->t.count; i++)
-    stepping = stepping || (((double)(first + count) > f->runs[i]->windows.step_from) &&
-                            ((double)first < f->runs[i]->windows.step_to));
+    stepping = stepping || (((double)(first + count) > f->runs[i]->windows->step_from) &&
+                            ((double)first < f->runs[i]->windows->step_to));
   memset(used, 0xFF, sizeof used);
   if (f->t.b.told)
     flags(f, count, used);
   for (size_t b = 0; b < count; b++) {
+    const lanes e = f->t.b.result[b].innovation, S = f->t.b.result[b].variance;
+    const lanes_mask counts = used[b] & (S > 0.0);
     const lanes_seen seen = {lanes_all_equal((double)(first + b)),
                              f->r[b],
                              f->f_d[b],
@@ -305,11 +307,12 @@ static void judge(loops_in_lanes *f, size_t first, size_t count)
                              f->v[b],
                              f->u[b],
                              f->iu[b],
+                             lanes_judged_magnitude(f->x[b]),
+                             lanes_judged_magnitude(f->f_d[b]),
                              {f->t.b.mean[b][AMB_FIRST_POSITION],
                               f->t.b.mean[b][AMB_FIRST_VELOCITY], f->t.b.mean[b][AMB_FIRST_LOAD]},
-                             f->t.b.result[b].innovation,
-                             f->t.b.result[b].variance,
-                             used[b],
+                             lanes_where(counts, e * e / S),
+                             lanes_where(counts, lanes_all_equal(1.0)),
                              f->touched[b]};
     lanes_tally_estimate(&f->windows, &tally, &seen);
     lanes_tally_loop(&f->windows, &tally, &seen);
@@ -332,8 +335,8 @@ static void start(loops_in_lanes *f, amb_many_run *const runs[], size_t count)
     f->t.magnets[i] = asked(run->loop->estimator->magnet);
     fill_parameters(&f->t.p, i, run->loop->estimator);
     fill_loop(&f->l, i, run);
-    const amb_tally none = amb_tally_none(&run->windows);
-    fill((lanes *)&f->windows, i, (const double *)&run->windows, sizeof run->windows);
+    const amb_tally none = amb_tally_none(run->windows);
+    fill((lanes *)&f->windows, i, (const double *)run->windows, sizeof *run->windows);
     fill((lanes *)&f->tally, i, (const double *)&none, sizeof none);
   }
 }
@@ -357,7 +360,7 @@ void AMB_LANES_NAME(amb_lanes_many)(amb_many_run *const runs[], size_t count, si
   for (size_t i = 0; i < count; i++) {
     amb_tally tally;
     lane((const lanes *)&f.tally, i, (double *)&tally, sizeof tally);
-    amb_figures_of(runs[i], n, &tally);
+    amb_figures_of(runs[i], 0, &tally);
     get(&f.t, &f.t.s, i);
   }
 }

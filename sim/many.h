@@ -10,7 +10,8 @@
 #include "loop.h"
 #include "noise.h"
 
-/* What a run is judged by; NaN where it does not apply. */
+/* What a run is judged by, of the worst axis where it is of an axis; NaN where it does not apply.
+ */
 typedef enum amb_figure {
   AMB_X_RMS,        /* errors of the estimates, from sample `first` on [m] */
   AMB_V_RMS,        /* [m/s] */
@@ -22,38 +23,43 @@ typedef enum amb_figure {
   AMB_CONTROL_RMS,  /* reference less position [m] */
   AMB_CONTROL_PEAK, /* [m] */
   AMB_EFFORT,       /* RMS change of the current asked for [A] */
-  AMB_FARTHEST,     /* |x|, of all samples [m] */
+  AMB_FARTHEST,     /* |x| along an axis, of all samples [m] */
   AMB_CURRENT_PEAK, /* |iu|, of all samples [A] */
   AMB_OVERSHOOT,    /* of the step [1] */
   AMB_SETTLING,     /* until within 5 % of it [s]; infinity: not within the window */
   AMB_RECOVERY,     /* after the load, until within the band [s]; infinity: not within the run */
-  AMB_LOAD_KEPT,    /* |f_d| before a stop was first touched [N] */
+  AMB_LOAD_KEPT,    /* of all loads together before a stop was first touched [N] */
   AMB_TOUCHED,      /* samples in which one was */
   AMB_LANDED,       /* 1 where one was in the last sample */
+  AMB_ORBIT_PEAK,   /* from the middle of a bearing, both axes together, from `first` on [m] ... */
+  AMB_ORBIT_SHARE,  /* ... as a share of the travel there [1] */
   AMB_FIGURES
 } amb_figure;
 
 #define AMB_FLAGS 12 /* of ambkit/status.h */
 
-/* The samples over which a figure is taken, by their numbers. */
+/* The samples over which figures of an axis are taken, by their numbers. */
 typedef struct amb_windows {
   double first;              /* errors count from there */
   double step_from, step_to; /* the last step of the reference, and what comes next; equal: none */
   double height, there;      /* of that step [m], not 0, and the reference after it [m] */
   double load_from;          /* the last change of the load; n: none */
   double band;               /* the rotor has recovered within it [m] */
+  double travel;             /* in its bearing [m] */
 } amb_windows;
 
 /* One run of n samples. */
 typedef struct amb_many_run {
-  const amb_loop *loop; /* the estimator among it, or NULL */
-  amb_loop_state state; /* settled and reset; left at the end of the run */
-  void *estimator;      /* its state after a reset; left at the end of the run */
-  amb_loop_input in;    /* but for its noise, ... */
-  amb_noise_key key;    /* ... which is of this key */
-  double std_u, std_y;  /* of the white noise on control signal [V] and measurement [m]; 0: none */
-  const double *noise_u, *noise_y; /* n each, in place of it; or NULL */
-  amb_windows windows;
+  const amb_loop *loop;            /* the estimator among it, or NULL */
+  amb_loop_state state;            /* settled and reset; left at the end of the run */
+  void *estimator;                 /* its state after a reset; left at the end of the run */
+  amb_loop_input in;               /* but for its noise, ... */
+  amb_noise_key key;               /* ... which is of this key */
+  const double *std_u, *std_y;     /* of the white noise: axes [V], sensors [m]; 0: none */
+  const double *noise_u, *noise_y; /* n x axes, n x sensors, in place of it; or NULL */
+  amb_rows along[3]; /* displacements, velocities and loads of the axes by the estimator's states;
+                      * without `start`: unknown */
+  const amb_windows *windows;  /* [axes] */
   double figures[AMB_FIGURES]; /* out */
   size_t flags[AMB_FLAGS];     /* out: samples in which the estimator said so */
 } amb_many_run;
@@ -63,7 +69,7 @@ typedef struct amb_many_run {
 unsigned int amb_many_group(const amb_many_run *run);
 
 /* One run by itself, its samples left in `to`, which must have room for all; noise goes to the two
- * arrays (n,), `touched` gets 1 where a stop was (n,). */
+ * arrays (n x axes, n x sensors), `touched` gets 1 where a stop was (n,). */
 void amb_many_alone(amb_many_run *run, amb_real *noise_u, amb_real *noise_y, unsigned char *touched,
                     amb_loop_output *to);
 

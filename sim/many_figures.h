@@ -45,14 +45,26 @@ static inline double amb_stays(double from, double to, double last, double T)
   return (last >= to - 1.0) ? infinite.number : (last - from + 1.0) * T;
 }
 
-static inline void amb_figures_of(amb_many_run *run, size_t n, const amb_tally *t)
+/* Of several axes the worst counts: a number that there is not hides no other, but where a figure
+ * is of those axes that have a step. */
+static inline void amb_figures_worst(double figures[], const double of[])
 {
-  const amb_windows *at = &run->windows;
-  const double unknown = no_number.number, T = (double)run->loop->T, all = (double)n;
+  for (int i = 0; i < AMB_FIGURES; i++) {
+    const double other = ((i == AMB_OVERSHOOT) || (i == AMB_SETTLING)) ? figures[i] : of[i];
+    if ((of[i] > figures[i]) || !((other < 0.0) || (other >= 0.0)))
+      figures[i] = of[i];
+  }
+}
+
+/* Of axis f, after those of the ones before it. */
+static inline void amb_figures_of(amb_many_run *run, int f, const amb_tally *t)
+{
+  const amb_windows *at = &run->windows[f];
+  const double unknown = no_number.number, T = (double)run->loop->T, all = (double)run->in.n;
   const double counted = all - at->first;
-  double *to = run->figures;
+  double own[AMB_FIGURES], *to = (f == 0) ? run->figures : own;
   for (int i = 0; i < 3; i++) {
-    const bool known = run->loop->estimator != NULL;
+    const bool known = (run->loop->estimator != NULL) && (run->along[i].start != NULL);
     to[AMB_X_RMS + i] = known ? sqrt(t->squares[i] / counted) : unknown;
     to[AMB_X_PEAK + i] = known ? t->peaks[i] : unknown;
   }
@@ -60,7 +72,7 @@ static inline void amb_figures_of(amb_many_run *run, size_t n, const amb_tally *
   to[AMB_CONTROL_RMS] = sqrt(t->control / counted);
   to[AMB_CONTROL_PEAK] = t->control_peak;
   to[AMB_EFFORT] =
-      (counted > 1.0) ? (double)run->loop->k_ui[0] * sqrt(t->effort / (counted - 1.0)) : unknown;
+      (counted > 1.0) ? (double)run->loop->k_ui[f] * sqrt(t->effort / (counted - 1.0)) : unknown;
   to[AMB_FARTHEST] = t->farthest;
   to[AMB_CURRENT_PEAK] = t->current;
   const bool stepped = at->step_from < at->step_to;
@@ -70,6 +82,10 @@ static inline void amb_figures_of(amb_many_run *run, size_t n, const amb_tally *
   to[AMB_LOAD_KEPT] = t->load;
   to[AMB_TOUCHED] = t->touched;
   to[AMB_LANDED] = t->landed;
+  to[AMB_ORBIT_PEAK] = t->orbit;
+  to[AMB_ORBIT_SHARE] = t->orbit / at->travel;
+  if (f > 0)
+    amb_figures_worst(run->figures, own);
 }
 
 #endif

@@ -16,9 +16,10 @@ typedef struct amb_noise_key {
   uint64_t seed, run;
 } amb_noise_key;
 
-/* The streams of a bearing; those of others are the caller's. */
-#define AMB_NOISE_CONTROL 0U /* on the control signal */
-#define AMB_NOISE_SENSOR 1U  /* white, on the measurement */
+/* The streams of an axis and its sensor; those of others are the caller's. */
+#define AMB_NOISE_CONTROL 0U  /* on the control signal */
+#define AMB_NOISE_SENSOR 1U   /* white, on the measurement */
+#define AMB_NOISE_STREAMS 64U /* from those of an axis to those of the next */
 
 #define AMB_NOISE_DRAWN 64U /* samples that are drawn together */
 

@@ -24,24 +24,11 @@ typedef struct amb_going {
   bool *met;                       /* set where a stage is in a soft stop */
 } amb_going;
 
-static amb_real times(const amb_rows *rows, int i, const amb_real x[])
-{
-  amb_real sum = 0;
-  for (int k = rows->start[i]; k < rows->start[i + 1]; k++)
-    sum += rows->value[k] * x[rows->column[k]];
-  return sum;
-}
-
 /* ---- Magnets and amplifiers ---- */
-
-static amb_real displacement(const amb_plant *plant, int f, const amb_real X[])
-{
-  return plant->own ? X[f] : times(&plant->H, f, X);
-}
 
 static amb_real velocity(const amb_plant *plant, int f, const amb_real X[])
 {
-  return displacement(plant, f, X + plant->positions);
+  return amb_plant_along(plant, f, X + plant->positions);
 }
 
 static amb_real within(const amb_plant *plant, int f, amb_real s)
@@ -129,7 +116,7 @@ static bool in_contact(const amb_plant *plant, const amb_real X[])
 {
   amb_real s[AMB_PLANT_AXES], way[2];
   for (int f = 0; f < plant->axes; f++)
-    s[f] = displacement(plant, f, X);
+    s[f] = amb_plant_along(plant, f, X);
   for (int k = 0; k < plant->rings; k++)
     if ((plant->ring[k].stop->stiffness > 0) && (depth_in(&plant->ring[k], s, way) > 0))
       return true;
@@ -159,7 +146,8 @@ AMB_INLINE amb_real amb_reachable(const amb_pattern *p, const amb_going *of, amb
 AMB_INLINE amb_real amb_driven(const amb_pattern *p, const amb_going *of, amb_real start,
                                amb_real by, const amb_real F[], int k)
 {
-  return p->own ? start + by * of->per_mass[k] * F[k] : start + by * times(&of->plant->B, k, F);
+  return p->own ? start + by * of->per_mass[k] * F[k]
+                : start + by * amb_rows_times(&of->plant->B, k, F);
 }
 
 /* Accelerations of position k by motion and unbalance. */
@@ -189,7 +177,7 @@ AMB_INLINE void amb_stage(const amb_pattern *p, const amb_going *of, const amb_r
   for (int j = 2 * q + p->sensors; j < p->states; j++)
     d[j] = 0;
   for (int f = 0; f < p->axes; f++) {
-    s[f] = p->own ? X[f] : times(&plant->H, f, X);
+    s[f] = p->own ? X[f] : amb_rows_times(&plant->H, f, X);
     const amb_real at = p->own ? s[f] : within(plant, f, s[f]), iu = of->demanded[f];
     if (p->closed)
       F[f] = amb_law_force((const amb_law *)plant->magnet[f].self, iu, at);
@@ -211,7 +199,7 @@ AMB_INLINE void amb_stage(const amb_pattern *p, const amb_going *of, const amb_r
       d[q + k] = p->own ? 0 : moved(of, X, now, k);
   }
   for (int r = 0; r < p->sensors; r++) {
-    const amb_real x = p->own ? X[r] : times(&plant->C, r, X), K = plant->gain[r];
+    const amb_real x = p->own ? X[r] : amb_rows_times(&plant->C, r, X), K = plant->gain[r];
     const int j = p->own ? 2 * q + r : plant->shows[r];
     const amb_real seen =
         p->plain ? K * x : amb_parts_shown(&plant->sensor[r], K, x, now->cosine, now->sine);
@@ -391,7 +379,7 @@ AMB_INLINE void prepare(const amb_pattern *p, amb_going *of, const amb_plant *pl
       of->g[k] = (plant->g[k] + acts->load[k]) / plant->mass[k];
       of->per_mass[k] = 1 / plant->mass[k];
     } else
-      of->g[k] = plant->g[k] + times(&plant->B, k, acts->load);
+      of->g[k] = plant->g[k] + amb_rows_times(&plant->B, k, acts->load);
   }
   for (int k = 0; (acts->base != NULL) && (plant->base != NULL) && (k < 3); k++)
     if (plant->base[k] >= 0)
@@ -530,7 +518,7 @@ amb_acting amb_plant_acting(const amb_plant *plant, const amb_plant_state *state
     const amb_acting held = {.iu = iu, .force = magnet->methods->force(magnet->self, iu, X[f])};
     return held;
   }
-  const amb_real s = within(plant, f, displacement(plant, f, X));
+  const amb_real s = within(plant, f, amb_plant_along(plant, f, X));
   const amb_parts *parts = &plant->amplifier[f];
   const amb_real force = pull(plant, acts, f, X, iu, s);
   amb_acting acting = {.iu = current(plant, f, X, iu), .force = amb_parts_behind(parts, X, force)};
@@ -555,7 +543,7 @@ void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, const amb_
   *state = settled;
   amb_copy(plant->positions, q, state->X);
   for (int r = 0; r < plant->sensors; r++) {
-    const amb_real x = plant->own ? q[r] : times(&plant->C, r, q);
+    const amb_real x = plant->own ? q[r] : amb_rows_times(&plant->C, r, q);
     state->X[plant->shows[r]] = amb_parts_shown(&plant->sensor[r], plant->gain[r], x, 1, 0);
   }
   for (int f = 0; f < plant->axes; f++) {
@@ -564,7 +552,7 @@ void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, const amb_
     if (plant->second[f] >= 0)
       state->X[plant->second[f]] = iu[f];
     const amb_parts *parts = &plant->amplifier[f];
-    const amb_real s = displacement(plant, f, q);
+    const amb_real s = amb_plant_along(plant, f, q);
     for (int k = 0; k < parts->behind; k++)
       state->X[parts->behind_at[k]] =
           parts->behind_rest[k] * plant->magnet[f].methods->force(plant->magnet[f].self, iu[f], s);

@@ -24,6 +24,14 @@ typedef struct amb_rows {
   const amb_real *value;
 } amb_rows;
 
+static inline amb_real amb_rows_times(const amb_rows *rows, int i, const amb_real x[])
+{
+  amb_real sum = 0;
+  for (int k = rows->start[i]; k < rows->start[i + 1]; k++)
+    sum += rows->value[k] * x[rows->column[k]];
+  return sum;
+}
+
 /* A stop: a ring about two axes, or along one axis where the second is -1. */
 typedef struct amb_ring {
   int first, second;     /* axes */
@@ -90,6 +98,12 @@ typedef struct amb_acting {
   amb_real force;      /* of the magnet, relative to its bias force [N] */
   amb_real voltage[2]; /* of each coil [V]; 0 where it is not modelled */
 } amb_acting;
+
+/* Along axis f: a displacement of the positions [m], or a velocity of their velocities [m/s]. */
+static inline amb_real amb_plant_along(const amb_plant *plant, int f, const amb_real positions[])
+{
+  return plant->own ? positions[f] : amb_rows_times(&plant->H, f, positions);
+}
 
 /* On by the sampling time T [s]: classical Runge-Kutta of order 4 with fixed substeps, with a dead
  * time in pieces between the moments at which the demand changes, in contact with a soft stop in as

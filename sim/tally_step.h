@@ -8,7 +8,7 @@ typedef struct AMB_TALLY(tally) {
   amb_judged squares[3], peaks[3]; /* errors of x, v, f_d */
   amb_judged nis, taken;
   amb_judged control, control_peak, effort, last_u;
-  amb_judged farthest, current;
+  amb_judged farthest, current, orbit;
   amb_judged way, outside; /* how far beyond the step it went, in steps; the last sample outside */
   amb_judged late;         /* the last sample out of the band after the load */
   amb_judged load, touched, landed;
@@ -17,10 +17,10 @@ typedef struct AMB_TALLY(tally) {
 /* One sample. */
 typedef struct AMB_TALLY(seen) {
   amb_judged k, r, f_d, x, v, u, iu;
-  amb_judged mean[3];              /* x, v, f_d as estimated */
-  amb_judged innovation, variance; /* of the innovation */
-  amb_judged_mask used;            /* the measurement was taken in */
-  amb_judged_mask touched;         /* a stop was, from this sample to the next */
+  amb_judged orbit, load;  /* how far the rotor is from the middle there; all loads together */
+  amb_judged mean[3];      /* x, v, f_d as estimated */
+  amb_judged nis, taken;   /* of so many measurements that were taken in, the sum */
+  amb_judged_mask touched; /* a stop was, from this sample to the next */
 } AMB_TALLY(seen);
 
 AMB_INLINE amb_judged AMB_TALLY(judged_magnitude)(amb_judged a)
@@ -36,7 +36,6 @@ AMB_INLINE amb_judged AMB_TALLY(judged_most)(amb_judged so_far, amb_judged a)
 AMB_INLINE void AMB_TALLY(tally_estimate)(const AMB_TALLY(windows) * at, AMB_TALLY(tally) * t,
                                           const AMB_TALLY(seen) * seen)
 {
-  const amb_judged one = amb_judged_all(1.0);
   const amb_judged_mask counts = seen->k >= at->first;
   const amb_judged error[3] = {seen->mean[0] - seen->x, seen->mean[1] - seen->v,
                                seen->mean[2] - seen->f_d};
@@ -46,10 +45,8 @@ AMB_INLINE void AMB_TALLY(tally_estimate)(const AMB_TALLY(windows) * at, AMB_TAL
         AMB_TALLY(judged_most)(t->peaks[i], AMB_TALLY(judged_magnitude)(error[i]));
     t->peaks[i] = amb_judged_choose(counts, most, t->peaks[i]);
   }
-  const amb_judged_mask told = counts & seen->used & (seen->variance > 0.0);
-  const amb_judged nis = seen->innovation * seen->innovation / seen->variance;
-  t->nis += amb_judged_where(told, nis);
-  t->taken += amb_judged_where(told, one);
+  t->nis += amb_judged_where(counts, seen->nis);
+  t->taken += amb_judged_where(counts, seen->taken);
 }
 
 AMB_INLINE void AMB_TALLY(tally_loop)(const AMB_TALLY(windows) * at, AMB_TALLY(tally) * t,
@@ -64,13 +61,14 @@ AMB_INLINE void AMB_TALLY(tally_loop)(const AMB_TALLY(windows) * at, AMB_TALLY(t
   const amb_judged change = seen->u - t->last_u;
   t->effort += amb_judged_where(seen->k > at->first, change * change);
   t->last_u = seen->u;
+  t->orbit = amb_judged_choose(counts, AMB_TALLY(judged_most)(t->orbit, seen->orbit), t->orbit);
   t->farthest = AMB_TALLY(judged_most)(t->farthest, AMB_TALLY(judged_magnitude)(seen->x));
   t->current = AMB_TALLY(judged_most)(t->current, AMB_TALLY(judged_magnitude)(seen->iu));
   const amb_judged_mask late = (seen->k >= at->load_from) & (away > at->band);
   t->late = amb_judged_choose(late, seen->k, t->late);
   t->touched += amb_judged_where(seen->touched, one);
   t->landed = amb_judged_where(seen->touched, one);
-  const amb_judged borne = AMB_TALLY(judged_most)(t->load, AMB_TALLY(judged_magnitude)(seen->f_d));
+  const amb_judged borne = AMB_TALLY(judged_most)(t->load, seen->load);
   t->load = amb_judged_choose(t->touched > 0.0, t->load, borne);
 }
 

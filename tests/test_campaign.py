@@ -27,7 +27,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint, plant, plants
 from ambkit.control.linear.steady_state_filter import estimator_at, estimators_at
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine import loading
-from ambkit.simulation import lanes, planned
+from ambkit.simulation import planned, plans
 from ambkit.simulation.scenario import AXES
 
 ROOT = Path(__file__).parent.parent
@@ -361,8 +361,8 @@ def test_a_part_is_computed_with_rare_collections(monkeypatch):
 
 def test_signals_are_sampled_once_where_amplifiers_vary(monkeypatch):
     made = []
-    old = lanes.along
-    monkeypatch.setattr(lanes, "along", lambda *of: (made.append(1), old(*of))[1])
+    old = plans.along
+    monkeypatch.setattr(plans, "along", lambda *of: (made.append(1), old(*of))[1])
     gain = Uniform(what="amplifier.gain", tolerance="3 %")
     compute(varied("sobol", gain, runs=16, scenario={"duration": 0.002}), 0, 16)
     assert len(made) <= len(AXES)

@@ -26,7 +26,7 @@ def test_a_machine_has_its_bound_and_its_raw_sensors_beside_the_filters():
     assert found.efficiency("linear", "f_d") < 0.9
     assert found.best["extended"].mean("nees") == pytest.approx(0.95, abs=0.03)
     assert found.raw > 2 * found.limit["x"]
-    # What feeds the controllers is in the loop, which knows no overshoot of several axes.
+    # What feeds the controllers is in the loop; no reference steps here.
     assert found.best["linear"].mean("tracking") > 0
     assert np.isnan(found.best["linear"].mean("overshoot"))
 

@@ -19,10 +19,11 @@ from ambkit import (
 )
 from ambkit.estimate.batch import instruction_sets
 from ambkit.estimate.registry import KINDS
+from ambkit.machine.accessories import Hum
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
-from ambkit.simulation.lanes import windows
+from ambkit.simulation.plans import windows
 from ambkit.simulation.recording import Stream
-from ambkit.simulation.run_figures import FLAGS, figures_for
+from ambkit.simulation.run_figures import FIGURES, FLAGS
 
 BEARING = Bearing.preset("zittau_axial")
 PID = ambkit.PID.for_bearing(BEARING)
@@ -95,7 +96,7 @@ def test_neither_order_nor_splitting_changes_a_bit(order, cut):
 
 def test_runs_of_several_chunks_are_in_their_order(monkeypatch):
     monkeypatch.setattr("ambkit.simulation.many.CHUNK", 7)
-    monkeypatch.setattr("ambkit.simulation.lanes.MOST_PLANS", 10)
+    monkeypatch.setattr("ambkit.simulation.plans.MOST_PLANS", 10)
     told = []
     many = simulate_many(iter(MIXED), done=told.append)
     assert_same(many.columns(), ONE_BY_ONE)
@@ -105,13 +106,15 @@ def test_runs_of_several_chunks_are_in_their_order(monkeypatch):
 def by_hand(run):
     """The figures from the samples of a run, by NumPy."""
     record, estimate, T = run.record, run.estimate, BEARING.sampling_time
-    where = windows(record["r"], record["f_d"], 1)
+    (where,) = windows(record["r"][:, None], record["f_d"][:, None], 1)
     away = record["r"] - record["x"]
     found = {
         "tracking_rms": rms(away[1:]),
         "tracking_peak": np.abs(away[1:]).max(),
         "effort": BEARING.amplifier.gain * rms(np.diff(record["u"][1:])),
         "displacement_peak": np.abs(record["x"]).max(),
+        "orbit_peak": np.abs(record["x"][1:]).max(),
+        "orbit_share": np.abs(record["x"][1:]).max() / BEARING.rotor.clearance,
         "current_peak": np.abs(record["iu"]).max(),
         "touched": record.meta["stop_touched"],
     }
@@ -121,13 +124,13 @@ def by_hand(run):
             found[f"{name}_rms"], found[f"{name}_peak"] = rms(error), np.abs(error).max()
         nis = estimate.nis[1:][estimate.used[1:]]
         found["nis"] = np.nanmean(nis) if np.isfinite(nis).any() else np.nan
-    if where.load is not None:
-        late = np.flatnonzero(np.abs(away)[where.load :] > 0.05 * BEARING.rotor.clearance)
-        never = late.size and late[-1] == len(record) - where.load - 1
+    if where.load_from < len(record):
+        late = np.flatnonzero(np.abs(away)[where.load_from :] > 0.05 * BEARING.rotor.clearance)
+        never = late.size and late[-1] == len(record) - where.load_from - 1
         found["recovery"] = np.inf if never else (late[-1] + 1) * T if late.size else 0.0
-    if where.step is not None:
-        start, stop, height = where.step
-        way = (record["x"][start:stop] - record["r"][start]) / height
+    if where.step_from < where.step_to:
+        start, stop = where.step_from, where.step_to
+        way = (record["x"][start:stop] - record["r"][start]) / where.height
         last = np.flatnonzero(np.abs(way) > 0.05)[-1]
         found["overshoot"] = max(0.0, way.max())
         found["settling"] = np.inf if last == way.size - 1 else (last + 1) * T
@@ -163,18 +166,29 @@ def test_what_a_stop_does_to_the_figures():
     # The last step of the reference, and then a load: without one, neither can be seen.
     still = simulate_many([Planned(BEARING, Scenario(duration=0.02, controller=PID), KALMAN)])
     assert all(np.isnan(still.figures[name][0]) for name in ("overshoot", "settling", "recovery"))
-    assert tuple(still.figures) == tuple(figures_for(None))
+    assert tuple(still.figures) == tuple(FIGURES)
     assert tuple(still.status) == FLAGS == tuple(flag.name.lower() for flag in Status)
 
 
 def test_where_a_step_and_a_load_can_be_judged():
     n = np.arange(400)
     r, f_d = np.where(n >= 100, 2e-4, 0.0), np.where(n >= 300, 3.0, 0.0)
-    assert windows(r, f_d, 1) == (1, (100, 300, 2e-4), 300)
-    assert windows(r, 0 * f_d, 7) == (7, (100, 400, 2e-4), None)
-    assert windows(r, np.sin(n / 50), 1) == (1, None, None)  # a load that never rests
-    assert windows(np.sin(n / 50), f_d, 1) == (1, None, None)  # nor a reference
-    assert windows(r, np.where(n >= 380, 3.0, 0.0), 1) == (1, (100, 380, 2e-4), None)
+    none = (0, 0, 1.0)
+
+    def of(r, f_d, first):
+        (result,) = windows(r[:, None], f_d[:, None], first)
+        return result
+
+    assert of(r, f_d, 1) == (1, 100, 300, 2e-4, 300)
+    assert of(r, 0 * f_d, 7) == (7, 100, 400, 2e-4, 400)
+    assert of(r, np.sin(n / 50), 1) == (1, *none, 400)  # a load that never rests
+    assert of(np.sin(n / 50), f_d, 1) == (1, *none, 400)  # nor a reference
+    assert of(r, np.where(n >= 380, 3.0, 0.0), 1) == (1, 100, 380, 2e-4, 400)
+    # Of several axes what comes next may be on another one, and a load is everybody's.
+    pair = np.column_stack([r, np.where(n >= 200, 1e-4, 0.0)])
+    first, second = windows(pair, np.column_stack([f_d, 0 * f_d]), 1)
+    assert first == (1, 100, 200, 2e-4, 300)
+    assert second == (1, 200, 300, 1e-4, 300)
 
 
 def test_a_number_stands_for_the_run_of_the_scenario():
@@ -195,20 +209,102 @@ def test_what_cannot_be_done_is_said():
     with pytest.raises(ValueError, match="no instructions called 'sse9'"):
         simulate_many([run], instructions="sse9")
     assert len(simulate_many([])) == 0
-    with pytest.raises(ValueError, match="all have one axis, or all several"):
-        simulate_many([run, Planned(Machine.preset("tum_mlps"), Scenario(duration=0.01))])
 
 
-def test_runs_of_several_axes_are_those_of_a_run_alone():
-    machine, scenario = Machine.preset("tum_mlps"), Scenario(duration=0.01, seed=2)
+def rotor(**control):
+    """A machine, and steps of a reference and then of a load, along two axes."""
+    machine = Machine.preset("tum_mlps")
+    step = {"type": "step", "amplitude": 2e-5, "time": 3e-3}
+    return machine, Scenario(
+        duration=0.08, seed=2, control=control,
+        reference=[{"axis": "A1", "position": step}],
+        disturbance=[{"axis": "B2", "force": {"type": "step", "amplitude": 5.0, "time": 0.04}}],
+    )  # fmt: skip
+
+
+def by_hand_of_axes(run, kalman):
+    """The figures of several axes from the samples of a run, of the worst one, by NumPy."""
+    record, estimate, machine = run.record, run.estimate, run.machine
+    s, r, iu, u, f_d = (
+        np.column_stack([record[f"{of}_{name}"] for name in run.axes])
+        for of in ("s", "r", "iu", "u", "f_d")
+    )
+    gains = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
+    travel = np.array([axis.bearing.clearance for axis in machine.axes])
+    at = windows(r, f_d, 1)
+    away = np.abs(r - s)
+    orbits = np.array([np.hypot(*s[:, k : k + 2].T)[1:].max() for k in (0, 2)])
+    found = {
+        "tracking_rms": max(map(rms, away[1:].T)), "tracking_peak": away[1:].max(),
+        "effort": max(map(rms, (gains * np.diff(u[1:], axis=0)).T)),
+        "displacement_peak": np.abs(s).max(), "current_peak": np.abs(iu).max(),
+        "load_kept": np.linalg.norm(f_d, axis=1).max(), "touched": 0.0, "landed": 0.0,
+        "orbit_peak": orbits.max(), "orbit_share": (orbits / travel[::2]).max(),
+    }  # fmt: skip
+    late = np.flatnonzero((away > 0.05 * travel).any(axis=1)[at[0].load_from :])
+    found["recovery"] = (late[-1] + 1) * machine.sampling_time if late.size else 0.0
+    if late.size and late[-1] == len(record) - at[0].load_from - 1:
+        found["recovery"] = np.inf
+    start, stop = at[0].step_from, at[0].step_to
+    way = (s[start:stop, 0] - r[start, 0]) / at[0].height
+    last = np.flatnonzero(np.abs(way) > 0.05)[-1]
+    found["overshoot"] = max(0.0, way.max())
+    found["settling"] = np.inf if last == way.size - 1 else (last + 1) * machine.sampling_time
+    if estimate is not None:
+        along = kalman.view.along_axes(estimate.states)
+        q = np.column_stack([record[f"q_{state.name}"] for state in estimate.states[:8]])
+        known = {name: estimate.mean @ rows.T for name, rows in zip("xv", along, strict=True)}
+        known["f_d"] = np.column_stack([estimate[f"f_d_{name}"] for name in run.axes])
+        truth = {name: q @ rows[:, :8].T for name, rows in zip("xv", along, strict=True)}
+        for name, values in {**truth, "f_d": f_d}.items():
+            error = np.abs(known[name] - values)[1:]
+            found[f"{name}_rms"], found[f"{name}_peak"] = max(map(rms, error.T)), error.max()
+        found["nis"] = estimate.nis[1:].mean()
+    return found
+
+
+@pytest.mark.parametrize("feedback", ["estimate", "measurement"])
+def test_runs_of_several_axes_are_judged_by_their_samples(feedback):
+    machine, scenario = rotor(feedback=feedback)
     kalman = KalmanFilter(machine)
+    hum = machine.sensor[0].model_copy(update={"hum": (Hum(frequency=50.0, amplitude=1e-6),)})
+    humming = machine.replace(sensor=[hum, *machine.sensor[1:]])
     runs = [Planned(machine, scenario, kalman, number=number) for number in range(3)]
-    many, again = simulate_many(runs), runs[2].simulated()
+    runs += [Planned(humming, scenario, kalman, number=7), runs[0]]
+    if feedback == "measurement":
+        runs.append(Planned(machine, scenario))
+    many = simulate_many(runs)
+    for place, planned in enumerate(runs):
+        run = planned.simulated()
+        expected = by_hand_of_axes(run, kalman)
+        for name, value in expected.items():
+            assert many.figures[name][place] == pytest.approx(value, rel=1e-11), (place, name)
+        assert {name for name in FIGURES if not np.isnan(many.figures[name][place])} == {*expected}
     alone = simulate(machine, scenario.replace(run=2), filter=KalmanFilter(machine))
-    for name in ("y_La1", "iu_B2"):
-        assert np.array_equal(again.record[name], alone.record[name])
-    farthest = max(np.abs(alone.record[f"s_{axis}"]).max() for axis in alone.axes)
-    assert many.figures["displacement_peak"][2] == farthest
+    again = runs[2].simulated().record
+    assert all(np.array_equal(again[name], alone.record[name]) for name in ("y_La1", "iu_B2"))
+    for name, values in simulate_many(runs[::-1], threads=3).columns().items():
+        np.testing.assert_array_equal(values[::-1], many.columns()[name], err_msg=name)
+
+
+def test_machines_and_axes_that_run_up_fly_in_one_batch():
+    """Each as by itself, at whatever speed a filter went before."""
+    machine, scenario = rotor(feedback="estimate")
+    fast = machine.model_copy(update={"speed": 0.9 * machine.speed})
+    rising = scenario.replace(speed={"type": "ramp", "slope": 500.0})
+    kalman = KalmanFilter(machine)
+    runs = [
+        Planned(machine, rising, kalman, number=1), Planned(BEARING, SCENARIO, KALMAN, number=1),
+        Planned(fast, scenario, kalman, number=2), Planned(machine, scenario, kalman, number=3),
+        Planned(machine, rising, kalman, number=4),
+    ]  # fmt: skip
+    many = simulate_many(runs, threads=2).columns()
+    for place, run in enumerate(runs):
+        for name, values in simulate_many([run], threads=1).columns().items():
+            np.testing.assert_array_equal(many[name][place], values[0], err_msg=name)
+    record = runs[0].simulated().record
+    farthest = max(np.abs(record[f"s_{axis.name}"]).max() for axis in machine.axes)
+    assert many["displacement_peak"][0] == pytest.approx(farthest, rel=1e-12)
 
 
 def test_an_axis_given_as_a_machine_is_flown_as_the_axis():

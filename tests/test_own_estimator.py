@@ -20,7 +20,7 @@ class Mine:
 
     def __init__(self, machine):
         self.kf: Any = ambkit.KalmanFilter(machine)
-        if machine is AXIS:
+        if machine == AXIS:
             self.kf = ambkit.SteadyStateKalmanFilter(machine)
         self.started = False
 
@@ -91,6 +91,23 @@ def test_from_a_file_in_all_verbs(tmp_path):
         ambkit.simulate(AXIS, still, filter=f"{tmp_path}/my.py:Nobody")
 
 
-def test_runs_side_by_side_take_kinds():
-    with pytest.raises(AmbkitError, match="Mine: it is in Python and has one state"):
-        ambkit.simulate_many([Planned(AXIS, Scenario(), OwnEstimator(AXIS, Mine))])
+class Broken:
+    """Fails at its third sample."""
+
+    samples = 0
+
+    def step(self, y, u):
+        self.samples += 1
+        return [y / (self.samples < 3), 0.0, 0.0, y]
+
+
+@pytest.mark.parametrize("machine", [AXIS, MACHINE])
+def test_many_runs_of_it_are_those_of_ours(machine):
+    scenario = Scenario(duration=0.01, control={"feedback": "estimate"})
+    own, ours = OwnEstimator(machine, Mine), Mine(machine).kf
+    runs = [Planned(machine, scenario, of, number=k) for of in (own, ours) for k in range(2)]
+    figures = ambkit.simulate_many(runs, threads=2).figures
+    for name in set(figures) - {"nis"}:  # which asks for a variance
+        np.testing.assert_array_equal(figures[name][:2], figures[name][2:])
+    with pytest.raises(AmbkitError, match=r"Broken: step\(y, u\) at sample 2: ZeroDivisionError"):
+        ambkit.simulate_many([Planned(AXIS, scenario, OwnEstimator(AXIS, Broken))])

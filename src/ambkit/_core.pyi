@@ -372,12 +372,14 @@ def run_batch(estimators: Sequence[Estimator], y: Annotated[NDArray[numpy.float6
 class Plan:
     """A closed loop that is run many times, all but its number."""
 
-    def __init__(self, loop: dict[str, Any], *, estimator: Estimator | None, control: Control | None, mean: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, std: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, place: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], current: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], integral: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], hovers: bool, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], load: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], seed: int, std_u: float, std_y: float, noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, faults: dict[str, Any] | None, beside: bool, fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, first: int, step_from: int, step_to: int, height: float, load_from: int, band: float) -> None:
-        """See sim/many.h for shapes and units."""
+    def __init__(self, loop: dict[str, Any], *, seed: int, std_u: list[float], std_y: list[float], noise_u: Any, noise_y: Any, windows: Any, mean: Any, std: Any, along: list[Any], **named: Any) -> None:
+        """
+        What `simulate` is named, and what sim/many.h has beside: noise, windows (axes, 7), and an estimator's start and rows along the axes.
+        """
 
 def fly(plans: Sequence[Plan], which: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], numbers: Annotated[NDArray[numpy.uint64], dict(shape=(None,), order='C', device='cpu', writable=False)], *, instructions: str | None = None, threads: int = 1) -> tuple[NDArray[numpy.float64], NDArray[numpy.int64]]:
     """
-    Runs (runs,) of plans with these numbers: figures (runs, 18), counts of flags (runs, 12).
+    Runs (runs,) of plans with these numbers: figures (runs, 20), counts of flags (runs, 12).
     """
 
 def normal_noise(seed: int, run: int, stream: int, n: int) -> NDArray[numpy.float64]:

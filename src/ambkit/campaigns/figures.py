@@ -129,9 +129,7 @@ def _text(value: object, unit: str, digits: int = 6) -> str:
 def cumulative(campaign: Machines) -> Figure:
     """Show which share of machines is at or below each value of figures, by the first choice."""
     passes = campaign.plan.study.passes
-    limits = {
-        name: limit_of(name, limit, campaign.plan.nominal) for name, limit in passes.at_most.items()
-    }
+    limits = {name: limit_of(name, limit) for name, limit in passes.at_most.items()}
     if passes.zone is not None:
         limits["peak_S"] = min(dict(ZONES)[passes.zone], limits.get("peak_S", np.inf))
     groups = _groups(campaign)

@@ -177,7 +177,7 @@ def _recorded(read: Read, plant: Any) -> Iterator[Problem]:
     if isinstance(passes, Passes):
         for name, limit in passes.at_most.items():
             try:
-                limit_of(name, limit, plant)
+                limit_of(name, limit)
             except ValueError as error:
                 yield f"passes.at_most.{name}", str(error)
         if isinstance(record, Recorded) and not record.margins:

@@ -12,7 +12,7 @@ from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Line, Name
 from ambkit.campaigns.distributions import Value
 from ambkit.data.signals import signal
-from ambkit.simulation.run_figures import FIGURES, figures_for
+from ambkit.simulation.run_figures import FIGURES
 
 ZONES = ("A", "B", "C", "D")  #: Zones of ISO 14839-3, the best first.
 
@@ -77,11 +77,10 @@ class Stop(Part):
     """But so many runs at least."""
 
 
-def limit_of(name: str, limit: float | str, plant: Any) -> float:
+def limit_of(name: str, limit: float | str) -> float:
     """Return a limit of a figure in SI."""
-    known = UNITS if plant is None else [*figures_for(plant), "peak_S"]
-    if name not in known:
-        raise ValueError(unknown_key(name, known))
+    if name not in UNITS:
+        raise ValueError(unknown_key(name, UNITS))
     unit = UNITS[name]
     if isinstance(limit, str):
         return units.parse(limit, unit)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 import platform
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache
@@ -33,7 +33,7 @@ from ambkit.machine.rotors.modes import end_of_range
 from ambkit.models.linear import LinearSystem
 from ambkit.simulation.many import Many, simulate_many
 from ambkit.simulation.planned import Planned
-from ambkit.simulation.run_figures import FLAGS, figures_for
+from ambkit.simulation.run_figures import FIGURES, FLAGS
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -127,7 +127,7 @@ def fly(
         possible(), settling=record.settling, band=record.band, threads=threads, done=done
     )
     can = [at for at, sample in enumerate(samples) if not sample.wrong]
-    columns = _spread(many, can, len(samples), figures_for(plan.nominal))
+    columns = _spread(many, can, len(samples))
     if record.margins:
         highest = np.full(len(samples), np.inf)
         with one_thread():
@@ -144,10 +144,10 @@ def fly(
     return Flown(columns, traces, [sample.wrong for sample in samples])
 
 
-def _spread(many: Many, can: Sequence[int], n: int, figures: Iterable[str]) -> dict[str, Any]:
+def _spread(many: Many, can: Sequence[int], n: int) -> dict[str, Any]:
     """Return the columns of all machines, where some cannot be."""
     columns: dict[str, Any] = {}
-    known = many.columns() if can else Many.none(figures).columns()
+    known = many.columns() if can else Many.none().columns()
     for name, values in known.items():
         empty: Any = np.zeros(n, values.dtype)
         if values.dtype.kind == "f":
@@ -169,7 +169,7 @@ def _fails(plan: Plan, columns: Mapping[str, Any], samples: Sequence[Drawn]) -> 
     if not passes.contact:
         against["contact"] = ~(np.asarray(columns["touched"]) == 0)
     for name, limit in passes.at_most.items():  # what does not apply is not below its limit
-        against[name] = ~(np.asarray(columns[name]) <= limit_of(name, limit, plan.nominal))
+        against[name] = ~(np.asarray(columns[name]) <= limit_of(name, limit))
     named = np.array(list(against))
     return [",".join(named[row]) for row in np.column_stack(list(against.values()))]
 
@@ -182,8 +182,7 @@ def schema(plan: Plan) -> pa.Schema:
     for name, of, key in zip(plan.names, plan.marginals, plan.keys, strict=True):
         words = isinstance(of, OneOf) and not key.unit
         fields.append((name, pa.string() if words else pa.float64(), key.unit))
-    figures = figures_for(plan.nominal)
-    fields += [(name, pa.float64(), figure.unit) for name, figure in figures.items()]
+    fields += [(name, pa.float64(), figure.unit) for name, figure in FIGURES.items()]
     fields += [(f"samples_{name}", pa.int64(), "1") for name in FLAGS]
     if plan.study.record.margins:
         fields += [("peak_S", pa.float64(), "1"), ("zone", pa.string(), "")]

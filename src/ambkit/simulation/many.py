@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import chain, islice
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
-from ambkit.base.errors import AmbkitError
-from ambkit.base.own_class import name_of
 from ambkit.estimate.batch import processors
-from ambkit.machine.machine import Machine
-from ambkit.simulation.lanes import Counts, Lanes
-from ambkit.simulation.planned import Planned, copied
-from ambkit.simulation.run_figures import FLAGS, figures_for, figures_of, flags_of
+from ambkit.simulation.planned import Planned
+from ambkit.simulation.plans import Counts, Plans
+from ambkit.simulation.run_figures import FIGURES, FLAGS
 
 CHUNK = 256
-"""Runs that are planned and flown together: many times as many as there are lanes."""
+"""Axes that are planned and simulated together: many times as many as there are lanes."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +31,9 @@ class Many:
     status: Mapping[str, Counts]
 
     @classmethod
-    def none(cls, figures: Iterable[str]) -> Many:
-        """Return what no runs gave, by the names of their figures."""
-        return cls(_columns(figures, (), float), _columns(FLAGS, (), np.int64))
+    def none(cls) -> Many:
+        """Return what no runs gave."""
+        return cls(_columns(FIGURES, (), float), _columns(FLAGS, (), np.int64))
 
     def __len__(self) -> int:
         return len(self.figures["touched"])
@@ -64,8 +60,8 @@ def simulate_many(
     Parameters
     ----------
     runs : iterable of Planned
-        All of one axis, or all of several; else any mixture. Taken one after another, so that 10^6
-        of them need not be there at once.
+        Any mixture of machines. Taken one after another, so that 10^6 of them need not be there at
+        once. Plain runs of one axis are computed side by side in vectors.
     settling : float
         Time at the start of each run that errors leave out [s]; the first sample always is.
     band : float
@@ -73,7 +69,7 @@ def simulate_many(
     threads : int, optional
         Default: as many as the process may use.
     instructions : str, optional
-        One of `ambkit.estimate.batch.instruction_sets`, of runs of one axis; default: the fastest.
+        Of these vectors, one of `ambkit.estimate.batch.instruction_sets`; default: the fastest.
     done : callable, optional
         Called now and then with the number of runs that were finished since the last call.
 
@@ -84,7 +80,7 @@ def simulate_many(
     Raises
     ------
     ValueError
-        A run has no sample after the settling, or some runs have one axis and others several.
+        A run has no sample after the settling.
 
     Examples
     --------
@@ -95,91 +91,33 @@ def simulate_many(
     >>> simulate_many(runs).figures["f_d_rms"].shape
     (20,)
     """
-    threads = processors() if threads is None else threads
-    machine, planned = _parted(runs)
-    if machine is None or machine.single:
-        figures, flags = _in_lanes(planned, Lanes(settling, band, threads, instructions), done)
-    else:
-        figures, flags = _in_threads(planned, settling, band, threads, done)
-    return Many(_columns(figures_for(machine), figures, float), _columns(FLAGS, flags, np.int64))
-
-
-_Judged = tuple[Sequence[Array], Sequence[Counts]]
-"""Tables of figures, and of counts of flags."""
-
-
-def _parted(runs: Iterable[Planned]) -> tuple[Machine | None, Iterator[Planned]]:
-    """Return the machine of the first run, and the runs; each is checked when it is taken."""
-    parts = iter(runs)
-    first = next(parts, None)
-    if first is None:
-        return None, parts
-    single = first.bearing.single
-
-    def alike() -> Iterator[Planned]:
-        for run in chain([first], parts):
-            if run.bearing.single != single:
-                raise ValueError("runs must all have one axis, or all several")
-            own = run.scenario.controller.custom or run.scenario.plant
-            if single and own is not None:  # the lanes are C throughout
-                raise AmbkitError(
-                    f"{name_of(own)}: a class of yours runs one at a time: use simulate"
-                )
-            yield run
-
-    return first.bearing, alike()
-
-
-def _in_threads(
-    runs: Iterator[Planned], settling: float, band: float, threads: int,
-    done: Callable[[int], None] | None,
-) -> _Judged:  # fmt: skip
-    """Fly runs of several axes: while one is in C, another is got ready."""
-    own = threading.local()  # an estimator has a state: each thread has its own
-
-    def fly(planned: Planned) -> tuple[list[float], list[int]]:
-        if not hasattr(own, "estimators"):
-            own.estimators = {}
-        estimator = planned.estimator
-        if estimator is not None:
-            known = own.estimators.get(id(estimator))
-            estimator = known or own.estimators.setdefault(id(estimator), copied(estimator))
-        run = planned._flown(estimator)
-        return list(figures_of(run, planned.estimator, settling, band).values()), flags_of(run)
-
-    rows, flags = list[Array](), list[Counts]()
-    with ThreadPoolExecutor(threads) as pool:
-        for row, flag_counts in pool.map(fly, runs):
-            rows.append(np.array([row]))
-            flags.append(np.array([flag_counts], np.int64))
-            if done is not None:
-                done(1)
-    return rows, flags
-
-
-def _in_lanes(
-    runs: Iterator[Planned], engine: Lanes, done: Callable[[int], None] | None
-) -> _Judged:
-    """Fly runs of one axis, many at once in C."""
+    plans = Plans(settling, band, processors() if threads is None else threads, instructions)
     parts: list[tuple[Array, Counts]] = []
-    # While some are flown, the next ones are planned: C needs no interpreter.
+    # While some are simulated, the next ones are planned: C needs no interpreter.
     ahead: Future[tuple[Array, Counts]] | None = None
     last = 0
     with ThreadPoolExecutor(1) as pilot:
 
-        def landed() -> None:
+        def finish() -> None:
             if ahead is not None:
                 parts.append(ahead.result())
                 if done is not None:
                     done(last)
 
-        while chunk := list(islice(runs, CHUNK)):
-            ready = engine.ready(chunk)
-            landed()
-            ahead, last = pilot.submit(engine.flown, ready), len(chunk)
-        landed()
+        for chunk in _chunks(runs):
+            ready = plans.ready(chunk)
+            finish()
+            ahead, last = pilot.submit(plans.simulate, ready), len(chunk)
+        finish()
     figures, flags = zip(*parts, strict=True) if parts else ((), ())
-    return figures, flags
+    return Many(_columns(FIGURES, figures, float), _columns(FLAGS, flags, np.int64))
+
+
+def _chunks(runs: Iterable[Planned]) -> Iterator[list[Planned]]:
+    """Return the runs in parts, which are smaller where a run takes longer."""
+    rest = iter(runs)
+    for first in rest:
+        yield [first, *islice(rest, CHUNK // len(first.bearing.axes) - 1)]
 
 
 def _columns(names: Iterable[str], parts: Sequence[NDArray[Any]], kind: Any) -> dict[str, Any]:

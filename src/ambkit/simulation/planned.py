@@ -61,10 +61,7 @@ class Planned:
 
     def simulated(self) -> Run:
         """Simulate it by itself, with every sample kept."""
-        return self._flown(None if self.estimator is None else copied(self.estimator))
-
-    def _flown(self, estimator: Estimator | None) -> Run:
-        """Simulate it with an estimator of the same kind."""
+        estimator = None if self.estimator is None else copied(self.estimator)
         return simulate_run(
             self.bearing, self.numbered, estimator=estimator, magnet=self.magnet,
             external_inputs=self.external_inputs, controllers=self.controllers,

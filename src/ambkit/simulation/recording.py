@@ -67,16 +67,17 @@ def drawn(machine: Machine, scenario: Scenario, n: int) -> tuple[Array, Array]:
     return noise_u, noise_y
 
 
-def white(bearing: Machine, scenario: Scenario) -> tuple[float, float] | None:
-    """Return the standard deviations of the noise on control signal [V] and measurement [m]."""
-    # They are all that there is to know of `drawn`; None where the sensor has noise that is not
+def white(machine: Machine, scenario: Scenario) -> tuple[list[float], list[float]] | None:
+    """Return the standard deviations of the noise on control signals [V] and readings [m]."""
+    # They are all that there is to know of `drawn`; None where a sensor has noise that is not
     # white.
+    axes, sensors = machine.axes, [reading.sensor for reading in machine.readings]
     if not scenario.noise:
-        return 0.0, 0.0
-    sensor = bearing.sensor
-    if sensor.coloured_noise is not None or sensor.hum:
+        return [0.0] * len(axes), [0.0] * len(sensors)
+    if any(sensor.coloured_noise is not None or sensor.hum for sensor in sensors):
         return None
-    return math.sqrt(bearing.amplifier.noise_variance), math.sqrt(sensor.noise_variance)
+    of_axes = [math.sqrt(axis.bearing.amplifier.noise_variance) for axis in axes]
+    return of_axes, [math.sqrt(sensor.noise_variance) for sensor in sensors]
 
 
 def of_sensor(sensor: Sensor, T: float, n: int, stream: Stream) -> Array:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
+from ambkit.base.own_class import OwnStep
 from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import engineering
 from ambkit.control.axis_sensitivity import shown_along_axes
@@ -234,22 +235,48 @@ class Loop:
         return noise_u, noise_y
 
     @property
-    def white_noise(self) -> tuple[float, float] | None:
-        """Standard deviations of the noise [V], [m] of an axis, where it is white and no more."""
+    def white_noise(self) -> tuple[list[float], list[float]] | None:
+        """Standard deviations of the noise (p,) [V], (m,) [m], where it is white and no more."""
         given = self.external_inputs.sensor_noise, self.external_inputs.readings
         if any(item is not None for item in given) or self._injected.any():
             return None
-        return white(self.machine.isolated_axis(""), self.scenario)
+        return white(self.machine, self.scenario)
 
     @property
     def series(self) -> tuple[Array, Array]:
         """References [m] and disturbance forces [N], (n, p) each."""
         return self._reference, self._load
 
-    def arguments(
-        self, core: ModuleType, converter: Callable[[Array], NDArray[Any]]
-    ) -> dict[str, Any]:
-        """Return what a core is told of the loop and of what comes from outside, without noise."""
+    @property
+    def precision(self) -> Literal["float64", "float32"]:
+        """In which all is computed: that of the estimator."""
+        return "float64" if self.estimator is None else self.estimator.precision
+
+    @property
+    def core(self) -> ModuleType:
+        """The build of the C that runs it."""
+        if self.estimator is not None:
+            return self.estimator.engine.core
+        return core_module(self.precision, any_model=not self._straight)
+
+    @property
+    def calls_python(self) -> bool:
+        """Whether a class of the user is in it, which has a state for one run."""
+        own = self.estimator is not None and not self.estimator.side_by_side
+        return own or any(part is not None for part in self._own.values())
+
+    def check(self) -> None:
+        """Raise what classes of the user failed with meanwhile."""
+        for own in (*self._own.values(), self.estimator):
+            if isinstance(own, OwnStep):
+                own.check()
+
+    def arguments(self, here: slice) -> dict[str, Any]:
+        """Return the arguments of a core for some samples, without their noise."""
+
+        def converter(values: Array) -> NDArray[Any]:
+            return np.ascontiguousarray(values[here], dtype=self.precision)
+
         estimator, external_inputs, faults = self.estimator, self.external_inputs, self._faults
         own = {} if external_inputs.exported is None else external_inputs.exported
         scale = external_inputs.magnet_scale
@@ -264,10 +291,11 @@ class Loop:
             "beside": faults is not None and faults.beside,
             "fly": None if self._fly is None else converter(self._fly),
         }  # fmt: skip
-        return core_arguments | self._form.arguments(core, estimator, external_inputs.place, **own)
+        of_form = self._form.arguments(self.core, estimator, external_inputs.place, **own)
+        return core_arguments | self._own | of_form | self._turning(here)
 
     def _turning(self, here: slice) -> dict[str, Any]:
-        """Return what a core is told of rotation, moving base and failing power."""
+        """Return the arguments of a core: rotation, moving base and failing power."""
         if self._speed is None or self._base is None:
             return {}
         if (estimator := self.estimator) is not None and self._turns[0] is not estimator:
@@ -277,19 +305,18 @@ class Loop:
         if self.scenario.off is not None:
             off = max(0, round(self.scenario.off / self.machine.sampling_time) - here.start)
         return {
-            "speed": self._speed[here.start : here.stop + 1].astype(self._precision),
-            "base": self._base[here].astype(self._precision), "model": self._turns[1], "off": off,
+            "speed": self._speed[here.start : here.stop + 1].astype(self.precision),
+            "base": self._base[here].astype(self.precision), "model": self._turns[1], "off": off,
         }  # fmt: skip
 
     def _stretch(self, until: float | None) -> slice:
         """Return the samples that come next, checked."""
-        estimator, T, n = self.estimator, self.machine.sampling_time, self._t.size
-        precision = "float64" if estimator is None else estimator.precision
+        precision, T, n = self.precision, self.machine.sampling_time, self._t.size
         if self._at == 0:
-            self._precision = precision
-        elif precision != self._precision:
+            self._began_in = precision
+        elif precision != self._began_in:
             raise ValueError(
-                f"the loop began in {self._precision} and cannot continue with a filter in "
+                f"the loop began in {self._began_in} and cannot continue with a filter in "
                 f"{precision}"
             )
         end = n if until is None else min(n, math.ceil(until / T - 1e-6))
@@ -302,20 +329,13 @@ class Loop:
             raise ValueError(f"a loop with faults runs in one go; until must be None, is {until!r}")
         return slice(self._at, end)
 
-    def _flown(self, core: ModuleType, here: slice, state: Any) -> dict[str, Any]:
+    def _simulate(self, here: slice, state: Any) -> dict[str, Any]:
         """Return what C says of some samples."""
-
-        def given(values: Array) -> NDArray[Any]:
-            return np.ascontiguousarray(values[here], dtype=self._precision)
-
-        noise_u, noise_y = map(given, self.noise)
-        told = self._turning(here) | self.arguments(core, given)
-        result: dict[str, Any] = core.simulate(
-            **told, **self._own, noise_u=noise_u, noise_y=noise_y, state=state
+        noise_u, noise_y = (np.ascontiguousarray(of[here], self.precision) for of in self.noise)
+        result: dict[str, Any] = self.core.simulate(
+            **self.arguments(here), noise_u=noise_u, noise_y=noise_y, state=state
         )
-        for own in self._own.values():
-            if own is not None:
-                own.check()
+        self.check()
         if self._own["own_plant"] is not None:  # which does not say how its magnets pull
             result["force"] = np.full_like(result["force"], np.nan)
         return result
@@ -323,18 +343,15 @@ class Loop:
     def run(self, until: float | None = None) -> Run:
         """Go on, to the end of the scenario or to a time before it."""
         here, estimator = self._stretch(until), self.estimator
-        core = core_module(self._precision, any_model=not self._straight)
-        if estimator is not None:
-            core = estimator.engine.core
         if self._goes is None:
-            self._goes = core.LoopState()
+            self._goes = self.core.LoopState()
         if self._at == 0 and estimator is not None:
             self._turning(here)
             estimator.reset(self.start)
             if self.external_inputs.exported is not None and self.scenario.sequence is None:
-                first = self._flown(core, slice(0, 1), core.LoopState())["y"]
+                first = self._simulate(slice(0, 1), self.core.LoopState())["y"]
                 estimator.reset(estimator.initial_state(np.asarray(first, float)))
-        out = self._flown(core, here, self._goes)
+        out = self._simulate(here, self._goes)
         self._at = here.stop
         if self._faults is not None:  # a record holds no infinities
             out |= {k: np.where(np.isinf(out[k]), np.nan, out[k]) for k in "yu"}

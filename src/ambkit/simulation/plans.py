@@ -1,0 +1,211 @@
+"""Runs planned for the core, which simulates and judges many of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.arrays import Array
+from ambkit.data.signals import signal
+from ambkit.estimate.estimator import Estimator
+from ambkit.models.model import compressed_rows
+from ambkit.simulation.planned import Planned, copied
+from ambkit.simulation.run import Loop, Sampled, samples
+from ambkit.simulation.run_figures import FIGURES, FLAGS, first_of
+from ambkit.simulation.scenario import AXES, along
+
+Counts = NDArray[np.int64]
+
+LEAST = 50
+"""Samples that a step, or a load, must be followed by to be judged."""
+
+MOST_PLANS = 4096  #: That are kept for runs that come later.
+
+
+class Windows(NamedTuple):
+    """Where the figures of an axis are taken; sample numbers, as of ``amb_windows``."""
+
+    first: int
+    """The first that errors count from."""
+    step_from: int
+    """The last step of the reference ..."""
+    step_to: int
+    """... and the next change; the same where there is none."""
+    height: float
+    """Of that step [m]."""
+    load_from: int
+    """The last change of a load; the number of samples where there is none."""
+
+
+def windows(r: Array, f_d: Array, first: int) -> list[Windows]:
+    """Find where step responses and a recovery can be seen, axis by axis."""
+    # r (n, p) [m]; f_d (n, p) [N]
+    n = len(r)
+    steps, loads = (np.flatnonzero((of[1:] != of[:-1]).any(axis=1)) + 1 for of in (r, f_d))
+    load = n
+    if loads.size and n - loads[-1] >= LEAST and not (steps.size and steps[-1] > loads[-1]):
+        load = int(loads[-1])
+    result = []
+    for own in r.T:
+        at = Windows(first, 0, 0, 1.0, load)
+        changes = np.flatnonzero(own[1:] != own[:-1]) + 1
+        if changes.size:
+            start = int(changes[-1])
+            later, others = loads[loads > start], steps[steps > start]
+            stop = min(int(of[0]) if of.size else n for of in (later, others))
+            # A load that never rests leaves no step response to be seen.
+            if later.size <= 1 and stop - start >= LEAST:
+                at = Windows(first, start, stop, float(own[start] - own[start - 1]), load)
+        result.append(at)
+    return result
+
+
+class Ready(NamedTuple):
+    """Runs that are planned."""
+
+    numbers: NDArray[np.uint64]
+    """Of each run (runs,)."""
+    by_core: dict[ModuleType, dict[Any, list[int]]]
+    """Places of the runs of each plan, by the core that it is for."""
+    own: list[Loop]
+    """Loops with classes of the user, which fail in silence until they are asked."""
+
+
+class Plans:
+    """Plans what is not planned yet, and simulates it; see `simulate_many` for the arguments."""
+
+    def __init__(
+        self, settling: float, band: float, threads: int, instructions: str | None
+    ) -> None:
+        if threads < 1:
+            raise ValueError(f"threads must be 1 or more, got {threads}")
+        self.settling, self.band = settling, band
+        self.threads, self.instructions = threads, instructions
+        # By the identity of what a run is made of, which is kept, so that no other takes its place.
+        self._plans: dict[tuple[int, ...], tuple[Planned, ModuleType, Any]] = {}
+        self._signals: dict[tuple[Any, ...], tuple[Any, Array]] = {}
+        self._rows: dict[int, tuple[Estimator, list[Any]]] = {}
+        self._last: tuple[Any, tuple[Array, Array], list[Windows]] | None = None
+
+    def ready(self, runs: Sequence[Planned]) -> Ready:
+        """Return runs as cores want them."""
+        for kept in (self._plans, self._signals, self._rows):
+            if len(kept) > MOST_PLANS:
+                kept.clear()
+        result = Ready(np.array([planned.key[1] for planned in runs], np.uint64), {}, [])
+        for place, planned in enumerate(runs):
+            core, plan = self._plan(planned, result.own)
+            result.by_core.setdefault(core, {}).setdefault(plan, []).append(place)
+        return result
+
+    def simulate(self, ready: Ready) -> tuple[Array, Counts]:
+        """Return figures (runs, figures) and counts of flags (runs, flags)."""
+        numbers = ready.numbers
+        figures = np.empty((len(numbers), len(FIGURES)))
+        counts = np.empty((len(numbers), len(FLAGS)), np.int64)
+        for core, plans in ready.by_core.items():
+            places = np.concatenate([np.array(plan) for plan in plans.values()])
+            which = np.repeat(np.arange(len(plans)), [len(plan) for plan in plans.values()])
+            order = np.argsort(places)
+            places, which = places[order], np.ascontiguousarray(which[order], np.int64)
+            figures[places], counts[places] = core.fly(
+                list(plans), which, numbers[places], instructions=self.instructions,
+                threads=self.threads,
+            )  # fmt: skip
+        for loop in ready.own:
+            loop.check()
+        return figures, counts
+
+    def _plan(self, planned: Planned, own: list[Loop]) -> tuple[ModuleType, Any]:
+        made_of = (
+            planned.bearing, planned.scenario, planned.estimator, planned.magnet,
+            planned.external_inputs, planned.controllers,
+        )  # fmt: skip
+        known = tuple(map(id, made_of))
+        result = self._plans.get(known)
+        if result is None:
+            loop = self._loop(planned)
+            plan, general = self._made(loop, planned)
+            if loop.calls_python:
+                own.append(loop)
+            result = planned, loop.core, plan
+            if general:
+                self._plans[known] = result
+        return result[1:]
+
+    def _loop(self, planned: Planned) -> Loop:
+        """Return the loop of a run: an estimator that changes meanwhile is its own."""
+        estimator, speed = planned.estimator, planned.scenario.speed
+        if estimator is not None:
+            stands = speed is None and estimator.view.speed in (None, planned.bearing.speed)
+            if not (stands and estimator.side_by_side):
+                estimator = copied(estimator)
+        return Loop(
+            planned.bearing, planned.numbered, estimator=estimator, magnet=planned.magnet,
+            external_inputs=planned.external_inputs, sampled=self._sampled(planned),
+            controllers=planned.controllers,
+        )  # fmt: skip
+
+    def _sampled(self, planned: Planned) -> Sampled:
+        """Return the signals of a scenario, each of which many runs share."""
+        of, machine = planned.scenario, planned.bearing.short
+        names, T = tuple(axis.name for axis in machine.axes), machine.sampling_time
+
+        def known(values: Any, make: Callable[[], Array]) -> Array:
+            key = id(values), of.duration, T, names
+            if key not in self._signals:
+                self._signals[key] = values, make()
+            return self._signals[key][1]
+
+        t = known(None, lambda: T * np.arange(samples(machine, of), dtype=float))
+        return Sampled(
+            t, *(known(getattr(of, what), partial(along, of, what, names, t)) for what in AXES)
+        )
+
+    def _windows(self, loop: Loop) -> Array:
+        """Return where figures are taken, (p, 7) by the fields of ``amb_windows``."""
+        machine, (r, f_d) = loop.machine, loop.series
+        first = first_of(self.settling, machine.sampling_time, len(r))
+        key = id(r), id(f_d), first  # of signals that nothing was added to they are shared
+        if self._last is None or self._last[0] != key:
+            self._last = key, (r, f_d), windows(r, f_d, first)
+        clearances = [axis.bearing.clearance for axis in machine.axes]
+        pairs = zip(self._last[2], clearances, strict=True)
+        return np.array([(*at, self.band * clearance, clearance) for at, clearance in pairs])
+
+    def _along(self, estimator: Estimator) -> list[Any]:
+        """Return displacements, velocities and loads of the axes by the states of an estimator."""
+        if id(estimator) not in self._rows:
+            states, machine = estimator.states, estimator.view.machine
+            parts: list[Any] = list(estimator.view.along_axes(states))
+            names = [state.name for state in states]
+            loads = [signal("f_d", axis.name) for axis in machine.axes]
+            if set(loads) <= set(names):
+                parts.append(np.eye(len(names))[[names.index(load) for load in loads]])
+            rows = [compressed_rows(part, part != 0) for part in parts]
+            self._rows[id(estimator)] = estimator, rows
+        return self._rows[id(estimator)][1]
+
+    def _made(self, loop: Loop, planned: Planned) -> tuple[Any, bool]:
+        """Return the plan of a run, and whether that serves all numbers."""
+        estimator, machine, stds = loop.estimator, loop.machine, loop.white_noise
+        if estimator is not None and loop.calls_python:
+            estimator.reset(loop.start)
+        arguments = loop.arguments(slice(0, len(loop.series[0])))
+        series: Any = (None, None) if stds is not None else loop.noise
+        std_u, std_y = stds or ([0.0] * len(machine.axes), [0.0] * len(machine.readings))
+        plan = loop.core.Plan(
+            **arguments,
+            mean=None if estimator is None else loop.start,
+            std=None if estimator is None else estimator.default_std(),
+            along=[] if estimator is None else self._along(estimator),
+            seed=planned.key[0], std_u=std_u, std_y=std_y, noise_u=series[0], noise_y=series[1],
+            windows=self._windows(loop),
+        )  # fmt: skip
+        general = stds is not None and arguments.get("model") is None and not loop.calls_python
+        return plan, general
