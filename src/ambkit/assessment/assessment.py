@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,18 +17,16 @@ from ambkit.base.units import engineering
 from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.control.pid import PID
 from ambkit.data.signals import by_name
+from ambkit.estimate.estimator import Estimator
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, ideal_pieces
 from ambkit.judge.modal_reduction import reduction
 from ambkit.machine.machine import Machine
+from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 from ambkit.rotordynamics.separation_margins import BASIS as BASIS_OF_MARGINS
 from ambkit.rotordynamics.separation_margins import Separations, separations
 from ambkit.rotordynamics.unbalance_response import Grade, grade_of, of_grades, unbalance_forces
-
-if TYPE_CHECKING:
-    from ambkit.estimate.estimator import Estimator
-    from ambkit.result.report import Figure
 
 BASIS = (
     "Zones after ISO 14839-3, of a linear model: an aid, not a certificate, which asks for a "

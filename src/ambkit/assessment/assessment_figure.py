@@ -5,20 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ambkit.base.arrays import grouped
 from ambkit.base.errors import AmbkitError
-from ambkit.judge.loop.margins import grid, rates
-from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
-
-if TYPE_CHECKING:
-    from ambkit.control.linear.closed_loop import Loop
-    from ambkit.judge.loop.capacity import Capacity
-    from ambkit.judge.loop.margins import UnstablePole
-    from ambkit.result.report import Vector
+from ambkit.control.linear.closed_loop import Loop
+from ambkit.judge.loop.capacity import Capacity
+from ambkit.judge.loop.margins import UnstablePole, grid, rates
+from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule, Vector
 
 LOOKS = ("measurement", "estimate", "series 2", "series 3", "series 4")
 """Of the loops, in their order; further ones begin again."""
@@ -54,8 +50,7 @@ def assessment_figure(
     nyquist = loops[0].loop.nyquist
     frequency = Axis("frequency", "Hz", scale="log", limits=(SHOWN * nyquist, nyquist))
     bode = zone_lines(zones, top)
-    nyquist_items: list[Item] = [circle(1 / limit) for _, limit in zones]
-    nyquist_items.append(Points(np.array([-1.0]), np.array([0.0]), signal="spike", label=""))
+    curves: list[Item] = []
     compliance: list[Item] = []
     stiffness: list[Item] = []
     noise: list[Item] = []
@@ -71,7 +66,7 @@ def assessment_figure(
         L = 1 / S - 1
         peaks.append(20 * math.log10(float(np.abs(S).max())))
         bode.append(Line(f, 20 * np.log10(np.abs(S)), signal=look, label=name))
-        nyquist_items.append(near(Line(L.real, L.imag, signal=look, label=name)))
+        curves.append(near(Line(L.real, L.imag, signal=look, label=name)))
         yielding = np.abs(loop.compliance(f)[:, axis, axis])
         softest = max(softest, float(yielding.max()))
         compliance.append(Line(f, yielding, signal=look, label=name))
@@ -91,7 +86,7 @@ def assessment_figure(
         f"rate; loads are held over a sample.{unstable}",
         [
             Panel(frequency, heights, bode, title="Sensitivity"),
-            Panel(NYQUIST_REAL, NYQUIST_IMAGINARY, nyquist_items, title="Open loop"),
+            nyquist_panel(curves, zones),
             Panel(frequency, yields, compliance, title="Compliance"),
             Panel(frequency, withstands, stiffness, title="Dynamic stiffness"),
             Panel(frequency, passes, noise, title="Noise to current"),
@@ -110,8 +105,7 @@ def unstable_figure(
     f = grid(loop)
     f = f[f >= SHOWN * nyquist]
     S = loop.along_axes(f)
-    one = [Points(np.array([-1.0]), np.array([0.0]), signal="spike", label="−1")]
-    curves, gains, phases = list[Item](one), list[Item](), list[Item]()
+    curves, gains, phases = list[Item](), list[Item](), list[Item]()
     gains.append(Rule(0.0, signal="limit", label=""))
 
     def alike(k: int, other: int) -> bool:
@@ -132,8 +126,7 @@ def unstable_figure(
             gains.append(Rule(item.frequency, axis="x", signal="spike", label="", text=text))
     frequency = Axis("frequency", "Hz", scale="log", limits=(SHOWN * nyquist, nyquist))
     panels = [
-        Panel(NYQUIST_REAL, NYQUIST_IMAGINARY, curves,
-              title="Open loop"),
+        nyquist_panel(curves, label="−1"),
         _of_poles(loop, poles),
         Panel(frequency, Axis("loop gain |L|", "dB", limits=(-60.0, 60.0)), gains,
               title="Loop gain"),
@@ -217,10 +210,17 @@ def zone_lines(zones: Sequence[tuple[str, float]], top: float) -> list[Item]:
     return [*items, Rule(top, axis="x", signal="reference", label="end of the standard's range")]
 
 
-def circle(radius: float) -> Line:
-    """Return the circle about -1 that an open loop stays out of, of a radius [1]."""
+def nyquist_panel(
+    curves: Sequence[Item], zones: Sequence[tuple[str, float]] = (), label: str = ""
+) -> Panel:
+    """Show open loops about -1, and the circles that they stay out of within the zones."""
     angle = np.linspace(0, 2 * np.pi, 181)
-    return Line(radius * np.cos(angle) - 1, radius * np.sin(angle), signal="limit", label="")
+    marks: list[Item] = [
+        Line(np.cos(angle) / limit - 1, np.sin(angle) / limit, signal="limit", label="")
+        for _, limit in zones
+    ]
+    marks.append(Points(np.array([-1.0]), np.array([0.0]), signal="spike", label=label))
+    return Panel(NYQUIST_REAL, NYQUIST_IMAGINARY, [*marks, *curves], title="Open loop")
 
 
 def near(line: Line) -> Line:

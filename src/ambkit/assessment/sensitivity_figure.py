@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ambkit.assessment import assessment_figure
-from ambkit.base.arrays import Array
+from ambkit.assessment.assessment_figure import Curves
+from ambkit.base.arrays import Array, Complex
 from ambkit.base.units import engineering
+from ambkit.control.linear.closed_loop import Loop
 from ambkit.judge.loop.margins import grid
+from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule
-
-if TYPE_CHECKING:
-    from ambkit.assessment.assessment_figure import Curves
-    from ambkit.base.arrays import Complex
-    from ambkit.control.linear.closed_loop import Loop
-    from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity
 
 Zones = Sequence[tuple[str, float]]
 
@@ -44,17 +40,15 @@ def measured_figure(
         Points(f, _decibels(np.abs(result.sensitivity)), signal="estimate", label="measured")
     )
     L, _ = result.open_loop()
-    nyquist: list[Item] = [assessment_figure.circle(1 / limit) for _, limit in zones]
-    nyquist.append(Points(np.array([-1.0]), np.array([0.0]), signal="spike", label=""))
     visible = np.maximum(np.abs(L.real), np.abs(L.imag)) < 10
-    nyquist.append(Points(L.real[visible], L.imag[visible], signal="estimate", label=""))
+    curves: list[Item] = [Points(L.real[visible], L.imag[visible], signal="estimate", label="")]
     for k, (name, loop, axis) in enumerate(models):
         look = ("truth", *assessment_figure.LOOKS[2:])[k % (len(assessment_figure.LOOKS) - 1)]
         at = _between(loop, f)
         S = loop.of_axis(axis, at)
         open_ = 1 / S - 1
         bode.append(Line(at, _decibels(np.abs(S)), signal=look, label=f"model, {name}"))
-        nyquist.append(assessment_figure.near(Line(open_.real, open_.imag, signal=look, label="")))
+        curves.append(assessment_figure.near(Line(open_.real, open_.imag, signal=look, label="")))
     heights = _heights(np.abs(result.sensitivity), high[np.isfinite(high)])
     return Figure(
         "measured-sensitivity",
@@ -64,8 +58,7 @@ def measured_figure(
         "−1 the same for the open loop.",
         [
             Panel(frequency, heights, bode, title="Sensitivity"),
-            Panel(assessment_figure.NYQUIST_REAL, assessment_figure.NYQUIST_IMAGINARY, nyquist,
-                  title="Open loop"),
+            assessment_figure.nyquist_panel(curves, zones),
             Panel(frequency, Axis("coherence", limits=(0.0, 1.05)),
                   [Points(f, result.coherence, signal="estimate", label="")],
                   title="Share of y that the signal explains"),

@@ -11,13 +11,13 @@ import os
 import sys
 from collections.abc import Iterator
 from types import ModuleType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, ValidationError
 
-from ambkit._core import MAX_RULES
+from ambkit._core import MAX_RULES, Fuzzy
 from ambkit.base import files
 from ambkit.base.arrays import Array, check_finite, real
 from ambkit.base.config import Part, Read
@@ -29,12 +29,9 @@ from ambkit.base.escaping import one_line
 from ambkit.fuzzy.network import Scaling, default_width, network, scale_factors
 from ambkit.machine import paper
 from ambkit.machine.magnets import evaluate_force, evaluate_stiffness
+from ambkit.machine.stiffness import StiffnessMap
+from ambkit.result.card import Card
 from ambkit.result.showing import Shown
-
-if TYPE_CHECKING:
-    from ambkit._core import Fuzzy
-    from ambkit.machine.stiffness import StiffnessMap
-    from ambkit.result.card import Card
 
 Method = Literal["least-squares", "steepest-gradient"]
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from ambkit._core import Fuzzy
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-
-if TYPE_CHECKING:
-    from ambkit._core import Fuzzy
-    from ambkit.machine.stiffness import StiffnessMap
+from ambkit.machine.stiffness import StiffnessMap
 
 Scaling = Literal["grid", "unit"] | tuple[float, float]
 

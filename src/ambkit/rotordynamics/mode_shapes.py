@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +13,10 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
+from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
-
-if TYPE_CHECKING:
-    from ambkit.machine.machine import Machine
-
 
 MODES = ("modes",)  #: Section of its rows.
 POINTS = 401  #: Places along the shaft.

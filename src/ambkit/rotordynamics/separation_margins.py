@@ -10,10 +10,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
 from ambkit.base.units import rpm
 from ambkit.control.default_control import default_control
+from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import unbalance_columns
 from ambkit.control.linear.steady_state_filter import tells
 from ambkit.estimate.estimator import Estimator
@@ -129,13 +129,7 @@ def separations(
     return Separations(speed, criticals, top)
 
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from ambkit.control.linear.closed_loop import Loop
-    from ambkit.estimate.estimator import Estimator
-
-    At = Callable[[float], tuple[LoopOf, Loop]]
+At = Callable[[float], tuple[LoopOf, Loop]]
 
 COUNT, LEAST = 21, 0.01
 """Speeds of the poles; lowest over highest: at rest an estimator of unbalance does not settle."""

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
 
 from ambkit.base.units import engineering
-
-if TYPE_CHECKING:
-    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
-    from ambkit.machine.machine import Machine
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
+from ambkit.machine.machine import Machine
 
 
 def annotated_toml(

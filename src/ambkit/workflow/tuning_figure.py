@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ambkit.judge.comparison.tuning import Range, Tried
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from ambkit.judge.comparison.tuning import Range, Tried
 
 HIGHEST_PEAK = 10.0  #: Of the sensitivity, up to which filters are shown.
 WORST_SHOWN = 5.0  #: Costs are shown up to so many spans between the best and the untuned one.

@@ -11,22 +11,18 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambkit._core import Magnet
 from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import AmbkitError
+from ambkit.data.record import Record
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import SCALE, smooth
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import equally_far, magnet_of
-
-if TYPE_CHECKING:
-    from ambkit._core import Magnet
-    from ambkit.data.record import Record
-    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.machine.machine import Machine
-
 
 FINE = 65
 """Nodes a side of the table that the filter asks, over all that the records visit: a few for each

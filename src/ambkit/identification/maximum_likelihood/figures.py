@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.escaping import label, markdown
 from ambkit.base.units import engineering, interval, typeset
+from ambkit.data.record import Record
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import NOISES
+from ambkit.identification.maximum_likelihood.validation import Validation
 from ambkit.result.report import Axis, Cells, Figure, Intervals, Item, Line, Panel, Points, Rule
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.identification.maximum_likelihood.validation import Validation
 
 RECORDS = ("record 1", "record 2", "record 3", "record 4")
 LAG = Axis("lag", "samples")

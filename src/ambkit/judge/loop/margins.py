@@ -6,16 +6,13 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, Complex
-
-if TYPE_CHECKING:
-    from ambkit.control.linear.closed_loop import Loop
-
+from ambkit.control.linear.closed_loop import Loop
 
 LOWEST = 1e-6  #: Of half the sampling rate, where a grid begins.
 
