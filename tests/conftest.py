@@ -133,12 +133,15 @@ SYMBOLS: set[str] = set()
 
 def _texts(canvas: Any) -> Iterator[str]:
     """Yield the texts of ours; numbers at ticks are matplotlib's, and made when it draws."""
+    from matplotlib.ticker import FuncFormatter
+
     texts = list(canvas.texts)
     for axes in canvas.axes:
         texts += [axes.title, axes.xaxis.label, axes.yaxis.label, *axes.texts]
         texts += legend.get_texts() if (legend := axes.get_legend()) is not None else []
         for axis in (axes.xaxis, axes.yaxis):
-            yield from getattr(axis.get_major_formatter(), "seq", ())
+            if isinstance(axis.get_major_formatter(), FuncFormatter):  # names, not numbers
+                texts += axis.get_ticklabels()
     yield from (text.get_text() for text in texts)
 
 
