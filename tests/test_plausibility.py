@@ -51,6 +51,16 @@ def test_a_record_belongs_to_its_bearing_and_not_with_a_sign_reversed(name, seed
     assert evaluate_record(changed(record, y=-1.0, u=-1.0), BEARING).problems == ()
 
 
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_control_signal_that_is_logged_at_another_instant_is_told(name):
+    record = run(name)
+    for samples, told in ((-20, "2.1 ms later"), (20, "2.1 ms earlier")):
+        u = record["u"][np.clip(np.arange(len(record)) - samples, 0, len(record) - 1)]
+        shifted = Record(record.t, {"y": record["y"], "u": u})
+        (remark,) = evaluate_record(shifted, BEARING).remarks
+        assert f"with u about {told} the model predicts the record better" in remark
+
+
 PRESETS = {
     name: ambkit.preset(name)
     for name in ("zittau_axial", "inteco_ml", "tum_mlps", "ufu_rig", "heart_pump", "compressor")

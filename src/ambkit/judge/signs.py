@@ -1,4 +1,6 @@
-"""Signs of a record's channels, by how well a machine's model predicts it with one reversed.
+"""Signs of a record's channels and the instants of its control signal, by what a model predicts.
+
+With a channel reversed, or its control signal shifted, it predicts a record worse.
 
 The log likelihood of the innovations (Schweppe 1965) holds in closed loop too, whatever the
 controller: only the past enters a prediction. Noise intensities are fitted to either hypothesis, so
@@ -8,12 +10,14 @@ that their ratio tells signs and not noise.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ambkit.base.arrays import block_means, interpolated
 from ambkit.base.errors import ConfigError
+from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.kalman import KalmanFilter
@@ -31,6 +35,9 @@ _BLOCK = 0.25
 and amplifiers do within it does not matter."""
 
 _FEWEST = 200  # means of a record that is long enough for them
+
+_SHIFTS = (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0)
+"""By how much later a control signal is tried, in the rotor's time constant: less changes little."""
 
 _BENDING, _RIGID = 600, 24000  # instants that are looked at, the last ones
 
@@ -154,7 +161,10 @@ def _filters(machine: Machine, k: int) -> tuple[list[KalmanFilter], int]:
 def judge_signs(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
     """Yield the sentence of a wrong sign, or that a record does not determine it (False)."""
     result = sign_test(record, machine)
-    if result is None or (result.decisive and not result.wrong):
+    if result is None:
+        return
+    if result.decisive and not result.wrong:
+        yield from _timing(record, machine)
         return
     name = result.channel
     what = "y or of u" if len(machine.axes) == 1 else f"{name}, or of what belongs to its axis,"
@@ -171,4 +181,28 @@ def judge_signs(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
             f"the record does not determine the signs of y and u: the log-likelihood ratio of "
             f"{result.instants} means is {-result.log_likelihood_ratio:.1f}; is "
             "the rotor moved by this control signal?",
+        )
+
+
+def _timing(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
+    """Yield that the control signal of a single axis acts at another instant than it is logged."""
+    if not machine.single:
+        return
+    names, u = channels(machine), interpolated(record["u"])
+    as_it_is, own = _Prediction(record, machine, names), own_time(machine)
+    likelihoods = {}
+    for samples in {round(share * own / record.sampling_time) for share in _SHIFTS} - {0}:
+        shifted = u[np.clip(np.arange(u.size) - samples, 0, u.size - 1)]
+        moved = replace(record, signals={**record.signals, "u": shifted})
+        likelihoods[_Prediction(moved, machine, names).best()] = samples * record.sampling_time
+    gain = max(likelihoods, default=-np.inf) - as_it_is.best()
+    if gain > max(LEAST_TOTAL, LEAST_MEAN * as_it_is.n):
+        shift = likelihoods[max(likelihoods)]
+        cause = "is the machine's delay longer, or u" if shift > 0 else "is u"
+        yield (
+            False,
+            f"with u about {engineering(abs(shift), 's', digits=2)} "
+            f"{'later' if shift > 0 else 'earlier'} the model predicts the record better, by "
+            f"{gain:.0f} of log likelihood in {as_it_is.n} means: {cause} logged "
+            f"{'early' if shift > 0 else 'late'}?",
         )
