@@ -37,7 +37,7 @@ and amplifiers do within it does not matter."""
 _FEWEST = 200  # means of a record that is long enough for them
 
 _SHIFTS = (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0)
-"""By how much later a control signal is tried, in the rotor's time constant: less changes little."""
+"""By how much later a control signal is tried, in the rotor's time constant."""
 
 _BENDING, _RIGID = 600, 24000  # instants that are looked at, the last ones
 
