@@ -8,6 +8,8 @@ import numpy as np
 
 from ambkit.machine.magnets import core_module
 
+M, K, S0, I0 = 0.518, 6.7e-6, 2e-3, 1.5  # of the paper's bearing
+
 PID = ("kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")
 
 
@@ -56,3 +58,25 @@ def fly(magnet: Any, **told: Any) -> dict[str, Any]:
     columns = {name: out[name][:, 0] for name in ("iu", "y", "u")}
     columns |= dict(zip(("x", "v", "x_m"), out["X"], strict=True))
     return out | columns | {"force": out["force"][:, 0] + f_0}
+
+
+def law(**changes: Any) -> Any:
+    """The magnet of the paper's bearing, in the core."""
+    fields = {"k": K, "s0": S0, "i0": I0, "two_sided": True, "ampere": 1.0, "metre": 1e-3}
+    return core_module().Law("closed", **(fields | changes))
+
+
+def driven(command: Any, parts: Any, *, T: float = 1e-4, **changes: Any) -> dict[str, Any]:
+    """The plant of the paper's axis with control currents demanded at each sample [A]."""
+    command = np.asarray(command, dtype=float)
+    n = command.size
+    magnet, f_d = changes.pop("magnet", None) or law(), changes.pop("f_d", 0.0)
+    zero = np.zeros(n)
+    loop = {
+        "T": T, "m": M, "f_0": 0.0, "K_sen": 1.0, "T_sen": 2e-4, "travel": 1e-3, "substeps": 8,
+        "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5, "kp": 0.0, "ki": 0.0, "kd": 0.0, "T_f": 0.0,
+        "T_t": 0.0, "integral": 0.0, "r": zero,
+        "f_d": np.broadcast_to(f_d, n).astype(float), "noise_u": command, "noise_y": zero,
+        "x_start": 0.0, "parts": parts,
+    }  # fmt: skip
+    return fly(magnet, **(loop | changes))

@@ -7,30 +7,20 @@ one current throughout.
 import numpy as np
 import oracles
 import pytest
-from one_axis import fly
+from one_axis import I0, S0, K, M, driven
 from scipy.integrate import solve_ivp
 
 import ambkit
-from ambkit import Bearing, ClosedLaw
+from ambkit import Bearing
 from ambkit.machine.magnets import core_module
 
 BEARING = Bearing.preset("zittau_axial")
-M, S0, I0, K = 0.518, 2e-3, 1.5, 6.7e-6
 
 
-def released(n, T, **changes):
+def released(n, T, *, current=0.0, **changes):
     """Release the rotor at x_start; n samples of T [s] under a constant current and force."""
-    current, f_d = changes.pop("current", 0.0), changes.pop("f_d", 0.0)
-    magnet = changes.pop("magnet", None) or ClosedLaw(BEARING).in_core(core_module())
-    zero = np.zeros(n)
-    loop = {
-        "T": T, "m": M, "f_0": 0.0, "K_sen": 1.0, "T_sen": 2e-3, "travel": 1e-3, "substeps": 4,
-        "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5, "kp": 0.0, "ki": 0.0, "kd": 0.0, "T_f": 0.0,
-        "T_t": 0.0, "integral": current, "r": zero,
-        "f_d": np.broadcast_to(f_d, n).astype(float), "noise_u": zero, "noise_y": zero,
-        "x_start": 1e-4,
-    }  # fmt: skip
-    return fly(magnet, **(loop | changes))
+    usual = {"T_sen": 2e-3, "substeps": 4, "x_start": 1e-4, "integral": current}
+    return driven(np.zeros(n), None, T=T, **(usual | changes))
 
 
 def exact(t, start, current, force, T_sen):
@@ -43,21 +33,6 @@ def exact(t, start, current, force, T_sen):
 
     options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-18}
     return solve_ivp(slope, (0, t[-1]), [start, 0, start], t_eval=t, **options).y.T
-
-
-def test_the_integrator_is_of_order_four():
-    """Half the step, a sixteenth of the error: against a solver of order 8."""
-    n, T, weight = 6, 2e-3, -M * 9.81
-    reference = exact(T * np.arange(n), 1e-4, 0.4, weight + 1.0, 2e-3)
-    scale = np.abs(reference).max(axis=0)
-    errors = []
-    for substeps in (2, 4, 8, 16):
-        run = released(n, T, f_0=weight, f_d=1.0, current=0.4, substeps=substeps)
-        ours = np.column_stack([run["x"], run["v"], run["x_m"]])
-        errors.append((np.abs(ours - reference) / scale).max(axis=0))
-    order = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert order[-1] == pytest.approx([4, 4, 4], abs=0.15)
-    assert (np.diff(np.array(errors), axis=0) < 0).all()
 
 
 def test_with_the_usual_steps_the_error_is_nothing_beside_the_noise():

@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 import pytest
 from machine_cases import BEARINGS
-from one_axis import fly
+from one_axis import I0, S0, K, M, driven, law
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -22,7 +22,6 @@ from ambkit.simulation import recording as plant_noise
 from ambkit.simulation.recording import Stream
 from ambkit.simulation.run import Loop
 
-M, K, S0, I0 = 0.518, 6.7e-6, 2e-3, 1.5
 BEARING = Bearing.preset("zittau_axial")
 HEAVY = 1e9  # a rotor that stays where it is [kg]
 ALL = {
@@ -39,27 +38,6 @@ ALL = {
     "sensor__coloured_noise": {"variance": "1 um^2", "bandwidth": "200 Hz"},
     "stop": {"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"},
 }  # fmt: skip
-
-
-def law(**changes):
-    fields = {"k": K, "s0": S0, "i0": I0, "two_sided": True, "ampere": 1.0, "metre": 1e-3}
-    return core_module().Law("closed", **(fields | changes))
-
-
-def driven(command, parts, *, T=1e-4, **changes):
-    """Run the plant with control currents demanded at each sample [A]."""
-    command = np.asarray(command, dtype=float)
-    n = command.size
-    magnet, f_d = changes.pop("magnet", None) or law(), changes.pop("f_d", 0.0)
-    zero = np.zeros(n)
-    loop = {
-        "T": T, "m": M, "f_0": 0.0, "K_sen": 1.0, "T_sen": 2e-4, "travel": 1e-3, "substeps": 8,
-        "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5, "kp": 0.0, "ki": 0.0, "kd": 0.0, "T_f": 0.0,
-        "T_t": 0.0, "integral": 0.0, "r": zero,
-        "f_d": np.broadcast_to(f_d, n).astype(float), "noise_u": command, "noise_y": zero,
-        "x_start": 0.0, "parts": parts,
-    }  # fmt: skip
-    return fly(magnet, **(loop | changes))
 
 
 def coils(**changes):
