@@ -445,7 +445,7 @@ def limited(monkeypatch):
         "simulate zittau_axial --duration 1s --out run.parquet",
         "simulate zittau_axial --duration 1s --plot run.svg",
     ],
-    TOO_LARGE[::2],
+    [TOO_LARGE[0], TOO_LARGE[3]],  # pyarrow itself takes away what it has begun
 ))  # fmt: skip
 def test_a_file_that_may_not_grow_is_not_left_in_part(call, limited, tmp_path, command):
     code, _out, err = call(*command.split())
