@@ -36,7 +36,9 @@ def growth(A: Array, intensity: Array, time: float) -> Array:
     for k in range(2, TERMS + 2 * len(A)):
         driven = share @ term
         term = (driven + driven.swapaxes(1, 2)) / k
-        N = N + term
+        before, N = N, N + term
+        if np.array_equal(before, N):  # each state is reached one term after its neighbour
+            break
     for _ in range(doublings):
         N = N + Phi @ N @ Phi.T
         Phi = Phi @ Phi

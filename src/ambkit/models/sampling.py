@@ -23,13 +23,11 @@ def pattern_of(driven: Bools) -> Pattern:
     """Return the pattern of the exponential of a matrix of this structure."""
     # What something drives, at once or by way of others, has a number; what nothing drives back to
     # itself has a one on the diagonal.
-    n = len(driven)
-    reachability = driven.copy()
-    for k in range(n):  # Warshall 1962
-        reachability |= np.outer(reachability[:, k], reachability[k])
-    kinds = np.where(reachability, NUMBER, ZERO)
-    diagonal = np.diag(reachability)
-    kinds[np.diag_indices(n)] = np.where(diagonal, NUMBER, ONE)
+    reached, ways = driven, driven.astype(float)
+    while (further := reached | (ways @ ways > 0)).sum() > reached.sum():  # of twice the steps
+        reached, ways = further, further.astype(float)
+    kinds = np.where(reached, NUMBER, ZERO)
+    kinds[np.diag_indices(len(kinds))] = np.where(np.diag(reached), NUMBER, ONE)
     return kinds.astype(np.int8)
 
 

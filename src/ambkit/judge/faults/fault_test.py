@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -115,7 +116,7 @@ class FaultCampaign(Result):
         outcomes = self.select(estimator=name, setting="in the loop", levitation="lost")
         return sorted({outcome.fault for outcome in outcomes})
 
-    @property
+    @cached_property
     def rows(self) -> list[Row]:
         result = put(self._of(BASELINE), section=("controller_alone",), of=BASELINE)
         for name in reversed(self.estimators):
