@@ -58,6 +58,7 @@ class Plan:
         self.riders: dict[str, str] = {}
         self.places: dict[str, Row] = {}
         self.currents: dict[str, str] = {}
+        self.k_i: dict[str, float] = {}
         self.past: dict[str, tuple[list[str], float]] = {}
         self.readings: list[dict[str, float]] = []
         self.sources: list[tuple[Row, bool]] = []
@@ -78,11 +79,21 @@ class Plan:
         """Let a state change by value [1/s, times the units] for 1 of a state or control."""
         self.rates[state, by] = self.rates.get((state, by), 0.0) + value
 
-    def force(self, name: str, size: float, place: Place) -> None:
+    def force(self, name: str, size: float, place: Place, k_i: float | None = None) -> None:
         """Add a magnet's force: it pulls at a place, and depends on the displacement there."""
+        # Held over a sample, but for what its current changes by a current stiffness k_i [N/A].
         self.forces.append(self._named(name, "N", size, "magnet force"))
         self.places[name] = row(place)
         self.pushes[name] = row(place)
+        if k_i is not None:
+            self.k_i[name] = k_i
+
+    def varies(self, force: str) -> bool:
+        """Whether a force with a current stiffness changes within a sample, as its current does."""
+        # A demanded current is held, unless a dead time ends within the sample.
+        current = self.currents.get(force, "")
+        held = current in {at.name for at in self.controls}
+        return force in self.k_i and (not held or self.past.get(current, ([], 1.0))[1] < 1)
 
     def push(self, state: str, place: Place) -> None:
         """Let a state [N] push the rotor at a place without a magnet."""

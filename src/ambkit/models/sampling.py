@@ -18,6 +18,9 @@ from ambkit.models.model import NUMBER, ONE, ZERO, Model, Pattern
 
 Kinds = tuple[Array, Pattern]  #: Numbers, and their pattern.
 
+HELD, RIDERS, VARYING = range(3)
+"""Terms of held magnet forces; with what rides on them; with what changes in them by currents."""
+
 
 def pattern_of(driven: Bools) -> Pattern:
     """Return the pattern of the exponential of a matrix of this structure."""
@@ -49,7 +52,8 @@ class Sampling:
     # The exponential is taken of one state that holds everything which moves or is held over the
     # sample: the n states, p forces and c controls, and the integrals of the p displacements and p
     # currents, from which their means come. Where a delay ends within the sample, it is the product
-    # of the exponentials before and after.
+    # of the exponentials before and after. A force with a current stiffness k_i is held but for
+    # k_i (i(t) - mean of i), which is in L and B_u.
 
     plan: Plan
 
@@ -78,8 +82,14 @@ class Sampling:
 
     @cached_property
     def _terms(self) -> tuple[list[tuple[int, str, float]], ...]:
-        """The terms without riders and with them."""
-        return self.terms(riders=False), self.terms(riders=True)
+        """The terms of `HELD`, `RIDERS` and `VARYING`."""
+        plan, held = self.plan, self.terms(riders=False)
+        changing = [
+            (row, plan.currents[force], value * plan.k_i[force])
+            for row, force, value in held
+            if plan.varies(force)
+        ]
+        return held, self.terms(riders=True), held + changing
 
     def terms(self, *, riders: bool) -> list[tuple[int, str, float]]:
         """Return what drives each state, as (row, name, value); sums of equal places."""
@@ -104,9 +114,9 @@ class Sampling:
                 terms.append((n + 2 * p + c + k, plan.currents[force.name], 1 / plan.T))
         return terms
 
-    def generator(self, after: float, *, riders: bool = False) -> Array:
+    def generator(self, after: float, which: int = HELD) -> Array:
         """Return A of the whole state, from some share of the sample on [1/s, times the units]."""
-        rows, names, values = zip(*self._terms[riders], strict=True)
+        rows, names, values = zip(*self._terms[which], strict=True)
         acting = {at.name: self.acting(at.name, after) for at in self.plan.controls}
         columns = [self.at(acting.get(name, name)) for name in names]
         alike = np.broadcast_shapes(*{getattr(value, "shape", ()) for value in values})
@@ -116,10 +126,10 @@ class Sampling:
         np.add.at(A, place, alike_values)
         return A
 
-    def driven(self, *, riders: bool = False) -> Bools:
+    def driven(self, which: int) -> Bools:
         """Return what drives what in some part of the sample, by structure."""
         A = np.zeros((self.sizes[3],) * 2, bool)
-        for i, name, _ in self._terms[riders]:
+        for i, name, _ in self._terms[which]:
             past, _share = self.plan.past.get(name, ([], 0.0))
             for source in [name, *past][-2:]:
                 A[i, self.at(source)] = True
@@ -131,8 +141,9 @@ class Sampling:
         ends = [0.0, *sorted(shares), 1.0]
         Phi = np.eye(self.sizes[3])
         for start, end in pairwise(ends):
-            Phi = exponential.transition(self.generator(start), (end - start) * self.plan.T) @ Phi
-        driven = self.driven()
+            A = self.generator(start, VARYING)
+            Phi = exponential.transition(A, (end - start) * self.plan.T) @ Phi
+        driven = self.driven(VARYING)
         # What is on no circle but its own decays by its own rate, however far: no digit is lost.
         others = pattern_of(driven & ~np.eye(len(driven), dtype=bool))
         decoupled = np.flatnonzero(np.diag(others) == ONE)
@@ -160,6 +171,7 @@ class Sampling:
             "N": self._growth(),
             "rest": self._rest(),
         }
+        self._hold_mean_forces(parts)
         self._pure_means(parts)
         self._shift(parts)
         return Model(
@@ -168,6 +180,15 @@ class Sampling:
             noises=tuple(plan.noises), pattern={key: kind for key, (_, kind) in parts.items()},
             **{key: values for key, (values, _) in parts.items()},
         )  # fmt: skip
+
+    def _hold_mean_forces(self, parts: dict[str, Kinds]) -> None:
+        """Subtract what varying forces do by their mean currents, which a magnet's law has."""
+        L, B_u, b, e, d = (parts[name][0] for name in ("L", "B_u", "b", "e", "d"))
+        for k, force in enumerate(self.plan.forces):
+            if self.plan.varies(force.name):
+                held = self.plan.k_i[force.name] * b[:, k, None]
+                L -= held * e[k]
+                B_u -= held * d[k]
 
     def _rotor_columns(self) -> Bools:
         """Return, for each force, the states (p, n) of the rotor at which it pulls."""
@@ -192,7 +213,7 @@ class Sampling:
 
     def _growth(self) -> Kinds:
         n = self.sizes[0]
-        A, kinds = self.generator(0.0, riders=True)[:n, :n], pattern_of(self.driven(riders=True))
+        A, kinds = self.generator(0.0, RIDERS)[:n, :n], pattern_of(self.driven(RIDERS))
         reached = kinds[:n, :n] != ZERO
         pattern = np.zeros((len(self.plan.sources), n, n))
         intensity = np.zeros((len(self.plan.sources), n))
@@ -223,7 +244,7 @@ class Sampling:
     def _pure_means(self, parts: dict[str, Kinds]) -> None:
         """Set the ones of h and d: the mean of what does not move by itself is what it was."""
         plan, (n, p, _c, _) = self.plan, self.sizes
-        pattern = pattern_of(self.driven())
+        pattern = pattern_of(self.driven(VARYING))
         for k, force in enumerate(plan.forces):
             seen = {self.at(q): value for q, value in plan.places[force.name].items()}
             for q, value in seen.items():

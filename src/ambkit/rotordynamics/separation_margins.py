@@ -142,6 +142,7 @@ HALF_POWER, BETWEEN = math.sqrt(0.5), 6
 
 ACROSS = np.linspace(-3, 3, 13)  #: Speeds about each pole of a peak of several, in widths.
 SAME = 1e-6  #: Distance of two critical speeds, over the lower one, up to which they are one.
+SHARP = 1e-4  #: Accuracy of the speed of a peak of several poles, of it.
 OVERDAMPED = 1e-3  #: Imaginary part of a pole that is rounding, relative to the pole.
 
 POLE_SHARE = 0.1
@@ -216,12 +217,16 @@ def _valley(at: At, low: float, high: float) -> bool:
 
 def _peak_of(at: At, group: list[CriticalSpeed], end: float) -> CriticalSpeed:
     """Return the one peak of several poles, with the damping ratio of its half-power points."""
+    from scipy import optimize
+
     across = [(1 + one.damping_ratio * ACROSS) * one.speed for one in group]
     speed = np.unique(np.minimum(across, end))
     size = np.array([_response(at, float(one)) for one in speed])
-    peak = int(np.argmax(size))
-    wide = speed[size > HALF_POWER * size[peak]]
-    return CriticalSpeed(float(speed[peak]), float((wide[-1] - wide[0]) / (2 * speed[peak])))
+    k = int(np.argmax(size))
+    sides = float(speed[max(k - 1, 0)]), float(speed[min(k + 1, len(speed) - 1)])
+    peak = optimize.fminbound(lambda one: -_response(at, float(one)), *sides, xtol=SHARP * sides[0])
+    wide = speed[size > HALF_POWER * size[k]]
+    return CriticalSpeed(float(peak), float((wide[-1] - wide[0]) / (2 * peak)))
 
 
 def _is_peak(at: At, critical: CriticalSpeed, max_speed: float) -> bool:

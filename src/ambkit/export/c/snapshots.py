@@ -87,7 +87,8 @@ def snapshots_of(controller: Controller, run: Callable[..., dict[str, NDArray[An
         return np.asarray(result)
 
     amplified, restored = off(np.ones(n, bool)), np.zeros(n, bool)
-    restored[1:] = amplified[:-1]  # what such a sample leaves is another covariance elsewhere
+    # What such samples leave is another covariance elsewhere, for the next that is compared.
+    restored[1:] = amplified[:-1] & ~amplified[1:]
     wanting = np.flatnonzero(off(restored) & ~amplified & ~restored)
     while wanting.size and restored.sum() < MOST_NUMBERS * n // states:
         restored[wanting[0]] = True

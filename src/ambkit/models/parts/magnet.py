@@ -1,4 +1,4 @@
-"""Where a magnet pulls at the rotor; its law is no part of the linear model."""
+"""Where a magnet pulls at the rotor; of its law, the linear model has a bending rotor's k_i."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ambkit.data.signals import signal
+from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.declaration import Place, Plan, place
 from ambkit.models.parts.typical_sizes import Typical
 
@@ -18,15 +19,22 @@ class MagnetPlace:
     size: float  #: Typical force [N].
     force: str = "f"  #: Name of the force.
     place: Place = "x"  #: Where it pulls.
+    k_i: float | None = None
+    """Current stiffness [N/A], by which the force changes within a sample; None: it is held."""
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[MagnetPlace]:
         """Return where the magnets of each axis pull."""
+        # Bending modes are fast enough to follow what a current does within a sample.
+        bends = machine.bending is not None
         return [
-            cls(s.force, signal("f", a.name), place(a.line.form))
+            cls(
+                s.force, signal("f", a.name), place(a.line.form),
+                ConstantStiffness.of(machine.isolated_axis(a.name)).k_i if bends else None,
+            )
             for a, s in zip(machine.axes, sizes, strict=True)
-        ]
+        ]  # fmt: skip
 
     def declare(self, plan: Plan) -> None:
         """Add the force."""
-        plan.force(self.force, self.size, self.place)
+        plan.force(self.force, self.size, self.place, self.k_i)
