@@ -1,6 +1,5 @@
 """Filters that must not fly are named, and no other: planted wrong, and good ones."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ from machine_cases import PRESETS
 import ambkit
 from ambkit import Bearing, FilterNoise, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.control.control import Control
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.registry import KINDS, learned_magnet
@@ -211,66 +209,56 @@ def test_the_judgement_holds_against_a_simulated_step_of_half_the_load_capacity(
         assert took == pytest.approx(told.value, rel=0.25)
 
 
-def exit_of(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        main([*arguments])
-    return int(ended.value.code or 0)
-
-
-def test_an_export_is_refused_without_force(tmp_path, capsys):
-    slow = noisy(disturbance=1e-8)
-    slow.save(tmp_path / "slow.toml")
-    out = tmp_path / "c"
+def test_an_export_is_refused_without_force(call):
+    noisy(disturbance=1e-8).save("slow.toml")
     text = "is followed to 63 %"
-    assert exit_of("export", "c", str(tmp_path / "slow.toml"), "--out", str(out)) == 2
-    assert text in capsys.readouterr().err
-    assert not out.exists()
-    file = ambkit.FilterFile.load(tmp_path / "slow.toml")
+    refused = call("export", "c", "slow.toml", "--out", "c")
+    assert refused.code == 2
+    assert text in refused.err
+    assert not Path("c").exists()
+    file = ambkit.FilterFile.load("slow.toml")
     with pytest.raises(AmbkitError, match=text):
-        export_c(AXIS, None, out, filter_file=file)
+        export_c(AXIS, None, "c", filter_file=file)
     with pytest.raises(AmbkitError, match="fingerprint"):  # of another bearing
-        export_c(BALL, None, out, filter_file=file)
-    assert exit_of("export", "c", str(tmp_path / "slow.toml"), "--out", str(out), "--force") == 0
-    assert "MUST NOT FLY" in (out / "README.md").read_text()
-    for words in (["mat", "--out", str(tmp_path / "m.mat")], ["fmu", "--out", str(out / "f.fmu")]):
-        assert exit_of("export", words[0], str(tmp_path / "slow.toml"), *words[1:]) == 2
-    assert exit_of("export", "c", "inteco_ml", "--filter", str(tmp_path / "slow.toml"),
-                   "--out", str(out)) == 2  # fmt: skip
+        export_c(BALL, None, "c", filter_file=file)
+    assert call("export", "c", "slow.toml", "--out", "c", "--force").code == 0
+    assert "MUST NOT FLY" in Path("c/README.md").read_text()
+    for words in ("mat slow.toml --out m.mat", "fmu slow.toml --out c/f.fmu",
+                  "c inteco_ml --filter slow.toml --out c"):  # fmt: skip
+        assert call("export", *words.split()).code == 2
 
 
-def test_an_export_says_what_does_not_need_force(tmp_path, capsys):
-    KalmanFilter(AXIS, gravity="disturbance").save(tmp_path / "weight.toml")
-    out = tmp_path / "c"
-    assert exit_of("export", "c", str(tmp_path / "weight.toml"), "--out", str(out)) == 0
-    assert "is part of the estimated disturbance force" in capsys.readouterr().err
+def test_an_export_says_what_does_not_need_force(call):
+    KalmanFilter(AXIS, gravity="disturbance").save("weight.toml")
+    told = call("export", "c", "weight.toml", "--out", "c")
+    assert told.code == 0
+    assert "is part of the estimated disturbance force" in told.err
 
 
-def test_check_and_simulate_say_the_same(tmp_path, capsys):
+def test_check_and_simulate_say_the_same(call):
     slow = noisy(disturbance=1e-8)
-    slow.save(tmp_path / "slow.toml")
+    slow.save("slow.toml")
     (fatal,) = {e.sentence for e in judge_adequacy(slow) if e.name == "time to follow a load"}
-    assert exit_of("check", str(tmp_path / "slow.toml")) == 2
-    assert fatal in capsys.readouterr().err
-    run = ["simulate", "zittau_axial", "--filter", str(tmp_path / "slow.toml")]
-    exit_of(*run, "--out", str(tmp_path / "run.csv"))
-    assert fatal in capsys.readouterr().out  # among the notes of the result
-    exit_of("filter", str(tmp_path / "run.csv"), "--filter", str(tmp_path / "slow.toml"))
-    assert fatal in capsys.readouterr().out
-    KalmanFilter(AXIS).save(tmp_path / "good.toml")
-    assert exit_of("check", str(tmp_path / "good.toml")) == 0
-    assert capsys.readouterr().err == ""
-    assert exit_of("check", str(tmp_path / "good.toml"), "--machine", "inteco_ml") == 2
+    refused = call("check", "slow.toml")
+    assert refused.code == 2
+    assert fatal in refused.err
+    for words in ("simulate zittau_axial --filter slow.toml --out run.csv",
+                  "filter run.csv --filter slow.toml"):  # fmt: skip
+        assert fatal in call(*words.split()).out  # among the notes of the result
+    KalmanFilter(AXIS).save("good.toml")
+    good = call("check", "good.toml")
+    assert (good.code, good.err) == (0, "")
+    assert call("check", "good.toml", "--machine", "inteco_ml").code == 2
 
 
-def test_check_judges_a_filter_on_a_machine_with_several_axes(tmp_path, capsys):
+def test_check_judges_a_filter_on_a_machine_with_several_axes(call):
     """``--machine`` took one axis only, and a machine's filter was not held to it."""
-    path = tmp_path / "filter.toml"
-    KalmanFilter(Machine.preset("heart_pump")).save(path)
-    assert exit_of("check", str(path), "--machine", "tum_mlps") == 2
-    assert "axes or readings are others" in capsys.readouterr().err
-    assert exit_of("check", str(path), "--machine", "zittau_axial") == 2
-    assert "axes or readings are others" in capsys.readouterr().err
-    assert exit_of("check", str(path), "--machine", "heart_pump") == 0
+    KalmanFilter(Machine.preset("heart_pump")).save("filter.toml")
+    for other in ("tum_mlps", "zittau_axial"):
+        refused = call("check", "filter.toml", "--machine", other)
+        assert refused.code == 2
+        assert "axes or readings are others" in refused.err
+    assert call("check", "filter.toml", "--machine", "heart_pump").code == 0
 
 
 def test_identify_writes_no_process_noise_that_follows_no_load():
@@ -313,17 +301,16 @@ tolerance = "2 %"
     ["tune", "robust", "slow.toml", "--budget", "1", "--max-sensitivity", "5",
      "--out", "filter.toml"],
 ], ids=lambda words: words[0])  # fmt: skip
-def test_whatever_writes_a_filter_shows_whether_it_may_fly(words, tmp_path, monkeypatch, capsys):
+def test_whatever_writes_a_filter_shows_whether_it_may_fly(words, call):
     if "robust" in words:
         pytest.importorskip("optuna")
-    monkeypatch.chdir(tmp_path)
     slow = AXIS.replace(sampling_time="2.5 ms", name="slow")  # of 8.3 ms in which the rotor falls
     slow.save("slow.bearing.toml")
     Path("slow.toml").write_text(STUDY)
-    assert exit_of(*words, "--json") == 0
-    written = capsys.readouterr()
+    written = call(*words, "--json")
+    assert written.code == 0
     assert "a sampling time of 2.5 ms is 0.302 times" in written.err
-    judged = json.loads(written.out)["adequacy"]
+    judged = written.json["adequacy"]
     judged = judged["linear"] if words[0] == "compare" else judged
     assert any(each["name"] == "time to follow a load" for each in judged)
 

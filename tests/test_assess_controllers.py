@@ -10,7 +10,6 @@ from ambkit import PID, Bearing, KalmanFilter, Machine
 from ambkit.assessment.amplitude_sweep import _Rig
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.control.control import Control
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.whirl_modes import stiffnesses
@@ -148,18 +147,15 @@ def test_the_static_compliance_is_that_of_the_gains_that_fly():
     ("scenario.toml", 0, '"cross_feedback": 0.5'),
     ("nothing", 2, "none of decentralised, translation and tilt, lqg"),
 ])  # fmt: skip
-def test_command(given, code, said, capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_command(given, code, said, call, tmp_path):
     (tmp_path / "scenario.toml").write_text(
         'duration = "1 s"\nfeedback = "estimate"\n[control]\ntype = "translation and tilt"\n'
         'cross_feedback = 0.5\n[[disturbance]]\naxis = "A1"\n'
         'force = {type = "constant", value = "5 N"}\n'
     )
-    with pytest.raises(SystemExit) as left:
-        main(["assess", "tum_mlps", "--controller", given, "--json"])
-    assert int(left.value.code or 0) == code
-    out = capsys.readouterr()
-    assert said in out.out + " ".join(out.err.split())
+    told = call("assess", "tum_mlps", "--controller", given, "--json")
+    assert told.code == code
+    assert said in told.out + " ".join(told.err.split())
 
 
 @pytest.mark.parametrize("pid", [Control(type="lqg"), PID(feed_forward=0.5)])

@@ -132,7 +132,6 @@ def computed(function, given):
     given: what stands in its arguments, by the text that reads it.
     """
     body = re.search(rf"amb_model_{function}\(.*?\n{{\n(.*?)\n}}\n", HEADER, re.DOTALL)
-    assert body is not None
     known, stored = dict(given), {}
     place = re.compile(r"\w+(?:->\w+|\[\d\](?:\.\w+)?)?")
     for statement in re.sub(r"\s+", " ", body[1]).split(";")[:-1]:

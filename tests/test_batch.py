@@ -163,7 +163,7 @@ def test_any_number_of_runs_and_samples(instructions, precision, runs, n, faults
     y, u = (a.copy() for a in records(runs, n))
     for run, k, value, measured in faults:
         (y if measured else u)[run % runs, k % n] = value
-    estimator = KalmanFilter(TWO_SIDED, precision=precision)  # type: ignore[arg-type]
+    estimator = KalmanFilter(TWO_SIDED, precision=precision)
     batch = run_many(
         estimator, y, u, start=(START, STD), history=HISTORY, instructions=instructions
     )
@@ -184,7 +184,7 @@ def test_kinds_may_be_mixed_and_threads_do_not_matter(precision):
         np.testing.assert_array_equal(getattr(one, name), getattr(many, name))
     for i, e in enumerate(estimators):
         record = ambkit.Record(np.arange(N) * TWO_SIDED.sampling_time, {"y": y[i], "u": u[i]})
-        np.testing.assert_array_equal(one.mean[i], e.run(record).mean)  # type: ignore[index]
+        np.testing.assert_array_equal(one.mean[i], e.run(record).mean)
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -196,7 +196,6 @@ def test_errors_are_those_of_the_history(precision, skip):
     rmse = []
     for instructions in SETS:
         batch = run_many(estimators, y, u, truth=truth, skip=skip, instructions=instructions)
-        assert batch.mean is not None
         error = batch.mean[:, skip:, :3] - truth[:, skip:]
         tight = 1e-13 if precision == "float64" else 1e-5
         np.testing.assert_allclose(batch.rmse, np.sqrt((error**2).mean(axis=1)), rtol=tight)
@@ -226,7 +225,6 @@ def test_arrays_are_written_again():
     one = KalmanFilter(TWO_SIDED)
     first = run_many(one, y, u)
     kept = first.mean
-    assert kept is not None
     expected = kept.copy()
     kept[:] = 0
     again = run_many(one, y, u, out=first)

@@ -328,7 +328,7 @@ class OfMean:
 
 @pytest.mark.parametrize("ratio", [1.0, 1.3, 2.0, 2.9, 4.0])
 def test_a_ratio_too_small_is_shaded_as_one_too_large(ratio):
-    small, large, double = _shades([OfMean(1 / ratio), OfMean(ratio), OfMean(2 * ratio)], "nis")  # type: ignore[list-item]
+    small, large, double = _shades([OfMean(1 / ratio), OfMean(ratio), OfMean(2 * ratio)], "nis")
     assert small == pytest.approx(large)
     assert small == pytest.approx(min(math.log(ratio) / math.log(3), 1))
     assert double >= large
@@ -348,7 +348,6 @@ def test_the_report_of_a_whole_study():
         "matrix", "cost", "run", "steps", "wrong_k", "limit_steps", "efficiency",
     }  # fmt: skip
     model = found.model
-    assert model is not None
     # Own code that is the linear filter, to the last digit.
     assert model.efficiency("mine", "x") == pytest.approx(model.efficiency("linear", "x"))
 
@@ -373,7 +372,6 @@ def test_a_sweep_shows_whole_intervals_and_one_lost_filter_hides_none():
     def top(*names):
         shown = Sweep(values, {n: means[n] for n in names}, {n: widths[n] for n in names}, {})
         panel = sweep_figure("steps", shown).panels[0]
-        assert panel.y.limits is not None
         return panel.y.limits[1]
 
     assert 0.3 < top("linear") < 0.35

@@ -211,7 +211,7 @@ def test_a_state_space_comes_from_a_mat_file(tmp_path):
     assert scenario.controller.block == (block,)
     assert Scenario.from_toml(scenario.to_toml()) == scenario
     savemat(tmp_path / "lead.mat", matrices | {"A": np.multiply(T, block.A), "T": T})
-    assert Scenario.load(tmp_path / "s.toml").controller.block[0].sampling_time == T  # type: ignore[union-attr]
+    assert Scenario.load(tmp_path / "s.toml").controller.block[0].sampling_time == T
     (tmp_path / "s.toml").write_text(text.replace("lead", "less"))
     with pytest.raises(AmbkitError, match=r"less\.mat has no variable B, C"):
         Scenario.load(tmp_path / "s.toml")

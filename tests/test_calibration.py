@@ -17,7 +17,6 @@ from quick import quick
 
 from ambkit import FilterNoise, KalmanFilter, Machine, Scenario
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.data.signals import signal
@@ -374,14 +373,11 @@ needs_readelf = pytest.mark.skipif(
 
 
 @needs_readelf
-def test_addresses_come_from_the_program(of, tmp_path):
+def test_addresses_come_from_the_program(of, call, tmp_path):
     """Each is where the program itself says that the member is."""
     flown(of, tmp_path, of.exported)
     program = tmp_path / "main"
-    with pytest.raises(SystemExit) as left:
-        main(["export", "a2l", str(of.made.folder), "--elf", str(program), "--out",
-              str(tmp_path / "rig.a2l")])  # fmt: skip
-    assert not left.value.code
+    assert call("export", "a2l", of.made.folder, "--elf", program, "--out", "rig.a2l").code == 0
     text = (tmp_path / "rig.a2l").read_text()
     found = dict(re.findall(r"/begin CHARACTERISTIC (\S+) .*\n\s+VALUE (0x[0-9A-F]+)", text))
     found |= dict(
@@ -447,12 +443,11 @@ def test_another_reads_the_a2l_file(of, tmp_path, big_endian):
     ("elf", "symbol", "said"),
     [("program", "nothing", "has no variable nothing"), ("text", "calibration", "is no ELF file")],
 )
-def test_what_is_not_there_is_said(elf, symbol, said, axis, tmp_path, capsys):
+def test_what_is_not_there_is_said(elf, symbol, said, axis, call, tmp_path):
     flown(axis, tmp_path, axis.exported)
     (tmp_path / "text").write_text("no program")
     path = tmp_path / ("main" if elf == "program" else "text")
     words = ["--elf", str(path), "--symbol", symbol, "--out", str(tmp_path / "rig.a2l")]
-    with pytest.raises(SystemExit) as left:
-        main(["export", "a2l", str(axis.made.folder), *words])
-    assert left.value.code == 2
-    assert said in capsys.readouterr().err
+    told = call("export", "a2l", axis.made.folder, *words)
+    assert told.code == 2
+    assert said in told.err

@@ -893,7 +893,6 @@ def test_ctrl_c_leaves_the_old_file_and_says_so(tmp_path):
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:  # fmt: skip
-        assert process.stdout is not None
         assert process.stdout.readline() == "started\n"
         time.sleep(2)
         process.send_signal(signal.SIGINT)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 import ambkit
 from ambkit import Bearing, Record, Scenario, Sine, simulate
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.data import recordings
 from ambkit.identification.corpus.corpus import identify_corpus
 from ambkit.identification.corpus.pooling import pool
@@ -57,7 +56,6 @@ def corpus():
 
 def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus):
     told = corpus.strength_loss
-    assert told is not None
     assert list(told.flights) == list(corpus.found)
     assert abs(np.log(told.factor / 0.8)) < 3 * told.factor_error
     assert told.factor_error < 0.1
@@ -208,17 +206,15 @@ def test_what_is_no_corpus_is_refused():
         identify_corpus({"a": still, "b": still}, LoopModel(BALL))
 
 
-def test_three_logs_on_the_command_line_are_a_corpus(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_three_logs_on_the_command_line_are_a_corpus(call):
     for seed in range(3):
         flown(seed, duration=3.0).save(f"{seed}.csv")
-    with pytest.raises(SystemExit) as left:
-        main(["identify", "corpus", "inteco_ml", "0.csv", "1.csv", "2.csv", "--free",
-              "magnet_constant", "--free", "measurement_noise", "--free", "position_noise",
-              "--free", "disturbance_noise", "--out", "found.toml", "--out", "all.html", "--out",
-              "filter=kf.toml"])  # fmt: skip
-    out, err = capsys.readouterr()
-    assert not left.value.code, err
+    code, out, err = call(
+        "identify", "corpus", "inteco_ml", "0.csv", "1.csv", "2.csv", "--free", "magnet_constant",
+        "--free", "measurement_noise", "--free", "position_noise", "--free", "disturbance_noise",
+        "--out", "found.toml", "--out", "all.html", "--out", "filter=kf.toml",
+    )  # fmt: skip
+    assert code == 0, err
     assert "Cross-validation: each log predicted by a model of the others" in out
     assert "scatter between logs" in out
     found = Bearing.load("found.toml")

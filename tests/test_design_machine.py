@@ -10,7 +10,6 @@ from machine_cases import BEARINGS, PRESETS
 import ambkit
 from ambkit import Machine
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.cli.main import main
 from ambkit.control.control import Control
 from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import overshoot
@@ -87,31 +86,12 @@ def test_what_is_beyond_the_ceiling_is_said_and_not_exported(tmp_path):
     assert "is to be below 1.5" in found.objections[0]
 
 
-def run(arguments, capsys):
-    with pytest.raises(SystemExit) as left:
-        main(arguments)
-    shown = capsys.readouterr()
-    return int(left.value.code or 0), shown.out, " ".join((shown.out + shown.err).split())
-
-
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
         (["assess", "d/filter.toml", "--controller", "d/scenario.toml"], 0, "zone A"),
-        (
-            [
-                "simulate",
-                "d/machine.toml",
-                "--scenario",
-                "d/scenario.toml",
-                "--filter",
-                "d/filter.toml",
-                "--duration",
-                "20 ms",
-            ],
-            0,
-            "Errors of the estimate",
-        ),
+        (["simulate", "d/machine.toml", "--scenario", "d/scenario.toml", "--filter",
+          "d/filter.toml", "--duration", "20 ms"], 0, "Errors of the estimate"),
         (["check", "d/scenario.toml"], 0, "ok, scenario"),
         (
             ["design", "tum_mlps", "--free", "mass", "--out", "e"],
@@ -121,12 +101,12 @@ def run(arguments, capsys):
         (["design", "zittau_axial", "--free", "mass", "--out", "e"], 2, "and there are 0 logs"),
         (["design", "tum_mlps", "--filter", "observer", "--out", "e"], 2, "takes one axis"),
     ],
-)
-def test_commands(arguments, code, said, designed, capsys, tmp_path, monkeypatch):
+)  # fmt: skip
+def test_commands(arguments, code, said, designed, call, monkeypatch):
     monkeypatch.chdir(designed.folder.parent)
-    left, _, told = run(arguments, capsys)
-    assert left == code, told
-    assert said in told
+    told = call(*arguments)
+    assert told.code == code, told.err
+    assert said in " ".join((told.out + told.err).split())
 
 
 # ---- PIDs that are stated

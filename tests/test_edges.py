@@ -51,7 +51,6 @@ def test_gravity_tells_gap_and_unit_of_what_hangs(gap, scale, way):
     moves = Rotor(0, 1, fit, gain, (), (), ())
     position = np.linspace(4, 6, 101) * 1e-4 / scale
     found = weight_scale(moves, position, np.full(101, usual), step)
-    assert found is not None
     assert found.gap == pytest.approx(gap)
     assert found.scale == pytest.approx(scale)
     assert found.zero == pytest.approx(5e-4 / scale + way * gap / scale)

@@ -1,7 +1,5 @@
 """Experiments: signals that excite what they say, limits that hold, errors that follow."""
 
-import json
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +10,6 @@ from scipy.stats import chi2
 import ambkit
 from ambkit import Bearing, Record, Scenario
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.control.pid import PID
 from ambkit.identification.excitation import Limits, design
 from ambkit.identification.excitation.signals import KINDS, multisine, prbs, stepped_sine
@@ -180,44 +177,33 @@ def test_what_cannot_be_designed_is_told(options, told):
 # ---- the command ----
 
 
-def run(*arguments):
-    with pytest.raises(SystemExit) as left:
-        main(list(arguments))
-    assert left.value.code == 0
-
-
-def test_excite_then_simulate(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    run("excite", "zittau_axial", "--duration", "0.6 s", "--band", "8 Hz,80 Hz", "--free",
-        "magnet_constant", "--free", "mass", "--limit", "0.2 mm", "--out", "excitation.csv",
-        "--plot", "excitation.svg", "--json")  # fmt: skip
-    found = json.loads(capsys.readouterr().out)
+def test_excite_then_simulate(call, tmp_path):
+    found = call("excite", "zittau_axial", "--duration", "0.6 s", "--band", "8 Hz,80 Hz", "--free",
+                 "magnet_constant", "--free", "mass", "--limit", "0.2 mm", "--out",
+                 "excitation.csv", "--plot", "excitation.svg", "--json").json  # fmt: skip
     assert found["kind"] == "stepped-sine"
     assert found["greatest_displacement"] <= 2e-4
     assert set(found["expected"]["parameters"]) <= {"magnet_constant", "mass"}
     assert (tmp_path / "excitation.svg").is_file()
     excitation = Record.load("excitation.csv")
     assert list(excitation) == ["r"]
-    run("simulate", "zittau_axial", "--signal", "excitation.csv", "--out", "run.csv")
-    assert "wrote run.csv" in capsys.readouterr().err
+    told = call("simulate", "zittau_axial", "--signal", "excitation.csv", "--out", "run.csv")
+    assert "wrote run.csv" in told.err
     record = Record.load("run.csv")
     assert (record["r"] == excitation["r"]).all()
     assert np.max(np.abs(record["x"])) < 2.05e-4
 
 
-def test_the_current_s_lag_is_foretold_where_the_amplifier_has_one(tmp_path, capsys):
-    BEARING.replace(amplifier__bandwidth="200 Hz").save(tmp_path / "late.toml")
+def test_the_current_s_lag_is_foretold_where_the_amplifier_has_one(call):
+    BEARING.replace(amplifier__bandwidth="200 Hz").save("late.toml")
     words = ("--duration", "0.3 s", "--band", "15 Hz,150 Hz", "--json")
-    for bearing, looked_for in ((str(tmp_path / "late.toml"), True), ("zittau_axial", False)):
-        run("excite", bearing, *words)
-        expected = json.loads(capsys.readouterr().out)["expected"]
+    for bearing, looked_for in (("late.toml", True), ("zittau_axial", False)):
+        expected = call("excite", bearing, *words).json["expected"]
         assert ("current_lag" in expected["parameters"] | expected["held"]) == looked_for
 
 
-def test_step_and_reference_exclude_each_other(tmp_path, capsys):
-    path = tmp_path / "r.csv"
-    ambkit.simulate(BEARING, duration="10 ms").record.save(path)
-    with pytest.raises(SystemExit) as left:
-        main(["simulate", "zittau_axial", "--step", "0.1 mm", "--signal", str(path)])
-    assert left.value.code == 2
-    assert "the reference is either a step or a record's" in capsys.readouterr().err
+def test_step_and_reference_exclude_each_other(call):
+    ambkit.simulate(BEARING, duration="10 ms").record.save("r.csv")
+    told = call("simulate", "zittau_axial", "--step", "0.1 mm", "--signal", "r.csv")
+    assert told.code == 2
+    assert "the reference is either a step or a record's" in told.err

@@ -7,7 +7,6 @@ import ambkit
 from ambkit import Machine
 from ambkit.assessment.injection_experiment import design_injection
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.simulation.scenario import Scenario
 
 TUM = Machine.preset("tum_mlps").replace(unbalance=[], speed="0 rpm")
@@ -38,34 +37,27 @@ def test_what_it_tells_is_the_models(designed):
     assert designed.file()["injected_B1"].max() == pytest.approx(designed.added.max())
 
 
-def test_commands_design_play_and_assess_it(designed, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_commands_design_play_and_assess_it(designed, call):
     designed.file().save("injection.csv")
-    (tmp_path / "still.toml").write_text(TUM.to_toml())
-
-    def call(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main(list(arguments))
-        return int(left.value.code or 0), capsys.readouterr()
-
-    assert call("simulate", "still.toml", "--signal", "injection.csv", "--out", "l.csv")[0] == 0
-    code, shown = call("assess", "log", "l.csv", "--machine", "still.toml", "--filter", "none")
-    assert code == 0
-    assert "tum_mlps B1" in shown.out
-    code, shown = call("simulate", "ufu_rig", "--signal", "l.csv")
-    assert code == 0  # its axes have these names as well
+    TUM.save("still.toml")
+    assert call("simulate", "still.toml", "--signal", "injection.csv", "--out", "l.csv").code == 0
+    told = call("assess", "log", "l.csv", "--machine", "still.toml", "--filter", "none")
+    assert told.code == 0
+    assert "tum_mlps B1" in told.out
+    told = call("simulate", "ufu_rig", "--signal", "l.csv")
+    assert told.code == 0  # its axes have these names as well
     designed.record.save("other.csv")
-    code, shown = call("simulate", "still.toml", "--signal", "other.csv")
-    assert code == 2
-    assert "it has none of the signals injected_A1" in " ".join(shown.err.split())
+    told = call("simulate", "still.toml", "--signal", "other.csv")
+    assert told.code == 2
+    assert "it has none of the signals injected_A1" in " ".join(told.err.split())
     for arguments, said in (
         (["tum_mlps"], "has the axes A1, A2, B1, B2: name one of them"),
         (["sensitivity", "tum_mlps", "--wander", "1 N"], "there is no option --wander"),
         (["zittau_axial", "--axis", "A1"], "zittau_axial has one axis: there is no axis A1"),
     ):
-        code, shown = call("excite", *arguments)
-        assert code == 2
-        assert said in " ".join(shown.err.split())
+        told = call("excite", *arguments)
+        assert told.code == 2
+        assert said in " ".join(told.err.split())
 
 
 def test_what_cannot_be_is_refused():

@@ -68,7 +68,7 @@ QUICK = {
 
 
 def made(machine, kind, out, **options):
-    magnet = None if kind == "linear" else KINDS[kind].magnet(machine)  # type: ignore[misc]
+    magnet = None if kind == "linear" else KINDS[kind].magnet(machine)
     return export_c(machine, magnet, out, kind=kind, prefix="f", **options)
 
 

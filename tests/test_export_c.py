@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import pytest
 from export_cases import (
@@ -26,7 +24,6 @@ from exporting import export_c
 import ambkit
 from ambkit import ClosedLaw, FilterNoise
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.export.c import CExport
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -69,16 +66,6 @@ def test_the_workflow_of_the_readme_ends_with_pass(workflow):
     assert last in README
 
 
-def test_the_workflow_is_that_of_the_issue():
-    assert re.search(
-        r"^ambkit train zittau_axial --out expert\.json$\n"
-        r"^ambkit export c zittau_axial --filter expert\.json --out out/$\n"
-        r"^cmake -S out -B build && cmake --build build && \./build/selftest$",
-        README,
-        re.MULTILINE,
-    )
-
-
 def test_another_process_writes_the_same_bytes(workflow, tmp_path):
     folder, _ = workflow
     expert = ambkit.Expert.load(folder / "expert.json")
@@ -86,31 +73,11 @@ def test_another_process_writes_the_same_bytes(workflow, tmp_path):
     assert texts(tmp_path / "here") == texts(folder / "out")
 
 
-class Called(NamedTuple):
-    code: Any
-    out: str
-    err: str
-
-
-@pytest.fixture
-def command(tmp_path, monkeypatch, capsys):
-    """Call ``ambkit export c`` with further words, in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(words):
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as done:
-            main(["export", "c", *shlex.split(words)])
-        return Called(done.value.code, *capsys.readouterr())
-
-    return call
-
-
 @pytest.mark.parametrize("kind", ["linear", "closed-law", "tabulated", "observer"])
-def test_the_command_takes_names_and_files(command, exported, kind):
+def test_the_command_takes_names_and_files(call, exported, kind):
     magnet_of("adaptive").save("expert.json")
     named = "expert.json --table-error auto" if kind == "tabulated" else kind
-    done = command(f"zittau_axial --filter {named} --out out")
+    done = call("export", "c", *f"zittau_axial --filter {named} --out out".split())
     assert done.code == 0
     assert f"zittau_axial as C: out, {len(texts(Path('out')))} files." in done.out
     assert texts(Path("out")) == texts(exported(kind).folder)
@@ -132,8 +99,8 @@ def test_the_command_takes_names_and_files(command, exported, kind):
         ("zittau_axial --clock 80MHz --out o", "there is no option --clock"),
     ],
 )
-def test_what_the_user_did_wrong_is_one_message(command, tmp_path, words, said):
-    done = command(words)
+def test_what_the_user_did_wrong_is_one_message(call, tmp_path, words, said):
+    done = call("export", "c", *words.split())
     assert done.code == 2
     assert said in done.err
     assert len(done.err.splitlines()) <= 2
@@ -226,9 +193,9 @@ def test_the_manifest_is_of_all_files(exported):
     assert checked == set(made.files)
 
 
-def test_an_export_is_not_poured_among_other_files(command):
+def test_an_export_is_not_poured_among_other_files(call):
     Path("bearing.toml").write_text("mine")
-    done = command("zittau_axial --out .")
+    done = call("export", "c", "zittau_axial", "--out", ".")
     assert done.code == 2
     assert done.err.startswith("ambkit: .: holds other files, and the ")
     assert done.err.endswith("; take a new folder or an empty one\n")
@@ -305,8 +272,3 @@ def test_a_kind_that_is_none_is_refused(tmp_path):
     with pytest.raises(AmbkitError, match='there is no filter and no file "kalman"; known: '):
         ambkit.export_c(BEARING, "kalman", out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
-
-
-def test_linear_is_what_no_estimator_is(exported, tmp_path):
-    law = export_c(BEARING, ClosedLaw(BEARING), tmp_path / "law")
-    assert texts(law.folder) == texts(exported("closed-law").folder)

@@ -297,7 +297,7 @@ def test_init_is_all_there_is_to_do_at_power_on(exported, tmp_path, kind):
     state = ctypes.create_string_buffer(8192)
     now = Supervised()
     header = (made.folder / f"{made.name}.h").read_text()
-    settling = int(re.search(r"_SETTLING (\d+)U", header)[1])  # type: ignore[index]
+    settling = int(re.search(r"_SETTLING (\d+)U", header)[1])
 
     getattr(lib, f"{made.name}_init")(state)
     step(state, float("nan"), 0.0, ctypes.byref(now))

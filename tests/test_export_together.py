@@ -217,7 +217,7 @@ def test_headers_of_another_precision_are_refused_when_they_are_compiled(tmp_pat
 def test_an_axis_given_as_a_machine_is_exported_as_the_axis(tmp_path):
     calibrated, hashes = {"scenario": Scenario(), "calibrated": True}, []
     for name, one in (("axis", BEARING), ("machine", BEARING.long)):
-        made = export_c(one, None, tmp_path / name, **calibrated)  # type: ignore[arg-type]
+        made = export_c(one, None, tmp_path / name, **calibrated)
         fmu = export_fmu(one, None, tmp_path / f"{name}.fmu", kind="plant")
         hashes.append((made.configuration, fmu.token))
     assert hashes[0] == hashes[1]

@@ -197,8 +197,6 @@ def test_the_result_is_whole_and_repeats():
 
 def test_the_picture_has_a_row_for_each_fault_and_a_column_for_each_estimator():
     beside, in_loop = (panel.item(Cells) for panel in faults_figure(small()).panels)
-    assert beside is not None
-    assert in_loop is not None
     assert list(beside.rows) == ["clean", "outage-10ms", "rail", "mixture"]
     assert list(in_loop.rows) == ["clean", "outage-10ms", "mixture"]
     heads = [name.split("\n")[0] for name in in_loop.columns]
@@ -256,8 +254,6 @@ def test_a_long_saturation_does_not_pass_for_a_weak_magnet(kind, times, plus):
     run = simulate_run(PAPER, scenario, estimator=KINDS[kind].make(PAPER),
                        external_inputs=ExternalInputs(faults=faults))  # fmt: skip
     estimate = run.estimate
-    assert estimate is not None
-    assert estimate.scale is not None
     assert ((estimate.status[10_000:40_000] & Status.SATURATED) > 0).mean() > 0.9
     off = (estimate.f_d - run.record["f_d"])[-5000:]
     assert abs(off.mean()) < 0.5  # 3.6 N and 1.5 N where it was believed

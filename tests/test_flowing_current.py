@@ -35,7 +35,6 @@ def without(record, name):
 def test_the_current_is_known_as_well_as_is_said(records):
     for record in records[:1]:
         found = smooth_current([record])
-        assert found is not None
         assert found.noise == pytest.approx(SENSOR, rel=0.03)
         assert found.lag == pytest.approx(LAG, rel=0.1)
         assert abs(found.delay) < 0.5e-3

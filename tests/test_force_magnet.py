@@ -142,7 +142,6 @@ def test_the_surface_is_right_where_a_network_and_a_refitted_law_are_not(surface
 
 def test_points_left_out_choose_the_surface(surface):
     choice = choose_model(fe_map.BEARING, surface, weights=True)
-    assert choice is not None
     assert choice.chosen.name in (SURFACE, NETWORK)
     assert choice[SURFACE].worse < 0.1 * choice[REFITTED].worse < 0.1 * choice[LAW].worse
     assert choice[SURFACE].worse <= choice[NETWORK].worse
@@ -153,7 +152,6 @@ def test_a_law_that_is_right_is_chosen():
     noise = np.random.default_rng(0).normal(size=IU.size)
     through = ForceSurface(b, ForcePoints(IU, X, ClosedLaw(b).force(IU, X) + noise))
     choice = choose_model(b, through, weights=True)
-    assert choice is not None
     assert choice.chosen.name == LAW
     few = np.arange(IU.size) % 25 == 0
     assert choose_model(b, ForceSurface(b, through.points.where(few))) is None
@@ -257,55 +255,44 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def said(capsys, *words, fails=0):
-    from ambkit.cli.main import main
-
-    try:
-        code = main(list(words))
-    except SystemExit as ended:
-        code = int(ended.code or 0)
-    captured = capsys.readouterr()
-    assert (code or 0) == fails, captured.err
-    return captured.out, captured.err
-
-
-def test_train_shows_what_is_best_at_points_left_out(folder, capsys):
+def test_train_shows_what_is_best_at_points_left_out(folder, call):
     words = ["train", "map", "law.toml", "fe.csv", "--channels", "channels.toml"]
-    shown, _ = said(capsys, *words, "--rules", "4x4")
+    shown = call(*words, "--rules", "4x4").out
     for name in (LAW, REFITTED, SURFACE, NETWORK):
         assert f" {name} " in shown
     assert "the surface is better at points left out and is used" in shown
     assert "which was asked for" not in shown
     asked = ("--model", "law", "--out", "refitted.toml")
-    shown, _ = said(capsys, *words, "--rules", "4x4", *asked)
+    shown = call(*words, "--rules", "4x4", *asked).out
     assert "at points left out the surface is off by" in shown
     assert "the law, refitted, which was asked for, by" in shown
     assert Bearing.load("refitted.toml").magnet.air_gap > 0.9e-3
 
 
-def test_train_warns_of_an_expert_worse_than_its_law(folder, capsys):
+def test_train_warns_of_an_expert_worse_than_its_law(folder, call):
     right = ClosedLaw(fe_map.BEARING).force(IU, X)
     ForcePoints(IU, X, np.asarray(right)).save("right.csv")
-    shown, _ = said(capsys, *["train", "map", "law.toml", "right.csv", "--rules", "3x3"])
+    shown = call("train", "map", "law.toml", "right.csv", "--rules", "3x3").out
     assert "the law is better at points left out" in shown
 
 
-def test_commands_take_a_map_for_an_expert_or_the_true_magnet(folder, capsys):
+def test_commands_take_a_map_for_an_expert_or_the_true_magnet(folder, call):
     run = ("simulate", "law.toml", "--step", "0.05 mm", "--duration", "0.1 s")
-    said(capsys, *run, "--plant", "map.csv", "--out", "run.csv")
+    assert call(*run, "--plant", "map.csv", "--out", "run.csv").code == 0
     record = ambkit.Record.load("run.csv")
     at = record["iu"], record["x"]
     assert rms(record["f_mag"] - ClosedLaw(fe_map.BEARING).force(*at)) > 5
     assert rms(record["f_mag"] - fe_map.fe_force(*at)) < 0.5
     filtering = ("filter", "run.csv", "--machine", "law.toml", "--filter", "adaptive@map.csv")
-    shown, _ = said(capsys, *filtering, "--json")
+    shown = call(*filtering, "--json").out
     assert "adaptive@map.csv" in shown
     export = ("export", "c", "law.toml", "--filter", "map.csv", "--out", "out")
-    said(capsys, *export)
+    assert call(*export).code == 0
     assert (folder / "out" / "core" / "src" / "surface.c").is_file()
     mat = ("export", "mat", "law.toml", "--filter", "map.csv", "--out", "out.mat")
-    _, told = said(capsys, *mat, fails=2)
-    assert "a MAT-file holds an expert" in told
+    refused = call(*mat)
+    assert refused.code == 2
+    assert "a MAT-file holds an expert" in refused.err
 
 
 def test_identification_leaves_its_air_gap_alone(bearing):
@@ -364,14 +351,14 @@ def fe_of_750(folder):
 
 
 @pytest.mark.long
-def test_a_law_that_left_out_points_prefer_is_what_the_filter_knows(fe_of_750, capsys):
+def test_a_law_that_left_out_points_prefer_is_what_the_filter_knows(fe_of_750, call):
     words = ["train", "map", "saturating.toml", "fe750.csv"]
-    shown, _ = said(capsys, *words, "--json", "--out", "filter=best.toml")
+    shown = call(*words, "--json", "--out", "filter=best.toml").out
     errors = json.loads(shown)["models"]
     assert errors["taken"] == errors["chosen"] in (LAW, REFITTED)
     assert errors[LAW]["random"] == pytest.approx(0.1, rel=0.1)
     assert errors[NETWORK]["random"] > 3 * errors[LAW]["random"]
     assert type(Estimator.load("best.toml").magnet).__name__ != "Expert"
-    shown, _ = said(capsys, *words, "--out", "expert.json", "--out", "filter=f.toml")
+    shown = call(*words, "--out", "expert.json", "--out", "filter=f.toml").out
     assert "--model network uses the network nevertheless" in shown
     assert type(Estimator.load("f.toml").magnet).__name__ != "Expert"

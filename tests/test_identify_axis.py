@@ -5,7 +5,6 @@ import pytest
 
 import ambkit
 from ambkit.base.errors import AmbkitError, RecordError
-from ambkit.cli.main import main
 from ambkit.data.record import Record
 from ambkit.fuzzy.expert import Expert
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
@@ -77,18 +76,11 @@ def test_what_cannot_be_is_said(record):
         identify(MACHINE, record.select(*(s for s in record if s != "u_B2")), AXIS)
 
 
-def run(line):
-    with pytest.raises(SystemExit) as end:
-        main(line)
-    return int(end.value.code or 0)
-
-
-def test_the_command(record, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_the_command(record, call, tmp_path):
     record.save("log.csv")
     MACHINE.save("machine.toml")
-    line = ["identify", "machine.toml", "log.csv", "--free", "magnet_constant"]
-    assert run([*line, "--axis", "A1", "--out", "found.toml"]) == 0
+    line = ("identify", "machine.toml", "log.csv", "--free", "magnet_constant")
+    assert call(*line, "--axis", "A1", "--out", "found.toml").code == 0
     assert "# Of the axis A1: magnet_constant = " in (tmp_path / "found.toml").read_text()
     found = Machine.load("found.toml").isolated_axis("A1").magnet.magnet_constant
     assert found == pytest.approx(MACHINE.isolated_axis("A1").magnet.magnet_constant, rel=0.05)
@@ -100,10 +92,10 @@ def test_an_axis_is_a_machine_of_its_own():
     assert one.isolated_axis("") is MACHINE.isolated_axis("A2")
 
 
-def test_an_expert_is_of_an_axis(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert run(["train", "tum_mlps", "--axis", "B1", "--rules", "3x3", "--out", "one.json"]) == 0
-    assert run(["train", "tum_mlps"]) == 2
+def test_an_expert_is_of_an_axis(call):
+    words = ("--axis", "B1", "--rules", "3x3", "--out", "one.json")
+    assert call("train", "tum_mlps", *words).code == 0
+    assert call("train", "tum_mlps").code == 2
     assert Expert.load("one.json").source.startswith("B1")
     with pytest.raises(AmbkitError, match="name one of them"):
         ambkit.train(MACHINE, rules=(3, 3))

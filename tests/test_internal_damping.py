@@ -58,7 +58,7 @@ def test_at_rest_it_damps_as_any_other():
     other = continuous(bent(0.0, inner=None, outer=OUTER + INNER))
     np.testing.assert_allclose(model.A, other.A, rtol=1e-12, atol=0)
     assert np.abs(model.spin).max() > np.abs(other.spin).max()
-    assert bent(0.0).bending.damping_ratio == pytest.approx([OUTER + INNER])  # type: ignore[union-attr]
+    assert bent(0.0).bending.damping_ratio == pytest.approx([OUTER + INNER])
 
 
 def test_a_sample_is_exact_with_the_forces_held():
@@ -139,7 +139,7 @@ def test_it_comes_back_from_toml_and_is_checked():
     one = bent(0.0)
     assert Machine.from_toml(one.to_toml()) == one
     table = Machine.preset("ufu_flexible").replace(rotor__internal_damping_ratio=0.002)
-    assert Machine.from_toml(table.to_toml()).bending.internal.any()  # type: ignore[union-attr]
+    assert Machine.from_toml(table.to_toml()).bending.internal.any()
     assert "internal" not in Machine.preset("ufu_flexible").to_toml()
     with pytest.raises(ConfigError, match=r"internal_damping_ratio.*must be less than 1, is 1\.5"):
         bent(0.0, inner=1.5)

@@ -14,7 +14,6 @@ import ambkit
 from ambkit import Bearing
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError, RecordError
-from ambkit.cli.main import main
 from ambkit.data import recordings
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.record import Record
@@ -74,8 +73,7 @@ def test_the_law_is_found_again_from_noisy_flights(made_points):
     assert [p.noise_variance for p in made_points] == pytest.approx([225e-12] * 8, rel=0.2)
 
 
-def test_recordings_of_flights_give_a_bearing_on_the_command_line(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_recordings_of_flights_give_a_bearing_on_the_command_line(call):
     names = []
     for seed, gap in enumerate(np.linspace(5e-3, 13e-3, 5)):
         lift_off_recording(gap, seed).save(f"{seed}.csv")
@@ -88,16 +86,13 @@ def test_recordings_of_flights_give_a_bearing_on_the_command_line(tmp_path, monk
     )  # fmt: skip
     words = ["identify", "lift-off", "inteco_ml", *names, "still.csv", "--operating-point",
              "10 mm", "--out", "law.toml", "--plot", "law.png"]  # fmt: skip
-    with pytest.raises(SystemExit) as ended:
-        main(words)
-    assert ended.value.code == 2
-    assert "recordings need a channel map" in capsys.readouterr().err
-    with pytest.raises(SystemExit) as ended:
-        main([*words, "--channels", "map.toml"])
-    assert ended.value.code == 0
-    told = capsys.readouterr().out
-    assert "points left out" in told
-    assert "still.csv: it does not fly up" in told
+    refused = call(*words)
+    assert refused.code == 2
+    assert "recordings need a channel map" in refused.err
+    told = call(*words, "--channels", "map.toml")
+    assert told.code == 0
+    assert "points left out" in told.out
+    assert "still.csv: it does not fly up" in told.out
     found = Bearing.load("law.toml").magnet
     assert found.magnet_constant == pytest.approx(CONSTANT, rel=0.1)
     assert found.air_gap == pytest.approx(10e-3 + OFFSET, rel=0.05)
