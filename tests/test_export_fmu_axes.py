@@ -12,6 +12,7 @@ from exporting import export_fmu, export_ssp
 
 from ambkit import KalmanFilter, Machine, Scenario, Step
 from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.export import fmu
 from ambkit.simulation.recording import drawn
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Disturbance, Reference
@@ -80,13 +81,14 @@ def simulated(path, run, names, start_values=None, **more):
     return fmu_instance.simulated(path, run.machine.sampling_time, start_values, **inputs)
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_an_estimator_of_several_axes_has_python_s_bits(fmi, tmp_path):
+@pytest.mark.parametrize(("fmi", "synchronous"), [(2, ()), (3, ()), (2, ("unbalance",))])
+def test_an_estimator_of_several_axes_has_python_s_bits(fmi, synchronous, tmp_path):
     _, run = flown(duration=300 * T, feedback="measurement")
-    path = export_fmu(MACHINE, None, tmp_path / "filter.fmu", fmi=fmi).path
+    kf = KalmanFilter(MACHINE, synchronous=synchronous)
+    path = fmu.export_fmu(MACHINE, kf, tmp_path / "filter.fmu", fmi=fmi).path
     assert validate_fmu(str(path)) == []
     found = simulated(path, run, READINGS + [f"u_{name}" for name in AXES])
-    estimate = KalmanFilter(MACHINE).run(run.record, covariance=True)
+    estimate = kf.run(run.record, covariance=True)
     for name in estimate.names:
         np.testing.assert_array_equal(found[name][1:], estimate[name], name)
         std = found[f"std_{name}"][1:]  # by the core's own root

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field
 
 from ambkit.base import units
 from ambkit.base.arrays import Array
@@ -30,11 +30,7 @@ class Scaling(Part):
     offset: Line = ""
     """Added in the end, with its unit, such as "10 mm"."""
 
-    @model_serializer(mode="wrap")
-    def _without_usual(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        usual = {"scale": 1.0, "sign": 1, "offset": ""}
-        return {key: item for key, item in data.items() if usual.get(key, key) != item}
+    unwritten = ("scale", "sign", "offset")
 
     @property
     def si_unit(self) -> str:

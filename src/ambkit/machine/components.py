@@ -11,10 +11,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     Discriminator,
-    SerializerFunctionWrapHandler,
     StringConstraints,
     Tag,
-    model_serializer,
 )
 
 from ambkit.base.config import Part, Read
@@ -63,10 +61,7 @@ class RigidRotor(Part):
     second_end: Place | None = None
     """Place of the end towards +z [m]; with it nothing may be beyond."""
 
-    @property
-    def centre(self) -> float:
-        """Place of the centre of mass, from where places are measured [m]."""
-        return 0.0
+    centre: ClassVar = 0.0  #: Place of the centre of mass, from where places are measured [m].
 
     def bending(self, magnets: tuple[float, ...]) -> None:
         """Return its bending modes: none."""
@@ -185,10 +180,7 @@ class Unbalance(Part):
     angle: Angle = 0.0
     """From x to it, at the start [rad]."""
 
-    @model_serializer(mode="wrap")
-    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        return {key: value for key, value in data.items() if value is not None}
+    unwritten = ("amount", "grade")
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

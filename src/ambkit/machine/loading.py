@@ -59,27 +59,4 @@ def load_machine(name: str | os.PathLike[str]) -> Machine:
     raise AmbkitError(f'there is no preset and no file "{text}"; {hint}')
 
 
-def preset(name: str) -> Machine:
-    """Return a machine that comes with ambkit.
-
-    Parameters
-    ----------
-    name : str
-        As ``ambkit presets`` lists them, such as ``"zittau_axial"``.
-
-    Returns
-    -------
-    Machine
-        With one axis in its short form.
-
-    Raises
-    ------
-    AmbkitError
-        There is no preset of that name.
-
-    Examples
-    --------
-    >>> [axis.name for axis in preset("tum_mlps").axes]
-    ['A1', 'A2', 'B1', 'B2']
-    """
-    return Machine.preset(name)
+preset = Machine.preset

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import ConfigDict, Field
 
 from ambkit.base.config import Document, Read, reader, toml_text
 from ambkit.base.config.document import assembled
@@ -405,10 +405,7 @@ class PlacedMachine(Machine):
                 return getattr(self.isolated_axis(names[0]), name)
             raise AttributeError(f'it has several axes: use machine["{names[0]}"].{name}')
 
-    @model_serializer(mode="wrap")
-    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        return {key: item for key, item in data.items() if key != "unbalance" or item}
+    unwritten = ("unbalance",)
 
     def model_post_init(self, context: Any, /) -> None:
         """Choose how many bending modes are kept, where the rotor does not fix it."""
@@ -472,10 +469,7 @@ class Bearing(Shown, Machine):
     coil: Coil | None = None
     """How the coils warm; without it nobody asks."""
 
-    @model_serializer(mode="wrap")
-    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        return {key: item for key, item in data.items() if key != "speed" or self.speed}
+    unwritten = ("speed",)
 
     @property
     def unbalance(self) -> tuple[Unbalance, ...]:

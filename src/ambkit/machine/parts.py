@@ -275,11 +275,7 @@ class Sensor(Part):
     runout: tuple[Runout, ...] = ()
     """Runout at multiples of the bearing's speed."""
 
-    @model_serializer(mode="wrap")
-    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        absent = ("position_noise", "quadratic", "cubic", "hum", "runout")
-        return {k: item for k, item in data.items() if k not in absent or getattr(self, k)}
+    unwritten = ("position_noise", "quadratic", "cubic", "hum", "runout")
 
 
 _DIRECTION = {"-x": -1.0, "+x": 1.0, "none": 0.0}

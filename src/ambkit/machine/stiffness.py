@@ -147,15 +147,10 @@ class StiffnessMap:
                     f"to {step.max():g} apart"
                 )
             steps.append(float(np.mean(step)))
-        table: Table = core.Table(
-            x_min=self.displacement[0],
-            dx=steps[1],
-            iu_min=self.current[0],
-            diu=steps[0],
-            k_i=self.k_i,
-            k_s=self.k_s,
-        )
-        return table
+        return core.Table(  # type: ignore[no-any-return]
+            x_min=self.displacement[0], dx=steps[1], iu_min=self.current[0], diu=steps[0],
+            k_i=self.k_i, k_s=self.k_s,
+        )  # fmt: skip
 
     @property
     def fingerprint(self) -> str:

@@ -19,10 +19,12 @@ from pydantic import (
     Field,
     GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
+    SerializerFunctionWrapHandler,
     Tag,
     TypeAdapter,
     ValidationError,
     ValidationInfo,
+    model_serializer,
     model_validator,
 )
 from pydantic.fields import FieldInfo
@@ -62,6 +64,8 @@ class Part(BaseModel, metaclass=_OwnNames):
 
     renamed: ClassVar[Mapping[str, str]] = {}
     """Keys of earlier versions, which are read for one release, and their names of today."""
+    unwritten: ClassVar[tuple[str, ...]] = ()
+    """Keys that are not written where they have their defaults."""
 
     def __init__(self, /, **data: Any) -> None:
         try:
@@ -114,6 +118,14 @@ class Part(BaseModel, metaclass=_OwnNames):
                     same = others[at] if at < len(others) else None
                     if isinstance(item, Part) and item is not same:
                         yield from (f"{name}[{at}].{text}" for text in item.contradictions(same))
+
+    @model_serializer(mode="wrap")
+    def _written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        for key in self.unwritten:
+            if getattr(self, key) == type(self).model_fields[key].default:
+                data.pop(key, None)
+        return data
 
     @classmethod
     def __get_pydantic_json_schema__(

@@ -93,11 +93,11 @@ def export_c(
     _check_counts(filter)
     wrong = require_adequate(filter, machine, scenario, force=force)
     precision, magnet = precision_of(filter), filter.magnet
-    spent = cost.of(filter) if precision == "float" and not editable else None
+    counted = precision == "float" and not editable and scenario is None
+    spent = cost.of(filter) if counted else None
     controller: Controller | None = None
     if scenario is not None:
         controller, scenario = _controller(filter, scenario, editable=editable)
-        spent = None if filter.machine.single else spent
     if calibrated:
         if controller is None or scenario is None:
             raise AmbkitError("calibration needs a controller (a scenario)")

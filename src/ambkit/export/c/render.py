@@ -159,7 +159,6 @@ def _names(export: Export) -> dict[str, Any]:
         "given": export.given,
         "in_core": in_core,
         "built_in": filter.engine.built_in,
-        "single": filter.machine.single,
         "strict": in_core is None and filter.engine.built_in,
         "magnet_header": f"{export.kinds[0].source}.h",
         "magnet_about": magnets,

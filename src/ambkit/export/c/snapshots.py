@@ -57,9 +57,9 @@ class Snapshots:
 def restorable(controller: Controller) -> bool:
     """Whether float loses digits, and only in the covariance."""
     filter = controller.estimator
-    several, single = not filter.machine.single, filter.precision == "float32"
     # What the core keeps besides a Kalman filter's state is not restored.
-    return several and single and not c_literals.called(filter).has_state
+    kept = c_literals.called(filter).has_state
+    return not (filter.machine.single or filter.precision == "float64" or kept)
 
 
 def snapshots_of(controller: Controller, run: Callable[..., dict[str, NDArray[Any]]]) -> Snapshots:

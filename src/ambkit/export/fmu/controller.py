@@ -75,7 +75,7 @@ def controller_data(of: ControllerStart, precision: CPrecision) -> dict[str, Any
             **{key: law[key] for key in ("sequence", "control")},
             "levitated": of.levitated,
             "coils": of.coils,
-            "turning": not controller.plant.machine.single,
+            "turning": controller.plant.machine.rotor.type != "mass",
             **{name: c_literals.array(values, precision) for name, values in arrays.items()},
         },
     }
@@ -83,11 +83,11 @@ def controller_data(of: ControllerStart, precision: CPrecision) -> dict[str, Any
 
 def law_data(controller: Controller) -> dict[str, Any]:
     """Return what the data file says of a controller alone, that an estimator elsewhere feeds."""
-    structs = control.structs(controller, "amb_data")
+    structs, machine = control.structs(controller, "amb_data"), controller.plant.machine
     gains = [c_literals.number(b.amplifier.gain, "double") for b in controller.plant.isolated]
-    speed_input = not controller.plant.machine.single
     law = control.in_c(structs, "double")
     named = "".join([law["law"], law["schedule"], *law["pids"]])
     arrays = {name: array for name, array in structs.arrays.items() if name in named}
-    law |= {"arrays": c_literals.declared(arrays, "double"), "speed_input": speed_input}
+    law |= {"arrays": c_literals.declared(arrays, "double")}
+    law |= {"speed_input": machine.rotor.type != "mass"}
     return {"law": law, "k_ui": gains}

@@ -17,7 +17,6 @@ from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.registry import kind_of
 from ambkit.export.c import c_literals
 from ambkit.export.c.model import c_model
 from ambkit.export.fmu import compiler, rig, sources, variables, xml
@@ -82,11 +81,6 @@ def export_fmu(
         raise AmbkitError(
             f"a {kind} computes in double; precision float is for an estimator or a "
             "whole-controller"
-        )
-    if synchronous := filter.options.get("synchronous"):
-        name = kind_of(filter)
-        raise AmbkitError(
-            f"filter: {'+'.join([name, *synchronous])} is exported as C only; an FMU takes {name}"
         )
     if kind != "plant":
         require_adequate(filter, machine, scenario, force=force)

@@ -278,14 +278,14 @@ def of_controller(bearing: Machine, controller: Control) -> tuple[Variable, ...]
 
 
 def _speed(machine: Machine) -> list[Variable]:
-    if machine.single:
+    if machine.rotor.type == "mass":
         return []
     return [Variable("speed", "input", "rad/s", "speed of rotation", machine.speed)]
 
 
 def base_inputs(machine: Machine) -> list[str]:
     """Return the ways x, y, z in which a foundation can shake a machine, "" where it cannot."""
-    ways = () if machine.single else machine.rigid_positions
+    ways = () if machine.rotor.type == "mass" else machine.rigid_positions
     return [f"base_{way}" if way in ways else "" for way in "xyz"]
 
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field
 
+from ambkit.base.arrays import Array
 from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import FilePath
@@ -19,7 +21,6 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine.rotors import beam
 from ambkit.machine.rotors.matrix_file import read_matrices
-from ambkit.machine.rotors.measured_modes import ThroughPoints
 from ambkit.machine.rotors.modes import RANGE, Bending, Body, body_of, enough, reduced
 from ambkit.machine.rotors.shaft_elements import (
     NAMED,
@@ -72,35 +73,12 @@ class OfMatrices(Part):
         """The rotor as a rigid body."""
         return body_of(self.matrices)
 
-    @property
-    def mass(self) -> float:
-        """Mass m [kg]."""
-        return self.body.mass
-
-    @property
-    def transverse_inertia(self) -> float:
-        """Moment of inertia I_t across the shaft, about the centre of mass [kg m^2]."""
-        return self.body.transverse_inertia
-
-    @property
-    def polar_inertia(self) -> float:
-        """Moment of inertia I_p about the shaft [kg m^2]."""
-        return self.body.polar_inertia
-
-    @property
-    def centre(self) -> float:
-        """Place of the centre of mass, from where places are measured [m]."""
-        return self.body.centre
-
-    @property
-    def first_end(self) -> float:
-        """Place of the end towards -z [m]."""
-        return self.body.ends[0]
-
-    @property
-    def second_end(self) -> float:
-        """Place of the end towards +z [m]."""
-        return self.body.ends[1]
+    mass = property(attrgetter("body.mass"))
+    transverse_inertia = property(attrgetter("body.transverse_inertia"))
+    polar_inertia = property(attrgetter("body.polar_inertia"))
+    centre = property(attrgetter("body.centre"))
+    first_end = property(attrgetter("body.first_end"))
+    second_end = property(attrgetter("body.second_end"))
 
     def bending(self, magnets: tuple[float, ...]) -> Bending:
         """Return its bending modes."""
@@ -134,13 +112,9 @@ class OfMatrices(Part):
     def _known(self) -> dict[tuple[float, ...], Bending]:
         return {}
 
-    @model_serializer(mode="wrap")
-    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        usual = type(self).model_fields["modes_within"].default
-        if self.modes_within == usual:
-            data.pop("modes_within")
-        return {k: v for k, v in data.items() if v is not None and v != () and v is not False}
+    unwritten: ClassVar[tuple[str, ...]] = (
+        "modes_up_to", "modes_within", "damping_ratio", "internal_damping_ratio", "residual",
+    )  # fmt: skip
 
 
 class ShaftRotor(OfMatrices):
@@ -156,6 +130,7 @@ class ShaftRotor(OfMatrices):
     """Rigid discs on it."""
     material: Annotated[tuple[Material, ...], Field(max_length=100)] = ()
     """Materials by name."""
+    unwritten = (*OfMatrices.unwritten, "disc", "material")
 
     @cached_property
     def matrices(self) -> beam.Matrices:
@@ -280,6 +255,11 @@ def _ratios(described: OfMatrices) -> dict[str, float | None]:
     return {key: getattr(described, key) for key in ("damping_ratio", "internal_damping_ratio")}
 
 
+def _shape(splines: Sequence[Callable[[float], Any]], place: float) -> Array:
+    """Return the deflection of each measured mode (modes,) [1] at a place [m]."""
+    return np.array([float(spline(place)) for spline in splines])
+
+
 def _overdamped(ratios: Mapping[str, float | None]) -> Iterator[tuple[str, str]]:
     for key, ratio in ratios.items():
         if ratio is not None and ratio >= 1:
@@ -306,10 +286,7 @@ class MeasuredMode(Part):
     ]
     """Deflection at these places [1]; between them by a cubic spline."""
 
-    @model_serializer(mode="wrap")
-    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        return {key: item for key, item in data.items() if item is not None}
+    unwritten = ("internal_damping_ratio",)
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -345,10 +322,7 @@ class ModalRotor(Part):
     mode: Annotated[tuple[MeasuredMode, ...], Field(min_length=1, max_length=10)]
     """Its bending modes, the slowest first."""
 
-    @property
-    def centre(self) -> float:
-        """Place of the centre of mass, from where places are measured [m]."""
-        return 0.0
+    centre: ClassVar = 0.0  #: Place of the centre of mass, from where places are measured [m].
 
     @property
     def first_end(self) -> float:
@@ -366,6 +340,8 @@ class ModalRotor(Part):
 
     @cached_property
     def _bending(self) -> Bending:
+        from scipy.interpolate import CubicSpline
+
         largest = np.array([max(map(abs, item.shape)) for item in self.mode])
         mass = np.array([item.mass for item in self.mode]) / largest**2
         frequency = 2 * math.pi * np.array([item.frequency for item in self.mode])
@@ -373,11 +349,14 @@ class ModalRotor(Part):
         inner = np.array([item.internal_damping_ratio or 0.0 for item in self.mode])
         polar = np.zeros((1 + len(mass), 1 + len(mass)))
         polar[0, 0] = self.polar_inertia
-        points = [(item.places, item.shape) for item in self.mode]
         damping = np.diag(np.concatenate([[0.0, 0.0], 2 * ratios * mass * frequency]))
         ends = self.first_end, self.second_end
         internal = np.diag(2 * inner * mass * frequency)
-        shape = ThroughPoints(points, largest)
+        splines = [
+            CubicSpline(item.places, np.asarray(item.shape, float) / size, bc_type="natural")
+            for item, size in zip(self.mode, largest, strict=True)
+        ]
+        shape = partial(_shape, splines)
         return Bending(frequency, mass, damping, polar, shape, ends, internal)
 
     @classmethod

@@ -8,9 +8,9 @@ orthogonal to its rigid motions, so that mass and stiffness are diagonal; gyrosc
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,22 +35,6 @@ STEPS = 3
 
 STILL = 1e-6
 """Of the first bending mode, below which a whirl is a rigid translation."""
-
-
-class OfRotor(Protocol):
-    """What is used of a rotor by its matrices."""
-
-    @property
-    def mass(self) -> float:
-        """Mass [kg]."""
-
-    @property
-    def transverse_inertia(self) -> float:
-        """About the centre of mass [kg m^2]."""
-
-    @property
-    def every_mode(self) -> Bending:
-        """All bending modes of the matrices."""
 
 
 class WhirlError(NamedTuple):
@@ -86,7 +70,7 @@ def speeds_of(speed: float) -> Array:
     return np.linspace(0.0, BEYOND * abs(speed), STEPS + 1)[1:] if speed else np.zeros(0)
 
 
-def whirl(rotor: OfRotor, bending: Bending, speed: float, modes: int | None = None) -> Array:
+def whirl(rotor: Any, bending: Bending, speed: float, modes: int | None = None) -> Array:
     """Return the whirl frequencies of the free, undamped rotor, ascending [rad/s]."""
     # returns (2 (2 + modes),)
     n = len(bending.frequency) if modes is None else modes
@@ -99,7 +83,7 @@ def whirl(rotor: OfRotor, bending: Bending, speed: float, modes: int | None = No
 
 
 def whirl_error(
-    rotor: OfRotor, reduced_bending: Bending, highest: float, speeds: Sequence[float] | Array,
+    rotor: Any, reduced_bending: Bending, highest: float, speeds: Sequence[float] | Array,
     modes: int | None = None,
 ) -> WhirlError:  # fmt: skip
     """Return where the whirl of kept modes is farthest from that of the full matrices."""
@@ -125,7 +109,7 @@ def whirl_error(
     return worst
 
 
-def enough(rotor: OfRotor, T: float, speed: float, tolerance: float) -> float:
+def enough(rotor: Any, T: float, speed: float, tolerance: float) -> float:
     """Return up to which frequency to keep modes, so that whirls and sensitivity are right [Hz]."""
     # All modes within the range of ISO 14839-3 and a quarter beyond are kept, and so many more that
     # every whirl in that range is right up to `BEYOND` times the speed, to the share `SHARP` of the
@@ -150,13 +134,6 @@ def above(f: Array, n: int) -> float:
     return rounded if f[n - 1] < rounded < f[n] else between
 
 
-class Shape(Protocol):
-    """Shapes of modes over the shaft."""
-
-    def __call__(self, place: float) -> Array:
-        """Return each mode's deflection (modes,) [1] at a place [m]."""
-
-
 @dataclass(frozen=True, eq=False)
 class Bending:
     """Bending modes of a free rotor, beside its rigid body."""
@@ -167,7 +144,8 @@ class Bending:
     damping: Array
     #: (1 + modes, 1 + modes) Polar inertias over tilt and the modes [kg m^2], [kg m], [kg].
     polar: Array
-    shape: Shape  #: Deflections at a place, from where the rotor's places are measured.
+    #: Deflection of each mode (modes,) [1] at a place [m], from where the rotor's are measured.
+    shape: Callable[[float], Array]
     ends: tuple[float, float]  #: Between which places there are shapes [m].
     #: (modes, modes) Of what turns with the rotor, over the modes [N s/m]: of the velocity that is
     #: left where one turns with it.
@@ -204,7 +182,8 @@ class Body:
     centre: float  #: Place of the centre of mass [m].
     transverse_inertia: float  #: About it, I_t and I_p [kg m^2].
     polar_inertia: float
-    ends: tuple[float, float]  #: Places of the first and of the last node [m].
+    first_end: float  #: Places of the first and of the last node [m].
+    second_end: float
 
 
 def body_of(matrices: Matrices) -> Body:
@@ -217,7 +196,7 @@ def body_of(matrices: Matrices) -> Body:
     tilted = tilted - centre * across
     return Body(
         float(mass), centre, float(tilted @ matrices.M @ tilted),
-        float(tilted @ matrices.G @ tilted), (float(z[0]), float(z[-1])),
+        float(tilted @ matrices.G @ tilted), float(z[0]), float(z[-1]),
     )  # fmt: skip
 
 
@@ -305,7 +284,7 @@ def reduced(
         raise ValueError("missing: no damping of the modes is given")
     return Bending(
         frequencies, mass, (damping + damping.T) / 2, (polar + polar.T) / 2,
-        OverNodes(vectors, matrices.place, matrices.shear), body.ends,
+        OverNodes(vectors, matrices.place, matrices.shear), (body.first_end, body.second_end),
         _internal(matrices, vectors, internal_ratio, mass * frequencies),
         tuple(np.sqrt(squares[mode_count : mode_count + 3]).tolist()),
         Residual(over, modes, squares, len(squares) if attached else mode_count), attached,
