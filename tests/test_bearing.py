@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from machine_cases import BEARINGS
 
@@ -308,6 +308,9 @@ any_positive = st.floats(min_value=5e-324, allow_nan=False, allow_infinity=False
     ),
     any_positive,
     any_positive,
+)
+@example(
+    "one-sided", {"magnet_constant": 3.25e-83, "air_gap": 197.0, "bias_current": 1.0}, 2.2e-311, 1.0
 )
 def test_absurd_values_are_refused_or_taken_but_never_a_traceback(kind, magnet, mass, limit):
     data = Bearing.preset("zittau_axial").model_dump()

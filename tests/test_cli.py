@@ -103,7 +103,7 @@ def test_the_front_imports_nothing_heavy():
 
 
 def test_a_plain_simulation_imports_no_large_part_of_scipy():
-    large = "scipy.signal scipy.stats scipy.interpolate scipy.integrate"
+    large = "scipy.signal scipy.stats scipy.interpolate scipy.integrate scipy.optimize"
     code = (
         "import sys\nfrom ambkit.cli.main import main\n"
         "try: main(['simulate', 'zittau_axial', '--duration', '5 ms', '--json'])\n"

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
+from ambkit.base.root import root
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -137,8 +138,6 @@ class Law:
         float
             Infinite where no current does.
         """
-        from scipy.optimize import brentq
-
         magnet, middle, at = self.in_core(core_module()), np.zeros(1), np.zeros(1)
         magnet_force = force - self.bias_force
 
@@ -157,9 +156,10 @@ class Law:
             if not math.isfinite(high):
                 return high
         if lacks(low) > 0:
-            near = brentq(lacks, low, high, xtol=1e-15 * abs(high))
+            near = root(lacks, low, high, 1e-15 * abs(high))
             for end in (near * (1 - NEAR), near * (1 + NEAR)):
-                low, high = (low, end) if lacks(end) <= 0 else (end, high)
+                if min(low, high) < end < max(low, high):
+                    low, high = (low, end) if lacks(end) <= 0 else (end, high)
         while low < (half := 0.5 * (low + high)) < high or high < half < low:
             low, high = (low, half) if lacks(half) <= 0 else (half, high)
         return high

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.root import root
 from ambkit.machine import presets
 from ambkit.machine.force_law import MagnetModel, core_module
 from ambkit.machine.machine import Machine
@@ -17,8 +18,6 @@ from ambkit.machine.magnets import Law, magnet_of
 
 def levitation_current(bearing: Machine, plant: MagnetModel, x: float, balance: float) -> float:
     """Control current [A] that holds the rotor at x [m] against ``balance`` [N], within limits."""
-    from scipy.optimize import brentq
-
     # Asked a dozen times, for each of a million machines: the C magnet itself, in place.
     magnet, i, s = plant.in_core(core_module()), np.empty(1), np.array([x], float)
 
@@ -31,7 +30,7 @@ def levitation_current(bearing: Machine, plant: MagnetModel, x: float, balance: 
     if at_low * at_high > 0:
         # No current can hold it there: start from the end that comes closest.
         return low if abs(at_low) < abs(at_high) else high
-    return float(brentq(force, low, high, xtol=1e-15 * (high - low)))
+    return root(force, low, high, 1e-15 * (high - low))
 
 
 def levitation_current_at(

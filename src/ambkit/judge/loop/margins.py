@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, Complex
+from ambkit.base.root import root
 from ambkit.control.linear.closed_loop import Loop
 
 LOWEST = 1e-6  #: Of half the sampling rate, where a grid begins.
@@ -128,12 +129,10 @@ def _product(z: Complex, poles: Complex) -> Complex:
 def zeros(of: Callable[[Array], Array], f: Array) -> Iterator[float]:
     """Yield where a real function of the frequency changes its sign [Hz]."""
     # f (k,) [Hz]
-    from scipy.optimize import brentq
-
     seen = of(f)
     for k in np.flatnonzero(seen[:-1] * seen[1:] < 0):
-        root = brentq(lambda x: float(of(np.array([x]))[0]), f[k], f[k + 1], xtol=1e-13 * f[k + 1])
-        yield float(root)
+        low, high = float(f[k]), float(f[k + 1])
+        yield root(lambda x: float(of(np.array([x]))[0]), low, high, 1e-13 * high)
 
 
 @dataclass(frozen=True)
