@@ -4,14 +4,13 @@ from itertools import product
 
 import numpy as np
 import pytest
-from machine_cases import PRESETS, RIGID, machine, uncoupled
+from machine_cases import PRESETS, RIGID, machine
 from quick import quick
 
 from ambkit import (
     AmbkitError,
     Bearing,
     ExtendedKalmanFilter,
-    FilterNoise,
     KalmanFilter,
     Machine,
     Record,
@@ -114,38 +113,6 @@ def test_each_kind_takes_a_machine(kind):
 def test_kinds_of_one_axis_say_so(kind):
     with pytest.raises(ValueError, match="takes one axis; made has the axes A1, A2, B1, B2"):
         KINDS[kind].make(machine())
-
-
-@pytest.mark.parametrize("kind", ["linear", "extended", "ud", "unscented"])
-def test_axes_that_do_not_couple_are_filtered_as_bearings_alone(kind):
-    one = uncoupled()
-    noise = FilterNoise(disturbance=900.0)
-    record = flown(one).record
-    whole = KINDS[kind].make(one, noise=noise)
-    start = {"position": 1e-5, "velocity": 1e-2, "disturbance force": 20.0, "sensor": 1e-5}
-    H = whole.view.H
-    # As sure of the coordinates as an axis alone is of its displacement and velocity.
-    back = np.linalg.inv(H)
-    std = [start[state.role] for state in whole.states]
-    std[:4] = np.sqrt((back**2).sum(axis=1)) * 1e-5
-    y, u = whole.view.signals(record)
-    q0 = whole.view.shown @ y[0]
-    whole.reset(whole.equilibrium_state(q0), std)
-    of_machine = whole.told(record.t, whole.core.run(y, u))
-    for k, (axis, alone) in enumerate(zip(one.axes, isolated_axes(one), strict=True)):
-        own = KINDS[kind].make(alone, noise=noise)
-        own.reset(
-            own.equilibrium_state(float(H[k] @ q0)), [start[state.role] for state in own.states]
-        )
-        by_axis = own.told(record.t, own.core.run(y[:, k].copy(), u[:, k].copy()))
-        # Starts differ: tilt and displacement are not correlated at first. That is forgotten.
-        late = slice(600, None)
-        s = (of_machine.mean[:, :4] @ H[k])[late]
-        v = (of_machine.mean[:, 4:8] @ H[k])[late]
-        f = of_machine[f"f_d_{axis.name}"][late]
-        for got, name in ((s, "x"), (v, "v"), (f, "f_d")):
-            expected = by_axis[name][late]
-            assert np.abs(got - expected).max() < 2e-4 * np.abs(expected).max()
 
 
 def test_step_by_step_it_says_the_same():
