@@ -698,7 +698,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
     def stand_in(out, *, seed, progress):
         progress("chapter 1")
         assert seed == 3
-        return reproduction.Reproduction(Path(out), [row])
+        return reproduction.Judged(Path(out), [row])
 
     monkeypatch.setattr(reproduction, "reproduce", stand_in)
     found = call("reproduce", "--out", "there", "--seed", "3")

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from paper.reproduction import Reproduction
+from paper.reproduction import Judged
 from rich.console import Console
 
 from ambkit.base.units import engineering
@@ -118,7 +118,7 @@ def test_summary_of_the_paper_cuts_nothing(narrow, capsys):
         "verdict": "agrees", "runs": None, "spread": None,
     }  # fmt: skip
     narrow(60)
-    printing.show(printing.on_screen(Reproduction(Path("out"), [row]), verbose=False))
+    printing.show(printing.on_screen(Judged(Path("out"), [row]), verbose=False))
     out = capsys.readouterr().out
     assert "…" not in out
     assert set(row["what"].split()) <= set(_seen(out))

@@ -21,7 +21,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from paper import verdicts
-from paper.reproduction import Reproduction
+from paper.reproduction import Judged
 from quick import quick
 
 from ambkit.base.errors import AmbkitError
@@ -860,7 +860,7 @@ def test_numbers_are_written_for_humans(value, text):
 @pytest.mark.parametrize("width", [60, 100])
 def test_terminal_table_fits_and_tells_the_verdict_without_colour(width, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(width))
-    printing.show(printing.on_screen(Reproduction(Path("out"), ROWS), verbose=False))
+    printing.show(printing.on_screen(Judged(Path("out"), ROWS), verbose=False))
     text = capsys.readouterr().out
     assert max(map(len, text.splitlines())) <= width
     assert "✓ agrees" in text

@@ -21,7 +21,6 @@ MANY_PARAMETERS = {
     "estimate/batch:run_many": PUBLIC,
     "estimate/estimator:__init__": PUBLIC,
     "export/c/exporter:export_c": VERB,
-    "export/fmu/exporter:export_fmu": VERB,
     "fuzzy/training:train": PUBLIC,
     "identification/excitation/design:design": VERB,
     "identification/maximum_likelihood/estimate:maximum_likelihood": VERB,

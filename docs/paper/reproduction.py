@@ -10,13 +10,12 @@ from functools import partial
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from ambkit.base import files
-from ambkit.result.report import Figure, Report, write_report
+from ambkit.result.report import Report, write_report
 from ambkit.result.report.blocks import number
-from ambkit.result.result import Result
 from ambkit.result.row import Row
+from ambkit.workflow.reproduction import Reproduction
 from paper.study import SEEDS, Part, Study
 from paper.verdicts import SummaryRow, ours, tally, verdict_of
 from paper.verdicts import summary as summary_of
@@ -29,19 +28,10 @@ CHAPTERS = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Reproduction(Result):
-    """Verdicts on what the paper prints, and where the report is."""
+class Judged(Reproduction):
+    """The reproduction, with what its verdicts say."""
 
-    folder: Path  #: Of the report, its figures and tables.
-    summary: Sequence[SummaryRow]  #: The lines of ``summary.json``.
-    pictures: Sequence[Figure] = ()  #: Those of the report.
-
-    TITLE = "The paper, reproduced"
-
-    @property
-    def path(self) -> Path:
-        """The report."""
-        return self.folder / "report.html"
+    summary: Sequence[SummaryRow]
 
     @property
     def finding(self) -> str:
@@ -63,20 +53,13 @@ class Reproduction(Result):
                         for of, value in values.items()]  # fmt: skip
         return results
 
-    @property
-    def series(self) -> dict[str, Any]:
-        return {"summary": list(self.summary)}
-
-    def figures(self) -> Sequence[Figure]:
-        return self.pictures
-
 
 def reproduce(
     out: str | os.PathLike[str],
     *,
     seed: int = 0,
     progress: Callable[[str], None] = lambda _message: None,
-) -> Reproduction:
+) -> Judged:
     """Reproduce the paper's tables and figures, and judge them."""
     folder = Path(out)
     # Begun before the work: an unwritable place is told at once.
@@ -92,7 +75,7 @@ def reproduce(
         write_report(report, temporary, progress)
         summary = json.dumps(rows, indent=2, ensure_ascii=False)
         files.write_text(temporary / "summary.json", f"{summary}\n")
-    return Reproduction(folder, rows, report.figures)
+    return Judged(folder, rows, report.figures)
 
 
 def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) -> Report:

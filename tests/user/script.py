@@ -255,7 +255,7 @@ def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
         found = ambkit.design(
             bearing, [log], out=Path(folder, "out"), filter="linear", free=["magnet_constant"]
         )
-        assert_type(found.why, str)
+        assert_type(found.finding, str)
 
 
 def designed_whole(machine: ambkit.Machine) -> None:
@@ -263,7 +263,7 @@ def designed_whole(machine: ambkit.Machine) -> None:
     with TemporaryDirectory() as folder:
         found = ambkit.design(machine, out=folder, filter="linear")
         assert_type(found.loop.peak, float)
-        assert_type(found.why, str)
+        assert_type(found.finding, str)
 
 
 def many_machines() -> None:

@@ -28,10 +28,18 @@ from ambkit.estimate.estimate_panels import (
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.machine import Machine
 from ambkit.models.model import Descriptor
-from ambkit.result import signal_styles as styles
 from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.report.style import style_of
 from ambkit.result.row import Row
+from ambkit.result.signal_styles import (
+    CURRENT,
+    DISTURBANCE,
+    NOISE,
+    POSITION,
+    TIME,
+    VELOCITY,
+    looks,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +255,7 @@ LOGGED = {
     "x": ((("y", "measured"), ("r", "reference")), (("x_logged", "logged"),)),
     "v": ((("v_logged", "logged"),), ()),
 }
-"""Signals of a record drawn below and above the estimates of a state, with their styles."""
+"""Signals of a record drawn below and above the estimates of a state, with their """
 
 
 def filter_figure(
@@ -257,7 +265,7 @@ def filter_figure(
 ) -> Figure:
     """Show what filters estimate along a record, and how their innovations fare."""
     t = record.t
-    time = replace(styles.TIME, limits=(float(t[0]), float(t[-1])))
+    time = replace(TIME, limits=(float(t[0]), float(t[-1])))
     smoothed = smoothed or {}
 
     def true(state: str) -> list[Item]:
@@ -268,14 +276,12 @@ def filter_figure(
         return drawn(lambda estimate: estimate[signal] if signal in estimate.names else None)
 
     def drawn(read: Callable[[Estimate], Array | None]) -> list[Item]:
-        names = (label or style_of(style).label for style, label in styles.looks(smoothed))
+        names = (label or style_of(style).label for style, label in looks(smoothed))
         after = ((style, f"{name}, smoothed") for style, name in zip(cycle(_SMOOTHED), names))
         estimates = [*(item.estimate for item in evaluated.values()), *smoothed.values()]
         return [
             Line(t, values, signal=style, label=label)
-            for (style, label), estimate in zip(
-                [*styles.looks(evaluated), *after], estimates, strict=True
-            )
+            for (style, label), estimate in zip([*looks(evaluated), *after], estimates, strict=True)
             if (values := read(estimate)) is not None
         ]
 
@@ -300,15 +306,11 @@ def filter_figure(
 
     late = {n: None for item in estimates for n in item.of_role("current")}
     currents = [
-        Panel(
-            time, styles.CURRENT, [*true(f"iu{name.removeprefix('i')}"), *estimated(name), *absent]
-        )
+        Panel(time, CURRENT, [*true(f"iu{name.removeprefix('i')}"), *estimated(name), *absent])
         for name in late
     ]
     coloured = [] if any(estimates[0].readings) else drawn(lambda entry: entry.sensor_noise)
-    noises = (
-        [Panel(time, styles.NOISE, [*true_noise(record), *coloured, *absent])] if coloured else []
-    )
+    noises = [Panel(time, NOISE, [*true_noise(record), *coloured, *absent])] if coloured else []
     return Figure(
         id="filter",
         title=f"Estimates along {markdown(record.meta.get('source') or 'the record')}",
@@ -320,11 +322,7 @@ def filter_figure(
     )  # fmt: skip
 
 
-AXES = {
-    "position": styles.POSITION,
-    "velocity": styles.VELOCITY,
-    "disturbance force": styles.DISTURBANCE,
-}
+AXES = {"position": POSITION, "velocity": VELOCITY, "disturbance force": DISTURBANCE}
 """Axes of the states that are shown, by their roles."""
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ambkit.verbs.words import Folder
 
 if TYPE_CHECKING:
-    from paper.reproduction import Reproduction
+    from ambkit.workflow.reproduction import Reproduction
 
 
 def reproduce(out: Folder = "out", *, seed: int = 0, open: bool = False) -> Reproduction:
