@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from paper.printed import MISPRINTS
 
 from ambkit.machine import paper
 from ambkit.machine.machine import Bearing
@@ -22,7 +23,7 @@ def test_our_nodes_are_those_of_tables_2_and_3(ours):
     np.testing.assert_allclose(ours.displacement, paper.DISPLACEMENTS, rtol=1e-15, atol=0)
 
 
-@pytest.mark.parametrize("misprint", paper.MISPRINTS)
+@pytest.mark.parametrize("misprint", MISPRINTS)
 def test_a_misprint_is_what_its_mirror_image_says(misprint, ours):
     table = {"table4": paper.table4()}[misprint.table]
     assert table[misprint.row, misprint.column] == misprint.printed

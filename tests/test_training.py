@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from force_table import force_table
+from paper.printed import INITIAL_WIDTH
 
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import LeastSquares, TrainingSet, _least_squares, train
-from ambkit.machine import paper
 from ambkit.machine.machine import Bearing
 from ambkit.machine.stiffness import stiffness_map
 
@@ -48,7 +48,7 @@ def test_k_i_and_k_s_keep_their_meaning(weights):
 
 
 def test_steepest_gradient_of_the_paper_learns():
-    options = {"method": "steepest-gradient", "scaling": "unit", "widths": paper.INITIAL_WIDTH}
+    options = {"method": "steepest-gradient", "scaling": "unit", "widths": INITIAL_WIDTH}
     plain = train(MAP, normalised=False, **options)
     normalised = train(MAP, **options)
     assert MAP.force_rms(plain.force) < 1.2  # the paper's own widths: 1.98

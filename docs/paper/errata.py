@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.fuzzy.expert import Expert
-from ambkit.machine import paper
 from ambkit.result.report.blocks import Chapter, TableBlock, Text
 from ambkit.simulation.run import simulate_run
+from paper.printed import MISPRINTS
 from paper.sampling import fast_sensor, lead
 from paper.study import SEEDS, STEP_TIME, Part, Study, mean_row, row
 
@@ -30,7 +30,7 @@ def errata(study: Study) -> Part:
     printed_i, printed_s = 2 * k * i0 / s0**2, -2 * k * i0**2 / s0**3
     corner_i, corner_s = (float(value) for value in law.tangent(*CORNER))
     affine = float(law.force(*CORNER)) - corner_i * CORNER[0] - corner_s * CORNER[1]
-    wrong = paper.MISPRINTS[0]
+    wrong = MISPRINTS[0]
     printed_rms = study.map.force_rms(Expert.paper().force)
     constant_rms = study.map.force_rms(lambda iu, x: k_i * iu + k_s * x)
     (weight_found,) = study.over_seeds(lambda seed: (_weight_in_disturbance(study, seed),))

@@ -11,6 +11,7 @@ from ambkit.machine import paper
 from ambkit.machine.stiffness import ForceFunction, stiffness_map
 from ambkit.result.report import Axis, Figure, Heatmap, Panel
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, TableBlock, Text
+from paper.printed import MISPRINTS
 from paper.study import CURRENT, POSITION, SEEDS, Part, Study, agrees, row
 from paper.tables import stiffness_csv
 
@@ -24,7 +25,7 @@ def lsm(study: Study) -> Part:
     result = study.map
     off_i = _deviation(result.k_i, paper.table4(), "table4")
     off_s = _deviation(result.k_s, paper.table5(), "table5") / 1e3
-    wrong = paper.MISPRINTS[0]
+    wrong = MISPRINTS[0]
     ours_there = float(result.k_i[wrong.row, wrong.column])
 
     # The same machine on what was identified, and on a measured map instead of a law.
@@ -86,7 +87,7 @@ def _identified(study: Study, seed: int) -> float:
 def _deviation(ours: Array, printed: Array, table: str) -> float:
     """Largest difference from the paper's table, the misprinted entries left out."""
     off = np.abs(ours - printed)
-    for wrong in paper.MISPRINTS:
+    for wrong in MISPRINTS:
         if wrong.table == table:
             off[wrong.row, wrong.column] = 0.0
     return float(off.max())
@@ -103,7 +104,7 @@ def _table(id: str, title: str, ours: Array, printed: Array, unit: float) -> Tab
         title=f"{title}, in brackets as the paper prints it",
         headers=["$x$ [mm] \\ $i_u$ [A]", *(f"{i:g}" for i in paper.CURRENTS)],
         rows=rows,
-        highlight={(m.row, m.column + 1): m.why for m in paper.MISPRINTS if m.table == id},
+        highlight={(m.row, m.column + 1): m.why for m in MISPRINTS if m.table == id},
         source=f"paper, Table {id[-1]}",
     )
 

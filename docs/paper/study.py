@@ -17,13 +17,13 @@ from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
-from ambkit.machine.paper import INITIAL_WIDTH
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 from ambkit.result.report import Axis
 from ambkit.result.report.blocks import Chapter
 from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Constant, Step
+from paper.printed import INITIAL_WIDTH
 from paper.verdicts import SummaryRow
 
 SEEDS = 20

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.fuzzy.expert import Expert
-from ambkit.machine.paper import INITIAL_WIDTH
+from paper.printed import INITIAL_WIDTH
 
 Array = NDArray[np.float64]
 
