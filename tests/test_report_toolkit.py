@@ -492,7 +492,7 @@ def drawn(figure):
 def test_pictures_are_the_same_bytes_in_another_process_whatever_its_defaults(build):
     """Nothing depends on the order of sets, on addresses or on the user's rcParams."""
     code = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        f"import sys; sys.path[:0] = {sys.path!r}\n"
         "import matplotlib, test_report_toolkit as t\n"
         "own = {'font.size': 20, 'axes.grid': False, 'svg.fonttype': 'none'}\n"
         "matplotlib.rcParams.update(own); before = dict(matplotlib.rcParams)\n"
