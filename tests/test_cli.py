@@ -259,17 +259,8 @@ def test_identify_finds_the_magnet_constant(call, made):
                  "--json")  # fmt: skip
     assert found.json["magnet_constant"] == pytest.approx(6.7e-6, rel=0.05)
     assert ambkit.Bearing.load("b.toml").magnet.magnet_constant == found.json["magnet_constant"]
-    said = call(
-        "identify",
-        "online",
-        made / "my.toml",
-        made / "run.csv",
-        "--method",
-        "adaline",
-        "--disturbance",
-        "-3 N",
-    )
-    assert said.code == 0
+    words = (made / "my.toml", made / "run.csv", "--method", "adaline", "--disturbance", "-3 N")
+    assert call("identify", "online", *words).code == 0
 
 
 def test_identify_says_where_the_constant_still_drifts(call, made):
@@ -493,14 +484,14 @@ def test_compare_over_seeds(call):
 def test_compare_in_a_case(call):
     Path("my.py").write_text("class Mine:\n    def step(self, y, u):\n        return y, 0, 0, y\n")
     found = call("compare", "zittau_axial", "--filter", "linear", "--filter", "closed-law",
-                 "--filter", "my.py:Mine", "--case", "step", "--seeds", "2:3", "--budget", "4",
+                 "--filter", "my.py:Mine", "--case", "step", "--seeds", "2:3", "--budget", "2",
                  "--out", "c.csv", "--plot", "m.svg", "--whole", "--out",
                  "r.html", "--json")  # fmt: skip
     assert found.json["files"] == ["c.csv", "r.html", "m.svg"]
     tuned, default = found.json["tuned"], found.json["default"]
     assert list(default) == ["linear", "closed-law", "Mine"]
     assert tuned["closed-law"]["f_d"] < 0.8 * tuned["linear"]["f_d"]
-    assert found.json["tuning"]["linear"]["evaluations"] == 4
+    assert found.json["tuning"]["linear"]["evaluations"] == 2
     assert default["Mine"]["nis"] is None
     table = Path("c.csv").read_text()
     assert "linear_tuned_f_d [N]" in table

@@ -120,10 +120,9 @@ def test_the_whole_controller_is_what_simulate_flies(name, precision, tmp_path):
     np.testing.assert_array_equal(found["mode"][1:], record["mode"])
     if case.start == "levitated":
         return
-    pid = case.controller.completed(case.bearing)
-    told = Controller.of_axis(case.bearing, estimator_of(case, numbers), pid, case.sequence).run(
-        **inputs
-    )
+    pid, estimator = case.controller.completed(case.bearing), estimator_of(case, numbers)
+    told = Controller.of_axis(case.bearing, estimator, pid, case.sequence).run(**inputs)
+    np.testing.assert_array_equal(found["iu"][1:], told["iu"])
     for k in range(told["coil"].shape[1]):
         np.testing.assert_array_equal(found[f"coil_{k}"][1:], told["coil"][:, k])
     np.testing.assert_array_equal(found["on"][1:], told["on"])
