@@ -66,21 +66,20 @@ private:
   Law law;
 };
 
-// What a call was named by name: each is taken once, and none may be left.
+// The arguments of a call by name: none may be there that is not asked for.
 class Arguments
 {
 public:
-  explicit Arguments(const nb::dict &given)
+  explicit Arguments(const nb::dict &given) : all(given)
   {
-    rest.update(given);
   }
   nb::object take(const char *name)
   {
-    if (!rest.contains(name))
+    PyObject *value = PyDict_GetItemString(all.ptr(), name); // borrowed
+    if (value == nullptr)
       return nb::none();
-    nb::object value = rest[name];
-    nb::del(rest[name]);
-    return value;
+    taken.push_back(name);
+    return nb::borrow(value);
   }
   template <typename T> T must(const char *name)
   {
@@ -96,12 +95,18 @@ public:
   }
   void done() const
   {
-    for (const auto &[name, value] : rest)
-      throw nb::type_error((std::string("there is no argument ") + nb::str(name).c_str()).c_str());
+    if (taken.size() == all.size())
+      return;
+    for (const auto &[name, value] : all)
+      if (std::find(taken.begin(), taken.end(), std::string_view(nb::str(name).c_str())) ==
+          taken.end())
+        throw nb::type_error(
+            (std::string("there is no argument ") + nb::str(name).c_str()).c_str());
   }
 
 private:
-  nb::dict rest;
+  nb::dict all;
+  std::vector<std::string_view> taken;
 };
 
 // The faults of a run: arrays by the names of amb_loop_faults, a value a sample and sensor or axis.

@@ -14,6 +14,20 @@ namespace
 using Doubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
+// Displacements, velocities and, where they are known, loads of the axes by an estimator's states.
+struct Along {
+  Along(const nb::list &parts, size_t axes, size_t states_) : states(states_)
+  {
+    for (const auto each : parts)
+      rows.emplace_back(nb::cast<nb::tuple>(each), axes, states, "along");
+    if (rows.size() > 3)
+      throw std::invalid_argument("along: there are three");
+  }
+  Along(const Along &) = delete;
+  size_t states;
+  std::list<Rows> rows;
+};
+
 // All of a run but its number: loop, start, and what comes from outside.
 struct Plan {
   ClosedLoop closed_loop;
@@ -41,7 +55,7 @@ private:
   std::vector<double> std_u, std_y;
   std::optional<Doubles> noise_u, noise_y;
   std::vector<amb_windows> windows;
-  std::list<Rows> along;
+  nb::object along; // keeps its rows
 
   Plan(const nb::dict &loop, Arguments named) : closed_loop(loop, named)
   {
@@ -96,12 +110,12 @@ private:
     std = nb::cast<std::vector<amb_real>>(at_std);
     same_length(states, mean.size(), "mean");
     same_length(states, std.size(), "std");
-    amb_rows *to = run.along;
-    for (const auto each : nb::cast<nb::list>(rows))
-      if (const size_t i = static_cast<size_t>(to++ - run.along); !each.is_none() && i < 3)
-        run.along[i] =
-            along.emplace_back(nb::cast<nb::tuple>(each), closed_loop.of.axes(), states, "along")
-                .to;
+    along = rows;
+    const auto &of = nb::cast<const Along &>(rows);
+    same_length(states, of.states, "along");
+    size_t i = 0;
+    for (const Rows &each : of.rows)
+      run.along[i++] = each.to;
     std::vector<std::max_align_t> tried(memory());
     if (!reset(tried.data()))
       throw std::invalid_argument("mean must be finite, std finite and positive");
@@ -264,12 +278,15 @@ Out<uint32_t> philox(const std::vector<uint32_t> &counter, const std::vector<uin
 
 void bind_many(nb::module_ &m)
 {
+  nb::class_<Along>(m, "Along", "What an estimator knows of each axis, by its states.")
+      .def(nb::init<const nb::list &, size_t, size_t>(), nb::arg("rows"), nb::arg("axes"),
+           nb::arg("states"));
   nb::class_<Plan>(m, "Plan", "A closed loop that is run many times, all but its number.")
       .def(
           nb::init<const nb::dict &, const nb::kwargs &>(), nb::arg("loop"), nb::arg("named"),
           nb::sig("def __init__(self, loop: dict[str, Any], *, seed: int, std_u: list[float], "
                   "std_y: list[float], noise_u: Any, noise_y: Any, windows: Any, mean: Any, "
-                  "std: Any, along: list[Any], **named: Any) -> None"),
+                  "std: Any, along: Along | None, **named: Any) -> None"),
           "What `simulate` is named, and what sim/many.h has beside: noise, windows (axes, 7), and "
           "an estimator's start and rows along the axes.");
   m.def(

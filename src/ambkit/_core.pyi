@@ -369,10 +369,15 @@ def run_batch(estimators: Sequence[Estimator], y: Annotated[NDArray[numpy.float6
     Many runs side by side (sim/batch.h), each from its start mean, std (runs, 4). Arrays that are given are filled. Returns sums of squared errors (runs, 3) and flags (runs,).
     """
 
+class Along:
+    """What an estimator knows of each axis, by its states."""
+
+    def __init__(self, rows: list, axes: int, states: int) -> None: ...
+
 class Plan:
     """A closed loop that is run many times, all but its number."""
 
-    def __init__(self, loop: dict[str, Any], *, seed: int, std_u: list[float], std_y: list[float], noise_u: Any, noise_y: Any, windows: Any, mean: Any, std: Any, along: list[Any], **named: Any) -> None:
+    def __init__(self, loop: dict[str, Any], *, seed: int, std_u: list[float], std_y: list[float], noise_u: Any, noise_y: Any, windows: Any, mean: Any, std: Any, along: Along | None, **named: Any) -> None:
         """
         What `simulate` is named, and what sim/many.h has beside: noise, windows (axes, 7), and an estimator's start and rows along the axes.
         """

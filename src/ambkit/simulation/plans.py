@@ -89,7 +89,7 @@ class Plans:
         # By the identity of what a run is made of, which is kept, so that no other takes its place.
         self._plans: dict[tuple[int, ...], tuple[Planned, ModuleType, Any]] = {}
         self._signals: dict[tuple[Any, ...], tuple[Any, Array]] = {}
-        self._rows: dict[int, tuple[Estimator, list[Any]]] = {}
+        self._rows: dict[int, tuple[Estimator, Any]] = {}
         self._last: tuple[Any, tuple[Array, Array], list[Windows]] | None = None
 
     def ready(self, runs: Sequence[Planned]) -> Ready:
@@ -146,15 +146,15 @@ class Plans:
             if not (stands and estimator.side_by_side):
                 estimator = copied(estimator)
         return Loop(
-            planned.bearing, planned.numbered, estimator=estimator, magnet=planned.magnet,
+            planned.bearing, planned.scenario, estimator=estimator, magnet=planned.magnet,
             external_inputs=planned.external_inputs, sampled=self._sampled(planned),
             controllers=planned.controllers,
         )  # fmt: skip
 
     def _sampled(self, planned: Planned) -> Sampled:
         """Return the signals of a scenario, each of which many runs share."""
-        of, machine = planned.scenario, planned.bearing.short
-        names, T = tuple(axis.name for axis in machine.axes), machine.sampling_time
+        of, machine, T = planned.scenario, planned.bearing, planned.bearing.sampling_time
+        names = ("",) if machine.single else tuple(axis.name for axis in machine.axes)
 
         def known(values: Any, make: Callable[[], Array]) -> Array:
             key = id(values), of.duration, T, names
@@ -178,7 +178,7 @@ class Plans:
         pairs = zip(self._last[2], clearances, strict=True)
         return np.array([(*at, self.band * clearance, clearance) for at, clearance in pairs])
 
-    def _along(self, estimator: Estimator) -> list[Any]:
+    def _along(self, estimator: Estimator) -> Any:
         """Return displacements, velocities and loads of the axes by the states of an estimator."""
         if id(estimator) not in self._rows:
             states, machine = estimator.states, estimator.view.machine
@@ -188,7 +188,8 @@ class Plans:
             if set(loads) <= set(names):
                 parts.append(np.eye(len(names))[[names.index(load) for load in loads]])
             rows = [compressed_rows(part, part != 0) for part in parts]
-            self._rows[id(estimator)] = estimator, rows
+            of_core = estimator.engine.core.Along(rows, len(loads), len(names))
+            self._rows[id(estimator)] = estimator, of_core
         return self._rows[id(estimator)][1]
 
     def _made(self, loop: Loop, planned: Planned) -> tuple[Any, bool]:
@@ -197,13 +198,16 @@ class Plans:
         if estimator is not None and loop.calls_python:
             estimator.reset(loop.start)
         arguments = loop.arguments(slice(0, len(loop.series[0])))
-        series: Any = (None, None) if stds is not None else loop.noise
+        series: Any = (None, None)
+        if stds is None:
+            loop.scenario = loop.scenario.model_copy(update={"run": planned.key[1]})
+            series = loop.noise
         std_u, std_y = stds or ([0.0] * len(machine.axes), [0.0] * len(machine.readings))
         plan = loop.core.Plan(
             **arguments,
             mean=None if estimator is None else loop.start,
             std=None if estimator is None else estimator.default_std(),
-            along=[] if estimator is None else self._along(estimator),
+            along=None if estimator is None else self._along(estimator),
             seed=planned.key[0], std_u=std_u, std_y=std_y, noise_u=series[0], noise_y=series[1],
             windows=self._windows(loop),
         )  # fmt: skip
