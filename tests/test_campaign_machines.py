@@ -14,9 +14,13 @@ from ambkit.campaigns.run import campaign
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.worker import compute, peak_of
 from ambkit.control.control import Control
-from ambkit.control.lift_off_sequence import LiftOff
+from ambkit.control.controller_states import Controller
+from ambkit.control.controllers import controllers_of
+from ambkit.control.lift_off_sequence import LiftOff, Mode
+from ambkit.data.signals import signal
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.models.plant import Plant
 from ambkit.simulation.many import simulate_many
 from ambkit.simulation.planned import Planned
 from ambkit.simulation.run import simulate_run
@@ -350,3 +354,42 @@ def test_a_machines_filter_is_tuned_over_its_tolerances(tmp_path):
     assert again.tried[0].error == found.tried[0].error
     with pytest.raises(AmbkitError, match=r"controller\.kp is of a bearing"):
         ambkit.tune_robust(study, free=["controller.kp"])
+
+
+@pytest.mark.parametrize(("name", "bearing"), [("zittau_axial", ""), ("tum_mlps", "bearing.A.")])
+def test_an_amplifier_gets_the_signal_of_a_controller_that_knows_the_nominal_gain(name, bearing):
+    """What lifts a rotor says the same to readings, whatever amplifier is behind it."""
+    nominal = ambkit.Machine.preset(name)
+    gain = nominal.axes[0].bearing.amplifier.gain
+    text = f"""
+        name = "a"
+        machine = "{name}"
+        runs = 1
+        [scenario]
+        duration = "0.15 s"
+        start = "landed"
+        sequence = {{ start = "5 ms", lift = "50 ms" }}
+        [[vary]]
+        what = "{bearing}amplifier.gain"
+        type = "choice"
+        values = ["{gain} A/V", "{1.05 * gain} A/V"]
+        """
+    plan = Plan(Study.from_toml(text))
+    for place in (0.0, 1.0):
+        (drawn,) = plan.machines(np.array([[place]]), plan.noise(0, 1), 0)
+        run = drawn.planned.simulated()
+        record, readings = run.record, [signal("y", of.name) for of in nominal.readings]
+        axes = [axis.name for axis in nominal.axes]
+        estimator, scenario = drawn.planned.estimator, plan.scenario
+        if nominal.single:
+            of = Controller.of_axis(nominal, estimator, scenario.controller, scenario.sequence)
+        else:
+            law = controllers_of(Plant(nominal), scenario.controller, estimator)
+            of = Controller(Plant(nominal), estimator, law, scenario.sequence, fed=True)
+        r = np.column_stack([record[signal("r", axis)] for axis in axes])
+        y = np.column_stack([record[of] for of in readings])
+        fly = scenario.sequence.fly(record.t)
+        expected = of.in_core().run(y, r, fly, speed=nominal.speed)["u"]
+        u = np.column_stack([record[signal("u", axis)] for axis in axes])
+        assert Mode.FLYING in record["mode"]
+        assert np.abs(u - expected.reshape(u.shape)).max() < 1e-9 * np.abs(u).max()

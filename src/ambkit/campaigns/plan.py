@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import PurePath
 from typing import Any, NamedTuple
@@ -25,7 +25,7 @@ from ambkit.campaigns.study import Study
 from ambkit.campaigns.study_checks import key_of
 from ambkit.campaigns.study_tables import UNITS
 from ambkit.control.control import Control
-from ambkit.control.controllers import TYPES, Controllers, controllers_of
+from ambkit.control.controllers import TYPES, Controllers, controllers_of, relative_gains
 from ambkit.control.default_control import is_default
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import FILTER_SUFFIX
@@ -37,9 +37,6 @@ from ambkit.simulation.scenario import Scenario, settled_scenario, wrong_for
 
 IN_PROPORTION = ("kp", "ki", "kd", "feed_forward")
 """Gains of a PID that go with those of amplifier and sensor."""
-
-IN_AMPERES = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
-"""Feedback that is of currents, as against positions."""
 
 
 class Drawn(NamedTuple):
@@ -271,17 +268,8 @@ class Plan:
         """Return a run whose controllers go by the nominal gains of amplifiers and sensor."""
         # The simulated ones divide by the plant's. What they lack is a factor on their gains.
         if self.several:
-            made = self._made(run, estimator)
-            ratio = np.array([
-                own.bearing.amplifier.gain / nominal.bearing.amplifier.gain
-                for own, nominal in zip(plant.axes, self.nominal.axes, strict=True)
-            ])[:, None]  # fmt: skip
-            if (ratio != 1).any():
-                fed = {
-                    name: ratio * item if name in IN_AMPERES else item
-                    for name, item in made.feedback.items()
-                }
-                made = replace(made, spread=ratio * made.spread, feedback=fed)
+            ratio = relative_gains(plant, self.nominal)
+            made = self._made(run, estimator).scaled(ratio)
             return Planned(plant, run, estimator, number=noise, controllers=made)
         pid, gain = run.controller, plant.amplifier.gain / self.nominal.amplifier.gain
         if pid.feedback == "measurement":

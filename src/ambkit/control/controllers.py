@@ -31,6 +31,7 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
 
 TYPES = ("decentralised", "translation and tilt", "lqg")  #: From simple to linear-quadratic.
+OF_CURRENTS = "fed_back"  #: Begins the names of feedback that is of currents, as against positions.
 FAR = 1e9  #: No reference is beyond it [m].
 
 
@@ -55,6 +56,21 @@ class Controllers:
         rows = self.schedule.at(speed).tolist()
         return [row + pid[len(row) :] for row, pid in zip(rows, self.pids, strict=True)]
 
+    def scaled(self, ratio: Array) -> Controllers:
+        """Return controllers that demand so many times the current of each axis (p,)."""
+        if (ratio == 1).all():
+            return self
+        feedback = {
+            name: ratio[:, None] * rows if name.startswith(OF_CURRENTS) else rows
+            for name, rows in self.feedback.items()
+        }
+        turn = self.let_turn
+        if turn is not None:
+            current = ratio[:, None] * turn.current
+            turn = replace(turn, current=current, ampere=turn.ampere / ratio)
+        spread = ratio[:, None] * self.spread
+        return replace(self, spread=spread, feedback=feedback, let_turn=turn)
+
     def integrals(self, currents: Array, place: Array, states: Array | None) -> Array:
         """Return the integrals (q,) of a rotor that is held."""
         # currents (p,) [A]; place (p,) [m]; states (n,)
@@ -63,6 +79,14 @@ class Controllers:
         held = np.linalg.lstsq(self.spread, currents, rcond=None)[0]
         held = held / np.array([gain_at_rest(behind(gains)) for gains in self.pids])
         return np.asarray(held + self.lead * (self.of_axes @ place))
+
+
+def relative_gains(machine: Machine, other: Machine) -> Array:
+    """Return the gains of the amplifiers (p,) in those of another machine like it [1]."""
+    return np.array([
+        own.bearing.amplifier.gain / its.bearing.amplifier.gain
+        for own, its in zip(machine.axes, other.axes, strict=True)
+    ])  # fmt: skip
 
 
 def controllers_of(

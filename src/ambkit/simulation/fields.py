@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
@@ -11,7 +12,13 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.control.blocks import gain_at_rest, sections_of
 from ambkit.control.controller_states import Controller, lies_at
-from ambkit.control.controllers import Controllers, arrays, controllers_of, gains_of
+from ambkit.control.controllers import (
+    Controllers,
+    arrays,
+    controllers_of,
+    gains_of,
+    relative_gains,
+)
 from ambkit.control.pid import PID, integral_lead
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.loading import levitation_current_at
@@ -78,8 +85,11 @@ class StraightLine:
         }  # fmt: skip
         sequence = self.scenario.sequence
         if estimator is not None and (sequence is not None or pid.needs_estimate):
+            # It divides by the gain that its estimator knows, and not by the plant's.
+            known = relative_gains(estimator.view.machine, bearing)
             whole = Controller.of_axis(bearing, estimator, pid, sequence)
-            integral = whole.integral(self.held, self.held_at)
+            whole = replace(whole, law=whole.law.scaled(known))
+            integral = whole.integral(float(known[0]) * self.held, self.held_at)
             told |= {"control": whole.in_core(), "integral": integral}
             if sequence is not None and self.scenario.start != "levitated":
                 told |= {"hovers": False, "current": 0.0}
@@ -150,7 +160,8 @@ class InLoops:
         told: dict[str, Any] = {k: np.ascontiguousarray(v, precision) for k, v in start.items()}
         if scenario.sequence is not None and estimator is not None:
             fed = self.fed is not None
-            whole = Controller(self.plant, estimator, self.law, scenario.sequence, fed)
+            law = self.law.scaled(relative_gains(estimator.view.machine, machine))
+            whole = Controller(self.plant, estimator, law, scenario.sequence, fed)
             levitated = scenario.start == "levitated"
             told |= {"control": whole.in_core(**other), "hovers": levitated}
         return told | {"loop": loop}
