@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machine_cases import PRESETS, made, uncoupled
+from machine_cases import PRESETS, injected, made, uncoupled
 
 import ambkit
 from ambkit import Machine
@@ -293,3 +293,97 @@ def test_voltage_and_copper_of_a_machine():
     assert over.voltage[0] == pytest.approx(2.0 * (1 + np.abs(LoopOf(wired).point.iu)) / 30.0)
     assert (over.voltage[-1] > over.voltage[0]).all()
     assert len(over.figures()[1].panels) == 3
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["ufu_rig", "--verbose"], "Each axis with all other loops closed"),
+    pytest.param(
+        ["speed", "ufu_rig", "--filter", "none", "--fastest", "3000 rpm"], "to 3000 rpm",
+        marks=pytest.mark.long,
+    ),
+    (["sweep", "ufu_rig", "--filter", "none", "--amplitudes", "1 um", "--axis", "A1"],
+     "ufu_rig A1"),
+])  # fmt: skip
+def test_command(call, tmp_path, arguments, said):
+    done = call("assess", *arguments, "--plot", "p.png")
+    assert done.code == 0, done.err
+    assert said in done.out
+    assert (tmp_path / "p.png").is_file()
+
+
+def test_command_takes_a_machines_log(call):
+    _, record = injected(0)
+    record.save("log.csv")
+    found = call(
+        "assess", "log", "log.csv", "--machine", "ufu_rig", "--filter", "none", "--json"
+    ).json
+    assert found["zone"] == "A"
+    assert list(found["models"]) == [MEASUREMENT]
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["ufu_rig", "--position", "1 m"], "can be held up to its stops"),
+    (["ufu_rig", "--filter", "observer"], "takes one axis"),
+    (["ufu_rig", "--axis", "A1"], "there is no option --axis"),
+    (["ufu_rig", "--fliter", "linear"], "did you mean --filter?"),
+    (["ufu_rig", "--position", "0", "--position", "0"], "--position is given more than once"),
+    (["ufu_rig", "--plot", "nowhere/p.png"], "there is no folder nowhere"),
+    (["ufu_rig", "--out", "p.txt"], "--out: p.txt must end with .json or .csv or .tex or .html"),
+    (["speed", "ufu_rig", "--filter", "ud", "--filter", "ud"], "--filter is given more than once"),
+    (["speed", "zittau_axial"], "does not turn: its rotor moves along one axis"),
+    (["sweep", "zittau_axial", "--kind", "chirp"], "invalid choice: 'chirp'"),
+])  # fmt: skip
+def test_command_refuses(call, arguments, message):
+    done = call("assess", *arguments)
+    assert done.code == 2
+    assert message in " ".join(done.err.split())
+
+
+# ---- over speed
+
+
+@pytest.mark.long
+def test_over_speed_goes_through_the_machines_own():
+    own = UFU.model_copy(update={"speed": 600.0})
+    over = ambkit.assess_speed(own, "linear", fastest=1200.0, count=3)
+    found = ambkit.assess(own, "linear").loops["linear"]
+    assert over.speed == pytest.approx([0.0, 600.0, 1200.0])
+    assert over.peaks[1] == pytest.approx([at.peak for at in found.axes.values()], rel=1e-6)
+    assert over.largest[1] == pytest.approx(found.largest[0], rel=1e-6)
+    assert over.orbit[1] == pytest.approx(
+        [at.demands.displacement for at in found.axes.values()], rel=1e-6
+    )
+    assert over.current[1] == pytest.approx(
+        [at.demands.current for at in found.axes.values()], rel=1e-6
+    )
+    assert set(over.integrals) == {0.0, 600.0, 1200.0}
+    assert all(each.holds for each in over.integrals.values())
+    assert over.voltage is None
+    assert len(over.figure().panels) == 3
+    assert len(over.figures()[1].panels) == 2
+
+
+def test_a_filter_over_speed_is_told_the_speed():
+    fast = UFU.model_copy(update={"speed": 3000.0})
+    still = UFU.model_copy(update={"speed": 0.0})
+    point = OperatingPoint.of_machine(still)
+    for name in ("linear", "linear-adaptive-noise"):
+        _, told = LoopOf(still).at_speed(3000.0, made(name, still))
+        expected = made(name, fast)
+        a, b = (estimator_at(each, point) for each in (told, expected))
+        np.testing.assert_allclose(a.A, b.A, rtol=1e-9, atol=1e-12)
+        assert not np.allclose(a.A, estimator_at(made(name, still), point).A, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"fastest": -1.0}, "greater than 0 rad/s"),
+    ({"fastest": 1e5}, "half a revolution within a sample"),
+    ({"count": 1}, "count must be 2"),
+    ({"filter": ["linear", "extended"]}, "give one filter, not 2"),
+    ({"filter": "observer"}, "takes one axis"),
+    ({"disturbance": {"Z": 3.0}}, "no axis Z"),
+    ({"disturbance": {"A1": 1e6}}, "holds the rotor"),
+])  # fmt: skip
+def test_refusals(options, message):
+    with pytest.raises(AmbkitError, match=message):
+        ambkit.assess_speed(UFU, **options)

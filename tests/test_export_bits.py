@@ -8,14 +8,16 @@ import shutil
 import subprocess
 from itertools import product
 
+import fe_map
+import iron
 import pytest
-from export_cases import BEARING, compiled, printed_by, program
+from export_cases import BEARING, PRECISIONS, compiled, printed_by, program
 from exporting import export_c
 from machine_cases import PRESETS, RIGS, machine
 from quick import quick
 
 import ambkit
-from ambkit import AmbkitError, Machine, Scenario
+from ambkit import AmbkitError, Bearing, Machine, Scenario
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c.model import MOST_UNROLLED, states
@@ -205,3 +207,42 @@ def test_the_configuration_changes_with_the_machine(tmp_path):
     again = export_c(machine(), None, tmp_path / "b")
     other = export_c(machine(speed=501.0), None, tmp_path / "c")
     assert first.configuration == again.configuration != other.configuration
+
+
+# ---- filters of bearings with other parts ----
+
+STD = BEARING.sensor.noise_variance**0.5
+FORMS = {
+    "plain": {}, "editable": {"editable": True}, "control": {"scenario": Scenario(duration=0.1)},
+}  # fmt: skip
+
+
+@compiled
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize(
+    ("form", "ratio", "kind"),
+    [
+        ("plain", 5, "extended"), ("editable", 1, "extended"), ("control", 20, "extended"),
+        *(pytest.param("control", ratio, kind, marks=pytest.mark.study)
+          for kind in ("linear", "ud", "observer", "augmented") for ratio in (5, 20, 50, 100)),
+    ],
+)  # fmt: skip
+def test_a_sensor_with_steps(form, ratio, kind, precision, tmp_path):
+    bearing = BEARING.replace(sensor__quantisation=ratio * STD)
+    export_c(bearing, None, tmp_path / "c", prefix="rig", kind=kind, precision=precision,
+             force=True, **FORMS[form])  # fmt: skip
+    assert "equal to the last bit" in printed_by(tmp_path / "c")
+
+
+@compiled
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("part", ["iron", "force map", "eddy current"])
+def test_a_magnet_that_is_not_the_papers(part, precision, tmp_path):
+    bearing = {
+        "iron": lambda: iron.TWO_SIDED,
+        "force map": lambda: Bearing.load(fe_map.written(tmp_path)),
+        "eddy current": lambda: BEARING.replace(magnet__eddy_current_lag=0.3e-3),
+    }[part]()
+    made = export_c(bearing, None, tmp_path / "c", kind="extended", precision=precision, force=True)
+    assert ("core/src/saturating.c" in made.sources) == (part == "iron")
+    assert "equal to the last bit" in printed_by(made.folder)

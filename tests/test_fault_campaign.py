@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import AmbkitError, Bearing, Scenario, Sine, Status
+from ambkit import AmbkitError, Bearing, KalmanFilter, Machine, Scenario, Sine, Status
 from ambkit.control.control import Control
 from ambkit.control.pid import PID
 from ambkit.estimate.registry import KINDS
@@ -269,3 +269,31 @@ def test_a_loop_with_faults_runs_in_one_go():
     with pytest.raises(ValueError, match="a loop with faults runs in one go; until must be None"):
         loop.run(until=0.01)
     assert len(loop.run().record) == N
+
+
+TUM = Machine.preset("tum_mlps")
+READINGS = [each.name for each in TUM.readings]
+
+
+def test_a_fault_is_of_the_reading_that_is_named_and_of_no_other():
+    at = READINGS.index("Lb1")
+    flight = Flight(TUM, None, in_loop=True, seed=0, reading=at)
+    assert TUM.axes[flight.at].name == "A1"
+    channel, (window,) = flight.through(FAULTS["stuck"])
+    record = flight.fly(channel, KalmanFilter(TUM)).record
+    for name in READINGS:
+        moved = np.ptp(record[f"y_{name}"][window])
+        assert (moved == 0) == (name == "Lb1")
+    assert np.ptp(record["r_A1"]) > 0
+    assert np.ptp(record["r_B1"]) == 0
+
+
+def test_every_estimator_comes_back_and_the_rotor_stays_up():
+    found = inject_faults(
+        TUM, ["linear"], reading="Lb1", faults=["stuck", "infinite-y", "lift-off"], steps=0
+    )
+    assert found.faults == ["clean", "stuck", "infinite-y"]
+    assert found.failures == []
+    assert {each.levitation for each in found.outcomes} == {"kept"}
+    with pytest.raises(AmbkitError, match="has no reading A9; there are La1"):
+        inject_faults(TUM, ["linear"], reading="A9", steps=0)
