@@ -38,6 +38,7 @@ class Sensitivities:
         self.shown = shown_along_axes(machine)
         self.added = np.linalg.pinv(self.shown)
         self.plant = P.response(f)[:, :m, :p]
+        self.seen = self.shown @ self.plant
         self.estimator: tuple[Complex, Complex] | None = None
         if estimated:
             E = estimator_at(KalmanFilter(machine), point).response(f)
@@ -54,13 +55,12 @@ class Sensitivities:
         if self.estimator is None:
             share = 1 / (T_f + T)
             slope = share * (1 - 1 / z) / (1 - (1 - T * share) / z)
-            L = (self.shown @ self.plant) * (x + v * slope)[:, None, :]
+            L = self.seen * (x + v * slope)[:, None, :]
             S = np.linalg.inv(np.eye(p) + L)
         else:
             of_y, of_u = self.estimator
-            K, k = np.zeros((len(z), p, 2 * p), complex), np.arange(p)
-            K[:, k, k], K[:, k, k + p] = x, v
-            fed = np.linalg.solve(np.eye(p) + K @ of_u, K @ of_y)
+            by_u, by_y = (x[:, :, None] * E[:, :p] + v[:, None] * E[:, p:] for E in (of_u, of_y))
+            fed = np.linalg.solve(np.eye(p) + by_u, by_y)
             m = self.plant.shape[1]
             S = self.shown @ np.linalg.inv(np.eye(m) + self.plant @ fed) @ self.added
         return np.asarray(np.abs(np.einsum("kii->ki", S)).max(axis=0))

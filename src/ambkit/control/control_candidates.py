@@ -169,26 +169,27 @@ class Candidates:
         try:
             estimator = self.estimator if feedback == "estimate" else None
             control_law = controllers_of(self.plant, control, estimator)
+            system = controllers(control_law, self.machine, measured=estimator is None)
             for at in reversed(self.at):
-                peak = at.peak(control_law, feedback)
+                peak = at.peak(control_law, system)
                 if peak > highest:
                     highest, where = peak, at.machine.speed
                 if peak >= least:
                     return Candidate(control, feedback, math.inf, where)
             if control.type == "lqg":
-                error = self._inertia_error(control_law, highest)
+                error = self._inertia_error(control_law, system, highest)
         except (AmbkitError, ValueError):  # no regulator, no gain, or too many states for a filter
             return Candidate(control, feedback, math.inf, self.fastest)
         return Candidate(control, feedback, highest, where, error)
 
-    def _inertia_error(self, control_law: Controllers, peak: float) -> float:
+    def _inertia_error(self, control_law: Controllers, system: LinearSystem, peak: float) -> float:
         """Return with which error of the polar inertia the peak is at most twice as high [1]."""
         last, speed = self.at[-1], self.fastest
         for error in ERRORS:
             # A rotor of another polar inertia turns as one of another speed.
             speeds = ({"speed": speed * (1 + way * error)} for way in (-1, 1))
             others = [plant(last.machine.model_copy(update=at), last.point) for at in speeds]
-            if all(last.peak(control_law, "estimate", other) <= 2 * peak for other in others):
+            if all(last.peak(control_law, system, other) <= 2 * peak for other in others):
                 return error
         return 0.0
 
@@ -210,13 +211,11 @@ class _AtSpeed:
         return estimator_at(estimator, self.point, (np.eye(len(states)), states))
 
     def peak(
-        self, control_law: Controllers, feedback: Feedback, system: LinearSystem | None = None
+        self, control_law: Controllers, control: LinearSystem, system: LinearSystem | None = None
     ) -> float:
         """Return the peak of abs(S) of the worst axis [1]; infinite where it is unstable."""
-        system = self.system if system is None else system
-        control = controllers(control_law, self.machine, measured=feedback == "measurement")
-        inner = None
-        if feedback == "estimate":
+        system, inner = self.system if system is None else system, None
+        if control_law.feedback:
             E = self.estimate
             rows = fed(control_law, len(E.outputs), self.machine.speed)
             outputs = control.inputs[: len(rows)]

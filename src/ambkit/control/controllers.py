@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import chain
 from typing import Any, Literal
 
@@ -277,8 +278,7 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
         if name.startswith("th"):
             across = float(explained[at] @ explained[at])
             lever = 1 / math.sqrt(across * len(k_s) / 2)
-        alike = first.replace(rotor__mass=mass * k_s[0] / stiffness, rotor__gravity="none")
-        pid = stated[at].completed(alike)
+        pid = stated[at].completed(_weightless(first, float(mass * k_s[0] / stiffness)))
         amperes = to_axes[:, at] * k_i[0] * stiffness / (k_s[0] * lever)
         room = min(
             abs(end / share)
@@ -295,6 +295,12 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
         np.array([integral_lead(pid, 1.0) for pid in pids]), transform,
         schedule=GainSchedule.of(pids),
     )  # fmt: skip
+
+
+@lru_cache(maxsize=64)
+def _weightless(axis: Machine, mass: float) -> Machine:
+    """Return an axis with another mass, which nothing pulls."""
+    return axis.replace(rotor__mass=mass, rotor__gravity="none")
 
 
 def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controllers:

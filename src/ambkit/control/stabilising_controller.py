@@ -173,7 +173,7 @@ def holding(
     # abs(S) of an axis with all others closed is `ENOUGH` or more then, those that bring it down to
     # that of one axis alone, `PEAK`, with most stiffness; or the lowest that is found. Where a step
     # of a reference overshoots by more than `OVERSHOOT`, kp sees less of it.
-    return _held(machine, feedback)
+    return _held(machine.model_copy(update={"unbalance": ()}), feedback)  # which does not matter
 
 
 @lru_cache(maxsize=64)
