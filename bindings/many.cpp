@@ -12,11 +12,12 @@ namespace
 {
 
 using Doubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
+using Tables = nb::typed<nb::list, nb::any>; // of start, column and value
 using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 // Displacements, velocities and, where they are known, loads of the axes by an estimator's states.
 struct Along {
-  Along(const nb::list &parts, size_t axes, size_t states_) : states(states_)
+  Along(const Tables &parts, size_t axes, size_t states_) : states(states_)
   {
     for (const auto each : parts)
       rows.emplace_back(nb::cast<nb::tuple>(each), axes, states, "along");
@@ -279,7 +280,7 @@ Out<uint32_t> philox(const std::vector<uint32_t> &counter, const std::vector<uin
 void bind_many(nb::module_ &m)
 {
   nb::class_<Along>(m, "Along", "What an estimator knows of each axis, by its states.")
-      .def(nb::init<const nb::list &, size_t, size_t>(), nb::arg("rows"), nb::arg("axes"),
+      .def(nb::init<const Tables &, size_t, size_t>(), nb::arg("rows"), nb::arg("axes"),
            nb::arg("states"));
   nb::class_<Plan>(m, "Plan", "A closed loop that is run many times, all but its number.")
       .def(

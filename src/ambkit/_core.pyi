@@ -372,7 +372,7 @@ def run_batch(estimators: Sequence[Estimator], y: Annotated[NDArray[numpy.float6
 class Along:
     """What an estimator knows of each axis, by its states."""
 
-    def __init__(self, rows: list, axes: int, states: int) -> None: ...
+    def __init__(self, rows: list[Any], axes: int, states: int) -> None: ...
 
 class Plan:
     """A closed loop that is run many times, all but its number."""
