@@ -33,14 +33,7 @@ def wandering(duration, seed=1):
     return ambkit.simulate(BEARING, scenario).record
 
 
-def found(
-    kind,
-    *,
-    noise=(1.0, 1.0),
-    precision="float64",
-    record=None,
-    **options,
-):
+def found(kind, *, noise=(1.0, 1.0), precision="float64", record=None, **options):
     """What is found each 0.1 s, R and growth as multiples of the truth, from multiples of it."""
     record = record or wandering(6.0)
     inner = KINDS[kind].make(

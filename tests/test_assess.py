@@ -423,8 +423,7 @@ def test_trusting_the_model_costs_margin():
     usual = ambkit.KalmanFilter(bearing).variances.disturbance
     peaks = [
         ambkit.assess(
-            bearing,
-            ambkit.KalmanFilter(bearing, noise=ambkit.FilterNoise(disturbance=usual / by)),
+            bearing, ambkit.KalmanFilter(bearing, noise=ambkit.FilterNoise(disturbance=usual / by))
         ).loops["linear Kalman filter"]
         for by in (1, 10, 100, 1000)
     ]

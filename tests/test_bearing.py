@@ -220,10 +220,7 @@ def test_a_magnet_has_either_a_constant_or_a_coil(zittau, lines, told):
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (
-            {"rotor.clearance": 2e-3},
-            "rotor.clearance: must be less than magnet.air_gap, 2 mm",
-        ),
+        ({"rotor.clearance": 2e-3}, "rotor.clearance: must be less than magnet.air_gap, 2 mm"),
         ({"amplifier.current_limit": 1.6}, "must be at most magnet.bias_current, 1.5 A"),
         ({"amplifier.current_limit": 0.5}, "must be at least 0.50563 A, which carries the rotor"),
         ({"magnet.type": "one-sided", "rotor.gravity": "none"}, 'rotor.gravity: must be "-x"'),

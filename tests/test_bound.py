@@ -44,12 +44,7 @@ def test_runs_that_differ_give_the_inverse_of_the_whole_information():
     G, H, prior = rng.normal(size=(runs, steps, n, q)), rng.normal(size=n), np.diag([1.0, 2.0, 0.5])
     found = posterior_bound(F, G, H, R, prior)
     information = np.linalg.inv(
-        np.block(
-            [
-                [prior, np.zeros((n, steps * q))],
-                [np.zeros((steps * q, n)), np.eye(steps * q)],
-            ]
-        )
+        np.block([[prior, np.zeros((n, steps * q))], [np.zeros((steps * q, n)), np.eye(steps * q)]])
     )
     D = [np.hstack([np.eye(n), np.zeros((n, steps * q))]) for _ in range(runs)]
     for k in range(steps + 1):

@@ -16,12 +16,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data import recordings
 from ambkit.identification.corpus.corpus import identify_corpus
 from ambkit.identification.corpus.pooling import pool
-from ambkit.identification.corpus.prediction import (
-    ORDER,
-    Baselines,
-    Prediction,
-    predict,
-)
+from ambkit.identification.corpus.prediction import ORDER, Baselines, Prediction, predict
 from ambkit.identification.corpus.segmentation import cut, flights
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named

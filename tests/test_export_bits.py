@@ -37,10 +37,7 @@ AXES = {
     "noise": BEARING.replace(sensor__coloured_noise=NOISE),
     "hum": BEARING.replace(sensor__hum=hum(50.0)),
     "all": BEARING.replace(
-        delay=LATE,
-        amplifier__bandwidth=2000.0,
-        sensor__coloured_noise=NOISE,
-        sensor__hum=hum(50.0),
+        delay=LATE, amplifier__bandwidth=2000.0, sensor__coloured_noise=NOISE, sensor__hum=hum(50.0)
     ),
 }
 # One of each C file; those that have a constant gain or no model are further below.

@@ -11,14 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from export_cases import (
-    BEARING,
-    KINDS,
-    PRECISIONS,
-    export,
-    flight_files,
-    magnet_of,
-)
+from export_cases import BEARING, KINDS, PRECISIONS, export, flight_files, magnet_of
 from exporting import export_c
 
 import ambkit

@@ -183,8 +183,9 @@ def test_adaptive_filter_in_fmpy_equals_the_library(magnet, tmp_path):
     assert np.ptp(found["k_i"]) > 0
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED, IRON], ids=lambda b: b.name)
+@pytest.mark.parametrize(
+    ("bearing", "fmi"), [(BEARING, 2), (BEARING, 3), (ONE_SIDED, 3), (IRON, 2)]
+)
 def test_plant_in_fmpy_equals_the_library(made, bearing, fmi):
     scenario = disturbed(bearing)
     record = ambkit.simulate(bearing, scenario).record
@@ -284,8 +285,6 @@ LOOPS = {
     "two-sided, FMI 2": (lambda _: BEARING, "linear", 2, {}),
     "two-sided, FMI 3": (lambda _: BEARING, "linear", 3, {}),
     "one-sided, FMI 2": (lambda _: ONE_SIDED, "linear", 2, {}),
-    "one-sided, FMI 3": (lambda _: ONE_SIDED, "linear", 3, {}),
-    "iron, FMI 2": (lambda _: IRON, "linear", 2, {}),
     "iron, FMI 3": (lambda _: IRON, "linear", 3, {}),
     "all parts": (lambda _: BEARING.replace(name="all", **PARTS, **LATE), "linear", 3, {}),
     "late": (lambda _: BEARING.replace(name="late", delay="0.12 ms"), "linear", 3, {}),

@@ -31,8 +31,7 @@ def naive(expert, iu, x):
         total = weighted = 0.0
         for rule in expert.rules:
             distance = math.hypot(
-                expert.per_ampere * (iu - rule.current),
-                expert.per_metre * (x - rule.displacement),
+                expert.per_ampere * (iu - rule.current), expert.per_metre * (x - rule.displacement)
             )
             u = math.exp(-(distance**2) / (2 * getattr(rule, f"width_{name}") ** 2))
             total += u

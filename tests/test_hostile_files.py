@@ -166,8 +166,7 @@ def zeros_in(name):
 
 @pytest.mark.usefixtures("small")
 @pytest.mark.parametrize(
-    "name",
-    ["a.h5", "cell.mat", "short.mat", "7.3.mat", "a.parquet", "text.parquet", "a.mf4"],
+    "name", ["a.h5", "cell.mat", "short.mat", "7.3.mat", "a.parquet", "text.parquet", "a.mf4"]
 )
 def test_a_file_that_unpacks_to_too_much_is_refused_before_it_is(name, tmp_path):
     path = tmp_path / name

@@ -5,10 +5,7 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Scenario, Sine, simulate
-from ambkit.identification.maximum_likelihood import (
-    line_noise,
-    maximum_likelihood,
-)
+from ambkit.identification.maximum_likelihood import line_noise, maximum_likelihood
 from ambkit.identification.maximum_likelihood.likelihood import Data
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.machine.accessories import Hum

@@ -84,8 +84,7 @@ def test_the_delay_margin_is_the_least_dead_time_that_leads_through_minus_one(ph
 
 
 @pytest.mark.parametrize(
-    ("dead_time", "peaks", "largest"),
-    [(1.0, (1.390, 1.396), 1.602), (1.5, (1.462, 1.473), 1.674)],
+    ("dead_time", "peaks", "largest"), [(1.0, (1.390, 1.396), 1.602), (1.5, (1.462, 1.473), 1.674)]
 )
 def test_peaks_of_each_axis_with_all_others_closed(dead_time, peaks, largest):
     at_rest = loop(dead_time)
