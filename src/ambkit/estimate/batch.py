@@ -17,8 +17,7 @@ from ambkit.machine.magnets import Precision, core_module
 
 Array = NDArray[Any]
 
-TRUTH = ("x", "v", "f_d")
-"""What errors are summed of, in this order."""
+TRUTH = ("x", "v", "f_d")  #: What errors are summed of, in this order.
 
 
 @dataclass(frozen=True)

@@ -101,8 +101,7 @@ class ConstantVelocity(KalmanFilter):
         return partial(free_parts, acceleration=self.acceleration)
 
 
-DECADES = (-14, 4)
-"""Range of the search, in decades of ``q T^3 / R``."""
+DECADES = (-14, 4)  #: Range of the search, in decades of ``q T^3 / R``.
 
 DIFFUSE = 3e3
 """Standard deviations at the start, in those of the noise: the widest of which the core takes in a

@@ -19,18 +19,15 @@ from ambkit.models.machine_parts import compose, machine_parts, paper_pattern, p
 from ambkit.models.model import ENUMERATORS, ROLES, Model, compressed_rows
 from ambkit.models.parts import SYNCHRONOUS
 
-NODE = 0.02
-"""Radians a sample between the speeds at which a model that turns is computed."""
-GROWTH = 1e3
-"""Growth of the speed by which it is told what unbalance does across [rad/s^2]."""
+NODE = 0.02  #: Radians a sample between the speeds at which a model that turns is computed.
+GROWTH = 1e3  #: Growth of the speed by which it is told what unbalance does across [rad/s^2].
 
 
 NUMBERS = ("L", "b", "B_u", "h", "e", "r", "d", "c", "N", "rest")
 """What of a model are numbers, in the order of the core."""
 
 
-MOST_NUMBERS = 65536
-"""Numbers of a model that turns: their places are counted by 16 bits."""
+MOST_NUMBERS = 65536  #: Numbers of a model that turns: their places are counted by 16 bits.
 
 
 PAPER_ROLES = ("position", "velocity", "disturbance force", "sensor")
@@ -40,20 +37,13 @@ PAPER_ROLES = ("position", "velocity", "disturbance force", "sensor")
 class Nodes(NamedTuple):
     """A machine's model at speeds one after the other, for ``core/include/ambkit/turning.h``."""
 
-    lowest: int
-    """The first is at so many steps."""
-    step: float
-    """From one to the next [rad/s]."""
-    still: Array
-    """All numbers of the model (N,) at the machine's own speed."""
-    which: NDArray[np.intp]
-    """Places of those that a speed changes (c,)."""
-    at: Array
-    """These at the nodes (nodes, c)."""
-    grown: NDArray[np.intp]
-    """Places of those that its growth changes (g,)."""
-    by_growth: Array
-    """What these gain at the nodes for each rad/s^2 (nodes, g)."""
+    lowest: int  #: The first is at so many steps.
+    step: float  #: From one to the next [rad/s].
+    still: Array  #: All numbers of the model (N,) at the machine's own speed.
+    which: NDArray[np.intp]  #: Places of those that a speed changes (c,).
+    at: Array  #: These at the nodes (nodes, c).
+    grown: NDArray[np.intp]  #: Places of those that its growth changes (g,).
+    by_growth: Array  #: What these gain at the nodes for each rad/s^2 (nodes, g).
 
 
 class Engine:

@@ -61,8 +61,7 @@ from ambkit.machine.magnets import MagnetModel, Precision
 
 Limit = Annotated[int, Field(ge=0, strict=True)]
 
-FORMAT = 1
-"""Version of the file that this ambkit writes, and the newest that it reads."""
+FORMAT = 1  #: Version of the file that this ambkit writes, and the newest that it reads.
 
 
 class FilterFile(Document):

@@ -18,8 +18,7 @@ from ambkit.models.model import Descriptor
 COARSE, VERY_COARSE = 4.0, 121.0
 """AMB_COARSE and AMB_VERY_COARSE of the core: square of a step over the variance of the noise."""
 
-UNITS = {"measurement": "m^2", "control": "V^2", "disturbance": "N^2/s"}
-"""Of each variance."""
+UNITS = {"measurement": "m^2", "control": "V^2", "disturbance": "N^2/s"}  #: Of each variance.
 
 
 @dataclass(frozen=True, init=False)

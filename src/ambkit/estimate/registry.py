@@ -273,8 +273,7 @@ KINDS = {
 }  # fmt: skip
 """All kinds, from the simplest on."""
 
-FILTER_SUFFIX = ".toml"
-"""Of a filter's file, which may stand wherever an estimator is named."""
+FILTER_SUFFIX = ".toml"  #: Of a filter's file, which may stand wherever an estimator is named.
 
 
 def kind_called(name: str) -> Kind:

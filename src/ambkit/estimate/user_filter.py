@@ -27,10 +27,8 @@ if TYPE_CHECKING:
     from ambkit.models.declaration import Part
 
 
-SETTLES = 2000
-"""Samples after which an estimator has settled, at least."""
-BLOCKS = 150
-"""Samples of an answer that a linear system is made from."""
+SETTLES = 2000  #: Samples after which an estimator has settled, at least.
+BLOCKS = 150  #: Samples of an answer that a linear system is made from.
 
 
 @runtime_checkable

@@ -331,17 +331,18 @@ class TrainedExpert(Result):
             "steps": len(training.force_rms) - 1,
             "current_range": expert.current_range,
             "displacement_range": expert.displacement_range,
-            "force_rms": self.stiffness.force_rms(),
-            "force_error_rms": self.error,
         }
         if self.measured is not None:
-            data["measured"] = self._at_points(self.measured.surface)
+            surface = self.measured.surface
+            data["measured"] = {
+                "points": len(surface.points),
+                "law_error_reach": surface.reach,
+                "hardly_measured": [(iu, x) for iu, x, _ in self.hardly_measured],
+            }
             if self.measured.choice is not None:
                 data["choice"] = self.measured.choice.to_dict()
         if self.models is not None:
-            data["models"] = {"chosen": self.models.chosen.name, "taken": self.taken} | {
-                m.name: {"random": m.random, "blocks": m.blocks} for m in self.models.models
-            }
+            data["models"] = {"chosen": self.models.chosen.name, "taken": self.taken}
         return data | {
             "wrong_sign": {name: vars(w) for name, w in self.wrong_signs.items()},
             "adequacy": [item.to_dict() for item in self.adequacy],
@@ -359,11 +360,7 @@ class TrainedExpert(Result):
         noise = surface.noise(inside)
         standard_error = surface.standard_error(*range_grid(expert))
         return {
-            "points": len(points),
             "points_in_box": len(inside),
-            "law_error": surface.law_error,
-            "law_error_reach": surface.reach,
-            "scatter": surface.scatter,
             "force_standard_error": {
                 "rms": rms(standard_error),
                 "largest": float(standard_error.max()),
@@ -372,7 +369,6 @@ class TrainedExpert(Result):
             "error_at_points_in_standard_errors": {
                 name: rms(item / noise) for name, item in off.items()
             },
-            "hardly_measured": [(iu, x) for iu, x, _ in self.hardly_measured],
         }
 
 
