@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -86,10 +86,12 @@ class Likelihood:
 
     data: Data
     coordinates: Coordinates
+    #: What `innovations` gives where `value` was asked for last, as slopes are next.
+    latest: dict[bytes, tuple[Array, Array, Bools]] = field(default_factory=dict)
 
     def innovations(self, z: Array) -> tuple[Array, Array, Bools]:
         """Innovations [m], variances [m^2] and whether they count, of all records in a row."""
-        return self._of(self.coordinates.model_at(z))
+        return self.latest.get(z.tobytes()) or self._of(self.coordinates.model_at(z))
 
     def _of(self, model: LoopModel) -> tuple[Array, Array, Bools]:
         parts, kalman = [], model.kalman()
@@ -107,6 +109,8 @@ class Likelihood:
             e, S, used = self._of(model)
         except (ConfigError, ValueError, OverflowError):
             return -math.inf
+        self.latest.clear()
+        self.latest[z.tobytes()] = e, S, used
         if not used.any():
             return -math.inf
         return _log_likelihood(e[used], S[used]) + log_prior(model)
