@@ -30,11 +30,6 @@ class Many:
     #: (runs,) By the names of :class:`ambkit.Status` in lower case: samples at which it was said.
     status: Mapping[str, Counts]
 
-    @classmethod
-    def none(cls) -> Many:
-        """Return what no runs gave."""
-        return cls(_columns(FIGURES, (), float), _columns(FLAGS, (), np.int64))
-
     def __len__(self) -> int:
         return len(self.figures["touched"])
 

@@ -43,27 +43,16 @@ class Planned:
     controllers: Controllers | None = None
 
     @property
-    def axis(self) -> Machine:
-        """The plant, which has one axis."""
-        return self.bearing.isolated_axis("")
-
-    @property
     def key(self) -> tuple[int, int]:
         """Seed and number of the run."""
         return self.scenario.seed, self.scenario.run if self.number is None else self.number
 
-    @property
-    def numbered(self) -> Scenario:
-        """The scenario with the number of the run."""
-        if self.number is None:
-            return self.scenario
-        return self.scenario.model_copy(update={"run": self.number})
-
     def simulated(self) -> Run:
         """Simulate it by itself, with every sample kept."""
+        scenario = self.scenario.model_copy(update={"run": self.key[1]})
         estimator = None if self.estimator is None else copied(self.estimator)
         return simulate_run(
-            self.bearing, self.numbered, estimator=estimator, magnet=self.magnet,
+            self.bearing, scenario, estimator=estimator, magnet=self.magnet,
             external_inputs=self.external_inputs, controllers=self.controllers,
         )  # fmt: skip
 

@@ -141,7 +141,8 @@ class Loop:
         self._fly = self.external_inputs.fly
         if self._fly is None and self.scenario.sequence is not None:
             self._fly = self.scenario.sequence.fly(self._t)
-        if estimator is None and (self.fed or self.scenario.sequence is not None):
+        fed = self.scenario.feedback == "estimate"
+        if estimator is None and (fed or self.scenario.sequence is not None):
             estimator = KalmanFilter(machine)
         self.estimator = estimator
         self._impose(magnet)
@@ -158,11 +159,6 @@ class Loop:
         self._goes: Any = None  # the loop's state, between two stretches
         self._turns: tuple[Any, Any] = None, None  # an estimator, and its model that turns
         self._at = 0
-
-    @property
-    def fed(self) -> bool:
-        """Whether the estimate feeds the controllers."""
-        return self.scenario.feedback == "estimate"
 
     def _impose(self, magnet: MagnetModel | None) -> None:
         """Check and put in what is given from outside."""
