@@ -113,7 +113,7 @@ def test_files_that_a_filter_needs_are_written_beside_it_and_may_move_with_it(tm
     other = BEARING.replace(name="another", magnet__air_gap="2.1 mm")
     ambkit.AdaptiveKalmanFilter(other, expert).save(tmp_path / "a" / "f.toml")
     names = {path.name for path in (tmp_path / "a").iterdir()}
-    assert names == {"f.toml", "f.bearing.toml", "f.expert.json"}
+    assert names == {"f.toml", "f.machine.toml", "f.expert.json"}
     (tmp_path / "a").rename(tmp_path / "b")
     read = Estimator.load(tmp_path / "b" / "f.toml")
     assert read.bearing == other
@@ -174,24 +174,24 @@ OF_TUM = f'{HEAD}machine.preset = "tum_mlps"\n'
 
 
 @pytest.mark.parametrize(("text", "told"), [
-    ('kind = "extnded"\nsampling_time = "0.25 ms"\nbearing.preset = "zittau_axial"\n',
+    ('kind = "extnded"\nsampling_time = "0.25 ms"\nmachine.preset = "zittau_axial"\n',
      '1: kind: there is no estimator "extnded"; known: low-pass'),
-    (HEAD, "1: bearing: missing"),
-    (HEAD + '[bearing]\npreset = "zitau"\n', '4: bearing.preset: there is no preset'),
-    (HEAD + '[bearing]\nfile = "gone.toml"\n', "4: bearing.file: "),
-    (HEAD + '[bearing]\npreset = "zittau_axial"\nfile = "x.toml"\n', "give either file or preset"),
-    (HEAD + 'bearing.preset = "zittau_axial"\n[options]\nmemory = "1 s"\n',
+    (HEAD, "1: machine: missing"),
+    (HEAD + '[machine]\npreset = "zitau"\n', '4: machine.preset: there is no preset'),
+    (HEAD + '[machine]\nfile = "gone.toml"\n', "4: machine.file: "),
+    (HEAD + '[machine]\npreset = "zittau_axial"\nfile = "x.toml"\n', "give either file or preset"),
+    (HEAD + 'machine.preset = "zittau_axial"\n[options]\nmemory = "1 s"\n',
      "5: options.memory: unknown key, known here: none, of the extended"),
-    ('kind = "augmented"\nsampling_time = "0.25 ms"\nbearing.preset = "zittau_axial"\n[options]\n'
+    ('kind = "augmented"\nsampling_time = "0.25 ms"\nmachine.preset = "zittau_axial"\n[options]\n'
      "wander = 0.02\n", "5: options.wander: 0.02 has no unit, write it like"),
-    (HEAD + 'bearing.preset = "zittau_axial"\n[inputs.y]\nunit = "N"\n',
+    (HEAD + 'machine.preset = "zittau_axial"\n[inputs.y]\nunit = "N"\n',
      "inputs.y.unit: makes y a quantity in N, it is one in m"),
-    ('kind = "extended"\nsampling_time = "1 ms"\nbearing.preset = "zittau_axial"\n',
-     "2: sampling_time: must be the bearing's, "),
+    ('kind = "extended"\nsampling_time = "1 ms"\nmachine.preset = "zittau_axial"\n',
+     "2: sampling_time: must be the machine's, "),
     ('kind = "observer"\nsampling_time = "0.1 ms"\nmachine.preset = "tum_mlps"\n',
      "1: kind: the observer takes one axis"),
     (OF_TUM.replace("0.1", "0.2"), "2: sampling_time: must be the machine's, 0.1 ms, is 0.2 ms"),
-    (OF_TUM + 'bearing.preset = "zittau_axial"\n', "is of one [bearing] or of one [machine]"),
+    (OF_TUM + 'bearing.preset = "zittau_axial"\n', "bearing: unknown key"),
     (OF_TUM + '[noise]\ncontrol = ["1 V^2", "2 V^2"]\n',
      "5: noise.control: must be one number or 4, is 2"),
     (OF_TUM + '[noise]\ncontrol = ["1 V^2", "2 V", "1 V^2", "1 V^2"]\n', "5: noise.control"),
@@ -200,13 +200,26 @@ OF_TUM = f'{HEAD}machine.preset = "tum_mlps"\n'
     (OF_TUM + '[inputs.y]\nunit = "mm"\n', "inputs: are of one axis"),
     (OF_TUM + '[magnet]\nfile = "f.toml"\n', "[magnets.NAME] for each bearing"),
     (OF_TUM + '[magnets.A]\nfile = "f.toml"\n', "magnets: must be of A, B, is of A"),
-    ('kind = "extended"\nsampling_time = "0.25 ms"\nbearing.preset = "zittau_axial"\n'
+    ('kind = "extended"\nsampling_time = "0.25 ms"\nmachine.preset = "zittau_axial"\n'
      'synchronous = ["unbalance"]\n', "4: synchronous: is of a rotor that turns"),
-    ('kind = "extended"\nsampling_time = "0.25 ms"\nbearing.preset = "zittau_axial"\n[noise]\n'
+    ('kind = "extended"\nsampling_time = "0.25 ms"\nmachine.preset = "zittau_axial"\n[noise]\n'
      'control = ["1 V^2", "1 V^2"]\n', "5: noise.control: must be one number, is 2"),
 ])  # fmt: skip
 def test_what_is_wrong_is_told_with_its_line(text, told, tmp_path):
     assert any(told in problem for problem in wrong(text, tmp_path)), wrong(text, tmp_path)
+
+
+def test_a_file_with_the_older_name_of_its_machine_is_read(tmp_path):
+    (tmp_path / "f.toml").write_text(HEAD + """
+[bearing]
+preset = "zittau_axial"
+[origin]
+"bearing.file" = "by hand"
+""")  # fmt: skip
+    read = Estimator.load(tmp_path / "f.toml")
+    assert read.bearing == BEARING
+    read.save(tmp_path / "g.toml")
+    assert '[machine]\npreset = "zittau_axial"' in (tmp_path / "g.toml").read_text()
 
 
 def test_a_file_that_changed_since_is_refused(tmp_path, expert):
@@ -217,7 +230,7 @@ def test_a_file_that_changed_since_is_refused(tmp_path, expert):
 
 
 def test_a_start_that_cannot_be(tmp_path):
-    text = HEAD + 'bearing.preset = "zittau_axial"\n[start]\nq = "1 m"\n'
+    text = HEAD + 'machine.preset = "zittau_axial"\n[start]\nq = "1 m"\n'
     (tmp_path / "f.toml").write_text(text)
     with pytest.raises(AmbkitError, match=r"start\.q: unknown key, known here: x, v"):
         Estimator.load(tmp_path / "f.toml")

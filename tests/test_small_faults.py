@@ -77,7 +77,7 @@ def test_a_filters_file_has_a_version(tmp_path):
     [
         ("gate =", "gaet =", "gaet: unknown key, did you mean gate?"),
         ("kind =", 'colour = "blue"\nkind =', "colour: unknown key"),
-        ('preset = "zittau_axial"', "preset = 3", "bearing.preset: must be a valid string, is 3"),
+        ('preset = "zittau_axial"', "preset = 3", "machine.preset: must be a valid string, is 3"),
     ],
 )
 def test_one_mistake_in_a_filters_file_is_one_error(tmp_path, old, new, said):

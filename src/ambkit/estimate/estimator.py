@@ -236,7 +236,7 @@ class Estimator(Described, Copyable):
         bearing, magnet : path, optional
             The files of its bearing (or a preset's name) and of the expert or force map that it
             asks, the same for all bearings. Where they are not given and needed, they are written
-            beside `path`, as ``NAME.bearing.toml`` and ``NAME.expert.json``.
+            beside `path`, as ``NAME.machine.toml`` and ``NAME.expert.json``.
 
         Raises
         ------

@@ -6,7 +6,7 @@
     kind = "extended"
     sampling_time = "0.25 ms"
 
-    [bearing]
+    [machine]
     file = "found.toml"            # or preset = "zittau_axial"
     sha256 = "9f8e..."
 
@@ -27,9 +27,9 @@
     [origin]
     "noise.disturbance" = "likelihood of log.csv, 0 to 2 s; ambkit tune 0.2.0"
 
-Of several axes ``[machine]`` stands instead of ``[bearing]``, and ``[magnets.NAME]`` of a
-bearing's name in that of ``[magnet]``; a variance may be a list, a number for each reading or axis,
-and ``synchronous = ["unbalance"]`` says what turns with the rotor and is estimated too.
+Of several axes ``[magnets.NAME]`` of a bearing's name stands instead of ``[magnet]``; a variance
+may be a list, a number for each reading or axis, and ``synchronous = ["unbalance"]`` says what
+turns with the rotor and is estimated too.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
@@ -67,18 +67,17 @@ FORMAT = 1  #: Version of the file that this ambkit writes, and the newest that 
 class FilterFile(Document):
     """An estimator as a file."""
 
+    renamed: ClassVar = {"bearing": "machine"}
     format: Annotated[int, Field(ge=1, strict=True)] = FORMAT
     """Version of the file's format; without it 1."""
     kind: Name
     """Of estimator, as ``ambkit filter --help`` lists them."""
     description: Description = ""
     """What it is for."""
-    bearing: PlantOf | None = None
-    """The machine that it assumes, in the short form of one axis."""
-    machine: PlantOf | None = None
+    machine: PlantOf
     """The machine that it assumes."""
     sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)]
-    """Time between two steps [s]: that of bearing or machine."""
+    """Time between two steps [s]: that of the machine."""
     gravity: Literal["known", "disturbance"] = "known"
     """Whether the weight is known, or part of the disturbance force."""
     gate: Annotated[float, Quantity("1", "8", above=0)] = 8.0
@@ -112,30 +111,23 @@ class FilterFile(Document):
         if version > FORMAT:
             yield "format", f"is {version}, and this ambkit reads up to {FORMAT}: use a newer one"
         yield from _of_options(read("kind"), read("options"))
-        keys = cls.model_fields
+        keys = [*cls.model_fields, *cls.renamed]
         for name in read("origin") if isinstance(read("origin"), dict) else ():
             if name.partition(".")[0] not in keys:
                 yield f"origin.{name}", unknown_key(name, keys)
-        bearing, machine = read("bearing"), read("machine")
-        if bearing is None and machine is None:
-            yield "bearing", "missing: a table with preset or file; or [machine] of several axes"
-        elif bearing is not None and machine is not None:
-            yield "machine", "a filter is of one [bearing] or of one [machine], not of both"
-        of = bearing if isinstance(bearing, PlantOf) else machine
+        of = read("machine")
         if not isinstance(of, PlantOf):
             return
         T, own = read("sampling_time"), of.plant.sampling_time
         if abs(T - own) > 1e-9 * own:
-            whose = "bearing" if of is bearing else "machine"
             time_texts = [units.engineering(item, "s") for item in (own, T)]
-            yield "sampling_time", f"must be the {whose}'s, {time_texts[0]}, is {time_texts[1]}"
+            yield "sampling_time", f"must be the machine's, {time_texts[0]}, is {time_texts[1]}"
         yield from _contradictions_of(View(of.plant), read)
 
     @property
     def plant(self) -> Any:
         """The machine that it assumes, of a single axis in its short form."""
-        of = self.bearing or self.machine
-        return None if of is None else of.plant
+        return self.machine.plant
 
     @model_serializer(mode="wrap")
     def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

@@ -38,7 +38,7 @@ def described(
     options = {name: written(value, own[name]) for name, value in all_options.items()
                if name in own and value is not None}  # fmt: skip
     limits = {name: v for name, v in all_options.items() if name in FilterFile.model_fields}
-    of: dict[str, Any] = {"bearing" if estimator.view.single else "machine": PlantOf.of(bearing)}
+    of: dict[str, Any] = {"machine": PlantOf.of(bearing)}
     if isinstance(magnet, Mapping):
         of["magnets"] = {name: Reference.to(path) for name, path in magnet.items()}
     elif magnet is not None:
@@ -116,7 +116,7 @@ def save(
     if bearing is None:
         bearing = preset_of(known)
     if bearing is None:
-        bearing = path.with_suffix(".bearing.toml" if single else ".machine.toml")
+        bearing = path.with_suffix(".machine.toml")
         known.save(bearing)
     magnet_files: str | os.PathLike[str] | Mapping[str, Path] | None = magnet
     if magnet is not None and not single:  # one file, for all bearings

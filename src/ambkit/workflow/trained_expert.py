@@ -149,7 +149,7 @@ class TrainedExpert(Result):
             raise AmbkitError("a filter needs a machine, and the expert was trained on stiffnesses")
         law, magnet = self.model
         made = AdaptiveKalmanFilter(law, magnet)
-        part = "bearing.file" if self.taken in (LAW, REFITTED) else "magnet.file"
+        part = "machine.file" if self.taken in (LAW, REFITTED) else "magnet.file"
         made.origin = {part: made_by("train", self.expert.source)}
         return made
 

@@ -148,7 +148,8 @@ class Part(BaseModel, metaclass=_OwnNames):
     ) -> Self:
         problems: list[Problem] = []
         if isinstance(data, Mapping) and not cls.renamed.keys().isdisjoint(data):
-            data = {cls.renamed.get(key, key): value for key, value in data.items()}
+            names = {old: new for old, new in cls.renamed.items() if new not in data}
+            data = {names.get(key, key): value for key, value in data.items()}
         try:
             model = handler(data)
             read = reader(model)
