@@ -16,7 +16,7 @@ from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.control.stabilising_controller import holding
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.judge.loop.margins import bode_integral, grid, highest
+from ambkit.judge.loop.margins import bode_integral, grid, highest, margins
 from ambkit.judge.loop.synthesis import EDGE, _growing, _ratio, least_peaks
 from ambkit.models.linear import LinearSystem, Signal
 
@@ -87,25 +87,49 @@ def test_continuous_reference():
     assert found.holds
 
 
-@pytest.mark.parametrize(
-    ("dead_time", "peaks", "largest"), [(1.0, (1.390, 1.396), 1.602), (1.5, (1.462, 1.473), 1.674)]
-)
-def test_sampled_reference(dead_time, peaks, largest):
+def sampled_loop(dead_time, rpm=0.0):
+    """PD by Tustin, sampled at 0.1 ms with hold."""
     T = 1e-4
-    machine = reference(delay=dead_time * T)
+    machine = reference(delay=dead_time * T, speed=rpm * RPM)
     system = plant(machine, OperatingPoint.of_machine(machine))
-    steep, corner = 2 / T, 2 * math.pi * 2000  # PD by Tustin
+    steep, corner = 2 / T, 2 * math.pi * 2000
     pole, D = (steep / corner - 1) / (1 + steep / corner), 15.0 * steep / (1 + steep / corner)
     pd = of_axes(np.array([[pole]]), np.eye(1), np.array([[D * (pole - 1)]]),
                  np.array([[8000.0 + D]]), system, T)  # fmt: skip
-    loop = Loop(system, pd, 4)
-    f = grid(loop)
-    found = [highest(lambda at, k=k: loop.of_axis(k, at), f)[0] for k in range(4)]
+    return Loop(system, pd, 4)
+
+
+@pytest.mark.parametrize(
+    ("dead_time", "peaks", "largest"),
+    [(1.0, (1.390, 1.396), 1.602), (1.5, (1.462, 1.473), 1.674)],
+)
+def test_sampled_reference(dead_time, peaks, largest):
+    loop = sampled_loop(dead_time)
+    found = [margins(loop, axis).peak for axis in range(4)]
     assert found == pytest.approx([peaks[0], peaks[0], peaks[1], peaks[1]], abs=6e-4)
-    assert highest(loop.largest_sensitivity, f)[0] == pytest.approx(largest, abs=6e-4)
+    assert highest(loop.largest_sensitivity, grid(loop))[0] == pytest.approx(largest, abs=6e-4)
     integral = bode_integral(loop)
     assert 2 * math.pi * integral.integral == pytest.approx(0.99075025, rel=1e-7)
     assert integral.holds
+
+
+def test_unstable_poles_of_the_reference_at_rest_and_turning():
+    poles = np.sort(np.log(sampled_loop(1.0).unstable_poles().real) / 1e-4)
+    assert poles == pytest.approx([342.308, 342.308, 446.106, 446.106], abs=1e-3)
+    loop = sampled_loop(1.0, rpm=30_000)
+    turning = np.log(loop.unstable_poles()) / 1e-4
+    assert np.sort(turning.real) == pytest.approx([342.318] * 2 + [443.757] * 2, abs=1e-3)
+    assert np.sort(np.abs(turning.imag)) == pytest.approx([0.025] * 2 + [45.596] * 2, abs=1e-3)
+    assert loop.is_stable
+    integral = bode_integral(loop)
+    assert integral.integral == pytest.approx(integral.poles, rel=1e-6)
+
+
+def test_compliance_is_by_the_load_at_each_bearing():
+    """At rest and at low frequency: the inverse of the static stiffness, decoupled."""
+    compliance = sampled_loop(1.0).compliance(0.01)[0]
+    static = 1 / (59.855034 * 8000.0 - 191_843.057)
+    assert compliance.real == pytest.approx(static * np.eye(4), abs=1e-6 * static)
 
 
 def least_peak_of_delay(plant, delay):
@@ -182,3 +206,37 @@ def test_bodes_integral_tells_an_unstable_machine():
     loop = LoopOf(UFU, PID(kp=500.0, ki=0.0, kd=1.0)).loop()
     assert not loop.is_stable
     assert not bode_integral(loop).holds
+
+
+# ---- the delay margin
+
+
+class Turned(Loop):
+    """A loop of one crossing, at 173 Hz, whose phase there is as it is made."""
+
+    def __init__(self, phase):
+        object.__setattr__(self, "phase", phase)
+
+    measurements, shown = 2, None
+
+    def of_axis(self, axis, f):
+        return 1 / (1 + self.broken(f))
+
+    def broken(self, f):
+        return 2 * np.exp(1j * self.phase) / (1 + 1j * f / 100)
+
+
+@pytest.mark.parametrize("phase", np.arange(-3.0, 3.2, 0.5))
+def test_the_delay_margin_is_the_least_dead_time_that_leads_through_minus_one(phase):
+    """At every angle of the crossing, above the real axis and below."""
+    turned, f = Turned(phase), np.geomspace(1, 1e4, 2000)
+    found = margins(turned, f=f)
+    at = 100 * math.sqrt(3)
+    assert found.crossover == pytest.approx(at, rel=1e-9)
+
+    def distance(dead_time):
+        return abs(1 + turned.broken(at) * np.exp(-2j * math.pi * at * dead_time))
+
+    assert distance(found.delay) < 1e-6
+    assert distance(np.linspace(0, 0.999, 500) * found.delay).min() > 5e-5
+    assert found.phase == pytest.approx(abs(np.angle(-turned.broken(at))), rel=1e-6)
