@@ -20,7 +20,7 @@ from ambkit.data import recordings
 from ambkit.identification.dead_time import delayed, lagged
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
-from ambkit.identification.maximum_likelihood.information import restricted
+from ambkit.identification.maximum_likelihood.information import _end, restricted
 from ambkit.identification.maximum_likelihood.likelihood import Data, Likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, limited
 from ambkit.identification.maximum_likelihood.parameters import (
@@ -119,6 +119,20 @@ def test_score_and_information_are_those_of_the_likelihood(records):
     np.testing.assert_allclose(
         -np.array(bend) / np.outer(root, root), information / np.outer(root, root), atol=0.1
     )
+
+
+@pytest.mark.parametrize("wrong", [0.3, 1.0, 3.0])
+def test_an_end_of_an_interval_has_lost_what_95_percent_may(records, wrong):
+    """However wrong the error that it starts from."""
+    free, data = named(["magnet_constant", "air_gap", "measurement_noise"]), Data(records[:1], 0.01)
+    best = maximise(data, TRUTH, free)
+    covariance = np.linalg.inv(best.local.information)
+    along = wrong * covariance[:, 0] / np.sqrt(covariance[0, 0])
+    likelihood = data.likelihood(best.model, free)
+    for side in (-1, 1):
+        end = _end(likelihood, 0, side * along, best.value, [])
+        moved = likelihood.coordinates.model_at(end * np.eye(3)[0])
+        assert best.value - maximise(data, moved, free[1:]).value == pytest.approx(1.92, rel=0.12)
 
 
 def test_k_and_m_from_one_experiment_are_told_to_be_alike(records):
