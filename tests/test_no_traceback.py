@@ -50,7 +50,7 @@ def test_what_is_not_foreseen_is_one_line_with_its_place(call, monkeypatch):
     code, out, err = call("presets")
     assert (code, out) == (1, "")
     assert err.count("\n") == 1
-    assert err.startswith("ambkit: KeyError: 'no such thing' in ambkit.workflow.presets, line ")
+    assert err.startswith("ambkit: KeyError: 'no such thing' in ambkit.workflow.check, line ")
     assert "please report it with the output of --debug" in err
 
 

@@ -68,10 +68,6 @@ class Finding(NamedTuple):
     sentence: str = ""  #: What is wrong; empty where nothing is.
     fatal: bool = False  #: Whether the filter must not fly.
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data, in SI."""
-        return self._asdict()
-
 
 def innovations(nis: float) -> Iterator[Finding]:
     """Yield whether the mean NIS of a record is in its band; nothing where it is not known."""

@@ -45,6 +45,9 @@ class Result(Stated, Drawn):
             for name in (*row.section, *([row.of] if row.of else []), *within):
                 place = place.setdefault(name, {})
             place |= _stated(replace(row, key=key))
+        adequacy = getattr(self, "adequacy", None)  # of a filter that it found
+        if isinstance(adequacy, list | tuple):
+            results["adequacy"] = [finding._asdict() for finding in adequacy]
         return _merged(results, self.series)
 
     def to_json(self) -> str:

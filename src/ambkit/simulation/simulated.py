@@ -122,8 +122,6 @@ class Run(Result):
         results: dict[str, Any] = {"machine": self.plant.name}
         if "mode" in self.record:
             results["modes"] = self.modes
-        if self.adequacy:
-            results["adequacy"] = [item.to_dict() for item in self.adequacy]
         if self.turning and self._in_flight[1] is None:
             results["synchronous"] = {
                 item.name: {"covariance": item.covariance.tolist()} for item in self.turning

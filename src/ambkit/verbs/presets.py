@@ -32,6 +32,6 @@ def presets(name: Preset | None = None) -> Document:
     --------
     $ ambkit presets zittau_axial > my.toml
     """
-    from ambkit.workflow import presets as collection
+    from ambkit.workflow import check
 
-    return collection.listing() if name is None else collection.document(name)
+    return check.preset_listing() if name is None else check.preset_document(name)

@@ -1,8 +1,10 @@
-"""What a file is, and all that is wrong with it."""
+"""What a file is, and all that is wrong with it; and the presets, as files like it."""
 
 from __future__ import annotations
 
 import os
+import shutil
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +18,7 @@ from ambkit.base.units import engineering
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.files.tables import ENDINGS, read_log, read_table
 from ambkit.estimate.filter_file import FilterFile
+from ambkit.machine import presets
 from ambkit.machine.forces.force_points import COLUMNS, NAMES, ForceChannels, load_force_points
 from ambkit.machine.machine import Bearing, Machine, PlacedMachine
 from ambkit.models.plant_parts import in_words
@@ -339,3 +342,32 @@ def _describe_record(
     return Finding(
         about, tuple(f"{path}: {p}" for p in verdict.problems), (*remarks, *verdict.remarks)
     )
+
+
+def preset_listing() -> Document:
+    """Return the names of all presets, and what each is."""
+    machines = map(Machine.preset, presets.names())
+    data = [
+        {"name": item.name, "description": item.description, "source": item.source,
+         "kind": _form_of(item)}
+        for item in machines
+    ]  # fmt: skip
+    column = max(len(item["name"]) for item in data) + 2
+    columns = min(shutil.get_terminal_size().columns, 100)
+    lines = (
+        textwrap.fill(item["description"], columns, initial_indent=item["name"].ljust(column),
+                      subsequent_indent=" " * column)
+        for item in data
+    )  # fmt: skip
+    return Document("".join(f"{line}\n" for line in lines), data)
+
+
+def preset_document(name: str) -> Document:
+    """Return a preset as TOML, and as data."""
+    toml, machine = presets.text(name), Machine.preset(name)
+    return Document(toml, {"name": name, _form_of(machine): machine.model_dump(), "toml": toml})
+
+
+def _form_of(machine: Machine) -> str:
+    """Return the form of a machine's file, short or long."""
+    return "bearing" if machine.single else "machine"

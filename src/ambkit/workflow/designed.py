@@ -126,7 +126,6 @@ class Design(Result):
             "machine": self.machine.name,
             "chosen": self.chosen.kind,
             "objections": list(self.objections),
-            "adequacy": [item.to_dict() for item in self.adequacy],
             "peak": self.loop.peak,
             "zone": self.loop.zone,
             "overshoot": self.overshoot,

@@ -203,7 +203,7 @@ class Filtering(Result):
     @property
     def series(self) -> dict[str, Any]:
         adequacy = {
-            name: [item.to_dict() for item in findings] for name, findings in self.adequacy.items()
+            name: [item._asdict() for item in findings] for name, findings in self.adequacy.items()
         }
         return ({"record": self.source, "adequacy": adequacy} if self.source else {}) | {
             "machine": self.machine.name,

@@ -270,7 +270,6 @@ class Identified(Result):
             "rest": {name: _noise_as_data(noise) for name, noise in self.rest.items()},
             "validated_on_other_records": self.on_others,
             "validation": [check.to_dict() for check in self.validation],
-            "adequacy": [item.to_dict() for item in self.adequacy],
         }
         if self.forces is not None:
             data["force_map"] = {

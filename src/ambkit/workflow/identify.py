@@ -198,8 +198,7 @@ class IdentifiedCorpus(Corpus):
     @property
     def series(self) -> dict[str, Any]:
         known = {} if self.known is None else {"bearing": self.known.name}
-        adequacy = [item.to_dict() for item in self.adequacy]
-        return dict(super().series) | known | {"adequacy": adequacy}
+        return dict(super().series) | known
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
         self.bearing.save(path)

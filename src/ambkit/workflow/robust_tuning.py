@@ -133,7 +133,6 @@ class Robust(Result):
                                 "unit": r.unit} for r in self.free},
             "tried": [item._asdict() | {"values": dict(item.values), "front": bool(on)}
                       for item, on in zip(self.tried, self.front, strict=True)],
-            "adequacy": [item.to_dict() for item in self.adequacy],
         }  # fmt: skip
 
     @property

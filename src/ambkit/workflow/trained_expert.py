@@ -345,7 +345,6 @@ class TrainedExpert(Result):
             data["models"] = {"chosen": self.models.chosen.name, "taken": self.taken}
         return data | {
             "wrong_sign": {name: vars(w) for name, w in self.wrong_signs.items()},
-            "adequacy": [item.to_dict() for item in self.adequacy],
         }
 
     def _at_points(self, surface: ForceSurface) -> dict[str, Any]:

@@ -196,7 +196,6 @@ class Tuned(Result):
                       | dict(item.values)
                       for item, *known in zip(self.trace, *peaks, strict=True)],
             "max_sensitivity": self.max_sensitivity,
-            "adequacy": [item.to_dict() for item in self.adequacy],
         }  # fmt: skip
 
     def figures(self) -> list[Figure]:

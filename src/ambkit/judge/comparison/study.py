@@ -139,7 +139,7 @@ class Study(Bench):
     def series(self) -> dict[str, Any]:
         around = {"steps": self.steps, "wrong_k": self.wrong_k, "limit_steps": self.limit_steps}
         judged = {} if self.judge is None else self.judge(self)
-        adequacy = {kind: [item.to_dict() for item in of] for kind, of in judged.items()}
+        adequacy = {kind: [item._asdict() for item in of] for kind, of in judged.items()}
         return (
             super().series
             | {n: vars(item) for n, item in around.items() if item}
