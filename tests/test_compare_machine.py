@@ -1,6 +1,5 @@
 """Estimators of machines compared in a case, beside the bound and the raw sensors."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +7,6 @@ import numpy as np
 import pytest
 
 from ambkit import AmbkitError, Bearing, KalmanFilter, Machine, compare, compare_steps
-from ambkit.cli.main import main
 from ambkit.control.stabilising_controller import holding
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import CASES, trials
@@ -59,19 +57,15 @@ def test_an_axis_as_a_machine_has_the_same_bound():
         (("--plant", "map.csv"), "plant is the magnet of one axis, and tum_mlps has 4"),
     ],
 )
-def test_what_a_machine_cannot_be_compared_in_is_one_sentence(
-    options, said, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
+def test_what_a_machine_cannot_be_compared_in_is_one_sentence(options, said, call):
     chosen = () if "--filter" in options else ("--filter", "linear")
-    with pytest.raises(SystemExit, match="2"):
-        main(["compare", "tum_mlps", "--seeds", "1", *chosen, *options])
-    assert said in capsys.readouterr().err
+    told = call("compare", "tum_mlps", "--seeds", "1", *chosen, *options)
+    assert told.code == 2
+    assert said in told.err
 
 
-def test_each_closes_its_own_loop_on_a_machine(tmp_path, monkeypatch, capsys):
+def test_each_closes_its_own_loop_on_a_machine(call):
     """A step and a load of the first axis, or a run of one's own; all axes are judged together."""
-    monkeypatch.chdir(tmp_path)
     found = compare_steps(MACHINE, ["linear"], steps=["20 um"], disturbance="2 N", duration="40 ms",
                           seeds=2)  # fmt: skip
     score = found.scores["20 µm"]["linear"]
@@ -85,10 +79,9 @@ def test_each_closes_its_own_loop_on_a_machine(tmp_path, monkeypatch, capsys):
         'duration = "30 ms"\n[[disturbance]]\naxis = "B2"\n[disturbance.force]\n'
         'type = "step"\namplitude = "2 N"\ntime = "15 ms"\n'
     )
-    with pytest.raises(SystemExit, match="0"):
-        main(["compare", "steps", "tum_mlps", "--filter", "linear", "--scenario", "run.toml",
-              "--seeds", "1", "--plot", "bars.svg", "--json"])  # fmt: skip
-    assert "run.toml" in json.loads(capsys.readouterr().out)["cases"]
+    told = call("compare", "steps", "tum_mlps", "--filter", "linear", "--scenario", "run.toml",
+                "--seeds", "1", "--plot", "bars.svg", "--json")  # fmt: skip
+    assert "run.toml" in told.json["cases"]
 
 
 def test_an_estimator_of_one_s_own_takes_all_readings(tmp_path):
@@ -125,11 +118,9 @@ def test_a_machine_with_other_magnets_keeps_its_controllers():
 
 
 @pytest.mark.long
-def test_the_whole_comparison_of_a_machine_is_a_page(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit, match="0"):
-        main(["compare", "tum_mlps", "--filter", "linear", "--seeds", "1", "--whole", "--out",
-              "out.html"])  # fmt: skip
+def test_the_whole_comparison_of_a_machine_is_a_page(call):
+    words = ("--filter", "linear", "--seeds", "1", "--whole", "--out", "out.html")
+    assert call("compare", "tum_mlps", *words).code == 0
     page = Path("out.html").read_text()
     assert "Cramér-Rao bound" in page
     assert "along A1" in page
