@@ -56,6 +56,8 @@ typedef struct one {
   amb_axis_room room;
   amb_loop loop;
   amb_low_pass_state state[2];
+  amb_windows windows;
+  double std_u, std_y;
   amb_many_run run[2];
 } one;
 
@@ -67,6 +69,9 @@ static unsigned short status[SAMPLES];
 static unsigned char touched[SAMPLES];
 
 static const amb_real gain = 1, least = AMB_C(-1.5), most = AMB_C(1.5);
+
+/* The axis by the estimator's states: x, v and f_d stand first. */
+static const unsigned short row[2] = {0, 1}, columns[3] = {0, 1, 2};
 
 static amb_loop_output output(void)
 {
@@ -118,6 +123,17 @@ static void fill(one *o, size_t i, size_t n, const amb_estimator_methods *method
                          .estimator = &o->estimator,
                          .feedback_estimate = fed_by_estimate};
   o->loop = loop;
+  const amb_windows windows = {.first = 10,
+                               .step_from = (n > 100) ? 60.0 : 0.0,
+                               .step_to = (n > 100) ? (double)(n - 20) : 0.0,
+                               .height = 2e-4,
+                               .there = 2e-4,
+                               .load_from = (n > 100) ? 120.0 : (double)n,
+                               .band = 5e-5,
+                               .travel = (double)PAPER_X_MAX};
+  o->windows = windows;
+  o->std_u = 1e-3;
+  o->std_y = (i == 2) ? 0.0 : 1e-5;
   for (int which = 0; which < 2; which++) {
     amb_many_run *run = &o->run[which];
     CHECK(methods->reset(&e, &o->state[which], at_rest, std) == AMB_OK);
@@ -129,15 +145,13 @@ static void fill(one *o, size_t i, size_t n, const amb_estimator_methods *method
     run->in.load = f_d[i];
     run->key.seed = 7;
     run->key.run = i;
-    run->std_u = 1e-3;
-    run->std_y = (i == 2) ? 0.0 : 1e-5;
-    run->windows.first = 10;
-    run->windows.step_from = (n > 100) ? 60.0 : 0.0;
-    run->windows.step_to = (n > 100) ? (double)(n - 20) : 0.0;
-    run->windows.height = 2e-4;
-    run->windows.there = 2e-4;
-    run->windows.load_from = (n > 100) ? 120.0 : (double)n;
-    run->windows.band = 5e-5;
+    run->std_u = &o->std_u;
+    run->std_y = &o->std_y;
+    run->windows = &o->windows;
+    for (int state = 0; state < 3; state++) {
+      const amb_rows along = {row, &columns[state], &gain};
+      run->along[state] = along;
+    }
     const amb_real x = 0, iu = AMB_C(0.5);
     amb_plant_settle(&o->loop.plant, &run->state.plant, &x, &iu);
     amb_pid_reset(&run->state.pid[0], AMB_C(0.5));
