@@ -6,7 +6,7 @@ import difflib
 import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
@@ -368,17 +368,10 @@ def given_limits(given: Sequence[str]) -> tuple[float | None, float | None]:
     """Return limits of current [A] and displacement [m], each told by its unit."""
     results: dict[str, float] = {}
     for text in names_in(limit=given):
-        unit = next((unit for unit in ("A", "m") if _is_in(text, unit)), None)
-        if unit is None:
+        for unit in ("A", "m"):
+            with suppress(AmbkitError):
+                results[unit] = in_si("limit", text, unit)
+                break
+        else:
             raise AmbkitError(f'limit must be a current or a length such as "2 A", is {text!r}')
-        results[unit] = in_si("limit", text, unit)
     return results.get("A"), results.get("m")
-
-
-def _is_in(text: str, unit: str) -> bool:
-    """Whether a text is a quantity with this unit."""
-    try:
-        in_si("limit", text, unit)
-    except AmbkitError:
-        return False
-    return not text.strip()[-1].isdigit()

@@ -272,12 +272,10 @@ def chosen_faults(names: Iterable[str] | None) -> list[str]:
     return results
 
 
-def flights_of(estimators: int, faults: Iterable[str], seeds: int, *, steps: int) -> int:
-    """Return how often `faults` calls `done`, for one precision."""
-    there = [FAULTS[name].in_loop for name in faults]
-    settings = [True, True, *([True, True] if steps else [])]  # clean, mixed
-    in_loop, beside = sum(there) + sum(settings) // 2, len(there) + sum(settings) // 2
-    return seeds * (estimators * (in_loop + beside) + in_loop)
+def _faults_of(flight: Flight, faults: Sequence[str], steps: int) -> list[str]:
+    """Return what a flight is flown through, without a fault first."""
+    names = (CLEAN.name, *faults, *([MIXTURE] if steps else ()))
+    return [name for name in names if FAULTS.get(name, CLEAN).in_loop or not flight.in_loop]
 
 
 def inject_faults(
@@ -308,7 +306,7 @@ def inject_faults(
         for in_loop in (False, True)
         for name, build in [*built.items(), *([(BASELINE, None)] if in_loop else [])]
     ]
-    run_count = len(precisions) * flights_of(len(built), named, len(seeds), steps=steps)
+    run_count = sum(len(_faults_of(flight, named, steps)) for flight, *_ in works)
     with progress("flying", run_count) as tell, pool_of(threads) as pool:
         results = pool.map(lambda work: list(_campaign(named, steps, tell, *work)), works)
         outcomes = [item for result in results for item in result]
@@ -329,10 +327,8 @@ def _campaign(
 ) -> Iterator[Outcome]:  # fmt: skip
     """Fly an estimator, or the controller alone, through all faults, the clean one first."""
     band = None
-    for name in (CLEAN.name, *faults, *([MIXTURE] if steps else ())):
+    for name in _faults_of(fault_test, faults, steps):
         fault = FAULTS.get(name, CLEAN)
-        if fault_test.in_loop and not fault.in_loop:
-            continue
         channel, windows = fault_test.mixed(steps) if name == MIXTURE else fault_test.through(fault)
         if not windows:
             raise AmbkitError(f"{steps} steps have no room for a fault and its aftermath")
