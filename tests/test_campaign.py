@@ -34,7 +34,7 @@ ROOT = Path(__file__).parent.parent
 
 STUDY = """
 name = "tolerances"
-bearing = "zittau_axial"
+machine = "zittau_axial"
 runs = 60
 seed = 3
 part = 16
@@ -228,7 +228,7 @@ def test_the_fingerprint_tells_what_the_rows_follow_from():
     assert plan().fingerprint == same
     assert plan(seed=4).fingerprint != same
     assert Plan(Study.from_toml(STUDY.replace("2 %", "3 %"))).fingerprint != same
-    assert plan(bearing="inteco_ml").fingerprint != same
+    assert plan(machine="inteco_ml").fingerprint != same
 
 
 def test_salibs_problems_go_in_and_out():

@@ -302,7 +302,7 @@ def test_a_machine_that_cannot_be_is_told():
     ("old", "new", "said"),
     [
         ('machine = "tum_mlps"', "", "machine: missing"),
-        ("runs = 6", 'bearing = "zittau_axial"\nruns = 6', "either a bearing or a machine"),
+        ("runs = 6", 'bearing = "zittau_axial"\nruns = 6', "bearing: unknown key"),
         ("rotor.mass", "bearing.A.magnet.type", "cannot vary: it"),
         ("bearing.B.place", "bearing.0.magnet.air_gap", "varies already, in vary.2."),
         ("rotor.mass", "sampling_time", "cannot vary: it is the controller's"),

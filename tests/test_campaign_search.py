@@ -101,7 +101,7 @@ def test_a_figure_without_a_way_to_failure_is_refused():
 
 STUDY = """
 name = "tuned"
-bearing = "zittau_axial"
+machine = "zittau_axial"
 runs = 24
 scenario.duration = "30 ms"
 scenario.disturbance = { type = "step", amplitude = "3 N", time = "5 ms" }

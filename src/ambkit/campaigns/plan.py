@@ -57,7 +57,7 @@ class Plan:
     @cached_property
     def nominal(self) -> Any:
         """The machine that controllers and estimator know; of one axis its short form."""
-        return load_machine(self.study.nominal)
+        return load_machine(self.study.machine)
 
     @property
     def several(self) -> bool:
@@ -140,7 +140,7 @@ class Plan:
         named_there.append(getattr(of.rotor, "file", None))
         content = {
             "study": self.described.model_dump(
-                mode="json", exclude={"name", "description", "stop", "bearing", "machine"}
+                mode="json", exclude={"name", "description", "stop", "machine"}
             ),
             "bearing": of.model_dump(mode="json", exclude=without),
             "filters": [files.sha256(name) for name in named if name.endswith(FILTER_SUFFIX)],

@@ -27,7 +27,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     BeforeValidator,
@@ -35,7 +35,6 @@ from pydantic import (
     PlainSerializer,
     SerializationInfo,
     ValidationInfo,
-    model_validator,
 )
 
 from ambkit.base.config import Document, Read
@@ -84,14 +83,13 @@ class Study(Document):
     Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI.
     """
 
+    renamed: ClassVar = {"bearing": "machine", "controls": "controllers"}
     name: Annotated[Name, Field(min_length=1)]
     """Short name."""
     description: Description = ""
     """What it is to find out."""
-    bearing: MachineName | None = None
+    machine: MachineName
     """The nominal machine: a preset, or a file. Controllers and estimator know it and no other."""
-    machine: MachineName | None = None
-    """The same, as studies of several axes call it."""
     estimator: EstimatorName = "linear"
     """In the loop, or beside it where the controller is fed by the measurement: a kind, a filter's
     file, or none."""
@@ -123,20 +121,6 @@ class Study(Document):
     """Which machines are good."""
     stop: Stop | None = None
     """When fewer runs are enough."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read_on(cls, data: Any) -> Any:
-        """Read the key of earlier releases, ``controls``."""
-        if not isinstance(data, dict) or "controls" not in data:
-            return data
-        return {("controllers" if key == "controls" else key): data[key] for key in data}
-
-    @property
-    def nominal(self) -> str:
-        """What names the nominal machine."""
-        assert self.machine is not None or self.bearing is not None
-        return self.machine or self.bearing or ""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

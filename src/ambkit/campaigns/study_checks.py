@@ -40,12 +40,12 @@ NOT_VARIED_OF_RUN = {
 
 def contradictions(read: Read) -> Iterator[Problem]:
     """Yield (key, what is wrong) of a study."""
-    plant, key = None, "machine" if isinstance(read("machine"), str) else "bearing"
+    plant = None
     try:
-        if isinstance(read(key), str):
-            plant = load_machine(read(key))
+        if isinstance(read("machine"), str):
+            plant = load_machine(read("machine"))
     except AmbkitError as error:
-        yield key, str(error)
+        yield "machine", str(error)
     yield from _of_what(read, plant)
     if isinstance(read("estimator"), str):
         yield from _estimator("estimator", read("estimator"))
@@ -82,10 +82,6 @@ def contradictions(read: Read) -> Iterator[Problem]:
 
 def _of_what(read: Read, plant: Any) -> Iterator[Problem]:
     """Check that what is said goes with the machine."""
-    if read("bearing") is None and read("machine") is None:
-        yield "machine", "missing: a preset or a file"
-    if isinstance(read("bearing"), str) and isinstance(read("machine"), str):
-        yield "machine", "give either a bearing or a machine"
     if plant is None:
         return
     if plant.rotor.type == "mass" and read("synchronous") != ():
