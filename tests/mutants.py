@@ -197,6 +197,7 @@ class Bench:
     def text(self, file: str) -> str:
         return (self.folder / file).read_text()
 
+    @functools.cached_property
     def flying(self) -> list[str]:
         """Return the files whose operators fly: the C and the headers that it includes."""
         seen: set[str] = set()
@@ -206,6 +207,7 @@ class Bench:
             seen |= set(listed)
         return sorted(file for file in seen if not file.endswith((f"{self.name}_data.c", "crc.h")))
 
+    @functools.cached_property
     def linked(self) -> set[str]:
         """Return the functions that a controller's program has of it; others do not fly."""
         called = ["init", "reset", "step"]
@@ -227,14 +229,15 @@ class Bench:
 
     def operators(self, *, boundaries: bool = False) -> list[Mutant]:
         """Return a mutant of each operator that flies."""
-        linked = self.linked()
+        linked = self.linked
         return [
             mutant
-            for file in self.flying()
+            for file in self.flying
             for mutant in of_operators(file, self.text(file), boundaries=boundaries)
             if _function_at(self.text(file), mutant.start) in linked | {""}
         ]
 
+    @functools.cached_property
     def never_run(self) -> set[tuple[str, int]]:
         """Return the lines, by file and number, at which the self-test never comes by."""
         made = self._work / "covered"

@@ -57,7 +57,7 @@ def bench(tmp_path_factory):
 def test_operators_that_became_others_are_seen(bench):
     """A sample of what runs in the first machine, the core's by the others too."""
     first = bench("pid")
-    never = first.never_run()
+    never = first.never_run
     running = [m for m in first.operators() if (m.file, m.line) not in never]
     some = random.Random(0).sample(running, SAMPLE)
     unknown = [m for m in some if mutants.why(first, m, KNOWN) is None]
@@ -68,7 +68,7 @@ def test_operators_that_became_others_are_seen(bench):
 def seen_by_none(bench, mutant):
     names = list(FLOWN) if mutant.file.startswith("core/") else ["pid"]
     return all(
-        mutant.file not in bench(name).flying() or bench(name).judge(mutant).exact for name in names
+        mutant.file not in bench(name).flying or bench(name).judge(mutant).exact for name in names
     )
 
 
@@ -102,7 +102,7 @@ def test_what_does_not_run_is_known(name, bench):
     """Each line with an operator that never runs is listed with its reason."""
     one = bench(name)
     entries = unseen.not_run(has(name, one.text("f_data.c")))
-    never = one.never_run()
+    never = one.never_run
     left = [
         str(m)
         for m in one.operators()
@@ -118,7 +118,7 @@ def test_what_does_not_run_is_known(name, bench):
 
 def test_what_is_explained_stands_in_the_sources(bench):
     """What explains nothing any more hides nothing."""
-    texts = {file: bench("pid").text(file) for file in bench("pid").flying()}
+    texts = {file: bench("pid").text(file) for file in bench("pid").flying}
     gone = [
         known
         for known in KNOWN
