@@ -14,9 +14,7 @@ from ambkit.assessment.arguments import arguments_of_the_user
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
 from ambkit.base.units import engineering
-from ambkit.fuzzy.cross_validation import (
-    choose_model,
-)
+from ambkit.fuzzy.cross_validation import choose_model
 from ambkit.fuzzy.rule_selection import Shape, choose_rules, measured_map
 from ambkit.fuzzy.training import train
 from ambkit.machine.force_laws import isolated

@@ -196,10 +196,8 @@ class _Search:
         self, model: LoopModel, parameters: list[Parameter], joint: Joint | None, *, profile: bool
     ) -> tuple[LoopModel, dict[str, Any]]:
         """Return a model for the signals as they are measured, and how surely it is known."""
-        local, steps = (
-            self.data.local(model, parameters),
-            Coordinates(model, parameters).unit_steps(),
-        )
+        local = self.data.local(model, parameters)
+        steps = Coordinates(model, parameters).unit_steps()
         unit = np.outer(steps, steps)
         expansion = replace(joint, model=model).local(local) if joint is not None else local
         inverse = np.asarray(np.linalg.inv(expansion.information), float)

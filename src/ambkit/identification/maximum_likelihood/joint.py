@@ -20,11 +20,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import ConfigError
 from ambkit.data.record import Record
 from ambkit.data.signals import CONTROL
-from ambkit.identification.maximum_likelihood.current_state import (
-    Coil,
-    CurrentState,
-    propagate,
-)
+from ambkit.identification.maximum_likelihood.current_state import Coil, CurrentState, propagate
 from ambkit.identification.maximum_likelihood.likelihood import (
     Data,
     Likelihood,

@@ -271,8 +271,7 @@ class MaximumLikelihood(Result):
         }
 
     def figures(self) -> list[Figure]:
-        return [estimates_figure(self),
-                correlation_figure(self)]  # fmt: skip
+        return [estimates_figure(self), correlation_figure(self)]
 
     def _place(self, name: str) -> int:
         for at, parameter in enumerate(self.parameters):

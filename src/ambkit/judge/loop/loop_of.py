@@ -17,11 +17,7 @@ from ambkit.control.control import Control, as_control
 from ambkit.control.controllers import Controllers, controllers_of, pids_of
 from ambkit.control.default_control import ZONE_A as ZONE_A
 from ambkit.control.default_control import ZONES as ZONES
-from ambkit.control.default_control import (
-    default_control,
-    is_default,
-    settled,
-)
+from ambkit.control.default_control import default_control, is_default, settled
 from ambkit.control.default_control import zone_of as zone_of
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_controller import compensator, controllers, fed
@@ -240,11 +236,8 @@ class LoopOf:
                 control_law, let_turn=control_law.let_turn.for_unbalance_of(self.machine)
             )
         rows = fed(control_law, len(estimator.states), self.machine.speed)
-        return (
-            estimator_at(estimator, self.point, (rows, control.inputs[: len(rows)])),
-            control,
-            transform,
-        )
+        inner = estimator_at(estimator, self.point, (rows, control.inputs[: len(rows)]))
+        return inner, control, transform
 
     def static_compliance(self, estimator: Estimator | None = None) -> float | None:
         """Return the greatest deflection by a load at rest, if there were no integral [m/N]."""
