@@ -53,8 +53,7 @@ static amb_magnet asked(const amb_magnet *magnet)
 
 /* ---- From the core's structs into lanes, and back. ---- */
 
-/* Lane i of vectors, from as many numbers as take that size: an array, or a struct of nothing else.
- */
+/* Lane i of vectors, from as many numbers as take that size: an array, or a struct of these. */
 static void fill(lanes to[], size_t i, const amb_real from[], size_t size)
 {
   for (size_t j = 0; j < size / sizeof *from; j++)

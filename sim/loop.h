@@ -31,9 +31,8 @@ typedef struct amb_loop {
                            * which its model must have; else by the measurement */
   amb_pid pid;            /* of one axis ... */
   const amb_controllers *controllers; /* ... or, in its place, these; or NULL */
-  const amb_control
-      *control; /* all of what flies, with this estimator, instead of both; or
-                 * NULL. Where it is off, magnets have no current, not even the bias. */
+  const amb_control *control; /* all that flies, with this estimator, instead of both; or NULL.
+                               * Where it is off, magnets have no current, not even the bias. */
   void (*turn)(void *model, amb_real before, amb_real after); /* tells the estimator's model the
                                                                  speeds of two samples, or NULL */
   void *model;
@@ -62,11 +61,10 @@ typedef struct amb_loop_sample {
   const amb_real *noise_u; /* [axes]: on the control signals [V] */
   const amb_real *noise_y; /* [sensors]: on the measurements [m] */
   const amb_real *base;    /* [3]: accelerations of the foundation [m/s^2]; NULL: it stands still */
-  const amb_real
-      *speed;     /* [2]: of rotation, here and at the next sample [rad/s]; NULL: an axis's */
-  amb_real scale; /* of the magnets' forces, bias and all [1] */
-  bool off;       /* magnets have no current, the bias neither */
-  bool fly;       /* what `control` is told */
+  const amb_real *speed;   /* [2]: of rotation, here and at the next [rad/s]; NULL: an axis's */
+  amb_real scale;          /* of the magnets' forces, bias and all [1] */
+  bool off;                /* magnets have no current, the bias neither */
+  bool fly;                /* what `control` is told */
 } amb_loop_sample;
 
 /* One sample, and the plant on to the next; `estimator` is the state of the loop's estimator.
@@ -97,8 +95,7 @@ typedef struct amb_loop_input {
   const amb_real *load;    /* n x axes: disturbance forces [N] */
   const amb_real *noise_u; /* n x axes: on the control signals [V] */
   const amb_real *noise_y; /* n x sensors: on the measurements [m] */
-  const amb_real
-      *scale; /* n: of the magnets' forces, bias forces and all [1]; NULL: 1 throughout */
+  const amb_real *scale;   /* n: of the magnets' forces, bias and all [1]; NULL: 1 throughout */
   const amb_loop_faults *faults; /* NULL: none */
   const amb_real *fly;           /* n: whether it is to fly, 1 or 0, for `control`; NULL: it is */
   const amb_real *speed;         /* n + 1: of rotation [rad/s]; NULL: an axis's */

@@ -3,8 +3,7 @@
 #include "many_figures.h"
 #include <string.h>
 
-/* In lanes: a plain axis on the closed law of two sides, a PID and an estimator that has
- * lanes. */
+/* In lanes: a plain axis on the closed law of two sides, a PID, an estimator that has lanes. */
 unsigned int amb_many_group(const amb_many_run *run)
 {
   const amb_loop *loop = run->loop;

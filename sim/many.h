@@ -10,8 +10,7 @@
 #include "loop.h"
 #include "noise.h"
 
-/* What a run is judged by, of the worst axis where it is of an axis; NaN where it does not apply.
- */
+/* What a run is judged by, where it is of an axis by the worst; NaN where it does not apply. */
 typedef enum amb_figure {
   AMB_X_RMS,        /* errors of the estimates, from sample `first` on [m] */
   AMB_V_RMS,        /* [m/s] */
@@ -64,8 +63,7 @@ typedef struct amb_many_run {
   size_t flags[AMB_FLAGS];     /* out: samples in which the estimator said so */
 } amb_many_run;
 
-/* Runs with the same number here, of the same length, can go side by side; 0: by themselves only.
- */
+/* Runs with the same number here, of the same length, can go side by side; 0: alone only. */
 unsigned int amb_many_group(const amb_many_run *run);
 
 /* One run by itself, its samples left in `to`, which must have room for all; noise goes to the two

@@ -1,5 +1,4 @@
-/* What a plant may have beside magnets, rotor, sensor lags and hard stops; each part is off at 0.
- */
+/* What a plant may have beside magnets, rotor, lags and hard stops; each part is off at 0. */
 #ifndef AMBKIT_SIM_PARTS_H
 #define AMBKIT_SIM_PARTS_H
 
@@ -13,17 +12,15 @@ typedef struct amb_parts {
   /* Amplifier: within its voltage the current follows the demanded one by di/dt = corner (i* - i),
    * for a current controller that knows coil and back-EMF; the voltage of a coil is
    * L di/dt + R i + (L i/(s0 - x)) v with L = 2 k/(s0 - x), that of an ideal magnet. */
-  amb_real corner; /* [rad/s]; 0: the current follows at once */
-  amb_real
-      voltage; /* greatest voltage of a coil, either way [V]; 0: none, and what follows is idle */
-  amb_real R;  /* resistance of a coil [ohm] */
-  amb_real k;  /* magnet constant [N m^2/A^2] */
-  amb_real s0; /* nominal air gap [m] */
-  amb_real i0; /* bias current [A] */
-  bool pair;   /* two coils, of i0 + iu and i0 - iu; else one */
+  amb_real corner;  /* [rad/s]; 0: the current follows at once */
+  amb_real voltage; /* of a coil at most, either way [V]; 0: no limit, and what follows is idle */
+  amb_real R;       /* resistance of a coil [ohm] */
+  amb_real k;       /* magnet constant [N m^2/A^2] */
+  amb_real s0;      /* nominal air gap [m] */
+  amb_real i0;      /* bias current [A] */
+  bool pair;        /* two coils, of i0 + iu and i0 - iu; else one */
 
-  /* Linear states e between a magnet's force F and the rotor: e' = A e + b F, and c e + d F acts.
-   */
+  /* Linear states e between a magnet's force F and the rotor: e' = A e + b F; c e + d F acts. */
   int behind;                                           /* how many; 0: F acts at once */
   int behind_at[AMB_BEHIND_MOST];                       /* where they are among the plant's */
   amb_real behind_A[AMB_BEHIND_MOST * AMB_BEHIND_MOST]; /* row by row of `behind` [1/s] */
@@ -73,8 +70,7 @@ void amb_parts_turn(amb_real angle, amb_real *cosine, amb_real *sine);
 amb_real amb_parts_shown(const amb_parts *parts, amb_real K_sen, amb_real x, amb_real cosine,
                          amb_real sine);
 
-/* What a sensor with x_m [m] behind its lag and with this noise shows, a multiple of its step [m].
- */
+/* What a sensor with x_m behind its lag and this noise shows, a multiple of its step [m]. */
 amb_real amb_parts_reading(const amb_parts *parts, amb_real x_m, amb_real noise);
 
 /* What a stop pushes back with [N], so deep in it [m] and going deeper with this velocity [m/s]. */

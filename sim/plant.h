@@ -43,17 +43,16 @@ typedef struct amb_plant {
   int positions, axes, sensors, states;
   bool own; /* axis k moves position k and nothing else, and sensor k sees it: `mass` in place of
              * H, B, C, A, spin, cosine and sine; its reading is state 2 positions + k */
-  const amb_real *mass; /* [positions], where they are their own [kg] */
-  const amb_real *g;    /* [positions]: by constant forces [m/s^2]; of their own the force [N] */
-  amb_rows H;           /* axes x positions: displacements [m] */
-  amb_rows B;           /* positions x axes: accelerations [1/kg] */
-  amb_rows C;           /* sensors x positions: what they look at [m] */
-  amb_rows A;           /* positions x 2 positions: accelerations by motion, at rest ... */
-  const amb_real *spin; /* ... and what each entry gains by 1 rad/s of rotation */
-  const amb_real *cosine,
-      *sine;                /* [positions]: unbalance, by its force ahead and across; NULL: none
-                             */
-  const int *base;          /* [3]: positions along x, y, z, or -1; NULL: none */
+  const amb_real *mass;   /* [positions], where they are their own [kg] */
+  const amb_real *g;      /* [positions]: by constant forces [m/s^2]; of their own the force [N] */
+  amb_rows H;             /* axes x positions: displacements [m] */
+  amb_rows B;             /* positions x axes: accelerations [1/kg] */
+  amb_rows C;             /* sensors x positions: what they look at [m] */
+  amb_rows A;             /* positions x 2 positions: accelerations by motion, at rest ... */
+  const amb_real *spin;   /* ... and what each entry gains by 1 rad/s of rotation */
+  const amb_real *cosine; /* [positions]: unbalance, by its force ahead ... */
+  const amb_real *sine;   /* ... and across; NULL: none */
+  const int *base;        /* [3]: positions along x, y, z, or -1; NULL: none */
   const amb_magnet *magnet; /* [axes]: force relative to the bias force */
   const amb_magnet *coil;   /* [axes]: pull of one coil of a pair over that of its bias current
                              * at 0, for currents that differ; without methods the magnet gets
