@@ -68,9 +68,9 @@ COMMANDS = {
             BEARING, rules=(2, 2), method="steepest-gradient", plain=True, scaling="unit"
         )
     ),
-    "train map zittau_axial force.csv --rules 3x3 --law-error 2N --plain --scaling unit": lambda: (
+    "train map zittau_axial force.csv --rules 2x2 --law-error 2N --plain --scaling unit": lambda: (
         ambkit.train_map(
-            BEARING, "force.csv", rules=(3, 3), law_error="2 N", plain=True, scaling="unit"
+            BEARING, "force.csv", rules=(2, 2), law_error="2 N", plain=True, scaling="unit"
         )
     ),
 }  # fmt: skip
@@ -82,7 +82,7 @@ def test_a_command_writes_what_its_function_returns(call, words):
     Expert.paper().save("paper.json")
     Path("s.toml").write_text('duration = "0.1 s"\nseed = 4\n')
     for seed, name in enumerate(("log.csv", "other.csv")):
-        run = ambkit.simulate(BEARING, step=3e-4, disturbance=3.0, duration=0.15, seed=seed).record
+        run = ambkit.simulate(BEARING, step=3e-4, disturbance=3.0, duration=0.1, seed=seed).record
         run.save("run.csv")
         Record(run.t, {n: run[n] for n in "yu"}, {"y": "m", "u": "V"}).save(name)
     told = comparable(call, words)
