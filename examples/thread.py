@@ -200,7 +200,7 @@ weaker = 1 - found.magnet.magnet_constant / my.magnet.magnet_constant
 print(
     f"The magnet is {100 * weaker:.1f} % weaker than drawn, the delay {1e3 * found.delay:.4f} ms."
 )
-print(design.why)
+print(design.finding)
 print(*(f"{name}: {what}" for name, what in design.made.items()), sep="\n")
 
 # %% [markdown]
