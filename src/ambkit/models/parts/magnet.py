@@ -1,4 +1,4 @@
-"""Where a magnet pulls at the rotor; of its law, the linear model has a bending rotor's k_i."""
+"""Where a magnet pulls at the rotor; of its law, the model of fast bending modes has its k_i."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from ambkit.data.signals import signal
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.declaration import Place, Plan, place
 from ambkit.models.parts.typical_sizes import Typical
+
+TURN = 0.5
+"""Phase of a bending mode in a sample [rad] up to which a magnet force may be held over it."""
 
 
 @dataclass(frozen=True)
@@ -25,12 +28,13 @@ class MagnetPlace:
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[MagnetPlace]:
         """Return where the magnets of each axis pull."""
-        # Bending modes are fast enough to follow what a current does within a sample.
-        bends = machine.bending is not None
+        # Whether a mode is fast enough to follow what a current does within a sample.
+        bending = machine.bending
+        fast = bending is not None and max(bending.frequency) * machine.sampling_time > TURN
         return [
             cls(
                 s.force, signal("f", a.name), place(a.line.form),
-                ConstantStiffness.of(machine.isolated_axis(a.name)).k_i if bends else None,
+                ConstantStiffness.of(machine.isolated_axis(a.name)).k_i if fast else None,
             )
             for a, s in zip(machine.axes, sizes, strict=True)
         ]  # fmt: skip
