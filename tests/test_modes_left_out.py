@@ -198,11 +198,11 @@ def test_check_and_rotor_print_the_comparison(call, one_mode, tmp_path):
     remarks = " ".join(inspect(path).remarks)
     assert "1 of 128 bending modes kept, against all" in remarks
     assert "raise it to 11.5 kHz" in remarks
-    assert re.search("too near to .*51337 rpm", remarks)
+    assert re.search("too near to .*51401 rpm", remarks)
     found = call("rotor", str(path))
     assert found.code == 0, found.err
     assert "not within 1 %" in found.out
-    assert re.search("too near to .*51337 rpm", found.out)
+    assert re.search("too near to .*51401 rpm", found.out)
 
 
 @pytest.mark.long
