@@ -11,8 +11,9 @@ import numpy as np
 from ambkit.assessment.assessment_figure import LOOKS
 from ambkit.base.arrays import grouped
 from ambkit.base.escaping import markdown
-from ambkit.judge.loop.capacity import ROOM, ZERO
+from ambkit.judge.loop.capacity import ROOM
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule, Vector
+from ambkit.result.row import ZERO
 from ambkit.rotordynamics.campbell import SPEED
 
 SLOW = 2.0  #: Modes up to so many times the greatest peak's frequency or speed are shown.

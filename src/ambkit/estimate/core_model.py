@@ -20,7 +20,7 @@ from ambkit.models.model import ENUMERATORS, ROLES, Model, compressed_rows
 from ambkit.models.parts import SYNCHRONOUS
 
 NODE = 0.02  #: Radians a sample between the speeds at which a model that turns is computed.
-GROWTH = 1e3  #: Growth of the speed by which it is told what unbalance does across [rad/s^2].
+GROWTH = 1e3  #: Growth of the speed by which the part of unbalance across is found [rad/s^2].
 
 
 NUMBERS = ("L", "b", "B_u", "h", "e", "r", "d", "c", "N", "rest")

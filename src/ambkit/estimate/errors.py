@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ambkit.base import arrays
 from ambkit.base.arrays import Array
 from ambkit.data.record import Record
 from ambkit.estimate.estimate import Estimate
@@ -35,7 +36,7 @@ def true_signal(record: Record, state: str) -> Array | None:
 def rms(error: Array) -> float:
     """Return the root mean square of what is known; NaN where nothing is."""
     known = error[np.isfinite(error)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+    return arrays.rms(known) if known.size else float("nan")
 
 
 @dataclass(frozen=True)

@@ -190,14 +190,14 @@ def _timing(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
         return
     names, u = channels(machine), interpolated(record["u"])
     as_it_is, own = _Prediction(record, machine, names), own_time(machine)
-    likelihoods = {}
+    best, shift = -np.inf, 0.0
     for samples in {round(share * own / record.sampling_time) for share in _SHIFTS} - {0}:
         shifted = u[np.clip(np.arange(u.size) - samples, 0, u.size - 1)]
         moved = replace(record, signals={**record.signals, "u": shifted})
-        likelihoods[_Prediction(moved, machine, names).best()] = samples * record.sampling_time
-    gain = max(likelihoods, default=-np.inf) - as_it_is.best()
+        likelihood = _Prediction(moved, machine, names).best()
+        best, shift = max((best, shift), (likelihood, samples * record.sampling_time))
+    gain = best - as_it_is.best()
     if gain > max(LEAST_TOTAL, LEAST_MEAN * as_it_is.n):
-        shift = likelihoods[max(likelihoods)]
         cause = "is the machine's delay longer, or u" if shift > 0 else "is u"
         yield (
             False,

@@ -18,8 +18,6 @@ from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 
-ZERO = 273.15  #: Of degrees Celsius [K].
-
 
 @dataclass(frozen=True)
 class Heating:

@@ -29,7 +29,7 @@ ORDER, HALF = 2, 7
 APART = 1.0
 """Beyond this share of the noise on one line, S is not told from the transient; 0.4 is usual."""
 
-PER_DECADE = 40  #: Frequencies of a spectrum that are told.
+PER_DECADE = 40  #: Frequencies of a spectrum that are stated.
 
 CERTAIN = 10.0
 """Ratio to the deviation of its parts from which on a magnitude is as good as normal."""
