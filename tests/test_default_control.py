@@ -10,7 +10,14 @@ from ambkit import Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
 from ambkit.control.control_candidates import REGULATORS, Candidate
-from ambkit.control.default_control import AS_GOOD, DefaultControl, default_control
+from ambkit.control.default_control import (
+    AS_GOOD,
+    EQUAL,
+    ZONE_A,
+    DefaultControl,
+    best_of,
+    default_control,
+)
 from ambkit.control.stabilising_controller import ENOUGH
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
@@ -223,7 +230,26 @@ def test_random_rotors_are_held_about_as_well_as_by_the_regulator_wherever_one_i
             assert found.held
             chosen = found.chosen
             peak = worst(machine, chosen.control, chosen.feedback == "estimate")
-            assert peak <= 1.03 * max(ENOUGH, AS_GOOD * lowest)
+            assert peak <= 1.03 * max(ENOUGH, EQUAL * lowest, min(AS_GOOD * lowest, ZONE_A))
+
+
+@pytest.mark.parametrize(
+    ("peaks", "chosen"),
+    [
+        ((2.5, 1.9), 1),  # low enough: no other is tried
+        ((2.5, 2.21, 2.14), 1),  # zone A: the simplest near the lowest
+        ((3.1, 2.95), 1),  # near the lowest, but not in its zone
+        ((math.inf, 5.33, 5.13), 2),  # beyond zone A: the lowest
+        ((4.12, 4.0500001, 4.05), 1),  # equal but for rounding
+        ((math.inf, math.inf), 0),
+    ],
+)
+def test_the_choice_is_the_lowest_peak_beyond_zone_a_and_the_simplest_near_it_within(peaks, chosen):
+    tried = [Candidate(control, "estimate", peak, 100.0)
+             for control, peak in zip((Control(), *REGULATORS), peaks, strict=False)]  # fmt: skip
+    assert best_of(tried) is tried[chosen]
+    summary = DefaultControl("rotor", 100.0, best_of(tried), tuple(tried)).summary
+    assert ("the simplest within 10 %" in summary) == (peaks == (2.5, 2.21, 2.14))
 
 
 def test_the_frequency_of_an_undamped_nutation_makes_no_peak():

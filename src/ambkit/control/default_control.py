@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -15,7 +15,8 @@ from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import ENOUGH
 from ambkit.machine.machine import Machine
 
-AS_GOOD = 1.1  #: Ratio to the lowest peak, above `ENOUGH`, that is as good: the simplest.
+AS_GOOD = 1.1  #: Ratio to the lowest peak within which, in zone A, the simplest is chosen.
+EQUAL = 1.01  #: That ratio beyond zone A, where the lowest peak is chosen.
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
 """Zones of ISO 14839-3, and the peaks of abs(S) below which they are; D is beyond."""
@@ -56,7 +57,7 @@ class DefaultControl:
             return (
                 f"default controller: {name_of(self.chosen.control)}, fed by the "
                 f"{self.chosen.feedback}, with a peak of |S| of {self.chosen.peak:.3g} {span}"
-                f"{self._inertia_known}{self._poor}{beside}"
+                f"{self._inertia_known}{self._poor}{self._simplest}{beside}"
             )
         return (
             f"no default controller was found that holds the rotor of {self.machine} {span}; "
@@ -70,6 +71,13 @@ class DefaultControl:
         if zone == "A":
             return ""
         return f", which is poor: zone {zone} of ISO 14839-3, where zone A ends at {ZONE_A:g}"
+
+    @property
+    def _simplest(self) -> str:
+        lowest = min(item.peak for item in self.candidates)
+        if self.chosen.peak <= EQUAL * lowest:
+            return ""
+        return f", the simplest within {100 * (AS_GOOD - 1):.0f} % of the lowest peak"
 
     @property
     def _inertia_known(self) -> str:
@@ -95,7 +103,7 @@ def default_control(
     # tried in turn, from simple to linear-quadratic, on the peak of abs(S) of its worst axis with
     # all others closed, from rest to the fastest speed [rad/s], gyroscopics, dead time and the
     # linear Kalman filter with its default noise in the loop: the first whose peak is at most
-    # `ENOUGH`, or the simplest within a factor `AS_GOOD` of the lowest.
+    # `ENOUGH`, or that of `best_of`.
     max_speed = max(abs(machine.speed), max_speed)
     if not max_speed or machine.rotor.type == "mass":
         return DefaultControl(machine.name, 0.0, Candidate(PIDS[0], feedback, math.nan, 0.0))
@@ -132,6 +140,12 @@ def _chosen(machine: Machine, feedback: Feedback, max_speed: float) -> DefaultCo
         nothing = Candidate(PIDS[0], feedback, math.nan, 0.0)
         return DefaultControl(machine.name, max_speed, nothing)
     results = tuple(loops.in_turn(feedback))
-    enough = max(ENOUGH, AS_GOOD * min(item.peak for item in results))
-    simplest = next(item for item in results if item.peak <= enough)
-    return DefaultControl(machine.name, max_speed, simplest, results)
+    return DefaultControl(machine.name, max_speed, best_of(results), results)
+
+
+def best_of(candidates: Sequence[Candidate]) -> Candidate:
+    """Return the first whose peak is low enough, of candidates from simple to complicated."""
+    # That is `ENOUGH`; else near the lowest in zone A; beyond it every bit of margin counts.
+    lowest = min(item.peak for item in candidates)
+    limit = max(ENOUGH, EQUAL * lowest, min(AS_GOOD * lowest, ZONE_A))
+    return next(item for item in candidates if item.peak <= limit)
