@@ -12,7 +12,7 @@ from itertools import cycle, product
 import mutants
 import pytest
 import unseen
-from export_cases import BEARING, SAME_BITS, program
+from export_cases import BEARING, SAME_BITS, magnet_of, program
 from exporting import export_c
 from quick import quick
 
@@ -141,9 +141,41 @@ def test_operators_that_became_others_are_seen(bench):
     assert [str(m) for m in left if not bench.is_the_same(m)] == []
 
 
+@pytest.fixture(scope="module")
+def tangent(tmp_path_factory):
+    """A table whose force and tangent fly, edges included."""
+    to = tmp_path_factory.mktemp("tangent") / "c"
+    expert = magnet_of("adaptive")
+    made = export_c(BEARING, expert, to, kind="extended", expert_form="tabulated", prefix="f")
+    one = mutants.Bench(made.folder, "f")
+    yield one
+    one.close()
+
+
+AT_THE_EDGES = r"p\.node = \(|p\.fraction = amb_clamp|p\.slope = \(\(|k_s\.value \+ k_i"
+
+
+@pytest.mark.parametrize("lines", quick(["", AT_THE_EDGES], [AT_THE_EDGES]))
+def test_no_operator_of_a_table_can_be_another(tangent, lines):
+    file = "core/src/table.c"
+    found = list(mutants.of_operators(file, tangent.text(file)))
+    some = [mutant for mutant in found if re.search(lines, mutant.text)]
+    assert len(some) > 8
+    assert [str(mutant) for mutant in some if tangent.judge(mutant).exact] == []
+
+
+@pytest.mark.parametrize("bench", ["linear"], indirect=True)
+def test_a_restart_for_a_bad_variance_keeps_the_rest_of_the_status(bench):
+    file = f"{bench.name}.c"
+    found = mutants.of_operators(file, bench.text(file))
+    some = [mutant for mutant in found if "told |= AMB_RESTARTED" in mutant.text]
+    assert len(some) == 2
+    assert [str(mutant) for mutant in some if bench.judge(mutant).exact] == []
+
+
 def test_what_is_explained_stands_in_the_sources(exported):
-    folder = exported("linear").folder
-    texts = {path.name: path.read_text() for path in folder.rglob("*.[ch]")}
+    folders = exported("linear").folder, exported("tabulated").folder
+    texts = {path.name: path.read_text() for one in folders for path in one.rglob("*.[ch]")}
     gone = [
         each
         for each in unseen.FILTER

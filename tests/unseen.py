@@ -188,6 +188,8 @@ NOT_RUN = (
 """Of machines whose filter is the linear one, by loops or not."""
 
 
+_SECANT = "an adaptive filter asks for the secant alone; the extended one's table is seen whole"
+
 FILTER = (
     Unseen(".c", "(told & unsure) != 0U", "a variance alone is bad by rounding only"),
     Unseen("axial.h", "G00", "below the last digit in float"),
@@ -246,6 +248,14 @@ FILTER = (
     ),
     Unseen(".c", "} else if (used && (state->doubted > 0U)) {", "not visited, or killed"),
     Unseen(".c", "state->doubted--;", "not visited, or killed"),
+    Unseen(".c", "r < AMB_SENSORS", "held within bounds they are numbers", "has_variances"),
+    Unseen(".c", "(unsure | AMB_BAD_VARIANCE)) != 0U", "one look at both, which is quicker"),
+    Unseen("table.c", "const amb_real across", _SECANT, "bilinear"),
+    Unseen("table.c", "s.d_iu = ", _SECANT, "bilinear"),
+    Unseen("table.c", "s.d_x = ", _SECANT, "bilinear"),
+    Unseen("table.c", "p.slope = ((position", _SECANT, "locate"),
+    Unseen("table.c", "", _SECANT, "table_tangent"),
+    Unseen("table.c", "", _SECANT, "table_force"),
 )  # fmt: skip
 """Of the paper's linear filter of one axis, in float. Where the text stands more than once, or an
 operator of it makes a difference, those are seen."""
