@@ -6,16 +6,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from typing import NamedTuple
 
 
 class Unseen(NamedTuple):
-    """A line whose operators can be others, or some of them, without a difference."""
+    """A line whose operators can be others, or that does not run, without a difference."""
 
     file: str  # how its name ends
     text: str  # in the line
     why: str
     function: str = ""  # that it stands in; any, where it is empty
+
+
+def listed(text: str) -> tuple[Unseen, ...]:
+    """Read lists of lines: a reason, and below it ``file@functions  text  text`` of each place."""
+    found, why = [], ""
+    for line in text.strip().splitlines():
+        if not line.startswith(" "):
+            why = line.removesuffix(":")
+            continue
+        where, *texts = line.strip().split("  ")
+        file, _, functions = where.partition("@")
+        each = product(functions.split(","), texts or [""])
+        found += [Unseen(file.removeprefix("*"), text, why, function) for function, text in each]
+    return tuple(found)
 
 
 class Has(NamedTuple):
@@ -34,395 +49,293 @@ class Has(NamedTuple):
     rounded: bool = False  # the readings of a sensor come in steps
 
 
-class NotRun(NamedTuple):
-    """Lines that a machine's self-test does not run, for they have nothing to do there."""
-
-    file: str
-    function: str
-    text: str  # in the lines; all of the function where it is empty
-    why: str
-    of: Callable[[Has], bool]
-
-
-_ONE = "of a single reading, or of kinds of filters that this is not"
-_DIRECT = "no control signal acts on the states past the magnets"
-_TURN = "no motion is left to the rotor"
-_ROUNDED = "no sensor's readings come in steps"
-_TOO_FAR = "no reading or current is so large"
-_FIRST = "the first sample is a start, without a control"
-_EVEN = "the noise of each sensor is the same everywhere"
-
-NOT_RUN = (
-    NotRun(
-        "real.h", "amb_noise_share", "", _EVEN, lambda has: not has.rising,
-    ),
-    NotRun("kalman_step.h", "amb_step_noise", "share) * share", _EVEN, lambda h: not h.rising),
-    NotRun(
-        "kalman_step.h", "amb_step_advance", "F[f] = scale", "of kinds of filters that this is not",
-        lambda _: True,
-    ),
-    NotRun("equilibrium.c", "amb_rest_where_shown", "", _ONE, lambda _: True),
-    NotRun(
-        "control.c", "amb_working_by", "else if (works_by->copy[0]", "for bits that flip in memory",
-        lambda _: True,
-    ),
-    *(
-        NotRun("envelope.c", function, "", _ONE, lambda _: True)
-        for function in (
-            "place_there", "place_towards", "amb_envelope_place", "add_square", "clear",
-            "restart_there",
-        )
-    ),
-    NotRun(
-        "magnet.c", "constant_force", "", "asked by kinds of filters that this is not",
-        lambda _: True,
-    ),
-    NotRun("loops.c", "add_up", "j < wanted", "of fewer than 8 states", lambda h: h.states >= 8),
-    NotRun(
-        "loops.c", "add_up", "sum->row[", "of fewer than 8 states", lambda has: has.states >= 8
-    ),
-    NotRun(
-        "loops.c", "add_up", "k < sum->count", "of fewer than 8 states",
-        lambda has: has.states >= 8,
-    ),
-    NotRun(
-        "loops.c", "turn", "; j < end; j++", "of states that are no multiple of 4",
-        lambda has: has.states % 4 == 0,
-    ),
-    NotRun(
-        "loops.c", "turn", "r < rows", "of states that are no multiple of 4",
-        lambda has: has.states % 4 == 0,
-    ),
-    NotRun(
-        "loops.c", "turn", "apart -= less", "of states that are no multiple of 4",
-        lambda has: has.states % 4 == 0,
-    ),
-    NotRun(
-        "loops.c", "amb_model_update", "cov[amb_entry(n, n - 1, n - 1)] -=",
-        "of an odd number of states", lambda has: has.states % 2 == 0,
-    ),
-    NotRun(
-        "loops.c", "amb_model_predict_mean", "model->B_u.value[k]", _DIRECT,
-        lambda has: not has.direct,
-    ),
-    NotRun(
-        "loops.c", "pushes", "model->B_u.value[a]", _DIRECT, lambda has: not has.direct
-    ),
-    NotRun("loops.c", "with_control", "", _DIRECT, lambda has: not has.direct),
-    NotRun(
-        "loops.c", "with_next_state", "noise->gain[f][c]", _DIRECT, lambda has: not has.direct
-    ),
-    NotRun("loops.c", "next_column", "model->B_u.value[a]", _DIRECT, lambda h: not h.direct),
-    NotRun("control.c", "see", "r < amb_sensors(model)", "the estimate feeds it", lambda h: h.fed),
-    NotRun(
-        "control.c", "see", "i < amb_states(model)", "the readings feed it", lambda h: not h.fed
-    ),
-    NotRun("control.c", "see", "AMB_LOAD", "the readings feed it", lambda has: not has.fed),
-    NotRun(
-        "controller.c", "amb_pid_step", "status |= AMB_MISSING", "estimates are finite",
-        lambda has: has.fed,
-    ),
-    *(
-        NotRun(
-            "controller.c", "amb_pid_step", text, "the estimate has the velocity",
-            lambda has: has.fed,
-        )
-        for text in ("state->velocity +=", "FASTEST", "state->velocity = amb_clamp(")
-    ),
-    NotRun(
-        "controller.c", "amb_pid_step", "((velocity != NULL) &&", "readings have no velocity",
-        lambda has: not has.fed,
-    ),
-    NotRun(
-        "controller.c", "amb_pid_step", "!saturated", "integrals follow what is left of a demand",
-        lambda has: has.tracking,
-    ),
-    NotRun(
-        "controller.c", "amb_pid_step", "pid->T * pid->ki * error)",
-        "integrals follow what is left of a demand", lambda has: has.tracking,
-    ),
-    NotRun(
-        "controllers.c", "amb_controllers_step", "&c->velocity[",
-        "readings have no velocity", lambda has: not has.fed,
-    ),
-    NotRun(
-        "controllers.c", "amb_controllers_step", "status |= AMB_SATURATED",
-        "each PID has held its axis to its limits", lambda has: has.isolated,
-    ),
-    *(
-        NotRun("controller.c", function, "", "no blocks behind a PID", lambda _: True)
-        for function in ("settled", "filtered")
-    ),
-    NotRun(
-        "controllers.c", "scheduled", "", "no gains follow the speed", lambda h: not h.schedule
-    ),
-    *(
-        NotRun("controllers.c", function, "", _TURN, lambda has: not has.let_turn)
-        for function in ("find", "turned", "taken", "leave")
-    ),
-    *(
-        NotRun("controllers.c", "amb_controllers_step", text, _TURN, lambda h: not h.let_turn)
-        for text in ("i < c->let_turn->moved", "left.motion[", "left.current[")
-    ),
-    *(
-        NotRun(file, function, "", _ROUNDED, lambda has: not has.rounded)
-        for file, function in (
-            ("exponential.h", "amb_exp_polynomial"), ("exponential.h", "amb_exp_negative"),
-            ("real.h", "amb_at_least"), ("kalman.c", "density"), ("kalman.c", "mills"),
-            ("kalman.c", "amb_kalman_rounded"), ("kalman.c", "amb_kalman_edge"),
-            ("kalman.c", "amb_kalman_rests"),
-        )
-    ),
-    *(
-        NotRun("kalman_step.h", "amb_step_rounded", text, _ROUNDED, lambda has: not has.rounded)
-        for text in ("const amb_real e = y", "if (AMB_WITHIN(e, AMB_REAL_ROOT)", "as = very")
-    ),
-    NotRun(
-        "sequence.c", "mend", "AMB_LIFTING : AMB_TRIPPED", "for bits that flip in memory",
-        lambda _: True,
-    ),
-    NotRun(
-        "controllers.c", "fed_back", "dot(", "no states are fed back", lambda has: not has.gains
-    ),
+NOT_RUN: tuple[tuple[Callable[[Has], bool], str], ...] = (
+    (lambda has: not has.rising, """
+the noise of each sensor is the same everywhere:
+    real.h@amb_noise_share
+    kalman_step.h@amb_step_noise  share) * share
+"""),
+    (lambda _: True, """
+of kinds of filters that this is not:
+    kalman_step.h@amb_step_advance  F[f] = scale
+of a single reading, or of kinds of filters that this is not:
+    equilibrium.c@amb_rest_where_shown
+    envelope.c@place_there,place_towards,amb_envelope_place,add_square,clear,restart_there
+for bits that flip in memory:
+    control.c@amb_working_by  else if (works_by->copy[0]
+    sequence.c@mend  AMB_LIFTING : AMB_TRIPPED
+asked by kinds of filters that this is not:
+    magnet.c@constant_force
+no blocks behind a PID:
+    controller.c@settled,filtered
+"""),
+    (lambda has: has.states >= 8, """
+of fewer than 8 states:
+    loops.c@add_up  j < wanted  sum->row[  k < sum->count
+"""),
+    (lambda has: has.states % 4 == 0, """
+of states that are no multiple of 4:
+    loops.c@turn  ; j < end; j++  r < rows  apart -= less
+"""),
+    (lambda has: has.states % 2 == 0, """
+of an odd number of states:
+    loops.c@amb_model_update  cov[amb_entry(n, n - 1, n - 1)] -=
+"""),
+    (lambda has: not has.direct, """
+no control signal acts on the states past the magnets:
+    loops.c@amb_model_predict_mean  model->B_u.value[k]
+    loops.c@pushes  model->B_u.value[a]
+    loops.c@with_control
+    loops.c@with_next_state  noise->gain[f][c]
+    loops.c@next_column  model->B_u.value[a]
+"""),
+    (lambda has: has.fed, """
+the estimate feeds it:
+    control.c@see  r < amb_sensors(model)
+estimates are finite:
+    controller.c@amb_pid_step  status |= AMB_MISSING
+the estimate has the velocity:
+    controller.c@amb_pid_step  state->velocity +=  FASTEST  state->velocity = amb_clamp(
+"""),
+    (lambda has: not has.fed, """
+the readings feed it:
+    control.c@see  i < amb_states(model)  AMB_LOAD
+readings have no velocity:
+    controller.c@amb_pid_step  ((velocity != NULL) &&
+    controllers.c@amb_controllers_step  &c->velocity[
+"""),
+    (lambda has: has.tracking, """
+integrals follow what is left of a demand:
+    controller.c@amb_pid_step  !saturated  pid->T * pid->ki * error)
+"""),
+    (lambda has: has.isolated, """
+each PID has held its axis to its limits:
+    controllers.c@amb_controllers_step  status |= AMB_SATURATED
+"""),
+    (lambda has: not has.schedule, """
+no gains follow the speed:
+    controllers.c@scheduled
+"""),
+    (lambda has: not has.let_turn, """
+no motion is left to the rotor:
+    controllers.c@find,turned,taken,leave
+    controllers.c@amb_controllers_step  i < c->let_turn->moved  left.motion[  left.current[
+"""),
+    (lambda has: not has.rounded, """
+no sensor's readings come in steps:
+    exponential.h@amb_exp_polynomial,amb_exp_negative
+    real.h@amb_at_least
+    kalman.c@density,mills,amb_kalman_rounded,amb_kalman_edge,amb_kalman_rests
+    kalman_step.h@amb_step_rounded  const amb_real e = y  if (AMB_WITHIN(e, AMB_REAL_ROOT)
+    kalman_step.h@amb_step_rounded  as = very
+"""),
+    (lambda has: not has.gains, """
+no states are fed back:
+    controllers.c@fed_back  dot(
+"""),
 )  # fmt: skip
-"""Of machines whose filter is the linear one, by loops or not."""
+"""Lines that a machine's self-test does not run, as they have nothing to do there: when, and which.
+Of machines whose filter is the linear one, by loops or not."""
 
-
-_SECANT = "an adaptive filter asks for the secant alone; the extended one's table is seen whole"
-
-FILTER = (
-    Unseen(".c", "(told & unsure) != 0U", "a variance alone is bad by rounding only"),
-    Unseen("axial.h", "G00", "below the last digit in float"),
-    Unseen("axial.h", "G03", "below the last digit in float"),
-    Unseen("axial.h", "G33", "below the last digit in float"),
-    Unseen(
-        "real.h", "(a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)",
-        "asked of constants alone, all good",
-    ),
-    Unseen("kalman.c", "!amb_is_finite(mean[i]) ||", "asked of constants alone, all good"),
-    Unseen("kalman.c", "for (int i = 0; i < n; i++) {", "a loop over that check, or killed"),
-    Unseen("kalman.c", "near && (std != NULL)", "a start between the stops is near, and has a std"),
-    Unseen("equilibrium.c", "(far > farthest)", "one position"),
-    Unseen("equilibrium.c", "(position >= 0) && these[position]", "a velocity has a position"),
-    Unseen(
-        "equilibrium.c", "if (these[i] && (amb_model_role(model, i) == AMB_POSITION))",
-        "one position",
-    ),
-    Unseen("equilibrium.c", "these[j] || ((amb_model_role(model, j) == AMB_SHOWN)", "one sensor"),
-    Unseen("equilibrium.c", "bool seen = false;", "the residual after an outage is not asked"),
-    Unseen(
-        "equilibrium.c", "for (int i = 0; i < amb_states(model); i++) {",
-        "as the residual, or killed",
-    ),
-    Unseen("equilibrium.c", "seen = seen ||", "the residual after an outage is not asked"),
-    Unseen("envelope.c", "for (int r = 0; r < amb_sensors(model); r++) {", "as the residual"),
-    Unseen("envelope.c", "for (int j = 0; j < n; j++) {", "clears what is clear, or killed"),
-    Unseen("envelope.c", "if (j != s) {", "clears what is clear, or killed"),
-    Unseen("envelope.c", "bool some = false;", "the return value is not asked"),
-    Unseen(
-        "envelope.c", "for (int i = 0; i < n; i++) {",
-        "the return value is not asked, or killed",
-    ),
-    Unseen("envelope.c", "some = some ||", "the return value is not asked"),
-    Unseen("envelope.c", "(moves && lost[i])", "both are lost, or none"),
-    Unseen(
-        "envelope.c", "lost[i] && (amb_model_role(model, i) == AMB_SHOWN)",
-        "rest is the mean elsewhere",
-    ),
-    Unseen(
-        "envelope.c", "(role == AMB_SHOWN) || amb_is_finite(variance[i])",
-        "all are finite, or none",
-    ),
-    Unseen(
-        "root.h", "(AMB_C(0.5) * inverse) * (a - root * root)",
-        "within the root's own rounding",
-    ),
-    Unseen("kalman_step.h", "!sharp || amb_is_finite(e->variance)", "the supervisor starts anew"),
-    Unseen("kalman_step.h", "const bool sharp = !(", "the supervisor starts anew"),
-    Unseen(".c", "AMB_WITHIN(y, far) ?", "what starts it is between the stops"),
-    Unseen("kalman_step.h", "(u < -AMB_REAL_ROOT) &&", _TOO_FAR),
-    Unseen("kalman_step.h", "if (rise == AMB_C(0.0))", _EVEN),
-    Unseen(
-        ".c", "finite = finite && amb_is_finite(result->variance[r])",
-        "for bits that flip in memory",
-    ),
-    Unseen(".c", "} else if (used && (state->doubted > 0U)) {", "not visited, or killed"),
-    Unseen(".c", "state->doubted--;", "not visited, or killed"),
-    Unseen(".c", "r < AMB_SENSORS", "held within bounds they are numbers", "has_variances"),
-    Unseen(".c", "(unsure | AMB_BAD_VARIANCE)) != 0U", "one look at both, which is quicker"),
-    Unseen("table.c", "const amb_real across", _SECANT, "bilinear"),
-    Unseen("table.c", "s.d_iu = ", _SECANT, "bilinear"),
-    Unseen("table.c", "s.d_x = ", _SECANT, "bilinear"),
-    Unseen("table.c", "p.slope = ((position", _SECANT, "locate"),
-    Unseen("table.c", "", _SECANT, "table_tangent"),
-    Unseen("table.c", "", _SECANT, "table_force"),
-)  # fmt: skip
+FILTER = listed("""
+a variance alone is bad by rounding only:
+    .c  (told & unsure) != 0U
+below the last digit in float:
+    axial.h  G00  G03  G33
+asked of constants alone, all good:
+    real.h  (a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)
+    kalman.c  !amb_is_finite(mean[i]) ||
+a loop over that check, or killed:
+    kalman.c  for (int i = 0; i < n; i++) {
+a start between the stops is near, and has a std:
+    kalman.c  near && (std != NULL)
+one position:
+    equilibrium.c  (far > farthest)  if (these[i] && (amb_model_role(model, i) == AMB_POSITION))
+a velocity has a position:
+    equilibrium.c  (position >= 0) && these[position]
+one sensor:
+    equilibrium.c  these[j] || ((amb_model_role(model, j) == AMB_SHOWN)
+the residual after an outage is not asked:
+    equilibrium.c  bool seen = false;  seen = seen ||
+as the residual, or killed:
+    equilibrium.c  for (int i = 0; i < amb_states(model); i++) {
+as the residual:
+    envelope.c  for (int r = 0; r < amb_sensors(model); r++) {
+clears what is clear, or killed:
+    envelope.c  for (int j = 0; j < n; j++) {  if (j != s) {
+the return value is not asked:
+    envelope.c  bool some = false;  some = some ||
+the return value is not asked, or killed:
+    envelope.c  for (int i = 0; i < n; i++) {
+both are lost, or none:
+    envelope.c  (moves && lost[i])
+rest is the mean elsewhere:
+    envelope.c  lost[i] && (amb_model_role(model, i) == AMB_SHOWN)
+all are finite, or none:
+    envelope.c  (role == AMB_SHOWN) || amb_is_finite(variance[i])
+within the root's own rounding:
+    root.h  (AMB_C(0.5) * inverse) * (a - root * root)
+the supervisor starts anew:
+    kalman_step.h  !sharp || amb_is_finite(e->variance)  const bool sharp = !(
+what starts it is between the stops:
+    .c  AMB_WITHIN(y, far) ?
+no reading or current is so large:
+    kalman_step.h  (u < -AMB_REAL_ROOT) &&
+the noise of each sensor is the same everywhere:
+    kalman_step.h  if (rise == AMB_C(0.0))
+for bits that flip in memory:
+    .c  finite = finite && amb_is_finite(result->variance[r])
+not visited, or killed:
+    .c  } else if (used && (state->doubted > 0U)) {  state->doubted--;
+held within bounds they are numbers:
+    .c@has_variances  r < AMB_SENSORS
+one look at both, which is quicker:
+    .c  (unsure | AMB_BAD_VARIANCE)) != 0U
+an adaptive filter asks for the secant alone; the extended one's table is seen whole:
+    table.c@bilinear  const amb_real across  s.d_iu =  s.d_x =
+    table.c@locate  p.slope = ((position
+    table.c@table_tangent,table_force
+""")
 """Of the paper's linear filter of one axis, in float. Where the text stands more than once, or an
 operator of it makes a difference, those are seen."""
 
-_EXCESS = Unseen(
-    "control.c", "share *= ", "by 1 but where a mass is calibrated, see test_calibration.py"
-)
-
-CONTROL = (
-    _EXCESS,
-    *(
-        Unseen("", text, "for bits that flip in memory")
-        for text in (
-            "state->copy[", "works_by->copy[", "works_by->control", "FASTEST", "kept(state)",
-            "const bool there =", "there ? AMB_C(1.0)", "state->mode > AMB_TRIPPED",
-            "state->share > AMB_C(0.0)", "s->doubted > c->settling", "state->velocity = AMB_C(0.0)",
-        )
-    ),
-    Unseen("", "out->usable = true;", "with a sequence the supervisor says it"),
-    Unseen(
-        "", "state->limited = false;",
-        "counted only where there were currents, and set by each such step",
-    ),
-    Unseen("", "told |= AMB_RESTARTED;", "the envelope in the core has said so already"),
-    Unseen(
-        "", "for (int f = 0; f < control->law->axes; f++) {",
-        "a step sets what acts, where it is off",
-    ),
-    Unseen("", "for (int j = 0; j < control->law->pids; j++) {", "set again as it lifts"),
-    Unseen("", "j * n", "one PID"),
-    Unseen("", "j * c->axes", "one PID"),
-    Unseen("", "axis * c->states", "one axis"),
-    Unseen("", "turning", "a machine's that is let turn"),
-    Unseen("", "c->spread[(f * c->pids) + j]", "one axis"),
-    Unseen("", "power *= speed", "a machine's"),
-    Unseen("", "turn->", "a machine's that is let turn"),
-    Unseen("", "where->", "a machine's that is let turn"),
-    Unseen("", "turned(", "a machine's that is let turn"),
-    Unseen("", "others", "a machine's that is let turn"),
-    Unseen("", "sum += (one[j]", "a machine's that is let turn"),
-    Unseen("", "left.current[", "a machine's that is let turn"),
-    Unseen("controllers.c", "", "no gains follow the speed", "scheduled"),
-    Unseen("controllers.c", "", "a machine's that is let turn", "taken"),
-    Unseen("controllers.c", "", "a machine's that is let turn", "leave"),
-    Unseen("", "(a > most) ? most : -most", _TOO_FAR),
-    Unseen("", "/ kf->set.k_ui[f]", _FIRST),
-    Unseen("", "at > AMB_C(0.0)", "a machine's that is let turn"),
-    Unseen("", "int node = (int)at", "a machine's that is let turn"),
-    Unseen("", "for (int k = 0; k < 3; k++)", "a machine's second and third"),
-    Unseen("", "else if (!saturated)", "without a tracking time"),
-    Unseen("", "pid->T * pid->ki * error)", "without a tracking time"),
-    Unseen(
-        "", "state->started = false;",
-        "a first sample after another, of a PID that is fed by readings",
-    ),
-    Unseen("", "!AMB_WITHIN(*velocity, AMB_REAL_ROOT)", "estimates are finite"),
-    Unseen("", "status |= AMB_MISSING;", "the estimator has said so"),
-)  # fmt: skip
+CONTROL = listed("""
+by 1 but where a mass is calibrated, see test_calibration.py:
+    control.c  share *=
+for bits that flip in memory:
+    *  state->copy[  works_by->copy[  works_by->control  FASTEST  kept(state)  const bool there =
+    *  there ? AMB_C(1.0)  state->mode > AMB_TRIPPED  state->share > AMB_C(0.0)
+    *  s->doubted > c->settling  state->velocity = AMB_C(0.0)
+with a sequence the supervisor says it:
+    *  out->usable = true;
+counted only where there were currents, and set by each such step:
+    *  state->limited = false;
+the envelope in the core has said so already:
+    *  told |= AMB_RESTARTED;
+a step sets what acts, where it is off:
+    *  for (int f = 0; f < control->law->axes; f++) {
+set again as it lifts:
+    *  for (int j = 0; j < control->law->pids; j++) {
+one PID:
+    *  j * n  j * c->axes
+one axis:
+    *  axis * c->states  c->spread[(f * c->pids) + j]
+a machine's that is let turn:
+    *  turning  turn->  where->  turned(  others  sum += (one[j]  left.current[  at > AMB_C(0.0)
+    *  int node = (int)at
+    controllers.c@taken,leave
+a machine's:
+    *  power *= speed
+no gains follow the speed:
+    controllers.c@scheduled
+no reading or current is so large:
+    *  (a > most) ? most : -most
+the first sample is a start, without a control:
+    *  / kf->set.k_ui[f]
+a machine's second and third:
+    *  for (int k = 0; k < 3; k++)
+without a tracking time:
+    *  else if (!saturated)  pid->T * pid->ki * error)
+a first sample after another, of a PID that is fed by readings:
+    *  state->started = false;
+estimates are finite:
+    *  !AMB_WITHIN(*velocity, AMB_REAL_ROOT)
+the estimator has said so:
+    *  status |= AMB_MISSING;
+""")
 """Of the whole controller of one axis, with what is a machine's alone."""
 
-_RESIDUAL = "after an outage an innovation is within the gate, or far beyond what goes on from it"
-_SEES = "each reading sees a position that is lost"
-_RETURN = "the filter does not ask for the return value"
-_GIVEN = "asked of constants and of bounded means alone, all of them good"
-_UNITY = "a reading is a state, taken once"
-_ROOM = "room that no sum of rows uses up"
-_FLIPPED = "for bits that flip in memory"
-
-MACHINE = (
-    Unseen("controller.c", "state->started = true;", "the estimate has the velocity"),
-    Unseen(
-        "kalman.c", "!(step > AMB_C(0.0))", "no converter of theirs is so coarse",
-        "amb_kalman_repeats",
-    ),
-    Unseen(
-        "kalman.c", "(AMB_VERY_COARSE * var_y)", "no converter of theirs is so coarse",
-        "amb_kalman_repeats",
-    ),
-    Unseen("real.h", "(a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)", _GIVEN),
-    Unseen("equilibrium.c", "bool seen = false;", _RESIDUAL, "amb_rest_sees"),
-    Unseen("equilibrium.c", "i < amb_states(model)", _RESIDUAL, "amb_rest_sees"),
-    Unseen("equilibrium.c", "seen = seen ||", _RESIDUAL, "amb_rest_sees"),
-    Unseen("envelope.c", "r < amb_sensors(model)", _RESIDUAL, "amb_envelope_hold"),
-    Unseen("equilibrium.c", "int most = -1;", "the greatest is found from any start"),
-    Unseen("equilibrium.c", "if (these[i] &&", _SEES, "amb_rest_add_followers"),
-    Unseen("equilibrium.c", "these[j] = these[j] ||", _SEES, "amb_rest_add_followers"),
-    Unseen("envelope.c", "return !within;", _RETURN, "amb_envelope_clamp"),
-    Unseen("envelope.c", "some = ", _RETURN, "amb_envelope_lost"),
-    Unseen("envelope.c", "j < n", "clears what is clear already", "show"),
-    Unseen("envelope.c", "if (j != s) {", "clears what is clear already", "show"),
-    Unseen("envelope.c", "(role == AMB_SHOWN) ||", "all variances are finite, or none"),
-    Unseen(
-        "envelope.c", "bool shows = lost[i] &&", "what is at rest is the mean elsewhere",
-        "rest_in_the_middle",
-    ),
-    Unseen("kalman.c", "i < n; i++", _GIVEN, "amb_kalman_reset"),
-    Unseen("kalman.c", "!amb_is_finite(mean[i]) ||", _GIVEN, "amb_kalman_reset"),
-    Unseen("kalman.c", "near && (std != NULL)", "a start is near, and has deviations"),
-    Unseen("kalman.c", "kf->far[r] * kf->far[r]", "the first change is smaller"),
-    Unseen("kalman.c", "{AMB_C(2.0) * kf->far[r]", "no measurement is so far away"),
-    Unseen(
-        "exponential.h", "/* ln 2 in two parts */",
-        "what a repeat's probability is made of, which is held to a limit",
-    ),
-    Unseen("loops.c", "value[AMB_STATES + AMB_FORCES", _ROOM),
-    Unseen("loops.c", "row[AMB_STATES + AMB_FORCES", _ROOM),
-    Unseen("loops.c", "if (n >= BLOCK)", "the sums are the same, row by row and in blocks"),
-    Unseen(
-        "loops.c", "model->B_u.start[i]", "a loop over no entries", "amb_model_predict_mean"
-    ),
-    Unseen(
-        "loops.c", "(i + 1) < n; i += 2", "what lies behind is room that is written anew",
-        "amb_model_update",
-    ),
-    Unseen(".c", "AMB_WITHIN(y, far) ?", "what starts it is between the stops", "within_reach"),
-    Unseen(".c", "r < AMB_SENSORS", "held within bounds they are numbers", "has_variances"),
-    Unseen(".c", "finite = finite &&", "held within bounds they are numbers", "has_variances"),
-    Unseen(".c", "(unsure | AMB_BAD_VARIANCE)) != 0U", "one look at both, which is quicker"),
-    Unseen("loops.c", "cov[entry] * value", _UNITY, "add_row_of"),
-    Unseen("loops.c", "row[j - k] * value", _UNITY, "add_row_of"),
-    Unseen("loops.c", "* model->c.value[a];", _UNITY, "amb_model_shown_variance"),
-    Unseen("loops.c", "(direct > 0) &&", "of controls past the magnets: none, or below a digit"),
-    Unseen("loops.c", "room.v = ", "there is nothing in that room"),
-    Unseen("loops.c", "room.u = ", "there is nothing in that room"),
-    Unseen("loops.c", "if (rows == 4)", "the same without a loop, which is quicker"),
-    _EXCESS,
-    Unseen("control.c", "j < control->law->pids", "PIDs are set again as it lifts, or were just"),
-    Unseen(
-        "control.c", "state->limited = false;", "where it is off no current counts",
-        "amb_control_init",
-    ),
-    Unseen(
-        "control.c", "/ kf->set.k_ui[f]", _FIRST,
-        "amb_control_levitate",
-    ),
-    Unseen("control.c", "out->usable = true;", "the supervisor says it"),
-    Unseen("control.c", "(a > most) ? most : -most", _TOO_FAR),
-    Unseen("control.c", "works_by->copy[", _FLIPPED),
-    Unseen("controller.c", "state->copy[", _FLIPPED),
-    Unseen("controller.c", "(pid->sections > 0) ?", "no blocks, by which nothing is filtered"),
-    Unseen("sequence.c", "const bool there =", _FLIPPED),
-    Unseen("real.h", "i < n; i++", _GIVEN, "amb_all_within"),
-    Unseen("real.h", "within = within &&", _GIVEN, "amb_all_within"),
-    Unseen(
-        "kalman_step.h", "(u < -AMB_REAL_ROOT) &&",
-        "what is near, or above the root, went another way before",
-    ),
-    Unseen(
-        "kalman_step.h", "amb_clamp(s, -x_max, x_max)",
-        "the stiffnesses are the same wherever the rotor is",
-    ),
-    Unseen("kalman_step.h", "if (rise == AMB_C(0.0))", _EVEN),
-)  # fmt: skip
+MACHINE = listed("""
+the estimate has the velocity:
+    controller.c  state->started = true;
+no converter of theirs is so coarse:
+    kalman.c@amb_kalman_repeats  !(step > AMB_C(0.0))  (AMB_VERY_COARSE * var_y)
+asked of constants and of bounded means alone, all of them good:
+    real.h  (a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)
+    kalman.c@amb_kalman_reset  i < n; i++  !amb_is_finite(mean[i]) ||
+    real.h@amb_all_within  i < n; i++  within = within &&
+after an outage an innovation is within the gate, or far beyond what goes on from it:
+    equilibrium.c@amb_rest_sees  bool seen = false;  i < amb_states(model)  seen = seen ||
+    envelope.c@amb_envelope_hold  r < amb_sensors(model)
+the greatest is found from any start:
+    equilibrium.c  int most = -1;
+each reading sees a position that is lost:
+    equilibrium.c@amb_rest_add_followers  if (these[i] &&  these[j] = these[j] ||
+the filter does not ask for the return value:
+    envelope.c@amb_envelope_clamp  return !within;
+    envelope.c@amb_envelope_lost  some =
+clears what is clear already:
+    envelope.c@show  j < n  if (j != s) {
+all variances are finite, or none:
+    envelope.c  (role == AMB_SHOWN) ||
+what is at rest is the mean elsewhere:
+    envelope.c@rest_in_the_middle  bool shows = lost[i] &&
+a start is near, and has deviations:
+    kalman.c  near && (std != NULL)
+the first change is smaller:
+    kalman.c  kf->far[r] * kf->far[r]
+no measurement is so far away:
+    kalman.c  {AMB_C(2.0) * kf->far[r]
+what a repeat's probability is made of, which is held to a limit:
+    exponential.h  /* ln 2 in two parts */
+room that no sum of rows uses up:
+    loops.c  value[AMB_STATES + AMB_FORCES  row[AMB_STATES + AMB_FORCES
+the sums are the same, row by row and in blocks:
+    loops.c  if (n >= BLOCK)
+a loop over no entries:
+    loops.c@amb_model_predict_mean  model->B_u.start[i]
+what lies behind is room that is written anew:
+    loops.c@amb_model_update  (i + 1) < n; i += 2
+what starts it is between the stops:
+    .c@within_reach  AMB_WITHIN(y, far) ?
+held within bounds they are numbers:
+    .c@has_variances  r < AMB_SENSORS  finite = finite &&
+one look at both, which is quicker:
+    .c  (unsure | AMB_BAD_VARIANCE)) != 0U
+a reading is a state, taken once:
+    loops.c@add_row_of  cov[entry] * value  row[j - k] * value
+    loops.c@amb_model_shown_variance  * model->c.value[a];
+of controls past the magnets: none, or below a digit:
+    loops.c  (direct > 0) &&
+there is nothing in that room:
+    loops.c  room.v =  room.u =
+the same without a loop, which is quicker:
+    loops.c  if (rows == 4)
+by 1 but where a mass is calibrated, see test_calibration.py:
+    control.c  share *=
+PIDs are set again as it lifts, or were just:
+    control.c  j < control->law->pids
+where it is off no current counts:
+    control.c@amb_control_init  state->limited = false;
+the first sample is a start, without a control:
+    control.c@amb_control_levitate  / kf->set.k_ui[f]
+the supervisor says it:
+    control.c  out->usable = true;
+no reading or current is so large:
+    control.c  (a > most) ? most : -most
+for bits that flip in memory:
+    control.c  works_by->copy[
+    controller.c  state->copy[
+    sequence.c  const bool there =
+no blocks, by which nothing is filtered:
+    controller.c  (pid->sections > 0) ?
+what is near, or above the root, went another way before:
+    kalman_step.h  (u < -AMB_REAL_ROOT) &&
+the stiffnesses are the same wherever the rotor is:
+    kalman_step.h  amb_clamp(s, -x_max, x_max)
+the noise of each sensor is the same everywhere:
+    kalman_step.h  if (rise == AMB_C(0.0))
+""")
 """Of a machine's linear filter and its controllers."""
 
-UNROUNDED = (
-    Unseen("", "kf->rounding[", _ROUNDED),
-    *(
-        Unseen("kalman_step.h", text, _ROUNDED)
-        for text in (
-            "kf->set.step[r]) > (than", "const bool again = !(", "bool coarse = very || (interval",
-            "as.moved", "const bool told = (status", "const amb_real grown = before",
-            "const amb_real change = y", "return amb_step_each(amb_step_plain, kf, NULL",
-            "if (coarse && !stays) {",
-        )
-    ),
-)  # fmt: skip
+UNROUNDED = listed("""
+no sensor's readings come in steps:
+    *  kf->rounding[
+    kalman_step.h  kf->set.step[r]) > (than  const bool again = !(  bool coarse = very || (interval
+    kalman_step.h  as.moved  const bool told = (status  const amb_real grown = before
+    kalman_step.h  const amb_real change = y  return amb_step_each(amb_step_plain, kf, NULL
+    kalman_step.h  if (coarse && !stays) {
+""")
 """Of a machine or an axis whose readings do not come in steps."""
 
 
@@ -432,6 +345,6 @@ def lists(of_machine: bool, controlled: bool, rounded: bool) -> tuple[Unseen, ..
     return known if rounded else known + UNROUNDED
 
 
-def not_run(has: Has) -> list[NotRun]:
+def not_run(has: Has) -> list[Unseen]:
     """Return what does not run in the self-test of a machine."""
-    return [each for each in NOT_RUN if each.of(has)]
+    return [line for of, lines in NOT_RUN if of(has) for line in listed(lines)]
