@@ -164,6 +164,13 @@ def test_a_sensor_that_sees_no_tilt_is_told():
         machine(sensor=[sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0, type="axial")])
 
 
+def test_a_sensor_without_a_gain_is_told_of_the_gain_alone():
+    axial = {"name": "T", "type": "axial", "lag": 5e-5, "noise_variance": 1e-13}
+    with pytest.raises(ConfigError, match=r"sensor.2..gain: missing") as found:
+        machine(sensor=[sensor("A", 0.2), sensor("B", -0.3), axial])
+    assert "angle" not in str(found.value)
+
+
 def test_a_machine_with_one_axis_is_written_short_and_read_either_way(tmp_path):
     axis = Bearing.preset("zittau_axial")
     one = axis.long

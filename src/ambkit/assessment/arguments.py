@@ -199,7 +199,11 @@ def axis_argument(source: Any) -> Machine:
     """Return the machine that is given or named, which must have one axis."""
     machine = machine_argument(source)
     if not machine.single:
-        raise AmbkitError(f"{machine.name} has several axes; this takes a machine with one")
+        names = ", ".join(axis.name for axis in machine.axes)
+        raise AmbkitError(
+            f"{machine.name} has the axes {names}, which move one rotor; this takes a machine with "
+            "one axis (ambkit identify --axis takes one of several)"
+        )
     return machine.short
 
 
@@ -286,14 +290,6 @@ def filter_arguments(filters: Any, machine: Machine) -> dict[str, Estimator]:
     if filters is None:
         return {}
     return {name: make() for name, make in factories(filters, machine).items()}
-
-
-def axis_to_export(
-    machine: Any, filter: Any, choice: Sequence[str] = tuple(KINDS)
-) -> tuple[Machine, Estimator]:
-    """Return the machine with one axis and the filter that are to be exported."""
-    plant, result = filter_to_export(machine, filter, "double", choice=choice)
-    return axis_argument(plant), result
 
 
 def filter_to_export(

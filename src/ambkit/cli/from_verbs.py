@@ -229,8 +229,9 @@ def run(name: str, arguments: Sequence[str]) -> int:
     targets = [(path, catalogue.products(name, verb)[what]) for path, what in out.items()]
     if own and name in catalogue.MAKES:
         targets = [(Path(options["out"]), catalogue.MAKES[name][""])]
-    _check_files("--out", targets, options)
-    _check_files("--plot", [(path, catalogue.PICTURES) for path in plots], options)
+    read = options | {"out": None}
+    _check_files("--out", targets, read)
+    _check_files("--plot", [(path, catalogue.PICTURES) for path in plots], read)
     try:
         result = verb(**options)
     except AmbkitError as error:

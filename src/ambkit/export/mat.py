@@ -18,9 +18,10 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
+from ambkit.machine.force_laws import constants_of, models_of
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import ConstantStiffness, core_module
+from ambkit.machine.magnets import core_module
 from ambkit.machine.parts import FILES
 from ambkit.machine.stiffness import stiffness_map
 
@@ -33,7 +34,7 @@ def export_mat(
     """Write a MAT-file (version 5) whose bytes depend on its content alone."""
     from scipy.io import savemat
 
-    if isinstance(filter.magnet, ForceSurface):
+    if any(isinstance(magnet, ForceSurface) for magnet in models_of(filter.magnet)):
         raise AmbkitError(
             "filter: a MAT-file holds an expert; a force map goes into the machine, as its "
             "force_map, and its tables along"
@@ -50,38 +51,45 @@ def export_mat(
 
 def variables(filter: Estimator) -> dict[str, Any]:
     """Return what the file holds, by the names in MATLAB; all in SI."""
-    bearing, expert = filter.bearing, filter.magnet if isinstance(filter.magnet, Expert) else None
-    inputs = {"y": filter.inputs.y, "u": filter.inputs.u}
+    machine = filter.machine.short
+    single, inputs = machine.single, {"y": filter.inputs.y, "u": filter.inputs.u}
+    axes = dict(zip((axis.name for axis in machine.axes), filter.view.isolated, strict=True))
+    experts = {
+        name: magnet if isinstance(magnet, Expert) else None
+        for name, magnet in zip(axes, models_of(filter.magnet), strict=True)
+    }
+    tables = {name: _tables(axis, experts[name]) for name, axis in axes.items()}
+    rules = {name: _expert(expert) for name, expert in experts.items() if expert is not None}
     content: dict[str, Any] = _model(filter) | {
         "states": np.array([state.name for state in filter.states], dtype=object),
-        "tables": _tables(bearing, expert),
-        "bearing": _fields(bearing),
+        "tables": tables[""] if single else tables,
+        "bearing" if single else "machine": _fields(machine),
         "inputs": {
             name: {"gain": item.gain, "zero": item.zero, "unit": item.unit}
             for name, item in inputs.items()
         },
-        "about": f"{bearing.name}, written by ambkit {version('ambkit')}; SI units",
+        "about": f"{machine.name}, written by ambkit {version('ambkit')}; SI units",
     }
-    return content if expert is None else content | {"expert": _expert(expert)}
+    return content | ({"expert": rules[""] if single else rules} if rules else {})
 
 
 def _model(filter: Estimator) -> dict[str, Any]:
     """Matrices of the model that the filter predicts with."""
-    k = ConstantStiffness.of(filter.bearing)
+    k: Any = models_of(constants_of(filter.machine))
     parameters = filter.core.parameters
     held = parameters["set"]
-    model = filter.linear_model(k.k_i, k.k_s)
+    model = filter.linear_model(np.array([one.k_i for one in k]), np.array([one.k_s for one in k]))
     return {
         "A": model.A,
         "B": model.B,
         "C": model.H,
         "D": 0.0,
         "E": model.E,
-        "Q": held["var_u"][0] * model.B @ model.B.T + _symmetric(parameters["growth"]),
+        "Q": model.B * np.array(held["var_u"]) @ model.B.T + _symmetric(parameters["growth"]),
         "R": model.R,
         "P0": np.diag(np.square(filter.default_std())),
         "T": held["T"],
-        "f_0": float(held["f_0"][0]),
+        "f_0": held["f_0"][0] if len(held["f_0"]) == 1 else np.array(held["f_0"]),
     }
 
 

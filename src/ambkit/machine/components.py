@@ -142,7 +142,7 @@ class PlacedBearing(Part):
         yield from coil_contradictions(read)
         if read("type") == "radial" and read("magnet.type") == "one-sided":
             yield "magnet.type", 'must be "two-sided" in a radial bearing; is "one-sided"'
-        if read("type") == "thrust" and read("angle") not in (0.0, None):
+        if read("type") == "thrust" and abs(read("angle") or 0.0) > 0:
             yield "angle", "is of a radial bearing; a thrust bearing has its axis along the shaft"
 
 
@@ -163,7 +163,7 @@ class PlacedSensor(Sensor):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        if read("type") == "axial" and read("angle") not in (0.0, None):
+        if read("type") == "axial" and abs(read("angle") or 0.0) > 0:
             yield "angle", "is of a radial sensor; an axial one looks along the shaft"
 
 

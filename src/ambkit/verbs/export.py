@@ -202,8 +202,7 @@ def export_ssp(
 ) -> Statement:
     """Export plant, estimator and controller as connected FMUs (SSP 1.0).
 
-    With lift-off in the scenario, estimator and controller are one FMU. One axis only. A C compiler
-    is required.
+    With lift-off in the scenario, estimator and controller are one FMU. A C compiler is required.
 
     Parameters
     ----------
@@ -220,19 +219,19 @@ def export_ssp(
     Raises
     ------
     AmbkitError
-        There is no compiler, the filter is inadequate, or the machine has several axes.
+        There is no compiler, or the filter is inadequate.
 
     Examples
     --------
     $ ambkit export ssp zittau_axial --filter closed-law --out loop.ssp
     """
-    from ambkit.assessment.arguments import axis_to_export, scenario_argument
+    from ambkit.assessment.arguments import filter_to_export, scenario_argument
     from ambkit.export import fmu
     from ambkit.result.result import Statement
 
     made = fmu.export_ssp(
-        *axis_to_export(machine, filter), out, fmi=fmi, scenario=scenario_argument(scenario),
-        force=force,
+        *filter_to_export(machine, filter, "double"), out, fmi=fmi,
+        scenario=scenario_argument(scenario), force=force,
     )  # fmt: skip
     fmus = {one.kind: list(one.variables) for one in made}
     return Statement(f"{out}: {len(made)} FMUs of FMI {fmi}.0.", {"path": str(out), "fmus": fmus})
@@ -290,8 +289,8 @@ def export_mat(
 ) -> Statement:
     """Export model, noise, stiffness tables and expert as a MAT-file.
 
-    A, B, C, D, E, Q, R and P0 of the discrete model, and structs for MATLAB, in SI units. One axis
-    only.
+    A, B, C, D, E, Q, R and P0 of the discrete model, and structs for MATLAB, in SI units. With
+    several axes, tables.NAME and expert.NAME are those of an axis.
 
     Parameters
     ----------
@@ -311,19 +310,20 @@ def export_mat(
     Raises
     ------
     AmbkitError
-        The filter is of another kind or inadequate, or the machine has several axes.
+        The filter is of another kind, or inadequate.
 
     Examples
     --------
     $ ambkit export mat zittau_axial --filter expert.json --out axis.mat
     """
-    from ambkit.assessment.arguments import axis_to_export
+    from ambkit.assessment.arguments import filter_to_export
     from ambkit.export import mat
     from ambkit.result.result import Statement
 
     written = mat.export_mat(
-        *axis_to_export(machine, filter, ("linear", "adaptive")), out, force=force
-    )
+        *filter_to_export(machine, filter, "double", choice=("linear", "adaptive")), out,
+        force=force,
+    )  # fmt: skip
     return Statement(
         f"{out}: {len(written)} variables.", {"path": str(out), "variables": list(written)}
     )
