@@ -113,11 +113,16 @@ AMB_INLINE lanes lanes_force(const lanes_parameters *p, lanes_of of, lanes iu, l
   return f + *k_s * (x - near);
 }
 
-/* A measurement within reach that moves. */
+/* A measurement that can be the rotor. */
+AMB_INLINE lanes_mask lanes_possible(const lanes_parameters *p, lanes y)
+{
+  return (y <= p->reach) & (y >= -p->reach);
+}
+
+/* One that also moves. */
 AMB_INLINE lanes_mask lanes_measured(const lanes_parameters *p, lanes_state *s, lanes y)
 {
-  const lanes_mask usual =
-      (y <= p->reach) & (y >= -p->reach) & (y != s->last_y) & (p->fine > AMB_C(0.0));
+  const lanes_mask usual = lanes_possible(p, y) & (y != s->last_y) & (p->fine > AMB_C(0.0));
   const lanes change = y - s->last_y;
   const lanes square = change * change;
   const lanes grown = s->least_change * (AMB_C(1.0) + AMB_C(2.0) / AMB_MEMORY);
@@ -138,7 +143,7 @@ AMB_INLINE lanes_mask lanes_expected(const lanes_parameters *p, lanes_state *s, 
 }
 
 AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, lanes_state *s,
-                                        lanes iu, lanes y, lanes_result *r)
+                                        lanes iu, lanes y, bool missing, lanes_result *r)
 {
   lanes k_i;
   lanes k_s;
@@ -159,13 +164,17 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
   lanes variances[AMB_STATES];
   lanes_model_variances(&p->model, s->cov, variances);
   usual &= variances[AMB_FIRST_POSITION] <= p->widest;
-  usual &= lanes_measured(p, s, y) & (shown > AMB_C(0.0));
   const lanes there = lanes_model_shown(&p->model, 0, s->mean);
   const lanes share = lanes_clamp(AMB_C(1.0) + p->rise * there, lanes_all_equal(AMB_C(0.125)),
                                   lanes_all_equal(AMB_C(8.0)));
   const lanes noise = (p->var_y * share) * share + p->rounding;
-  usual &= (AMB_ROOT_EPSILON * shown) <= noise;
   r->variance = shown + noise;
+  if (missing) {
+    r->innovation = lanes_all_equal(AMB_C(0.0));
+    return usual;
+  }
+  usual &= lanes_measured(p, s, y) & (shown > AMB_C(0.0));
+  usual &= (AMB_ROOT_EPSILON * shown) <= noise;
   usual &= lanes_expected(p, s, y - there, r->variance);
   lanes_model_update(&p->model, 0, y, r->variance, s->mean, s->cov, &r->innovation);
   s->residual = y - lanes_model_shown(&p->model, 0, s->mean);
@@ -219,9 +228,15 @@ AMB_INLINE lanes_mask lanes_step_low_pass(const lanes_parameters *p, lanes_of of
   return lanes_measured(p, s, y);
 }
 
-/* One sample on with the control signal u [V] that acted, then measurement y [m]. */
+/* Whether the measurements y [m] of all lanes are missing, of a kind that goes on without. */
+AMB_INLINE bool lanes_missing(const lanes_parameters *p, lanes_of of, lanes y)
+{
+  return (of.kind <= LANES_EXTENDED) && !lanes_any(lanes_possible(p, y));
+}
+
+/* One sample on with the control signal u [V] that acted, then measurement y [m] or `missing`. */
 AMB_INLINE lanes_mask lanes_step(const lanes_parameters *p, lanes_of of, lanes_state *s, lanes y,
-                                 lanes u, lanes_result *r)
+                                 lanes u, bool missing, lanes_result *r)
 {
   const lanes iu = p->k_ui * u;
   const lanes_mask usual = (iu >= p->iu_min) & (iu <= p->iu_max);
@@ -232,7 +247,7 @@ AMB_INLINE lanes_mask lanes_step(const lanes_parameters *p, lanes_of of, lanes_s
   if (of.kind == LANES_LOW_PASS) {
     return usual & lanes_step_low_pass(p, of, s, iu, y, r);
   }
-  return usual & lanes_step_kalman(p, of, s, iu, y, r);
+  return usual & lanes_step_kalman(p, of, s, iu, y, missing, r);
 }
 
 #endif

@@ -1,9 +1,10 @@
 /* A team of filters side by side, between the core's structs and lanes, and one sample of it.
  *
- * A step computes what is usual for all lanes at once. Where something is not, a measurement that
- * is missing, frozen or too far, a current at its limit, a variance that is lost, these lanes take
- * their step again from where they stood, by the core's own function. So what is rare costs nothing
- * where it does not happen, and each lane is its own run to the last bit.
+ * A step computes what is usual for all lanes at once, a measurement that all lack included. Where
+ * something is not, a measurement that is missing in some, frozen or too far, a current at its
+ * limit, a variance that is lost, these lanes take their step again from where they stood, by the
+ * core's own function. So what is rare costs nothing where it does not happen, and each lane is its
+ * own run to the last bit.
  */
 #ifndef AMBKIT_SIM_LANES_TEAM_H
 #define AMBKIT_SIM_LANES_TEAM_H
@@ -188,14 +189,19 @@ AMB_INLINE void step_at(team *t, size_t b, lanes_of of, lanes_state *s)
 {
   lanes_state next = *s;
   lanes_result r;
-  const lanes_mask usual = lanes_step(&t->p, of, &next, t->b.y[b], t->b.u[b], &r);
+  const bool missing = lanes_missing(&t->p, of, t->b.y[b]);
+  const lanes_mask usual = lanes_step(&t->p, of, &next, t->b.y[b], t->b.u[b], missing, &r);
   const lanes_mask inconsistent = next.surprise > AMB_INCONSISTENT_SHARE;
   t->b.result[b].innovation = r.innovation;
   t->b.result[b].variance = r.variance;
-  if (__builtin_expect(t->counting || lanes_any(~usual | inconsistent), 0)) {
+  if (missing && !lanes_any(~usual)) { /* nothing counts, and nothing is surprising */
+    for (size_t i = 0; i < t->count; i++)
+      tell(t, b, i, AMB_MISSING);
+  } else if (__builtin_expect(t->counting || lanes_any(~usual | inconsistent), 0)) {
+    const lanes_mask none = {0};
     const lanes_state before = *s;
     lanes_state after = next;
-    mend(t, b, usual, inconsistent, &before, &after);
+    mend(t, b, missing ? none : usual, inconsistent, &before, &after);
     next = after;
   }
   *s = next;

@@ -18,7 +18,7 @@ from ambkit import PID, AmbkitError, Bearing, Record, Scenario, Sine, Step, simu
 from ambkit.base.units import engineering
 from ambkit.data import recordings
 from ambkit.identification.dead_time import delayed, lagged
-from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.identification.maximum_likelihood import loop_model, maximum_likelihood
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.identification.maximum_likelihood.information import _end, restricted
 from ambkit.identification.maximum_likelihood.likelihood import Data, Likelihood
@@ -304,6 +304,22 @@ def test_a_filter_over_gaps_is_the_plain_one_where_nothing_is_missing(records):
         np.testing.assert_array_equal(same[name], values)
 
 
+@pytest.mark.parametrize("most", [2**24, 25_000, 1])
+def test_models_side_by_side_equal_each_by_itself(records, most, monkeypatch):
+    """Along a whole record in lanes, in several lots, and over a gap one after the other."""
+    monkeypatch.setattr(loop_model, "MOST_STEPS", most)
+    models = [START.replace(**{PARAMETERS[name].place: value}) for name, value in (
+        ("delay", 30e-6), ("air_gap", 2.1e-3), ("position_noise", 100.0), ("current_offset", 0.02),
+    )]  # fmt: skip
+    u = records[0]["u"].copy()
+    u[700:705] = np.nan
+    for record in (records[0], replace(records[0], signals={**records[0].signals, "u": u})):
+        results = loop_model.innovations([(model, model.kalman()) for model in models], record)
+        for model, result in zip(models, results, strict=True):
+            for got, expected in zip(result, model.innovations(record), strict=True):
+                np.testing.assert_array_equal(got, expected)
+
+
 def test_finite_steps_of_the_filter_bias_nothing():
     """As the search with steps sixteen times as short, where the record tells the difference."""
     pump = Bearing.preset("zittau_axial").replace(
@@ -317,7 +333,7 @@ def test_finite_steps_of_the_filter_bias_nothing():
     run, start = Data([simulate(pump, loop).record], 0.01), LoopModel(pump, disturbance_noise=0.05)
     free = named(["sensor_lag", "magnet_constant", "air_gap", "disturbance_noise"])
     coarse = maximise(run, start, free)
-    fine = maximise(run, start.replace(substeps=64), free).model
+    fine = maximise(run, START.replace(substeps=64), free).model
     errors = np.sqrt(np.diag(np.linalg.inv(coarse.local.information)))
     off = np.array([math.log(p.of(coarse.model) / p.of(fine)) for p in free]) / errors
     assert np.abs(off).max() < 0.3  # standard errors

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -18,8 +17,12 @@ import numpy as np
 from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.data.record import Record
-from ambkit.estimate.batch import processors
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.estimate.estimator import Estimator
+from ambkit.identification.maximum_likelihood.loop_model import (
+    Innovations,
+    LoopModel,
+    innovations,
+)
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter, log_prior
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
@@ -87,26 +90,33 @@ class Likelihood:
     data: Data
     coordinates: Coordinates
     #: What `innovations` gives where `value` was asked for last, as slopes are next.
-    latest: dict[bytes, tuple[Array, Array, Bools]] = field(default_factory=dict)
+    latest: dict[bytes, Innovations] = field(default_factory=dict)
 
-    def innovations(self, z: Array) -> tuple[Array, Array, Bools]:
+    def innovations(self, z: Array) -> Innovations:
         """Innovations [m], variances [m^2] and whether they count, of all records in a row."""
-        return self.latest.get(z.tobytes()) or self._of(self.coordinates.model_at(z))
+        return self.latest.get(z.tobytes()) or self._of([self._filter(z)])[0]
 
-    def _of(self, model: LoopModel) -> tuple[Array, Array, Bools]:
-        parts, kalman = [], model.kalman()
+    def _filter(self, z: Array) -> tuple[LoopModel, Estimator]:
+        model = self.coordinates.model_at(z)
+        return model, model.kalman()
+
+    def _of(self, filters: Sequence[tuple[LoopModel, Estimator]]) -> list[Innovations]:
+        """The innovations of several models."""
+        parts = []
         for record in self.data.records:
-            e, S, used = model.innovations(record, kalman)
-            used[: max(1, round(self.data.settling / record.sampling_time))] = False
-            parts.append((e, S, used))
-        e, S, used = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return e, S, used
+            parts.append(innovations(filters, record))
+            for _, _, used in parts[-1]:
+                used[: max(1, round(self.data.settling / record.sampling_time))] = False
+        return [
+            tuple(np.concatenate(column) for column in zip(*own, strict=True))  # type: ignore[misc]
+            for own in zip(*parts, strict=True)
+        ]
 
     def value(self, z: Array) -> float:
         """Log likelihood; minus infinity where the model would contradict itself."""
         try:
-            model = self.coordinates.model_at(z)
-            e, S, used = self._of(model)
+            model, kalman = self._filter(z)
+            e, S, used = self._of([(model, kalman)])[0]
         except (ConfigError, ValueError, OverflowError):
             return -math.inf
         self.latest.clear()
@@ -119,15 +129,18 @@ class Likelihood:
         """Differentiate the innovations, by central differences; roughly by those to one side."""
         # z (p,); e (n,) [m]; S (n,) [m^2]; by_e (p, n); by_S (p, n)
         steps = STEP * np.eye(z.size)
-        with ThreadPoolExecutor(processors()) as pool:  # the filter runs outside of Python's lock
-            ups = pool.map(lambda step: self._beside(z, step, *([-step] if rough else [])), steps)
-            downs = pool.map(lambda step: self._beside(z, -step), () if rough else steps)
-            e, S, used = here = self.innovations(z)
+        aside = [self._beside(z, step, *([-step] if rough else [])) for step in steps]
+        aside += [] if rough else [self._beside(z, -step) for step in steps]
+        e, S, used = here = self.innovations(z)
         if not used.any():
             raise AmbkitError("the filter could take in no measurement: do bearing and record fit?")
+        beside = self._of([kalman for kalman, _ in aside])
+        sides = [(*run, length) for run, (_, length) in zip(beside, aside, strict=True)]
+        sides += [(*here, 0.0)] * (2 * z.size - len(sides))
         slopes_e, slopes_S = [], []
-        for e_up, S_up, up, above in ups:
-            e_down, S_down, down, below = next(downs, (*here, 0.0))
+        for (e_up, S_up, up, above), (e_down, S_down, down, below) in zip(
+            sides[: z.size], sides[z.size :], strict=True
+        ):
             used = used & up & down
             slopes_e.append((e_up - e_down) / (above - below or STEP))
             slopes_S.append((S_up - S_down) / (above - below or STEP))
@@ -136,12 +149,12 @@ class Likelihood:
         by_S = np.array([slope[used] for slope in slopes_S]).reshape(z.size, S.size) / S
         return e, S, by_e, by_S, used
 
-    def _beside(self, z: Array, *steps: Array) -> tuple[Array, Array, Bools, float]:
-        """Innovations the first step aside at which a bearing can be, and its length; else at z."""
+    def _beside(self, z: Array, *steps: Array) -> tuple[tuple[LoopModel, Estimator], float]:
+        """The filter the first step aside at which a bearing can be, and its length; else at z."""
         for step in steps:
             with suppress(ConfigError):
-                return *self.innovations(z + step), float(step.sum())
-        return *self.innovations(z), 0.0
+                return self._filter(z + step), float(step.sum())
+        return self._filter(z), 0.0
 
     def local(self, z: Array, *, rough: bool = False) -> Local:
         """Value, score and information, by differences of the innovations, see `slopes`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -13,6 +14,7 @@ import numpy as np
 from ambkit.base.arrays import Array, Bools
 from ambkit.data.record import Record
 from ambkit.data.signals import CONTROL
+from ambkit.estimate.batch import processors, run_many
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import ExtendedKalmanFilter
@@ -23,6 +25,9 @@ from ambkit.machine.accessories import LONGEST_DELAY, SHORTEST_LAG
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, magnet_of
 from ambkit.machine.parts import GRAVITY
+
+Innovations = tuple[Array, Array, Bools]
+"""Innovations [m] and variances [m^2] of the samples (n,), and whether they count."""
 
 
 @dataclass(frozen=True)
@@ -155,15 +160,14 @@ class LoopModel:
         u, y = (np.concatenate([one[signal] for one in corrected]) for signal in ("u", "y"))
         return float(b.amplifier.gain * np.nanmean(u)), float(np.nanmean(y) / b.sensor.gain)
 
-    def innovations(
-        self, record: Record, kalman: Estimator | None = None
-    ) -> tuple[Array, Array, Bools]:
+    def innovations(self, record: Record, kalman: Estimator | None = None) -> Innovations:
         """Run the filter along a record."""
-        # innovation (n,) [m]; variance (n,) [m^2]; used (n,)
         out, _, _ = self._run(record, kalman)
+        return self._at_samples(out["innovation"], out["variance"], out["status"])
+
+    def _at_samples(self, innovation: Array, variance: Array, status: Any) -> Innovations:
         every = slice(None, None, self.substeps)
-        used = out["status"][every] & NOT_USED == 0
-        return out["innovation"][every], out["variance"][every], used
+        return innovation[every], variance[every], status[every] & NOT_USED == 0
 
     def states(self, record: Record) -> dict[str, Array]:
         """Return the filtered states along a record by their names, (n,) each, SI."""
@@ -230,26 +234,31 @@ class LoopModel:
     ) -> tuple[dict[str, Any], Array, Estimator]:
         """Run the filter with its finer steps; between two samples no measurement comes."""
         h = self.bearing.sampling_time / self.substeps
-        u = self._delayed_control(record["u"])
-        y = np.full(u.size, np.nan)
-        y[:: self.substeps] = record["y"] - self.position_offset - self.offset_error(record["u"])
         kalman = kalman or self.kalman()
-        known = y[np.isfinite(y)]
-        self._start(kalman, float(known[0]) if known.size else 0.0, record["u"][:1])
+        y, u = self._signals(record)
+        kalman.reset(*self._start(kalman, y, record["u"][:1]))
         missing = ~np.isfinite(record["u"])
         if not missing.any():
             return kalman.core.run(y, u), u, kalman
         unknown = delayed(np.repeat(missing, self.substeps).astype(float), self.delay / h) > 0
         return run_with_gaps(kalman, self.bearing, y, u, unknown, record["u"], h), u, kalman
 
-    def _start(self, kalman: Estimator, first: float, u: Array) -> None:
-        """Start the filter at rest at a measurement [m]."""
+    def _signals(self, record: Record) -> tuple[Array, Array]:
+        """Return what the filter measures at its steps [m], and the control that acts [V]."""
+        u = self._delayed_control(record["u"])
+        y = np.full(u.size, np.nan)
+        y[:: self.substeps] = record["y"] - self.position_offset - self.offset_error(record["u"])
+        return y, u
+
+    def _start(self, kalman: Estimator, y: Array, u: Array) -> tuple[Array, list[float]]:
+        """Return mean and standard deviations of a filter at rest at its first measurement [m]."""
         # A current that is a state of it starts where the record has it, with twice the variance of
         # later, as only what follows tells of it. Were it unknown, the first measurements would
         # throw it about by amperes, where the magnet is far from the line that the filter takes it
         # for.
-        # u (1,) [V]
-        b = self.bearing
+        # y (n,) [m]; u (1,) [V]
+        b, known = self.bearing, y[np.isfinite(y)]
+        first = float(known[0]) if known.size else 0.0
         std = dict(zip((s.name for s in kalman.states), kalman.default_std(), strict=True))
         if not math.isnan(self.load_std):
             std["f_d"] = self.load_std
@@ -259,9 +268,7 @@ class LoopModel:
             strays = b.amplifier.noise_variance * (1 - keep) / (1 + keep)
             current = b.amplifier.gain * float(self._within_limits(u)[0])
             std["i"] = abs(b.amplifier.gain) * math.sqrt(2 * strays)
-        kalman.reset(
-            kalman.equilibrium_state(first / b.sensor.gain, first, current), list(std.values())
-        )
+        return kalman.equilibrium_state(first / b.sensor.gain, first, current), list(std.values())
 
     def _at_steps(self, u: Array) -> Array:
         """Return what the filter is told at its steps, from a control signal (n,) [V]."""
@@ -336,6 +343,37 @@ def _changed(bearing: Machine, **changes: Any) -> Machine:
             changes[name] = getattr(bearing, name).model_copy(update=values)
     return bearing.model_copy(update=changes)
 
+
+def innovations(
+    filters: Sequence[tuple[LoopModel, Estimator]], record: Record
+) -> list[Innovations]:
+    """Return the innovations of several models along a record, side by side where they can be."""
+    kinds = {(kalman.engine.core, *(s.name for s in kalman.states)) for _, kalman in filters}
+    together = len(kinds) == 1 < len(filters) and np.isfinite(record["u"]).all()
+    if not together or not filters[0][1].machine.single:
+        if len(filters) == 1:
+            return [filters[0][0].innovations(record, filters[0][1])]
+        with ThreadPoolExecutor(processors()) as pool:  # the core runs outside of Python's lock
+            return list(pool.map(lambda one: one[0].innovations(record, one[1]), filters))
+    results, most = [], max(1, MOST_STEPS // (len(record) * filters[0][0].substeps))
+    for first in range(0, len(filters), most):
+        some = filters[first : first + most]
+        signals = [model._signals(record) for model, _ in some]
+        y, u = (np.array(rows) for rows in zip(*signals, strict=True))
+        starts = [
+            model._start(kalman, own, record["u"][:1])
+            for (model, kalman), own in zip(some, y, strict=True)
+        ]
+        mean, std = (np.array(rows) for rows in zip(*starts, strict=True))
+        out = run_many([kalman for _, kalman in some], y, u, start=(mean, std), history=HISTORY)
+        runs = zip(some, *(getattr(out, name) for name in HISTORY), strict=True)
+        results += [model._at_samples(*run) for (model, _), *run in runs]
+    return results
+
+
+HISTORY = ("innovation", "innovation_variance", "status")
+
+MOST_STEPS = 2**24  #: Of the filters that run at once: their arrays have half a gigabyte.
 
 NOT_USED = int(Status.MISSING | Status.FROZEN | Status.BAD_VARIANCE | Status.OUTLIER)
 """Flags with which a measurement was not taken in."""
