@@ -218,8 +218,14 @@ def test_the_state_is_in_the_filter_and_in_its_c(copy, tmp_path):
         copy,
         f"""
 import ambkit
-bearing = ambkit.Bearing.preset("zittau_axial").replace(sensor__drift="1 um^2/s")
+from ambkit.simulation.recording import drawn
+steady = ambkit.Bearing.preset("zittau_axial")
+bearing = steady.replace(sensor__drift="1e6 um^2/s")
 record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.1)).record
+_, white = drawn(steady, ambkit.Scenario(), len(record))
+zero = record["y"] - record["x_m"] - white[:, 0]
+assert abs(zero[0]) < 1e-12 < abs(zero[1]) < 1e-4, zero
+assert 1e-5 < abs(zero).max() < 2e-3, zero  # a random walk to 0.3 mm rms
 estimate = ambkit.KalmanFilter(bearing).run(record, covariance=True)
 assert estimate.mean.shape[1] == 5
 print(estimate.states[-1].name, bool((estimate.std("drift") > 0).all()))

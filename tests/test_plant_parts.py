@@ -4,6 +4,7 @@ The control signal is set by its noise, with a controller of gain zero.
 """
 
 import itertools
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,9 +15,9 @@ from scipy.optimize import brentq
 
 import ambkit
 from ambkit import Bearing
-from ambkit.machine.accessories import ColouredNoise, Hum
 from ambkit.machine.magnets import core_module
 from ambkit.models import plant_parts as plant_parts
+from ambkit.models.parts import ColouredNoise, Hum
 from ambkit.models.plant import Plant
 from ambkit.simulation import recording as plant_noise
 from ambkit.simulation.recording import Stream
@@ -340,21 +341,34 @@ def autocovariance(z, lags):
 
 def test_coloured_noise_has_the_autocovariance_of_first_order():
     T, n = 1e-4, 200_000
-    noise = ColouredNoise(variance="1 um^2", bandwidth="200 Hz")
-    seeds = range(20)
-    z = np.array([plant_noise.coloured(noise, T, n, Stream(s)) for s in seeds])
+    noise = ColouredNoise(variance=1e-12, bandwidth=200.0)
+    z = np.array([noise.draw(T, n, Stream(s)) for s in range(20)])
     lags = range(0, 40, 4)
     expected = 1e-12 * np.exp(-2 * np.pi * 200 * T * np.arange(0, 40, 4))
     np.testing.assert_allclose(autocovariance(z, lags), expected, atol=0.01e-12)
-    start = np.array([plant_noise.coloured(noise, T, 1, Stream(s)) for s in range(4000)])
+    start = np.array([noise.draw(T, 1, Stream(s)) for s in range(4000)])
     assert start.var() == pytest.approx(1e-12, rel=5 * np.sqrt(2 / 4000))  # stationary at once
 
 
-@pytest.mark.parametrize("bandwidth", ["0 Hz", "2 Hz"])
+@pytest.mark.parametrize("part", [ColouredNoise(1e-12, 200.0), Hum(50.0, 5e-6, 100.0)])
+def test_noise_drawn_from_equations_is_that_of_the_part(part):
+    """A new part needs no text of its own to fly."""
+    n, T = 400, 1e-4
+    own, z = (
+        np.array([draw(T, n, Stream(s)) for s in range(600)])
+        for draw in (part.draw, partial(plant_noise.by_equations, part))
+    )
+    lags = range(0, 100, 20)
+    room = 5 * autocovariance(own, [0])[0] / np.sqrt(600)
+    np.testing.assert_allclose(autocovariance(z, lags), autocovariance(own, lags), atol=room)
+    assert z[:, 0].var() == pytest.approx(own[:, 0].var(), rel=0.3)  # stationary at once
+
+
+@pytest.mark.parametrize("bandwidth", [0.0, 2.0])
 def test_hum_has_its_line(bandwidth):
     T, n, f, A = 1e-4, 100_000, 50.0, 5e-6
     line = Hum(frequency=f, amplitude=A, bandwidth=bandwidth)
-    z = np.array([plant_noise.hum(line, T, n, Stream(s)) for s in range(40)])
+    z = np.array([line.draw(T, n, Stream(s)) for s in range(40)])
     lags = range(0, 400, 50)
     at = T * np.arange(0, 400, 50)
     wide = 2 * np.pi * line.bandwidth

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.pickling import own_version
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
-from ambkit.machine.accessories import ColouredNoise, Hum
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
-from ambkit.machine.parts import Sensor
+from ambkit.models.declaration import Plan
+from ambkit.models.exponential import growth, transition
+from ambkit.models.parts import SENSOR_NOISE
+from ambkit.models.parts.typical_sizes import Typical
 from ambkit.simulation.fields import InLoops, StraightLine
 from ambkit.simulation.scenario import Scenario, by_axis
 
@@ -53,7 +55,7 @@ class Stream:
 
 def drawn(machine: Machine, scenario: Scenario, n: int) -> tuple[Array, Array]:
     """Return the noise on the control signals (n, p) [V] and on the readings (n, m) [m]."""
-    axes, readings = machine.axes, machine.readings
+    axes, readings, T = machine.axes, machine.readings, machine.sampling_time
     noise_u, noise_y = np.zeros((n, len(axes))), np.zeros((n, len(readings)))
     if not scenario.noise:
         return noise_u, noise_y
@@ -61,9 +63,14 @@ def drawn(machine: Machine, scenario: Scenario, n: int) -> tuple[Array, Array]:
     for k, axis in enumerate(axes):
         std = math.sqrt(axis.bearing.amplifier.noise_variance)
         noise_u[:, k] = stream.next(STREAMS * k).normal(std, n)
+    others = _not_white(machine)
     for k, reading in enumerate(readings):
         own = stream.next(STREAMS * k + SENSOR)
-        noise_y[:, k] = of_sensor(reading.sensor, machine.sampling_time, n, own)
+        noise_y[:, k] = own.normal(math.sqrt(reading.sensor.noise_variance), n)
+        for number, part in others:
+            if part.measurement == signal("y", reading.name):
+                draw = part.draw if hasattr(part, "draw") else partial(by_equations, part)
+                noise_y[:, k] += draw(T, n, own.next(number))
     return noise_u, noise_y
 
 
@@ -74,51 +81,52 @@ def white(machine: Machine, scenario: Scenario) -> tuple[list[float], list[float
     axes, sensors = machine.axes, [reading.sensor for reading in machine.readings]
     if not scenario.noise:
         return [0.0] * len(axes), [0.0] * len(sensors)
-    if any(sensor.coloured_noise is not None or sensor.hum for sensor in sensors):
+    if _not_white(machine):
         return None
     of_axes = [math.sqrt(axis.bearing.amplifier.noise_variance) for axis in axes]
     return of_axes, [math.sqrt(sensor.noise_variance) for sensor in sensors]
 
 
-def of_sensor(sensor: Sensor, T: float, n: int, stream: Stream) -> Array:
-    """Return n samples of the noise of a sensor [m]."""
-    noise = stream.normal(math.sqrt(sensor.noise_variance), n)
-    if sensor.coloured_noise is not None:
-        noise += coloured(sensor.coloured_noise, T, n, stream.next())
-    for place, line in enumerate(sensor.hum):
-        noise += hum(line, T, n, stream.next(2 + place))
-    return noise
+def _not_white(machine: Machine) -> list[tuple[int, Any]]:
+    """Return the parts that are noise of sensors, each with the number of its stream."""
+    # Of the streams of a reading, the first kind has one, the second those from there on, and
+    # others eight each from the last one down.
+    sizes, found = [Typical(1.0, 1.0, 1.0, 1.0)] * len(machine.axes), []  # they scale a filter
+    for place, kind in enumerate(SENSOR_NOISE):
+        first = 1 + place if place < 2 else STREAMS - 8 * (place - 1)
+        numbers: Counter[str] = Counter()
+        for part in kind.of(machine, sizes):
+            found.append((first + numbers[part.measurement], part))
+            numbers[part.measurement] += 1
+    return found
 
 
-def coloured(noise: ColouredNoise, T: float, n: int, stream: Stream) -> Array:
-    """Return n samples of stationary first-order noise, exact at every T [m]."""
-    # ``z(k+1) = a z(k) + sqrt((1 - a^2) variance) w(k)`` with ``a = exp(-2 pi bandwidth T)``.
-    white = stream.normal(math.sqrt(noise.variance), n)
-    rate = 2 * math.pi * noise.bandwidth * T
-    white[1:] *= math.sqrt(-math.expm1(-2 * rate))
-    return _first_order(math.exp(-rate), white)
+def by_equations(part: Any, T: float, n: int, stream: Stream) -> Array:
+    """Return n samples of what a part with states adds to its reading [m], exact at every T."""
+    # Stationary where it has such a distribution, else from zero on.
+    plan = Plan(T)
+    plan.measure(part.measurement, "m", 1.0, {})
+    plan.add(part)
+    names = [state.name for state in plan.states]
+    A = np.array([[plan.rates.get((at, by), 0.0) for by in names] for at in names])
+    intensity = np.array([
+        [noise.size**2 * of.get(at, 0.0) for at in names]
+        for noise, (of, _) in zip(plan.noises, plan.sources, strict=True)
+    ])  # fmt: skip
+    decay = -float(np.linalg.eigvals(A).real.max())
+    begin = growth(A, intensity, 40 / decay) if decay > 0 else np.zeros((1, *A.shape))
+    Phi, step = transition(A, T), _root(growth(A, intensity, T))
+    z = stream.normal(1.0, n * len(names)).reshape(n, -1)
+    z[0] = _root(begin) @ z[0]
+    for k in range(1, n):
+        z[k] = Phi @ z[k - 1] + step @ z[k]
+    return np.asarray(z @ [plan.readings[0].get(name, 0.0) for name in names])
 
 
-def hum(line: Hum, T: float, n: int, stream: Stream) -> Array:
-    """Return n samples of a narrow line [m]."""
-    # Without a bandwidth, a sine of random phase. Else a phasor ``z(k+1) = exp((j omega - alpha) T)
-    # z(k) + noise`` with ``alpha = 2 pi bandwidth``, stationary and of the same power.
-    phase_step = 2j * math.pi * line.frequency * T
-    if line.bandwidth == 0:
-        phase = 2 * math.pi * stream.share()
-        return np.asarray(line.amplitude * np.cos(phase_step.imag * np.arange(n) + phase))
-    pairs = stream.normal(line.amplitude / math.sqrt(2), 2 * n)
-    white = pairs[0::2] + 1j * pairs[1::2]
-    rate = 2 * math.pi * line.bandwidth * T
-    white[1:] *= math.sqrt(-math.expm1(-2 * rate))
-    return _first_order(np.exp(phase_step - rate), white).real
-
-
-def _first_order(pole: complex, white: NDArray[Any]) -> NDArray[Any]:
-    """Return ``z(k) = pole z(k-1) + white(k)``."""
-    from scipy.signal import lfilter  # most of what a start of ambkit would take, and rarely needed
-
-    return np.asarray(lfilter([1.0], [1.0, -pole], white))
+def _root(covariances: Array) -> Array:
+    """Return a square root of the sum of covariances (k, n, n)."""
+    values, vectors = np.linalg.eigh(covariances.sum(axis=0))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 UNITS = {

@@ -19,7 +19,7 @@ BEHIND_MAGNETS: tuple[Any, ...] = (EddyCurrents,)
 PARTS = (Rotor, MagnetPlace, Disturbance, Sensor, Amplifier, Delay, *BEHIND_MAGNETS)
 """In the order of their states; each takes what concerns it from a machine (``of``)."""
 
-SENSOR_NOISE = (ColouredNoise, Hum)  #: Coloured; a filter may leave it out.
+SENSOR_NOISE: tuple[Any, ...] = (ColouredNoise, Hum)  #: Coloured; a filter may leave it out.
 
 SYNCHRONOUS: dict[str, Any] = {"unbalance": SynchronousForce, "runout": SynchronousRunout}
 """What turns with the rotor and can be among the states, by name."""

@@ -7,6 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.arrays import Array
 from ambkit.data.signals import signal
 from ambkit.models.declaration import UNIT, Plan
 from ambkit.models.parts.typical_sizes import Typical
@@ -37,3 +41,18 @@ class ColouredNoise:
         plan.rate(self.name, self.name, -corner)
         plan.noise(self.name, "m", size, {self.name: 2 * corner}, walk=False)
         plan.add_to_reading(self.measurement, {self.name: UNIT})
+
+    def draw(self, T: float, n: int, stream: Any) -> Array:
+        """Return n samples of it, exact at every T [m]."""
+        # ``z(k+1) = a z(k) + sqrt((1 - a^2) variance) w(k)`` with ``a = exp(-2 pi bandwidth T)``.
+        white = stream.normal(math.sqrt(self.variance), n)
+        rate = 2 * math.pi * self.bandwidth * T
+        white[1:] *= math.sqrt(-math.expm1(-2 * rate))
+        return first_order(math.exp(-rate), white)
+
+
+def first_order(pole: complex, white: NDArray[Any]) -> NDArray[Any]:
+    """Return ``z(k) = pole z(k-1) + white(k)``."""
+    from scipy.signal import lfilter  # most of what a start of ambkit would take, and rarely needed
+
+    return np.asarray(lfilter([1.0], [1.0, -pole], white))

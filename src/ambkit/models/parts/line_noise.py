@@ -7,8 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from ambkit.base.arrays import Array
 from ambkit.data.signals import signal
 from ambkit.models.declaration import UNIT, Plan
+from ambkit.models.parts.coloured_noise import first_order
 from ambkit.models.parts.typical_sizes import Typical
 
 
@@ -47,3 +51,18 @@ class Hum:
         plan.rate(sine, cosine, turn)
         plan.noise(self.name, "m", size, dict.fromkeys((cosine, sine), 2 * decay), walk=False)
         plan.add_to_reading(self.measurement, {cosine: UNIT})
+
+    def draw(self, T: float, n: int, stream: Any) -> Array:
+        """Return n samples of it [m]."""
+        # Without a bandwidth, a sine of random phase. Else a phasor ``z(k+1) = exp((j omega -
+        # alpha) T) z(k) + noise`` with ``alpha = 2 pi bandwidth``, stationary and of the same
+        # power.
+        phase_step = 2j * math.pi * self.frequency * T
+        if self.bandwidth == 0:
+            phase = 2 * math.pi * stream.share()
+            return np.asarray(self.amplitude * np.cos(phase_step.imag * np.arange(n) + phase))
+        pairs = stream.normal(self.amplitude / math.sqrt(2), 2 * n)
+        white = pairs[0::2] + 1j * pairs[1::2]
+        rate = 2 * math.pi * self.bandwidth * T
+        white[1:] *= math.sqrt(-math.expm1(-2 * rate))
+        return first_order(np.exp(phase_step - rate), white).real
