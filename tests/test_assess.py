@@ -464,7 +464,7 @@ def test_what_does_not_settle_or_fit_is_refused():
     same = ambkit.KalmanFilter(ZITTAU)
     with pytest.raises(AmbkitError, match="give them as a mapping"):
         ambkit.assess(ZITTAU, [same, same])
-    with pytest.raises(AmbkitError, match="no estimator"):
+    with pytest.raises(AmbkitError, match="no filter"):
         ambkit.assess(ZITTAU, "kalmann")
 
 

@@ -260,8 +260,8 @@ def test_the_verdict_on_a_machine(tmp_path):
     assert "The unbalance is of balance quality grade G 0.423." in found.notes
     write_result([found, over], tmp_path / "v.html")
     page = (tmp_path / "v.html").read_text(encoding="utf-8")
-    for words in ("Verdict on the loop of ufu_rig", "All that has a limit keeps it", "reviewed by",
-                  "closed loop over speed", "from rest to 6000 rpm", "21940-11"):  # fmt: skip
+    for words in ("Verdict on the loop of ufu_rig", "All limits are kept", "reviewed by",
+                  "closed loop over speed", "run-up from rest to 6000", "21940-11"):  # fmt: skip
         assert words in page
 
 
@@ -379,7 +379,7 @@ def test_a_filter_over_speed_is_told_the_speed():
     ({"fastest": -1.0}, "greater than 0 rad/s"),
     ({"fastest": 1e5}, "half a revolution within a sample"),
     ({"count": 1}, "count must be 2"),
-    ({"filter": ["linear", "extended"]}, "give one filter, not 2"),
+    ({"filter": ["linear", "extended"]}, "one loop has one filter, not 2"),
     ({"filter": "observer"}, "takes one axis"),
     ({"disturbance": {"Z": 3.0}}, "no axis Z"),
     ({"disturbance": {"A1": 1e6}}, "holds the rotor"),

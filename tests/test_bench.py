@@ -433,9 +433,9 @@ def test_own_code_from_a_file(tmp_path):
 
 
 def test_names_that_nobody_has():
-    with pytest.raises(AmbkitError, match='no estimator "lineal"; known: low-pass'):
+    with pytest.raises(AmbkitError, match='no filter "lineal"; known: low-pass'):
         expand("lineal")
-    with pytest.raises(AmbkitError, match="no estimator is named"):
+    with pytest.raises(AmbkitError, match="no filter is named"):
         expand(" , ")
     assert "linear" in expand("all")
 

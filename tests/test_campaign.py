@@ -511,7 +511,7 @@ def test_a_full_disk_is_said_and_leaves_what_there_was(call, monkeypatch):
 
 def test_two_campaigns_do_not_work_in_one_folder(tmp_path):
     place = store.Folder(tmp_path / "o", plan())
-    with place.held(), pytest.raises(AmbkitError, match="another campaign is at work in it"):
+    with place.held(), pytest.raises(AmbkitError, match="another campaign is running in it"):
         run.campaign(study(), tmp_path / "o")
     run.campaign(study(), tmp_path / "o")
 

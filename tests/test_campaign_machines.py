@@ -156,7 +156,7 @@ def test_what_is_shown_of_a_machine_is_that_of_a_bearing(found, tmp_path):
     found.save(tmp_path / "r.html")
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "tum_mlps" in page
-    assert "farthest, of the travel" in page
+    assert "maximum orbit over clearance" in page
     assert found.to_dict()["machine"] == "tum_mlps"
     assert found.good.of == 6
 
@@ -309,7 +309,7 @@ def test_a_machine_that_cannot_be_is_told():
         ("rotor.mass", "scenario.duration", "cannot vary: it is one for all runs"),
         ('"s_A1"', '"s_C1"', "there is no signal s_C1; known: s_A1, s_A2"),
         ("orbit_share = 0.5", 'overshot = "5 %"', "overshot: unknown key, did you mean"),
-        ('"linear", "extended"', '"linear", "nobody"', "there is no estimator"),
+        ('"linear", "extended"', '"linear", "nobody"', "there is no filter"),
         ('"tum_mlps"', '"zittau_axial"', "there is no signal s_A1"),
     ],
 )  # fmt: skip

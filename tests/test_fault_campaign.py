@@ -185,7 +185,7 @@ def test_the_result_is_whole_and_repeats():
     assert found.faults == ["clean", "outage-10ms", "rail", "mixture"]
     # Each in four flights beside the loop and three in it, and the controller in those three.
     assert len(found.outcomes) == 2 * (4 + 3) + 3
-    assert "17 flights through 4 faults" in repr(found)
+    assert "17 runs with 4 faults" in repr(found)
     again = inject_faults(
         PAPER, ["linear", "low-pass"], faults=["outage-10ms", "rail"], steps=20_000, threads=1
     )
@@ -207,9 +207,9 @@ def test_the_picture_has_a_row_for_each_fault_and_a_column_for_each_estimator():
 def test_what_is_unknown_is_refused():
     with pytest.raises(AmbkitError, match='no fault "gremlin"; known: lift-off, knock'):
         inject_faults(PAPER, ["linear"], faults=["gremlin"])
-    with pytest.raises(AmbkitError, match='no estimator "ukv"; known: low-pass'):
+    with pytest.raises(AmbkitError, match='no filter "ukv"; known: low-pass'):
         inject_faults(PAPER, ["ukv"])
-    with pytest.raises(AmbkitError, match="500 steps have no room"):
+    with pytest.raises(AmbkitError, match="samples = 500 is too short"):
         inject_faults(PAPER, ["linear"], faults=[], steps=500)
 
 
@@ -230,7 +230,7 @@ def test_every_estimator_comes_back_from_every_fault(bearing, precision, kind):
     failed = [each for each in found.failures if each.estimator == kind]
     assert [(e.fault, e.setting, recovery_text([e])) for e in failed] == []
     # In the loop nobody loses a rotor that the controller alone would have kept.
-    lost = {e.fault for e in found.select(estimator=kind, setting="in the loop", levitation="lost")}
+    lost = {e.fault for e in found.select(estimator=kind, setting="closed loop", levitation="lost")}
     assert lost <= {e.fault for e in found.select(estimator=BASELINE, levitation="lost")}
 
 

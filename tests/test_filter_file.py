@@ -175,7 +175,7 @@ OF_TUM = f'{HEAD}machine.preset = "tum_mlps"\n'
 
 @pytest.mark.parametrize(("text", "told"), [
     ('kind = "extnded"\nsampling_time = "0.25 ms"\nmachine.preset = "zittau_axial"\n',
-     '1: kind: there is no estimator "extnded"; known: low-pass'),
+     '1: kind: there is no filter "extnded"; known: low-pass'),
     (HEAD, "1: machine: missing"),
     (HEAD + '[machine]\npreset = "zitau"\n', '4: machine.preset: there is no preset'),
     (HEAD + '[machine]\nfile = "gone.toml"\n', "4: machine.file: "),

@@ -261,11 +261,11 @@ def test_train_shows_what_is_best_at_points_left_out(folder, call):
     for name in (LAW, REFITTED, SURFACE, NETWORK):
         assert f" {name} " in shown
     assert "the surface is better at points left out and is used" in shown
-    assert "which was asked for" not in shown
+    assert "the requested model" not in shown
     asked = ("--model", "law", "--out", "refitted.toml")
     shown = call(*words, "--rules", "4x4", *asked).out
-    assert "at points left out the surface is off by" in shown
-    assert "the law, refitted, which was asked for, by" in shown
+    assert "at points left out of the training the surface has a force error of" in shown
+    assert "the requested model (the law, refitted)" in shown
     assert Bearing.load("refitted.toml").magnet.air_gap > 0.9e-3
 
 

@@ -41,7 +41,7 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     assert code == 0, err
     assert "95 % interval" in out
     assert "fit, 10 samples ahead" in " ".join(out.split())
-    assert "b.csv: Nothing knows more of this record than the model." in out
+    assert "b.csv: The model passes all checks." in out
     found = ambkit.Bearing.load("found.toml")
     text = (tmp_path / "found.toml").read_text()
     assert re.search(r'magnet_constant = ".*"  # found, standard error 0\.\d+ N mm\^2/A\^2', text)
@@ -50,7 +50,7 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     k = TRUTH.bearing.magnet.magnet_constant
     assert abs(found.magnet.magnet_constant / k - 1) < 0.15
     page = (tmp_path / "found.html").read_text()
-    for heading in ("k_s at operating points", "On records",
+    for heading in ("k_s at operating points", "Validation",
                     "Correlation of the estimates"):  # fmt: skip
         assert heading in page
     assert (tmp_path / "found.png").is_file()
@@ -68,7 +68,7 @@ def test_what_is_of_the_log_goes_into_its_channel_map_and_its_delay_into_the_bea
         "disturbance_noise", "--initial-disturbance", "0.05 N",
     )  # fmt: skip
     assert code == 0, err
-    assert "lists what the channel map needs" in out
+    assert "the changes that the channel map" in out
     text = (tmp_path / "found.toml").read_text()
     lines = [line.removeprefix("#   ") for line in text.splitlines() if line.startswith("#   ")]
     assert re.search(r'^delay = "0\.5\d* ms"  # found, standard error ', text, re.M)
@@ -218,12 +218,12 @@ def record():
 def test_the_truth_passes_and_what_is_wrong_is_named(record):
     good = validate(TRUTH, record, name="r", settling=0.01)
     assert good.good, good.verdict
-    assert good.verdict == "Nothing knows more of this record than the model."
+    assert good.verdict == "The model passes all checks."
     assert good.fit[10] > good.held[10]
     late = validate(replace(TRUTH, delay=8e-4), record, start=TRUTH, settling=0.01)
     assert not late.good
     assert late.gain < 0
-    assert "The start was more likely" in late.verdict
+    assert "The initial model was more likely" in late.verdict
     deaf = validate(
         TRUTH.replace(sensor__noise_variance=100 * TRUTH.bearing.sensor.noise_variance), record
     )

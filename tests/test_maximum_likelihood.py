@@ -192,7 +192,7 @@ def test_a_gap_may_be_less_than_the_travel_of_the_description_and_that_is_told()
     roomy = tighten_clearance([record], given, named(["air_gap"]))
     close = roomy.replace(magnet__air_gap=0.9e-3)
     model, (told,) = restore_clearance([record], given, close)
-    assert "no room for the travel of 1 mm" in told
+    assert "smaller than the described clearance, 1 mm" in told
     assert model.bearing.rotor.clearance < 0.9e-3
     wide, nothing = restore_clearance([record], given, roomy)
     assert wide.bearing == given.bearing

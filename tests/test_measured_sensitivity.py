@@ -245,7 +245,7 @@ def test_no_filter_in_the_loop_takes_the_signal_for_outliers():
     ("options", "told"),
     [
         ({"band": (1.0, 500.0)}, "the band must rise, from 5.2"),
-        ({"band": (100.0, 101.0)}, "no room for two lines"),
+        ({"band": (100.0, 101.0)}, "fewer than two lines"),
         ({"current": "0.1 A"}, "even without a signal"),
         ({"current": "9 A"}, "limit of the current must be"),
     ],

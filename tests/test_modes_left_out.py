@@ -378,5 +378,5 @@ def test_no_limit_is_kept_at_a_critical_speed(one_mode, assessment, tmp_path):
     assessment.page(tmp_path / "v.html")
     page = (tmp_path / "v.html").read_text(encoding="utf-8")
     assert "Not kept: " in page
-    assert "All that has a limit keeps it" not in page
+    assert "All limits are kept" not in page
     assert list(assessment.to_dict()["critical_speeds"].values())[-1]["margin_kept"] is False

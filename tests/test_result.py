@@ -100,7 +100,7 @@ def test_what_it_is_of_stands_beside_each_other():
     assert table.rows[0] == ["peak of |S|", "1.744", "1.744", "below 3"]
     assert table.rows[2] == ["zone", "–", "B ✗", "A"]
     assert short([result]) == "Not kept: zone (b)."
-    assert short([Made(put(ROWS[:1]))]) == "All that has a limit keeps it."
+    assert short([Made(put(ROWS[:1]))]) == "All limits are kept."
 
 
 def test_series_stand_beside_the_rows():
@@ -137,7 +137,7 @@ def test_it_is_saved_by_the_ending(tmp_path):
 def test_a_verbs_result_is_one():
     found = ambkit.assess(Bearing.preset("zittau_axial"), "linear")
     assert isinstance(found, Result)
-    assert repr(found).startswith("<Assessment: zittau_axial, controller fed by measurement: zone")
+    assert repr(found).startswith("<Assessment: zittau_axial, controller fed by linear: zone")
     row = found.to_pandas().query("section == 'loops' and of == 'linear' and key == 'peak'")
     assert row["value"].item() == found.loops["linear"].peak
 

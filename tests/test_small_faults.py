@@ -118,7 +118,7 @@ def test_a_filter_that_there_is_not_is_named_with_those_that_there_are(given):
         lambda: ambkit.tune(ZITTAU, filter=given),
     ]
     for call in calls:
-        with pytest.raises(AmbkitError, match=r"there is no estimator .*linear"):
+        with pytest.raises(AmbkitError, match=r"there is no filter .*linear"):
             call()
 
 

@@ -116,5 +116,5 @@ def test_what_was_identified_is_validated_later(log):
     later = ambkit.identify(AXIS, [log], free=free).validate(other)
     assert later.to_dict()["validation"] == at_once.to_dict()["validation"]
     assert later.on_others
-    with pytest.raises(ambkit.AmbkitError, match="identified from and validated on"):
+    with pytest.raises(ambkit.AmbkitError, match="used for identification and validation"):
         later.validate(log)

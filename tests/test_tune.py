@@ -75,9 +75,9 @@ def test_the_file_is_the_filter(walks, tmp_path):
 
 
 def test_what_cannot_be_tuned_is_said(walks):
-    with pytest.raises(AmbkitError, match="the low-pass filter has no idea of its innovations"):
+    with pytest.raises(AmbkitError, match="the low-pass filter has no innovation variance"):
         ambkit.tune(BEARING, walks, "low-pass")
-    with pytest.raises(AmbkitError, match='there is no estimator "kalman"'):
+    with pytest.raises(AmbkitError, match='there is no filter "kalman"'):
         ambkit.tune(BEARING, walks, "kalman")
     with pytest.raises(AmbkitError, match='the linear filter has no tunable "q"; it has: noise'):
         ambkit.tune(BEARING, walks, "linear", free=["q"])

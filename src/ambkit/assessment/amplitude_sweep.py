@@ -189,7 +189,7 @@ def _linear(arguments: LoopArguments, orbit: Any) -> tuple[LoopOf, str, Assessed
     machine, filters, controller, x, load = arguments
     if controller is not None and as_control(controller).custom:
         if orbit is not False:
-            raise AmbkitError("orbit: is linearised, which a controller in Python cannot be")
+            raise AmbkitError("orbit needs a linear loop, and a controller in Python has none")
         return LoopOf(machine, controller, x, load), next(iter(filters), MEASUREMENT), None
     result = assess(arguments, orbit=orbit)
     name, loop = list(result.loops.items())[-1]

@@ -82,7 +82,7 @@ class LoopArguments(NamedTuple):
     def one(self) -> LoopArguments:
         """Refuse several filters for what is of one loop."""
         if len(self.filters) > 1:
-            raise AmbkitError(f"this is of one loop: give one filter, not {len(self.filters)}")
+            raise AmbkitError(f"one loop has one filter, not {len(self.filters)}")
         return self
 
 
@@ -92,7 +92,7 @@ def loop_arguments(
     """Return machine, filters and controller; the file of a filter gives the first two."""
     if is_filter(machine):
         if filter is not None:
-            raise AmbkitError(f"{machine} is a filter already: leave out the other one")
+            raise AmbkitError(f"{machine} is a filter itself: omit the other one")
         filter, machine = machine, FilterFile.load(machine).plant
     plant = machine_argument(machine)
     control, constant, measured = controller_argument(plant, controller)
@@ -103,7 +103,7 @@ def loop_arguments(
     filters = {} if filter == NONE else filter_arguments(filter, plant)
     if filter in ("all", ["all"]):
         for name in [name for name, filter_ in filters.items() if not tells(filter_)]:
-            NOTES.warning("%s is left out: it has no steady-state gain", name)
+            NOTES.warning("%s is omitted: it has no steady-state gain", name)
             del filters[name]
     forces = dict(constant)
     if disturbance:
@@ -299,7 +299,7 @@ def filter_to_export(
     """Return the machine and the filter that are to be exported; a filter's file gives both."""
     if is_filter(machine):
         if filter is not None:
-            raise AmbkitError(f"{machine} is a filter already: leave out the other one")
+            raise AmbkitError(f"{machine} is a filter itself: omit the other one")
         filter, machine = machine, FilterFile.load(machine).plant
     plant = machine_argument(machine)
     of_core: Precision = "float32" if precision == "float" else "float64"

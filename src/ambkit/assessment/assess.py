@@ -61,7 +61,7 @@ def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = 
         if amplitude is not None and not single:
             scale *= amplitude / far
     else:
-        raise AmbkitError(f"{bearing.name}: its orbit does not settle, magnets pull it ever on")
+        raise AmbkitError(f"{bearing.name}: its orbit diverges, pulled outwards by the magnets")
     if not single and amplitude is not None:
         return there.with_unbalance(scale)
     return there

@@ -29,8 +29,8 @@ from ambkit.result.result import Result
 from ambkit.result.row import At, Row, Section, put
 
 BASIS = (
-    "Zones after ISO 14839-3, of one record at the frequencies that it tells: an aid, not a "
-    "certificate."
+    "Zones after ISO 14839-3 are those of one record at its frequencies; certification requires "
+    "more."
 )
 
 

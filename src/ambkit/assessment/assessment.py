@@ -29,8 +29,8 @@ from ambkit.rotordynamics.separation_margins import Separations, separations
 from ambkit.rotordynamics.unbalance_response import Grade, grade_of, of_grades, unbalance_forces
 
 BASIS = (
-    "Zones after ISO 14839-3, of a linear model: an aid, not a certificate, which asks for a "
-    "measurement on the machine."
+    "Zones after ISO 14839-3 are those of a linear model; certification requires a measurement on "
+    "the machine."
 )
 
 
@@ -116,9 +116,10 @@ class Assessment(Result):
 
     @property
     def finding(self) -> str:
-        parts = ", ".join(
-            f"{name}: zone {one.verdict}, peak {one.peak:.3f} at "
-            f"{engineering(one.peak_frequency, 'Hz', 4)}" if one.stable else f"{name}: unstable"
+        *others, judged = (
+            f"fed by {name}: zone {one.verdict}, peak of |S| {one.peak:.3f} at "
+            f"{engineering(one.peak_frequency, 'Hz', 4)}" if one.stable else
+            f"fed by {name}: unstable"
             for name, one in self.loops.items()
         )  # fmt: skip
         missed = [
@@ -126,7 +127,8 @@ class Assessment(Result):
             if row.kept is False and (row.of == self.last or row.section == CRITICAL)
         ]  # fmt: skip
         limit_text = f"not kept: {', '.join(missed)}" if missed else "all limits kept"
-        return f"{self.machine.name}, controller fed by {parts}; {limit_text}."
+        compared = f" For comparison, {'; '.join(others)}." if others else ""
+        return f"{self.machine.name}, controller {judged}; {limit_text}.{compared}"
 
     @cached_property
     def rows(self) -> list[Row]:
@@ -157,17 +159,17 @@ class Assessment(Result):
     def sections(self) -> dict[tuple[str, ...], Section]:
         machine, speed_text = self.machine, units.rpm(self.machine.speed, 6)
         several = len(self.of.axes) > 1
-        at = f"{speed_text}, the worst of its axes" if several else rows.held_at(self.of)
+        at = f"{speed_text}, worst axis" if several else rows.held_at(self.of)
         all_sections: dict[tuple[str, ...], Section] = {
             ("loops",): Section(f"{machine.name} at {at}, controllers fed by"),
             CRITICAL: Section(
                 f"Separation of {speed_text} from critical speeds ({BASIS_OF_MARGINS})", across=True
             ),
             GRADES: Section(
-                f"Unbalance of grades of ISO 21940-11 at {speed_text}, angles as bad as can be",
+                f"Unbalance of grades of ISO 21940-11 at {speed_text}, worst-case phase",
                 across=True,
             ),
-            PIECES: Section("Peak of |S|, all else as it is, controllers fed by"),
+            PIECES: Section("Peak of |S| with one part ideal, controllers fed by"),
         }  # fmt: skip
         for name in self.loops:
             all_sections[_axes(name)] = Section(
@@ -198,7 +200,7 @@ class Assessment(Result):
         wrong = [name for name, loop in self.loops.items() if not loop.integral.holds]
         if wrong:
             notes.append(
-                f"Bode's integral does not hold, as for an unstable loop: {', '.join(wrong)}."
+                f"Bode's integral does not hold, as if the loop were unstable: {', '.join(wrong)}."
             )
         fed: list[Any] = [None] * ("measurement" in self.loops) + list(self.estimators.values())[:1]
         notes += [fromkey for fromkey in dict.fromkeys(map(self.of.choice, fed)) if fromkey]

@@ -77,13 +77,13 @@ def assessment_figure(
     withstands = Axis("dynamic stiffness", "N/µm", 1e-6, scale="log", limits=limits)
     passes = Axis("current by noise", "A/µm", 1e-6, scale="log")
     heights = Axis("sensitivity |S|", "dB", limits=(-14.0, max(16.0, 2 + max(peaks))))
-    unstable = f" Unstable, and not drawn: {', '.join(left_out)}." if left_out else ""
+    unstable = f" Unstable and not drawn: {', '.join(left_out)}." if left_out else ""
     return Figure(
         "assessment",
         title,
-        "The loop is broken at the measurement, as ISO 14839-3 has it; lines are the upper ends "
-        "of its zones, the circles about −1 the same for the open loop. Up to half the sampling "
-        f"rate; loads are held over a sample.{unstable}",
+        "The loop is broken at the measurement, as in ISO 14839-3. Lines are the upper limits of "
+        "its zones; circles about −1 are the same limits for the open loop. Frequencies up to half "
+        f"the sampling rate; loads are constant over a sample.{unstable}",
         [
             Panel(frequency, heights, bode, title="Sensitivity"),
             nyquist_panel(curves, zones),
@@ -259,9 +259,9 @@ def capacity_figure(
     return Figure(
         "capacity",
         title,
-        "Amplitude of a harmonic load beside the constant one at which a limit is reached; what "
-        "noise, unbalance, runout and the constant load take is taken off, of the voltage the last "
-        "alone. Linear, in closed loop. Marks: the own force of the unbalance, at the speed.",
+        "Amplitude of a harmonic force, in addition to the constant one, at which the linear "
+        "closed loop reaches a limit. Noise, unbalance, runout and the constant force reduce each "
+        "limit (the voltage: the constant force only). Marks: unbalance force at the speed.",
         panels,
         columns=len(panels),
         panel_height=2.8,

@@ -131,7 +131,7 @@ def injection_figure(
     return Figure(
         "injection",
         f"Experiment for the sensitivity of {markdown(name)}",
-        "As simulated, with the noise of the bearing; below, what this record tells.",
+        "Simulated with the noise of the machine. Below: what this record determines.",
         [
             *panels_within(record, limits, added),
             Panel(frequency, Axis("sensitivity |S|", limits=(0.0, 1.2 * float(high.max()))), [
@@ -267,9 +267,7 @@ class _Experiment:
             self.period, self.T, band, without=[*hum, *orders[orders > 0]], weight=weight
         )
         if len(result.frequencies) < 2:
-            raise AmbkitError(
-                "the band has no room for two lines: widen it, or make the run longer"
-            )
+            raise AmbkitError("the band has fewer than two lines: widen it, or make the run longer")
         return result
 
     def run(self, added: Array, other: int = 0) -> _Run:

@@ -25,10 +25,10 @@ USUAL_GRADES = (2.5e-3, 6.3e-3)
 """Balance quality grades of most rotors on magnetic bearings [m/s]."""
 
 PIECES = {
-    "as it is": "as it is",
-    "amplifier": "if the amplifier were without lag",
-    "sensor": "if the sensor were without lag",
-    "delay": "without dead time, but for the hold",
+    "as it is": "as described",
+    "amplifier": "amplifier without lag",
+    "sensor": "sensor without lag",
+    "delay": "no dead time but the hold",
     "filter": "fed by the measurement",
 }
 """How a loop is called of which one piece is ideal."""
@@ -178,14 +178,14 @@ def facts_of(loop: AssessedLoop, of: LoopOf, estimator: Estimator | None) -> dic
     times = (machine.sampling_time, machine.delay or 0.0)
     return facts | {f"kp, ki, kd of {', '.join(axes)}": text for text, axes in gains.items()} | {
         "sampling time, dead time": ", ".join(engineering(time, "s") for time in times),
-        "looked at up to": engineering(of.top, "Hz"),
+        "assessed up to": engineering(of.top, "Hz"),
     }  # fmt: skip
 
 
 def held_at(of: LoopOf) -> str:
     """Return displacement and control current of each axis at the operating point, as text."""
     parts = [
-        f"{engineering(float(x), 'm')} by {engineering(float(iu), 'A', 3)}"
+        f"{engineering(float(x), 'm')}, {engineering(float(iu), 'A', 3)}"
         for x, iu in zip(of.point.x, of.point.iu, strict=True)
     ]
     if len(parts) == 1:

@@ -100,7 +100,7 @@ def sweep_figure(
     if off:
         distance = Axis("distance from the model", "%", 100.0, "log", (1e-5, 3.0))
         panels.append(Panel(frequency, distance, off))
-        note += " Below, the distance from the linear model, of the model's magnitude."
+        note += " Below: relative deviation from the linear model."
     return Figure(
         "sweep",
         title,

@@ -50,8 +50,8 @@ def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure
         "over-speed",
         f"{markdown(result.machine.name)}: closed loop over speed, controllers fed by "
         f"{result.fed_by}",
-        "Each axis with all other loops closed; the worst decides its zone of ISO 14839-3. Beside "
-        "it, the modes of rotor, controllers and filter together, as far as they swing.",
+        "Each axis with all other loops closed; the worst one decides the zone of ISO 14839-3. "
+        "Right: oscillating modes of rotor, controllers and filter together.",
         [
             Panel(SPEED, Axis("peak of |S|", limits=(1.0, highest)), peaks, title="Sensitivity"),
             Panel(SPEED, Axis("frequency", "Hz", 1 / (2 * math.pi)), modes, title="Campbell"),
@@ -104,9 +104,9 @@ def run_up_figure(result: Any) -> Figure:
         "run-up",
         f"{markdown(result.machine.name)}: run-up through its unbalance, controllers fed by "
         f"{result.fed_by}",
-        "What holds the rotor, unbalance and runout, and three times the noise's rms, of the "
-        "voltage without noise; linear, at each speed long enough to settle, also of the coils' "
-        "temperature. Zones after ISO 14839-2.",
+        "Sum of static load, unbalance, runout and three times the rms noise (the voltage without "
+        "noise), of the linear loop in steady state at each speed, coil temperatures included. "
+        "Zones after ISO 14839-2.",
         panels,
         columns=len(panels),
         panel_height=2.8,

@@ -90,7 +90,7 @@ def replay(plan: Plan, number: int) -> Replayed:
     points, noise = plan.points(number, number + 1), plan.noise(number, number + 1)
     (sample,) = plan.machines(points, noise, number)
     if sample.wrong:
-        raise AmbkitError(f"run {number}: there can be no such machine: {sample.wrong}")
+        raise AmbkitError(f"run {number}: not a valid machine: {sample.wrong}")
     (row,) = compute(plan, number, number + 1).runs.to_pylist()
     return Replayed(plan, number, sample.values, sample.planned, sample.planned.simulated(), row)
 

@@ -43,14 +43,14 @@ LABELS = {
     "effort": "change of the current, rms",
     "displacement_peak": "greatest displacement",
     "current_peak": "greatest control current",
-    "orbit_peak": "farthest from the middle",
-    "orbit_share": "farthest, of the travel",
+    "orbit_peak": "maximum orbit",
+    "orbit_share": "maximum orbit over clearance",
     "overshoot": "overshoot",
     "settling": "settling time",
-    "recovery": "time to recover from the load",
-    "load_kept": "load that was kept",
-    "touched": "samples at a stop",
-    "landed": "at a stop at the end",
+    "recovery": "recovery time after the load",
+    "load_kept": "largest load without contact",
+    "touched": "samples in contact",
+    "landed": "in contact at the end",
 }
 """Figures of runs in words."""
 
@@ -155,8 +155,8 @@ def cumulative(campaign: Machines) -> Figure:
     return Figure(
         "cumulative",
         f"{markdown(campaign.plan.study.name)}: {len(campaign):,} machines",
-        "Share of machines at or below each value. A curve that ends below 100 % belongs to "
-        f"machines without a finite value: unstable, or never recovered.{rest}",
+        "Share of machines at or below each value. Where a curve ends below 100 %, the remaining "
+        f"machines have no finite value: unstable, or not recovered.{rest}",
         panels,
         columns=2,
     )
@@ -204,9 +204,9 @@ def tornado(campaign: Machines, figure: str) -> Figure:
     ends = [sorted(item[1:3]) for item in swings]
     return _drivers(
         f"tornado-{figure}",
-        f"What drives the {of.name}",
-        "Median of the figure over the tenth of the machines in which a quantity is lowest, and "
-        "over the tenth in which it is highest; of a choice over its best and its worst value.",
+        f"Influences on the {of.name}",
+        "Median over the machines in the lowest and in the highest tenth of each quantity; of a "
+        "choice, over its best and its worst value.",
         [item[0] for item in swings],
         [(of.axis, np.full(len(ends), _median(Y[known])), np.array(ends).reshape(-1, 2).T,
           [item[3] for item in swings], "estimate")],
@@ -320,7 +320,7 @@ def front_figure(
     return Figure(
         "front",
         title,
-        "Each point is a controller with its filter, flown with the same machines and the same "
+        "Each point is a controller with its filter, simulated with the same machines and the same "
         f"noise.{left_out_said}",
         [Panel(Axis("peak of |S|"), Axis("error of the disturbance force, rms", "N"), items)],
     )

@@ -54,7 +54,7 @@ def of(
                     del left[part]
                     yield part, rows
         except KilledWorker as error:
-            raise AmbkitError(f"a part took its workers down: {error}") from None
+            raise AmbkitError(f"a part stopped its workers: {error}") from None
         except (OSError, CommClosedError, CancelledError) as error:
             away = away or time.monotonic()
             if time.monotonic() - away >= patience:
@@ -81,7 +81,7 @@ def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator
     queue = as_completed(list(futures), loop=client.loop)
     for future in queue:
         if future.status in ("cancelled", "lost"):
-            raise ConnectionError("the scheduler has lost what it was given")
+            raise ConnectionError("the scheduler lost a part")
         rows = future.result()
         part = futures.pop(future)
         future.release()

@@ -129,7 +129,7 @@ class Folder:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise AmbkitError(f"{self.path}: another campaign is at work in it") from None
+                raise AmbkitError(f"{self.path}: another campaign is running in it") from None
             except OSError:  # a file system without locks
                 pass
             yield

@@ -8,10 +8,10 @@ import inspect
 import os
 import re
 import shutil
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from textwrap import fill
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
@@ -69,11 +69,17 @@ class Parser(argparse.ArgumentParser):
         raise Misused(message, self.prog)
 
 
+fill = partial(textwrap.fill, break_on_hyphens=False)
+
+
 class Layout(argparse.RawDescriptionHelpFormatter):
     """Help in columns, on a terminal of any width."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, max_help_position=28, width=width())
+
+    def _split_lines(self, text: str, width: int) -> list[str]:
+        return fill(text, width).splitlines()
 
     def _format_action_invocation(self, action: argparse.Action) -> str:
         if not action.option_strings or action.nargs == 0:

@@ -48,7 +48,7 @@ def estimate_figure(estimate: Any) -> Figure:
     return Figure(
         id="estimate",
         title=markdown(estimate.estimator),
-        caption="First guesses, at the start, may reach beyond the axes.",
+        caption="Errors at the start may exceed the axes.",
         panels=[*panels, innovation_panel("", estimate, time, [])],
     )
 

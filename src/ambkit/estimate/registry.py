@@ -279,7 +279,7 @@ FILTER_SUFFIX = ".toml"  #: Of a filter's file, which may stand wherever an esti
 def kind_called(name: str) -> Kind:
     """Return a kind by its name."""
     if not isinstance(name, str) or name not in KINDS:
-        raise AmbkitError(f'there is no estimator "{name}"; known: {", ".join(KINDS)}')
+        raise AmbkitError(f'there is no filter "{name}"; known: {", ".join(KINDS)}')
     return KINDS[name]
 
 
@@ -291,7 +291,7 @@ def check_named(name: str) -> None:
             f"known: {', '.join(KINDS)}, all, the file of a filter ({FILTER_SUFFIX}), of an expert "
             "(.json) or a force map (.csv), or a class of your own as file.py:Class"
         )
-        raise AmbkitError(f'there is no estimator "{name}"; {known}')
+        raise AmbkitError(f'there is no filter "{name}"; {known}')
 
 
 _OF_BINDING = {kind.core.binding: kind.core for kind in KINDS.values()}

@@ -15,10 +15,10 @@ from ambkit.base.errors import AmbkitError
 
 READERS = ("readelf", "arm-none-eabi-readelf")
 _COUNTS = {
-    "request": "count up, and what is wanted is looked at",
-    "answered": "the last request that was looked at",
-    "refused": "sum of 1 << parameter of those that cannot be; 0 where all is taken over",
-    "flying": "0: as exported; else the set that flies",
+    "request": "increment to have the requested set checked",
+    "answered": "the last request that was checked",
+    "refused": "sum of 1 << parameter of the rejected ones; 0 if all were accepted",
+    "flying": "0: as exported; else the active set",
 }
 
 

@@ -67,13 +67,14 @@ class ModelChoice:
         ]
         if network.worse > law.worse:
             return (
-                f"at points left out the trained expert is off by {worst[0]} rms, the law that it "
-                f"started from by {worst[1]}: leave it; {best.name} has {worst[2]}"
+                f"at points left out of the training the force error is {worst[0]} rms with the "
+                f"expert, {worst[1]} with its initial law, {worst[2]} with {best.name}: do not use "
+                "the expert"
             )
         if chosen_name != best.name:
             return (
-                f"at points left out {best.name} is off by {worst[2]} rms, {chosen_name}, which "
-                f"was asked for, by {worst[3]}"
+                f"at points left out of the training {best.name} has a force error of {worst[2]} "
+                f"rms, the requested model ({chosen_name}) {worst[3]}"
             )
         return ""
 

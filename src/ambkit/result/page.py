@@ -35,7 +35,9 @@ SIGNED = (
 def write_result(results: Sequence[Stated], path: str | os.PathLike[str]) -> None:
     """Write results on one page, which has the title and the facts of the first."""
     first, signed = results[0], any(result.signed for result in results)
-    notes = "\n".join(f"- {markdown(note)}" for result in results for note in remarks(result))
+    notes = "\n".join(
+        f"- {markdown(typeset(note))}" for result in results for note in remarks(result)
+    )
     blocks = {key: of for result in results for key, of in _blocks(result).items()}
     parts = [_chapter(part, blocks) for result in results for part in result.chapters]
     figure_ids = {
@@ -78,7 +80,7 @@ def short(results: Sequence[Stated]) -> str:
         if row.kept is False
     ]
     if not missed:
-        return "All that has a limit keeps it."
+        return "All limits are kept."
     return f"Not kept: {', '.join(missed)}."
 
 
@@ -97,11 +99,11 @@ def _blocks(result: Stated) -> dict[Key, TableBlock]:
     return {
         (name, section): TableBlock(
             id=f"{name}-{place}",
-            title=markdown(of.title),
-            headers=[markdown(head) for head in of.headers],
+            title=markdown(typeset(of.title)),
+            headers=[markdown(typeset(head)) for head in of.headers],
             rows=[
                 [
-                    f"{INDENT * name.startswith(' ')}{markdown(name)}",
+                    f"{INDENT * name.startswith(' ')}{markdown(typeset(name))}",
                     *(markdown(typeset(cell)) for cell in cells),
                 ]
                 for name, *cells in of.rows

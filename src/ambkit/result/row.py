@@ -105,8 +105,9 @@ class Row:
             return self.shown(value)
         if not (math.isfinite(value) and math.isfinite(error)):
             return self.shown(value)
-        number, _, unit = engineering(value, self.unit, 15, like=value).partition(" ")
-        of = engineering(error, self.unit, 15, like=value).partition(" ")[0]
+        like = value or error
+        number, _, unit = engineering(value, self.unit, 15, like).partition(" ")
+        of = engineering(error, self.unit, 15, like).partition(" ")[0]
         return f"{with_error(float(number), float(of))} {unit}".rstrip()
 
     def shown(self, value: Value, digits: int | None = None) -> str:

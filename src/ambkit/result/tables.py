@@ -116,7 +116,8 @@ class Table(NamedTuple):
         """Draw it, in parts one below the other where its columns need more than the width."""
         from rich.text import Text
 
-        yield Text(self.title, style="bold", overflow="ignore")
+        if self.title:
+            yield Text(self.title, style="bold", overflow="ignore")
         columns = list(zip(self.headers, *self.rows, strict=True))
         widths = [
             _widths(cells, words=place == 0 or (self.wide and place == len(columns) - 1))

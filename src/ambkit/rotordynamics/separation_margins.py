@@ -64,12 +64,10 @@ class Separation:
         return self.margin >= self.needed
 
     def text(self) -> str:
-        """Return it as one phrase."""
-        side = "above" if self.critical.speed > self.speed else "below"
-        limit = f"at least {100 * self.needed:.3g} %" if self.needed else "none: critically damped"
+        """Return a margin that is not kept as one phrase."""
         return (
-            f"{rpm(self.critical.speed)}, {100 * self.margin:.3g} % {side} {rpm(self.speed)} "
-            f"(amplification factor {self.critical.amplification:.3g}; required: {limit})"
+            f"{rpm(self.critical.speed)} (margin {100 * self.margin:.3g} %, required "
+            f"{100 * self.needed:.3g} %, amplification factor {self.critical.amplification:.3g})"
         )
 
     def rows(self) -> list[Row]:
@@ -99,10 +97,11 @@ class Separations(list[Separation]):
         """Return whether the margins are kept."""
         if not self:
             return f"no critical speed up to {rpm(self.end)}"
-        parts = "; ".join(one.text() for one in self)
-        near = [rpm(one.critical.speed) for one in self if not one.kept]
-        verdict = f"too near to {', '.join(near)} ({BASIS})" if near else f"kept ({BASIS})"
-        return f"separation from critical speeds: {parts}: {verdict}"
+        near = ", ".join(one.text() for one in self if not one.kept)
+        if near:
+            return f"{rpm(self.speed)} is too near to {near} ({BASIS})"
+        there = ", ".join(rpm(one.critical.speed) for one in self)
+        return f"{rpm(self.speed)} keeps its margins from the critical speeds {there} ({BASIS})"
 
 
 def separations(

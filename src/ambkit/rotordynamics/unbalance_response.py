@@ -71,7 +71,7 @@ def unbalance_response(
 ) -> UnbalanceResponse:
     """Return the steady synchronous motion of a rotor on its controllers."""
     if not machine.unbalance:
-        raise AmbkitError(f"{machine.name}: it has no [[unbalance]], and so no response to it")
+        raise AmbkitError(f"{machine.name}: it has no [[unbalance]]")
     fastest = max_speed(machine, fastest)
     plant = Plant(machine)
     standstill, spin = held(machine)

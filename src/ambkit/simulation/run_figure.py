@@ -82,7 +82,9 @@ def _machine_figure(run: Any) -> Figure:
             Line(t, record[signal("s", name)], signal=f"series {k}", label=_of(k))
             for k, name in enumerate(names, 1)
         ]
-        panels.append(Panel(TIME, DISPLACEMENT, moved, title=f"In bearing {label(entry.name)}"))
+        panels.append(
+            Panel(TIME, DISPLACEMENT, moved, title=f"Displacement in bearing {label(entry.name)}")
+        )
     on, full_time_axis = run.fed, replace(TIME, limits=(float(t[0]), float(t[-1])))
     for entry in machine.bearings:
         names = [axis.name for axis in machine.axes if axis.bearing is entry]
@@ -94,7 +96,14 @@ def _machine_figure(run: Any) -> Figure:
         ]
         if most > 0.5 * limit:
             fed += [Rule(end, signal="limit", label="limit") for end in (-limit, limit)]
-        panels.append(Panel(full_time_axis, CURRENT, fed, title=f"Of bearing {label(entry.name)}"))
+        panels.append(
+            Panel(
+                full_time_axis,
+                CURRENT,
+                fed,
+                title=f"Control currents of bearing {label(entry.name)}",
+            )
+        )
     speed = record["speed"]
     rpm = units.rpm(speed[-1], 6)
     if speed.max() != speed.min():
@@ -104,9 +113,9 @@ def _machine_figure(run: Any) -> Figure:
         "revolutions; the circle is the touch-down bearing where it is near."
     )
     if "mode" in record:
-        caption += " While it lies there are no currents, and no bias either."
+        caption += " On the stops all currents are zero, the bias included."
     if on.stop is not None:
-        caption += " The currents end where the power fails."
+        caption += " All currents are zero after the power failure."
     return Figure(
         id="machine", title=f"Simulated run of {markdown(machine.name)}", caption=caption,
         panels=panels, columns=max(1, min(2, len(radial))), panel_height=2.1,

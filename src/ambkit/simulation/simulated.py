@@ -110,7 +110,7 @@ class Run(Result):
         return results
 
     SECTIONS = {
-        (): Section("The run"),
+        (): Section("Run"),
         ERRORS: Section("Errors of the estimate, rms"),
         ("critical_speeds",): Section("Separation from critical speeds", across=True),
         TURNING: Section("Synchronous components", across=True),

@@ -26,7 +26,7 @@ def export_c(
     telemetry: bool = False,
     force: bool = False,
 ) -> CExport:
-    """Export a filter, or a controller with its filter, as self-contained C99.
+    """Export a filter, or a controller with its filter, as C99.
 
     The folder has the C core of ambkit, the data of machine and filter, and a self-test.
 
@@ -200,7 +200,7 @@ def export_ssp(
     fmi: Literal[2, 3] = 2,
     force: bool = False,
 ) -> Statement:
-    """Export plant, estimator and controller as connected FMUs (SSP 1.0).
+    """Export plant, filter and controller as connected FMUs (SSP 1.0).
 
     With lift-off in the scenario, estimator and controller are one FMU. A C compiler is required.
 

@@ -81,7 +81,7 @@ def objections_to_loop(loop: AssessedLoop, peak_limit: float | None) -> Sequence
     if zone_of(loop.peak) != "A":
         return [f"the peak of |S| is {loop.peak:.3g}, zone {zone_of(loop.peak)} of ISO 14839-3"]
     if peak_limit is not None and loop.peak >= peak_limit:
-        return [f"the peak of |S| is {loop.peak:.3g}, and is to be below {peak_limit:g}"]
+        return [f"the peak of |S| is {loop.peak:.3g}, not below {peak_limit:g}"]
     return []
 
 
@@ -178,12 +178,12 @@ def _assessed(
 
 
 FILES = {
-    "machine.toml": "the machine, as the records tell it where it was identified",
-    "identified.toml": "the filter of what was identified, with the offsets of the log",
+    "machine.toml": "the machine, identified if there are records",
+    "identified.toml": "the filter of the identified machine, with the offsets of the log",
     "scenario.toml": "the controllers, with all their gains",
     "candidates": "the filters that were tried, tuned, and their figures",
-    "filter.toml": "the filter to fly",
-    "verdict.html": "the verdict on the loop, to be signed off",
+    "filter.toml": "the filter to use",
+    "verdict.html": "the assessment of the loop, for signature",
     "c": "the filter as C, for the controller",
     "controller": "filter and controllers as C, from readings to currents",
     "design.html": "the report",

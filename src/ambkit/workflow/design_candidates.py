@@ -240,10 +240,12 @@ def objections_to(chosen: TunedCandidate) -> list[str]:
     objections = []
     if not chosen.wandering < chosen.raw:
         error, sensor = (engineering(v, "m", digits=3) for v in (chosen.wandering, chosen.raw))
-        objections.append(f"its position errs by {error}, and that of the raw sensors by {sensor}")
+        objections.append(
+            f"its position error of {error} exceeds that of the raw sensors, {sensor}"
+        )
     if chosen.efficiency < FAR_FROM_BOUND:
         objections.append(
-            f"its position reaches {100 * chosen.efficiency:.0f} % of the bound, less than "
+            f"the bound is {100 * chosen.efficiency:.0f} % of its position error, less than "
             f"{100 * FAR_FROM_BOUND:.0f} %"
         )
     return objections

@@ -111,7 +111,7 @@ class Design(Result):
     @property
     def chapters(self) -> list[Part]:
         files = "\n".join(f"- `{name}`: {what}" for name, what in self.made.items())
-        made = Part("Files", f"All of it lies in {markdown(self.folder)}.\n\n{files}")
+        made = Part("Files", f"All files are in {markdown(self.folder)}.\n\n{files}")
         if self.record is None:
             return [made]
         of = {KINDS[c.kind].name: evaluate(Estimator.load(c.file), self.record)
@@ -148,7 +148,7 @@ class Design(Result):
                 [c.kind for c in self.candidates],
                 [c.errors for c in self.candidates],
                 self.chosen.raw,
-                f"The {self.chosen.kind} filter is chosen; the sensors alone err by {raw}",
+                f"Errors of the candidates (chosen: {self.chosen.kind}; raw sensors: {raw})",
             )
         ]
 
@@ -193,7 +193,7 @@ def design_figure(
     return Figure(
         id="design",
         title=title,
-        caption="In simulated runs of the bearing that was found.",
+        caption="In simulated runs of the machine.",
         panels=[
             Panel(Axis(""), Axis("error of position", "µm rms", 1e6),
                   [*bars("x"), Rule(raw, signal="limit", label="raw sensor")]),

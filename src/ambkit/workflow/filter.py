@@ -188,7 +188,7 @@ class Filtering(Result):
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
         harmonic_sections: dict[tuple[str, ...], Section] = {
-            (*ESTIMATORS, name, "synchronous"): Section(f"{name}: what turns", across=True)
+            (*ESTIMATORS, name, "synchronous"): Section(f"{name}: synchronous states", across=True)
             for name in self.estimators
         }
         return {ESTIMATORS: Section(self.title), **harmonic_sections}
@@ -253,7 +253,7 @@ def filter(
     tune, settling = in_si("tune", tune, "s"), in_si("settling", settling, "s")
     noise = noise or FilterNoise()
     if tune is not None and noise.disturbance is not None:
-        raise ValueError("tune finds what noise.disturbance gives: use one of them")
+        raise ValueError("tune and noise.disturbance exclude each other")
     begin, end = in_flight(record)
     until, record = record.between(stop=end), record.between(begin, end)
     stretch = stretch_to_tune_on(record, tune) if noise.disturbance is None else None

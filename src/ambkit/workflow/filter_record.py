@@ -113,9 +113,9 @@ def _of_tuning(one: Filtered) -> Iterator[str]:
         yield f"{one.name}: {tuning.why}"
     if tuning.worse:
         then = (
-            "so the tuning is the first suspect"
+            "so doubt the tuning first"
             if tuning.kept
-            else "so the untuned one is used, chosen by what it is judged on"
+            else "so the untuned one is used; this choice has seen the record that judges it"
         )
         yield (
             f"{one.name}: tuned disturbance noise, {tuning.found.disturbance:.3g} N^2/s, fits the "
@@ -129,21 +129,20 @@ def _warnings(result: Filtering, samples: int) -> Iterator[str]:
     """Yield where filter and record do not belong together, or where signals are missing."""
     left = samples - len(result.record)
     if left:
-        yield f"{left} samples are left out, in which magnets have no current by the record's mode"
+        yield f"{left} samples are excluded: the mode of the record is off there"
     lost, in_a_row = missing_control(result.record)
     if lost:
         yield (
             f"the control signal is missing in {lost} of {len(result.record)} samples, at most "
-            f"{in_a_row} in a row: the filters hold the last one, and are less sure for a while "
-            "than they say"
+            f"{in_a_row} in a row: the filters hold the last one, and are overconfident there"
         )
     gap = max(placed.magnet.air_gap for placed in result.machine.bearings)
     for name, one in result.estimators.items():
         if any(max(each_of(e)) > gap for e in one.evaluation.prediction.values()):
             yield (
-                f"{name}: predicts beyond the air gap, {figure(gap, 'm', 4)}: over so long a time "
-                "the rotor does not move as this machine says; it lies or is held in a part of the "
-                "record, or the record is of another rig ('ambkit check' with --machine)"
+                f"{name}: predicts beyond the air gap, {figure(gap, 'm', 4)}: the "
+                "model does not hold over so long a time; the rotor is in contact or held in "
+                "part of the record, or is of another rig ('ambkit check' with --machine)"
             )
         for axis, outside in one.outside.items():
             yield _of_the_box(f"{name}, axis {axis}" if axis else name, outside)
@@ -156,7 +155,7 @@ def _of_the_box(name: str, outside: OutsideOperatingRange) -> str:
         for (low, high, share), unit in ((outside.current, "A"), (outside.displacement, "m"))
     )
     return (
-        f"{name}: {percent(outside.share)} of the samples lie outside of the expert's box, "
-        f"current {current}, displacement {displacement}; there it answers as at the edge: "
-        "train it on a larger one ('ambkit train --reach')"
+        f"{name}: {percent(outside.share)} of the samples lie outside the range of the "
+        f"expert, current {current}, displacement {displacement}; there it gives the values at the "
+        "edge: train it on a larger range ('ambkit train --reach')"
     )

@@ -124,13 +124,13 @@ class Identified(Result):
             for p in looked_for
         )
         if not result.offsets_count:
-            return [f"{zeros}: as likely none, and the zeros stay as they were given"]
+            return [f"{zeros}: consistent with zero; the offsets are unchanged"]
         position = [p.name for p in looked_for if p.name == "position_offset"]
         noise = math.sqrt(result.bearing.sensor.noise_variance)
         if position and result.standard_error(position[0]) > noise:
             return [
-                f"{zeros}: the position is known to no better than that, and the sensor's noise is "
-                f"{engineering(noise, 'm', 3)}; who has measured the zeros leaves them out of free"
+                f"{zeros}: larger than the sensor's noise of {engineering(noise, 'm', 3)}, so the "
+                "position is uncertain; if you have measured the offsets, omit them from free"
             ]
         return []
 
@@ -158,11 +158,7 @@ class Identified(Result):
 
     @property
     def finding(self) -> str:
-        on = (
-            ""
-            if self.on_others
-            else " Validated on the identification records only: validate on others."
-        )
+        on = "" if self.on_others else " Not validated on other records."
         return f"{self.likelihood.finding}{on}"
 
     @cached_property
@@ -185,17 +181,17 @@ class Identified(Result):
             k = check.farthest
             result += put([
                 Row("fit", f"fit, {k} samples ahead", check.fit[k] / 100, "%"),
-                Row("fit_of_start", "of the initial model", check.of_start[k] / 100
+                Row("fit_of_start", "  initial model", check.of_start[k] / 100
                     if k in check.of_start else None, "%"),
-                Row("held", "last measurement held", check.held[k] / 100, "%"),
+                Row("held", "  last measurement held", check.held[k] / 100, "%"),
                 Row("error", "error, rms", check.error[k], "m", 3),
-                Row("without_a_magnet", "filter without a magnet, rms", check.without_a_magnet[k],
+                Row("without_a_magnet", "  filter without a magnet", check.without_a_magnet[k],
                     "m", 3),
-                Row("white", "white lags", check.residual.share_within, "%"),
-                Row("free_of_control", "free of control", check.cross.share_within, "%"),
+                Row("white", "white lags of the residuals", check.residual.share_within, "%"),
+                Row("free_of_control", "lags independent of u", check.cross.share_within, "%"),
                 Row("nis", "mean NIS", check.nis, digits=3),
-                Row("predictable", "predictable", check.left, "%"),
-                Row("gain", "gain of likelihood per sample", check.gain),
+                Row("predictable", "predictable share", check.left, "%"),
+                Row("gain", "gain of log-likelihood per sample", check.gain),
             ], section=("fits",), of=check.name)  # fmt: skip
         return result
 
@@ -217,14 +213,10 @@ class Identified(Result):
         where = f"{engineering(at['current'], 'A', 2)}, {engineering(at['displacement'], 'm', 2)}"
         return self.likelihood.sections | {
             ("stiffness",): Section(f"Stiffness at {where}", across=True),
-            ("k_i",): Section(
-                "k_i at operating points, where the records have been and by the law"
-            ),
-            ("k_s",): Section(
-                "k_s at operating points, where the records have been and by the law"
-            ),
+            ("k_i",): Section("k_i at operating points, by the identified law"),
+            ("k_s",): Section("k_s at operating points, by the identified law"),
             ("rest",): Section("At rest", across=True),
-            ("fits",): Section("On records", across=True),
+            ("fits",): Section("Validation"),
         }
 
     @property
@@ -248,14 +240,14 @@ class Identified(Result):
         )
         if any("[signals." in line for line in carried):
             notes.append(
-                "The machine's file lists what the channel map needs before such a log is filtered."
+                "The machine file lists the changes that the channel map of such logs needs."
             )
         noise = self.filter.variances.disturbance if self.machine.single else None
         if noise is not None and RAISED in self.filter.origin.values():
             notes.append(
-                f"The filter's noise.disturbance is {noise:.3g} N^2/s: the records give "
-                f"{model.disturbance_noise:.3g} N^2/s, which would follow a disturbance force too "
-                "slowly."
+                f"The filter's noise.disturbance is {engineering(noise, 'N^2/s', 3)}: with the "
+                f"{engineering(model.disturbance_noise, 'N^2/s', 3)} of the records it would "
+                "follow a disturbance force too slowly."
             )
         return [*notes, *sentences(self.adequacy)]
 
@@ -302,8 +294,7 @@ def check_disjoint(others: Sequence[Record], records: Sequence[Record]) -> None:
     """Refuse a record that is to be both identified from and validated on."""
     if any(record is seen for record in others for seen in records):
         raise AmbkitError(
-            "a record is to be identified from and validated on: a model is judged on a record "
-            "that it has not seen"
+            "the same record is used for identification and validation: validate on another one"
         )
 
 

@@ -94,8 +94,8 @@ def identify(
         result = maximum_likelihood(records, start, looked_for, lines=machine.single, note=note)
     except ConfigError as error:
         raise AmbkitError(
-            f"what is likely under these records is no bearing that could be ({error}): does the "
-            "rotor lie on a stop, or are they of another rig?"
+            f"the most likely parameters are not physical ({error}): is the rotor in contact, or "
+            "are the records of another machine?"
         ) from None
     checks = validations(result, others or records, names)
     forces = None

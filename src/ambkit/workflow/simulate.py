@@ -224,7 +224,7 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
         if machine.speed:
             return
         if not holding(machine, scenario.feedback or "estimate").held:
-            yield "None of the PIDs that were tried holds it; ambkit check says more."
+            yield "No PID that was tried stabilises it; see ambkit check."
 
 
 def _of_the_stop(run: Run) -> str:
@@ -234,8 +234,8 @@ def _of_the_stop(run: Run) -> str:
     first = "" if at is None else f", first at {figure(t[min(at + 1, len(t) - 1)], 's')}"
     return (
         f"The rotor touched the stop at {figure(clearance, 'm')} in {run.samples_at_the_stop} of "
-        f"{len(run.record)} samples{first}: do the controllers suit it ([controller] or [control] "
-        "in the scenario)? Or take a smaller step or disturbance force."
+        f"{len(run.record)} samples{first}: check the controller ([controller] or [control] in "
+        "the scenario), or reduce the step or the disturbance force."
     )
 
 

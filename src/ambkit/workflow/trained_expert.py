@@ -305,8 +305,8 @@ class TrainedExpert(Result):
         more = f" and {len(nodes) - 6} more" if len(nodes) > 6 else ""
         worst = engineering(max(error for *_, error in poor), "N", digits=2)
         return [
-            f"hardly measured at {len(nodes)} of {self.stiffness.k_i.size} rules: there the expert "
-            f"stays near the machine's law, its force known to {worst} at worst: "
+            f"few points near {len(nodes)} of {self.stiffness.k_i.size} rules: there the expert "
+            f"stays near the machine's law, its force known to {worst} or better: "
             f"{', '.join(nodes[:6])}{more}"
         ]
 

@@ -342,8 +342,8 @@ def _in_the_loop(peak: float, untuned: float, peak_limit: float | None) -> Itera
     if peak_limit is None and (peak > MUCH_WORSE * untuned or zone_of(peak) > zone_of(untuned)):
         yield (
             f"in the loop the peak of |S| is {peak:.2f}, zone {zone_of(peak)}, with the untuned "
-            f"filter {untuned:.2f}, zone {zone_of(untuned)}: what it was tuned by knows nothing of "
-            "the loop; max_sensitivity sets a limit"
+            f"filter {untuned:.2f}, zone {zone_of(untuned)}: the tuning does not consider the "
+            "loop; max_sensitivity sets a limit"
         )
 
 

@@ -132,8 +132,8 @@ class ByLikelihood:
         variance = estimator.run(self.seen[0]).innovation_variance
         if not (np.isfinite(variance) & (variance > 0)).any():
             raise AmbkitError(
-                f"the {kind} filter has no idea of its innovations, so that no record is the more "
-                "likely for its values: tune it on simulated runs, without records"
+                f"the {kind} filter has no innovation variance, so records have no likelihood: "
+                "tune it on simulated runs, without records"
             )
 
     def cost(self, build: Callable[[], Estimator], *, few: bool = False) -> float:
@@ -178,7 +178,7 @@ class ByLikelihood:
         if self.spikes:
             yield self.spikes
         if not kept:
-            yield "the validation data is no more likely with the tuned values: the untuned is used"
+            yield "the tuned filter is no more likely on validation data: the untuned one is used"
         if kept and after["nis"] > TOO_LARGE**2:
             yield (
                 f"the innovations are {math.sqrt(after['nis']):.1f} times what the filter expects, "
@@ -288,8 +288,8 @@ class ByTruth:
         """Tell what is odd about the filter that is taken."""
         if not after["error of x"] < self.raw:
             yield (
-                f"its position errs by {engineering(after['error of x'], 'm', digits=3)}, and the "
-                f"raw sensor by {engineering(self.raw, 'm', digits=3)}"
+                f"its position error is {engineering(after['error of x'], 'm', digits=3)}, that of "
+                f"the raw sensor {engineering(self.raw, 'm', digits=3)}"
             )
         if not kept:
             yield "validation runs have no smaller errors: the untuned filter is used"

@@ -160,7 +160,7 @@ class Pil(Result):
         """Whether all bits are the same."""
         return self.unequal + self.unequal_frames + self.selftest == 0
 
-    TITLE = "{0.run.machine.name} flown by a processor"
+    TITLE = "{0.run.machine.name} on an emulated processor"
 
     def file(self) -> Record:
         return self.record

@@ -123,11 +123,12 @@ class Design(Result):
         for p, error in zip(expected.parameters, expected.errors, strict=True):
             at = p.of(expected.model)
             positive += [(float(error / at), p.name)] if p.positive and at else []
-        share, name = min(positive, default=(math.nan, ""))
         if not positive:
             return f"{self.title}: no parameter has a relative error."
-        surest = name.replace("_", " ")
-        return f"{self.title}: least standard error {percent(share)}, of the {surest}."
+        return (
+            f"{self.title}: expected standard errors from {_relative(*min(positive))} to "
+            f"{_relative(*max(positive))}."
+        )
 
     @property
     def rows(self) -> list[Row]:
@@ -143,18 +144,20 @@ class Design(Result):
         for p, error in zip(expected.parameters, expected.errors, strict=True):
             at = p.of(expected.model)
             results += put([
-                Row("value", "value", at, p.unit),
-                Row("standard_error", "standard error", float(error), p.unit, 3),
+                Row("value", "value ± standard error", at, p.unit, error=float(error)),
                 Row("share", "relative", float(error / at) if p.positive else None, "%"),
             ], section=EXPECTED, of=p.name)  # fmt: skip
         return results
 
-    SECTIONS = {(): Section("{0.title}"), EXPECTED: Section("Expected", across=True)}
+    SECTIONS = {
+        (): Section("{0.title}"),
+        EXPECTED: Section("Expected errors", across=True),
+    }
 
     @property
     def notes(self) -> list[str]:
         expected, names = self.expectation, [p.name for p in self.expectation.parameters]
-        sentences = [f"{name} will not be identified: {why}" for name, why in expected.held.items()]
+        sentences = [f"{name} is not identifiable: {why}" for name, why in expected.held.items()]
         sentences += [
             f"{names[j]} and {name} are correlated: {expected.correlation[i, j]:+.3f}"
             for i, name in enumerate(names) for j in range(i)
@@ -178,6 +181,10 @@ class Design(Result):
 
     def figures(self) -> list[Figure]:
         return [excitation_figure(self)]
+
+
+def _relative(share: float, name: str) -> str:
+    return f"{percent(share)} ({name.replace('_', ' ')})"
 
 
 def design(

@@ -35,8 +35,8 @@ def excitation_figure(design: Any) -> Figure:
     return Figure(
         id="excitation",
         title=f"Experiment for {name}: {design.excitation.kind}",
-        caption="As simulated, with the noise of the bearing. Below, from which frequencies the "
-        "information on each parameter comes, the others known: its share in a third of an octave.",
+        caption="Simulated with the noise of the machine. Below: share of the information on each "
+        "parameter in each third of an octave, the other parameters known.",
         panels=[
             *panels_within(record, design.limits, reference),
             Panel(FREQUENCY, amplitude, excited),

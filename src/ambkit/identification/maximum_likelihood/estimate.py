@@ -137,7 +137,7 @@ class _Search:
     def begin(self, parameters: list[Parameter], *, improve_start: bool) -> tuple[LoopModel, str]:
         """Return where the search begins, and what that is called."""
         if not improve_start:
-            return self.initial, "the bearing given"
+            return self.initial, "the initial model"
         self.note("looking for a start")
         begin, started_from = ascent.initial_guess(self.data, self.initial, parameters)
         # With a wrong idea of the noise, the information misleads; and offsets run away first.

@@ -19,8 +19,8 @@ from ambkit.result.report import Axis, Cells, Figure, Intervals, Item, Line, Pan
 
 RECORDS = ("record 1", "record 2", "record 3", "record 4")
 LAG = Axis("lag", "samples")
-RATIO = Axis("estimate / start")
-ORDER = ("bearing", "noise", "offsets", "delay")
+RATIO = Axis("estimate / initial")
+ORDER = ("bearing", "noise", "offsets", "delay", "position-dependent noise")
 WIDE = 3.0  #: Ratio of the ends of an axis from which on it is logarithmic, as the intervals are.
 SHOWN = 400  #: Samples of the stretch in which a prediction is shown.
 
@@ -45,8 +45,8 @@ def estimates_figure(result: Any) -> Figure:
     return Figure(
         id="estimates",
         title="Identified parameters, 95 % intervals",
-        caption="Beside where the search began. Machine and noise as ratios to the start, whose "
-        "intervals are of the logarithm: none reaches zero.",
+        caption="Ratios to the initial model, with intervals of their logarithm; offsets are "
+        "differences from it.",
         panels=_estimates(result),
         columns=2,
     )
@@ -60,7 +60,7 @@ def correlation_figure(result: Any) -> Figure:
     return Figure(
         id="correlations",
         title="Correlation of the estimates",
-        caption="Near ±1, a record tells the combination of two better than each.",
+        caption="Near ±1 the records determine a combination of two parameters better than either.",
         panels=[Panel(Axis(""), Axis(""), cells)],
         panel_height=0.6 + 0.27 * len(names),
     )
@@ -70,8 +70,8 @@ def residual_figure(checks: Sequence[Validation]) -> Figure:
     """Show what the residuals still hold: their own correlation and that with the control."""
     return Figure(
         id="residuals",
-        title="Residuals: correlation in time, and with the control signal before",
-        caption="Of a model that explains all, 95 % of the points lie between the lines.",
+        title="Residuals: autocorrelation, and correlation with past control signals",
+        caption="For a complete model 95 % of the points lie between the lines.",
         panels=_residuals(checks),
         columns=2,
     )
@@ -82,8 +82,8 @@ def fit_figure(checks: Sequence[Validation]) -> Figure:
     return Figure(
         id="fit",
         title="Prediction: fit against the number of samples ahead",
-        caption="100 % is perfect; 0 % is no better than the mean. The colour tells the record; "
-        "dashed: predicted from the start; dotted: the last measurement held.",
+        caption="100 % is perfect; 0 % is no better than the mean. One colour per record; dashed: "
+        "initial model; dotted: last measurement held.",
         panels=[_fit(checks)],
     )
 
@@ -150,8 +150,10 @@ def _natural(result: Any, name: str) -> tuple[float, tuple[str, Axis]]:
     """Return what an offset is best counted in, and the panel for that."""
     b = result.bearing
     if name == "delay":
-        return b.sampling_time, ("delay", Axis("estimate - start", "samples"))
-    percent = Axis("estimate - start, of clearance and bias", "%", 100.0)
+        return b.sampling_time, ("delay", Axis("estimate − initial", "samples"))
+    if name == "position_noise":
+        return 1.0, ("position-dependent noise", Axis("estimate − initial", "1/m"))
+    percent = Axis("estimate − initial, of clearance and bias", "%", 100.0)
     scale = b.rotor.clearance if name == "position_offset" else b.magnet.bias_current
     return scale, ("offsets", percent)
 
@@ -159,8 +161,8 @@ def _natural(result: Any, name: str) -> tuple[float, tuple[str, Axis]]:
 def _residuals(checks: Sequence[Validation]) -> list[Panel]:
     panels = []
     for title, picks in (
-        ("residuals, own correlation", [check.residual for check in checks]),
-        ("residuals, with the control signal before", [check.cross for check in checks]),
+        ("autocorrelation of the residuals", [check.residual for check in checks]),
+        ("correlation with past control signals", [check.cross for check in checks]),
     ):
         bound = max(white.bound for white in picks)
         items: list[Item] = [
@@ -188,7 +190,9 @@ def _fit(checks: Sequence[Validation]) -> Panel:
         ]
         if check.of_start:
             items.append(
-                Line(ahead, of_start, signal=f"{look} start", label="prediction from the start")
+                Line(
+                    ahead, of_start, signal=f"{look} start", label="prediction of the initial model"
+                )
             )
     fits = [fit for check in checks for of in (check.fit, check.held, check.of_start)
              for fit in of.values() if math.isfinite(fit)]  # fmt: skip

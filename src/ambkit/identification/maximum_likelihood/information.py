@@ -266,5 +266,5 @@ def weakly_identified(
     errors = np.sqrt(np.diag(np.linalg.inv(information)))
     worst = int(np.argmax(errors))
     if errors[worst] > 1.0:
-        return parameters[worst], "its error is as large as all that it could be"
+        return parameters[worst], "its standard error exceeds its plausible range"
     return None

@@ -31,6 +31,7 @@ from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
+MOSTLY = 0.95  #: Share of the information from which on a prior is not worth a note.
 TOGETHER = 0.9  #: Correlation from which on two parameters are known only together.
 DESCRIBED = ("magnet_constant", "air_gap", "mass", "sensor_gain", "amplifier_gain")
 FAR = 3.0  #: Times what a description has of these, it is hardly the machine that was described.
@@ -205,8 +206,9 @@ class MaximumLikelihood(Result):
             f"{figure(self.model.known[p.name][0], p.unit)} ± "
             f"{figure(self.model.known[p.name][1], p.unit, 2)}: the records contribute "
             f"{100 * self.record_share[i]:.0f} % of the information."
-            for i, p in enumerate(self.parameters) if p.name in self.model.known
-        ]  # fmt: skip
+            for i, p in enumerate(self.parameters)
+            if p.name in self.model.known and self.record_share[i] < MOSTLY
+        ]
         if self.profiles:
             names = ", ".join(self.profiles).replace("_", " ")
             notes.append(

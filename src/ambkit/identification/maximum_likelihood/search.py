@@ -41,7 +41,7 @@ MORE, LEAST_ROOM = 1.5, 20
 """The stops stand at so many times as far as a record goes; but at no less than that part of the
 travel that the description has."""
 
-WALL = "its search ended at a wall only"  #: In the reason why a parameter is held.
+WALL = "its search ended at a bound"  #: In the reason why a parameter is held.
 
 MOST_DAMPING = 1e8
 
@@ -162,7 +162,7 @@ def fix(
         likely = maximised.value > result.value - loss
         model = maximised.model if likely or ran_from is not None else result.model
     if model is result.model:
-        why = f"as found, for {parameter.text(initial_model)}, as given, is far less likely"
+        why = f"because the initial {parameter.text(initial_model)} is far less likely"
         return model, f"{parameter.text(model)}, {why}"
     return model, parameter.text(model)
 
@@ -232,9 +232,9 @@ def restore_clearance(
     travel, gap = nominal_model.bearing.rotor.clearance, result.bearing.magnet.air_gap
     if gap <= travel:
         touched.append(
-            f"the air gap found, {engineering(gap, 'm', 4)}, leaves no room for the travel of "
-            f"{engineering(travel, 'm', 4)} that the description has: that is taken to be "
-            f"{engineering(result.bearing.rotor.clearance, 'm', 4)}, as far as the records go"
+            f"the identified air gap, {engineering(gap, 'm', 4)}, is smaller than the described "
+            f"clearance, {engineering(travel, 'm', 4)}; the clearance is set to "
+            f"{engineering(result.bearing.rotor.clearance, 'm', 4)}, the range of the records"
         )
     else:
         result = result.replace(rotor__clearance=travel)
@@ -244,8 +244,8 @@ def restore_clearance(
     if near[0] > FAR_FROM_LIMIT and near[1] < NEAR_LIMIT:
         limit = engineering(result.bearing.current_max, "A", 3)
         touched.append(
-            f"with the offset found the control current comes to its limit of {limit}, from which "
-            "it is far with that given"
+            f"with the identified offset the control current reaches its limit of {limit}; with "
+            "the initial one it does not"
         )
     return result, touched
 
@@ -259,7 +259,7 @@ def initial_guess(
 ) -> tuple[LoopModel, str]:
     """Return the most likely of several starts, and what it is called."""
     free = {p.name for p in parameters}
-    candidates = [(initial_model, "the bearing given")]
+    candidates = [(initial_model, "the initial model")]
     if "magnet_constant" in free:
         candidates += [(model, "ADALINE") for model in _by_adaline(data.records, initial_model)]
     candidates += [

@@ -59,7 +59,7 @@ class Validation:
 
     @property
     def good(self) -> bool:
-        """Whether nothing knows more of this record than the model."""
+        """Whether the model passes all checks on this record."""
         # It predicts better than the last measurement and than a filter without a magnet, its
         # noise is what it expects, hardly anything of what it leaves could be predicted, and the
         # start was not more likely. That residuals fail a test of whiteness does not count by
@@ -78,22 +78,23 @@ class Validation:
         """What the figures say against the model, in sentences."""
         k, more = self.farthest, "larger" if self.nis > 1 else "smaller"
         objections = {
-            "It predicts no better than the last measurement held.": self.fit[k] <= self.held[k],
+            "The model predicts no better than the last measurement held.":
+                self.fit[k] <= self.held[k],
             "A filter without a magnet predicts better.":
                 self.error[k] > AS_GOOD * self.without_a_magnet[k],
-            f"The start was more likely, by {-self.gain:.3f} a sample: what was identified does "
-            "not hold here.": self.gain < 0,
-            "Its residuals are not white: some motion is left unexplained, or the noise has "
-            "colour.": self.residual.share_within < WHITE,
-            "Its residuals depend on the control signal: force law, delay or lag miss something.":
+            f"The initial model was more likely, by {-self.gain:.3f} per sample: the identified "
+            "parameters do not hold here.": self.gain < 0,
+            "The residuals are not white: some motion is unexplained, or the noise is "
+            "coloured.": self.residual.share_within < WHITE,
+            "The residuals depend on the control signal: force law, delay or lag is incomplete.":
                 self.cross.share_within < WHITE,
-            "Much of what it leaves could be predicted: a better model would gain.":
+            "Much of the residuals is predictable: a better model would predict more.":
                 not is_explained(self.left),
-            f"Its residuals are {more} than expected: mean NIS {self.nis:.2f}, should be 1.":
+            f"The residuals are {more} than expected: mean NIS {self.nis:.2f}, should be 1.":
                 not is_consistent(self.nis),
         }  # fmt: skip
-        said = " ".join(text for text, holds in objections.items() if holds)
-        return said or "Nothing knows more of this record than the model."
+        objection = " ".join(text for text, holds in objections.items() if holds)
+        return objection or "The model passes all checks."
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, ready for JSON."""

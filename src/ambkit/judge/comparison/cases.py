@@ -370,7 +370,7 @@ def load_case(force: float) -> Case:
     return Case(
         "load",
         f"a step to {STEPS[-1]:g} of the travel and back, then a force of {force:.3g} N",
-        "Who assumes too slow a disturbance force is far off it for long.",
+        "A filter that assumes too slow a disturbance force lags it.",
         scenario,
     )
 
@@ -379,10 +379,11 @@ _DEFAULT = (
     Case("paper", "steps as the paper's, then a load",
          "Near the centre all are alike; the further out, the more the force law counts.", _paper),
     Case("uncertain", "the paper's steps, and a plant that is not the nominal one",
-         "What is left of the differences where nothing is known exactly.", _paper,
+         "The differences that remain if nothing is known exactly.", _paper,
          spread=Spread.all(0.2)),
     Case("wrong-k", "a magnet constant 30 % too small that drifts, position steps, a load",
-         "The steps tell the constant; who estimates it has it before the load comes.", _wrong_k,
+         "The steps determine the constant; a filter that estimates it knows it before the load.",
+         _wrong_k,
          magnet_constant=0.7, drift=0.1),
     Case("saturating", "iron that saturates, with maps learned from the measured force",
          "The closed law is wrong here; only what is learned fits.", _paper, saturates=True),
@@ -390,7 +391,7 @@ _DEFAULT = (
          "All assume white noise, and all are wrong.", _paper, correlation=10.0),
     step_case(STEPS[-1]),
     Case("unbalance", "a load that is a sine",
-         "No filter's model: the load never rests, and delay costs most.", _unbalance),
+         "In no filter's model: the load never rests, so delay costs most.", _unbalance),
     walk_case(STEPS[-1]),
 )  # fmt: skip
 

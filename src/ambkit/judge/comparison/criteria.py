@@ -56,20 +56,20 @@ CRITERIA = {
     "x": Criterion("x", "µm", 1e6, 0, "error", "RMSE of the position."),
     "v": Criterion("v", "mm/s", 1e3, 0, "error", "RMSE of the velocity."),
     "f_d": Criterion("F_St", "N", 1, 0, "error", "RMSE of the disturbance force."),
-    "force": Criterion("F_mag", "N", 1, 0, "error", "RMSE of the magnet force, as the estimator's "
-                       "own force law gives it at its estimated position and the current asked."),
+    "force": Criterion("F_mag", "N", 1, 0, "error", "RMSE of the magnet force, as the filter's "
+                       "force law gives it at its estimated position and the demanded current."),
     "nees": Criterion("NEES", "%", 100, 0.95, "share", "Share of the samples at which the "
                       "normalised estimation error squared of x, v and F_St of all axes is within "
-                      "its 95 % chi-square bound, of one axis 7.81; less: the filter is too sure."),
+                      "its 95 % chi-square bound, of one axis 7.81; less: overconfident."),
     "nis": Criterion("NIS", "", 1, 1, "ratio", "Normalised innovation squared; the same, of the "
                      "innovations."),
     "white": Criterion("white", "%", 100, 0.95, "share", "Share of 50 lags at which the "
                        "innovations' correlation is within its 95 % bound; white: 95 %."),
-    "delay": Criterion("delay", "ms", 1e3, 0, "error", "How late the disturbance force is: lag of "
+    "delay": Criterion("delay", "ms", 1e3, 0, "error", "Delay of the disturbance force: lag of "
                        "the greatest correlation with the truth."),
     "tracking": Criterion("r − x", "µm", 1e6, 0, "error", "RMS control error, with the estimator "
                           "in the loop."),
-    "effort": Criterion("effort", "mA", 1e3, 0, "error", "RMS change of the current asked for from "
+    "effort": Criterion("effort", "mA", 1e3, 0, "error", "RMS change of the demanded current from "
                         "sample to sample, with the estimator in the loop."),
     "overshoot": Criterion("oversh.", "%", 100, 0, "error", "Overshoot of the last step before the "
                            "load, in the loop."),

@@ -46,9 +46,7 @@ def matrix_figure(bench: Any, id: str = "matrix") -> Figure:
     about = (
         f"{label(bench.bearing.name)}, {bench.case.name}: {bench.case.title}; {_runs(bench)}, {how}"
     )
-    shades = (
-        f"palest of a column: best, or as it should be; darkest: {TIMES:g} times as bad, or more"
-    )
+    shades = f"palest: best or ideal value of a column; darkest: {TIMES:g} times worse, or more"
     return Figure(
         id=id,
         title=f"All filters, all criteria, {how}",
@@ -86,14 +84,14 @@ def _text(value: float) -> str:
 STEP = Axis("step of the position", "mm", 1e3)
 SWEPT = {
     "steps": (STEP, "Errors against the height of the step", "A step, then a load. Bars: 95 % "
-              "confidence. Where a line leaves the picture, the estimator has lost the rotor or "
-              "nearly so."),
+              "confidence. Where a line leaves the picture, the filter has lost the rotor, or "
+              "nearly."),
     "wrong_k": (Axis("magnet constant of the plant, over the known one"),
                 "Errors where the magnet constant is wrong",
                 "A step of three tenths of the travel, then a load."),
-    "limit_steps": (STEP, "Errors and the limit", "Black: what nobody crosses. Near the centre the "
-                    "linear model is right; further out only filters that know the law stay at the "
-                    "limit."),
+    "limit_steps": (STEP, "Errors and their bound", "Black: Cramér-Rao bound. Near the centre the "
+                    "linear model is right; further out only filters that know the law stay near "
+                    "it."),
 }  # fmt: skip
 """What a row of cases is over, and what is to be seen in it."""
 
@@ -149,7 +147,7 @@ def cost_figure(bench: Any) -> Figure:
         id="cost",
         title="Cost of a step and error of f_d",
         caption="Time of a step with its history stored, on the machine that made this figure; "
-        "error of the disturbance force with its 95 % confidence interval. Good is low and left.",
+        "error of the disturbance force with its 95 % confidence interval. Lower left is better.",
         panels=[
             Panel(
                 Axis("time a step", "ns", 1e9, "log",
@@ -172,9 +170,9 @@ def efficiency_figure(bench: Any) -> Figure:
     ]  # fmt: skip
     return Figure(
         id="efficiency",
-        title="How close each comes to the limit",
-        caption="Limit over root mean square error; 1 is what nobody exceeds, but for the chance "
-        "of a finite number of runs.",
+        title="Efficiency: bound over error",
+        caption="Cramér-Rao bound over rms error; at most 1, but for chance in a finite number of "
+        "runs.",
         panels=[Panel(Axis(""), Axis("efficiency"), [*bars, Rule(1.0, signal="bound", label="")])],
     )
 
@@ -202,8 +200,8 @@ def run_figure(study: Any) -> Figure:
     force = Axis(rf"$F_\mathrm{{St}}${of}", "N", limits=(float(low - margin), float(high + margin)))
     return Figure(
         id="run",
-        title="One run, and what the estimators see in it",
-        caption="Above, where the rotor is; below, the disturbance force, which no sensor sees.",
+        title="One run and its estimates",
+        caption="Above: position. Below: disturbance force, which no sensor measures.",
         panels=[
             Panel(time, Axis(f"displacement $x${of}", "mm", 1e3), [
                 Line(record.t, (view.H @ view.shown)[0] @ readings, signal="measured"),

@@ -267,7 +267,7 @@ def least(rows: Sequence[Row]) -> str:
     """Say who has the least error of the disturbance force."""
     errors: dict[str, Any] = {r.of: r.value for r in rows if r.key == "f_d" and r.known}
     if not errors:
-        return "no estimator has finished a run"
+        return "no filter has finished a run"
     first = min(errors, key=errors.__getitem__)
     text = next(row.text() for row in rows if row.of == first and row.key == "f_d")
     text = f"{first} estimates the disturbance force best, to {text} rms"

@@ -105,7 +105,7 @@ class Study(Bench):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        title = "How close each comes to the limit, where the filters' model is true"
+        title = "Efficiency where the filters' model is true"
         return {**super().sections, ("efficiency",): Section(title, across=True)}
 
     @property

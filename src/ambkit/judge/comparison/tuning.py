@@ -97,7 +97,7 @@ def expand(text: str) -> list[str]:
             check_named(name)
             results[name] = None
     if not results:
-        raise AmbkitError(f"no estimator is named; known: all, {', '.join(KINDS)}")
+        raise AmbkitError(f"no filter is named; known: all, {', '.join(KINDS)}")
     return list(results)
 
 

@@ -58,7 +58,7 @@ class Outcome:
     estimator: str
     precision: str
     #: Whether the controller was fed by it, or by the true measurement.
-    setting: Literal["in the loop", "beside the loop"]
+    setting: Literal["closed loop", "open loop"]
     seed: int  #: Of noise and fault.
     samples: int  #: Length of the flight.
     #: Whether mean, covariance, innovation and its variance were finite in every sample.
@@ -93,7 +93,7 @@ class Flight:
     bearing: Machine  #: The plant, and what the estimator knows.
     #: Its gains; what it is fed by is set here. None: the default of several axes.
     controller: PID | None
-    #: Whether the controller is fed by the estimate, or, beside the loop, by the true measurement.
+    #: Whether the controller is fed by the estimate, or, in open loop, by the true measurement.
     in_loop: bool
     seed: int  #: Of noise and fault.
     precision: Precision = "float64"  #: Of the estimator.
@@ -228,7 +228,7 @@ class Flight:
             fault=fault,
             estimator=estimator,
             precision=self.precision,
-            setting="in the loop" if self.in_loop else "beside the loop",
+            setting="closed loop" if self.in_loop else "open loop",
             seed=self.seed,
             samples=n,
             finite=run.estimate is None or _finite(run.estimate),
@@ -285,7 +285,7 @@ def _greatest(errors: dict[str, Array], name: str, where: slice) -> float:
 BASELINE = "measurement"
 """Stands for the loop without an estimator: the controller is fed by the measurement."""
 
-SETTINGS = ("beside the loop", "in the loop")
+SETTINGS = ("open loop", "closed loop")
 
 
 def recovery_text(outcomes: Sequence[Outcome]) -> str:

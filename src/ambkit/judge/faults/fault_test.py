@@ -75,27 +75,25 @@ class FaultCampaign(Result):
             if outcome.estimator != BASELINE
             and not outcome.recovered
             and (
-                not outcome.finite
-                or outcome.setting == "beside the loop"
-                or outcome.levitation == "kept"
+                not outcome.finite or outcome.setting == "open loop" or outcome.levitation == "kept"
             )
         ]
 
     def slowest(self, estimator: str) -> float:
-        """Most samples that it took to recover beside the loop; infinity: it did not once."""
-        beside = self.select(estimator=estimator, setting="beside the loop")
+        """Most samples that it took to recover in open loop; infinity: it did not once."""
+        beside = self.select(estimator=estimator, setting="open loop")
         took = [item.recovery if item.recovered else math.inf for item in beside]
         return max((item for item in took if not math.isnan(item)), default=math.nan)
 
     @property
     def title(self) -> str:
         faults = f"{len(self.faults)} fault{'s' * (len(self.faults) > 1)}"
-        return f"{self.bearing.name}: {len(self.outcomes)} flights through {faults}"
+        return f"{self.bearing.name}: {len(self.outcomes)} runs with {faults}"
 
     @property
     def finding(self) -> str:
         outcomes = [outcome for outcome in self.outcomes if outcome.estimator != BASELINE]
-        lost = sum(e.setting == "in the loop" and e.levitation == "lost" for e in outcomes)
+        lost = sum(e.setting == "closed loop" and e.levitation == "lost" for e in outcomes)
         failed = len(self.failures)
         if not lost and not failed:
             return f"{self.title}: no levitation was lost, and all filters recovered."
@@ -113,7 +111,7 @@ class FaultCampaign(Result):
         return sentences
 
     def _lost(self, name: str) -> list[str]:
-        outcomes = self.select(estimator=name, setting="in the loop", levitation="lost")
+        outcomes = self.select(estimator=name, setting="closed loop", levitation="lost")
         return sorted({outcome.fault for outcome in outcomes})
 
     @cached_property
@@ -121,7 +119,7 @@ class FaultCampaign(Result):
         result = put(self._of(BASELINE), section=("controller_alone",), of=BASELINE)
         for name in reversed(self.estimators):
             result = put(self._of(name), section=("estimators",), of=name) + result
-        about = {CLEAN.name: CLEAN.about, MIXTURE: "up to three of them at a time, at random"}
+        about = {CLEAN.name: CLEAN.about, MIXTURE: "up to three at a time, at random"}
         about |= {name: fault.about for name, fault in FAULTS.items()}
         for fault in self.faults:
             unfiltered = recovery_text(self.select(fault=fault, estimator=BASELINE))
@@ -134,8 +132,8 @@ class FaultCampaign(Result):
 
     def _of(self, name: str) -> list[Row]:
         """Return the figures of one estimator, or of the controller alone."""
-        beside = self.select(estimator=name, setting="beside the loop")
-        trials = self.select(estimator=name, setting="in the loop")
+        beside = self.select(estimator=name, setting="open loop")
+        trials = self.select(estimator=name, setting="closed loop")
         own: list[Row] = []
         if beside:
             worst = ([getattr(e, key) for e in beside] for key in ("after_x", "after_f_d"))
@@ -176,7 +174,7 @@ class FaultCampaign(Result):
         return of[name] if of[name] == "0" or len(of) == 1 else f"{of[name]} ({name})"
 
     SECTIONS = {
-        ("estimators",): Section("Outside the loop, and in it", across=True),
+        ("estimators",): Section("Open loop and closed loop", across=True),
         ("controller_alone",): Section("The controller fed by the measurement", across=True),
         ("faults",): Section("Recovery time, worst seed [samples]", across=True),
     }
@@ -219,7 +217,7 @@ RAISED = "\n\n\n"
 
 
 def faults_figure(campaign: FaultCampaign) -> Figure:
-    """Show what became of each estimator in each fault, beside the loop and in it."""
+    """Show what became of each estimator in each fault, in open and in closed loop."""
     panels = [
         Panel(Axis(""), Axis(""), [_cells(campaign, setting)], title=setting)
         for setting in SETTINGS
@@ -228,10 +226,10 @@ def faults_figure(campaign: FaultCampaign) -> Figure:
     return Figure(
         id="faults",
         title=f"{campaign.bearing.name}: recovery from faults",
-        caption="Samples until the estimate, and in the loop the rotor, are back and stay so, the "
-        "most of all seeds; the darker the longer. Darkest: lost (the rotor stayed on a stop), "
-        "never, held (stands still for ever), or ∞ (not finite). In the loop the last column is "
-        "the controller fed by the measurement itself.",
+        caption="Recovery time of the estimate, in closed loop also of the rotor [samples]; worst "
+        "seed, darker is longer. Darkest: lost (the rotor stayed on a stop), never, held (the "
+        "estimate stands still), or ∞ (not finite). Last column in closed loop: controller fed by "
+        "the measurement.",
         panels=panels,
         panel_height=0.19 * rows,
     )
@@ -331,7 +329,7 @@ def _campaign(
         fault = FAULTS.get(name, CLEAN)
         channel, windows = fault_test.mixed(steps) if name == MIXTURE else fault_test.through(fault)
         if not windows:
-            raise AmbkitError(f"{steps} steps have no room for a fault and its aftermath")
+            raise AmbkitError(f"samples = {steps} is too short for a fault and its recovery")
         run = fault_test.fly(channel, build and build(precision=fault_test.precision))
         band = band or fault_test.band(run)
         yield fault_test.evaluate(run, windows, band, fault=name, estimator=estimator)

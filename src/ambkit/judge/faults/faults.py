@@ -159,17 +159,17 @@ def _overdriven(channel: Channel, window: slice) -> None:
 
 _LONGEST = 2.0  # the last that a loop may survive, in time constants
 
-CLEAN = Fault("clean", "nothing is wrong", lambda _channel, _window: None)
+CLEAN = Fault("clean", "no fault", lambda _channel, _window: None)
 
 FAULTS = {
     fault.name: fault
     for fault in (
-        Fault("lift-off", "the rotor lies on a stop at the start, and nobody is told", _lift_off),
-        Fault("knock", "a force flings the rotor against a stop", _knock, own=1),
+        Fault("lift-off", "the filter does not know that the rotor starts on a stop", _lift_off),
+        Fault("knock", "an impulse throws the rotor against a stop", _knock, own=1),
         Fault("overload", "a load beyond the magnet for one time constant", _overload, own=1),
         Fault("long-overload", "a load beyond the magnet: rotor on a stop, current at its limit",
               _overload, own=60),
-        Fault("weak-amplifier", "a tenth of the current is left", _set("current", 0.1), own=0.5),
+        Fault("weak-amplifier", "a tenth of the current remains", _set("current", 0.1), own=0.5),
         Fault("nan-bursts", "bursts of 1 to 19 missing samples", _bursts, own=5),
         Fault("outage-1ms", "no measurement", _missing, seconds=1e-3),
         Fault("outage-10ms", "no measurement", _missing, seconds=1e-2),
@@ -178,30 +178,30 @@ FAULTS = {
         Fault("outage-10s", "no measurement", _missing, seconds=10, in_loop=False),
         Fault("stuck", "the sensor repeats its last value", _stuck, own=0.5),
         Fault("long-stuck", "the sensor repeats its last value", _stuck, own=30, in_loop=False),
-        Fault("spikes", "one sample in ten is off by up to nine travels", _spikes, own=20),
-        Fault("offset", "the sensor is off by 0.3 travels", _offset, own=_LONGEST),
-        Fault("rail", "the sensor reads the travel's end for 100 samples, noise and all", _rail,
+        Fault("spikes", "one sample in ten is off by up to nine clearances", _spikes, own=20),
+        Fault("offset", "the sensor is off by 0.3 clearances", _offset, own=_LONGEST),
+        Fault("rail", "the sensor reads the end of its range, with noise, for 100 samples", _rail,
               samples=100, in_loop=False),
-        Fault("long-rail", "the sensor reads the travel's end", _rail, own=60, in_loop=False),
+        Fault("long-rail", "the sensor reads the end of its range", _rail, own=60, in_loop=False),
         Fault("late-0.5", "the measurement is half a sample late", _set("late", 0.5), own=20),
         Fault("late-1", "the measurement is one sample late", _set("late", 1), own=20),
         Fault("late-3", "the measurement is three samples late", _set("late", 3), own=20),
         Fault("huge-y", "the sensor reads ±1e30 m", _reads(lambda _: 1e30), own=0.5),
-        Fault("greatest-y", "the sensor reads the greatest number there is",
+        Fault("greatest-y", "the sensor reads the largest number",
               _reads(lambda real: float(real.max)), own=0.5),
         Fault("infinite-y", "the sensor reads infinity", _reads(lambda _: np.inf), own=0.5),
-        Fault("denormal-y", "the sensor reads the least number there is",
+        Fault("denormal-y", "the sensor reads the smallest number",
               _reads(lambda real: float(real.smallest_subnormal)), own=0.5),
         Fault("nan-u", "the control signal is NaN", _told(lambda _: np.nan), own=_LONGEST),
         Fault("infinite-u", "the control signal is infinite", _told(lambda _: np.inf),
               own=_LONGEST),
-        Fault("greatest-u", "the control signal is the greatest number there is",
+        Fault("greatest-u", "the control signal is the largest number",
               _told(lambda real: float(real.max)), own=_LONGEST),
-        Fault("overdriven", "the estimator is told 100 times the current's limit", _overdriven,
+        Fault("overdriven", "the filter receives 100 times the current limit", _overdriven,
               own=_LONGEST),
-        Fault("long-saturation", "the estimator is told 20 times the control signal",
+        Fault("long-saturation", "the filter receives 20 times the control signal",
               _set("u_times", 20.0), own=120, in_loop=False),
-        Fault("long-overdriven", "the estimator is told 100 times the current's limit",
+        Fault("long-overdriven", "the filter receives 100 times the current limit",
               _overdriven, own=120, in_loop=False),
     )
 }  # fmt: skip
