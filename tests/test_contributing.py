@@ -150,7 +150,7 @@ def test_the_law_becomes_c_that_computes_it(law, tmp_path):
 MAGNET = """
 import ambkit
 bearing = ambkit.Bearing.preset("zittau_axial").replace(
-    magnet__force_constant="12 N/A", magnet__reach="2 mm"
+    magnet__force_constant="12 N/A", magnet__stroke="2 mm"
 )
 magnet = ambkit.magnet_of(bearing)
 """
@@ -163,12 +163,12 @@ def test_the_law_has_its_class_and_keys(law):
 from types import SimpleNamespace
 from ambkit.machine.parts import Magnet
 from ambkit.machine.laws import LAWS
-magnet = SimpleNamespace(saturation=None, force_constant=12.0, reach=None)
+magnet = SimpleNamespace(saturation=None, force_constant=12.0, stroke=None)
 print(*(law.parameters_of(magnet) for law in LAWS if law.holds_for(magnet)))
-print("force_constant" in Magnet.model_fields, "reach" in Magnet.model_fields)
+print("force_constant" in Magnet.model_fields, "stroke" in Magnet.model_fields)
 """,
     )
-    assert text == "{'c': 12.0, 'reach': inf}\nTrue True\n"
+    assert text == "{'c': 12.0, 'stroke': inf}\nTrue True\n"
     assert '"lorentz"' in (law / "bindings" / "laws.h").read_text()
 
 

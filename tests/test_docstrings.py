@@ -14,6 +14,7 @@ from pydantic import BaseModel
 
 import ambkit
 from ambkit.cli import catalogue
+from ambkit.machine.laws import LAWS
 
 SECTIONS = ("Parameters", "Attributes")
 
@@ -198,8 +199,8 @@ def internal() -> Iterator[str]:
     ours = [thing for thing in map(PUBLIC.get, PUBLIC) if inspect.isclass(thing)]
     exported = {(each.__module__, each.__name__) for one in ours for each in one.__mro__}
     exported |= {(thing.__module__, thing.__qualname__) for thing in PUBLIC.values()}
-    verbs = map(catalogue.verb_called, catalogue.VERBS)
-    exported |= {(verb.__module__, verb.__qualname__) for verb in verbs}
+    others = [*map(catalogue.verb_called, catalogue.VERBS), *LAWS]
+    exported |= {(thing.__module__, thing.__qualname__) for thing in others}
     root = Path(ambkit.__file__).parent
     for path in root.rglob("*.py"):
         module = ".".join(["ambkit", *path.relative_to(root).with_suffix("").parts])

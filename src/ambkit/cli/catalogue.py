@@ -9,55 +9,71 @@ from typing import Any, cast
 
 from ambkit.base.errors import AmbkitError
 
-VERBS = {
-    "reproduce": "reproduce:reproduce",
-    "simulate": "simulate:simulate",
-    "excite": "excite:excite",
-    "excite sensitivity": "excite:excite_sensitivity",
-    "read": "read:read",
-    "read guess": "read:guess_channels",
-    "identify": "identify:identify",
-    "identify corpus": "identify:identify_corpus",
-    "identify online": "identify:identify_online",
-    "identify lift-off": "identify:identify_lift_off",
-    "identify coil": "identify:identify_coil",
-    "train": "train:train",
-    "train map": "train:train_map",
-    "tune": "tune:tune",
-    "tune robust": "tune:tune_robust",
-    "tune trade-off": "tune:tune_trade_off",
-    "filter": "filter:filter",
-    "compare": "compare:compare",
-    "compare steps": "compare:compare_steps",
-    "design": "design:design",
-    "assess": "assess:assess",
-    "assess sweep": "assess:assess_sweep",
-    "assess speed": "assess:assess_speed",
-    "assess log": "assess:assess_log",
-    "faults": "faults:inject_faults",
-    "rotor": "rotor:campbell",
-    "rotor modes": "rotor:mode_shapes",
-    "rotor unbalance": "rotor:unbalance_response",
-    "rotor waterfall": "rotor:waterfall",
-    "pil": "pil:pil",
-    "presets": "presets:presets",
-    "check": "check:check",
-    "schema": "check:schema",
-    "export c": "export:export_c",
-    "export cost": "export:export_cost",
-    "export fmu": "export:export_fmu",
-    "export ssp": "export:export_ssp",
-    "export a2l": "export:export_a2l",
-    "export mat": "export:export_mat",
-    "campaign": "campaign:campaign",
-    "campaign run": "campaign:campaign",
-    "campaign status": "campaign:campaign_status",
-    "campaign report": "campaign:campaign_report",
-    "campaign replay": "campaign:campaign_replay",
-    "campaign rare": "campaign:campaign_rare",
-    "campaign problem": "campaign:campaign_problem",
+COMMANDS = {
+    "Describe": {
+        "presets": "presets:presets",
+        "check": "check:check",
+        "schema": "check:schema",
+        "rotor": "rotor:campbell",
+        "rotor modes": "rotor:mode_shapes",
+        "rotor unbalance": "rotor:unbalance_response",
+        "rotor waterfall": "rotor:waterfall",
+    },
+    "Measure": {
+        "excite": "excite:excite",
+        "excite sensitivity": "excite:excite_sensitivity",
+        "read": "read:read",
+        "read guess": "read:guess_channels",
+        "identify": "identify:identify",
+        "identify corpus": "identify:identify_corpus",
+        "identify online": "identify:identify_online",
+        "identify lift-off": "identify:identify_lift_off",
+        "identify coil": "identify:identify_coil",
+    },
+    "Design": {
+        "train": "train:train",
+        "train map": "train:train_map",
+        "tune": "tune:tune",
+        "tune robust": "tune:tune_robust",
+        "tune trade-off": "tune:tune_trade_off",
+        "design": "design:design",
+    },
+    "Run": {
+        "simulate": "simulate:simulate",
+        "filter": "filter:filter",
+    },
+    "Judge": {
+        "compare": "compare:compare",
+        "compare steps": "compare:compare_steps",
+        "assess": "assess:assess",
+        "assess sweep": "assess:assess_sweep",
+        "assess speed": "assess:assess_speed",
+        "assess log": "assess:assess_log",
+        "faults": "faults:inject_faults",
+        "campaign": "campaign:campaign",
+        "campaign run": "campaign:campaign",
+        "campaign status": "campaign:campaign_status",
+        "campaign report": "campaign:campaign_report",
+        "campaign replay": "campaign:campaign_replay",
+        "campaign rare": "campaign:campaign_rare",
+        "campaign problem": "campaign:campaign_problem",
+    },
+    "Deploy": {
+        "export c": "export:export_c",
+        "export cost": "export:export_cost",
+        "export fmu": "export:export_fmu",
+        "export ssp": "export:export_ssp",
+        "export a2l": "export:export_a2l",
+        "export mat": "export:export_mat",
+        "pil": "pil:pil",
+    },
+    "Paper": {
+        "reproduce": "reproduce:reproduce",
+    },
 }
-"""Module and function of each command."""
+"""Module and function of each command, by its purpose."""
+
+VERBS = {name: place for of in COMMANDS.values() for name, place in of.items()}
 
 GROUPS = {"export": "Export a filter as C, FMU, A2L or MAT-file."}
 """First words that are no commands by themselves."""
@@ -93,17 +109,6 @@ BEGIN = """Kalman filters for magnetic bearings, from a machine or a recording t
     ambkit filter run.csv --machine my.toml --plot run.png
 """
 """What ``ambkit`` prints before the list of its commands."""
-
-SECTIONS = {
-    "Describe": ("presets", "check", "schema", "rotor"),
-    "Measure": ("excite", "read", "identify"),
-    "Design": ("train", "tune", "design"),
-    "Run": ("simulate", "filter"),
-    "Judge": ("compare", "assess", "faults", "campaign"),
-    "Deploy": ("export", "pil"),
-    "Paper": ("reproduce",),
-}
-"""Purposes of the commands, by their first words."""
 
 
 class Misused(AmbkitError):
@@ -151,11 +156,10 @@ def listing(names: Sequence[str], width: int = 0) -> str:
 
 def front() -> str:
     """Return what ``ambkit --help`` prints."""
-    listed = {name for names in SECTIONS.values() for name in names}
-    others = {
-        name.partition(" ")[0]: None for name in VERBS if name.partition(" ")[0] not in listed
+    purposes = {
+        title: tuple(dict.fromkeys(name.partition(" ")[0] for name in of))
+        for title, of in COMMANDS.items()
     }
-    purposes = SECTIONS | ({"More": tuple(others)} if others else {})
     width = max(len(name) for names in purposes.values() for name in names)
     sections = "\n".join(f"{title}:\n{listing(names, width)}" for title, names in purposes.items())
     return (
