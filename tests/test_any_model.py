@@ -20,8 +20,10 @@ from ambkit import ClosedLaw, Scenario, Status
 from ambkit.estimate import estimator as base
 from ambkit.estimate.core_model import Engine, arrays
 from ambkit.estimate.registry import KINDS
+from ambkit.machine import presets
 from ambkit.machine.accessories import ColouredNoise, Hum
 from ambkit.machine.magnets import ConstantStiffness, core_module
+from ambkit.models.machine_parts import paper_pattern
 
 # ---- the paper's axis: to the bit ----
 
@@ -234,6 +236,23 @@ def test_its_states_are_those_of_its_parts(case):
     assert not e.engine.built_in
     added = {state.name for state in e.states} - {"x", "v", "f_d", "x_m"}
     assert added == set(CASES[case].states.split())
+
+
+def test_a_model_is_built_in_where_its_pattern_is_whatever_its_numbers():
+    """It is asked once for a structure; presets, and numbers that are one, or make parts vanish."""
+    changes = [{}, {"sensor__gain": 1.0}, {"sensor__gain": 1.3}, {"sensor__lag": 1e-4},
+               {"amplifier__bandwidth": 800.0}, {"delay": 70e-6}]  # fmt: skip
+    seen = set()
+    for name in presets.names():
+        for axis in (machine := ambkit.preset(name)).axes:
+            for change in changes:
+                one = machine.isolated_axis(axis.name).replace(**change).long
+                engine = Engine(one, "float64")
+                own, pattern = paper_pattern(), engine.model.pattern
+                alike = [np.array_equal(own[key], item) for key, item in pattern.items()]
+                assert engine.built_in == all(alike), (name, axis.name, change)
+                seen.add(engine.built_in)
+    assert seen == {False, True}
 
 
 @those_of_kinds

@@ -33,6 +33,9 @@ MOST_NUMBERS = 65536  #: Numbers of a model that turns: their places are counted
 PAPER_ROLES = ("position", "velocity", "disturbance force", "sensor")
 """Of the states that are built in: a look at these spares the sampling of most models."""
 
+BUILT_IN: dict[Any, bool] = {}
+"""Whether models of these structures are built in: spares the sampling of all but the first."""
+
 
 class Nodes(NamedTuple):
     """A machine's model at speeds one after the other, for ``core/include/ambkit/turning.h``."""
@@ -91,8 +94,11 @@ class Engine:
         """Whether the model has the pattern that is built into the core as straight-line C."""
         if tuple(state.role for state in plan.states) != PAPER_ROLES or len(plan.noises) != 1:
             return False
-        built_in = paper_pattern()
-        return all(np.array_equal(built_in[n], item) for n, item in self.model.pattern.items())
+        structure = plan.structure
+        if structure not in BUILT_IN:
+            own = self.model.pattern.items()
+            BUILT_IN[structure] = all(np.array_equal(paper_pattern()[n], item) for n, item in own)
+        return BUILT_IN[structure]
 
     def let_turn(self, min_speed: float, max_speed: float) -> None:
         """Let the core's model take any speed of rotation between two [rad/s]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -55,17 +55,23 @@ class View:
         }
 
     @cached_property
+    def _by_axes(self) -> tuple[Array, Array]:
+        """Coordinates (q, p) of a rigid rotor by displacements along the axes; clearances (p,)."""
+        clearances = [item.rotor.clearance for item in self.isolated]
+        inverse = np.asarray(np.linalg.pinv(self.H[:, : self.rigid]))
+        return inverse, np.array(clearances)
+
+    @cached_property
     def travel(self) -> Array:
         """What the touch-down bearings leave to each coordinate of the rigid body [m] or [rad]."""
-        limits = np.array([item.rotor.clearance for item in self.isolated])
-        return np.asarray(np.abs(np.linalg.pinv(self.H[:, : self.rigid])) @ limits)
+        inverse, clearances = self._by_axes
+        return np.asarray(np.abs(inverse) @ clearances)
 
     @cached_property
     def travel_seen(self) -> Array:
         """And to each reading, without its gain (m,) [m]."""
-        limits = np.array([item.rotor.clearance for item in self.isolated])
-        H, C = self.H[:, : self.rigid], self.C[:, : self.rigid]
-        return np.asarray(np.abs(C @ np.linalg.pinv(H)) @ limits)
+        inverse, clearances = self._by_axes
+        return np.asarray(np.abs(self.C[:, : self.rigid] @ inverse) @ clearances)
 
     @cached_property
     def seen(self) -> Array:
@@ -102,14 +108,14 @@ class View:
 
     def variances(self, noise: FilterNoise) -> Variances:
         """Return what a filter assumes, one number for each reading and axis."""
-        own = Variances(
-            [r.sensor.noise_variance for r in self.machine.readings],
-            [b.amplifier.noise_variance for b in self.isolated],
-            [self._usual_intensity(axis) for axis in self.isolated],
-        )
         for name, text in self.count_of(noise):
             raise ValueError(f"{name} {text}")
-        full = Variances(*(self._each(name, noise, usual) for name, usual in own._asdict().items()))
+        readings, axes = self.machine.readings, self.isolated
+        full = Variances(
+            self._each(noise.measurement, readings, lambda item: item.sensor.noise_variance),
+            self._each(noise.control, axes, lambda axis: axis.amplifier.noise_variance),
+            self._each(noise.disturbance, axes, self._usual_intensity),
+        )
         check_variances(full)
         return full
 
@@ -142,12 +148,11 @@ class View:
         if self.machine.control_unit == "V" and any(isinstance(v, InOther) for v in control):
             yield "noise.control", "is in A^2; the control signal is in V"
 
-    def _each(self, name: str, noise: FilterNoise, own: Sequence[float]) -> Any:
-        """Return the variances that a noise states, or the machine's own."""
-        variances = getattr(noise, name)
+    def _each(self, variances: Any, items: Sequence[Any], usual: Callable[[Any], float]) -> Any:
+        """Return the variances that a noise states for readings or axes, or the usual ones."""
         if variances is None:
-            variances = tuple(own)
-        return self.plain(variances if isinstance(variances, tuple) else (variances,) * len(own))
+            variances = tuple(map(usual, items))
+        return self.plain(variances if isinstance(variances, tuple) else (variances,) * len(items))
 
     def plain(self, values: Sequence[Any]) -> Any:
         """Return a tuple, or of a single axis its number."""
@@ -260,14 +265,12 @@ class View:
 
     def levitation_current(self, magnet: Any, states: Sequence[Descriptor]) -> Any:
         """Return for each axis the current that holds the rotor in the middle, and its slope."""
+        if not {"current", "past control"} & {state.role for state in states}:  # nobody asks
+            return self.plain([(0.0, 0.0)] * len(self.isolated))
         # The weight is there, whether a filter knows it or takes it for a disturbance.
         known = self.known_forces(magnet, weight=True)
-        return self.plain(
-            [
-                _levitation_current(b, model, states, force)
-                for b, model, force in zip(self.isolated, models_of(magnet), known, strict=True)
-            ]
-        )
+        axes = zip(self.isolated, models_of(magnet), known, strict=True)
+        return self.plain([_levitation_current(*axis) for axis in axes])
 
     def equilibrium_state(
         self, states: Sequence[Descriptor], levitation_current: Any, x: Any, readings: Any = None,
@@ -377,13 +380,8 @@ def _times(A: Array, x: Array) -> Array:
     return np.asarray((A @ x[..., None])[..., 0])
 
 
-def _levitation_current(
-    axis: Machine, magnet: MagnetModel, states: Sequence[Descriptor], known: float
-) -> tuple[float, float]:
+def _levitation_current(axis: Machine, magnet: MagnetModel, known: float) -> tuple[float, float]:
     """Return the current that holds the rotor in the middle [A], and its slope there [A/m]."""
-    # Without a current among the states nobody asks: 0.
-    if not {"current", "past control"} & {state.role for state in states}:
-        return 0.0, 0.0
     step = 0.1 * axis.rotor.clearance
     less, middle, more = (levitation_current(axis, magnet, x, known) for x in (-step, 0.0, step))
     return middle, (more - less) / (2 * step)

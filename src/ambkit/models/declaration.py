@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 from ambkit.models.model import Descriptor
 
@@ -137,6 +137,11 @@ class Plan:
         """Say what a state is when all is at rest."""
         self.rests[state] = dict(values)
 
+    @property
+    def structure(self) -> Any:
+        """What the sampled pattern follows from, where no control is late."""
+        return _structure(vars(self))
+
     def check(self) -> None:
         """Check that what parts name of each other is there."""
         forces, controls = ({at.name for at in of} for of in (self.forces, self.controls))
@@ -159,3 +164,14 @@ class Plan:
         if name in used_names:
             raise ValueError(f"there are two of the name {name}")
         return Descriptor(name, unit, size, role)
+
+
+def _structure(item: Any) -> Any:
+    """Return nested values without their numbers, but for ones by structure."""
+    if isinstance(item, Descriptor):
+        return item.name
+    if isinstance(item, dict):
+        return tuple((key, _structure(value)) for key, value in item.items())
+    if isinstance(item, list | tuple):
+        return tuple(map(_structure, item))
+    return None if isinstance(item, float) and item is not UNIT else item

@@ -17,8 +17,8 @@ import numpy as np
 from ambkit.base.arrays import Array, Bools
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.data.record import Record
-from ambkit.estimate.estimator import Estimator
 from ambkit.identification.maximum_likelihood.loop_model import (
+    Filter,
     Innovations,
     LoopModel,
     innovations,
@@ -96,11 +96,16 @@ class Likelihood:
         """Innovations [m], variances [m^2] and whether they count, of all records in a row."""
         return self.latest.get(z.tobytes()) or self._of([self._filter(z)])[0]
 
-    def _filter(self, z: Array) -> tuple[LoopModel, Estimator]:
-        model = self.coordinates.model_at(z)
-        return model, model.kalman()
+    def _filter(self, z: Array, near: tuple[Array, Filter] | None = None) -> Filter:
+        """The filter at z, the same as one near it where they do not differ."""
+        if near is None:
+            model = self.coordinates.model_at(z)
+            return model, model.kalman()
+        at, (other, kalman) = near
+        model = self.coordinates.model_at(z, (at, other))
+        return model, kalman if model.has_filter_of(other) else model.kalman()
 
-    def _of(self, filters: Sequence[tuple[LoopModel, Estimator]]) -> list[Innovations]:
+    def _of(self, filters: Sequence[Filter]) -> list[Innovations]:
         """The innovations of several models."""
         parts = []
         for record in self.data.records:
@@ -128,9 +133,9 @@ class Likelihood:
     def slopes(self, z: Array, *, rough: bool = False) -> tuple[Array, Array, Array, Array, Bools]:
         """Differentiate the innovations, by central differences; roughly by those to one side."""
         # z (p,); e (n,) [m]; S (n,) [m^2]; by_e (p, n); by_S (p, n)
-        steps = STEP * np.eye(z.size)
-        aside = [self._beside(z, step, *([-step] if rough else [])) for step in steps]
-        aside += [] if rough else [self._beside(z, -step) for step in steps]
+        steps, near = STEP * np.eye(z.size), (z, self._filter(z))
+        aside = [self._beside(near, step, *([-step] if rough else [])) for step in steps]
+        aside += [] if rough else [self._beside(near, -step) for step in steps]
         e, S, used = here = self.innovations(z)
         if not used.any():
             raise AmbkitError("the filter could take in no measurement: do bearing and record fit?")
@@ -149,12 +154,12 @@ class Likelihood:
         by_S = np.array([slope[used] for slope in slopes_S]).reshape(z.size, S.size) / S
         return e, S, by_e, by_S, used
 
-    def _beside(self, z: Array, *steps: Array) -> tuple[tuple[LoopModel, Estimator], float]:
-        """The filter the first step aside at which a bearing can be, and its length; else at z."""
+    def _beside(self, near: tuple[Array, Filter], *steps: Array) -> tuple[Filter, float]:
+        """The filter the first step aside at which a bearing can be, and its length; else there."""
         for step in steps:
             with suppress(ConfigError):
-                return self._filter(z + step), float(step.sum())
-        return self._filter(z), 0.0
+                return self._filter(near[0] + step, near), float(step.sum())
+        return near[1], 0.0
 
     def local(self, z: Array, *, rough: bool = False) -> Local:
         """Value, score and information, by differences of the innovations, see `slopes`."""

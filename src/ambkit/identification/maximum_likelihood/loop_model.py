@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -104,6 +104,11 @@ class LoopModel:
             sampling_time=b.sampling_time / self.substeps,
         )  # fmt: skip
         return self._filter(finer, self.magnet or magnet_of(b))
+
+    def has_filter_of(self, other: LoopModel) -> bool:
+        """Whether the filter that judges another model judges this one, with other signals."""
+        own = ("bearing", "substeps", "magnet", "memory", "disturbance_noise")
+        return all(getattr(self, name) is getattr(other, name) for name in own)
 
     def _filter(self, finer: Machine, magnet: MagnetModel) -> Estimator:
         return ExtendedKalmanFilter(
@@ -344,31 +349,39 @@ def _changed(bearing: Machine, **changes: Any) -> Machine:
     return bearing.model_copy(update=changes)
 
 
-def innovations(
-    filters: Sequence[tuple[LoopModel, Estimator]], record: Record
-) -> list[Innovations]:
+Filter = tuple[LoopModel, Estimator]
+"""A model, and the filter that judges it."""
+
+
+def innovations(filters: Sequence[Filter], record: Record) -> list[Innovations]:
     """Return the innovations of several models along a record, side by side where they can be."""
     kinds = {(kalman.engine.core, *(s.name for s in kalman.states)) for _, kalman in filters}
-    together = len(kinds) == 1 < len(filters) and np.isfinite(record["u"]).all()
-    if not together or not filters[0][1].machine.single:
-        if len(filters) == 1:
-            return [filters[0][0].innovations(record, filters[0][1])]
-        with ThreadPoolExecutor(processors()) as pool:  # the core runs outside of Python's lock
-            return list(pool.map(lambda one: one[0].innovations(record, one[1]), filters))
-    results, most = [], max(1, MOST_STEPS // (len(record) * filters[0][0].substeps))
-    for first in range(0, len(filters), most):
-        some = filters[first : first + most]
-        signals = [model._signals(record) for model, _ in some]
-        y, u = (np.array(rows) for rows in zip(*signals, strict=True))
-        starts = [
-            model._start(kalman, own, record["u"][:1])
-            for (model, kalman), own in zip(some, y, strict=True)
-        ]
-        mean, std = (np.array(rows) for rows in zip(*starts, strict=True))
-        out = run_many([kalman for _, kalman in some], y, u, start=(mean, std), history=HISTORY)
-        runs = zip(some, *(getattr(out, name) for name in HISTORY), strict=True)
-        results += [model._at_samples(*run) for (model, _), *run in runs]
-    return results
+    alike = len(kinds) == 1 < len(filters) and filters[0][1].machine.single
+    if alike and np.isfinite(record["u"]).all():
+        most = max(1, MOST_STEPS // (len(record) * filters[0][0].substeps))
+        lots = [filters[first : first + most] for first in range(0, len(filters), most)]
+        return [run for lot in lots for run in _side_by_side(lot, record)]
+    if len(filters) == 1:
+        return [filters[0][0].innovations(record, filters[0][1])]
+    owner = {id(kalman): model for model, kalman in filters}  # one filter cannot run twice at once
+    own = [kalman if owner[id(kalman)] is model else None for model, kalman in filters]
+    with ThreadPoolExecutor(processors()) as pool:  # the core runs outside of Python's lock
+        run = pool.map(lambda one, kalman: one[0].innovations(record, kalman), filters, own)
+        return list(run)
+
+
+def _side_by_side(filters: Sequence[Filter], record: Record) -> Iterator[Innovations]:
+    """Yield the innovations of filters with one measurement and the same states."""
+    signals = [model._signals(record) for model, _ in filters]
+    y, u = (np.array(rows) for rows in zip(*signals, strict=True))
+    starts = [
+        model._start(kalman, seen, record["u"][:1])
+        for (model, kalman), seen in zip(filters, y, strict=True)
+    ]
+    mean, std = (np.array(rows) for rows in zip(*starts, strict=True))
+    out = run_many([kalman for _, kalman in filters], y, u, start=(mean, std), history=HISTORY)
+    for (model, _), *run in zip(filters, *(getattr(out, name) for name in HISTORY), strict=True):
+        yield model._at_samples(*run)
 
 
 HISTORY = ("innovation", "innovation_variance", "status")

@@ -175,9 +175,9 @@ class Coordinates:
     model: LoopModel  #: Where it is zero.
     parameters: list[Parameter]  #: What its entries are.
 
-    def model_at(self, z: Array) -> LoopModel:
-        """Return the model at a vector (p,)."""
-        changes = {}
+    def model_at(self, z: Array, near: tuple[Array, LoopModel] | None = None) -> LoopModel:
+        """Return the model at a vector (p,); it shares the bearing of one near it, if it may."""
+        model, changes = self.model, {}
         for parameter, step in zip(self.parameters, z.tolist(), strict=True):
             start = parameter.of(self.model)
             changes[parameter.place] = (
@@ -185,7 +185,11 @@ class Coordinates:
                 if parameter.positive
                 else start + step * parameter.coarse(self.model)
             )
-        return self.model.replace(**changes)
+        if near is not None:
+            moved = [p.place for p, step in zip(self.parameters, z - near[0], strict=True) if step]
+            if not any("__" in place for place in moved):
+                model, changes = near[1], {place: changes[place] for place in moved}
+        return model.replace(**changes)
 
     def of(self, model: LoopModel) -> Array:
         """Return where a model is (p,)."""
