@@ -198,13 +198,19 @@ class Bench:
         return (self.folder / file).read_text()
 
     @functools.cached_property
-    def flying(self) -> list[str]:
-        """Return the files whose operators fly: the C and the headers that it includes."""
-        seen: set[str] = set()
+    def _reads(self) -> dict[str, set[str]]:
+        """Return what each source is compiled of: itself, and the headers that it includes."""
+        reads = {}
         for file in self.sources:
             words = ["gcc", "-std=c99", "-MM", *INCLUDES, file]
             listed = self._call(words, self.folder).stdout.replace("\\\n", " ").split()[1:]
-            seen |= set(listed)
+            reads[file] = {str(Path(name)) for name in listed}
+        return reads
+
+    @functools.cached_property
+    def flying(self) -> list[str]:
+        """Return the files whose operators fly: the C and the headers that it includes."""
+        seen = set[str]().union(*self._reads.values())
         return sorted(file for file in seen if not file.endswith((f"{self.name}_data.c", "crc.h")))
 
     @functools.cached_property
@@ -264,11 +270,8 @@ class Bench:
         """Compile and run it."""
         with tempfile.TemporaryDirectory(dir=self._work) as place:
             folder = self._copy(mutant, Path(place))
-            if mutant.file.endswith(".c"):
-                changed, kept = [mutant.file], [f for f in self._objects if f != mutant.file]
-            else:
-                changed = self.sources
-                kept = [f for f in self._objects if f not in self.sources]
+            changed = [file for file in self.sources if mutant.file in self._reads[file]]
+            kept = [file for file in self._objects if file not in changed]
             parts = [*changed, *(str(self._objects[file]) for file in kept)]
             words = [self.compiler, *self._flags, *parts, "-o", "judged"]
             done = subprocess.run(words, cwd=folder, capture_output=True, text=True)

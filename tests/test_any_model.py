@@ -196,9 +196,9 @@ class Motion:
 
 
 @cache
-def motion(case, kind, seed):
-    """Drawn from the model: control by a PD controller that sees the state, and noise."""
-    e, rng = estimator_of(case, kind), np.random.default_rng([seed, 12])
+def motions(case, kind):
+    """Drawn from the model: control by a PD controller that sees the state, and noise; by seed."""
+    e, rng = estimator_of(case, kind), np.random.default_rng(12)
     model, s = e.model, e.core.parameters["set"]
     magnet = e.magnet.in_core(core_module())
     k = ConstantStiffness.of(BEARING)
@@ -212,22 +212,23 @@ def motion(case, kind, seed):
         d = np.sqrt(np.where(np.diag(N) > 0, np.diag(N), 1.0))
         values, vectors = np.linalg.eigh(N / np.outer(d, d))
         roots.append(d[:, None] * vectors * np.sqrt(np.maximum(values, 0) * variance))
-    X = rng.normal(0, start_std(e))
+    X = rng.normal(0, start_std(e), (SEEDS, len(e.states)))
     all_X, all_y, all_u = [], [], []
     for n in range(SAMPLES):
         all_X.append(X)
-        all_y.append((model.c @ X).item() + rng.normal(0, np.sqrt(s["var_y"][0])))
-        x, v, f_d = X[at]
+        all_y.append(X @ model.c[0] + rng.normal(0, np.sqrt(s["var_y"][0]), SEEDS))
+        x, v, f_d = X.T[at]
         r = 2e-4 * np.sin(2 * np.pi * 8.0 * n * T)
         demanded = kp * (r - x) - kd * v + (k.k_s * -r - f_d - s["f_0"][0]) / k.k_i
         all_u.append(demanded / k_ui)
-        iu = demanded + k_ui * rng.normal(0, np.sqrt(s["var_u"][0]))
-        current, displacement = model.e @ X + model.d[:, 0] * iu, model.h @ X
-        F = magnet.force(current, displacement) + s["f_0"] + model.r @ X
-        X = model.L @ X + model.B_u[:, 0] * iu + model.b @ F
+        iu = demanded + k_ui * rng.normal(0, np.sqrt(s["var_u"][0]), SEEDS)
+        current, displacement = X @ model.e[0] + model.d[0, 0] * iu, X @ model.h[0]
+        F = magnet.force(current, displacement) + s["f_0"] + X @ model.r[0]
+        X = X @ model.L.T + np.outer(iu, model.B_u[:, 0]) + np.outer(F, model.b[:, 0])
         for root in roots:
-            X = X + root @ rng.normal(size=len(X))
-    return Motion(np.array(all_X), np.array(all_y), np.array(all_u))
+            X = X + rng.normal(size=X.shape) @ root.T
+    series = (np.stack(all_of, axis=1) for all_of in (all_X, all_y, all_u))
+    return [Motion(*of_seed) for of_seed in zip(*series, strict=True)]
 
 
 @cases
@@ -258,7 +259,7 @@ def test_a_model_is_built_in_where_its_pattern_is_whatever_its_numbers():
 @those_of_kinds
 def test_it_is_the_textbook_s_with_full_matrices(case, kind):
     """filterpy's, on the estimator's matrices; the extended one's mean by the force itself."""
-    e, m = estimator_of(case, kind), motion(case, kind, 0)
+    e, m = estimator_of(case, kind), motions(case, kind)[0]
     s, model, n = e.core.parameters["set"], e.model, len(e.states)
     magnet, std = e.magnet.in_core(core_module()), start_std(e)
     e.core.reset(np.zeros(n), std)
@@ -301,8 +302,7 @@ def test_on_what_the_model_did_it_is_as_good_as_it_says(case, kind):
     n, std = len(e.states), start_std(e)
     looked_at = np.arange(0, SAMPLES, 500)[1:]
     nis, nees = [], np.zeros(looked_at.size)
-    for seed in range(SEEDS):
-        m = motion(case, kind, seed)
+    for m in motions(case, kind):
         e.core.reset(np.zeros(n), std)
         ours = e.core.run(m.y, m.u, covariance=True)
         assert not ours["status"].any()

@@ -40,8 +40,7 @@ def test_estimator_is_the_cores_at_its_operating_point(name):
     estimator, point = made(name, machine, frozen_limit=0), OperatingPoint.of_machine(machine)
     p, m = len(machine.axes), len(machine.readings)
     rng, size = np.random.default_rng(0), 1e-9
-    for _ in range(30_000):
-        estimator.step(np.zeros(m), point.iu)
+    estimator.core.run(np.zeros((30_000, m)), np.tile(point.iu, (30_000, 1)))
     linear = estimator_at(estimator, point)
     whole = estimator.view
     rows = np.vstack([whole.H @ np.eye(len(estimator.states))[

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from quick import quick
 
 from ambkit.models.machine_parts import PAPER_CONSTANTS
 from models import axial as ax
@@ -82,7 +83,7 @@ def test_the_magnet_is_asked_at_the_mean_of_the_sample():
     assert sp.simplify(MODEL.displacement.subs(MODEL.constants) - mean) == 0
 
 
-@pytest.mark.parametrize("lag", [1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0, 100.0])
+@pytest.mark.parametrize("lag", quick([1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0, 100.0], [1e-2, 0.3, 100.0]))
 def test_the_growth_of_the_load_is_its_integral(lag):
     """A growth of the load at any time within the sample, each as likely: the mean of its traces.
 

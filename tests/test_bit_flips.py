@@ -88,7 +88,7 @@ MACHINES = (
     *(f"machine {kind}" for kind in KINDS if kind not in ("low-pass", "observer", "tabulated")),
     "machine linear, any speed",
 )  # fmt: skip
-QUICKLY = (*KINDS, "editable linear", "control by readings", "control observer",
+QUICKLY = (*KINDS[::2], "editable linear", "control by readings", "control observer",
            "calibrated linear")  # fmt: skip
 AT = (2000, 2013, 2500)
 """Samples before the flip: a window, a filter's phase and the noise are others."""

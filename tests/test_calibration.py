@@ -326,9 +326,9 @@ def draws(made, n, seed):
     [
         ("zittau_axial", "linear", "estimate", "float", 40),
         ("zittau_axial", "extended", "measurement", "float", 40),
-        ("tum_mlps", "linear", "estimate", "float", 40),
         *(pytest.param(name, kind, feedback, precision, 200, marks=pytest.mark.long)
           for name, kind, feedback, precision in (
+              ("tum_mlps", "linear", "estimate", "float"),
               ("tum_mlps", "linear", "estimate", "double"),
               ("tum_mlps", "extended", "measurement", "float"),
               ("tum_mlps_flexible", "linear", "estimate", "float"),

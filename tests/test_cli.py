@@ -158,7 +158,8 @@ def test_the_examples_in_the_help_work(call, made, tmp_path, name):
             for each in (sorted(glob(word)) if "*" in word else [word])
         ]  # fmt: skip
         if name == "compare":
-            arguments += ["--seeds", "2"]
+            arguments = ["4" if word == "40" else word for word in arguments]
+            arguments += ["--seeds", "2", *(["--budget", "4"] * ("--budget" not in arguments))]
         if name == "faults":
             arguments += ["--faults", "outage-10ms", "--faults", "stuck", "--samples", "20000"]
         found = call(*arguments)

@@ -297,7 +297,9 @@ LOOPS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("name", quick(LOOPS, [
+    "two-sided, FMI 3", "one-sided, FMI 2", "all parts", "more states and stops", "force map"
+]))  # fmt: skip
 def test_a_closed_loop_in_fmpy_equals_the_library(made, name, tmp_path):
     bearing_of, kind, fmi, changes = LOOPS[name]
     bearing = bearing_of(tmp_path)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exporting import export_fmu, export_ssp
+from quick import quick
 
 from ambkit import KalmanFilter, Machine, Scenario, Step
 from ambkit.control.lift_off_sequence import LiftOff
@@ -164,7 +165,7 @@ def check_plant(found, run, y_from=0):
     assert np.ptp(run.record[f"s_{machine.axes[0].name}"]) > 1e-7
 
 
-@pytest.mark.parametrize("case", PLANTS)
+@pytest.mark.parametrize("case", quick(PLANTS, ["ufu_rig", "five"]))
 def test_the_plant_of_several_axes_is_that_of_simulate(case, tmp_path):
     machine = PLANTS[case]
     scenario = Scenario(
@@ -184,7 +185,9 @@ def test_the_plant_of_several_axes_is_that_of_simulate(case, tmp_path):
     np.testing.assert_allclose(half, 0.5 * found[f"f_mag_{first.name}"][1], rtol=1e-3)
 
 
-@pytest.mark.parametrize(("case", "fmi"), [(case, 2 + k % 2) for k, case in enumerate(LOOPS)])
+@pytest.mark.parametrize(("case", "fmi"), quick(
+    [(case, 2 + k % 2) for k, case in enumerate(LOOPS)], [("five", 2), ("lifts", 3)]
+))  # fmt: skip
 def test_the_closed_loop_of_several_axes_is_what_simulate_flies(case, fmi, tmp_path):
     machine, options = LOOPS[case]
     scenario = Scenario(seed=3, **loaded(machine) | options)

@@ -5,6 +5,7 @@ import shutil
 import numpy as np
 import pytest
 from exporting import export_fmu
+from quick import quick
 
 import ambkit
 from ambkit import Bearing, Scenario
@@ -66,7 +67,9 @@ def integrated(path, t, **series):
     return found[before]
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", quick(
+    CASES, ["plain", "one-sided", "voltage and eddy currents"]
+))  # fmt: skip
 def test_an_importer_that_integrates_it_finds_what_the_library_does(name, tmp_path):
     bearing, states = CASES[name]
     T = bearing.sampling_time

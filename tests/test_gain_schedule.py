@@ -84,7 +84,7 @@ def test_margins_over_the_speed_follow_it():
 @compiled
 @pytest.mark.parametrize(("feedback", "precision"), quick(
     product(["measurement", "estimate"], ["float", "double"]),
-    [("measurement", "float"), ("estimate", "double")],
+    [("estimate", "double")],
 ))  # fmt: skip
 def test_the_c_has_its_bits_in_a_run_up(feedback, precision, tmp_path):
     schedule = [ScheduledGains(speed=100.0, ki=50e3), *SCHEDULED.schedule]

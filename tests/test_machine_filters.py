@@ -33,7 +33,7 @@ TAKEN = [n for n in KINDS if n not in (*OF_ONE_AXIS, *LEARNED, "constant-velocit
 
 @pytest.mark.parametrize(
     ("name", "speed"),
-    quick(product(PRESETS, (0.0, 2000.0)), zip(RIGID, (0.0, 2000.0, 2000.0), strict=True)),
+    quick(product(PRESETS, (0.0, 2000.0)), zip(RIGID[:2], (0.0, 2000.0), strict=True)),
 )
 def test_filters_are_as_good_as_can_be(name, speed):
     """20 seeds, vague starts: in all quantities together and in each, the bound; and honest."""
@@ -143,7 +143,7 @@ def test_an_estimate_is_a_record_with_the_names_of_axes_and_readings():
     assert (again.axes, again.readings) == (estimate.axes, estimate.readings)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", quick(PRESETS, RIGID))
 def test_each_preset_levitates_by_its_estimate(name):
     one = Machine.preset(name)
     push = 0.2 * one.rotor.mass * GRAVITY

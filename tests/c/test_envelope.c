@@ -59,8 +59,8 @@ static void test_faults(const family_kind *tried)
   CHECK(tried->methods->reset(&e, &s, at_rest, some) == AMB_OK);
   unsigned long of_y = 9, of_u = 9;
   amb_real y_stuck = AMB_C(1e-3), u_stuck = 0;
-  for (int k = 0; k < 100000; k++) {
-    if (k % 997 == 0) {
+  for (int k = 0; k < 50000; k++) {
+    if (k % 499 == 0) {
       of_y = family_draw() % 12UL;
       of_u = family_draw() % 12UL;
     }
@@ -68,7 +68,7 @@ static void test_faults(const family_kind *tried)
     const amb_real u = family_faulty(of_u, k, family_control(k), &u_stuck);
     (void)axis_step(&e, &s, y, u, &r);
     CHECK(sound(tried, &s.base) && amb_is_finite(r.variance[0]) && amb_is_finite(r.innovation[0]));
-    if (k % 20000 == 19999)
+    if (k % 10000 == 9999)
       for (int again = 0; again < 20; again++) /* 1 s, by when noise is learned anew as well */
         comes_back(tried, &e, &s);
     if (failures > 0)
