@@ -177,48 +177,6 @@ def test_the_examples_in_the_help_work(call, made, tmp_path, name):
 # Results
 
 
-def test_simulate_writes_a_record_that_python_reads(call):
-    found = call("simulate", "zittau_axial", "--step", "0.3 mm", "--disturbance", "2 N",
-                 "--duration", "0.2 s", "--seed", "7", "--out", "run.parquet",
-                 "--json")  # fmt: skip
-    record = ambkit.Record.load("run.parquet")
-    assert found.json["seed"] == record.meta["seed"] == 7
-    assert found.json["files"] == ["run.parquet"]
-    assert record["r"][-1] == pytest.approx(0.3e-3)
-    assert record["f_d"][-1] == pytest.approx(2.0)
-    assert record.t[-1] == pytest.approx(0.2)
-    assert found.json["greatest_displacement"] == np.abs(record["x"]).max()
-    assert 0.8 < found.json["nis"] < 1.2
-
-
-def test_simulate_repeats_with_the_seed_and_not_without(call):
-    def run(seed):
-        arguments = ("--duration", "0.02 s", "--seed", seed, "--out", f"{seed}.csv")
-        assert call("simulate", "zittau_axial", *arguments).code == 0
-        return Path(f"{seed}.csv").read_text()
-
-    assert run(1) == run(1) != run(2).replace('"seed": 2', '"seed": 1')
-
-
-def test_simulate_takes_a_scenario_and_what_changes_it(call, made):
-    arguments = ("--scenario", made / "scenario.toml", "--seed", "5", "--json", "--out", "r.csv")
-    assert call("simulate", made / "my.toml", *arguments).json["duration"] == pytest.approx(0.3)
-    assert ambkit.Record.load("r.csv").meta["scenario"]["reference"]["amplitude"] == 0.3e-3
-    assert ambkit.Record.load("r.csv").meta["seed"] == 5
-
-
-def test_simulate_without_an_estimator_feeds_back_the_measurement(call, made):
-    arguments = ("simulate", "zittau_axial", "--filter", "none", "--duration", "0.1 s")
-    found = call(*arguments, "--json", "--out", "r.csv").json
-    assert "rmse" not in found
-    scenario = ambkit.Record.load("r.csv").meta["scenario"]
-    assert scenario["controller"]["feedback"] == "measurement"
-    Path("fed.toml").write_text('[controller]\nfeedback = "estimate"\n')
-    refused = call(*arguments, "--scenario", "fed.toml")
-    assert refused.code == 2
-    assert "fed by the estimate" in refused.err
-
-
 def test_simulate_tunes_what_the_scenario_does_not_say_of_the_controller(call, made):
     tuned = ambkit.Control.for_bearing(ambkit.Bearing.preset("inteco_ml")).fed_by("estimate")
     tuned = tuned.model_copy(update={"type": "decentralised"})
@@ -245,13 +203,6 @@ def test_simulate_says_when_the_rotor_touched_the_stop(call):
     assert 0 < count < len(record)
     first = record.t[np.abs(record["x"]) >= np.abs(record["x"]).max()][0]
     assert f"in {count} of {len(record)} samples, first at {first:.4g} s" in found.out
-
-
-def test_every_preset_hovers_without_touching_the_stop(call):
-    for bearing in ("zittau_axial", "inteco_ml"):
-        found = call("simulate", bearing, "--duration", "1 s", "--json").json
-        assert found["samples_at_the_stop"] == 0
-        assert found["greatest_displacement"] < 1e-3
 
 
 def test_identify_finds_the_magnet_constant(call, made):
@@ -286,20 +237,6 @@ def test_a_machine_from_lift_off_needs_its_operating_point(call, made):
     refused = call("identify", "lift-off", "inteco_ml", made / "points.csv", "--out", "b.toml")
     assert refused.code == 2
     assert "operating_point is missing" in refused.err
-
-
-def test_filter_judges_several_estimators(call, made):
-    found = call("filter", made / "run.csv", "--machine", made / "my.toml", "--filter", "linear",
-                 "--filter", "closed-law", "--filter", "table", "--out", "e.csv",
-                 "--json")  # fmt: skip
-    estimators = found.json["estimators"]
-    assert list(estimators) == ["linear", "closed-law", "table"]
-    for judged in estimators.values():
-        assert judged["prediction"]["1"] < judged["held"]["1"]
-        assert judged["rmse"]["x"] < 10e-6
-    estimates = ambkit.Record.load("e.csv")
-    assert estimates.units["closed-law_f_d"] == "N"
-    assert not estimates.has_truth
 
 
 def test_filter_says_when_the_expert_is_asked_outside_of_its_box(call, made):
@@ -593,13 +530,6 @@ def test_tune_keeps_a_margin_and_shows_what_it_costs(call, tmp_path):
     assert found.code == 0, found.err
     assert "none below 1.1" in found.out
     assert (tmp_path / "it.png").is_file()
-
-
-def test_assess_writes_a_page_to_be_signed_off(call, tmp_path):
-    found = call("assess", "zittau_axial", "--out", "v.html")
-    assert found.code == 0, found.err
-    assert "zone of ISO 14839-2" in found.out
-    assert "reviewed by" in (tmp_path / "v.html").read_text(encoding="utf-8")
 
 
 def test_assess_sweeps(call):
