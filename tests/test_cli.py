@@ -545,7 +545,7 @@ def test_assess_takes_all_kinds_that_settle_and_a_scenarios_controller(call, tmp
     soft.write_text('[controller]\nkp = "1 A/m"\nki = "0 A/(m s)"\n')
     found = call("assess", "inteco_ml", "--filter", "all", "--controller", str(soft))
     assert found.code == 0, found.err
-    assert "multiple-model is left out" in found.err
+    assert "multiple-model is omitted" in found.err
     assert "unstable" in found.out
     assert "Bode's integral does not hold" in found.out
 

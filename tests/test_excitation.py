@@ -163,7 +163,7 @@ def test_estimates_scatter_as_predicted():
         ({"band": (50.0, 20.0)}, "the band must rise, from 0.9999 Hz"),
         ({"band": (5.0, 6000.0)}, "to 4000 Hz, two fifths of the sampling rate"),
         ({"limits": Limits(0.4, 1e-4)}, "even without excitation the loop goes to"),
-        ({"load": 0.0}, "load's wander must be greater than 0 N"),
+        ({"load": 0.0}, "random_walk must be greater than 0 N"),
     ],
 )
 def test_what_cannot_be_designed_is_told(options, told):
@@ -253,7 +253,7 @@ def test_commands_design_play_and_assess_it(injection, call):
     assert "it has none of the signals injected_A1" in " ".join(told.err.split())
     for arguments, said in (
         (["tum_mlps"], "has the axes A1, A2, B1, B2: name one of them"),
-        (["sensitivity", "tum_mlps", "--wander", "1 N"], "there is no option --wander"),
+        (["sensitivity", "tum_mlps", "--random-walk", "1 N"], "there is no option --random-walk"),
         (["zittau_axial", "--axis", "A1"], "zittau_axial has one axis: there is no axis A1"),
     ):
         told = call("excite", *arguments)

@@ -98,7 +98,7 @@ class Sweep(Result):
         """What the linear model says of the axis; None: there is none."""
         return None if self.loop is None else list(self.loop.axes.values())[self.axis]
 
-    TITLE = "{0.name}, controller fed by {0.fed_by}: {0.kind} of the simulated loop"
+    TITLE = "{0.name}: {0.kind} of the simulated loop, controller fed by {0.fed_by}"
 
     @property
     def finding(self) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from ambkit.base.progress import progress
-from ambkit.verbs.words import Axis, Band, Filter, Limit, Machine, Scenario, Time, Wander
+from ambkit.verbs.words import Axis, Band, Filter, Limit, Machine, RandomWalk, Scenario, Time
 
 if TYPE_CHECKING:
     from ambkit.assessment.injection_experiment import Injection
@@ -23,7 +23,7 @@ def excite(
     duration: Time | None = None,
     band: Band | None = None,
     limit: Sequence[Limit] = (),
-    wander: Wander | None = None,
+    random_walk: RandomWalk | None = None,
 ) -> Design:
     """Design an identification experiment and predict its errors.
 
@@ -50,7 +50,7 @@ def excite(
     limit : sequence of str, optional
         Maximum control current or displacement, such as "2 A" or "0.2 mm". By default 80 % of the
         current limit and half of the clearance.
-    wander : float or str, optional
+    random_walk : float or str, optional
         Random walk of the disturbance force, rms after 1 s [N]. By default 1 % of the weight.
 
     Returns
@@ -81,7 +81,7 @@ def excite(
     with progress("comparing bands") as step:
         return design(
             plant, happening, kind=kind, free=free, limits=Limits.of(plant, *given_limits(limit)),
-            band=given_band(band), load=in_si("wander", wander, "N"), axis=axis or "",
+            band=given_band(band), load=in_si("random_walk", random_walk, "N"), axis=axis or "",
             done=lambda text: step(f"comparing bands: {text}"),
         )  # fmt: skip
 

@@ -173,9 +173,9 @@ def _of_candidate(of: TunedCandidate) -> list[Row]:
         *ahead,
         Row("log_likelihood", "log-likelihood per sample", -likelihood, detail=True),
         Row("nis", "mean NIS", of.unseen.get("nis"), detail=True),
+        Row("raw_sensors", "error of the raw sensors", of.raw, "m", 3),
         *(Row(name, f"error of {name}, simulated", of.errors[name], unit, 3)
           for name, unit in EVALUATED.items()),
-        Row("raw_sensors", "  of the raw sensors", of.raw, "m", 3),
         Row("load", "  under a step of f_d of", of.load, "N", 3),
         Row("efficiency", "bound / error of x", of.efficiency, "%"),
         Row("peak", "peak of |S|", of.peak, "|S|"),

@@ -158,6 +158,7 @@ class Tuned(Result):
         ]  # fmt: skip
         for name, pair in self.unseen.items():
             what, _, unit = name.removesuffix("]").partition(" [")
+            what = "mean NIS" if what == "nis" else what
             unit = unit or UNITS.get(name.removeprefix("error of "), "1")
             for of, figure in zip(("untuned", "tuned"), pair, strict=True):
                 results.append(Row(name, what, figure, unit, of=of, section=VALIDATION))

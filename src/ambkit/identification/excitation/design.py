@@ -209,7 +209,7 @@ def design(
     load = CALM * bearing.rotor.mass * GRAVITY if load is None else load
     if not (math.isfinite(load * load) and load > 0):
         raise AmbkitError(
-            f"the load's wander must be greater than 0 N, and its square finite, is {load:g} N"
+            f"random_walk must be greater than 0 N, and its square finite, is {load:g} N"
         )
     loop = _Loop(bearing, scenario, limits, load)
     end = 0.4 / bearing.sampling_time, ", two fifths of the sampling rate"

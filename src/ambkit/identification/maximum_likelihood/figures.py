@@ -121,7 +121,7 @@ def _estimates(result: Any) -> list[Panel]:
     groups: dict[tuple[str, Axis], list[tuple[str, float, float, float, str]]] = {}
     for p in result.parameters:
         value, (low, high), start = result[p.name], result.interval(p.name), p.of(result.start)
-        ends = interval(low, high, p.unit, 3, like=value)
+        ends = interval(low, high, p.unit, 4, like=value)
         text = typeset(f"{engineering(value, p.unit, 4)},  {ends}")
         if p.positive:
             group = "noise" if p.name in NOISES else "bearing", RATIO

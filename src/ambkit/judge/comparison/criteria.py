@@ -55,11 +55,11 @@ class Criterion:
 CRITERIA = {
     "x": Criterion("x", "µm", 1e6, 0, "error", "RMSE of the position."),
     "v": Criterion("v", "mm/s", 1e3, 0, "error", "RMSE of the velocity."),
-    "f_d": Criterion("F_St", "N", 1, 0, "error", "RMSE of the disturbance force."),
+    "f_d": Criterion("f_d", "N", 1, 0, "error", "RMSE of the disturbance force."),
     "force": Criterion("F_mag", "N", 1, 0, "error", "RMSE of the magnet force, as the filter's "
                        "force law gives it at its estimated position and the demanded current."),
     "nees": Criterion("NEES", "%", 100, 0.95, "share", "Share of the samples at which the "
-                      "normalised estimation error squared of x, v and F_St of all axes is within "
+                      "normalised estimation error squared of x, v and f_d of all axes is within "
                       "its 95 % chi-square bound, of one axis 7.81; less: overconfident."),
     "nis": Criterion("NIS", "", 1, 1, "ratio", "Normalised innovation squared; the same, of the "
                      "innovations."),

@@ -24,7 +24,7 @@ TIMES = 3.0  #: So many times the best is as dark as it gets.
 SHOWN = {
     "x": Axis("error of position", "µm rms", 1e6),
     "v": Axis("error of velocity", "mm/s rms", 1e3),
-    "f_d": Axis(r"error of $F_\mathrm{St}$", "N rms"),
+    "f_d": Axis(r"error of $f_d$", "N rms"),
 }
 
 
@@ -152,7 +152,7 @@ def cost_figure(bench: Any) -> Figure:
             Panel(
                 Axis("time a step", "ns", 1e9, "log",
                      (float(0.7 * np.nanmin(costs)), float(1.4 * np.nanmax(costs)))),
-                Axis(r"error of $F_\mathrm{St}$", "N rms", limits=(0.0, 1.15 * highest)),
+                Axis(r"error of $f_d$", "N rms", limits=(0.0, 1.15 * highest)),
                 items,
             )
         ],
@@ -162,7 +162,7 @@ def cost_figure(bench: Any) -> Figure:
 def efficiency_figure(bench: Any) -> Figure:
     """Show how close each comes to the limit."""
     names = list(bench.default)
-    signals = {"x": "x", "v": "v", "f_d": r"$F_\mathrm{St}$"}
+    signals = {"x": "x", "v": "v", "f_d": r"$f_d$"}
     bars: list[Item] = [
         Bars(names, np.array([bench.efficiency(name, signal) for name in names]),
              signal=f"series {place}", label=label)
@@ -197,7 +197,7 @@ def run_figure(study: Any) -> Figure:
     low, high = np.nanpercentile(values, [0.1, 99.9])
     low, high = min(low, record[load].min()), max(high, record[load].max())
     margin = 0.08 * (high - low)
-    force = Axis(rf"$F_\mathrm{{St}}${of}", "N", limits=(float(low - margin), float(high + margin)))
+    force = Axis(rf"$f_d${of}", "N", limits=(float(low - margin), float(high + margin)))
     return Figure(
         id="run",
         title="One run and its estimates",
@@ -230,7 +230,7 @@ def cases_figure(benches: Mapping[str, Any]) -> Figure:
     heads = [name.replace("-", "\n") for name in benches]
     how = "tuned alike" if first.tuned else "with their defaults"
     about = (
-        rf"{label(first.bearing.name)}: error of $F_\mathrm{{St}}$ over that of {base}; "
+        rf"{label(first.bearing.name)}: error of $f_d$ over that of {base}; "
         f"{_runs(first)} in each case, {how}"
     )
     shades = f"blue: a smaller error; brown: a larger one; darkest: a factor of {TIMES:g}, or more"

@@ -163,12 +163,12 @@ class Bench(Result):
             if np.ptp(a - b) == 0 or ttest_rel(a, b).pvalue > 0.05:
                 alike.append(name)
         if alike:
-            return [f"No difference in F_St from {first} (t test of pairs, 5 %): "
+            return [f"No significant difference in f_d from {first} (paired t test, 5 %): "
                     f"{', '.join(alike)}."]  # fmt: skip
         if not tested:
             return []
-        return [f"In F_St {first} is better than each of the others beyond chance (t test of "
-                "pairs, 5 %)."]  # fmt: skip
+        return [f"In f_d {first} is significantly better than all others (paired t test, "
+                "5 %)."]  # fmt: skip
 
     @property
     def series(self) -> dict[str, Any]:
@@ -234,7 +234,7 @@ class Benches(Result, dict[str, Bench]):
     def sections(self) -> dict[tuple[str, ...], Section]:
         how = "tuned alike" if self._first.tuned else "with their defaults"
         runs = f"{self._first.runs} run{'s' * (self._first.runs > 1)} each"
-        results = {("f_d",): Section(f"Error of F_St, {runs}, {how}", across=True)}
+        results = {("f_d",): Section(f"Error of f_d, {runs}, {how}", across=True)}
         return results | {
             ("cases", case, *name): Section(f"{case}: {of.title}", of.across)
             for case, bench in self.items() for name, of in bench.sections.items()

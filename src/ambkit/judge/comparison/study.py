@@ -56,7 +56,7 @@ HOW = (
 TUNED = (
     f"Each estimator had {{budget}} evaluations on {TRAINING} runs of other seeds: its defaults, "
     "scrambled Sobol points for up to half of them, then a simplex from the best (Nelder and Mead "
-    "1965). The objective is the mean RMSE of x, v and F_St, each over that of the untuned linear "
+    "1965). The objective is the mean RMSE of x, v and f_d, each over that of the untuned linear "
     "filter."
 )
 

@@ -125,7 +125,7 @@ class FaultCampaign(Result):
             unfiltered = recovery_text(self.select(fault=fault, estimator=BASELINE))
             result += put([
                 *(Row(s.replace(" ", "_"), s, self._slowest(fault, s)) for s in SETTINGS),
-                Row("controller_alone", "controller alone", unfiltered or None),
+                Row("controller_alone", "without filter", unfiltered or None),
                 Row("about", "fault", about[fault], detail=True),
             ], section=("faults",), of=fault)  # fmt: skip
         return result
@@ -212,6 +212,7 @@ SLOW = 1000.0
 """Samples until recovery from which on a cell is as dark as that of one that came back can be."""
 
 
+FEW = 5  #: Columns that are as wide as their heads.
 RAISED = "\n\n\n"
 """Below every other head, which so stands above its neighbours: they are wider than columns."""
 
@@ -236,22 +237,23 @@ def faults_figure(campaign: FaultCampaign) -> Figure:
 
 
 def _cells(campaign: FaultCampaign, setting: str) -> Cells:
-    columns = [*campaign.estimators, BASELINE]
+    names = (*campaign.estimators, BASELINE)
+    columns = [name for name in names if campaign.select(setting=setting, estimator=name)]
     rows = [name for name in campaign.faults if campaign.select(setting=setting, fault=name)]
     results = [
         [campaign.select(setting=setting, fault=fault, estimator=name) for name in columns]
         for fault in rows
     ]
     return Cells(
-        [_head(name, place) for place, name in enumerate(columns)],
+        [_head(name, len(columns) > FEW and place % 2) for place, name in enumerate(columns)],
         rows,
         np.array([[_shade(cell) for cell in row] for row in results]),
         [[recovery_text(cell).replace("not finite", "∞") for cell in row] for row in results],
     )
 
 
-def _head(name: str, place: int) -> str:
-    return name.replace("-", "\n") + (RAISED if place % 2 else "")
+def _head(name: str, raised: bool) -> str:
+    return name.replace("-", "\n") + RAISED * raised
 
 
 def _shade(outcomes: Sequence[Outcome]) -> float:

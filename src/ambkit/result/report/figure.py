@@ -139,6 +139,7 @@ class Figure:
     ) -> tuple[Canvas, list[Axes]]:
         """Draw it with matplotlib, in the fonts of `paper_style`."""
         from matplotlib.figure import Figure as Canvas
+        from matplotlib.ticker import AutoLocator
 
         texts = [text for text, _ in self.legend()]
         longest = max(map(len, texts), default=1)
@@ -153,6 +154,8 @@ class Figure:
             below = by_index.get(index + self.columns) if self.shares_x(index) else None
             ax = canvas.add_subplot(grid[divmod(index, self.columns)], sharex=below)
             panel.draw(ax)
+            if self.columns > 1 and isinstance(ax.xaxis.get_major_locator(), AutoLocator):
+                ax.locator_params(axis="x", nbins=6)  # long numbers would touch each other
             if below:
                 ax.set_xlabel("")
                 ax.tick_params(axis="x", which="both", labelbottom=False)

@@ -144,10 +144,6 @@ class Panel:
         for axis, mpl_axis in ((self.x, ax.xaxis), (self.y, ax.yaxis)):
             if axis.scale == "log":
                 _plain_numbers(mpl_axis)
-        if self.x.scale == "linear" and not self.named_rows:
-            ticks = ax.xaxis.get_major_formatter().format_ticks(list(ax.get_xticks()))
-            if max(map(len, ticks)) > 5 or max(map(abs, ax.get_xlim())) >= 1e4:
-                ax.locator_params(axis="x", nbins=4)  # long numbers would touch each other
         if self.equal:
             ax.set_aspect("equal", adjustable="datalim")
         ax.set_title(self.title)

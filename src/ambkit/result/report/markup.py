@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _FORMULA = re.compile(r"\$([^$\n]+)\$")
 _SYMBOL = re.compile(
     r"(?<!\\)(?:\$[^$\n]*\$|`[^`]*`)"  # formulas and code stay as they are
-    r"|(?<![\w.#/\\-])(?:(?P<k>k_[is])|F_(?P<of>St|mag))(?![\w-])"
+    r"|(?<![\w.#/\\-])(?:(?P<k>k_[is]|f_d)|F_(?P<of>St|mag))(?![\w-])"
 )
 _MARK = re.compile(r"\\([!-/:-@\[-`{-~])|\$")
 _BARE_LINK = re.compile(r"\[\]\(#([\w.-]+)\)")

@@ -44,7 +44,7 @@ class Style:
 
 SIGNALS = {
     "reference": Style("reference", GREY, LONG, 1.1, layer=2),
-    "start": Style("start", OCHRE, DASH, 1.6, "diamond", hollow=True, layer=7),
+    "start": Style("initial model", OCHRE, DASH, 1.6, "diamond", hollow=True, layer=7),
     "truth": Style("truth", BLACK, SOLID, 2.2, "cross", layer=3),
     "measured": Style("measured", PALE, SOLID, 0.6, layer=1),
     "measurement": Style("measurement", GREY, SOLID, 1.0, layer=4),
