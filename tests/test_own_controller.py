@@ -107,15 +107,16 @@ def test_a_controller_of_several_axes_sees_all_readings() -> None:
 
 def test_a_plant_flies_in_place_of_the_machine() -> None:
     assert issubclass(LinearMagnet, ambkit.PlantProtocol)
-    run = ambkit.simulate(
-        AXIS, Scenario(duration=0.4, plant=LinearMagnet, noise=False), step="0.3 mm"
-    )
+    scenario = Scenario(duration=0.4, noise=False)
+    run = ambkit.simulate(AXIS, scenario, step="0.3 mm", plant=LinearMagnet)
     plant, record = LinearMagnet(AXIS), run.record
     seen = [plant.step(iu, f) for iu, f in zip(record["iu"][:-1], record["f_d"][:-1], strict=True)]
     assert record["x"][1:] == pytest.approx([x for x, _, _ in seen], rel=1e-12, abs=1e-15)
     assert record["x"][-1] == pytest.approx(0.3e-3, rel=0.05)
     assert np.isnan(record["f_mag"]).all()
-    nonlinear = ambkit.simulate(AXIS, Scenario(duration=0.4, noise=False), step="0.3 mm").record
+    of_scenario = ambkit.simulate(AXIS, scenario.replace(plant=LinearMagnet), step="0.3 mm").record
+    assert np.array_equal(record["x"], of_scenario["x"])
+    nonlinear = ambkit.simulate(AXIS, scenario, step="0.3 mm").record
     assert np.abs(record["iu"] - nonlinear["iu"]).max() > 1e-3
 
 
@@ -172,6 +173,9 @@ def test_it_takes_part_in_other_verbs(tmp_path: Path) -> None:
         AXIS, ["linear", "extended"], scenario=scenario, steps=["0.1 mm"], seeds=1
     )
     assert set(next(iter(result.scores.values()))) == {"linear", "extended"}
+    judged = ambkit.compare(AXIS, "linear", case="model", seeds=2, plant=LinearMagnet)
+    described = ambkit.compare(AXIS, "linear", case="model", seeds=2)
+    assert judged.to_dict() != described.to_dict()
     found = ambkit.inject_faults(
         AXIS, "linear", faults=["outage-1ms"], samples=0, controller=Measured, plant=LinearMagnet
     )

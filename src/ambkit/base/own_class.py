@@ -25,7 +25,7 @@ MARK = ".py:"  #: What such a name has.
 
 
 def _checked(value: Any, info: ValidationInfo) -> Any:
-    if isinstance(value, type) or (isinstance(value, str) and MARK in value):
+    if is_class(value):
         return from_folder(value, info)
     raise ValueError('must be "file.py:Class", or in Python a class')
 
@@ -39,6 +39,11 @@ OwnClass = Annotated[
     PlainSerializer(_written, when_used="json-unless-none"),
 ]  # fmt: skip
 """A class of the user's in a document, or ``file.py:Class``, whose file runs when it is flown."""
+
+
+def is_class(value: Any) -> bool:
+    """Say whether it is a class, or names one in a file."""
+    return isinstance(value, type) or (isinstance(value, str) and MARK in value)
 
 
 def name_of(make: Any) -> str:

@@ -20,7 +20,7 @@ def compare(
     filter: words.Filters = "all",
     *,
     case: words.Case = "paper",
-    plant: words.TrueMagnet | None = None,
+    plant: words.TruePlant | None = None,
     spread: words.Share | None = None,
     budget: int = 0,
     seeds: words.Seeds = 20,
@@ -40,9 +40,10 @@ def compare(
         with step(y, u) as my.py:MyFilter.
     case : str, optional
         paper, uncertain, wrong-k, saturating, coloured-noise, step, unbalance, model, or all.
-    plant : MagnetModel, str or path, optional
-        Force map of the true magnet (iu, x, f_mag), unknown to the filters; table and adaptive are
-        trained on it unless they have a file. One axis only.
+    plant : MagnetModel, class, str or path, optional
+        What the filters do not know: the force map of the true magnet (iu, x, f_mag) of one axis,
+        on which table and adaptive are trained unless they have a file, or a plant as
+        my.py:MyPlant.
     spread : float or str, optional
         Maximum deviation of the plant, such as "20 %": magnet constant, mass, air gap, sensor and
         disturbance force. By default that of the case.
@@ -87,7 +88,7 @@ def compare_steps(
     disturbance: words.Force | None = None,
     duration: words.Time | None = None,
     scenario: words.Scenario | None = None,
-    plant: words.TrueMagnet | None = None,
+    plant: words.TruePlant | None = None,
     seeds: words.Seeds = 20,
 ) -> LoopScores:
     """Compare filters in closed loop, over reference steps or in a scenario.

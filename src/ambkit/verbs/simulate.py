@@ -15,7 +15,7 @@ def simulate(
     scenario: words.Scenario | None = None,
     filter: words.LoopFilter = "linear",
     *,
-    plant: words.TrueMagnet | None = None,
+    plant: words.TruePlant | None = None,
     duration: words.Time | None = None,
     step: words.Length | None = None,
     disturbance: words.Force | None = None,
@@ -39,8 +39,9 @@ def simulate(
         Kind (linear+unbalance also estimates the unbalance), filter file, expert (.json) or force
         map (.csv) of the adaptive filter, a class as my.py:MyFilter, or none. It feeds the
         controller unless the scenario selects the measurement.
-    plant : MagnetModel, str or path, optional
-        Force map of the true magnet (iu, x, f_mag), unknown to the filter. One axis only.
+    plant : MagnetModel, class, str or path, optional
+        What the filter does not know: the force map of the true magnet (iu, x, f_mag) of one axis,
+        or a plant as my.py:MyPlant.
     duration : float or str, optional
         Duration [s]. By default that of the scenario.
     step : float or str, optional

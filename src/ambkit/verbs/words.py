@@ -43,7 +43,9 @@ Folder = Annotated["str | PathLike[str]", "DIR"]
 Axis = Annotated[str, "AXIS"]
 Preset = Annotated[str, "NAME"]
 Cluster = Annotated[str, "WHERE"]
-TrueMagnet = Annotated["str | PathLike[str] | MagnetModel", "FILE.csv"]
+TruePlant = Annotated[
+    "str | PathLike[str] | MagnetModel | type[ambkit.PlantProtocol]", "FILE.csv|FILE.py:CLASS"
+]
 Signal = Annotated["str | PathLike[str]", "FILE"]
 Signals = Signal | Sequence[Signal]
 Inputs = Annotated["ExternalInputs", ""]  # of Python only: without a name there is no option

@@ -14,6 +14,7 @@ import numpy as np
 from ambkit.assessment.arguments import arguments_of_the_user
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
+from ambkit.base.own_class import is_class
 from ambkit.base.progress import silent
 from ambkit.base.quantity_arguments import Given, in_si, names_in, of_type
 from ambkit.base.units import engineering
@@ -34,13 +35,12 @@ from ambkit.judge.comparison.study import Study, across, study
 from ambkit.judge.comparison.tuning import expand, suited
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.forces.force_map import true_magnet
-from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 from ambkit.simulation.scenario import Scenario
-from ambkit.workflow.simulate import scenario_for
+from ambkit.workflow.simulate import scenario_for, with_plant
 
 NOTES = logging.getLogger("ambkit")
 
@@ -119,7 +119,8 @@ def in_case(
             raise AmbkitError("whole needs one case, not all")
         result = compare_in_case(
             machine, case, names, whole=whole, runs=len(seeds), budget=budget, seed=seeds.start,
-            spread=spread, plant=true_magnet(plant, machine), custom=own, done=done,
+            spread=spread, plant=plant if is_class(plant) else true_magnet(plant, machine),
+            custom=own, done=done,
             magnets={kind: experts(Path(file), machine) for kind, file in files.items()},
         )  # fmt: skip
     if isinstance(result, Benches):
@@ -139,11 +140,10 @@ def in_loops(
     heights = None if steps is None else names_in(float, int, steps=steps)
     name = os.fspath(scenario) if isinstance(scenario, str | os.PathLike) else "scenario"
     what = loop_cases(machine, scenario, steps=heights, load=load, duration=duration, name=name)
-    built, magnet = factories(filter, machine), true_magnet(plant, machine)
-    scores = {
-        name: compare(machine, of.scenario, built, seeds, magnet=magnet, done=lambda: done(""))
-        for name, of in what.items()
-    }
+    built, scores = factories(filter, machine), {}
+    for name, of in what.items():
+        run, magnet = with_plant(of.scenario, plant, machine)
+        scores[name] = compare(machine, run, built, seeds, magnet=magnet, done=lambda: done(""))
     return LoopScores(machine, what, scores, seeds)
 
 
@@ -172,7 +172,7 @@ def compare_in_case(
     estimators: Sequence[str] | None = None,
     *,
     spread: Given | None = None,
-    plant: ForceSurface | None = None,
+    plant: Any = None,
     whole: bool = False,
     done: Callable[[str], None] = silent,
     runs: int = RUNS,
@@ -192,7 +192,8 @@ def compare_in_case(
     else:
         cases = {case.name: case}
     if plant is not None:
-        cases = {name: replace(of, magnet=plant) for name, of in cases.items()}
+        what = {"plant" if is_class(plant) else "magnet": plant}
+        cases = {name: replace(of, **what) for name, of in cases.items()}
     kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
     how |= {"runs": runs, "budget": budget, "done": done}
     if case == "all":

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.own_class import is_class
 from ambkit.base.quantity_arguments import Given, in_si, of_type
 from ambkit.base.units import figure
 from ambkit.control.controllers import controllers_of
@@ -143,6 +144,13 @@ def _along(
     return scenario.replace(**{what: signals})
 
 
+def with_plant(scenario: Scenario, plant: Any, machine: Machine) -> tuple[Scenario, Any]:
+    """Return a scenario with a plant of one's own, or the true magnet beside it."""
+    if is_class(plant):
+        return scenario.replace(plant=plant), None
+    return scenario, true_magnet(plant, machine)
+
+
 def flown(
     machine: Machine, scenario: Any, filter: Any, *, plant: Any, signals: Sequence[Any],
     external_inputs: ExternalInputs | None,
@@ -159,8 +167,9 @@ def flown(
             "estimator cannot be none"
         )
     estimator = filter_of(filter, machine) if named else None
+    full_scenario, magnet = with_plant(full_scenario, plant, machine)
     run = simulate_run(
-        machine.short, full_scenario, estimator=estimator, magnet=true_magnet(plant, machine),
+        machine.short, full_scenario, estimator=estimator, magnet=magnet,
         external_inputs=external_inputs,
     )  # fmt: skip
     if machine.rotor.type != "mass":

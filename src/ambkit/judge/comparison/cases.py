@@ -71,6 +71,7 @@ class Case:
     #: The plant's true magnet, measured or computed; only the learned maps know it. Without it,
     #: what the bearing describes.
     magnet: ForceSurface | None = None
+    plant: Any = None  #: A plant of one's own, a class or ``file.py:Class``.
 
     def growth(self, machine: Machine) -> Any:
         """Return how fast the variance of the load that walks grows, of each axis [N^2/s]."""
@@ -130,7 +131,8 @@ def each_trial(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[T
             constant = case.magnet_constant * plant.magnet.magnet_constant
             plant = plant.replace(**plant.magnet.with_constant(constant))
         scenario = case.scenario(bearing, LOAD * factors.load)
-        scenario = scenario.model_copy(update={"seed": 1000 * seed + run})
+        own = {"seed": 1000 * seed + run, "plant": case.plant}
+        scenario = scenario.model_copy(update=own)
         external_inputs, walk = _external_inputs(case, bearing, plant, scenario)
         magnet = fixed if nominal else _magnet(case, plant, bearing)
         record = simulate(
@@ -172,6 +174,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
                 loads[name] = Recorded.of(t, mean)
         scenario = Scenario.model_construct(
             duration=duration, seed=1000 * seed + run, controller=control.fed_by("estimate"),
+            plant=case.plant,
             reference=tuple(Reference.model_construct(axis=name, position=of.reference)
                             for name, of in zip(names, parts, strict=True)),
             disturbance=tuple(Disturbance.model_construct(axis=name, force=load)
