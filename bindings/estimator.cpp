@@ -130,8 +130,10 @@ Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance,
 {
   const amb_instructions set = chosen(instructions);
   History history(input.n, self.sizes(), covariance, self.scales());
-  nb::gil_scoped_release release;
-  amb_batch_one(set, &self.estimator, self.state(), &input, &history.to);
+  {
+    nb::gil_scoped_release release;
+    amb_batch_one(set, &self.estimator, self.state(), &input, &history.to);
+  }
   return history.arrays;
 }
 
@@ -240,16 +242,18 @@ Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Vec
     throw std::invalid_argument("the model knows one speed only");
   const size_t m = self.sizes().sensors, c = self.sizes().controls;
   History history(in.n, self.sizes(), covariance, self.scales());
-  nb::gil_scoped_release release;
-  for (size_t k = 0; k < in.n; k++) {
-    if (k == 0) {
-      (void)amb_estimator_start(&self.estimator, self.state(), in.y, &self.result);
-    } else {
-      self.turn(model, speed.data()[k - 1], speed.data()[k]);
-      (void)amb_estimator_step(&self.estimator, self.state(), in.y + k * m, in.u + (k - 1) * c,
-                               &self.result);
+  {
+    nb::gil_scoped_release release;
+    for (size_t k = 0; k < in.n; k++) {
+      if (k == 0) {
+        (void)amb_estimator_start(&self.estimator, self.state(), in.y, &self.result);
+      } else {
+        self.turn(model, speed.data()[k - 1], speed.data()[k]);
+        (void)amb_estimator_step(&self.estimator, self.state(), in.y + k * m, in.u + (k - 1) * c,
+                                 &self.result);
+      }
+      amb_estimator_note(&self.estimator, self.state(), &self.result, k, &history.to);
     }
-    amb_estimator_note(&self.estimator, self.state(), &self.result, k, &history.to);
   }
   return history.arrays;
 }
@@ -260,9 +264,11 @@ Named smooth(Estimator &self, const Samples &y, const Samples &u)
 {
   const amb_kalman_input input = input_of(self, y, u);
   History history(input.n, self.sizes(), true, self.scales());
-  nb::gil_scoped_release release;
-  amb_estimator_run(&self.estimator, self.state(), &input, &history.to);
-  amb_smooth(&self.kf, input.n, &history.to);
+  {
+    nb::gil_scoped_release release;
+    amb_estimator_run(&self.estimator, self.state(), &input, &history.to);
+    amb_smooth(&self.kf, input.n, &history.to);
+  }
   return history.arrays;
 }
 

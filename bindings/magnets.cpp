@@ -243,10 +243,12 @@ struct Fuzzy : Magnet {
     same_length(iu.size(), x.size(), "x");
     const size_t n = iu.size(), rules = centre_iu.size();
     Fresh<amb_real> u({n, rules});
-    nb::gil_scoped_release release;
-    for (size_t k = 0; k < n; k++)
-      amb_fuzzy_basis(&net, of_k_s ? &net.k_s : &net.k_i, iu.data()[k], x.data()[k],
-                      u.data + k * rules);
+    {
+      nb::gil_scoped_release release;
+      for (size_t k = 0; k < n; k++)
+        amb_fuzzy_basis(&net, of_k_s ? &net.k_s : &net.k_i, iu.data()[k], x.data()[k],
+                        u.data + k * rules);
+    }
     return u.array;
   }
 };
@@ -255,9 +257,11 @@ Out<amb_real> force(const Magnet &self, const Vector &iu, const Vector &x)
 {
   same_length(iu.size(), x.size(), "x");
   Fresh<amb_real> f({iu.size()});
-  nb::gil_scoped_release release;
-  for (size_t k = 0; k < iu.size(); k++)
-    f.data[k] = self.magnet.methods->force(self.magnet.self, iu.data()[k], x.data()[k]);
+  {
+    nb::gil_scoped_release release;
+    for (size_t k = 0; k < iu.size(); k++)
+      f.data[k] = self.magnet.methods->force(self.magnet.self, iu.data()[k], x.data()[k]);
+  }
   return f.array;
 }
 

@@ -184,6 +184,7 @@ def test_the_command_makes_what_was_lost_again_and_alike_and_nothing_else(rig, c
     assert all(path.stat().st_mtime_ns == files[path] for path in kept)
 
 
+@pytest.mark.long
 def test_zeros_that_a_log_does_not_tell_stay_as_the_map_has_them(rig):
     """Under an unknown load the offsets are as likely none; a filter with them would be far off."""
     folder, _ = rig

@@ -206,6 +206,7 @@ def test_filters_know_how_it_is_bent(speed):
         assert np.sqrt(np.mean(wrong**2)) < 1.6 * believed
 
 
+@pytest.mark.long
 def test_a_run_up_is_followed_by_the_filter():
     """Speed enters the model: through the first bending mode, with unbalance as states."""
     one = flexible(unbalance=[{"place": "364 mm", "amount": "2 g mm"}])

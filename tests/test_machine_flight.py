@@ -16,6 +16,7 @@ from machine_cases import (
     uncontrolled,
     uncoupled,
 )
+from quick import quick
 
 from ambkit import AmbkitError, Machine, Scenario, magnet_of, simulate
 from ambkit.machine.magnets import core_module
@@ -83,7 +84,7 @@ def truth(one, iu, growth):
 
 
 @pytest.mark.parametrize("name", OF_KILOGRAMS)
-@pytest.mark.parametrize("growth", [0.0, 4e4])
+@pytest.mark.parametrize("growth", quick([0.0, 4e4], [4e4]))
 def test_the_plant_is_met_in_the_fourth_order(name, growth):
     """Nonlinear magnets, weight, loads, unbalance, gyroscopics, a run-up; against 1e-10."""
     coarse = "0.2 ms" if name == "compressor" else "0.4 ms"  # its modes go up to 1.9 kHz

@@ -6,6 +6,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from quick import quick
 
 import ambkit
 from ambkit import KalmanFilter, Machine, Scenario, campbell, simulate
@@ -184,7 +185,9 @@ def test_a_tolerance_is_a_key(chosen):
     assert "modes_within = 0.05" in rough.to_toml()
 
 
-@pytest.mark.parametrize("name", ["compressor", "tum_mlps_flexible", "ufu_flexible"])
+@pytest.mark.parametrize(
+    "name", quick(["compressor", "tum_mlps_flexible", "ufu_flexible"], ["compressor"])
+)
 def test_presets_keep_enough(name):
     """The compressor had two modes: its default controllers shook the fifth of the full rotor."""
     found = compared(Machine.preset(name))

@@ -40,7 +40,7 @@ def changed(record, **factors):
     return Record(record.t, signals)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", quick(range(2), [0]))
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_record_belongs_to_its_bearing_and_not_with_a_sign_reversed(name, seed):
     record = run(name, seed)
@@ -185,7 +185,7 @@ def test_no_record_that_is_planted_wrong_passes_without_a_sentence(name):
     assert any(word in text for text in found), found
 
 
-@pytest.mark.parametrize("steps", [0, 1, 5, 20])
+@pytest.mark.parametrize("steps", quick([0, 1, 5, 20], [0, 5]))
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_no_good_record_is_accused(name, steps):
     std = BEARING.sensor.noise_variance**0.5
