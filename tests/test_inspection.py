@@ -89,7 +89,7 @@ def test_missing_samples_are_told(bearing, tmp_path):
         ("a.json", "{}", "rules"),
         ("a.csv", "t [s],y [m]\n0,1\n1", "cut short"),
         ("a.csv", "t [s],y\n0,1\n1,2\n", "y has no unit"),
-        ("a.xyz", "", "what is that?"),
+        ("a.xyz", "", "unknown kind of file"),
     ],
 )
 def test_problems_are_told_not_raised(tmp_path, name, text, problem):

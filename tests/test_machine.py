@@ -75,7 +75,7 @@ def test_check_says_what_axes_would_be_alone(tmp_path):
 def test_axes_that_do_not_couple_are_bearings_alone(tmp_path):
     one = uncoupled()
     one.save(tmp_path / "machine.toml")
-    assert "bearings alone" in inspect(tmp_path / "machine.toml").remarks[0]
+    assert "axes are independent" in inspect(tmp_path / "machine.toml").remarks[0]
     poles = open_loop(one, [k.k_s for k in stiffnesses(one)]).unstable
     alone = [one.isolated_axis(axis.name) for axis in one.axes]
     own = sorted(math.sqrt(ConstantStiffness.of(b).k_s / b.rotor.mass) for b in alone)

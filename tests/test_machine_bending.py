@@ -459,7 +459,7 @@ def test_check_says_what_shapes_of_modes_left_out_are_kept():
     one = Machine.preset("ufu_flexible").replace(rotor__residual=True)
     assert one.bending is not None
     (remark,) = machine_report._left_out(one, one.bending)
-    assert "by 2 shapes more" in remark.text
+    assert "by 2 attached shapes" in remark.text
 
 
 def test_mode_shapes_are_drawn():

@@ -147,7 +147,7 @@ def test_controllers_that_cannot_hold_say_so():
     held = holding(flexible())
     one = flexible()
     assert one.bending is not None
-    assert "a PID of each axis holds" in machine_report._held(one, one.bending).text
+    assert "decentralised PIDs are stable" in machine_report._held(one, one.bending).text
     assert held.held
     assert held.growing == []
     assert holding(flexible(), "estimate").pids[0].kp > 1.2 * held.pids[0].kp
@@ -157,7 +157,7 @@ def test_controllers_that_cannot_hold_say_so():
     assert found.growing[0].real > 0
     assert late.bending is not None
     said = machine_report._held(late, late.bending).text
-    assert "no PID of each axis that was tried holds it" in said
+    assert "no decentralised PID that was tried is stable" in said
     with pytest.raises(AmbkitError, match="no default controller was found that holds the rotor"):
         simulate(late, Scenario(duration=1.0, feedback="measurement"), "none")
     run = simulate(

@@ -24,7 +24,7 @@ from ambkit.models.continuous import open_loop
 from ambkit.models.machine_parts import machine_model
 from ambkit.rotordynamics.separation_margins import separations
 
-COUPLED = 0.01  #: Inertial coupling from which on axes are not bearings alone.
+COUPLED = 0.01  #: Inertial coupling from which on axes are not independent.
 MATTERS = 0.01  #: Residual compliance, relative to the magnets', that is reported.
 SHAKEN = 0.5  #: Share of a mode's own damping below which that is reported.
 
@@ -55,7 +55,7 @@ def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
 
 
 def _of_the_poles(machine: Machine) -> str:
-    """Say what the axes would be as bearings alone, and that they are not."""
+    """State the unstable poles, and those of the isolated axes."""
     linear, masses = stiffnesses(machine), machine.effective_masses
     same: dict[tuple[str, str], list[str]] = {}
     for axis, mass, k in zip(machine.axes, masses, linear, strict=True):
@@ -66,7 +66,7 @@ def _of_the_poles(machine: Machine) -> str:
     )
     share = machine.coupling
     if share < COUPLED and not machine.speed:
-        return f"the axes are bearings alone, with an effective mass and a pole of: {bearings}"
+        return f"the axes are independent; effective mass and unstable pole: {bearings}"
     poles = open_loop(machine, [k.k_s for k in linear]).unstable
     text = " and ".join(
         dict.fromkeys(
@@ -77,8 +77,8 @@ def _of_the_poles(machine: Machine) -> str:
         )
     )
     return (
-        f"without control the rotor falls away with {text}; as bearings alone the axes would have "
-        f"an effective mass and a pole of: {bearings}; they couple by {share:.0%}"
+        f"unstable poles without control: {text}; effective mass and unstable pole of the isolated "
+        f"axes: {bearings}; inertial coupling {100 * share:.0f} %"
     )
 
 
@@ -110,7 +110,7 @@ def _kept(machine: Machine, bending: Bending) -> str:
     if machine.rotor.type in ("shaft", "matrices"):
         text += f"; its centre of mass is at {engineering(centre, 'm')}"
     if machine.rotor.type == "modes":
-        text += "; what gyroscopics do to them is not known, and left out"
+        text += "; their gyroscopics are unknown and omitted"
     return text
 
 
@@ -122,8 +122,8 @@ def _left_out(machine: Machine, bending: Bending) -> Iterator[Remark]:
     if bending.attached:
         extra = ", ".join(map(_hertz, bending.frequency[-bending.attached :]))
         yield Remark(
-            f"the modes left out{first} give way at the magnets as they do of a slow force: by "
-            f"{bending.attached} shapes more, which would be at {extra}"
+            f"the static compliance of the modes left out{first} is kept by {bending.attached} "
+            f"attached shapes, at {extra}"
         )
         return
     places = [bearing.place for bearing in machine.bearings if bearing.type == "radial"]
@@ -136,12 +136,12 @@ def _left_out(machine: Machine, bending: Bending) -> Iterator[Remark]:
     k = int(np.argmax(shares))
     at = engineering(shares[k] / stiff[names[k]], "m/N", 3)
     text = (
-        f"the modes left out{first} would give way by {at} at most, in bearing {names[k]}: "
-        f"{percent(shares[k])} of what its magnets' own stiffness gives"
+        f"the modes left out{first} have a static compliance of at most {at}, in bearing "
+        f"{names[k]}: {percent(shares[k])} of the inverse of its negative stiffness"
     )
     if shares[k] > MATTERS:
         yield Remark(
-            f"{text}; that matters: raise rotor.modes_up_to, or set rotor.residual = true",
+            f"{text}, too much: raise rotor.modes_up_to, or set rotor.residual = true",
             ("rotor", "modes_up_to"),
         )
     else:
@@ -176,8 +176,8 @@ def _nodes(machine: Machine, bending: Bending) -> Iterator[Remark]:
         for k in np.flatnonzero(pull[:modes] * seen[:modes] < 0):
             yield Remark(
                 f"a node of mode {k + 1}, {_hertz(bending.frequency[k])}, is between bearing "
-                f"{bearing.name} and its sensor {near.name}: a controller that damps what it sees "
-                "shakes this mode",
+                f"{bearing.name} and its sensor {near.name}: a controller that damps the measured "
+                "motion excites this mode",
                 ("bearing", at, "place"),
             )
 
@@ -192,10 +192,10 @@ def _held(machine: Machine, bending: Bending) -> Remark:
             fed = ', or an estimator that feeds the controllers (feedback = "estimate")'
         delay = f"a delay of {engineering(machine.delay, 's')}" if machine.delay else "no delay"
         return Remark(
-            f"no PID of each axis that was tried holds it: with the best {_hertz(pole.imag)} grows "
-            f"by {pole.real:.3g}/s; the loop has {delay} and samples every "
-            f"{engineering(machine.sampling_time, 's')}; what helps is a shorter one, sensors "
-            f"nearer to the magnets, more damping{fed or ', or another controller'}"
+            f"no decentralised PID that was tried is stable: with the best one {_hertz(pole.imag)} "
+            f"grows by {pole.real:.3g}/s; the loop has {delay} and a sampling time of "
+            f"{engineering(machine.sampling_time, 's')}; remedies: a shorter one, sensors nearer "
+            f"to the magnets, more damping{fed or ', or another controller'}"
         )
     modes = len(bending.frequency) - bending.attached
     rates = []
@@ -205,13 +205,13 @@ def _held(machine: Machine, bending: Bending) -> Remark:
     worst = int(np.argmin(rates / bending.damping_ratio[:modes]))
     pid = result.pids[0]
     text = (
-        f"a PID of each axis holds it, such as kp {engineering(pid.kp, 'A/m', 4)}, "
+        f"decentralised PIDs are stable, such as kp {engineering(pid.kp, 'A/m', 4)}, "
         f"kd {engineering(pid.kd, 'A s/m', 3)}, its derivative filtered by "
         f"{engineering(pid.derivative_filter, 's', 3)}"
     )
     if rates[worst] < SHAKEN * bending.damping_ratio[worst]:
         text += (
-            f"; of mode {worst + 1}, {_hertz(bending.frequency[worst])}, it leaves a damping ratio "
-            f"of {rates[worst]:.2g}"
+            f"; the damping ratio of mode {worst + 1}, {_hertz(bending.frequency[worst])}, is then "
+            f"{rates[worst]:.2g}"
         )
     return Remark(text)

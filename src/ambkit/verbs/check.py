@@ -57,7 +57,8 @@ def schema(
     Parameters
     ----------
     kind : {"bearing", "machine", "scenario", "study", "map", "filter", "force"}
-        Kind of file; map is a channel map, force that of a force map.
+        bearing, machine, scenario, study, map (channel map), filter, or force (channel map of a
+        force map).
 
     Returns
     -------

@@ -187,7 +187,7 @@ def _recognise(
 
 def _unknown(path: Path) -> Finding:
     known = f".toml, .json, {', '.join(ENDINGS[:-1])} and {ENDINGS[-1]}"
-    raise AmbkitError(f"{path}: what is that? known are {known} files")
+    raise AmbkitError(f"{path}: unknown kind of file; known: {known}")
 
 
 def _describe_document(kind: str, path: Path, machine: Machine | None) -> Finding:
