@@ -12,7 +12,7 @@ from ambkit.campaigns.keys import changed, key_in, nested
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.run import campaign
 from ambkit.campaigns.study import Study
-from ambkit.campaigns.worker import compute, peak_of
+from ambkit.campaigns.worker import compute, peak_of, peaks
 from ambkit.control.control import Control
 from ambkit.control.controller_states import Controller
 from ambkit.control.controllers import controllers_of
@@ -148,6 +148,30 @@ def test_what_is_shown_of_a_machine_is_that_of_a_bearing(found, tmp_path):
     assert "maximum orbit over clearance" in page
     assert found.to_dict()["machine"] == "tum_mlps"
     assert found.good.of == 6
+
+
+@pytest.mark.parametrize("name", ["zittau_axial", "tum_mlps"])
+def test_a_choice_of_controllers_is_the_same_for_every_machine(name):
+    plan = Plan(Study.from_toml(f"""
+name = "choice"
+machine = "{name}"
+sampling = "grid"
+[[vary]]
+what = "controller"
+type = "choice"
+values = ["textbook", "decentralised", "lqg", "own"]
+[controllers.own]
+type = "lqg"
+"""))  # fmt: skip
+    plan.check()
+    runs = [of.planned for of in plan.machines(plan.points(0, 4), plan.noise(0, 4), 0)]
+    found = peaks(runs)
+    machine = ambkit.preset(name)
+    for control, peak in zip(("decentralised", "lqg"), found[1:3], strict=True):
+        loop = LoopOf(machine, Control(type=control, feedback="estimate"))
+        assert peak == pytest.approx(loop.peak(ambkit.KalmanFilter(machine)), rel=1e-6)
+    assert len({f"{peak:.3f}" for peak in found}) == 3
+    assert found[2] == found[3]
 
 
 def test_controllers_and_filters_know_the_nominal_machine_alone():

@@ -27,13 +27,14 @@ from ambkit.campaigns.study_tables import UNITS
 from ambkit.control.control import Control
 from ambkit.control.controllers import TYPES, Controllers, controllers_of, relative_gains
 from ambkit.control.default_control import is_default
+from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.machine.loading import load_machine
 from ambkit.machine.parts import FILES
 from ambkit.models.plant import Plant
 from ambkit.simulation.planned import Planned
-from ambkit.simulation.scenario import Scenario, settled_scenario, wrong_for
+from ambkit.simulation.scenario import Scenario, control_of, settled_scenario, wrong_for
 
 IN_PROPORTION = ("kp", "ki", "kd", "feed_forward")
 """Gains of a PID that go with those of amplifier and sensor."""
@@ -125,7 +126,8 @@ class Plan:
         run = self.study.scenario.model_copy(update={"seed": self.study.seed})
         if "none" in self._estimator_names and run.feedback is None:
             run = run.fed("measurement")
-        if self.several and self._choices("controller") and is_default(run.controller):
+        chosen = self._choices("controller")
+        if self.several and chosen and "tuned" not in chosen and is_default(run.controller):
             plain = run.controller.model_copy(update={"type": "decentralised"})
             run = run.model_copy(update={"controller": plain})
         return settled_scenario(self.nominal, run)
@@ -251,23 +253,27 @@ class Plan:
     @cached_property
     def controllers(self) -> dict[str, Control]:
         """The controllers to choose from, made for the nominal machine."""
-        nominal, own, tuned = self.nominal, self.study.controllers, self.scenario.controller
-        if self.several:
-            usual = (*(Control.model_validate({"type": name}) for name in TYPES), tuned)
-            return {str(item.type): item for item in usual} | own
-        fed_by = tuned.feedback
-        textbook = Control.textbook(nominal).fed_by(fed_by)
-        return {"tuned": tuned, "textbook": textbook} | {
-            name: controller.completed(nominal).fed_by(controller.feedback or fed_by)
-            for name, controller in own.items()
+        nominal, run, tuned = self.nominal, self.scenario, self.scenario.controller
+        pids = {axis.name: PID.textbook(nominal[axis.name]) for axis in nominal.axes}
+        known = {
+            "tuned": tuned,
+            "textbook": Control.textbook(nominal) if nominal.single else Control(pid=pids),
+            **{name: Control.model_validate({"type": name}) for name in TYPES},
+            **self.study.controllers,
         }
+        made = dict[str, Control]()
+        for name in map(str, self._choices("controller")):
+            fed = "estimate" if known[name].needs_estimate else tuned.feedback or "estimate"
+            chosen = known[name].fed_by(known[name].feedback or fed)
+            made[name] = control_of(nominal, run.model_copy(update={"controller": chosen}))
+        return made
 
     def _planned(
         self, plant: Any, run: Scenario, estimator: Estimator | None, noise: int
     ) -> Planned:
         """Return a run whose controllers go by the nominal gains of amplifiers and sensor."""
         # The simulated ones divide by the plant's. What they lack is a factor on their gains.
-        if self.several:
+        if self.several or run.controller.type == "lqg":
             ratio = relative_gains(plant, self.nominal)
             made = self._made(run, estimator).scaled(ratio)
             return Planned(plant, run, estimator, number=noise, controllers=made)

@@ -11,14 +11,15 @@ from ambkit.base.config import Read
 from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import Choice, Varied, Wrong
 from ambkit.campaigns.keys import OF_RUN, Key, by_places, key_in
+from ambkit.control.controllers import TYPES
 from ambkit.machine.loading import load_machine
 
 Problem = tuple[str, str]
 
 MOST_DIMENSIONS = 1000  #: Quantities that vary.
 
-CONTROLLERS = ("tuned", "textbook"), ("decentralised", "translation and tilt", "lqg")
-"""Controllers that every machine of one axis has, and every one of several."""
+CONTROLLERS = ("tuned", "textbook", *TYPES)
+"""Controllers that every machine has, but for those of tilt, which a mass has not."""
 
 NOT_VARIED = {
     "sampling_time": "is the controller's, and no tolerance",
@@ -200,11 +201,7 @@ def _sensor_gain(here: str, varied: Varied, scenario: Any) -> Iterator[Problem]:
     """A controller that is fed by the measurement takes the rotor elsewhere by a wrong gain."""
     from ambkit.simulation.waveforms import Constant
 
-    if getattr(scenario, "controller", None) is None:
-        return
-    if varied.what == "amplifier.gain" and scenario.controller.type == "lqg":
-        yield f"{here}.what", "amplifier.gain does not vary under a regulator of the states"
-    if varied.what != "sensor.gain":
+    if varied.what != "sensor.gain" or getattr(scenario, "controller", None) is None:
         return
     reference = scenario.reference
     rests = isinstance(reference, Constant) and reference.value == 0
@@ -218,8 +215,8 @@ def _choices(
     """Check words to choose from, each where it would stand."""
     if not isinstance(varied, Choice) or key.unit:
         return
-    several = not plant.single
     controllers = read("controllers")
+    usual = [name for name in CONTROLLERS if plant.rotor.type != "mass" or "tilt" not in name]
     for at, value in enumerate(varied.values):
         there = f"{here}.values.{at}"
         if not isinstance(value, str):
@@ -227,7 +224,7 @@ def _choices(
         elif varied.what == "estimator":
             yield from _estimator(there, value)
         elif varied.what == "controller":
-            known = [*CONTROLLERS[several], *(controllers if isinstance(controllers, dict) else ())]
+            known = [*usual, *(controllers if isinstance(controllers, dict) else ())]
             if value not in known:
                 yield there, f'there is no controller "{value}"; known: {", ".join(known)}'
         else:
