@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ambkit.export.c import CExport
 
 # A busy machine must not fail a test: what must be fast is measured in benchmarks/.
-settings.register_profile("ambkit", deadline=None)
+settings.register_profile("ambkit", deadline=None, max_examples=50)
 settings.load_profile("ambkit")
 
 subprocess.run = objects.run

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import cycle, product
 
 import control
 import numpy as np
@@ -238,6 +239,23 @@ def test_of_several_crossings_the_nearest_limit_the_gain():
     assert found.gain_up == pytest.approx(gains[gains > 1].min(), rel=1e-6)
 
 
+def test_of_several_crossovers_the_last_is_stated_and_the_nearest_limits_phase_and_delay():
+    """An integrator with a resonance on top: abs(L) is 1 at about 1 rad/s, and beside 10 rad/s."""
+    f, L = np.geomspace(0.01, 10, 20001), lambda s: 1 / s + 0.2 * s / (s**2 + 0.1 * s + 100)
+    over = np.abs(L(2j * np.pi * f)) > 1
+    at = [
+        brentq(lambda x: abs(L(2j * np.pi * x)) - 1, f[k], f[k + 1])
+        for k in np.flatnonzero(over[1:] != over[:-1])
+    ]
+    turns = np.angle(-L(2j * np.pi * np.array(at)))
+    found = margins(Analytic(L), f=f)
+    assert len(at) == 3
+    assert found.crossover == pytest.approx(max(at), rel=1e-9)
+    assert found.phase == pytest.approx(np.abs(turns).min(), rel=1e-9)
+    late = turns % (2 * np.pi) / (2 * np.pi * np.array(at))
+    assert found.delay == pytest.approx(late.min(), rel=1e-9)
+
+
 @pytest.mark.parametrize("name", [None, "linear"])
 def test_beyond_a_margin_the_loop_is_unstable(name):
     slow = LATE.replace(sampling_time=4e-4)
@@ -292,8 +310,9 @@ def test_decay_of_the_simulated_loop_is_that_of_the_poles(name):
 # ---- what holds whatever the loop
 
 
-@pytest.mark.parametrize("preset", BEARINGS)
-@pytest.mark.parametrize("late", [False, True], ids=["", "late"])
+@pytest.mark.parametrize(("preset", "late"), quick(
+    product(BEARINGS, [False, True]), zip(BEARINGS, cycle([True, False]), strict=False)
+))  # fmt: skip
 def test_bodes_integral_to_six_digits(preset, late):
     bearing = Bearing.preset(preset)
     if late:

@@ -405,7 +405,7 @@ def test_addresses_come_from_the_program(of, call, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # its own
-@pytest.mark.parametrize("big_endian", [False, True])
+@pytest.mark.parametrize("big_endian", quick([False, True], [True]))
 def test_another_reads_the_a2l_file(of, tmp_path, big_endian):
     """pya2l, by its grammar of ASAP2 1.7: each parameter with its address, limits and unit."""
     from pya2l import import_a2l, model

@@ -2,10 +2,12 @@
 
 import dataclasses
 import json
+from itertools import cycle, product
 
 import numpy as np
 import pytest
-from machine_cases import BEARINGS, PRESETS
+from machine_cases import BEARINGS, PRESETS, RIGID
+from quick import quick
 
 import ambkit
 from ambkit import Machine
@@ -165,11 +167,10 @@ def on_margins(machine, feedback):
     return of.peak(filter), filter, of
 
 
-@pytest.mark.parametrize("feedback", ["measurement", "estimate"])
-@pytest.mark.parametrize("name", [
-    pytest.param(name, marks=pytest.mark.long if "flexible" in name else ())
-    for name in PRESETS
-])  # fmt: skip
+@pytest.mark.parametrize(("name", "feedback"), quick(
+    product(PRESETS, ["measurement", "estimate"]),
+    zip(RIGID, cycle(["measurement", "estimate"]), strict=False),
+))  # fmt: skip
 def test_the_default_is_chosen_on_margins(name, feedback):
     machine = Machine.preset(name)
     peak, filter, of = on_margins(machine, feedback)

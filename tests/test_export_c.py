@@ -8,11 +8,13 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import pytest
 from export_cases import BEARING, KINDS, PRECISIONS, export, flight_files, magnet_of
 from exporting import export_c
+from quick import quick
 
 import ambkit
 from ambkit import ClosedLaw, FilterNoise
@@ -103,8 +105,9 @@ def test_what_the_user_did_wrong_is_one_message(call, tmp_path, words, said):
 # ---- The folder ----
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "precision"), quick(
+    product(KINDS, PRECISIONS), [*product(KINDS, ("float",)), ("adaptive", "double")]
+))  # fmt: skip
 def test_no_dates_no_paths(exported, kind, precision):
     for name, content in texts(exported(kind, precision).folder).items():
         text = content.decode()

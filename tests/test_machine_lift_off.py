@@ -247,7 +247,7 @@ RIGID_AND_FLEXIBLE = ["tum_mlps", "ufu_flexible"]
 
 
 @compiled
-@pytest.mark.parametrize("name", quick(PRESETS, RIGID_AND_FLEXIBLE))
+@pytest.mark.parametrize("name", quick(PRESETS, ["tum_mlps"]))
 def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name, tmp_path):
     """The exported controller, fed with the readings of a simulated flight: 0 samples differ."""
     machine = Machine.preset(name)

@@ -6,7 +6,7 @@ from quick import quick
 from benchmarks import sensors
 
 
-@pytest.mark.parametrize(("lag", "noise"), quick(sensors.SENSORS, sensors.SENSORS[::2]))
+@pytest.mark.parametrize(("lag", "noise"), quick(sensors.SENSORS, sensors.SENSORS[::3]))
 def test_the_extended_filter_reaches_the_bound(lag, noise):
     found = sensors.efficiency(lag, noise, runs=64)
     for name in ("x", "v", "f_d"):

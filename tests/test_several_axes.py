@@ -1,5 +1,7 @@
 """Kinds on machines of several forces, loads and sensors: by the textbook, axis by axis."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from filter_cases import full
@@ -17,6 +19,7 @@ from machines import (
     with_roles,
 )
 from model_oracles import random_model, random_settings
+from quick import quick
 
 from ambkit import Status
 
@@ -204,8 +207,9 @@ def test_a_load_on_any_axis_counts_and_motion_on_any_axis_tells(kind):
 # ---- noise found online ----
 
 
-@pytest.mark.parametrize("window", [1, 10])
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(("seed", "window"), quick(
+    product(SEEDS, [1, 10]), [(0, 1), (1, 10), (2, 1), (3, 10)]
+))  # fmt: skip
 def test_noise_is_found_of_each_sensor_and_each_load(seed, window):
     """By the formulas of core/include/ambkit/adaptive_noise.h, with full matrices."""
     dense, settings, y, u = case(seed, theta=1.0, n=700)
