@@ -103,37 +103,56 @@ def test_runs_of_several_chunks_are_in_their_order(monkeypatch):
     assert (len(many), sum(told), max(told)) == (len(MIXED), len(MIXED), 7)
 
 
-def by_hand(run):
-    """The figures from the samples of a run, by NumPy."""
-    record, estimate, T = run.record, run.estimate, BEARING.sampling_time
-    (where,) = windows(record["r"][:, None], record["f_d"][:, None], 1)
-    away = record["r"] - record["x"]
+def by_hand(run, kalman=None):
+    """The figures from the samples of a run, of the worst axis, by NumPy."""
+    record, estimate, axes = run.record, run.estimate, run.machine.axes
+    single, T = "x" in record.signals, run.machine.sampling_time
+    ends = [""] if single else [f"_{name}" for name in run.axes]
+    s, r, iu, u, f_d = (
+        np.column_stack([record[f"{of}{end}"] for end in ends])
+        for of in ("x" if single else "s", "r", "iu", "u", "f_d")
+    )
+    gains = np.array([axis.bearing.amplifier.gain for axis in axes])
+    travel = np.array([axis.bearing.clearance for axis in axes])
+    at, away = windows(r, f_d, 1), np.abs(r - s)
+    orbits = [np.linalg.norm(s[1:, k : k + 2], axis=1).max() for k in range(0, len(ends), 2)]
     found = {
-        "tracking_rms": rms(away[1:]),
-        "tracking_peak": np.abs(away[1:]).max(),
-        "effort": BEARING.amplifier.gain * rms(np.diff(record["u"][1:])),
-        "displacement_peak": np.abs(record["x"]).max(),
-        "orbit_peak": np.abs(record["x"][1:]).max(),
-        "orbit_share": np.abs(record["x"][1:]).max() / BEARING.rotor.clearance,
-        "current_peak": np.abs(record["iu"]).max(),
-        "touched": record.meta["stop_touched"],
-    }
-    if estimate is not None:
-        for name in ("x", "v", "f_d"):
-            error = (estimate[name] - record[name])[1:]
-            found[f"{name}_rms"], found[f"{name}_peak"] = rms(error), np.abs(error).max()
-        nis = estimate.nis[1:][estimate.used[1:]]
-        found["nis"] = np.nanmean(nis) if np.isfinite(nis).any() else np.nan
-    if where.load_from < len(record):
-        late = np.flatnonzero(np.abs(away)[where.load_from :] > 0.05 * BEARING.rotor.clearance)
-        never = late.size and late[-1] == len(record) - where.load_from - 1
+        "tracking_rms": max(map(rms, away[1:].T)), "tracking_peak": away[1:].max(),
+        "effort": max(map(rms, (gains * np.diff(u[1:], axis=0)).T)),
+        "displacement_peak": np.abs(s).max(), "current_peak": np.abs(iu).max(),
+        "orbit_peak": max(orbits), "orbit_share": (orbits / travel[::2]).max(),
+        "touched": record.meta["stop_touched"] if single else 0.0,
+    }  # fmt: skip
+    if not single:
+        found |= {"load_kept": np.linalg.norm(f_d, axis=1).max(), "landed": 0.0}
+    if at[0].load_from < len(record):
+        late = np.flatnonzero((away > 0.05 * travel).any(axis=1)[at[0].load_from :])
+        never = late.size and late[-1] == len(record) - at[0].load_from - 1
         found["recovery"] = np.inf if never else (late[-1] + 1) * T if late.size else 0.0
-    if where.step_from < where.step_to:
-        start, stop = where.step_from, where.step_to
-        way = (record["x"][start:stop] - record["r"][start]) / where.height
+    start, stop = at[0].step_from, at[0].step_to
+    if start < stop:
+        way = (s[start:stop, 0] - r[start, 0]) / at[0].height
         last = np.flatnonzero(np.abs(way) > 0.05)[-1]
         found["overshoot"] = max(0.0, way.max())
         found["settling"] = np.inf if last == way.size - 1 else (last + 1) * T
+    if estimate is None:
+        return found
+    if single:
+        errors = {name: (estimate[name] - record[name])[:, None] for name in ("x", "v", "f_d")}
+        nis = estimate.nis[1:][estimate.used[1:]]
+    else:
+        along = kalman.view.along_axes(estimate.states)
+        q = np.column_stack([record[f"q_{state.name}"] for state in estimate.states[:8]])
+        errors = {
+            name: estimate.mean @ rows.T - q @ rows[:, :8].T
+            for name, rows in zip("xv", along, strict=True)
+        }
+        errors["f_d"] = np.column_stack([estimate[f"f_d{end}"] for end in ends]) - f_d
+        nis = estimate.nis[1:]
+    for name, values in errors.items():
+        error = np.abs(values)[1:]
+        found[f"{name}_rms"], found[f"{name}_peak"] = max(map(rms, error.T)), error.max()
+    found["nis"] = np.nanmean(nis) if np.isfinite(nis).any() else np.nan
     return found
 
 
@@ -222,47 +241,6 @@ def rotor(**control):
     )  # fmt: skip
 
 
-def by_hand_of_axes(run, kalman):
-    """The figures of several axes from the samples of a run, of the worst one, by NumPy."""
-    record, estimate, machine = run.record, run.estimate, run.machine
-    s, r, iu, u, f_d = (
-        np.column_stack([record[f"{of}_{name}"] for name in run.axes])
-        for of in ("s", "r", "iu", "u", "f_d")
-    )
-    gains = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
-    travel = np.array([axis.bearing.clearance for axis in machine.axes])
-    at = windows(r, f_d, 1)
-    away = np.abs(r - s)
-    orbits = np.array([np.hypot(*s[:, k : k + 2].T)[1:].max() for k in (0, 2)])
-    found = {
-        "tracking_rms": max(map(rms, away[1:].T)), "tracking_peak": away[1:].max(),
-        "effort": max(map(rms, (gains * np.diff(u[1:], axis=0)).T)),
-        "displacement_peak": np.abs(s).max(), "current_peak": np.abs(iu).max(),
-        "load_kept": np.linalg.norm(f_d, axis=1).max(), "touched": 0.0, "landed": 0.0,
-        "orbit_peak": orbits.max(), "orbit_share": (orbits / travel[::2]).max(),
-    }  # fmt: skip
-    late = np.flatnonzero((away > 0.05 * travel).any(axis=1)[at[0].load_from :])
-    found["recovery"] = (late[-1] + 1) * machine.sampling_time if late.size else 0.0
-    if late.size and late[-1] == len(record) - at[0].load_from - 1:
-        found["recovery"] = np.inf
-    start, stop = at[0].step_from, at[0].step_to
-    way = (s[start:stop, 0] - r[start, 0]) / at[0].height
-    last = np.flatnonzero(np.abs(way) > 0.05)[-1]
-    found["overshoot"] = max(0.0, way.max())
-    found["settling"] = np.inf if last == way.size - 1 else (last + 1) * machine.sampling_time
-    if estimate is not None:
-        along = kalman.view.along_axes(estimate.states)
-        q = np.column_stack([record[f"q_{state.name}"] for state in estimate.states[:8]])
-        known = {name: estimate.mean @ rows.T for name, rows in zip("xv", along, strict=True)}
-        known["f_d"] = np.column_stack([estimate[f"f_d_{name}"] for name in run.axes])
-        truth = {name: q @ rows[:, :8].T for name, rows in zip("xv", along, strict=True)}
-        for name, values in {**truth, "f_d": f_d}.items():
-            error = np.abs(known[name] - values)[1:]
-            found[f"{name}_rms"], found[f"{name}_peak"] = max(map(rms, error.T)), error.max()
-        found["nis"] = estimate.nis[1:].mean()
-    return found
-
-
 @pytest.mark.parametrize("feedback", ["estimate", "measurement"])
 def test_runs_of_several_axes_are_judged_by_their_samples(feedback):
     machine, scenario = rotor(feedback=feedback)
@@ -276,7 +254,7 @@ def test_runs_of_several_axes_are_judged_by_their_samples(feedback):
     many = simulate_many(runs)
     for place, planned in enumerate(runs):
         run = planned.simulated()
-        expected = by_hand_of_axes(run, kalman)
+        expected = by_hand(run, kalman)
         for name, value in expected.items():
             assert many.figures[name][place] == pytest.approx(value, rel=1e-11), (place, name)
         assert {name for name in FIGURES if not np.isnan(many.figures[name][place])} == {*expected}
