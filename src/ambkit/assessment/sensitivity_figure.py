@@ -61,7 +61,7 @@ def measured_figure(
             assessment_figure.nyquist_panel(curves, zones),
             Panel(frequency, Axis("coherence", limits=(0.0, 1.05)),
                   [Points(f, result.coherence, signal="estimate", label="")],
-                  title="Share of y that the signal explains"),
+                  title="Coherence of y with the signal"),
             Panel(frequency, Axis("half width of the interval", "%", 100.0, "log"),
                   [Points(f, (high - low) / 2 / np.abs(result.sensitivity), signal="estimate",
                           label="")], title="Error of |S|"),

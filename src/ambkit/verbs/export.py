@@ -90,10 +90,10 @@ def export_cost(
     table_error: TableError | None = None,
     clock: Frequency = "168 MHz",
 ) -> FilterCost:
-    """Measure the cost of a filter on a Cortex-M4F.
+    """Report the cost of a filter on a Cortex-M4F.
 
-    Instructions, flash and memory in single precision, measured in qemu. `ambkit pil` measures a
-    complete controller.
+    Instructions, flash and memory of the kinds of filter for an axis without lags and dead time, in
+    single precision, measured in qemu. `ambkit pil` measures any controller.
 
     Parameters
     ----------

@@ -157,7 +157,10 @@ def filter_cost(filter: Estimator, clock: Given) -> FilterCost:
         raise AmbkitError(f"clock must be greater than 0 Hz, is {frequency:g} Hz")
     spent = cost.of(filter)
     if spent is None:
-        raise AmbkitError(f"the cost of {filter.name} for {filter.bearing.name} was not measured")
+        raise AmbkitError(
+            f"the cost of the {filter.name} for {filter.bearing.name} is not known: its states are "
+            "not those of the paper's axis; 'ambkit pil' measures it"
+        )
     return FilterCost(filter.name, filter.bearing.name, spent, frequency)
 
 

@@ -321,7 +321,7 @@ def _limits(learned: OnlineComparison) -> Axis:
 
 def _monitor(name: str, one: OnlineResult, time: Axis) -> Panel:
     held: list[Item] = [
-        Span(a, b, signal="limit", label="UNEXCITED: k is held")
+        Span(a, b, signal="limit", label="unexcited: k is held")
         for a, b in _stretches(one.t, one.held)
     ]
     style = STYLES[name]
@@ -331,7 +331,7 @@ def _monitor(name: str, one: OnlineResult, time: Axis) -> Panel:
         return Panel(time, Axis("error of $k$, filter", "%", 100.0), [*held, error])
     assert isinstance(one, AdalineResult)
     line = Line(one.t, one.excitation, signal=style, label="")
-    least = Rule(LEAST, signal="bound", text="least", label="")
+    least = Rule(LEAST, signal="bound", text="minimum", label="")
     return Panel(time, Axis(f"excitation, {NAMES[name]}"), [*held, line, least])
 
 

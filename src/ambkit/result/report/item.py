@@ -264,12 +264,16 @@ def error_bars(axis: Axis, values: Vector | None, look: style.Style) -> Json:
 
 def _plain_numbers(axis: Any) -> None:
     """Write 30, 60, 100 on a logarithmic axis, and not powers, where the numbers are short."""
-    from matplotlib.ticker import FuncFormatter, NullFormatter
+    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
     low, high = sorted(axis.get_view_interval())
     if not 1e-4 < low < high < 1e5:
         return
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+    if high < 5 * low:  # as on a linear axis: powers of ten are too far apart
+        axis.set_major_locator(MaxNLocator(5))
+        axis.set_minor_formatter(NullFormatter())
+        return
     # Over few decades the powers of ten alone are too few to read a value.
     digits = "36" if high < 100 * low else ""
 
