@@ -102,34 +102,37 @@ def bench(request, exported):
     one.close()
 
 
-def test_a_tenth_of_any_constant_is_seen_in_both_modes(bench):
+@pytest.mark.parametrize("count", quick([10, 50], [10]))
+def test_a_tenth_of_any_constant_is_seen_in_both_modes(bench, count):
     file = f"{bench.name}_data.c"
     found = list(mutants.of_constants(file, bench.text(file)))
     assert len(found) > 50
-    some = random.Random(0).sample(found, 30)
+    some = random.Random(0).sample(found, count)
     verdicts = [bench.judge(mutant) for mutant in some]
     alive = [str(m) for m, v in zip(some, verdicts, strict=True) if v.exact or v.loose]
     assert alive == []
 
 
-def test_a_tenth_of_a_node_is_seen_without_the_crc_too(bench):
+@pytest.mark.parametrize("count", quick([10, 50], [10]))
+def test_a_tenth_of_a_node_is_seen_without_the_crc_too(bench, count):
     file = f"{bench.name}_data.c"
     text = bench.text(file)
     at = text.find("nodes[")
     if at < 0:
         pytest.skip("a filter without a table")
     nodes = [m for m in mutants.of_constants(file, text) if at < m.start < text.index("};", at)]
-    some = random.Random(1).sample(nodes, 30)
+    some = random.Random(1).sample(nodes, count)
     alive = [str(m) for m in some if bench.judge(m).exact_without_crc]
     assert alive == []
 
 
 @pytest.mark.parametrize("bench", ["linear"], indirect=True)  # the same text as beside a table
-def test_operators_that_became_others_are_seen(bench):
+@pytest.mark.parametrize("count", quick([12, 40], [12]))
+def test_operators_that_became_others_are_seen(bench, count):
     """A sample of those whose mutants are not alive in the whole score."""
     files = ("core/generated/axial.h", "core/src/kalman_step.h", f"{bench.name}.c")
     found = [m for file in files for m in mutants.of_operators(file, bench.text(file))]
-    some = random.Random(0).sample(found, 25)
+    some = random.Random(0).sample(found, count)
     alive = [m for m in some if bench.judge(m).exact]
     gain_of_one = ("K_sen", "k_ui")  # a product with 1 is the quotient
     known = [m for m in alive if any(word in m.text for word in gain_of_one)]
