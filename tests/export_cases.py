@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import shutil
 import subprocess
@@ -89,3 +90,82 @@ def printed_by(
     done = program(str(compiler), folder, folder / "selftest.out", flags)
     assert (done.returncode, done.stderr) == (0, "")
     return subprocess.run([folder / "selftest.out"], capture_output=True, text=True).stdout
+
+
+SIZES = """#include "{0}.h"
+
+size_t {0}_state_size(void);
+size_t {0}_estimates_size(void);
+
+size_t {0}_state_size(void)
+{{
+  return sizeof({0}_state);
+}}
+
+size_t {0}_estimates_size(void)
+{{
+  return sizeof({0}_estimates);
+}}
+"""  # Python does not read headers.
+
+
+class Filters:
+    """Exports in one shared library, called through their own headers."""
+
+    def __init__(self, folder: Path, made: dict[str, CExport], precision: str) -> None:
+        self.real = ctypes.c_float if precision == "float" else ctypes.c_double
+        folders = [one.folder for one in made.values()]
+        # By their names: what they share is compiled once.
+        files = {file: one.folder / file for one in made.values() for file in one.sources}
+        (folder / "sizes.c").write_text("".join(map(SIZES.format, made)))
+        includes = [f"-I{one / part}" for one in folders for part in (".", "core/include", "core")]
+        library = folder / "filters.so"
+        flags = (*SAME_BITS, "-fPIC", *includes)
+        words = [
+            *command(str(COMPILER), flags),
+            *files.values(),
+            "sizes.c",
+            "-shared",
+            "-o",
+            library,
+        ]
+        subprocess.run(words, cwd=folder, check=True)
+        self.library = ctypes.CDLL(str(library))
+
+    def start(self, name: str) -> Filter:
+        return Filter(self, name)
+
+
+class Filter:
+    """One instance of an exported filter, which is started."""
+
+    def __init__(self, filters: Filters, name: str) -> None:
+        self.real, library = filters.real, filters.library
+        state, estimates = (
+            getattr(library, f"{name}_{what}_size")() for what in ("state", "estimates")
+        )
+        self.state = ctypes.create_string_buffer(state)
+        self.estimates = (self.real * (estimates // ctypes.sizeof(self.real)))()
+        self.functions = {
+            what: getattr(library, f"{name}_{what}")
+            for what in ("init", "reset", "step", "deviations")
+        }
+        self.started = self.functions["init"](self.state)  # a status, where numbers are editable
+
+    def reset(self, y: float) -> int:
+        return int(self.functions["reset"](self.state, self.real(y), self.estimates))
+
+    def step(self, y: float, u: float) -> int:
+        """Take a sample in; return the status."""
+        inputs = self.real(y), self.real(u)
+        return int(self.functions["step"](self.state, *inputs, self.estimates))
+
+    @property
+    def feed_back(self) -> bool:
+        """Whether the estimate may be fed back: behind its eight numbers."""
+        return bool(bytes(self.estimates)[8 * ctypes.sizeof(self.real)])
+
+    def deviations(self) -> list[float]:
+        std = (self.real * 4)()
+        self.functions["deviations"](self.state, std)
+        return list(std)

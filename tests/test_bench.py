@@ -176,14 +176,22 @@ def again(t):
     return np.sin(2 * np.pi * t / 100)
 
 
+def at_the_end(t):
+    """So late that for most lags nothing moves in the stretch that is compared."""
+    return np.tanh((t - 3950) / 8)
+
+
 @pytest.mark.parametrize(("signal", "late"), [
-    *((once, late) for late in (0, 7, 12.4)), *((again, late) for late in (-3.0, 0.0, 7.0, 40.0)),
+    *((of, late) for of in (once, at_the_end) for late in (0, 7, 12.4)),
+    *((again, late) for late in (-3.0, 0.0, 7.0, 40.0)),
 ])  # fmt: skip
 def test_the_delay_is_what_the_signal_was_delayed_by(signal, late):
     t = np.arange(4000.0)
     noise = 0.02 * np.random.default_rng(0).normal(size=t.size)
-    found = criteria.delay(signal(t - late) + noise, Load(signal(t)), 1e-4)
-    assert found == pytest.approx(1e-4 * max(late, 0.0), abs=1e-4)
+    for unit in (1.0, 1e6):
+        estimated, true = unit * (signal(t - late) + noise), Load(unit * signal(t))
+        found = criteria.delay(estimated, true, 1e-4)
+        assert found == pytest.approx(1e-4 * max(late, 0.0), abs=1e-4)
     assert np.isnan(criteria.delay(noise, Load(np.ones_like(t)), 1e-4))
 
 

@@ -275,10 +275,14 @@ def test_a_mass_below_zero_is_told():
     assert wrong == ["rotor.mass is -0.1 kg"]
 
 
-def test_the_controller_goes_by_the_nominal_gain_of_the_amplifier():
+@pytest.mark.parametrize(("key", "values", "feedback"), [
+    ("amplifier.gain", ("1 A/V", "1.2 A/V"), "estimate"),
+    ("sensor.gain", (1.0, 1.2), "measurement"),
+])  # fmt: skip
+def test_the_controller_goes_by_the_nominal_gains(key, values, feedback):
     """Twice the gain is twice the loop's gain: as if all gains of the controller were doubled."""
-    gain = Choice(what="amplifier.gain", values=("1 A/V", "1.2 A/V"))
-    a = varied("grid", gain, scenario={"duration": 0.02, "noise": False})
+    gain = Choice(what=key, values=values)
+    a = varied("grid", gain, scenario={"duration": 0.02, "noise": False, "feedback": feedback})
     one, more = a.machines(a.points(0, 2), a.noise(0, 2), 0)
     pid = one.planned.scenario.controller
     assert more.planned.scenario.controller.kp == pytest.approx(1.2 * pid.kp)

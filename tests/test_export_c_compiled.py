@@ -1,6 +1,5 @@
 """Exported C through gcc and clang, linked as a controller's firmware would, and run."""
 
-import ctypes
 import re
 import shutil
 import subprocess
@@ -14,7 +13,7 @@ from export_cases import (
     CASES,
     KINDS,
     PRECISIONS,
-    SAME_BITS,
+    Filters,
     command,
     estimator,
     export,
@@ -148,66 +147,6 @@ def test_its_header_is_c_plus_plus_as_well(exported, tmp_path, kind):
 # ---- Linked into a program, called as a controller would ----
 
 
-SIZES = """#include "{0}.h"
-
-size_t {0}_state_size(void);
-size_t {0}_estimates_size(void);
-
-size_t {0}_state_size(void)
-{{
-  return sizeof({0}_state);
-}}
-
-size_t {0}_estimates_size(void)
-{{
-  return sizeof({0}_estimates);
-}}
-"""  # Python does not read headers.
-
-
-class Filters:
-    """Exports in one shared library, called through their own headers."""
-
-    def __init__(self, folder, made, precision):
-        self.real = ctypes.c_float if precision == "float" else ctypes.c_double
-        folders = [one.folder for one in made.values()]
-        # By their names: what they share is compiled once.
-        files = {file: one.folder / file for one in made.values() for file in one.sources}
-        (folder / "sizes.c").write_text("".join(map(SIZES.format, made)))
-        includes = [f"-I{one / part}" for one in folders for part in (".", "core/include", "core")]
-        library = folder / "filters.so"
-        words = [*command("gcc", (*SAME_BITS, "-fPIC", *includes)), *files.values(), "sizes.c"]
-        subprocess.run([*words, "-shared", "-o", library], cwd=folder, check=True)
-        self.library = ctypes.CDLL(str(library))
-
-    def start(self, name):
-        return Filter(self, name)
-
-
-class Filter:
-    """One instance of an exported filter."""
-
-    def __init__(self, filters, name):
-        self.real, library = filters.real, filters.library
-        state, estimates = (
-            getattr(library, f"{name}_{what}_size")() for what in ("state", "estimates")
-        )
-        self.state = ctypes.create_string_buffer(state)
-        self.estimates = (self.real * (estimates // ctypes.sizeof(self.real)))()
-        self.functions = [getattr(library, f"{name}_{what}") for what in ("reset", "step")]
-        getattr(library, f"{name}_init")(self.state)
-
-    def take(self, y, u):
-        """Take a sample in; return x, v, f_d, x_m and the status."""
-        reset, step = self.functions
-        real = self.real
-        if u is None:
-            status = reset(self.state, real(y), self.estimates)
-        else:
-            status = step(self.state, real(y), real(u), self.estimates)
-        return (*self.estimates[:4], status)
-
-
 @needs_gcc
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_instances_of_several_filters_run_side_by_side(tmp_path, precision):
@@ -234,8 +173,9 @@ def test_instances_of_several_filters_run_side_by_side(tmp_path, precision):
     taken = np.zeros(len(runs), dtype=int)
     for turn in np.random.default_rng(0).permutation(np.repeat(range(len(runs)), len(record.t))):
         k, log = taken[turn], runs[turn][1]
-        u = float(log["u"][k - 1]) if k else None
-        found[turn, k] = instances[turn].take(float(log["y"][k]), u)
+        one, y = instances[turn], float(log["y"][k])
+        status = one.step(y, float(log["u"][k - 1])) if k else one.reset(y)
+        found[turn, k] = (*one.estimates[:4], status)
         taken[turn] += 1
     for (name, log), got in zip(runs, found, strict=True):
         expected = estimator(kinds[name], made[name]).run(log)
@@ -271,44 +211,23 @@ def test_every_name_has_the_prefix_and_nothing_is_borrowed(exported, tmp_path, k
     assert len({name[:31] for name in own}) == len(own)
 
 
-class Supervised(ctypes.Structure):
-    """`NAME_estimates` in single precision."""
-
-    _fields_ = [
-        *(
-            (name, ctypes.c_float)
-            for name in ("x", "v", "f_d", "x_m", "k_i", "k_s", "innovation", "variance")
-        ),
-        ("feed_back", ctypes.c_bool),
-    ]
-
-
 @needs_gcc
 @pytest.mark.parametrize("kind", ["linear", "extended", "observer", "augmented", "low-pass"])
 def test_init_is_all_there_is_to_do_at_power_on(exported, tmp_path, kind):
     """The first measurement is where it starts; what may be fed back is said."""
     made = exported(kind)
-    library = tmp_path / "filter.so"
-    words = [*command("gcc", (*SAME_BITS, "-fPIC")), *made.sources, "-shared", "-o", library]
-    subprocess.run(words, cwd=made.folder, check=True)
-    lib = ctypes.CDLL(str(library))
-    step = getattr(lib, f"{made.name}_step")
-    step.argtypes = [ctypes.c_void_p, ctypes.c_float, ctypes.c_float, ctypes.c_void_p]
-    state = ctypes.create_string_buffer(8192)
-    now = Supervised()
+    flies = Filters(tmp_path, {made.name: made}, "float").start(made.name)
     header = (made.folder / f"{made.name}.h").read_text()
     settling = int(re.search(r"_SETTLING (\d+)U", header)[1])
-
-    getattr(lib, f"{made.name}_init")(state)
-    step(state, float("nan"), 0.0, ctypes.byref(now))
-    assert not now.feed_back
+    flies.step(float("nan"), 0.0)
+    assert not flies.feed_back
     for k in range(settling + 3):  # the rotor lies on the stop
-        step(state, -0.8e-3 + 1e-6 * (k % 3), -1.5, ctypes.byref(now))
+        flies.step(-0.8e-3 + 1e-6 * (k % 3), -1.5)
         if k == 0:
-            assert now.x == pytest.approx(-0.8e-3, rel=1e-3)
-            assert not now.feed_back
-    assert now.feed_back
+            assert flies.estimates[0] == pytest.approx(-0.8e-3, rel=1e-3)
+            assert not flies.feed_back
+    assert flies.feed_back
     for _ in range(settling):
-        assert now.feed_back
-        step(state, float("nan"), -1.5, ctypes.byref(now))
-    assert not now.feed_back
+        assert flies.feed_back
+        flies.step(float("nan"), -1.5)
+    assert not flies.feed_back

@@ -1,14 +1,12 @@
 """Exports whose data file has each number once, and starts wherever the rotor lies."""
 
-import ctypes
 import re
 import shutil
-import subprocess
 from itertools import product
 
 import numpy as np
 import pytest
-from export_cases import BEARING, SAME_BITS, command, export, printed_by
+from export_cases import BEARING, Filters, export, printed_by
 from exporting import export_c
 from machine_cases import machine
 from quick import quick
@@ -37,32 +35,9 @@ def test_as_printed_too(tmp_path):
     assert "equal to the last bit" in printed_by(made.folder)
 
 
-class Compiled:
-    """An export of prefix f in a library."""
-
-    def __init__(self, made, library):
-        (library.parent / "size.c").write_text(
-            f'#include "{made.name}.h"\nsize_t f_size(void);\n'
-            "size_t f_size(void)\n{\n  return sizeof(f_state);\n}\n"
-        )
-        words = [*command("gcc", (*SAME_BITS, "-fPIC")), *made.sources, library.parent / "size.c"]
-        subprocess.run([*words, "-shared", "-o", library], cwd=made.folder, check=True)
-        self.of = ctypes.CDLL(str(library))
-        self.of.f_step.argtypes = [ctypes.c_void_p, ctypes.c_float, ctypes.c_float, ctypes.c_void_p]
-        self.state = ctypes.create_string_buffer(self.of.f_size())
-        self.now = (ctypes.c_float * 16)()
-
-    def init(self):
-        return int(self.of.f_init(self.state))
-
-    def step(self, y, u):
-        self.of.f_step(self.state, y, u, self.now)
-        return tuple(self.now[:4])
-
-    def deviations(self):
-        std = (ctypes.c_float * 4)()
-        self.of.f_deviations(self.state, std)
-        return list(std)
+def compiled(made, folder):
+    """An export of prefix f, started."""
+    return Filters(folder, {"f": made}, "float").start("f")
 
 
 def edited(made, **numbers):
@@ -76,9 +51,12 @@ def edited(made, **numbers):
     path.write_text(text)
 
 
-def along(compiled, record):
-    u = np.concatenate([[0.0], record["u"][:-1]])
-    return np.array([compiled.step(*sample) for sample in zip(record["y"], u, strict=True)])
+def along(flies, record):
+    u, means = np.concatenate([[0.0], record["u"][:-1]]), []
+    for sample in zip(record["y"], u, strict=True):
+        flies.step(*sample)
+        means.append(flies.estimates[:4])
+    return np.array(means)
 
 
 @pytest.mark.parametrize(
@@ -100,15 +78,15 @@ def test_what_is_edited_takes_effect(tmp_path, numbers, like):
     kf = KalmanFilter(other, precision="float32", gate=gate, **told)
     first = KalmanFilter(BEARING, precision="float32", **told)
     edited(made, **numbers)
-    compiled = Compiled(made, tmp_path / "f.so")
-    assert compiled.init() == 0
+    flies = compiled(made, tmp_path)
+    assert flies.started == 0
     T = BEARING.sampling_time
     run = ambkit.Scenario(
         duration=0.05, seed=1, controller=ambkit.PID.for_bearing(BEARING),
         reference=ambkit.Step(amplitude=3e-4, time=20 * T),
     )  # fmt: skip
     record = ambkit.simulate(BEARING, run).record
-    found = along(compiled, record)
+    found = along(flies, record)
     plain = first.run(record).mean
     assert np.abs(found - plain).max(axis=0)[0] > 0 or "gate" in numbers
     kf.reset(kf.initial_state(record["y"]), std=list(first.default_std()))
@@ -119,7 +97,7 @@ def test_what_is_edited_takes_effect(tmp_path, numbers, like):
 def test_settings_that_cannot_be_are_told(tmp_path):
     made = export("linear", tmp_path / "c", prefix="f", editable=True)
     edited(made, gate="-1.0F")
-    assert Compiled(made, tmp_path / "f.so").init() == 64  # AMB_BAD_PARAMETER
+    assert compiled(made, tmp_path).started == 64  # AMB_BAD_PARAMETER
 
 
 def test_of_another_model_nothing_is_editable(tmp_path):
@@ -132,23 +110,19 @@ def test_of_another_model_nothing_is_editable(tmp_path):
 def test_the_first_sample_is_right_wherever_the_rotor_lies(tmp_path, beyond, side):
     """On a stop the noise shows it beyond in every other sample."""
     made = export("linear", tmp_path / "c", prefix="f")
-    compiled = Compiled(made, tmp_path / "f.so")
-    compiled.of.f_init.restype = None
-    compiled.of.f_init(compiled.state)
-    noise = 9.1e-6
-    travel = BEARING.rotor.clearance
-    x = compiled.step(side * (travel + beyond * noise), 0.0)[0]
+    flies, noise, travel = compiled(made, tmp_path), 9.1e-6, BEARING.rotor.clearance
+    flies.step(side * (travel + beyond * noise), 0.0)
+    x = flies.estimates[0]
     assert x == pytest.approx(side * travel, abs=3.1 * noise)
     assert abs(x) <= travel + 3 * noise
 
 
 def test_deviations_are_those_of_python(tmp_path):
     made = export("extended", tmp_path / "c", prefix="f")
-    compiled = Compiled(made, tmp_path / "f.so")
-    compiled.of.f_init(compiled.state)
+    flies = compiled(made, tmp_path)
     record = ambkit.simulate(BEARING, ambkit.Scenario(duration=0.02, seed=1)).record
-    along(compiled, record)
+    along(flies, record)
     kf = ambkit.ExtendedKalmanFilter(BEARING, precision="float32")
     kf.run(record)
     expected = np.sqrt(np.diag(kf.covariance))
-    np.testing.assert_allclose(compiled.deviations(), expected, rtol=1e-6)
+    np.testing.assert_allclose(flies.deviations(), expected, rtol=1e-6)

@@ -199,6 +199,7 @@ def test_where_a_step_and_a_load_can_be_judged():
         return result
 
     assert of(r, f_d, 1) == (1, 100, 300, 2e-4, 300)
+    assert of(r + 1e-4, f_d, 1).height == pytest.approx(2e-4)
     assert of(r, 0 * f_d, 7) == (7, 100, 400, 2e-4, 400)
     assert of(r, np.sin(n / 50), 1) == (1, *none, 400)  # a load that never rests
     assert of(np.sin(n / 50), f_d, 1) == (1, *none, 400)  # nor a reference
