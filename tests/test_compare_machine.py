@@ -52,7 +52,7 @@ def test_an_axis_as_a_machine_has_the_same_bound():
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--case", "wrong-k"), "can be simulated for a machine with one axis only"),
+        (("--case", "saturating"), "can be simulated for a machine with one axis only"),
         (("--filter", "low-pass"), "takes one axis"),
         (("--plant", "map.csv"), "plant is the magnet of one axis, and tum_mlps has 4"),
     ],
@@ -62,6 +62,27 @@ def test_what_a_machine_cannot_be_compared_in_is_one_sentence(options, said, cal
     told = call("compare", "tum_mlps", "--seeds", "1", *chosen, *options)
     assert told.code == 2
     assert said in told.err
+
+
+@pytest.mark.parametrize("name", ["uncertain", "wrong-k", "coloured-noise"])
+def test_a_case_whose_plant_is_another_one_changes_all_axes(name):
+    trial, other = trials(CASES[name], MACHINE, 2, 0)
+    assert not trial.lost
+    described = MACHINE.bearings[0].magnet.magnet_constant
+    ratios = {bearing.magnet.magnet_constant / described for bearing in trial.plant.bearings}
+    drawn = trial.plant.bearings[0] != other.plant.bearings[0]
+    assert len(ratios) == 1  # bearings alike
+    if name == "uncertain":
+        assert drawn
+        assert 0.8 < ratios.pop() < 1.2
+    elif name == "wrong-k":
+        assert ratios.pop() == pytest.approx(0.7)
+        assert trial.external_inputs.magnet_scale[[0, -1]] == pytest.approx([1.0, 1.1])
+    else:
+        noise = trial.external_inputs.sensor_noise
+        assert noise.shape == (len(trial.record), len(MACHINE.readings))
+        assert noise.std() == pytest.approx(MACHINE.sensors[0].noise_variance ** 0.5, rel=0.1)
+        assert np.corrcoef(noise[1:, 3], noise[:-1, 3])[0, 1] == pytest.approx(0.905, abs=0.03)
 
 
 def test_each_closes_its_own_loop_on_a_machine(call):

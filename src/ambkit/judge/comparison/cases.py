@@ -24,7 +24,7 @@ from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.judge.comparison.conditions import CERTAIN, Load, Spread, random_walk
+from ambkit.judge.comparison.conditions import CERTAIN, Load, Spread, coloured_noise, random_walk
 from ambkit.machine.force_laws import isolated_axes, slowest_time, weights_of
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
@@ -145,24 +145,25 @@ def each_trial(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[T
 
 def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
     """Make the records of a machine, each axis with what happens to it held alone."""
-    special = case.spread != CERTAIN, case.drift, case.saturates, case.correlation
-    if any(special) or case.magnet is not None:
+    if case.saturates or case.magnet is not None:
         raise AmbkitError(
-            f"case {case.name}: its plant is not the described one, which can be simulated for a "
-            f"machine with one axis only; {machine.name} has {len(machine.axes)}"
+            f"case {case.name}: its plant has another magnet than the described one, which can be "
+            f"simulated for a machine with one axis only; {machine.name} has {len(machine.axes)}"
         )
     if case.walks:  # all is as the filters' model says
         sensors = [sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors]
         machine = machine.replace(unbalance=[], sensor=sensors)
     known, T = KalmanFilter(machine), machine.sampling_time
     names = [axis.name for axis in machine.axes]
-    plant, control = machine, Control()
-    if case.magnet_constant != 1.0:  # the controllers know the described one
-        plant = _with_constant(machine, case.magnet_constant)
+    certain = case.spread == CERTAIN and case.magnet_constant == 1.0
+    control = Control()
+    if not certain:  # the controllers know the described one
         pids = zip(names, holding(machine, "estimate").pids, strict=True)
         control = Control(pid={name: PID(**gains._asdict()) for name, gains in pids})
-    for run in range(runs):
-        parts = [case.scenario(axis, LOAD) for axis in isolated_axes(machine)]
+    for run, factors in enumerate(case.spread.factors(runs, seed)):
+        true = replace(factors, magnet_constant=factors.magnet_constant * case.magnet_constant)
+        plant = machine if certain else true.plant(machine)
+        parts = [case.scenario(axis, LOAD * factors.load) for axis in isolated_axes(machine)]
         duration = max(of.duration for of in parts)
         loads = {name: of.disturbance for name, of in zip(names, parts, strict=True)}
         walks = dict[str, Array]()
@@ -180,22 +181,11 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
             disturbance=tuple(Disturbance.model_construct(axis=name, force=load)
                               for name, load in loads.items()),
         )  # fmt: skip
-        record = simulate(plant, scenario, estimator=known)
+        given = _beside(case, plant, scenario)
+        record = simulate(plant, scenario, estimator=known, external_inputs=given)
         truth = {signal("f_d", name): walk for name, walk in walks.items()}
         record = replace(record, signals={**record.signals, **truth})
-        yield Trial(plant, scenario, None, None, record)
-
-
-def _with_constant(machine: Machine, factor: float) -> Machine:
-    """Return a machine with all magnet constants times a factor."""
-    bearings = []
-    for bearing in machine.bearings:
-        changes = bearing.magnet.with_constant(factor * bearing.magnet.magnet_constant)
-        own = {key.removeprefix("magnet__"): value for key, value in changes.items()}
-        magnet = bearing.magnet.model_dump(exclude_none=True) | own
-        magnet = {key: value for key, value in magnet.items() if value is not None}
-        bearings.append(bearing.model_dump(exclude_none=True) | {"magnet": magnet})
-    return machine.replace(bearing=bearings)
+        yield Trial(plant, scenario, given, None, record)
 
 
 @lru_cache(maxsize=4)
@@ -224,25 +214,30 @@ def _external_inputs(
     """Draw the load's walk and the coloured noise, from streams of their own."""
     # A load that walks does not wait for the samples. What acts over a sample is its mean there, so
     # that the run is that of the walk; where it stands at the samples (n,) is returned beside it.
-    n, T = samples(plant, scenario), plant.sampling_time
-    on_load, on_sensor = (
-        np.random.default_rng(s)
-        for s in np.random.SeedSequence([scenario.seed, 3]).spawn(2)
-    )  # fmt: skip
-    load = noise = scale = walk = None
+    load = walk = None
+    if case.walks:
+        n = samples(plant, scenario)
+        load, walk = random_walk(
+            _streams(scenario)[0], case.growth(bearing) * plant.sampling_time, n
+        )
+    return replace(_beside(case, plant, scenario), disturbance=load), walk
+
+
+def _streams(scenario: Scenario) -> list[np.random.Generator]:
+    """Return the random numbers of a run's load and of its sensors."""
+    seeds = np.random.SeedSequence([scenario.seed, 3]).spawn(2)
+    return [np.random.default_rng(seed) for seed in seeds]
+
+
+def _beside(case: Case, plant: Machine, scenario: Scenario) -> ExternalInputs:
+    """Return the drift of a plant's magnets and the coloured noise of its sensors."""
+    n, noise, scale = samples(plant, scenario), None, None
     if case.drift:
         scale = np.linspace(1.0, 1.0 + case.drift, n)
-    if case.walks:
-        load, walk = random_walk(on_load, case.growth(bearing) * T, n)
     if case.correlation:
-        from scipy.signal import lfilter
-
-        # First order, of the variance that the white noise would have, from its stationary state.
-        pole = math.exp(-1 / case.correlation)
-        white = on_sensor.normal(0.0, math.sqrt(plant.sensor.noise_variance), n)
-        white[1:] *= math.sqrt(1 - pole**2)
-        noise = np.asarray(lfilter([1.0], [1.0, -pole], white))
-    return ExternalInputs(disturbance=load, sensor_noise=noise, magnet_scale=scale), walk
+        std = [math.sqrt(reading.sensor.noise_variance) for reading in plant.readings]
+        noise = coloured_noise(_streams(scenario)[1], case.correlation, std, n)
+    return ExternalInputs(sensor_noise=noise, magnet_scale=scale)
 
 
 def saturating(bearing: Machine) -> Force:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.machine.machine import Machine
+from ambkit.machine.parts import Magnet, Sensor
 
 
 @dataclass(frozen=True)
@@ -40,18 +42,37 @@ class Spread:
         return [Spread(*map(float, row)) for row in 1 + shares * (2 * points - 1)]
 
     def plant(self, nominal: Machine) -> Machine:
-        """Return the bearing with its values times these factors."""
-        magnet, sensor = nominal.magnet, nominal.sensor
-        gap = magnet.air_gap * self.air_gap
-        return nominal.replace(
-            **magnet.with_constant(magnet.magnet_constant * self.magnet_constant),
-            magnet__air_gap=gap,
-            rotor__mass=nominal.rotor.mass * self.mass,
-            # A narrower gap may leave less room than the stops did.
-            rotor__clearance=min(nominal.rotor.clearance, 0.95 * gap),
-            sensor__noise_variance=sensor.noise_variance * self.noise**2,
-            sensor__lag=sensor.lag * self.lag,
-        )
+        """Return the machine with its values times these factors, all axes alike."""
+        rotor = nominal.rotor
+        mass = {"rotor__mass": rotor.mass * self.mass} if "mass" in dict(rotor) else {}
+        if nominal.single:
+            magnet, sensor = self._of_magnet(nominal.magnet), self._of_sensor(nominal.sensor)
+            return nominal.replace(
+                **magnet, **mass, **{f"sensor__{name}": value for name, value in sensor.items()},
+                rotor__clearance=_within(rotor.clearance, magnet["magnet__air_gap"]),
+            )  # fmt: skip
+        sensors = [item.model_copy(update=self._of_sensor(item)) for item in nominal.sensors]
+        bearings = []
+        for item in nominal.bearings:
+            own = self._of_magnet(item.magnet).items()
+            values = {name.removeprefix("magnet__"): value for name, value in own}
+            magnet, room = item.magnet.model_copy(update=values), item.clearance
+            changes = {"magnet": magnet, "clearance": _within(room, magnet.air_gap)}
+            bearings.append(item.model_copy(update=changes))
+        return nominal.replace(bearing=bearings, sensor=sensors, **mass)
+
+    def _of_magnet(self, magnet: Magnet) -> dict[str, Any]:
+        constant = magnet.with_constant(magnet.magnet_constant * self.magnet_constant)
+        return constant | {"magnet__air_gap": magnet.air_gap * self.air_gap}
+
+    def _of_sensor(self, sensor: Sensor) -> dict[str, Any]:
+        variance = sensor.noise_variance * self.noise**2
+        return {"noise_variance": variance, "lag": sensor.lag * self.lag}
+
+
+def _within(clearance: float, gap: float) -> float:
+    """Return a clearance within a gap: a narrower one may leave less room than the stops did."""
+    return min(clearance, 0.95 * gap)
 
 
 CERTAIN = Spread()  #: Nothing is uncertain.
@@ -109,3 +130,14 @@ def random_walk(rng: np.random.Generator, variance: float, n: int) -> tuple[Arra
     steps, within = rng.normal(0.0, math.sqrt(variance), (2, n))
     walk = np.cumsum(steps) - steps
     return walk + 0.5 * steps + within / math.sqrt(12), walk  # of a Brownian bridge: its mean
+
+
+def coloured_noise(rng: np.random.Generator, correlation: float, std: list[float], n: int) -> Array:
+    """Return noise (n, m) that is correlated over so many samples, of these deviations (m,)."""
+    from scipy.signal import lfilter
+
+    # First order, of the variance that the white noise would have, from its stationary state.
+    pole = math.exp(-1 / correlation)
+    white = rng.normal(0.0, std, (n, len(std)))
+    white[1:] *= math.sqrt(1 - pole**2)
+    return np.asarray(lfilter([1.0], [1.0, -pole], white, axis=0))
