@@ -17,12 +17,12 @@ from scipy.optimize import minimize_scalar
 from ambkit import PID, AmbkitError, Bearing, ClosedLaw, Record, Scenario, Sine, Step, simulate
 from ambkit.base.units import engineering
 from ambkit.data import recordings
-from ambkit.identification.dead_time import delayed, lagged
+from ambkit.identification.dead_time import delayed, lagged, limited
 from ambkit.identification.maximum_likelihood import loop_model, maximum_likelihood
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.identification.maximum_likelihood.information import _end, restricted
 from ambkit.identification.maximum_likelihood.likelihood import Data, Likelihood
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel, limited
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
     PARAMETERS,
     USUAL,

@@ -1,4 +1,4 @@
-"""A control signal that acts late: by a delay of the loop, and by the lag of the current."""
+"""A control signal that acts late, by the loop's delay and the current's lag, and within limits."""
 
 from __future__ import annotations
 
@@ -53,3 +53,28 @@ def lagged(u: Array, T: float, lag: float) -> Array:
     # State at the start of each sample: w[k] = keep w[k-1] + (1 - keep) u[k-1], w[0] = u[0].
     follow, _ = lfilter([0.0, 1 - keep], [1.0, -keep], good, zi=[good[0]])
     return np.asarray(good + (follow - good) * (lag / T) * (1 - keep))
+
+
+FAR = 9.0
+"""Standard deviations from a limit beyond which it moves no mean by more than 1e-20 of them."""
+
+
+def limited(mean: Array, std: float, low: float, high: float) -> Array:
+    """Return the mean of a normal variable that is held within limits."""
+    # ``low + s (g(a) - g(b))`` with ``g(z) = z Phi(z) + phi(z)``, ``a = (mean - low)/s`` and ``b =
+    # (mean - high)/s`` (Tobin 1958, for both sides).
+    if not std > 0:
+        return np.clip(mean, low, high)
+    near = (mean < low + FAR * std) | (mean > high - FAR * std)
+    if not near.any():
+        return mean
+    if not near.all():
+        out = mean.copy()
+        out[near] = limited(mean[near], std, low, high)
+        return out
+    from scipy.special import ndtr
+
+    def ramp(z: Array) -> Array:
+        return np.asarray(z * ndtr(z) + np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi))
+
+    return np.asarray(low + std * (ramp((mean - low) / std) - ramp((mean - high) / std)))

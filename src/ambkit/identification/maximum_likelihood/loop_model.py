@@ -19,7 +19,7 @@ from ambkit.estimate.estimate import Status
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.identification.dead_time import delayed, lag_of, lagged
+from ambkit.identification.dead_time import delayed, lag_of, lagged, limited
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.machine.accessories import LONGEST_DELAY, SHORTEST_LAG
 from ambkit.machine.machine import Machine
@@ -390,27 +390,3 @@ MOST_STEPS = 2**24  #: Of the filters that run at once: their arrays have half a
 
 NOT_USED = int(Status.MISSING | Status.FROZEN | Status.BAD_VARIANCE | Status.OUTLIER)
 """Flags with which a measurement was not taken in."""
-
-FAR = 9.0
-"""Standard deviations from a limit beyond which it moves no mean by more than 1e-20 of them."""
-
-
-def limited(mean: Array, std: float, low: float, high: float) -> Array:
-    """Return the mean of a normal variable that is held within limits."""
-    # ``low + s (g(a) - g(b))`` with ``g(z) = z Phi(z) + phi(z)``, ``a = (mean - low)/s`` and ``b =
-    # (mean - high)/s`` (Tobin 1958, for both sides).
-    if not std > 0:
-        return np.clip(mean, low, high)
-    near = (mean < low + FAR * std) | (mean > high - FAR * std)
-    if not near.any():
-        return mean
-    if not near.all():
-        out = mean.copy()
-        out[near] = limited(mean[near], std, low, high)
-        return out
-    from scipy.special import ndtr
-
-    def ramp(z: Array) -> Array:
-        return np.asarray(z * ndtr(z) + np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi))
-
-    return np.asarray(low + std * (ramp((mean - low) / std) - ramp((mean - high) / std)))

@@ -46,16 +46,16 @@ class Spread:
         rotor = nominal.rotor
         mass = {"rotor__mass": rotor.mass * self.mass} if "mass" in dict(rotor) else {}
         if nominal.single:
-            magnet, sensor = self._of_magnet(nominal.magnet), self._of_sensor(nominal.sensor)
+            own, sensor = self._of_magnet(nominal.magnet), self._of_sensor(nominal.sensor)
             return nominal.replace(
-                **magnet, **mass, **{f"sensor__{name}": value for name, value in sensor.items()},
-                rotor__clearance=_within(rotor.clearance, magnet["magnet__air_gap"]),
+                **own, **mass, **{f"sensor__{name}": value for name, value in sensor.items()},
+                rotor__clearance=_within(rotor.clearance, own["magnet__air_gap"]),
             )  # fmt: skip
         sensors = [item.model_copy(update=self._of_sensor(item)) for item in nominal.sensors]
         bearings = []
         for item in nominal.bearings:
-            own = self._of_magnet(item.magnet).items()
-            values = {name.removeprefix("magnet__"): value for name, value in own}
+            own = self._of_magnet(item.magnet)
+            values = {name.removeprefix("magnet__"): value for name, value in own.items()}
             magnet, room = item.magnet.model_copy(update=values), item.clearance
             changes = {"magnet": magnet, "clearance": _within(room, magnet.air_gap)}
             bearings.append(item.model_copy(update=changes))
