@@ -125,7 +125,7 @@ class Control(PID):
         feedback : str
             ``"measurement"`` or ``"estimate"``.
         """
-        return self.model_copy(update={"feedback": feedback})
+        return self if self.feedback == feedback else self.model_copy(update={"feedback": feedback})
 
     @property
     def needs_estimate(self) -> bool:

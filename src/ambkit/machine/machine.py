@@ -231,7 +231,7 @@ class Machine(Described, Document):
         units = {axis.bearing.amplifier.control_unit for axis in self.axes}
         return "A" if units == {"A"} else "V"
 
-    @property
+    @cached_property
     def single(self) -> bool:
         """Whether it has one axis and one reading, without names: its signals are y and u."""
         bearings, sensors = self.bearings, self.sensors

@@ -304,4 +304,7 @@ def settled_scenario(machine: Machine, scenario: Scenario) -> Scenario:
         result = default_for(machine, scenario)
         if not result.held:
             raise AmbkitError(result.summary)
-    return scenario.model_copy(update={"controller": control_of(machine, scenario)})
+    control = control_of(machine, scenario)
+    if control is scenario.controller:
+        return scenario
+    return scenario.model_copy(update={"controller": control})
