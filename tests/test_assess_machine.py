@@ -34,35 +34,6 @@ def assessed():
 # ---- the pieces against what computes
 
 
-@pytest.mark.parametrize("name", ["linear", "extended", "unscented", "ud"])
-def test_estimator_is_the_cores_at_its_operating_point(name):
-    """Driven off a rest where its gain has settled, by small random y and u."""
-    machine = UFU
-    estimator, point = made(name, machine, frozen_limit=0), OperatingPoint.of_machine(machine)
-    p, m = len(machine.axes), len(machine.readings)
-    rng, size = np.random.default_rng(0), 1e-9
-    estimator.core.run(np.zeros((30_000, m)), np.tile(point.iu, (30_000, 1)))
-    linear = estimator_at(estimator, point)
-    whole = estimator.view
-    rows = np.vstack([whole.H @ np.eye(len(estimator.states))[
-        [k for k, at in enumerate(estimator.states) if at.role == role]
-    ] for role in ("position", "velocity")])  # fmt: skip
-    start = rows @ estimator.mean
-    dy = size * rng.standard_normal((300, m))
-    du = size * 3e3 * rng.standard_normal((301, p))
-    state, error, moved = np.zeros(len(linear.A)), [], []
-    for k in range(300):
-        w = np.concatenate([dy[k], du[k]])
-        expected = linear.C @ state + linear.D @ w
-        state = linear.A @ state + linear.B @ w
-        estimator.step(dy[k], point.iu + (du[k - 1] if k else 0.0))
-        found = rows @ estimator.mean - start
-        error.append(found - expected)
-        moved.append(found)
-    worst = np.abs(error).max(axis=0) / np.abs(moved).max(axis=0)
-    assert (worst < 2e-3).all(), worst
-
-
 def test_axes_that_do_not_couple_are_bearings_alone():
     machine = uncoupled()
     found = ambkit.assess(machine, "linear")

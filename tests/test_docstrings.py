@@ -26,16 +26,27 @@ def doc_of(thing: Any) -> str:
     return inspect.getdoc(getattr(of, own, thing)) or ""
 
 
-def documented(thing: Any) -> set[str]:
-    """Return the names in the sections on parameters and attributes of a docstring."""
-    lines = doc_of(thing).splitlines()
-    found, inside = set[str](), False
+def sections(doc: str | None) -> dict[str, list[str]]:
+    """Return the lines of a docstring by the heading that they stand below; "" is before all."""
+    lines = inspect.cleandoc(doc or "").splitlines()
+    heading, found = "", dict[str, list[str]]()
     for line, below in zip(lines, [*lines[1:], ""], strict=True):
         if below and set(below) == {"-"}:
-            inside = line in SECTIONS
-        elif inside and (entry := re.match(r"(\*{0,2}\w+(?:, \*{0,2}\w+)*)(?: :|$)", line)):
-            found |= {name.lstrip("*") for name in entry[1].split(", ")}
+            heading = line
+        elif set(line) != {"-"}:
+            found.setdefault(heading, []).append(line)
     return found
+
+
+HEAD = re.compile(r"(\*{0,2}\w+(?:, \*{0,2}\w+)*)(?: :|$)")
+"""Of an entry: the names that it is of."""
+
+
+def documented(thing: Any) -> set[str]:
+    """Return the names in the sections on parameters and attributes of a docstring."""
+    of = sections(doc_of(thing))
+    heads = [HEAD.match(line) for name in SECTIONS for line in of.get(name, ())]
+    return {name.lstrip("*") for head in heads if head for name in head[1].split(", ")}
 
 
 def public() -> Iterator[tuple[str, Any]]:
@@ -66,24 +77,11 @@ def raised(function: Callable[..., Any]) -> set[type]:
     return found
 
 
-def section(doc: str | None, wanted: str) -> str:
-    """Return the text of a section of a docstring; empty where it has none."""
-    lines = inspect.cleandoc(doc or "").splitlines()
-    inside, text = False, []
-    for line, below in zip(lines, [*lines[1:], ""], strict=True):
-        if below and set(below) == {"-"}:
-            inside = line == wanted
-        elif inside and set(line) != {"-"}:
-            text.append(line)
-    return "\n".join(text)
-
-
 def entry(doc: str | None, name: str) -> str:
     """Return what a docstring says of a parameter or attribute, first line and description."""
     lines = inspect.cleandoc(doc or "").splitlines()
     for place, line in enumerate(lines):
-        head = re.match(r"(\*{0,2}\w+(?:, \*{0,2}\w+)*)(?: :|$)", line)
-        if head and name in head[1].split(", "):
+        if (head := HEAD.match(line)) and name in head[1].split(", "):
             below = [each.startswith(" ") or not each for each in lines[place + 1 :]] + [False]
             return " ".join(lines[place : place + 1 + below.index(False)])
     return ""
@@ -107,8 +105,8 @@ def arrays() -> Iterator[tuple[str, str, str]]:
         function = own_function(thing)
         for key, annotation in (function.__annotations__ if function else {}).items():
             if AN_ARRAY.search(str(annotation)):
-                first = inspect.cleandoc(thing.__doc__).split("\n\nParameters\n")[0]
-                told = section(thing.__doc__, "Returns") or first
+                of = sections(thing.__doc__)
+                told = "\n".join(of.get("Returns") or of.get("", ()))
                 yield name, key, told if key == "return" else entry(thing.__doc__, key)
         if not inspect.isclass(thing):
             continue
@@ -165,7 +163,7 @@ def test_every_array_has_shape_and_unit(array):
 def test_every_error_is_documented(name):
     thing = PUBLIC[name]
     function = own_function(thing)
-    told = section(doc_of(thing), "Raises")
+    told = "\n".join(sections(doc_of(thing)).get("Raises", ()))
     for error in raised(function) if function else ():
         known = {each.__name__ for each in error.__mro__} - {"Exception", "BaseException", "object"}
         assert known & set(re.findall(r"^\w+", told, re.MULTILINE)), f"{error.__name__}: {told}"
