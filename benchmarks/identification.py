@@ -164,7 +164,7 @@ def closed_loops(
             for _ in range(steps):
                 state = advance(state, h / steps, iu, load[k])
         past = past[: whole + 1]
-    if np.abs(state[0]).max() > b.rotor.clearance:
+    if np.abs(state[0]).max() > b.clearance:
         raise ValueError("a simulated rotor has left the gap")
     t = T * np.arange(n)
     return [Record(t, {"y": y[:, s], "u": u[:, s]}, meta={"seed": first + s}) for s in range(seeds)]

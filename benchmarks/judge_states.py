@@ -171,7 +171,7 @@ def judge_states(
         `bearing` is no machine.
     """
     of_type(Machine, bearing=bearing)
-    plain = _known(bearing.long, synchronous)
+    plain = _known(bearing, synchronous)
     noise = FilterNoise(disturbance=_growth(plain, duration, load))
     filters = {
         kind: kind_called(kind).make(

@@ -177,7 +177,7 @@ def parameters_of(loop: ClosedLoop) -> Loop:
         f_0=b.weight,
         K_sen=b.sensor.gain,
         T_sen=b.sensor.lag,
-        travel=b.rotor.clearance,
+        travel=b.clearance,
         substeps=loop.scenario.substeps,
         T=b.sampling_time,
         k_ui=b.amplifier.gain,
@@ -189,7 +189,7 @@ def parameters_of(loop: ClosedLoop) -> Loop:
         T_t=pid.anti_windup,
         k_i=k.k_i,
         k_s=k.k_s,
-        x_max=b.rotor.clearance,
+        x_max=b.clearance,
     )
 
 

@@ -36,7 +36,7 @@ def machines() -> tuple[Machine, Machine]:
     one = Machine.preset("tum_mlps").replace(speed=SERVICE)
     sensors = [
         item.model_copy(update={"runout": (Runout(order=1, amplitude=RUNOUT, phase=0.7 * k),)})
-        for k, item in enumerate(one.sensor)
+        for k, item in enumerate(one.sensors)
     ]
     unbalance = {"amount": UNBALANCE / SERVICE**2, "angle": 0.6}
     dirty = one.replace(unbalance=[unbalance | {"place": one.unbalance[0].place}], sensor=sensors)

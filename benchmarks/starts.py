@@ -71,7 +71,7 @@ def drawn(bearing: Bearing, rng: np.random.Generator) -> tuple[Array, Array]:
     The mean is zero, anywhere within the stops, or anything; each standard deviation from 1e-12 to
     1e12 of its state's scale, or near that.
     """
-    travel = bearing.rotor.clearance
+    travel = bearing.clearance
     weight = bearing.rotor.mass * 9.81
     scale = np.array([travel, travel / own_time(bearing), weight, bearing.sensor.gain * travel])
     mean = np.zeros(4)

@@ -188,7 +188,7 @@ def _moved(
 ) -> tuple[ambkit.Record, ambkit.Bearing] | None:
     """Move a bearing's rotor by a reference or a load; None where it touches its stop."""
     duration = float(rng.integers(6000, 15000)) * bearing.sampling_time
-    size, often = bearing.rotor.clearance * rng.uniform(0.02, 0.4), rng.uniform(2, 12) / duration
+    size, often = bearing.clearance * rng.uniform(0.02, 0.4), rng.uniform(2, 12) / duration
     weight = 9.81 * bearing.rotor.mass
     moved = [
         {}, {"reference": ambkit.Sine(amplitude=size, frequency=often)},

@@ -63,10 +63,10 @@ def gained(name: str) -> Machine:
     bearings = [
         each.model_copy(update={"amplifier": each.amplifier.model_copy(
             update={"gain": 1.6 * each.amplifier.gain, "noise_variance": 1e-3})})
-        for each in one.bearing
+        for each in one.bearings
     ]  # fmt: skip
-    sensors = [each.model_copy(update={"gain": 0.8 * each.gain}) for each in one.sensor]
-    return one.model_copy(update={"bearing": tuple(bearings), "sensor": tuple(sensors)})
+    sensors = [each.model_copy(update={"gain": 0.8 * each.gain}) for each in one.sensors]
+    return one.model_copy(update={"bearings": tuple(bearings), "sensor": tuple(sensors)})
 
 
 def uncoupled() -> Machine:

@@ -20,7 +20,7 @@ CORE = core_module(any_model=True)
 T = BEARING.sampling_time
 BIAS = ClosedLaw(BEARING).bias_force
 KNOWN = BEARING.weight + BIAS
-TRAVEL = BEARING.rotor.clearance
+TRAVEL = BEARING.clearance
 
 
 def model_in_core(model: Model) -> Any:

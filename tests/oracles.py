@@ -36,7 +36,7 @@ def settings_of(bearing: Bearing, **changes: float) -> Settings:
         "f_0": weight + bias,
         "iu_min": -bearing.amplifier.current_limit,
         "iu_max": bearing.amplifier.current_limit,
-        "x_max": bearing.rotor.clearance,
+        "x_max": bearing.clearance,
         "var_u": bearing.amplifier.noise_variance,
         "var_d": bearing.sampling_time * (2 * weight) ** 2,
         "var_y": bearing.sensor.noise_variance,

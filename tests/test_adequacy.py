@@ -320,7 +320,7 @@ def test_whatever_writes_a_filter_shows_whether_it_may_fly(words, call):
 
 
 def test_an_axis_is_judged_alike_as_a_bearing_and_as_a_machine():
-    machine = AXIS.long
+    machine = AXIS
     one, other = (judge_adequacy(KalmanFilter(of), on) for of, on in
                   ((AXIS, None), (machine, machine)))  # fmt: skip
     assert [each.name for each in one] == [each.name for each in other]

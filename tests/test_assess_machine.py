@@ -167,7 +167,7 @@ def test_the_force_of_an_unbalance_between_bearings_is_shared_by_them():
     forces = unbalance_forces(UFU)
     assert forces[0] + forces[2] == pytest.approx(plane.amount * UFU.speed**2, rel=1e-9)
     assert forces[:2] == pytest.approx([forces[0]] * 2)
-    a, b = (bearing.place for bearing in UFU.bearing)
+    a, b = (bearing.place for bearing in UFU.bearings)
     share = (b - plane.place) / (b - a)
     assert forces[0] == pytest.approx(share * plane.amount * UFU.speed**2, rel=1e-9)
 
@@ -248,9 +248,9 @@ def test_the_verdict_says_which_axis_misses():
 
 def test_voltage_and_copper_of_a_machine():
     amplifier = {"voltage_limit": 30.0, "resistance": 2.0}
-    wired = UFU.model_copy(update={"bearing": tuple(
+    wired = UFU.model_copy(update={"bearings": tuple(
         at.model_copy(update={"amplifier": at.amplifier.model_copy(update=amplifier)})
-        for at in UFU.bearing
+        for at in UFU.bearings
     )})  # fmt: skip
     found = ambkit.assess(wired, "linear").loops["linear"]
     for name, k in (("A1", 0), ("B2", 3)):

@@ -19,7 +19,7 @@ from ambkit.machine import presets
 from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Bearing
 from ambkit.machine.magnets import magnet_of
-from ambkit.machine.parts import GRAVITY, MU_0, Amplifier, Magnet, Rotor, Sensor, magnet_constant
+from ambkit.machine.parts import GRAVITY, MU_0, Amplifier, Magnet, Sensor, magnet_constant
 
 SIX_MISTAKES = """\
 name = "mine"
@@ -63,7 +63,7 @@ def test_six_mistakes_are_told_at_once_in_order():
         "  mine.toml:7: magnet.airgap: unknown key, did you mean air_gap?",
         "  mine.toml:11: rotor.mass: must be greater than 0 kg, is -0.5 kg",
         '  mine.toml:12: gravity: write it in quotes: gravity = "-x"',
-        '  mine.toml:13: rotor.clearance: 0.001 has no unit, write it like "1 mm"',
+        '  mine.toml:13: rotor.clearance: 0.001 has no unit, write it like "0.2 mm"',
         "  mine.toml:17: amplifier.current_limit: must be at most magnet.bias_current, 1.5 A,"
         " with a two-sided magnet; is 2 A",
     ]
@@ -267,7 +267,7 @@ def bearings(draw):
         air_gap=gap,
         bias_current=bias,
     )
-    rotor = Rotor(mass=mass, gravity="-x", clearance=gap * draw(st.floats(0.01, 0.99)))
+    rotor = dict(mass=mass, gravity="-x", clearance=gap * draw(st.floats(0.01, 0.99)))
     amplifier = Amplifier(
         gain=draw(positive()), current_limit=bias, noise_variance=draw(positive())
     )

@@ -25,7 +25,7 @@ from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.workflow.comparison import compare_in_case
 
 BEARING = Bearing.preset("zittau_axial")
-VIEW = View(BEARING.long)
+VIEW = View(BEARING)
 SHORT = replace(
     cases.step_case(0.5),
     scenario=lambda bearing, load: (
@@ -198,7 +198,7 @@ def test_the_delay_is_what_the_signal_was_delayed_by(signal, late):
 def test_on_one_s_own_iron_what_learned_it_is_best():
     """A force map that bends away from the law: there the law is wrong, and the table right."""
     law = ambkit.magnet_of(BEARING)
-    reach = 0.9 * BEARING.rotor.clearance
+    reach = 0.9 * BEARING.clearance
     current = np.linspace(BEARING.current_min, BEARING.current_max, 9)
     i, x = (a.ravel() for a in np.meshgrid(current, np.linspace(-reach, reach, 9)))
     force = law.force(i, x)

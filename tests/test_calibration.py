@@ -92,7 +92,7 @@ class Calibrated(NamedTuple):
         return {each["name"]: each["exported"] for each in self.told["parameters"]}
 
     def filter(self, **options):
-        return KalmanFilter(self.machine.short, precision=self.precision, **options)
+        return KalmanFilter(self.machine, precision=self.precision, **options)
 
     def controller(self, estimator):
         return controller_of(estimator, SCENARIO)
@@ -216,7 +216,7 @@ def test_mass_and_magnet_constant_are_worked_into_the_model(name, of, tmp_path):
     assert counts == [1, 0, 1]
     late = slice(600, None)
     if name == "mass":  # it is known, and the load then makes up for the weight that is not there
-        weight = 0.1 * -np.array(weights_of(of.machine.long))
+        weight = 0.1 * -np.array(weights_of(of.machine))
         assert np.mean((loads - same)[late], axis=0) == pytest.approx(weight, rel=0.1)
     else:
         assert (np.abs((loads - same)[late]).mean(axis=0) > 0.02 * np.abs(same).std(axis=0)).all()

@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.campaigns import run, store
 from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.distributions import Choice, Normal, Truncated, Uniform
-from ambkit.campaigns.keys import changed, nested
+from ambkit.campaigns.keys import changed
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.results import clopper_pearson, looks
 from ambkit.campaigns.sobol_indices import problem_of, vary_from
@@ -246,11 +246,11 @@ def test_salibs_problems_go_in_and_out():
 def test_machines_are_as_the_bearing_would_be_made():
     b = ambkit.Bearing.preset("zittau_axial")
     values = {"magnet.magnet_constant": 7e-6, "rotor.mass": 0.55, "magnet.air_gap": 2.1e-3}
-    assert changed(b, nested(values)) == b.replace(
+    assert changed(b, values) == b.replace(
         **{key.replace(".", "__"): value for key, value in values.items()}
     )
     coil = ambkit.Bearing.load(ROOT / "examples/spindle.toml")
-    wide = changed(coil, nested({"magnet.pole_area": 6e-4}))
+    wide = changed(coil, {"magnet.pole_area": 6e-4})
     assert wide == coil.replace(magnet__pole_area=6e-4)
     assert wide.magnet.magnet_constant == pytest.approx(1.2 * coil.magnet.magnet_constant)
 
@@ -300,7 +300,7 @@ def test_peaks_of_many_loops_are_those_of_each(preset, kind, feedback):
     fed = made if feedback == "estimate" else None
     rng = np.random.default_rng(0)
     plants = [
-        changed(b, nested({"rotor.mass": b.rotor.mass * m, "magnet.air_gap": b.magnet.air_gap * g}))
+        changed(b, {"rotor.mass": b.rotor.mass * m, "magnet.air_gap": b.magnet.air_gap * g})
         for m, g in rng.uniform(0.9, 1.1, (3, 2))
     ]
     scenario = ambkit.Scenario(controller=pid)
@@ -315,8 +315,8 @@ def test_estimators_and_plants_of_many_are_those_of_each(kind):
     made = Plan(Study(name="a", bearing="zittau_axial", estimator=kind, runs=1)).estimators[kind]
     assert made is not None
     many = [
-        changed(b, nested({"rotor.mass": m * b.rotor.mass, "sensor.lag": g * b.sensor.lag,
-                        "amplifier.gain": g, "magnet.air_gap": m * b.magnet.air_gap}))
+        changed(b, {"rotor.mass": m * b.rotor.mass, "sensor.lag": g * b.sensor.lag,
+                        "amplifier.gain": g, "magnet.air_gap": m * b.magnet.air_gap})
         for m, g in np.random.default_rng(1).uniform(0.9, 1.1, (5, 2))
     ]  # fmt: skip
     points = [OperatingPoint.equilibrium(each) for each in many]

@@ -8,7 +8,7 @@ import pytest
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.campaigns.figures import in_words
-from ambkit.campaigns.keys import changed, key_in, nested
+from ambkit.campaigns.keys import changed, key_in
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.run import campaign
 from ambkit.campaigns.study import Study
@@ -224,9 +224,9 @@ def test_parts_of_a_machine_are_named_or_counted():
         machine, "bearing.0.magnet.air_gap"
     )
     for name in ("B", "1"):
-        wide = changed(machine, nested({f"bearing.{name}.magnet.air_gap": 1e-3}))
-        assert wide.bearing[1].magnet.air_gap == 1e-3
-        assert wide.bearing[0] == machine.bearing[0]
+        wide = changed(machine, {f"bearing.{name}.magnet.air_gap": 1e-3})
+        assert wide.bearings[1].magnet.air_gap == 1e-3
+        assert wide.bearings[0] == machine.bearings[0]
     with pytest.raises(AmbkitError, match="known here: A, B"):
         key_in(machine, "bearing.C.place")
 
@@ -234,10 +234,10 @@ def test_parts_of_a_machine_are_named_or_counted():
 def test_a_coil_and_its_constant_stay_one_in_a_machine():
     coil = ambkit.Bearing.load(ROOT / "examples/spindle.toml").magnet
     machine = ambkit.Machine.preset("tum_mlps")
-    first = machine.bearing[0].model_copy(update={"magnet": coil})
-    machine = machine.model_copy(update={"bearing": (first, *machine.bearing[1:])})
-    wide = changed(machine, nested({"bearing.A.magnet.pole_area": 1.2 * coil.pole_area}))
-    found = wide.bearing[0].magnet.magnet_constant
+    first = machine.bearings[0].model_copy(update={"magnet": coil})
+    machine = machine.model_copy(update={"bearings": (first, *machine.bearings[1:])})
+    wide = changed(machine, {"bearing.A.magnet.pole_area": 1.2 * coil.pole_area})
+    found = wide.bearings[0].magnet.magnet_constant
     assert found == pytest.approx(1.2 * coil.magnet_constant)
 
 

@@ -583,14 +583,14 @@ def test_presets_print_their_toml_as_it_is(call):
     assert [each["name"] for each in call("presets", "--json").json] == list(presets.names())
     assert call("presets", "zittau_axial", "--out", "my.toml").code == 0
     assert Path("my.toml").read_text() == presets.text("zittau_axial")
-    assert call("presets", "inteco_ml", "--json").json["bearing"]["rotor"]["mass"] == 0.06054
+    assert call("presets", "inteco_ml", "--json").json["machine"]["rotor"]["mass"] == 0.06054
 
 
 def test_check_tells_what_files_are(call, made):
     files = [made / name for name in ("my.toml", "scenario.toml", "run.csv", "points.csv")]
     found = call("check", *files, recordings.folder() / "closed_loop.toml", "--json")
     kinds = [each["kind"] for each in found.json]
-    assert kinds == ["bearing", "scenario", "record", "lift-off points", "channel map"]
+    assert kinds == ["machine", "scenario", "record", "lift-off points", "channel map"]
     assert found.code == 0
 
 
@@ -604,7 +604,7 @@ def test_check_tells_all_that_is_wrong(call, made):
     assert "run.csv: ok, record" in found.out
 
 
-@pytest.mark.parametrize("kind", ["bearing", "scenario", "map"])
+@pytest.mark.parametrize("kind", ["scenario", "map"])
 def test_check_prints_the_schema(call, kind):
     schema = call("schema", kind).json
     assert schema["$schema"].startswith("https://json-schema.org")

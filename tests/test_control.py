@@ -70,8 +70,8 @@ def test_what_simulate_flew_and_the_controller_alone_are_equal_to_the_last_bit(n
     np.testing.assert_array_equal(told["coil"][on, 1], bias - told["iu"][on])
     assert not told["coil"][~on].any()
     flying = (record["mode"] == Mode.FLYING) & (record.t > 0.1) & (record.t < 0.16)
-    assert np.abs(record["x"][flying]).max() < 0.4 * GAINED.rotor.clearance
-    lying = -np.dtype(precision).type(GAINED.rotor.clearance)
+    assert np.abs(record["x"][flying]).max() < 0.4 * GAINED.clearance
+    lying = -np.dtype(precision).type(GAINED.clearance)
     assert record["x"][0] == record["x"][-1] == lying
 
 
@@ -82,7 +82,7 @@ def test_a_rotor_on_one_magnet_lifts_too():
     record = simulate(ONE_SIDED, scenario, estimator=ExtendedKalmanFilter(ONE_SIDED))
     assert modes(record) == ["WAITING", "LIFTING", "FLYING", "LANDING", "OFF"]
     flying = (record["mode"] == Mode.FLYING) & (record.t > 600 * T)
-    assert np.abs(record["x"][flying]).max() < 0.1 * ONE_SIDED.rotor.clearance
+    assert np.abs(record["x"][flying]).max() < 0.1 * ONE_SIDED.clearance
 
 
 def test_a_flight_from_hovering_is_the_one_without_a_sequence():

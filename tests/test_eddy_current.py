@@ -81,9 +81,9 @@ def test_a_machine_s_filter_explains_what_its_magnets_do():
     """Four axes with a lag each: innovations are as large as the filter that knows it says."""
     rig = Machine.preset("ufu_rig")
     magnet = {"eddy_current_lag": LAG}
-    late = rig.model_copy(update={"bearing": tuple(
+    late = rig.model_copy(update={"bearings": tuple(
         each.model_copy(update={"magnet": each.magnet.model_copy(update=magnet)})
-        for each in rig.bearing
+        for each in rig.bearings
     )})  # fmt: skip
     flight = Scenario(duration=0.2, feedback="measurement", seed=1)
     record = simulate_run(late, flight).record
@@ -111,9 +111,9 @@ def test_unbalance_is_kept_still_through_the_lag():
     """At 12,000 rpm the force is 20 degrees late, and the current that far ahead."""
     rig = Machine.preset("ufu_rig").model_copy(update={"speed": 2 * math.pi * 200})
     magnet = {"eddy_current_lag": LAG}
-    late = rig.model_copy(update={"bearing": tuple(
+    late = rig.model_copy(update={"bearings": tuple(
         each.model_copy(update={"magnet": each.magnet.model_copy(update=magnet)})
-        for each in rig.bearing
+        for each in rig.bearings
     )})  # fmt: skip
     orbit = {}
     for unbalance in ("off", "compensation"):

@@ -96,7 +96,7 @@ def test_typical_sizes_are_what_they_are_said_to_be(name):
     """Force at twice the bias current; half of it brings the rotor to the stop at that velocity."""
     axis = Bearing.preset(name)
     typical, magnet = Typical.of(axis), axis.magnet
-    assert (typical.displacement, typical.current) == (axis.rotor.clearance, magnet.bias_current)
+    assert (typical.displacement, typical.current) == (axis.clearance, magnet.bias_current)
     pull = magnet.magnet_constant * (2 * magnet.bias_current / magnet.air_gap) ** 2
     assert typical.force == pytest.approx(pull)
     work = 0.5 * typical.force * typical.displacement

@@ -221,7 +221,7 @@ def injection():
 
 
 def test_it_keeps_within_the_limits_of_all_axes(injection):
-    gap, travel = TUM.bearing[1].magnet.air_gap, TUM.bearing[1].clearance
+    gap, travel = TUM.bearings[1].magnet.air_gap, TUM.bearings[1].clearance
     assert injection.name == "tum_mlps B1"
     assert injection.limits.displacement == pytest.approx(min(0.05 * gap, 0.5 * travel))
     assert np.abs(injection.record["x"]).max() <= injection.limits.displacement

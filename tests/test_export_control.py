@@ -93,7 +93,7 @@ def test_what_is_flown_visits_limits_and_losses():
     assert np.isnan(tested.y).any()
     assert (np.abs(np.diff(tested.r, axis=0)) > 0).any(axis=0).all()
     held = np.abs(tested.u[tested.starts[1] :]).max(axis=0)
-    limit = [b.amplifier.current_limit for b in one.bearing for _ in "12"]
+    limit = [b.amplifier.current_limit for b in one.bearings for _ in "12"]
     assert (held > 0.85 * np.array(limit)).all()
 
 

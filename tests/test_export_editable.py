@@ -110,7 +110,7 @@ def test_of_another_model_nothing_is_editable(tmp_path):
 def test_the_first_sample_is_right_wherever_the_rotor_lies(tmp_path, beyond, side):
     """On a stop the noise shows it beyond in every other sample."""
     made = export("linear", tmp_path / "c", prefix="f")
-    flies, noise, travel = compiled(made, tmp_path), 9.1e-6, BEARING.rotor.clearance
+    flies, noise, travel = compiled(made, tmp_path), 9.1e-6, BEARING.clearance
     flies.step(side * (travel + beyond * noise), 0.0)
     x = flies.estimates[0]
     assert x == pytest.approx(side * travel, abs=3.1 * noise)

@@ -394,7 +394,7 @@ def test_a_system_wires_plant_estimator_and_controller(tmp_path):
         str(tmp_path / "loop.ssp"), stop_time=0.3, step_size=BEARING.sampling_time,
         input=at_rest | {"f_d": lambda t: 1.0 if t > 0.05 else 0.0},
     )  # fmt: skip
-    assert np.abs(result["x"]).max() < 0.15 * BEARING.rotor.clearance
+    assert np.abs(result["x"]).max() < 0.15 * BEARING.clearance
     assert result["estimate_f_d"][-1] == pytest.approx(1.0, rel=0.05)
 
 
@@ -434,8 +434,8 @@ def test_a_system_lifts_off_and_lands(tmp_path):
     )  # fmt: skip
     assert {0.0, 1.0, 2.0, 3.0, 4.0} <= set(found["mode"])
     flying = found["x"][found["mode"] == Mode.FLYING]
-    assert found["x"][0] == -BEARING.rotor.clearance
-    assert np.abs(flying[-50:]).max() < 0.1 * BEARING.rotor.clearance
+    assert found["x"][0] == -BEARING.clearance
+    assert np.abs(flying[-50:]).max() < 0.1 * BEARING.clearance
 
 
 def test_a_system_of_a_regulator_wires_all_states(tmp_path):
@@ -448,7 +448,7 @@ def test_a_system_of_a_regulator_wires_all_states(tmp_path):
         input=zero | {"f_d": lambda t: 1.0 if t > 0.05 else 0.0},
     )  # fmt: skip
     assert found["estimate_f_d"][-1] == pytest.approx(1.0, rel=0.1)
-    assert abs(found["x"][-1]) < 0.05 * BEARING.rotor.clearance
+    assert abs(found["x"][-1]) < 0.05 * BEARING.clearance
 
 
 GOES_ON = """

@@ -76,7 +76,7 @@ def test_an_importer_that_integrates_it_finds_what_the_library_does(name, tmp_pa
     samples = 120 if bearing.magnet.type == "one-sided" else 250  # alone it is unstable
     scenario = Scenario(
         duration=samples * T, noise=False, substeps=20,
-        reference=ambkit.Step(amplitude=0.05 * bearing.rotor.clearance, time=20 * T),
+        reference=ambkit.Step(amplitude=0.05 * bearing.clearance, time=20 * T),
         disturbance=ambkit.Step(amplitude=0.3 * bearing.weight, time=60 * T),
     )  # fmt: skip
     record = simulate_run(bearing, scenario).record
@@ -110,7 +110,7 @@ def test_it_falls_onto_its_stop_and_is_lifted(changes, fmi, tmp_path):
     stepped = fmpy.simulate_fmu(
         str(path), fmi_type="CoSimulation", stop_time=n * T, output_interval=T, input=signals
     )
-    down, travel = np.sign(bearing.weight), bearing.rotor.clearance
+    down, travel = np.sign(bearing.weight), bearing.clearance
     assert stepped["x"].min() <= -travel
     assert stepped["x"].max() >= travel
     off = np.abs(np.interp(stepped["time"], found["time"], found["x"]) - stepped["x"])

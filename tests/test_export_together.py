@@ -6,11 +6,10 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from export_cases import BEARING, INCLUDES, STRICT, command, export
-from exporting import export_c, export_fmu
+from export_cases import INCLUDES, STRICT, command, export
+from exporting import export_c
 from machine_cases import machine
 
-from ambkit import Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.export import core_sources
 from ambkit.export.c import prefix
@@ -211,13 +210,3 @@ def test_headers_of_another_precision_are_refused_when_they_are_compiled(tmp_pat
     both = compiled("a", "b")
     assert both.returncode != 0
     assert "b.h: the core's headers come from another export" in both.stderr
-
-
-@needs_gcc
-def test_an_axis_given_as_a_machine_is_exported_as_the_axis(tmp_path):
-    calibrated, hashes = {"scenario": Scenario(), "calibrated": True}, []
-    for name, one in (("axis", BEARING), ("machine", BEARING.long)):
-        made = export_c(one, None, tmp_path / name, **calibrated)
-        fmu = export_fmu(one, None, tmp_path / f"{name}.fmu", kind="plant")
-        hashes.append((made.configuration, fmu.token))
-    assert hashes[0] == hashes[1]

@@ -90,7 +90,7 @@ def test_five_seconds_without_samples_end_in_3_ms(magnet, precision):
     assert 100 < first < 2000
     assert held[first:].all()
     assert (np.diff(estimate.mean[START + first : START + n], axis=0) == 0).all()
-    assert estimate.std("x")[START + n - 1] == pytest.approx(BEARING.rotor.clearance, rel=1e-6)
+    assert estimate.std("x")[START + n - 1] == pytest.approx(BEARING.clearance, rel=1e-6)
     assert not estimate.status[START + n + 1 :].any()
     assert np.abs(estimate.x - RECORD["x"])[START + n :].max() < 1e-4
     assert np.abs(estimate.x - RECORD["x"])[START + n + 30 :].max() < 3e-5

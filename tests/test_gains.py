@@ -40,7 +40,7 @@ def test_every_loop_has_its_peak_below_two(name):
 def test_a_step_overshoots_by_less_than_a_seventh(name, share, feedback):
     """On the nonlinear plant, by a twentieth and by half of the way to the stop."""
     bearing = AXES[name]
-    amplitude = share * bearing.rotor.clearance
+    amplitude = share * bearing.clearance
     scenario = Scenario(
         duration=1.0, noise=False, controller=Control(feedback=feedback),
         reference=Step(amplitude=amplitude, time=0.1),

@@ -2,11 +2,8 @@
 
 import numpy as np
 import pytest
-from golden.axes import AXES, TABLES, read_rows, record_of
+from golden.axes import TABLES, read_rows
 from golden.runs import RUNS, filtered, read
-
-import ambkit
-from ambkit.estimate.registry import KINDS
 
 HOW = "\nif the change is meant: python -m tests.golden, and look at the diff"
 
@@ -65,19 +62,3 @@ def test_every_kind_and_plant_answers_as_recorded(name):
         if far or (ours and row["bits"] != was["bits"]):
             changed.append(f"{case(row)}: {', '.join(far) or 'last bits'}")
     assert not changed, "\n".join(changed) + HOW
-
-
-@pytest.mark.parametrize("name", AXES)
-def test_a_machine_with_one_axis_is_that_axis(name):
-    """Every kind, both precisions: mean, covariance, innovations and status to the last bit."""
-    axis = AXES[name]
-    machine, record = axis.long, record_of(axis)
-    for kind, made in KINDS.items():
-        for precision in ("float64", "float32"):
-            law = None if made.magnet else ambkit.ClosedLaw(axis)
-            one = made.make(axis, law, precision=precision)
-            other = made.make(machine, law and [law], precision=precision)
-            a, b = one.run(record, covariance=True), other.run(record, covariance=True)
-            for what in ("mean", "covariance", "innovation", "innovation_variance", "status"):
-                got = np.asarray(getattr(b, what), float).reshape(np.shape(getattr(a, what)))
-                np.testing.assert_array_equal(got, getattr(a, what), f"{kind}, {precision}: {what}")

@@ -18,7 +18,7 @@ MACHINE = UFU.model_copy(update={"bearing": tuple(
     at.model_copy(update={
         "amplifier": at.amplifier.model_copy(update={"resistance": 2.0}), "coil": WARM.coil,
     })
-    for at in UFU.bearing
+    for at in UFU.bearings
 )})  # fmt: skip
 
 
@@ -104,7 +104,7 @@ def test_a_run_up_warms_the_coils_of_a_machine():
     assert len(over.figures()[1].panels) == 3
     assert ambkit.assess_speed(UFU, "none", fastest="9000 rpm", count=2).temperature is None
     same = ambkit.Machine.from_toml(MACHINE.to_toml())
-    assert same.bearing[0].coil == WARM.coil
+    assert same.bearings[0].coil == WARM.coil
     assert same.isolated_axis("A1").coil == WARM.coil
 
 

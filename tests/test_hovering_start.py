@@ -69,7 +69,7 @@ def test_a_filter_that_is_sure_of_the_start_is_right(kind):
 @pytest.mark.parametrize("gravity", ["known", "disturbance"])
 def test_at_rest_the_currents_are_what_holds_the_rotor(gravity):
     e = ambkit.ExtendedKalmanFilter(LATE, gravity=gravity)
-    law, travel = ClosedLaw(LATE), LATE.rotor.clearance
+    law, travel = ClosedLaw(LATE), LATE.clearance
     e.reset()
     assert (e.mean == e.equilibrium_state(0.0)).all()
     for x in (0.0, 0.1 * travel, -0.2 * travel):

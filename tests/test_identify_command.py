@@ -272,7 +272,7 @@ def test_the_picture_shows_intervals_beside_the_start(record):
         assert low > 0
     assert [item.value for item in bearing.items if isinstance(item, Rule)] == [1.0]
     assert [item.value for item in offsets.items if isinstance(item, Rule)] == [0.0]
-    travel = found.bearing.rotor.clearance
+    travel = found.bearing.clearance
     moved = found["position_offset"] - found.start.position_offset
     assert offsets.item(Intervals).values[0] * travel == pytest.approx(moved)
     assert "to" in rows.texts[0]

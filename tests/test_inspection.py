@@ -1,10 +1,13 @@
 """What a file is, and what is wrong with it."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
 import ambkit
 from ambkit.data import recordings
+from ambkit.machine import presets
 from ambkit.machine.forces.force_points import load_force_points
 from ambkit.workflow.check import inspect, schema_of
 
@@ -40,7 +43,7 @@ def test_each_kind_is_recognised_by_what_it_holds(bearing, tmp_path):
     ambkit.simulate(bearing, ambkit.Scenario(duration=0.01)).record.save(tmp_path / "d.parquet")
     force_file(tmp_path / "e.csv", rows_of(bearing))
     kinds = {
-        "a.toml": ("bearing", "zittau_axial, two-sided, 0.518 kg"),
+        "a.toml": ("machine", "zittau_axial, two-sided, 0.518 kg"),
         "b.toml": ("scenario", "0.5 s, nothing demanded"),
         "c.json": ("expert", "25 rules for Tables 4, 5 and 6 of the paper"),
         "d.parquet": ("record", "101 samples of r, y, u"),
@@ -106,8 +109,13 @@ def test_a_missing_file_is_a_problem(tmp_path):
 
 
 def test_schemas_allow_what_the_presets_say():
-    schema = schema_of("bearing")
-    assert set(ambkit.Bearing.model_fields) == set(schema["properties"])
+    jsonschema = pytest.importorskip("jsonschema")
+    validator = jsonschema.Draft202012Validator(schema_of("machine"))
+    for name in presets.names():
+        validator.validate(tomllib.loads(presets.text(name)))
+    wrong = tomllib.loads(presets.text("zittau_axial"))
+    wrong["rotor"]["type"] = "mass"
+    assert not validator.is_valid(wrong)
     assert "signals" in schema_of("map")["required"]
     with pytest.raises(KeyError):
         schema_of("record")

@@ -138,7 +138,7 @@ def test_started_at_rest_the_rotor_is_lifted_from_its_fall():
 def test_where_no_current_can_hold_it_the_rotor_lies_on_the_stop():
     scenario = Scenario(duration=0.2, disturbance=ambkit.Constant(value=-60.0))
     run = simulate_run(BEARING, scenario)
-    assert run.record["x"][-1] == -BEARING.rotor.clearance
+    assert run.record["x"][-1] == -BEARING.clearance
     assert run.record["iu"][-1000:].mean() > 1.4
     assert run.record.meta["stop_touched"] > 1000
     assert np.isfinite(run.estimate.mean).all()

@@ -33,13 +33,13 @@ def reference(**keys):
         for at in tum.bearing
     ]
     sensors = [
-        tum.sensor[0].model_copy(update={"name": at.name, "place": at.place, "angle": 0.0,
+        tum.sensors[0].model_copy(update={"name": at.name, "place": at.place, "angle": 0.0,
                                          "lag": 16e-6})
         for at in bearings
     ]  # fmt: skip
     weightless = tum.rotor.model_copy(update={"gravity": "none"})
     return tum.model_copy(
-        update={"rotor": weightless, "bearing": tuple(bearings), "sensor": tuple(sensors),
+        update={"rotor": weightless, "bearings": tuple(bearings), "sensors": tuple(sensors),
                 "unbalance": (), "speed": 0.0} | keys
     )  # fmt: skip
 
@@ -71,7 +71,7 @@ def continuous_loop(machine, delay, kp, kd, corner, ki=0.0):
 
 def test_continuous_reference():
     machine = reference(sampling_time=1e-6, sensor=tuple(
-        at.model_copy(update={"lag": 1e-12}) for at in reference().sensor
+        at.model_copy(update={"lag": 1e-12}) for at in reference().sensors
     ))  # fmt: skip
     loop = continuous_loop(machine, 1.5e-4, 8000.0, 15.0, 2 * math.pi * 2000)
     f = np.linspace(50, 500, 901)
@@ -159,10 +159,10 @@ def test_least_peak_by_the_dead_time_is_that_of_the_fastest_pole():
     assert found == pytest.approx(1.069, abs=5e-4)
     # Sampled so fast that neither hold nor lags count, the dead time is what is left.
     fast = reference(sampling_time=1e-5, delay=1.4e-4, sensor=tuple(
-        at.model_copy(update={"lag": 1e-9}) for at in machine.sensor
+        at.model_copy(update={"lag": 1e-9}) for at in machine.sensors
     ), bearing=tuple(
         at.model_copy(update={"amplifier": at.amplifier.model_copy(update={"bandwidth": None})})
-        for at in machine.bearing
+        for at in machine.bearings
     ))  # fmt: skip
     sampled = plant(fast, OperatingPoint.of_machine(fast))
     bounds = least_peaks(sampled.select(y, [at.name for at in sampled.inputs[:4]]))

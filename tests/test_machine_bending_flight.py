@@ -42,7 +42,7 @@ def test_unstable_poles_are_those_of_all_elements(speed, name):
     whole = one.rotor.matrices
     springs = [k.k_s for k in stiffnesses(one)][::2]
     K, n = whole.K.copy(), len(whole.M)
-    for each, k_s in zip(one.bearing, springs, strict=True):
+    for each, k_s in zip(one.bearings, springs, strict=True):
         w = 2 * int(np.argmin(np.abs(whole.place - each.place)))
         assert abs(whole.place[w // 2] - each.place) < 1e-9
         K[w, w] -= k_s
@@ -81,7 +81,7 @@ def test_without_loss_energy_is_kept():
                    delay=None)  # fmt: skip
     one = one.replace(bearing=[
         each.model_copy(update={"amplifier": each.amplifier.model_copy(update={"bandwidth": None})})
-        for each in one.bearing
+        for each in one.bearings
     ])  # fmt: skip
     plant, n = Plant(one), len(one.positions)
     H = directions(one, one.axes)

@@ -173,7 +173,7 @@ def test_the_regulator_is_controls_own():
     model = filter.linear_model(np.array([e.k_i for e in k]), np.array([e.k_s for e in k]))
     q = 2 * len(machine.positions)
     A, B = model.A[:q, :q], model.B[:q]
-    travel = np.array([alone.rotor.clearance for alone in plant.isolated])
+    travel = np.array([alone.clearance for alone in plant.isolated])
     limit = np.array([min(abs(b.current_min), b.current_max) for b in plant.isolated])
     C = plant.H / (0.1 * travel)[:, None]
     Q = np.zeros((q, q))

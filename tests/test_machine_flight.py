@@ -126,10 +126,10 @@ def test_axes_that_do_not_couple_fly_as_bearings_alone(voltage):
     most, more = (20.0, 5.0) if voltage is None else (22.0, 0.1)
     if voltage is not None:
         limit = {"bandwidth": 2e3, "voltage_limit": voltage, "resistance": 0.4}
-        limited = [each.amplifier.model_copy(update=limit) for each in one.bearing]
+        limited = [each.amplifier.model_copy(update=limit) for each in one.bearings]
         one = one.replace(bearing=[
             each.model_copy(update={"amplifier": amplifier})
-            for each, amplifier in zip(one.bearing, limited, strict=True)
+            for each, amplifier in zip(one.bearings, limited, strict=True)
         ])  # fmt: skip
     flight = Scenario(duration=0.05, noise=False, feedback="measurement", disturbance=[
         {"axis": axis.name, "force": Step(amplitude=most + more * k, time=0.01)}

@@ -62,7 +62,7 @@ def test_lift_off_is_without_a_kick():
     run = lifted(Machine.preset("tum_mlps").replace(speed=0.0))
     record = run.record
     up = np.flatnonzero(record["mode"] == Mode.LIFTING)
-    limit = run.machine.bearing[0].amplifier.current_limit
+    limit = run.machine.bearings[0].amplifier.current_limit
     for axis in run.machine.axes:
         s = record[f"s_{axis.name}"][up]
         assert np.abs(record[f"iu_{axis.name}"][up]).max() < 0.9 * limit

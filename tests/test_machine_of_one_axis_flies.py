@@ -14,7 +14,7 @@ CASES = AXES | {"eddy currents": AXES["paper"].replace(magnet__eddy_current_lag=
 @pytest.mark.parametrize("name", CASES)
 def test_loops_over_the_pattern_fly_as_the_straight_line(name):
     """With the same noise."""
-    axis, machine = CASES[name], CASES[name].long
+    axis = machine = CASES[name]
     scenario = _scenario(axis, "estimate", False)
     loop = Loop(machine, scenario, estimator=ambkit.KalmanFilter(axis))
     one, (r, load) = loop.run().record, loop.series

@@ -49,7 +49,7 @@ def test_far_above_the_criticals_a_couple_of_unbalance_is_opposed_by_the_forward
 def test_the_limit_that_is_drawn_is_the_nearest_stop():
     one = machine(unbalance=[{"place": 0.1, "amount": 2e-3}])
     narrow = one.replace(
-        bearing=(one.bearing[0].model_copy(update={"clearance": 2e-4}), *one.bearing[1:])
+        bearing=(one.bearings[0].model_copy(update={"clearance": 2e-4}), *one.bearings[1:])
     )
     (picture,) = ambkit.unbalance_response(narrow).figures()
     limits = [item for item in picture.panels[0].items if item.signal == "limit"]

@@ -32,7 +32,7 @@ def spoilt(amount=20 / SERVICE**2, runout=3e-6):
     place = one.unbalance[0].place
     with_runout = [
         each.model_copy(update={"runout": (Runout(order=1, amplitude=runout, phase=0.7 * k),)})
-        for k, each in enumerate(one.sensor)
+        for k, each in enumerate(one.sensors)
     ]
     unbalance = [{"place": place, "amount": amount, "angle": 0.6}]
     return one.replace(unbalance=unbalance, sensor=with_runout), one.replace(unbalance=[])

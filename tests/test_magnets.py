@@ -36,7 +36,7 @@ def places(draw, of=tuple(LAWS)):
     b = LAWS[draw(st.sampled_from(of))]
     low, high = b.current_min, b.current_max
     iu = low + (high - low) * 0.5 * (1 + draw(share))
-    return b, iu, b.rotor.clearance * draw(share)
+    return b, iu, b.clearance * draw(share)
 
 
 # ---- the laws ----
@@ -101,7 +101,7 @@ def test_through_the_origin_gives_the_force_exactly(place):
 )
 def test_through_the_origin_is_the_limit_of_the_papers_least_squares(bearing, a, b):
     """The nine points of eq. 27 shrink; what is left falls with the square of their distance."""
-    iu, x = a * bearing.current_max * 0.5, b * 0.5 * bearing.rotor.clearance
+    iu, x = a * bearing.current_max * 0.5, b * 0.5 * bearing.clearance
     limit = np.array(through_origin(ClosedLaw(bearing).in_core(CORE), iu, x))
 
     ampere, metre = equally_far(bearing)
@@ -210,7 +210,7 @@ def test_a_table_needs_two_by_two_nodes_of_one_shape():
 def test_in_single_precision_the_law_is_the_same_to_its_digits(bearing):
     rng = np.random.default_rng(2)
     iu = rng.uniform(bearing.current_min, bearing.current_max, 1000).astype(np.float32)
-    x = (0.5 * bearing.rotor.clearance * rng.uniform(-1, 1, 1000)).astype(np.float32)
+    x = (0.5 * bearing.clearance * rng.uniform(-1, 1, 1000)).astype(np.float32)
     law = magnet_of(bearing)
     single, double = law.in_core(core_module("float32")), law.in_core(CORE)
     wide = iu.astype(float), x.astype(float)

@@ -193,7 +193,7 @@ def test_a_gap_may_be_less_than_the_travel_of_the_description_and_that_is_told()
     close = roomy.replace(magnet__air_gap=0.9e-3)
     model, (told,) = restore_clearance([record], given, close)
     assert "smaller than the described clearance, 1 mm" in told
-    assert model.bearing.rotor.clearance < 0.9e-3
+    assert model.bearing.clearance < 0.9e-3
     wide, nothing = restore_clearance([record], given, roomy)
     assert wide.bearing == given.bearing
     assert not nothing
@@ -468,7 +468,7 @@ def test_mean_force_is_that_of_a_noisy_current(preset):
 
     law, with_noise = ClosedLaw(bearing), ClosedLaw(raised)
     for iu, x in ((0.0, 0.2), (0.15, 0.1), (-0.2, -0.2)):
-        iu, x = iu * i0, x * bearing.rotor.clearance
+        iu, x = iu * i0, x * bearing.clearance
         true = mean(law, iu, x)
         without = abs(float(law.force(iu, x)) - true)
         left = abs(float(with_noise.force(raised.amplifier.gain / gain * iu, x)) - true)

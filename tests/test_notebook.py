@@ -57,7 +57,7 @@ def shown():
         ambkit.simulate(BEARING, duration="10 ms"),
         ambkit.filter(RECORD, ["linear"], machine=BEARING, settling="5 ms"),
         ambkit.tune(BEARING, filter="linear", budget=2, seeds=1),
-        Design(Path("d"), BEARING.long, Control(), (candidate,), candidate, assessed, 0.1,
+        Design(Path("d"), BEARING, Control(), (candidate,), candidate, assessed, 0.1,
                ("It is slow.",), None, {}),
         identify_by_lift_off(one_sided, points),
         assessed, ambkit.assess_sweep(BEARING, "linear", amplitudes=["1 um"]),
@@ -68,7 +68,7 @@ def shown():
 
 
 NAMES = (
-    "Bearing", "Record", "Estimate", "Expert", "Study", "Benches",
+    "Machine", "Record", "Estimate", "Expert", "Study", "Benches",
     "LoopScores", "OnlineComparison", "Run", "Filtering", "Tuned", "Design",
     "LiftedOff", "Assessment", "TradeOff", "Sweep", "Injection", "AssessedLog",
 )  # fmt: skip
@@ -156,7 +156,7 @@ def hostile(text):
     yield record
     yield dataclasses.replace(ESTIMATE, estimator=text)
     yield Expert.paper().model_copy(update={"source": text})
-    machine = BEARING.long.model_copy(update={"name": text, "description": text})
+    machine = BEARING.model_copy(update={"name": text, "description": text})
     yield dataclasses.replace(
         filtering, machine=machine, record=record, estimators={text: filtering["linear"]}
     )
@@ -299,7 +299,7 @@ def test_quantities_are_taken_with_their_units():
         ),
         (
             lambda: ambkit.filter(BEARING, machine=BEARING),
-            "record must be of type Record, is the Bearing",
+            "record must be of type Record, is the Machine",
         ),
         (
             lambda: ambkit.filter(RECORD, machine=BEARING, settling="5 V"),
@@ -323,7 +323,7 @@ def test_quantities_are_taken_with_their_units():
         ),
         (
             lambda: KalmanFilter(Bearing),
-            "bearing must be of type Machine, is the type Bearing; Bearing(...) makes one",
+            "bearing must be of type Machine, is the type Machine; Machine(...) makes one",
         ),
         (
             lambda: KalmanFilter(BEARING, noise=1e-12),

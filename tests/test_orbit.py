@@ -17,7 +17,7 @@ from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 
 TUM = Machine.preset("tum_mlps").replace(speed="6000 rpm")
-GAP = TUM.bearing[0].magnet.air_gap
+GAP = TUM.bearings[0].magnet.air_gap
 ZITTAU = Bearing.preset("zittau_axial").replace(speed="1500 rpm")
 
 

@@ -126,7 +126,7 @@ def test_the_general_limit_is_that_of_the_papers_axis():
     record = flown(BEARING, 0, 0.2)
     variances = ambkit.KalmanFilter(BEARING).variances
     held, exact = (
-        bound._along(machine_model(BEARING), BEARING.long, record, variances),
+        bound._along(machine_model(BEARING), BEARING, record, variances),
         bound._held(BEARING, record, variances),
     )
     unit = np.array(ambkit.KalmanFilter(BEARING).default_std())

@@ -183,7 +183,7 @@ def test_a_record_has_the_same_bits_at_every_stage(tmp_path):
     np.testing.assert_array_equal(told, np.column_stack(there).astype("<f4"))
     flying = record["mode"] == Mode.FLYING
     assert flying.sum() > 800
-    assert found.worst < 0.2 * BEARING.rotor.clearance
+    assert found.worst < 0.2 * BEARING.clearance
     assert found.stack_seen <= (found.built.stack or 0) < 2000
     assert 500 < found.instructions <= found.most < 2000
     assert found.built.variables == 0

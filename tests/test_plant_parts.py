@@ -271,7 +271,7 @@ def test_substeps_follow_the_fastest_part():
         bearing = BEARING.replace(**changes)
         result = plant_parts.substeps(bearing, [None], 4, bearing.speed)
         loops = core_module("float64", any_model=True)
-        assert Plant(bearing.long).arrays(loops, 4, bearing.speed)["substeps"] == result
+        assert Plant(bearing).arrays(loops, 4, bearing.speed)["substeps"] == result
         return result
 
     assert steps(sensor__lag="20 us") == 10

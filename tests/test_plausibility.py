@@ -73,13 +73,13 @@ def test_a_sign_is_known_of_quiet_records_of_coarse_sensors_and_of_a_rig_that_is
     preset, steps
 ):
     plant = PRESETS[preset]
-    axis = plant.short if plant.single else plant.isolated_axis(plant.axes[0].name)
+    axis = plant if plant.single else plant.isolated_axis(plant.axes[0].name)
     if steps:
         std = axis.sensor.noise_variance**0.5
         axis = axis.replace(sensor__quantisation=steps * std)
     rig = axis.replace(rotor__mass=1.2 * axis.rotor.mass,
                        magnet__air_gap=1.08 * axis.magnet.air_gap)  # fmt: skip
-    c = axis.rotor.clearance
+    c = axis.clearance
     kinds = {
         "rest": {}, "step": {"reference": ambkit.Step(amplitude=0.3 * c, time=0.05)},
         "load": {"disturbance": ambkit.Step(amplitude=3 * axis.rotor.mass, time=0.1)},

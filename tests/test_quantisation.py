@@ -310,7 +310,7 @@ def flight(name, ratio, kind, feedback, precision="float64", seed=0):
     """Errors of an estimate and of the readings of a machine [m], and healthy samples flagged."""
     machine = ambkit.Machine.preset(name).model_copy(update={"unbalance": ()})
     steps = {"noise_variance": NOISE**2, "quantisation": ratio * NOISE}
-    sensors = tuple(each.model_copy(update=steps) for each in machine.sensor)
+    sensors = tuple(each.model_copy(update=steps) for each in machine.sensors)
     machine = machine.model_copy(update={"sensor": sensors})
     kalman = KINDS[kind].make(machine, precision=precision)
     made = Scenario(duration=0.2, seed=seed, feedback=feedback)

@@ -298,7 +298,7 @@ def amplifier_of_currents(of):
 def test_the_control_signal_of_an_amplifier_of_currents_is_in_ampere(tmp_path):
     plain = Bearing.preset("zittau_axial")
     bearing = amplifier_of_currents(plain)
-    for same in (bearing, bearing.replace(rotor__mass=0.5), bearing.long.isolated_axis("")):
+    for same in (bearing, bearing.replace(rotor__mass=0.5), bearing.isolated_axis("")):
         assert 'gain = "1 A/A"' in same.to_toml()
     made = simulate(bearing, Scenario(duration=0.01)).record
     made.save(tmp_path / "a.csv")

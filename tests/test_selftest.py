@@ -261,6 +261,6 @@ def test_what_it_visits_ships_beside_it(exported, kind):
                  "RESTARTED"):  # fmt: skip
         assert re.search(rf"\| `AMB_{flag}` \| [1-9]\d* samples \|", text), flag
     low, high = map(float, re.search(r"\| `x` \| (\S+) to (\S+) m", text).groups())
-    travel = BEARING.rotor.clearance
+    travel = BEARING.clearance
     assert low < -0.9 * travel
     assert high > 0.9 * travel

@@ -133,17 +133,6 @@ def test_a_pid_for_several_axes_is_refused_in_a_line():
         ambkit.PID.for_bearing(ambkit.Machine.preset("tum_mlps"))
 
 
-def test_a_machine_with_one_axis_is_taken_in_either_form():
-    for take in (ambkit.PID.for_bearing, ambkit.PID.textbook):
-        assert take(ZITTAU.long) == take(ZITTAU)
-    record = ambkit.simulate(ZITTAU, step="0.1 mm").record
-    short, long = (
-        ambkit.identify_online(form, record, method="adaline") for form in (ZITTAU, ZITTAU.long)
-    )
-    assert short.machine == long.machine
-    assert (ambkit.stiffness_map(ZITTAU.long).k_i == ambkit.stiffness_map(ZITTAU).k_i).all()
-
-
 @pytest.mark.parametrize(("call", "said"), [
     (lambda _: ambkit.AdaptiveKalmanFilter(ZITTAU, 3), "magnet must be of type MagnetModel, is"),
     (lambda _: ambkit.inject_faults(ZITTAU, {"a": 3}), "a must be of type Estimator, is the int 3"),

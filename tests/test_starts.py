@@ -74,7 +74,7 @@ def test_an_observer_that_saw_the_clearance_comes_back(name, lag, precision):
     bearing = BEARING.replace(sensor__lag=lag)
     record = ambkit.simulate(bearing, Scenario(duration=1.0, seed=2)).record
     y = record["y"].copy()
-    limit = bearing.rotor.clearance
+    limit = bearing.clearance
     y[3000:3100] = limit + np.random.default_rng(0).normal(0, 1e-6, 100)
     estimate = (
         KINDS[name]

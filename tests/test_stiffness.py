@@ -170,7 +170,7 @@ def test_the_steps_follow_the_bearing():
         magnet__air_gap=2 * small.magnet.air_gap,
         magnet__bias_current=2 * small.magnet.bias_current,
         amplifier__current_limit=2 * small.amplifier.current_limit,
-        rotor__clearance=2 * small.rotor.clearance,
+        rotor__clearance=2 * small.clearance,
     )
     one, two = stiffness_map(small), stiffness_map(large)
     assert one.delta_current == 0.01  # the paper's, eq. 27

@@ -73,7 +73,7 @@ def test_a_rotor_that_lies_is_noticed_with_its_bearing_and_without():
 
 def test_one_that_only_touches_a_stop_does_not_lie():
     y = RUN["y"].copy()
-    y[2000:2050] = BEARING.rotor.clearance  # 5 ms, less than the plant's time constant
+    y[2000:2050] = BEARING.clearance  # 5 ms, less than the plant's time constant
     verdict = evaluate_record(log(y=y, u=RUN["u"]), BEARING)
     assert not any("rests at" in text for text in verdict.remarks)
 

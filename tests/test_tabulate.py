@@ -18,7 +18,7 @@ from ambkit.machine.magnets import core_module, evaluate_force
 
 def deviation(table, expert, bearing, precision, points):
     """Force of the table less that of the expert [N] at points of the unit square."""
-    stop = bearing.rotor.clearance
+    stop = bearing.clearance
     iu = bearing.current_min + points[:, 0] * (bearing.current_max - bearing.current_min)
     x = stop * (2 * points[:, 1] - 1)
     magnet = table.in_core(core_module(CORE_PRECISION[precision]))

@@ -98,7 +98,7 @@ def test_one_expert_is_kept_for_all_bearings(call):
     assert done.code == 0, done.err
     read = ambkit.FilterFile.load("filter.toml")
     assert {Path(each.file).name for each in read.magnets.values()} == {"expert.json"}
-    assert list(read.magnets) == [each.name for each in TUM.bearing]
+    assert list(read.magnets) == [each.name for each in TUM.bearings]
     assert len(read.make().magnet.models) == 4
 
 

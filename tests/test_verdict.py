@@ -51,7 +51,7 @@ def test_a_share_of_the_load_that_it_bears_takes_that_share_of_what_is_left(freq
     end = swung(LATE, frequency, load)
     room = LATE.current_max - 3 * loop.current_noise
     assert np.abs(end["iu"]).max() == pytest.approx(load / current * room, rel=0.03)
-    way = 0.3 * LATE.rotor.clearance - 3 * loop.position_noise
+    way = 0.3 * LATE.clearance - 3 * loop.position_noise
     assert np.abs(end["x"]).max() == pytest.approx(load / far * way, rel=0.03)
     held = 2.0 * LATE.magnet.bias_current
     turned = (end["u_coil"] - held) * np.exp(-2j * math.pi * frequency * end.t)
@@ -123,7 +123,7 @@ def test_the_verdict_says_what_is_kept_and_what_not(tmp_path):
     for said in ("Verdict on the loop of late", "All limits are kept", "reviewed by",
                  "certification requires", "14839-2"):  # fmt: skip
         assert said in page
-    far = ambkit.assess(LATE, "linear", position=0.5 * LATE.rotor.clearance)
+    far = ambkit.assess(LATE, "linear", position=0.5 * LATE.clearance)
     kept = {row.key: row.kept for row in far.rows if row.of == "linear"}
     assert kept["displacement"] is False
     assert kept["verdict"] is False

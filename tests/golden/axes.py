@@ -81,7 +81,7 @@ HIT = ("paper", "soft stop")
 def record_of(axis: ambkit.Bearing, n: int = 1200) -> ambkit.Record:
     """Positions with gaps, spikes, clipping and a stuck stretch, and controls: no simulation's."""
     rng, k = np.random.default_rng(3), np.arange(n)
-    reach = abs(axis.sensor.gain) * axis.rotor.clearance
+    reach = abs(axis.sensor.gain) * axis.clearance
     wave = np.abs((k % 400) - 200.0) / 100 - 1
     y = reach * (0.3 * wave + 0.02 * (rng.random(n) - 0.5))
     u = (0.4 * np.roll(wave, 37) + 0.1 * (rng.random(n) - 0.5)) * axis.current_max
@@ -152,7 +152,7 @@ def _scenario(axis: ambkit.Bearing, feedback: Any, hit: bool) -> ambkit.Scenario
         duration=800 * T,
         controller=pid,
         disturbance=ambkit.Step(amplitude=load, time=400 * T),
-        reference=ambkit.Step(amplitude=0.2 * axis.rotor.clearance, time=200 * T),
+        reference=ambkit.Step(amplitude=0.2 * axis.clearance, time=200 * T),
     )
 
 

@@ -181,7 +181,7 @@ def sweep(
     if loop is None:
         rig.check()
     run = {"multisine": rig.multisine, "stepped-sine": rig.stepped}[kind]
-    return Sweep(of.machine.short, at, kind, name, loop, tuple(map(run, levels)), of.top)
+    return Sweep(of.machine, at, kind, name, loop, tuple(map(run, levels)), of.top)
 
 
 def _linear(arguments: LoopArguments, orbit: Any) -> tuple[LoopOf, str, AssessedLoop | None]:
@@ -203,7 +203,7 @@ class _Rig:
 
     def __init__(self, of: LoopOf, filter: Any, model: Loop | None, axis: int) -> None:
         self.of, self.filter, self.model, self.axis = of, filter, model, axis
-        self.machine, self.T = of.machine.short, of.machine.sampling_time
+        self.machine, self.T = of.machine, of.machine.sampling_time
         self.turns = bool(self.machine.speed)
         self.settling, self.slow = math.ceil(LONGEST / self.T), np.zeros(0, complex)
         if model is not None:

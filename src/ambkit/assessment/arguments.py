@@ -52,12 +52,11 @@ MOST = 0.5
 
 def check_plausibility(record: Record, machine: Machine) -> list[str]:
     """Return what is odd about a record of a machine, or refuse it."""
-    machine = machine.short
     if off_rate(record, machine):
         return []
     verdict = evaluate_record(record, machine)
     if machine.single and "y" in record:
-        bearing = machine.isolated_axis("")
+        bearing = machine
         y = record["y"][np.isfinite(record["y"])] / bearing.sensor.gain
         beyond = float(np.mean(np.abs(y) > bearing.magnet.air_gap)) if y.size else 0.0
         if beyond > MOST:
@@ -147,7 +146,7 @@ def tuning_given(
         record_arguments(named, plant, channels),
         kind,
         experts(Path(file), plant) if file else None,
-        controller_argument(plant.long, controller)[0],
+        controller_argument(plant, controller)[0],
         channels,
         ", ".join(Path(item).name for item in named if not isinstance(item, Record)),
         machine if isinstance(machine, str | os.PathLike) else None,
@@ -204,7 +203,7 @@ def axis_argument(source: Any) -> Machine:
             f"{machine.name} has the axes {names}, which move one rotor; this takes a machine with "
             "one axis (ambkit identify --axis takes one of several)"
         )
-    return machine.short
+    return machine
 
 
 @contextmanager
@@ -282,7 +281,7 @@ def disturbance_argument(bearing: Machine, load: Any) -> dict[str, float]:
         return {
             name: in_si(f"disturbance of {name}", item, "N") for name, item in (load or {}).items()
         }
-    return {bearing.long.axes[0].name: in_si("disturbance", load, "N")}
+    return {bearing.axes[0].name: in_si("disturbance", load, "N")}
 
 
 def filter_arguments(filters: Any, machine: Machine) -> dict[str, Estimator]:
@@ -311,7 +310,7 @@ def filter_to_export(
                 "only an expert can be tabulated, that of a single axis; give one, or export the "
                 "exact form"
             )
-        table = tabulate(factory.magnet, plant.short, bound=bound, precision=of_core)
+        table = tabulate(factory.magnet, plant, bound=bound, precision=of_core)
         factory = replace(factory, magnet=table)
     return plant, factory(precision=of_core)
 

@@ -76,7 +76,7 @@ class Assessment(Result):
     @property
     def bearing(self) -> Any:
         """The plant, of a single axis in its short form."""
-        return self.of.machine.short
+        return self.of.machine
 
     @property
     def machine(self) -> Machine:

@@ -242,7 +242,7 @@ class _Experiment:
         """Return one period in a band [Hz]."""
         loop, of, k = self.loop.loop, self.loop.of, self.at
         orders = (self.bearing.speed or 0.0) / (2 * math.pi) * np.arange(1, 21)
-        sensors = of.machine.sensor
+        sensors = of.machine.sensors
         hum = [line.frequency for sensor in sensors for line in sensor.hum]
         peak = self.loop.axes[list(self.loop.axes)[k]].peak_frequency
         m, p = loop.measurements, len(of.isolated)
@@ -335,5 +335,5 @@ def _limits(
     bearing: Machine, held: float, current: float | None, displacement: float | None
 ) -> Limits:
     """Return the limits of an axis; by default of displacements within which magnets are linear."""
-    far = min(held + LINEAR * bearing.magnet.air_gap, 0.5 * (held + bearing.rotor.clearance))
+    far = min(held + LINEAR * bearing.magnet.air_gap, 0.5 * (held + bearing.clearance))
     return Limits.of(bearing, current, far if displacement is None else displacement)

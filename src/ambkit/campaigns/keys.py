@@ -8,10 +8,12 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 
 from ambkit.base.config.document import updated
-from ambkit.base.config.problems import quantity_of, unknown_key
+from ambkit.base.config.problems import fields_of, names_of, quantity_of, unknown_key
 from ambkit.base.config.quantities import InOther, Quantity, SignalIn
 from ambkit.base.errors import AmbkitError
+from ambkit.machine.machine import Machine
 from ambkit.machine.parts import Magnet, magnet_constant
+from ambkit.machine.short_form import TABLES, long_key
 
 OF_RUN = "scenario."  #: How keys of the run begin; all others are the machine's.
 
@@ -35,16 +37,17 @@ def key_in(model: BaseModel, key: str) -> Key:
     here: Any = model
     place: SignalIn | None = None
     quantity: Quantity | None = None
-    for step in key.split("."):
+    for step in _steps(model, key):
         if isinstance(here, tuple):
             here = _part(here, step, key)
             continue
-        if not isinstance(here, BaseModel) or step not in type(here).model_fields:
-            known = list(type(here).model_fields) if isinstance(here, BaseModel) else []
+        fields = fields_of(type(here)) if isinstance(here, BaseModel) else {}
+        if step not in fields:
+            known = TABLES[""] if isinstance(here, Machine) and here.single else list(fields)
             raise AmbkitError(f"there is no key {key} to vary: {unknown_key(step, known)}")
-        field = type(here).model_fields[step]
+        field = fields[step]
         place = next((mark for mark in field.metadata if isinstance(mark, SignalIn)), place)
-        quantity, here = quantity_of(field), getattr(here, step)
+        quantity, here = quantity_of(field), _value(here, step)
     if isinstance(here, BaseModel | tuple | dict):
         raise AmbkitError(f"{key} is a table: name one of its keys")
     if quantity is None:
@@ -57,14 +60,24 @@ def by_places(model: BaseModel, key: str) -> str:
     """Return a key that is there with places instead of names: one quantity, one key."""
     here: Any = model
     steps = []
-    for step in key.split("."):
+    for step in _steps(model, key):
         if isinstance(here, tuple):
             at = next(at for at, item in enumerate(here) if step in _called(item, at))
             here, step = here[at], str(at)
         else:
-            here = getattr(here, step)
+            here = _value(here, step)
         steps.append(step)
     return ".".join(steps)
+
+
+def _steps(model: BaseModel, key: str) -> list[str]:
+    """Return the steps to a key; of a machine with one axis those of its long form."""
+    short = isinstance(model, Machine) and model.single
+    return (long_key(key) if short else key).split(".")
+
+
+def _value(part: BaseModel, key: str) -> Any:
+    return getattr(part, names_of(type(part))[key])
 
 
 def _part(parts: tuple[Any, ...], step: str, key: str) -> Any:
@@ -82,11 +95,11 @@ def _called(part: Any, at: int) -> tuple[str, ...]:
     return (str(at),) if name is None else (str(name), str(at))
 
 
-def nested(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values by dotted keys as tables within tables."""
+def _nested(model: BaseModel, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by dotted keys of a model as tables within tables."""
     tree: dict[str, Any] = {}
     for key, value in changes.items():
-        *tables, name = key.split(".")
+        *tables, name = _steps(model, key)
         at = tree
         for table in tables:
             at = at.setdefault(table, {})
@@ -94,14 +107,18 @@ def nested(changes: Mapping[str, Any]) -> dict[str, Any]:
     return tree
 
 
-def changed(model: Any, tree: Mapping[str, Any]) -> Any:
-    """Return a copy of a frozen description with some of its values changed, unchecked."""
+def changed(model: Any, values: Mapping[str, Any]) -> Any:
+    """Return a copy of a frozen description with values at dotted keys changed, unchecked."""
+    return _changed(model, _nested(model, values))
+
+
+def _changed(model: Any, tree: Mapping[str, Any]) -> Any:
 
     def other(old: Any, name: str) -> Any:
         if name not in tree:
             return old
         new = tree[name]
-        return changed(old, new) if isinstance(new, dict) else InOther.like(old, new)
+        return _changed(old, new) if isinstance(new, dict) else InOther.like(old, new)
 
     if isinstance(model, tuple):
         results = []
@@ -112,7 +129,8 @@ def changed(model: Any, tree: Mapping[str, Any]) -> Any:
         return tuple(results)
     if isinstance(model, Magnet):
         return _magnet(model, dict(tree))
-    return updated(model, {name: other(getattr(model, name), name) for name in tree})
+    names = names_of(model.__class__)
+    return updated(model, {names[key]: other(_value(model, key), key) for key in tree})
 
 
 def _magnet(magnet: Magnet, values: dict[str, Any]) -> Magnet:

@@ -20,7 +20,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
 from ambkit.campaigns import sampling
 from ambkit.campaigns.distributions import Marginal, OneOf
-from ambkit.campaigns.keys import OF_RUN, Key, changed, nested
+from ambkit.campaigns.keys import OF_RUN, Key, changed
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.study_checks import key_of
 from ambkit.campaigns.study_tables import UNITS
@@ -137,7 +137,7 @@ class Plan:
         """Hash of all that the rows follow from, files that the study names among it."""
         named = [self.study.estimator, *map(str, self._choices("estimator"))]
         of, files_of = self.nominal, {"magnet": {*FILES}}
-        without: Any = files_of | {"bearing": {"__all__": files_of}, "rotor": {"file"}}
+        without: Any = {"bearings": {"__all__": files_of}, "rotor": {"file"}}
         named_there = [getattr(item.magnet, name) for item in of.bearings for name in FILES]
         named_there.append(getattr(of.rotor, "file", None))
         content = {
@@ -217,7 +217,7 @@ class Plan:
         wrong = "" if allowed else self.beyond(values)
         plant = self.nominal
         if own and not wrong:
-            plant = changed(plant, nested(own))
+            plant = changed(plant, own)
             wrong = next(iter(plant.contradictions(self.nominal)), "")
         return Drawn(run, values, self._planned(plant, scenario, estimator, noise), wrong)
 
@@ -246,7 +246,7 @@ class Plan:
             if chosen is not None:
                 run = run.model_copy(update={"controller": self.controllers[str(chosen)]})
             of_run = {name.removeprefix(OF_RUN): value for name, value in values.items()}
-            return changed(run, nested(of_run))
+            return changed(run, of_run)
 
         return made
 

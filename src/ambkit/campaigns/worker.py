@@ -250,13 +250,13 @@ def peaks(runs: Sequence[Planned], threads: int | None = None) -> Array:
             single_axes.append(at)
             continue
         try:
-            points[at] = OperatingPoint.equilibrium(run.bearing.short)
+            points[at] = OperatingPoint.equilibrium(run.bearing)
         except AmbkitError:  # nothing holds the rotor
             result[at] = math.inf
             continue
         fed = _fed(run)
         if fed is None or tells(fed):
-            pid, bearing = run.scenario.controller, run.bearing.short
+            pid, bearing = run.scenario.controller, run.bearing
             key = (*alike(bearing), bearing.speed, pid.ki > 0, id(fed))
             groups.setdefault(key, []).append(at)
     for group in groups.values():
@@ -293,7 +293,7 @@ def _highest(runs: Sequence[Planned], points: Sequence[OperatingPoint]) -> Array
         ])  # fmt: skip
     stable, result = (np.abs(closed) < 1).all(axis=1), np.full(len(runs), np.inf)
     if stable.any():
-        bearing = runs[0].bearing.short
+        bearing = runs[0].bearing
         T = bearing.sampling_time
         top = end_of_range(T, bearing.speed)
         result[stable] = peaks_by_poles(opened[stable], closed[stable], T, top)
@@ -307,7 +307,7 @@ def _fed(run: Planned) -> Estimator | None:
 
 def _poles(runs: Sequence[Planned], points: Sequence[OperatingPoint]) -> tuple[Complex, Complex]:
     """Return the poles of plant and compensator, and of the closed loop, each (n, ...)."""
-    bearings = [run.bearing.short for run in runs]
+    bearings = [run.bearing for run in runs]
     P, fed = plants(bearings, points), _fed(runs[0])
     inner = None if fed is None else _estimators(fed, points)
     made: dict[tuple[int, float, float], LinearSystem] = {}

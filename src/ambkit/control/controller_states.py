@@ -41,7 +41,7 @@ class Controller:
     ) -> Controller:
         """Return that of a single axis and its PID."""
         control: Control = as_control(pid).completed(bearing)
-        plant, fed = Plant(bearing.long), control.feedback == "estimate"
+        plant, fed = Plant(bearing), control.feedback == "estimate"
         law = controllers_of(plant, control, estimator if fed else None)
         return cls(plant, estimator, law, sequence, fed, control)
 
@@ -69,7 +69,7 @@ class Controller:
         nothing, down = np.zeros(len(self.down)), self.down
         (_, middle), (_, lying) = (self.plant.equilibrium(at, nothing) for at in (nothing, down))
         k = [ConstantStiffness.of(item) for item in self.plant.isolated]
-        travel = np.array([item.rotor.clearance for item in self.plant.isolated])
+        travel = np.array([item.clearance for item in self.plant.isolated])
         slope = np.array([-item.k_s / item.k_i for item in k])
         far = np.abs(down) > FLAT * travel
         slope[far] = (lying - middle)[far] / down[far]
@@ -141,7 +141,7 @@ class Controller:
 
 def lies_at(bearing: Machine) -> float:
     """Return where a rotor lies [m]: on the stop to which its weight pulls it."""
-    travel: float = bearing.rotor.clearance
+    travel: float = bearing.clearance
     return travel if bearing.weight > 0 else -travel
 
 

@@ -123,7 +123,7 @@ def settled(
 ) -> Control:
     """Return controllers with their type, of a single axis with all gains; held or not."""
     if machine.single:
-        control = control.fed_by(control.feedback or feedback).completed(machine.isolated_axis(""))
+        control = control.fed_by(control.feedback or feedback).completed(machine)
     if control.type is not None:
         return control
     if not is_default(control):

@@ -39,7 +39,7 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     loads = [at for at, role in enumerate(roles) if role == "disturbance force"]
     n, p = len(own), len(isolated)
     C = along[:, own]
-    travel = np.array([item.rotor.clearance for item in isolated])
+    travel = np.array([item.clearance for item in isolated])
     limit = np.array([min(abs(item.current_min), item.current_max) for item in isolated])
     weight = np.diag(1 / (SHARE * limit) ** 2)
     seen = C / (0.1 * travel)[:, None]

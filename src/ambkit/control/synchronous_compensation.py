@@ -221,7 +221,7 @@ class _Rotor:
         self.planes = geometry.matrix(lines, machine.positions)
         self.push = (self.planes[::2] - 1j * self.planes[1::2]).T / machine.masses[:, None]
         self.k_i, self.k_s = np.array([[e.k_i] for e in k]), np.array([[e.k_s] for e in k])
-        self.travel = np.array([item.rotor.clearance for item in isolated])
+        self.travel = np.array([item.clearance for item in isolated])
         self.corners = [item.amplifier.bandwidth for item in isolated]
         self.names = [state.name for state in estimator.states]
         self.currents = [

@@ -82,7 +82,7 @@ class Engine:
         self.core: ModuleType = core_module(precision, any_model=not self.built_in)
         check_room(self.core, plan, machine.name)
         if self.built_in:
-            axis = machine.isolated_axis("")
+            axis = machine
             self.model_of_core: Any = self.core.Model(
                 axis.sampling_time, axis.rotor.mass, axis.sensor.gain, axis.lag_of(axis.sensor),
                 as_printed,

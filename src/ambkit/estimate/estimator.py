@@ -114,7 +114,7 @@ class Estimator(Described, Copyable):
         synchronous: Sequence[str] = (),
     ) -> None:
         of_type(Machine, bearing=bearing)
-        machine = bearing.long
+        machine = bearing
         if not self.takes(machine):
             names = ", ".join(axis.name for axis in machine.axes)
             raise ValueError(f"{self.name} takes one axis; {machine.name} has the axes {names}")
@@ -128,7 +128,7 @@ class Estimator(Described, Copyable):
         noise = noise or FilterNoise()
         of_type(FilterNoise, noise=noise)
         self.machine, self.view = machine, View(machine)
-        self.bearing: Any = machine.short
+        self.bearing: Any = machine
         self.magnet = constants_of(machine) if magnet is None else bank_of(magnet, machine)
         self.precision = precision
         self.engine = Engine(

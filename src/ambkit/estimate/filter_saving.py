@@ -121,7 +121,7 @@ def save(
     magnet_files: str | os.PathLike[str] | Mapping[str, Path] | None = magnet
     if magnet is not None and not single:  # one file, for all bearings
         magnet_files = dict.fromkeys(
-            (item.name for item in estimator.machine.bearing), Path(magnet)
+            (item.name for item in estimator.machine.bearings), Path(magnet)
         )
     if magnet is None and not _asks_its_own(estimator):
         magnet_files = (

@@ -57,7 +57,7 @@ class View:
     @cached_property
     def _by_axes(self) -> tuple[Array, Array]:
         """Coordinates (q, p) of a rigid rotor by displacements along the axes; clearances (p,)."""
-        clearances = [item.rotor.clearance for item in self.isolated]
+        clearances = [item.clearance for item in self.isolated]
         inverse = np.asarray(np.linalg.pinv(self.H[:, : self.rigid]))
         return inverse, np.array(clearances)
 
@@ -179,7 +179,7 @@ class View:
             "k_ui": [b.amplifier.gain for b in axes],
             "iu_min": [b.current_min for b in axes],
             "iu_max": [b.current_max for b in axes],
-            "x_max": [b.rotor.clearance for b in axes],
+            "x_max": [b.clearance for b in axes],
             "cap": self.caps(states),
             "var_u": several(variances.control),
             "var_d": self.growth(variances, noises),
@@ -197,7 +197,7 @@ class View:
             "position": self.travel,
             "velocity": fast,
             "disturbance force": np.array(
-                [b.rotor.mass * (0.1 * (b.rotor.clearance / T) / T) for b in self.isolated]
+                [b.rotor.mass * (0.1 * (b.clearance / T) / T) for b in self.isolated]
             ),
             "sensor": 3 * np.abs(self.gains) * self.travel_seen,
         }
@@ -382,6 +382,6 @@ def _times(A: Array, x: Array) -> Array:
 
 def _levitation_current(axis: Machine, magnet: MagnetModel, known: float) -> tuple[float, float]:
     """Return the current that holds the rotor in the middle [A], and its slope there [A/m]."""
-    step = 0.1 * axis.rotor.clearance
+    step = 0.1 * axis.clearance
     less, middle, more = (levitation_current(axis, magnet, x, known) for x in (-step, 0.0, step))
     return middle, (more - less) / (2 * step)

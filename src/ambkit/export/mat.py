@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -51,19 +52,20 @@ def export_mat(
 
 def variables(filter: Estimator) -> dict[str, Any]:
     """Return what the file holds, by the names in MATLAB; all in SI."""
-    machine = filter.machine.short
+    machine = filter.machine
     single, inputs = machine.single, {"y": filter.inputs.y, "u": filter.inputs.u}
     axes = dict(zip((axis.name for axis in machine.axes), filter.view.isolated, strict=True))
     experts = {
         name: magnet if isinstance(magnet, Expert) else None
         for name, magnet in zip(axes, models_of(filter.magnet), strict=True)
     }
+    described = machine.tables() | ({"sensor": machine.sensor.tables()} if single else {})
     tables = {name: _tables(axis, experts[name]) for name, axis in axes.items()}
     rules = {name: _expert(expert) for name, expert in experts.items() if expert is not None}
     content: dict[str, Any] = _model(filter) | {
         "states": np.array([state.name for state in filter.states], dtype=object),
         "tables": tables[""] if single else tables,
-        "bearing" if single else "machine": _fields(machine),
+        "bearing" if single else "machine": _fields(described),
         "inputs": {
             name: {"gain": item.gain, "zero": item.zero, "unit": item.unit}
             for name, item in inputs.items()
@@ -120,9 +122,9 @@ def _tables(bearing: Machine, expert: Expert | None) -> dict[str, Any]:
     } | bound
 
 
-def _fields(described: Part) -> dict[str, Any]:
+def _fields(described: Part | Mapping[str, Any]) -> dict[str, Any]:
     """All values of a description, and of the descriptions in it; files without their folders."""
-    values = {name: getattr(described, name) for name in type(described).model_fields}
+    values = dict(described)
     entries = {name: value for name, value in values.items() if value not in (None, ())}
     return {
         name: Path(value).name if name in FILES else _in_matlab(value)
@@ -132,7 +134,7 @@ def _fields(described: Part) -> dict[str, Any]:
 
 def _in_matlab(value: Any) -> Any:
     """A description as a struct, several as an array of structs, all else as it is."""
-    if isinstance(value, Part):
+    if isinstance(value, Part | Mapping):
         return _fields(value)
     if not isinstance(value, tuple):
         return value

@@ -80,7 +80,7 @@ class _Search:
     def __init__(self, expert: Expert, bearing: Machine, precision: Precision) -> None:
         self.expert = expert
         self.core = core_module(precision)
-        stop = bearing.rotor.clearance
+        stop = bearing.clearance
         self.limits = ((bearing.current_min, bearing.current_max), (-stop, stop))
 
     def nodes(self, rows: int, columns: int) -> tuple[Array, Array]:

@@ -213,7 +213,7 @@ def map_of(bearing: Machine, surface: ForceSurface, box: Box, shape: Shape) -> S
 
 def box_of(bearing: Machine, points: ForcePoints) -> Box:
     """Lowest and highest current [A] and displacement [m] of points and bearing together."""
-    travel = bearing.rotor.clearance
+    travel = bearing.clearance
     box = []
     for name, values, low, high, unit in (
         ("current", points.current, bearing.current_min, bearing.current_max, "A"),

@@ -27,7 +27,7 @@ def judge_adequacy(
 ) -> list[Finding]:
     """Judge whether a filter may fly."""
     own = getattr(filter, "bearing", None)
-    plant = own if plant is None else plant.short
+    plant = own if plant is None else plant
     results = list(criteria.innovations(nis))
     if isinstance(filter, Estimator) and plant is not None:
         results += _static(filter, plant, *_control_of(plant, scenario))

@@ -90,7 +90,7 @@ def _parameters(b: Machine) -> dict[str, tuple[float, str]]:
         "sampling_time": (b.sampling_time, "s"),
         "rotor.mass": (b.rotor.mass, "kg"),
         "weight along x": (b.weight, "N"),
-        "rotor.clearance": (b.rotor.clearance, "m"),
+        "rotor.clearance": (b.clearance, "m"),
         "magnet.magnet_constant": (b.magnet.magnet_constant, "N m^2/A^2"),
         "magnet.air_gap": (b.magnet.air_gap, "m"),
         "magnet.bias_current": (b.magnet.bias_current, "A"),
@@ -192,7 +192,7 @@ def _steps(plant: Machine) -> Iterator[Finding]:
 
 def _usual(plant: Any) -> Variances:
     """Return the variances that a filter of a machine has by default."""
-    view = View(plant.long)
+    view = View(plant)
     return view.variances(FilterNoise())
 
 
@@ -355,7 +355,7 @@ def demands(plant: Any, scenario: Scenario) -> Iterator[Finding]:
         )
         where = f" of {axis}" if axis else ""
         for what, item, most, unit in (
-            ("reference", position, b.rotor.clearance, "m"),
+            ("reference", position, b.clearance, "m"),
             ("disturbance force", force, load, "N"),
         ):
             far = _greatest(item, scenario.duration)

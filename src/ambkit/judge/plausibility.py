@@ -66,7 +66,7 @@ def evaluate_record(record: Record, machine: Machine) -> Verdict:
     if not machine.single:  # each axis moves by the forces on all
         signs = [] if problems else list(judge_signs(record, machine))
         return _verdict(problems, [(False, text) for text in remarks] + signs)
-    bearing = machine.isolated_axis("")
+    bearing = machine
     limits = [*_position(record, bearing), *_control(record, bearing)]
     fit = not problems and not any(wrong for wrong, _ in limits)
     signs = list(judge_signs(_without_stops(record, bearing), bearing)) if fit else []
@@ -135,7 +135,7 @@ def _position(record: Record, bearing: Machine) -> Iterator[tuple[bool, str]]:
     y = record["y"][np.isfinite(record["y"])] / bearing.sensor.gain
     farthest = float(np.abs(y).max())
     range_text = f"y reaches {engineering(farthest, 'm', digits=4)}"
-    gap, travel = bearing.magnet.air_gap, bearing.rotor.clearance
+    gap, travel = bearing.magnet.air_gap, bearing.clearance
     if np.ptp(y) == 0:
         yield (
             False,
@@ -276,7 +276,7 @@ def _lies(record: Record, bearing: Machine) -> Iterator[str]:
     """Tell of a rotor that rests at a stop, longer than one that bounces off it."""
     if "y" not in record:
         return
-    travel = bearing.rotor.clearance
+    travel = bearing.clearance
     for side in (-1, 1):
         there = _at_stop(record, bearing, side)
         start, length = longest_run(there)
@@ -300,7 +300,7 @@ def _without_stops(record: Record, bearing: Machine) -> Record:
 
 def _at_stop(record: Record, bearing: Machine, side: int) -> NDArray[np.bool_]:
     """Where a rotor is on the stop of a side (n,); nowhere if noise hides the travel."""
-    y, gain, travel = record["y"], bearing.sensor.gain, bearing.rotor.clearance
+    y, gain, travel = record["y"], bearing.sensor.gain, bearing.clearance
     near = max(_NEAR * noise(y) / gain, _AT_STOP * travel)
     if near > 0.5 * travel:
         return np.zeros(y.size, bool)
@@ -344,7 +344,7 @@ def _gravity(record: Record, bearing: Machine) -> Iterator[str]:
     x = record["y"][first:] / bearing.sensor.gain
     iu = bearing.amplifier.gain * record["u"][first:]
     lies = (_at_stop(record, bearing, -1) | _at_stop(record, bearing, 1))[first:]
-    sound = np.isfinite(iu) & (np.abs(x) < bearing.rotor.clearance) & ~lies
+    sound = np.isfinite(iu) & (np.abs(x) < bearing.clearance) & ~lies
     if np.count_nonzero(sound) < 20:
         return
     iu = np.clip(iu[sound], bearing.current_min, bearing.current_max)

@@ -88,20 +88,6 @@ class Stop(Part):
     """Loss of the coefficient of restitution by the velocity of the impact [s/m]."""
 
 
-def parts_contradictions(read: Read) -> Iterator[tuple[str, str]]:
-    """Yield (key of the bearing, what is wrong) for parts that do not go with the rest."""
-    T, speed = read("sampling_time"), read("speed")
-    yield from delay_contradictions(T, read("delay"))
-    yield from voltage_contradictions(read)
-    yield from coil_contradictions(read)
-    runout, hum = read("sensor.runout"), read("sensor.hum")
-    if isinstance(runout, tuple) and runout and not speed:
-        yield "speed", "missing: sensor.runout is at multiples of it"
-        return
-    for key, text in line_contradictions(T, speed, runout, hum):
-        yield f"sensor.{key}", text
-
-
 def delay_contradictions(T: float, delay: float | None) -> Iterator[tuple[str, str]]:
     """Yield what is wrong with the dead time of a loop that is sampled every T [s]."""
     if delay is not None and delay > LONGEST_DELAY * T:
@@ -126,12 +112,12 @@ def coil_contradictions(read: Read) -> Iterator[tuple[str, str]]:
         yield "amplifier.resistance", "missing: with it a coil warms by its current"
 
 
-def gap_contradictions(read: Read, travel: str) -> Iterator[tuple[str, str]]:
+def gap_contradictions(read: Read) -> Iterator[tuple[str, str]]:
     """Yield what is wrong between gap, bias current and the limits of travel and current."""
-    way, gap = read(travel), read("magnet.air_gap")
+    way, gap = read("clearance"), read("magnet.air_gap")
     if way >= gap:
         limit = f"magnet.air_gap, {engineering(gap, 'm')}"
-        yield travel, f"must be less than {limit}; is {engineering(way, 'm')}"
+        yield "clearance", f"must be less than {limit}; is {engineering(way, 'm')}"
     current, bias = read("amplifier.current_limit"), read("magnet.bias_current")
     if read("magnet.type") == "two-sided" and current > bias:
         limit = f"magnet.bias_current, {engineering(bias, 'A')}, with a two-sided magnet"

@@ -19,7 +19,7 @@ SHARES = (-0.5, 0.0, 0.5)
 
 def bearing_figure(bearing: Any) -> Figure:
     """Show what its magnet pulls with, and the current that carries the rotor."""
-    magnet, travel = magnet_of(bearing), bearing.rotor.clearance
+    magnet, travel = magnet_of(bearing), bearing.clearance
     iu = np.linspace(bearing.current_min, bearing.current_max, 121)
     x = np.linspace(-travel, travel, 121)
     current, displacement = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
@@ -60,4 +60,6 @@ def bearing_card(of: Any) -> Card:
         f"k_i {value(linear.k_i, 'N/A')}, k_s {value(linear.k_s, 'N/m')}, "
         f"hovers with {value(of.levitation_current, 'A')}"
     )
-    return settings_card(of, [("at x = 0", centre)], bearing_figure(of))
+    return settings_card(
+        of, [("clearance", value(of.clearance, "m")), ("at x = 0", centre)], bearing_figure(of)
+    )

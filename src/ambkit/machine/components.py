@@ -16,7 +16,7 @@ from pydantic import (
 )
 
 from ambkit.base.config import Part, Read
-from ambkit.base.config.quantities import Quantity
+from ambkit.base.config.quantities import Quantity, WordOrQuantity
 from ambkit.base.units import engineering
 from ambkit.machine.accessories import (
     Coil,
@@ -25,7 +25,7 @@ from ambkit.machine.accessories import (
     gap_contradictions,
     voltage_contradictions,
 )
-from ambkit.machine.parts import Amplifier, Magnet, Mass, Rotor, Sensor
+from ambkit.machine.parts import Amplifier, Magnet, Sensor
 from ambkit.machine.rotors.descriptions import MatrixRotor, ModalRotor, ShaftRotor
 from ambkit.machine.rotors.shaft_elements import inertia_contradictions
 
@@ -36,11 +36,26 @@ Place = Annotated[float, Quantity("m", "-0.25 m")]
 Angle = Annotated[float, Quantity("rad", "45 deg")]
 
 
-class MassRotor(Mass):
+class MassRotor(Part):
     """One mass with one translation, the rotor of a machine with one axis."""
 
     type: Literal["mass"] = "mass"
     """Moves along one axis."""
+    mass: Annotated[float, Quantity("kg", "0.518 kg", above=0)]
+    """Mass m [kg]."""
+    gravity: Annotated[
+        float | Literal["-x", "+x", "none"],
+        WordOrQuantity("rad", "45 deg", words=("-x", "+x", "none")),
+    ]
+    """Direction in which gravity pulls; "none" for a horizontal axis, or an angle from -x [rad]: of
+    a bearing whose axis stands slanted, "45 deg"."""
+
+    centre: ClassVar = 0.0  #: Place of the centre of mass [m].
+    transverse_inertia: ClassVar = math.inf  #: It does not tilt [kg m^2].
+    polar_inertia: ClassVar = 0.0  #: It does not rotate [kg m^2].
+
+    def bending(self, magnets: tuple[float, ...]) -> None:
+        """Return its bending modes: none."""
 
 
 class RigidRotor(Part):
@@ -103,10 +118,10 @@ AnyRotor = Annotated[
 ]
 """A rotor of any kind, by its type."""
 
-Body = RigidRotor | ShaftRotor | MatrixRotor | ModalRotor | MassRotor | Rotor
-"""A rotor as a machine has it, in either form."""
+Body = RigidRotor | ShaftRotor | MatrixRotor | ModalRotor | MassRotor
+"""A rotor as a machine has it."""
 
-ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor, MassRotor, Rotor)
+ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor, MassRotor)
 
 
 class PlacedBearing(Part):
@@ -137,7 +152,7 @@ class PlacedBearing(Part):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        yield from gap_contradictions(read, "clearance")
+        yield from gap_contradictions(read)
         yield from voltage_contradictions(read)
         yield from coil_contradictions(read)
         if read("type") == "radial" and read("magnet.type") == "one-sided":
@@ -160,6 +175,12 @@ class PlacedSensor(Sensor):
     """Where it looks at the rotor, along the shaft [m]."""
     angle: Angle = 0.0
     """From x, which is against gravity, to its first reading, towards y [rad]."""
+
+    def tables(self) -> dict[str, Any]:
+        values = super().tables()  # of the one sensor of a mass only what a file has
+        return (
+            {key: values[key] for key in Sensor.model_fields} if self.type == "single" else values
+        )
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

@@ -43,6 +43,10 @@ class IsolatedAxis(Protocol):
         """Its ``[rotor]``."""
 
     @property
+    def clearance(self) -> float:
+        """Greatest displacement [m]."""
+
+    @property
     def current_min(self) -> float:
         """Least control current [A]."""
 

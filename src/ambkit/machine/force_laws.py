@@ -132,23 +132,22 @@ def _aligned(one: Line, other: Line) -> bool:
 
 def with_axis(machine: Machine, axis: str, result: Machine) -> Machine:
     """Return a copy with magnet, amplifier, sensor and times of an axis, not checked."""
-    machine = machine.long
     own = next(item.bearing for item in machine.axes if item.name == axis)
     seen = machine.readings[reading_along(machine, axis)].sensor
     changes = {
         "magnet": result.magnet, "amplifier": result.amplifier, "coil": result.coil,
-        "clearance": result.rotor.clearance,
+        "clearance": result.clearance,
     }  # fmt: skip
     return machine.model_copy(
         update={
             "sampling_time": result.sampling_time,
             "delay": result.delay,
-            "bearing": tuple(
+            "bearings": tuple(
                 bearing.model_copy(update=changes) if bearing is own else bearing
                 for bearing in machine.bearings
             ),
-            "sensor": tuple(
-                sensor.model_copy(update=dict(result.sensor)) if sensor is seen else sensor
+            "sensors": tuple(
+                sensor.model_copy(update=result.sensor.tables()) if sensor is seen else sensor
                 for sensor in machine.sensors
             ),
         }

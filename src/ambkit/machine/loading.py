@@ -52,7 +52,7 @@ def load_machine(name: str | os.PathLike[str]) -> Machine:
     if text in known:
         return Machine.preset(text)
     if Path(text).suffix == ".toml" or os.sep in text or Path(text).exists():
-        return Machine.load(name).short
+        return Machine.load(name)
     near = difflib.get_close_matches(text, known, 1)
     hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"
     raise AmbkitError(f'there is no preset and no file "{text}"; {hint}')

@@ -3,31 +3,35 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field
+from pydantic import (
+    Field,
+    ModelWrapValidatorHandler,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
-from ambkit.base.config import Document, Read, reader, toml_text
-from ambkit.base.config.document import assembled
+from ambkit.base.config import Document, Read, reader
+from ambkit.base.config.document import updated
+from ambkit.base.config.problems import Problem
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Description, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
-from ambkit.machine import geometry, presets
+from ambkit.machine import geometry, presets, short_form
 from ambkit.machine.accessories import (
     SHORTEST_LAG,
     Coil,
     Stop,
     delay_contradictions,
-    gap_contradictions,
     line_contradictions,
-    parts_contradictions,
 )
 from ambkit.machine.components import (
     ROTORS,
@@ -43,7 +47,6 @@ from ambkit.machine.parts import (
     GRAVITY,
     Amplifier,
     Magnet,
-    Rotor,
     Sensor,
     along_x,
     current_limits,
@@ -52,23 +55,27 @@ from ambkit.machine.parts import (
 from ambkit.machine.placement_checks import beyond_the_rotor, loose, unseen
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import Bending
-from ambkit.result.showing import Described, Shown
+from ambkit.result.showing import Shown
 
 if TYPE_CHECKING:
     from ambkit.result.card import Card
 
 
-class Machine(Described, Document):
+class Machine(Shown, Document):
     """A rotor on magnetic bearings: one axis, or several that the rotor and its rotation couple.
 
     Frozen, and checked as a whole: from TOML (`load`, `from_toml`, `preset`) or from Python, where
-    numbers are SI and strings carry units. With one axis it may be written short, as a `Bearing`.
+    numbers are SI and strings carry units. One with a single axis is read and written in a short
+    form, with ``[magnet]``, ``[rotor]``, ``[amplifier]`` and ``[sensor]`` in place of lists.
 
     Examples
     --------
     >>> machine = Machine.preset("tum_mlps")
     >>> [axis.name for axis in machine.axes]
     ['A1', 'A2', 'B1', 'B2']
+    >>> machine = Machine.preset("zittau_axial")
+    >>> machine.replace(magnet__air_gap="2.2 mm").magnet.air_gap
+    0.0022
     """
 
     name: Annotated[Name, Field(min_length=1)]
@@ -81,23 +88,63 @@ class Machine(Described, Document):
     """Sampling time T of controller and estimator [s]."""
     delay: Annotated[float, Quantity("s", "0.15 ms", above=0)] | None = None
     """Dead time from a sample to the change of the control currents that it leads to [s]."""
-    if TYPE_CHECKING:  # what both forms have, but for the last five: those are of one axis
-        speed: float
-        rotor: Any
-        magnet: Magnet
-        amplifier: Amplifier
-        sensor: Sensor
-        stop: Stop | None
-        coil: Coil | None
+    speed: Annotated[float, Quantity("rad/s", "12000 rpm")] = 0.0
+    """Speed of rotation, from x towards y [rad/s]; of a mass, of which runout has frequencies."""
+    rotor: AnyRotor
+    """The rotor: rigid, one that bends, or a mass along one axis."""
+    bearings: Annotated[tuple[PlacedBearing, ...], Field(min_length=1, alias="bearing")]
+    """The bearings."""
+    sensors: Annotated[tuple[PlacedSensor, ...], Field(min_length=1, alias="sensor")]
+    """The position sensors."""
+    unbalance: tuple[Unbalance, ...] = ()
+    """Unbalance, by its planes."""
 
-        @property
-        def unbalance(self) -> tuple[Unbalance, ...]: ...
-        @property
-        def long(self) -> PlacedMachine: ...
+    unwritten = ("unbalance",)
 
-    def __new__(cls, /, **data: Any) -> Self:
-        """Make it in the form that its keys are of."""
-        return super().__new__(_form_of(data) if cls is Machine else cls)  # type: ignore[return-value]
+    if TYPE_CHECKING:  # in either form
+
+        def __init__(self, /, **data: Any) -> None: ...
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _from_short_form(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        if not short_form.is_short(data):
+            return handler(data)
+        long, problems = short_form.expanded(data)
+        try:
+            machine = handler(long)
+        except ValidationError as error:
+            problems = short_form.moved(Problem.unpack(error), problems)
+        if problems:
+            raise ValidationError.from_exception_data(cls.__name__, [p.pack() for p in problems])
+        return machine
+
+    @model_serializer(mode="wrap")
+    def _written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data = super()._written(handler)
+        for key in short_form.LISTS:
+            data = {key if name == f"{key}s" else name: data[name] for name in data}
+        if not self.single:
+            return data
+        if not self.speed:
+            data.pop("speed", None)
+        return short_form.shortened(data)
+
+    @classmethod
+    def json_schema(cls) -> dict[str, Any]:
+        """Return the JSON schema of the TOML file, in the long form or the short one."""
+        return short_form.with_schema(super().json_schema())
+
+    def tables(self) -> dict[str, Any]:
+        return short_form.tables_of(self) if self.single else super().tables()
+
+    def replace(self, **changes: Any) -> Self:
+        lists = {key: changes[key] for key in short_form.LISTS if key in changes}
+        if self.single and any(isinstance(value, list | tuple) for value in lists.values()):
+            long = type(self)(**(super().tables() | lists))
+            rest = {key: value for key, value in changes.items() if key not in lists}
+            return long.replace(**rest) if rest else long
+        return super().replace(**changes)
 
     @classmethod
     def preset(cls, name: str) -> Self:
@@ -115,25 +162,55 @@ class Machine(Described, Document):
         """
         return cls.from_toml(presets.text(name), name=f"{name}.toml")
 
-    @classmethod
-    def from_toml(cls, text: str, name: str = "<text>", folder: Path = Path()) -> Self:
-        if cls is not Machine:
-            return super().from_toml(text, name, folder)
-        return _form_of(toml_text.parse(text).data or {}).from_toml(text, name, folder)  # type: ignore[return-value]
-
-    @classmethod
-    def json_schema(cls) -> dict[str, Any]:
-        return PlacedMachine.json_schema() if cls is Machine else super().json_schema()
+    def model_post_init(self, context: Any, /) -> None:
+        """Choose how many bending modes are kept, where the rotor does not fix it."""
+        if isinstance(self.rotor, OfMatrices) and self.rotor.modes_up_to is None:
+            chosen = self.rotor.with_modes_for(self.sampling_time, self.speed)
+            self.__dict__["rotor"] = chosen
 
     @property
-    def bearings(self) -> tuple[PlacedBearing, ...]:
-        """The bearings."""
-        return self.long.bearing
+    def bearing(self) -> tuple[PlacedBearing, ...]:
+        """The bearings, by the name that they had; read for one release."""
+        return self.bearings
+
+    @cached_property
+    def _one(self) -> PlacedBearing:
+        """The bearing of a machine with one axis."""
+        if len(self.axes) > 1:
+            name = self.axes[0].name
+            raise AttributeError(f'{self.name} has several axes: use machine["{name}"].magnet, ...')
+        return self.bearings[0]
 
     @property
-    def sensors(self) -> tuple[PlacedSensor, ...]:
-        """The position sensors."""
-        return self.long.sensor
+    def magnet(self) -> Magnet:
+        """The electromagnets of its one axis."""
+        return self._one.magnet
+
+    @property
+    def amplifier(self) -> Amplifier:
+        """The amplifier of its one axis."""
+        return self._one.amplifier
+
+    @property
+    def sensor(self) -> PlacedSensor:
+        """The position sensor of its one axis."""
+        only = self.single or self._one.type == "single"
+        return self.sensors[0] if only else self._nearest(self.axes[0])
+
+    @property
+    def clearance(self) -> float:
+        """Greatest displacement of its one axis [m], where the rotor meets a stop."""
+        return self._one.clearance
+
+    @property
+    def stop(self) -> Stop | None:
+        """The stop of its one axis; without it the rotor stays where it touches one."""
+        return self._one.stop
+
+    @property
+    def coil(self) -> Coil | None:
+        """How the coils of its one axis warm, if that is known."""
+        return self._one.coil
 
     @cached_property
     def shaft(self) -> Shaft:
@@ -152,10 +229,11 @@ class Machine(Described, Document):
         Parameters
         ----------
         update : mapping, optional
-            The values, by key.
+            The values by field, or by magnet, amplifier, sensor, ... of its one axis.
         deep : bool
             Whether what it holds is copied as well.
         """
+        update = dict(short_form.updates(self, update or {}))
         copy = super().model_copy(update=update, deep=deep)
         for made in copy.__dict__.keys() - type(self).model_fields:  # of another rotor, perhaps
             del copy.__dict__[made]
@@ -241,17 +319,12 @@ class Machine(Described, Document):
             and not bearings[0].name
         )
 
-    @property
-    def short(self) -> Machine:
-        """The same machine, of a single axis in the short form."""
-        return self.isolated_axis("") if self.single else self
-
     def __getitem__(self, axis: str) -> Machine:
-        """Return an axis as a machine of one axis, see `alone`."""
+        """Return an axis as a machine of one axis, see `isolated_axis`."""
         return self.isolated_axis(axis)
 
     def isolated_axis(self, axis: str) -> Machine:
-        """Return an axis as a bearing alone, with the mass that is effective there.
+        """Return an axis as a machine of its own, with the mass that is effective there.
 
         Its motion is that of the machine's only where the axes do not couple, see
         :attr:`coupling`. It has no weight but on a one-sided magnet.
@@ -266,14 +339,16 @@ class Machine(Described, Document):
         AmbkitError
             There is no such axis.
         """
-        made = self.isolated_made
+        if self.single and not axis:
+            return self
+        made = self._isolated_axes
         if axis not in made:
             made[axis] = self._make_isolated(axis)
         return made[axis]
 
     @cached_property
-    def isolated_made(self) -> dict[str, Machine]:
-        """The axes that `alone` has made, by their names: many ask for the same ones."""
+    def _isolated_axes(self) -> dict[str, Machine]:
+        """The axes that were isolated so far, by their names: many need the same ones."""
         return {}
 
     def _make_isolated(self, axis: str) -> Machine:
@@ -282,23 +357,16 @@ class Machine(Described, Document):
             raise AmbkitError(f"{self.name} has no axis {axis}; there are {', '.join(names)}")
         at = names.index(axis)
         result = self.axes[at]
-        one = result.bearing
-        sensor = dict(self._nearest(result))
-        keys: dict[str, Any] = {"name": axis or self.name, "speed": abs(self.speed)}
-        if self.single:
-            keys |= {"description": self.description, "source": self.source}
-        elif not self.speed:
-            sensor["runout"] = ()  # without a speed it has no frequency
-        return Bearing(
-            **keys, sampling_time=self.sampling_time, delay=self.delay, magnet=one.magnet,
-            rotor=Rotor(
-                mass=float(self.effective_masses[at]), gravity=self._gravity_of(result),
-                clearance=one.clearance,
-            ),
-            amplifier=one.amplifier,
-            sensor=Sensor.model_construct(**{key: sensor[key] for key in Sensor.model_fields}),
-            stop=one.stop, coil=one.coil,
-        )  # fmt: skip
+        sensor = self._nearest(result)
+        if not self.speed:
+            sensor = updated(sensor, {"runout": ()})  # without a speed it has no frequency
+        mass = float(self.effective_masses[at])
+        return Machine(**{
+            "name": axis, "sampling_time": self.sampling_time, "delay": self.delay,
+            "speed": abs(self.speed),
+            "rotor": MassRotor(mass=mass, gravity=self._gravity_of(result)),
+            "bearing": [updated(result.bearing, ONLY)], "sensor": [updated(sensor, ONLY)],
+        })  # fmt: skip
 
     @cached_property
     def levitation_currents(self) -> dict[tuple[float, float], float]:
@@ -375,58 +443,21 @@ class Machine(Described, Document):
             results.append((entry.place, amount, entry.angle))
         return results
 
-
-class PlacedMachine(Machine):
-    """A machine in the long form: a rotor, and bearings and sensors at their places."""
-
-    model_config = ConfigDict(title="Machine")
-
-    speed: Annotated[float, Quantity("rad/s", "12000 rpm")] = 0.0
-    """Speed of rotation, from x towards y [rad/s]."""
-    rotor: AnyRotor
-    """The rotor: rigid, or one that bends."""
-    bearing: Annotated[tuple[PlacedBearing, ...], Field(min_length=1)]
-    """The bearings."""
-    sensor: Annotated[tuple[PlacedSensor, ...], Field(min_length=1)]  # type: ignore[assignment]
-    """The position sensors."""
-    unbalance: tuple[Unbalance, ...] = ()
-    """Unbalance, by its planes."""
-
-    def __repr_name__(self) -> str:
-        return "Machine"
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            if name not in ("magnet", "amplifier", "stop", "coil"):
-                return super().__getattr__(name)
-            names = [axis.name for axis in self.axes]
-            if len(names) == 1:
-                return getattr(self.isolated_axis(names[0]), name)
-            raise AttributeError(f'it has several axes: use machine["{names[0]}"].{name}')
-
-    unwritten = ("unbalance",)
-
-    def model_post_init(self, context: Any, /) -> None:
-        """Choose how many bending modes are kept, where the rotor does not fix it."""
-        if isinstance(self.rotor, OfMatrices) and self.rotor.modes_up_to is None:
-            chosen = self.rotor.with_modes_for(self.sampling_time, self.speed)
-            self.__dict__["rotor"] = chosen
-
-    @property
-    def long(self) -> PlacedMachine:
-        """Itself."""
-        return self
-
-    def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
-        """Return the description as TOML with units, of a single axis in its short form."""
-        return self.isolated_axis("").to_toml(folder) if self.single else super().to_toml(folder)
+    def contradictions(self, known: Any = None) -> Iterator[str]:
+        for text in super().contradictions(known):
+            yield short_form.short_text(text) if self.single else text
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         yield from delay_contradictions(read("sampling_time"), read("delay"))
+        if read("bearings.0.type") == "single" and all(
+            isinstance(read(f"{key}s.1.type"), float)
+            for key in short_form.LISTS  # there is none
+        ):
+            yield from _mass_contradictions(read)
+            return
         bearings, sensors = (
-            item if isinstance(item, tuple) else () for item in (read("bearing"), read("sensor"))
+            item if isinstance(item, tuple) else () for item in (read("bearings"), read("sensors"))
         )
         yield from _double_names("bearing", bearings)
         yield from _double_names("sensor", sensors)
@@ -438,100 +469,51 @@ class PlacedMachine(Machine):
             yield from _too_heavy(read, bearings, sensors)
         yield from unseen(read, bearings, sensors)
 
-
-class Bearing(Shown, Machine):
-    """The short form of a `Machine` with one axis: a way to read, write and make one.
-
-    Magnet, amplifier and sensor stand without a place, and signals have no suffix. Nothing in
-    ambkit distinguishes it from another machine with one axis.
-
-    Examples
-    --------
-    >>> bearing = Bearing.preset("zittau_axial")
-    >>> bearing.magnet.air_gap
-    0.002
-    >>> bearing.replace(magnet__air_gap="2.2 mm").magnet.air_gap
-    0.0022
-    """
-
-    speed: Annotated[float, Quantity("rad/s", "12000 rpm", at_least=0)] = 0.0
-    """Speed of rotation [rad/s], of which runout has its frequencies."""
-    magnet: Magnet
-    """The electromagnets."""
-    rotor: Rotor
-    """The rotor."""
-    amplifier: Amplifier
-    """The amplifier."""
-    sensor: Sensor
-    """The position sensor."""
-    stop: Stop | None = None
-    """Stops that give way, and bounce; without it the rotor stays where it touches one."""
-    coil: Coil | None = None
-    """How the coils warm; without it nobody asks."""
-
-    unwritten = ("speed",)
-
-    @property
-    def unbalance(self) -> tuple[Unbalance, ...]:
-        """Nothing: a mass does not turn."""
-        return ()
-
-    @property
-    def isolated_made(self) -> dict[str, Machine]:
-        """Itself."""
-        return {"": self}
-
-    @cached_property
-    def long(self) -> PlacedMachine:
-        """The same machine in the long form; its signals keep their names, without a suffix."""
-        # Each part was checked when this was made.
-        of = {key: getattr(self, key) for key in (*Machine.model_fields, "speed")}
-        rotor = {"mass": self.rotor.mass, "gravity": self.rotor.gravity}
-        bearing = {key: getattr(self, key) for key in ("magnet", "amplifier", "stop", "coil")}
-        bearing |= {"type": "single", "clearance": self.rotor.clearance}
-        sensor = {"type": "single"} | dict(self.sensor)
-        machine = assembled(PlacedMachine, of | {
-            "rotor": assembled(MassRotor, rotor),
-            "bearing": (assembled(PlacedBearing, bearing),),
-            "sensor": (assembled(PlacedSensor, sensor),),
-        })  # fmt: skip
-        machine.isolated_made[""] = self
-        return machine
-
-    @classmethod
-    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        yield from gap_contradictions(read, "rotor.clearance")
-        kind, gravity = read("magnet.type"), read("rotor.gravity")
-        if kind == "one-sided" and along_x(gravity) >= 0:
-            gravity_text = (
-                f'"{gravity}"' if isinstance(gravity, str) else engineering(gravity, "rad")
-            )
-            what = "pull towards -x" if not isinstance(gravity, str) else 'be "-x"'
-            text = f"must {what}, is {gravity_text}: nothing else pulls against a one-sided magnet"
-            yield "rotor.gravity", text
-
-        current = read("amplifier.current_limit")
-        needed_current = abs(levitation_current_of(read, current))
-        if needed_current > current:
-            limit = f"at least {engineering(needed_current, 'A')}, which carries the rotor at x = 0"
-            if math.isinf(needed_current):
-                limit = "such that it carries the rotor at x = 0, which no current does"
-            yield (
-                "amplifier.current_limit",
-                f"must be {limit}; is {engineering(current, 'A')}",
-            )
-        yield from parts_contradictions(read)
-
     def _card(self) -> Card:
         from ambkit.machine.bearing_card import bearing_card
+        from ambkit.result.card import settings_card
 
-        return bearing_card(self)
+        return bearing_card(self) if self.single else settings_card(self)
 
 
-def _form_of(data: Mapping[str, Any]) -> type[Machine]:
-    """Return the form that a description's keys are of: the long one has lists of its parts."""
-    lists = any(isinstance(data.get(key), list | tuple) for key in ("bearing", "sensor"))
-    return PlacedMachine if lists else Bearing
+Bearing = Machine
+"""A machine, by the name that one with a single axis had; read for one release."""
+
+ONLY = {"name": "", "type": "single", "place": 0.0, "angle": 0.0}
+"""Where the bearing and the sensor of a machine with one axis are."""
+
+
+def _mass_contradictions(read: Read) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with the one axis of a mass."""
+
+    def of_axis(key: str) -> Any:
+        return read(key if key.startswith("rotor.") else f"bearings.0.{key}")
+
+    speed, runout = read("speed"), read("sensors.0.runout")
+    if speed < 0:
+        yield "speed", f"must be at least 0 rad/s, is {engineering(speed, 'rad/s')}"
+    if isinstance(runout, tuple) and runout and not speed:
+        yield "speed", "missing: sensor.runout is at multiples of it"
+    else:
+        hum, T = read("sensors.0.hum"), read("sampling_time")
+        for key, text in line_contradictions(T, speed, runout, hum):
+            yield f"sensor.0.{key}", text
+    if read("unbalance"):
+        yield "unbalance", "is of a rotor that turns; a mass does not"
+    kind, gravity = of_axis("magnet.type"), of_axis("rotor.gravity")
+    if kind == "one-sided" and along_x(gravity) >= 0:
+        gravity_text = f'"{gravity}"' if isinstance(gravity, str) else engineering(gravity, "rad")
+        what = "pull towards -x" if not isinstance(gravity, str) else 'be "-x"'
+        text = f"must {what}, is {gravity_text}: nothing else pulls against a one-sided magnet"
+        yield "rotor.gravity", text
+    current = of_axis("amplifier.current_limit")
+    needed_current = abs(levitation_current_of(of_axis, current))
+    if needed_current > current:
+        limit = f"at least {engineering(needed_current, 'A')}, which carries the rotor at x = 0"
+        if math.isinf(needed_current):
+            limit = "such that it carries the rotor at x = 0, which no current does"
+        text = f"must be {limit}; is {engineering(current, 'A')}"
+        yield "bearing.0.amplifier.current_limit", text
 
 
 def _double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]:
@@ -589,8 +571,8 @@ def _too_heavy(
         yield "rotor.gravity", 'must not be "-z" where no thrust bearing carries the rotor'
         return
     forces = geometry.supporting_forces(rotor, axes, GRAVITY)
-    machine = PlacedMachine.model_construct(
-        name="alone", sampling_time=T, delay=None, speed=0.0, rotor=rotor, bearing=bearings,
+    machine = Machine.model_construct(
+        name="isolated", sampling_time=T, delay=None, speed=0.0, rotor=rotor, bearing=bearings,
         sensor=sensors, unbalance=(),
     )  # fmt: skip
     for at, one in enumerate(bearings):

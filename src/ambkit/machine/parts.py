@@ -15,7 +15,7 @@ from pydantic import (
 )
 
 from ambkit.base.config import Part, Read, read_unchecked
-from ambkit.base.config.quantities import InOther, Quantity, WordOrQuantity
+from ambkit.base.config.quantities import InOther, Quantity
 from ambkit.base.config.text_types import FilePath
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
@@ -111,6 +111,12 @@ class Magnet(LawKeys):
             del data["magnet_constant"]
         return data
 
+    def tables(self) -> dict[str, Any]:
+        values = super().tables()
+        if self.turns is not None:
+            del values["magnet_constant"]
+        return values
+
     def with_constant(self, constant: float) -> dict[str, float | None]:
         """Return what :meth:`Machine.replace` is to change for another magnet constant."""
         # A coil would contradict it, and is left out; where the iron saturates and so needs its
@@ -168,47 +174,6 @@ def _coil_constant(read: Read) -> float:
     if turns is None or area is None:
         return math.nan
     return magnet_constant(turns, area, 0.0 if angle is None else angle)
-
-
-class Mass(Part):
-    """A mass that moves along one axis."""
-
-    mass: Annotated[float, Quantity("kg", "0.518 kg", above=0)]
-    """Mass m [kg]."""
-    gravity: Annotated[
-        float | Literal["-x", "+x", "none"],
-        WordOrQuantity("rad", "45 deg", words=("-x", "+x", "none")),
-    ]
-    """Direction in which gravity pulls; "none" for a horizontal axis, or an angle from -x [rad]: of
-    a bearing whose axis stands slanted, "45 deg"."""
-
-    @property
-    def centre(self) -> float:
-        """Place of the centre of mass [m]."""
-        return 0.0
-
-    @property
-    def transverse_inertia(self) -> float:
-        """Infinite: it does not tilt [kg m^2]."""
-        return math.inf
-
-    @property
-    def polar_inertia(self) -> float:
-        """None: it does not rotate [kg m^2]."""
-        return 0.0
-
-    def bending(self, magnets: tuple[float, ...]) -> None:
-        """Return its bending modes: none."""
-
-
-class Rotor(Mass):
-    """The rotor along one axis."""
-
-    type: ClassVar[Literal["mass"]] = "mass"
-    """As of a machine's rotor."""
-    renamed: ClassVar = {"travel_limit": "clearance"}
-    clearance: Annotated[float, Quantity("m", "1 mm", above=0)]
-    """Greatest displacement |x| [m], where the rotor meets a stop; less than the air gap."""
 
 
 class Amplifier(Part):
@@ -300,10 +265,10 @@ def levitation_current_of(read: Read, enough: float = 0.0) -> float:
         return math.nan
     bearing: Any = SimpleNamespace(magnet=magnet)
     if magnet.force_map is not None:
-        bearing.rotor = SimpleNamespace(clearance=read("rotor.clearance"))
+        bearing.clearance = read("clearance")
         limit = read("amplifier.current_limit")
         bearing.current_min, bearing.current_max = current_limits(limit, magnet)
-        if not 0 < bearing.rotor.clearance < magnet.air_gap or not limit > 0:
+        if not 0 < bearing.clearance < magnet.air_gap or not limit > 0:
             return math.nan
     try:
         law = magnet_of(bearing)

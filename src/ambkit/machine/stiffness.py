@@ -165,7 +165,7 @@ def operating_points(bearing: Machine) -> tuple[Array, Array]:
     """Return the nodes of the paper's 25 operating points (Tables 2 and 3), for any bearing."""
     # Five control currents [A] over what the amplifier gives, and five displacements [m] over half
     # the travel to either side.
-    half_travel = bearing.rotor.clearance / 2
+    half_travel = bearing.clearance / 2
     return (
         np.linspace(bearing.current_min, bearing.current_max, 5),
         np.linspace(-half_travel, half_travel, 5),

@@ -56,7 +56,7 @@ def axis_fields(
         sensor["speed"] = bearing.speed
     amplifier, of_magnet = amplifier_of(bearing), _behind(bearing)
     between = behind_fields(of_magnet, dtype)
-    clearance, stop = bearing.rotor.clearance, bearing.stop
+    clearance, stop = bearing.clearance, bearing.stop
     far = clearance if stop is None else max_displacement(clearance, bearing.magnet.air_gap)
     bent = any(name in sensor for name in ("orders", "quadratic"))
     states, behind = CURRENTS[-1] + 1, between.get("behind", 0)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from ambkit.base.config.document import settings_of
+from ambkit.base.config.problems import settings_of
 from ambkit.base.escaping import one_line
 from ambkit.base.units import figure, typeset
 from ambkit.result.report.figure import WIDTH, Figure
@@ -109,8 +109,8 @@ def settings_card(
 ) -> Card:
     """Describe what stands in a file by what it sets, its parts one below the other."""
     rows = [("", ", ".join(settings_of(of, value)))]
-    for name in type(of).model_fields:
-        part = getattr(of, name)
+    for name, values in of.tables().items():
+        part = getattr(of, name, values)
         for item in part if isinstance(part, tuple) else (part,):
             if isinstance(item, BaseModel):
                 label = " ".join(filter(None, (name.replace("_", " "), getattr(item, "name", ""))))

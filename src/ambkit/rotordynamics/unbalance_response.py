@@ -136,7 +136,7 @@ def of_grades(loop: Loop, machine: Machine, point: OperatingPoint) -> list[Grade
     # In the planes that are described, or else at the outer bearings; the planes' shares as the
     # machine's own are graded, and their angles as bad as can be.
     isolated, pairs = isolated_axes(machine), pairs_of(machine)
-    travel = np.array([b.rotor.clearance for b in isolated])
+    travel = np.array([b.clearance for b in isolated])
     per_grade = [
         of_unbalance(loop, machine.model_copy(update={"unbalance": (plane,)}), point)
         for plane in permitted(machine, 1.0)

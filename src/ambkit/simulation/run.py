@@ -126,7 +126,6 @@ class Loop:
             of_type(Estimator, filter=estimator)
         self._straight = machine.single and controllers is None
         check_for(scenario, machine)
-        machine = machine.short if self._straight else machine
         self.machine, self.external_inputs = (
             machine,
             ExternalInputs() if external_inputs is None else external_inputs,
@@ -196,7 +195,7 @@ class Loop:
         at, load = self._reference[0], self._load[0]
         self._speed = self._base = None
         if self._straight:
-            alone = machine.isolated_axis("")
+            alone = machine
             return StraightLine(alone, scenario, magnet, float(at[0]), float(load[0]))
         after = machine.sampling_time * np.arange(t.size + 1, dtype=float)
         own = np.full(after.size, machine.speed)

@@ -29,7 +29,7 @@ def simulation_figure(run: Any) -> Figure:
     record, estimate = run.record, run.estimate
     if not run.plant.single:
         return _machine_figure(run)
-    bearing = run.plant.isolated_axis("")
+    bearing = run.plant
     t, name = record.t, "estimate"
 
     def told(signal: str) -> list[Item]:

@@ -206,7 +206,7 @@ class Run(Result):
     @property
     def machine(self) -> Machine:
         """The plant as a machine."""
-        return self.plant.long
+        return self.plant
 
     @property
     def axes(self) -> list[str]:

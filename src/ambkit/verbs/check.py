@@ -67,7 +67,7 @@ def schema(
 
     Examples
     --------
-    $ ambkit schema bearing > bearing.schema.json
+    $ ambkit schema machine > machine.schema.json
     """
     from ambkit.result.result import json_document
     from ambkit.workflow.check import schema_of

@@ -13,6 +13,7 @@ from typing import Any
 from ambkit.base import files
 from ambkit.base.config import toml_text
 from ambkit.base.config.document import TOLD
+from ambkit.base.config.problems import fields_of
 from ambkit.base.errors import AmbkitError, ConfigError, RecordError, shortened
 from ambkit.base.units import engineering
 from ambkit.data.channel_map import ChannelMap
@@ -20,7 +21,8 @@ from ambkit.data.files.tables import ENDINGS, read_log, read_table
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.machine import presets
 from ambkit.machine.forces.force_points import COLUMNS, NAMES, ForceChannels, load_force_points
-from ambkit.machine.machine import Bearing, Machine, PlacedMachine
+from ambkit.machine.machine import Machine
+from ambkit.machine.short_form import TABLES
 from ambkit.models.plant_parts import in_words
 from ambkit.result.result import Document
 from ambkit.simulation.scenario import Scenario, by_axis
@@ -75,7 +77,7 @@ def documents() -> dict[str, Any]:
     from ambkit.campaigns.study import Study
 
     return {
-        "bearing": Bearing, "machine": PlacedMachine, "scenario": Scenario,
+        "machine": Machine, "scenario": Scenario,
         "channel map": ChannelMap, "filter": FilterFile, SHORT["force"]: ForceChannels,
         "study": Study,
     }  # fmt: skip
@@ -91,15 +93,14 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
     signals = toml.data.get("signals")
     if isinstance(signals, dict) and "f_mag" in signals and "t" not in signals:
         return SHORT["force"]
-    shared = {
-        kind: len(set(toml.data) & set(model.model_fields)) for kind, model in documents().items()
-    }
+    keys = {kind: {*fields_of(model)} for kind, model in documents().items()}
+    keys["machine"] |= {*TABLES[""]}
+    shared = {kind: len(known & toml.data.keys()) for kind, known in keys.items()}
     best = max(shared, key=lambda kind: shared[kind])
     if shared[best] == 0:
         raise AmbkitError(
-            f"{path}: is neither a bearing, nor a machine, nor a scenario, nor a study, nor a "
-            f"channel map, nor a filter: none of its keys is known in those "
-            f"({', '.join(toml.data) or 'it is empty'})"
+            f"{path}: is neither a machine, nor a scenario, nor a study, nor a channel map, nor a "
+            f"filter: none of its keys is known in those ({', '.join(toml.data) or 'it is empty'})"
         )
     return best
 
@@ -112,7 +113,7 @@ class Finding:
     problems: tuple[str, ...] = ()  #: All that is wrong, each with its place.
     remarks: tuple[str, ...] = ()  #: What is odd about a record, and may be right.
     path: Path = Path()  #: The file.
-    #: ``"bearing"``, ``"machine"``, ``"scenario"``, ``"study"``, ``"filter"``,
+    #: ``"machine"``, ``"scenario"``, ``"study"``, ``"filter"``,
     #: ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``;
     #: ``"file"`` where that cannot be told.
     kind: str = "file"
@@ -125,7 +126,8 @@ class Finding:
 
 def schema_of(kind: str) -> dict[str, Any]:
     """Return the JSON schema of a TOML file, by `Finding.kind` or its short form in `SHORT`."""
-    return dict(documents()[SHORT.get(kind, kind)].json_schema())
+    once = {"bearing": "machine"}  # read for one release
+    return dict(documents()[(SHORT | once).get(kind, kind)].json_schema())
 
 
 def checked(
@@ -219,7 +221,6 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Findin
         return Finding(_of_study(result))
     if kind == "scenario":
         return Finding(f"{engineering(result.duration, 's')}, {_of_signals(result)}")
-    result = result.isolated_axis("") if kind == "machine" else result
     mass = engineering(result.rotor.mass, "kg")
     about = "; ".join([f"{result.name}, {result.magnet.type}, {mass}", *in_words(result)])
     return Finding(about, (), tuple(sentences(list(of_machine(result)))))
@@ -347,9 +348,9 @@ def _describe_record(
 def preset_listing() -> Document:
     """Return the names of all presets, and what each is."""
     machines = map(Machine.preset, presets.names())
-    data = [
+    data: list[dict[str, Any]] = [
         {"name": item.name, "description": item.description, "source": item.source,
-         "kind": _form_of(item)}
+         "axes": [axis.name for axis in item.axes]}
         for item in machines
     ]  # fmt: skip
     column = max(len(item["name"]) for item in data) + 2
@@ -365,9 +366,4 @@ def preset_listing() -> Document:
 def preset_document(name: str) -> Document:
     """Return a preset as TOML, and as data."""
     toml, machine = presets.text(name), Machine.preset(name)
-    return Document(toml, {"name": name, _form_of(machine): machine.model_dump(), "toml": toml})
-
-
-def _form_of(machine: Machine) -> str:
-    """Return the form of a machine's file, short or long."""
-    return "bearing" if machine.single else "machine"
+    return Document(toml, {"name": name, "machine": machine.model_dump(), "toml": toml})

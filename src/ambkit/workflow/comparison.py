@@ -227,7 +227,7 @@ def loop_cases(
     if steps is not None:
         heights = [in_si("steps", height, "m") for height in steps]
     elif scenario is None:
-        heights = [share * isolated_axes(bearing)[0].rotor.clearance for share in HEIGHTS]
+        heights = [share * isolated_axes(bearing)[0].clearance for share in HEIGHTS]
     results = {}
     for height in heights:
         run = scenario_for(bearing, scenario, duration=duration, step=height, load=load)

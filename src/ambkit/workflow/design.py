@@ -58,7 +58,7 @@ DIGITS = 3  #: Of the gains that are written down.
 
 def control_for(bearing: Machine) -> Control:
     """The default controllers of a machine that an estimate feeds, as they are written down."""
-    machine = bearing.long
+    machine = bearing
     result = default_control(machine, "estimate")
     if not result.held:
         raise AmbkitError(result.summary)
@@ -110,7 +110,7 @@ def design(
 ) -> Design:
     """Go from what is known of a machine, and its logs, to what flies, as C."""
     of_type(Machine, bearing=bearing)
-    machine = bearing.long
+    machine = bearing
     if free is not None and not (logs and machine.single):
         raise AmbkitError(
             f"a design identifies a machine with one axis from its logs; {machine.name} has "
@@ -144,7 +144,7 @@ def design(
     exported = None
     if anyway or not objections:
         note("exporting")
-        known = result.short
+        known = result
         exported = exported_filter(known, place, "c", precision, prefix)
         exported_filter(known, place, "controller", precision, prefix, run)
     made = {name: what for name, what in FILES.items() if (place / name).exists()}
@@ -255,7 +255,7 @@ class _Work:
         def make() -> None:
             logs, others = self.records
             tuned = tuned_within(
-                options["max_sensitivity"], self.found.short, logs, kind, validate=others,
+                options["max_sensitivity"], self.found, logs, kind, validate=others,
                 controller=control, inputs=self.inputs,
                 seeds=range(options["seed"], options["seed"] + options["runs"]),
                 budget=options["budget"],
@@ -293,7 +293,7 @@ def _identified(
     place: Path,
 ) -> None:
     records = record_arguments(logs, machine, channels)
-    result = identify(machine.short, records, free=free)
+    result = identify(machine, records, free=free)
     files.write_text(place / "machine.toml", annotated_toml(result.likelihood, place))
     source = ", ".join(Path(path).name for path in logs)
     write_json(place / "identified.json", {"notes": result.of_the_zeros})

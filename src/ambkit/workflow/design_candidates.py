@@ -181,7 +181,7 @@ def _with_noise(machine: Machine, variances: Variances) -> Machine:
         })
         for b in machine.bearings
     ]  # fmt: skip
-    return machine.replace(sensor=sensors, bearing=bearings).short
+    return machine.replace(sensor=sensors, bearing=bearings)
 
 
 def _reversed(of: Sequence[Any], values: Any) -> list[tuple[Any, float]]:

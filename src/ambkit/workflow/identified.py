@@ -321,7 +321,7 @@ def identified_filter(
 ) -> Estimator:
     """Return the extended filter of what was found: its noise, its delay, the log's offsets."""
     model = result.likelihood.model
-    made, raised = filter_following_load(result.machine.short, model.disturbance_noise)
+    made, raised = filter_following_load(result.machine, model.disturbance_noise)
     free = {p.name for p in result.likelihood.parameters}
     if not result.machine.single:
         made.origin = raised

@@ -318,7 +318,7 @@ class _Task:
             return learned_magnet(self.kind, self.plan.nominal)
         from ambkit.workflow.training import train_on_law
 
-        return train_on_law(self.plan.nominal.isolated_axis(""), (rules, rules)).expert
+        return train_on_law(self.plan.nominal, (rules, rules)).expert
 
     def design(self, values: Mapping[str, float]) -> tuple[Estimator, Control | None]:
         """Return filter and controller with values; no controller of a machine."""

@@ -95,7 +95,7 @@ def scenario_for(
         `bearing` is no machine, or `scenario` not what happens to one.
     """
     of_type(Machine, bearing=bearing)
-    machine = bearing.short
+    machine = bearing
     duration, step = in_si("duration", duration, "s"), in_si("step", step, "m")
     load = in_si("load", load, "N")
     full_scenario = Scenario() if scenario is None else scenario
@@ -169,16 +169,14 @@ def flown(
     estimator = filter_of(filter, machine) if named else None
     full_scenario, magnet = with_plant(full_scenario, plant, machine)
     run = simulate_run(
-        machine.short, full_scenario, estimator=estimator, magnet=magnet,
+        machine, full_scenario, estimator=estimator, magnet=magnet,
         external_inputs=external_inputs,
     )  # fmt: skip
     if machine.rotor.type != "mass":
         run = replace(
             run,
             turning=() if estimator is None else harmonics(estimator, run.record),
-            near_critical=partial(
-                _separations, machine.long, full_scenario, estimator, run.final_speed
-            ),
+            near_critical=partial(_separations, machine, full_scenario, estimator, run.final_speed),
         )
     return replace(run, judge=partial(_judged, full_scenario, estimator or NONE))
 
@@ -238,7 +236,7 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
 
 def _of_the_stop(run: Run) -> str:
     """Return when the rotor touched a stop, and what may help."""
-    clearance = min(axis.rotor.clearance for axis in isolated_axes(run.plant))
+    clearance = min(axis.clearance for axis in isolated_axes(run.plant))
     at, t = run.first_touch, run.record.t  # it is there by the end of the sample
     first = "" if at is None else f", first at {figure(t[min(at + 1, len(t) - 1)], 's')}"
     return (

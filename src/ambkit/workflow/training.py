@@ -32,7 +32,7 @@ def train_on_law(
     **how: Any,
 ) -> TrainedExpert:  # fmt: skip
     """Train an expert on a bearing's law, over all currents."""
-    travel = bearing.rotor.clearance
+    travel = bearing.clearance
     far = travel / 2 if reach is None else reach
     if not 0 < far <= travel:
         limit = engineering(travel, "m")

@@ -30,9 +30,18 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
-from ambkit.base import escaping, files, units
+from ambkit.base import escaping, files
 from ambkit.base.config import toml_text
-from ambkit.base.config.problems import Problem, dotted, in_words, quantity_of, without_tags
+from ambkit.base.config.problems import (
+    Problem,
+    dotted,
+    fields_of,
+    in_words,
+    names_of,
+    quantity_of,
+    settings_of,
+    without_tags,
+)
 from ambkit.base.errors import ConfigError, shortened
 
 Read = Callable[[str], Any]
@@ -104,20 +113,24 @@ class Part(BaseModel, metaclass=_OwnNames):
             What it is a copy of: tables that are the very same are not looked at again.
         """
         for key, text in self._contradictions(reader(self)):
-            yield f"{key}: {text}"
+            yield f"{dotted(_path(key))}: {text}"
         own, before = vars(self), {} if known is None else vars(known)
-        for name in type(self).model_fields:
-            inner, old = own[name], before.get(name)
+        for name, field in type(self).model_fields.items():
+            inner, old, key = own[name], before.get(name), field.alias or name
             if inner is old:
                 continue
             if isinstance(inner, Part):
-                yield from (f"{name}.{text}" for text in inner.contradictions(old))
+                yield from (f"{key}.{text}" for text in inner.contradictions(old))
             elif isinstance(inner, tuple):
                 others = old if isinstance(old, tuple) else ()
                 for at, item in enumerate(inner):
                     same = others[at] if at < len(others) else None
                     if isinstance(item, Part) and item is not same:
-                        yield from (f"{name}[{at}].{text}" for text in item.contradictions(same))
+                        yield from (f"{key}[{at}].{text}" for text in item.contradictions(same))
+
+    def tables(self) -> dict[str, Any]:
+        """Return its values by their keys in a file."""
+        return {key: vars(self)[name] for key, name in names_of(type(self)).items()}
 
     @model_serializer(mode="wrap")
     def _written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -133,7 +146,7 @@ class Part(BaseModel, metaclass=_OwnNames):
     ) -> dict[str, Any]:
         json_schema = handler(schema)
         properties = handler.resolve_ref_schema(json_schema)["properties"]
-        for name, field in cls.model_fields.items():
+        for name, field in fields_of(cls).items():
             quantity = quantity_of(field)
             if quantity and isinstance(field.default, float):  # as a file would say it
                 properties[name]["default"] = quantity.write(field.default)
@@ -154,7 +167,10 @@ class Part(BaseModel, metaclass=_OwnNames):
             model = handler(data)
             read = reader(model)
         except ValidationError as error:
-            problems = [in_words(cls, e) for e in error.errors(include_url=False)]
+            problems = [
+                in_words(cls, e) for e in error.errors(include_url=False)
+                if not (e["type"] == "too_short" and e["input"])  # its items are what is wrong
+            ]  # fmt: skip
             meant = {p.meant for p in problems}
             problems = [p for p in problems if not (p.missing and p.path in meant)]
             read = read_unchecked(cls, data, info.context)
@@ -162,24 +178,6 @@ class Part(BaseModel, metaclass=_OwnNames):
         if problems:
             raise ValidationError.from_exception_data(cls.__name__, [p.pack() for p in problems])
         return model
-
-
-_NAMES = ("name", "description", "source")  #: Fields that name a description, and set nothing.
-
-
-def settings_of(part: Any, text: Callable[..., str] = units.figure) -> Iterator[str]:
-    """Yield the values of a part that are not the defaults."""
-    for name, field in type(part).model_fields.items():
-        value, quantity = getattr(part, name), quantity_of(field)
-        words = name.replace("_", " ")
-        if value is None or (value == field.default and not field.is_required()):
-            continue
-        if quantity and isinstance(value, float):
-            yield f"{words} {text(value, quantity.unit, 4)}"
-        elif isinstance(value, tuple) and value:
-            yield f"{len(value)} {words}{'s' * (len(value) > 1 and words[-1] != 's')}"
-        elif isinstance(value, str) and value and name not in _NAMES:
-            yield value if name == "type" else f"{words} {value}"
 
 
 class Document(Part):
@@ -282,11 +280,13 @@ class Document(Part):
         ConfigError
             There is no such key, or it may not have this value.
         """
-        data = self.model_dump()
+        data = self.tables()
         for key, value in changes.items():
             *tables, name = key.replace("__", ".").split(".")
             table: Any = data
             for part in tables:
+                if isinstance(table, dict) and isinstance(table.get(part), Part):
+                    table[part] = table[part].tables()
                 table = table.setdefault(part, {}) if isinstance(table, dict) else None
             if not isinstance(table, dict):
                 raise ConfigError([f"{self._title()}.{key}: there is no such key"])
@@ -303,32 +303,13 @@ class Document(Part):
 _Made = TypeVar("_Made", bound=BaseModel)
 
 
-@cache
-def _defaults(model: type[BaseModel]) -> dict[str, Any]:
-    """Return what each field of a model is where it is not given; None of what must be."""
-    return {
-        name: None if field.is_required() else field.get_default(call_default_factory=True)
-        for name, field in model.model_fields.items()
-    }
-
-
-def assembled(model: type[_Made], values: Mapping[str, Any]) -> _Made:
-    """Return a model of values that were checked: `model_construct`, ten times as fast."""
-    return _assembled(model, {**_defaults(model), **values}, set(values))
-
-
 def updated(model: _Made, update: Mapping[str, Any]) -> _Made:
     """Return a copy with other values, which were checked: `model_copy`, five times as fast."""
-    own = vars(model)
-    values = {**{name: own[name] for name in _defaults(type(model))}, **update}
-    return _assembled(type(model), values, model.model_fields_set | update.keys())
-
-
-def _assembled(model: type[_Made], values: Any, fields_set: set[str]) -> _Made:
-    """Return a model of all its values; nothing is computed of it yet."""
-    made = model.__new__(model)
+    own, kind = vars(model), type(model)
+    made = kind.__new__(kind)  # of which nothing is computed yet
+    values = {**{name: own[name] for name in kind.model_fields}, **update}
     object.__setattr__(made, "__dict__", values)
-    object.__setattr__(made, "__pydantic_fields_set__", fields_set)
+    object.__setattr__(made, "__pydantic_fields_set__", model.model_fields_set | update.keys())
     object.__setattr__(made, "__pydantic_extra__", None)
     object.__setattr__(made, "__pydantic_private__", None)
     return made
@@ -344,7 +325,22 @@ def reader(model: BaseModel) -> Read:
     return lambda key: _getter(key)(model)
 
 
-_getter = cache(attrgetter)  #: The getter of a dotted key: campaigns read few keys often.
+@cache
+def _getter(key: str) -> Callable[[Any], Any]:
+    """Return the getter of a dotted key, whose numbers are places in lists; NaN of one beyond."""
+    steps = _path(key)
+    if not any(isinstance(step, int) for step in steps):
+        return attrgetter(key)
+
+    def value(of: Any) -> Any:
+        for step in steps:
+            if isinstance(step, str):
+                of = getattr(of, step, math.nan)
+            else:
+                of = of[step] if step < len(of) else math.nan
+        return of
+
+    return value
 
 
 def read_unchecked(model: type[BaseModel], data: Any, context: Any) -> Read:
@@ -353,12 +349,19 @@ def read_unchecked(model: type[BaseModel], data: Any, context: Any) -> Read:
     def read(key: str) -> Any:
         name, _, rest = key.partition(".")
         field = model.model_fields[name]
+        written = field.alias or name
         if isinstance(data, BaseModel):
             value = getattr(data, name, math.nan)
-        elif isinstance(data, dict) and (name in data or not field.is_required()):
-            value = data[name] if name in data else field.get_default(call_default_factory=True)
+        elif isinstance(data, dict) and (written in data or not field.is_required()):
+            default = field.get_default(call_default_factory=True)
+            value = data.get(written, default)
         else:
             return math.nan
+        place, _, below = rest.partition(".")
+        if place.isdecimal():
+            if not isinstance(value, list | tuple) or int(place) >= len(value):
+                return math.nan
+            return read_unchecked(get_args(field.annotation)[0], value[int(place)], context)(below)
         if rest:
             kind = _kind_of(field, value)
             return math.nan if kind is None else read_unchecked(kind, value, context)(rest)

@@ -2,13 +2,15 @@
 
 import difflib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from ambkit.base import units
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.toml_text import Path
 from ambkit.base.escaping import json_text, one_line
@@ -44,6 +46,18 @@ class Problem(NamedTuple):
         return InitErrorDetails(type=error, loc=self.path, input=self.value)
 
 
+@cache
+def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields of a model by their keys in files."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
+@cache
+def names_of(model: type[BaseModel]) -> dict[str, str]:
+    """Return the names of a model's fields by their keys in files."""
+    return {field.alias or name: name for name, field in model.model_fields.items()}
+
+
 def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
     """Say what pydantic found in `model`, with what the model knows of its keys."""
     problem, context = Problem.of(error), error.get("ctx", {})
@@ -54,10 +68,10 @@ def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
         case "extra_forbidden":
             return _unknown(model, problem)
         case "missing":
-            purpose = _purpose(model.model_fields[str(path[-1])])
+            purpose = _purpose(fields_of(model)[str(path[-1])])
             return problem._replace(text=f"missing{purpose}", missing=True)
         case "union_tag_not_found":
-            text = f"missing: {_one_of(_kinds(model.model_fields[str(path[0])].annotation))}"
+            text = f"missing: {_one_of(_kinds(fields_of(model)[str(path[0])].annotation))}"
             return problem._replace(path=(*path, "type"), text=text)
         case "union_tag_invalid":
             text = _choice(context["tag"], context["expected_tags"])
@@ -65,7 +79,7 @@ def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
         case "literal_error":
             return problem._replace(text=_choice(value, context["expected"]))
         case "model_type" | "model_attributes_type":
-            return problem._replace(text=f"must be a table, is {_shown(value)}")
+            return problem._replace(text=no_table(value))
         case "tuple_type" | "list_type" if isinstance(value, dict) or _of_tables(model, path):
             text = "must be a list of tables, each written in double brackets: [[...]]"
             return problem._replace(text=text)
@@ -76,14 +90,14 @@ def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
 def _unknown(model: type[BaseModel], problem: Problem) -> Problem:
     """Name the table to which an unknown key belongs, or the nearest key of the same table."""
     *around, name = problem.path
-    keys = list(model.model_fields)
-    meant = (*around, _nearest(str(name), keys) or "")
+    keys = list(fields_of(model))
+    meant = (*around, nearest(str(name), keys) or "")
     return _find_home(model, problem._replace(text=unknown_key(str(name), keys), meant=meant))
 
 
 def unknown_key(name: str, keys: Iterable[str]) -> str:
     """Say that nothing reads a key, and which key is the nearest that is read."""
-    near = _nearest(name, list(keys))
+    near = nearest(name, list(keys))
     return "unknown key, " + (
         f"did you mean {near}?" if near else f"known here: {', '.join(keys) or 'none'}"
     )
@@ -91,12 +105,12 @@ def unknown_key(name: str, keys: Iterable[str]) -> str:
 
 def _of_tables(model: type[BaseModel], path: Path) -> bool:
     """Say whether a key of `model` is a list of tables."""
-    field = model.model_fields.get(str(path[-1]))
+    field = fields_of(model).get(str(path[-1]))
     inner = get_args(field.annotation)[:1] if field else ()
     return any(isinstance(item, type) and issubclass(item, BaseModel) for item in inner)
 
 
-def _nearest(name: str, keys: list[str]) -> str | None:
+def nearest(name: str, keys: Sequence[str]) -> str | None:
     """Return the key of nearly the same letters, or the only one with a word in common."""
     near = difflib.get_close_matches(name, keys, 1)
     words = set(name.split("_"))
@@ -108,28 +122,32 @@ def _find_home(model: type[BaseModel], problem: Problem) -> Problem:
     """Of a key that is unknown where it stands, say in which other table of `model` it is known."""
     if problem.meant is None or len(problem.path) > 2:
         return problem
+    return with_home(problem, _tables(model))
+
+
+def with_home(problem: Problem, tables: Iterable[tuple[str, Iterable[str]]]) -> Problem:
+    """Name the table of a file that has an unknown key; "" is what stands above the first."""
     name = str(problem.path[-1])
-    if name in model.model_fields:
-        text = "unknown key here, it belongs above the first [table]"
-        return problem._replace(text=text, meant=(name,))
-    for table, keys in _tables(model):
+    for table, keys in tables:
         if name in keys:
-            text = f"unknown key here, it belongs to [{table}]"
-            return problem._replace(text=text, meant=(table, name))
+            home = f"to [{table}]" if table else "above the first [table]"
+            meant = (table, name) if table else (name,)
+            return problem._replace(text=f"unknown key here, it belongs {home}", meant=meant)
     return problem
 
 
 def _tables(model: type[BaseModel]) -> Iterator[tuple[str, list[str]]]:
-    for name, field in model.model_fields.items():
+    yield "", list(fields_of(model))
+    for name, field in fields_of(model).items():
         kinds = [(get_args(item) or (item,))[0] for item in get_args(field.annotation)]
         for kind in (field.annotation, *kinds):
             if isinstance(kind, type) and issubclass(kind, BaseModel):
-                yield name, list(kind.model_fields)
+                yield name, list(fields_of(kind))
 
 
-def _table(model: type[BaseModel]) -> str:
+def table_of(model: type[BaseModel]) -> str:
     """Say what keys a table has, those that must be there first."""
-    fields = model.model_fields.items()
+    fields = fields_of(model).items()
     required, optional = (
         ", ".join(name for name, field in fields if field.is_required() == requirement)
         for requirement in (True, False)
@@ -140,7 +158,7 @@ def _table(model: type[BaseModel]) -> str:
 def _purpose(field: FieldInfo) -> str:
     """Say what a key is for, and give an example."""
     if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-        return f": {_table(field.annotation)}"
+        return f": {table_of(field.annotation)}"
     about = " ".join((field.description or "").split()).rstrip(".")
     about = f": {about[:1].lower()}{about[1:]}" if about else ""
     quantity = quantity_of(field)
@@ -150,6 +168,24 @@ def _purpose(field: FieldInfo) -> str:
 def quantity_of(field: FieldInfo) -> Quantity | None:
     """Return the mark of a key that stands for a value with a unit, or for a list of such."""
     return _find_quantity((field.annotation, *field.metadata))
+
+
+_NAMES = ("name", "description", "source")  #: Fields that name a description, and set nothing.
+
+
+def settings_of(part: Any, text: Callable[..., str] = units.figure) -> Iterator[str]:
+    """Yield the values of a part that are not the defaults."""
+    for name, field in type(part).model_fields.items():
+        value, quantity = getattr(part, name), quantity_of(field)
+        words = (field.alias or name).replace("_", " ")
+        if value is None or (value == field.default and not field.is_required()):
+            continue
+        if quantity and isinstance(value, float):
+            yield f"{words} {text(value, quantity.unit, 4)}"
+        elif isinstance(value, tuple) and value:
+            yield f"{len(value)} {words}{'s' * (len(value) > 1 and words[-1] != 's')}"
+        elif isinstance(value, str) and value and name not in _NAMES:
+            yield value if name == "type" else f"{words} {value}"
 
 
 def _find_quantity(annotations: Iterable[Any]) -> Quantity | None:
@@ -181,6 +217,11 @@ def _kinds(annotation: Any) -> list[str]:
         own = annotation.model_fields.get("type")
         return [] if own is None else [own.default]
     return [kind for inner in get_args(annotation) for kind in _kinds(inner)]
+
+
+def no_table(value: Any) -> str:
+    """Say that a value is no table."""
+    return f"must be a table, is {_shown(value)}"
 
 
 def _shown(value: Any) -> str:

@@ -62,7 +62,7 @@ class OperatingPoint(NamedTuple):
     @classmethod
     def equilibrium(cls, bearing: Machine, x: float = 0.0, load: float = 0.0) -> OperatingPoint:
         """Return the point at which the magnet carries weight and load."""
-        travel = bearing.rotor.clearance
+        travel = bearing.clearance
         if not abs(x) <= travel:
             raise AmbkitError(
                 f"the rotor can be held up to its stops at {travel:g} m, not at {x:g} m"

@@ -65,7 +65,7 @@ def controller_of(filter: Estimator, scenario: Scenario) -> Controller:
         )
     settled = settled_scenario(machine, scenario)
     feeding = filter if settled.feedback == "estimate" else None
-    plant, speeds = Plant(machine.long), controller_test_cases.speeds_of(machine, settled)
+    plant, speeds = Plant(machine), controller_test_cases.speeds_of(machine, settled)
     max_speed = machine.speed if speeds is None else max(map(abs, speeds))
     result = controllers_of(plant, settled.controller, feeding, fastest=max_speed)
     control = settled.controller

@@ -65,7 +65,7 @@ def _flight(filter: Estimator, sign: float) -> TestCase:
     """Hover, then a step of half the expert's reach."""
     bearing = filter.bearing
     T = bearing.sampling_time
-    reference = Step(amplitude=sign * bearing.rotor.clearance / 4, time=20 * T)
+    reference = Step(amplitude=sign * bearing.clearance / 4, time=20 * T)
     controller = Control.for_bearing(bearing)
     scenario = Scenario(duration=(FLIGHT - 1) * T, reference=reference, controller=controller)
     record = simulate(bearing, scenario)
@@ -76,7 +76,7 @@ def _flight(filter: Estimator, sign: float) -> TestCase:
 def _corrupted(filter: Estimator, case: TestCase) -> TestCase:
     """Measurements far away and lost, a frozen sensor, demands beyond the limits and no numbers."""
     bearing, (_, y, u, _) = filter.bearing, case
-    far = 1e3 * bearing.sensor.gain * bearing.rotor.clearance
+    far = 1e3 * bearing.sensor.gain * bearing.clearance
     just = 1e-2 * far * np.array([0.98, -0.98, 1.02, -1.02])  # ten travels and more: no rotor
     y[30:38:2] = just
     y[40:46] = far, -far, np.nan, np.inf, -np.inf, np.nan
@@ -115,7 +115,7 @@ def _jumping(filter: Estimator, case: TestCase) -> TestCase:
         least = max(gate * np.sqrt(S[k]), goes_on + np.sign(part) * left)
         y[k] += part * least - e[k]
     # Where no rotor is, but a sensor that has slipped shows it: the estimate is held at the stop.
-    there = 1.2 * np.copysign(filter.bearing.rotor.clearance, -y[90])
+    there = 1.2 * np.copysign(filter.bearing.clearance, -y[90])
     y[90:] += settings["K_sen"][0] * there - y[90]
     u[0] = np.nan  # before any was good
     return case._replace(name=f"{name}, with jumps about the gate, and one that stays")
@@ -124,7 +124,7 @@ def _jumping(filter: Estimator, case: TestCase) -> TestCase:
 def _outage(filter: Estimator) -> TestCase:
     """On a stop, then nothing, until the filter says so; then the rotor on the other side."""
     bearing = filter.bearing
-    sensor_range = bearing.sensor.gain * bearing.rotor.clearance
+    sensor_range = bearing.sensor.gain * bearing.clearance
     y, u = np.full(LONGEST_OUTAGE + 30, np.nan), np.zeros(LONGEST_OUTAGE + 30)
     y[0] = -0.9 * sensor_range
     u[:] = 0.3 * bearing.current_max / bearing.amplifier.gain
@@ -138,7 +138,7 @@ def _settled(filter: Estimator, settling: int) -> TestCase:
     """At rest until it may be fed back, then nothing until it may not."""
     bearing = filter.bearing
     n = settling + 6
-    here = 1e-2 * bearing.sensor.gain * bearing.rotor.clearance * np.resize([1.0, -1.0, 0.5], n)
+    here = 1e-2 * bearing.sensor.gain * bearing.clearance * np.resize([1.0, -1.0, 0.5], n)
     y = np.concatenate([here, np.full(n, np.nan)])
     holding = bearing.current_min / 4 / bearing.amplifier.gain
     return TestCase("settled, and then nothing", y, np.full(2 * n, holding))
@@ -149,7 +149,7 @@ def _inconsistent(filter: Estimator) -> TestCase:
     bearing = filter.bearing
     std = float(np.sqrt(filter.core.parameters["set"]["var_y"][0]))
     off = 6.0 * std * np.random.default_rng(0).choice([-1.0, 1.0], NOISY)
-    here = -0.2 * bearing.sensor.gain * bearing.rotor.clearance
+    here = -0.2 * bearing.sensor.gain * bearing.clearance
     holding = bearing.current_min / 4 / bearing.amplifier.gain
     return TestCase("too much noise", here + off, np.full(NOISY, holding))
 
@@ -158,7 +158,7 @@ def _box(filter: Estimator, magnet: Magnet) -> Iterator[TestCase]:
     """From each displacement, all currents, one after the other, before the rotor has moved far."""
     # Of a table every other cell is met in its middle, and so each of its nodes is asked.
     bearing = filter.bearing
-    x_max, gain = bearing.rotor.clearance, bearing.sensor.gain
+    x_max, gain = bearing.clearance, bearing.sensor.gain
     of = magnet.parameters
     xs = _places(-x_max, x_max, of, "x_min", "per_metre", "rows")
     currents = _places(
@@ -169,7 +169,7 @@ def _box(filter: Estimator, magnet: Magnet) -> Iterator[TestCase]:
         turns = np.stack([currents, currents[::-1]])[:, : -(-len(currents) // 2)].T.ravel()
         ordered = turns[: len(currents)][:: 1 if row % 2 else -1]
         u = np.append(ordered / bearing.amplifier.gain, 0.0)
-        step = 1e-4 * bearing.rotor.clearance * np.resize([1.0, -1.0], len(u))
+        step = 1e-4 * bearing.clearance * np.resize([1.0, -1.0], len(u))
         inwards = np.where(np.arange(len(u)) > 0, step, 0.0) * (-1.0 if x > 0 else 1.0)
         yield TestCase(f"all currents at {1e3 * x:.3g} mm", gain * (x + inwards), u)
 

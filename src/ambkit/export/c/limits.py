@@ -136,7 +136,7 @@ class _Loops:
             min(b.current_max - iu, iu - b.current_min)
             for b, iu in zip(isolated, np.atleast_1d(self.of.point.iu), strict=True)
         ]
-        travel = [b.rotor.clearance for b in isolated]
+        travel = [b.clearance for b in isolated]
         self.room = np.concatenate([np.array(travel) / SIGMAS[0], np.array(room) / SIGMAS[1]])
         self.share = math.inf
         self.share = max(1.0, 1.05 * self._worst({}, {}, math.inf)[1])
@@ -231,7 +231,7 @@ class _Loops:
         noise = FilterNoise(*(values if len(values) > 1 else values[0]
                               for values in (of["var_y"], of["var_u"], intensity)))  # fmt: skip
         filter = KalmanFilter(
-            self.of.machine.short, magnets if len(magnets) > 1 else magnets[0], noise=noise,
+            self.of.machine, magnets if len(magnets) > 1 else magnets[0], noise=noise,
             as_printed=self.controller.estimator.engine.as_printed,
         )  # fmt: skip
         rows = fed(self.controller.law, len(filter.states), self.of.machine.speed)

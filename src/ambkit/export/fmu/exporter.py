@@ -74,7 +74,6 @@ def export_fmu(
     # importer integrates it, and its outputs follow at any time.
     of_type(Machine, machine=machine)
     of_type(Estimator, filter=filter)
-    machine = machine.short
     if kind not in (known := get_args(Kind)):
         raise AmbkitError(f"there is no FMU of kind {kind!r}; known: {', '.join(known)}")
     if filter.precision == "float32" and kind not in ("estimator", "whole-controller"):

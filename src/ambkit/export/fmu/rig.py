@@ -43,7 +43,7 @@ def rig_data(machine: Machine, start: RigStart) -> dict[str, Any]:
     of_axes = {
         "bias": [law.bias_force for law in laws],
         "k": [item.magnet.magnet_constant for item in axes],
-        "travel": [item.rotor.clearance for item in axes],
+        "travel": [item.clearance for item in axes],
         "k_ui": [item.amplifier.gain for item in axes],
         "iu_min": [item.current_min for item in axes],
         "iu_max": [item.current_max for item in axes],
@@ -101,7 +101,7 @@ class RigStart(NamedTuple):
         """Return how :func:`ambkit.simulate` starts a scenario."""
         if machine.single:
             lies = scenario.start == "landed"
-            place = np.array([lies_at(machine.isolated_axis("")) if lies else 0.0])
+            place = np.array([lies_at(machine) if lies else 0.0])
             return cls(place, place, np.eye(1), scenario.substeps, machine.speed)
         plant, speeds = Plant(machine), [machine.speed]
         nothing = np.zeros(len(machine.axes))
@@ -176,8 +176,8 @@ def nominals(machine: Machine, states: Sequence[str]) -> list[str]:
     """Return the typical size of each state of a plant in continuous time, in its unit."""
     if not states:
         return []
-    bearing = machine.isolated_axis("")
-    travel = bearing.rotor.clearance
+    bearing = machine
+    travel = bearing.clearance
     sizes = {"x": travel, "x_m": abs(bearing.sensor.gain) * travel, "v": travel / own_time(bearing)}
     sizes |= dict.fromkeys(plant_parts.between_magnet_and_rotor(bearing), Typical.of(bearing).force)
     values = (sizes.get(name, bearing.amplifier.current_limit) for name in states)

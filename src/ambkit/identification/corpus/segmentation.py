@@ -63,7 +63,7 @@ def cut(record: Record, bearing: Machine) -> list[Stretch]:
     hold = abs(bearing.weight) or 0.2 * k_i * bearing.amplifier.current_limit
     astray = np.abs(acceleration - model_acceleration) > UNEXPLAINED * hold / bearing.rotor.mass
 
-    saturated = _at_its_end(y, bearing.sensor.gain * bearing.rotor.clearance)
+    saturated = _at_its_end(y, bearing.sensor.gain * bearing.clearance)
     i = bearing.amplifier.gain * u
     saturated |= (i >= 0.999 * bearing.current_max) | (i <= 0.97 * bearing.current_min)
     saturated = maximum_filter1d(saturated, width)

@@ -61,7 +61,7 @@ class Limits:
     ) -> Limits:
         """Return limits, by default 80 % of what the current may be and half of the travel."""
         most = min(bearing.current_max, -bearing.current_min)
-        travel = bearing.rotor.clearance
+        travel = bearing.clearance
         for what, value, end, unit in (
             ("current", current, most, "A"),
             ("displacement", displacement, travel, "m"),

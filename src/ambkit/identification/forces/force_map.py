@@ -90,7 +90,7 @@ def force_map(
     b = model.bearing
     iu = np.concatenate([b.amplifier.gain * model.corrected(r)["u"] for r in several])
     x = np.concatenate([model.corrected(r)["y"] / b.sensor.gain for r in several])
-    limit = b.rotor.clearance
+    limit = b.clearance
     visited = np.clip(iu, b.current_min, b.current_max), np.clip(x, -limit, limit)
     across, along = nodes_for(*visited) if nodes is None else nodes
     current = _nodes("currents", visited[0], across)

@@ -274,7 +274,7 @@ def _check_records(data: Data, model: LoopModel) -> None:
                 f"{data.settling:.3g} s until the filter has settled, and {LEAST_SAMPLES}"
             )
         y = record["y"][np.isfinite(record["y"])] / model.bearing.sensor.gain
-        if y.size and np.ptp(y) < STILL * model.bearing.rotor.clearance:
+        if y.size and np.ptp(y) < STILL * model.bearing.clearance:
             raise RecordError("y stands still: nothing can be identified from it")
 
 

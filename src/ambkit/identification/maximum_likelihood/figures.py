@@ -154,7 +154,7 @@ def _natural(result: Any, name: str) -> tuple[float, tuple[str, Axis]]:
     if name == "position_noise":
         return 1.0, ("position-dependent noise", Axis("estimate − initial", "1/m"))
     percent = Axis("estimate − initial, of clearance and bias", "%", 100.0)
-    scale = b.rotor.clearance if name == "position_offset" else b.magnet.bias_current
+    scale = b.clearance if name == "position_offset" else b.magnet.bias_current
     return scale, ("offsets", percent)
 
 

@@ -67,14 +67,14 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter("delay", "T_d", "s", "delay", False, _samples),
         Parameter("current_lag", "T_i", "s", "current_lag", True, _one),
         Parameter("position_offset", "y_0", "m", "position_offset", False,
-                  lambda m: m.bearing.rotor.clearance),
+                  lambda m: m.bearing.clearance),
         Parameter("current_offset", r"i_\mathrm{off}", "A", "current_offset", False,
                   lambda m: m.bearing.magnet.bias_current),
         Parameter("sensor_gain", r"K_\mathrm{Sen}", "1", "sensor__gain", True, _one),
         Parameter("amplifier_gain", r"k_\mathrm{ui}", "A/V", "amplifier__gain", True, _one),
         Parameter("measurement_noise", "R", "m^2", "sensor__noise_variance", True, _one),
         Parameter("position_noise", r"\kappa", "1/m", "sensor__position_noise", False,
-                  lambda m: 1 / m.bearing.rotor.clearance),
+                  lambda m: 1 / m.bearing.clearance),
         Parameter("control_noise", "Q_u", "V^2", "amplifier__noise_variance", True, _one),
         Parameter("disturbance_noise", "Q_d", "N^2/s", "disturbance_noise", True, _one),
     )
@@ -122,7 +122,7 @@ def priors_of(model: LoopModel) -> dict[str, tuple[float, float]]:
     b = model.bearing
     return {
         "current_offset": (model.current_offset, OFFSET_SHARE * b.magnet.bias_current),
-        "position_noise": (b.sensor.position_noise, 1 / b.rotor.clearance),
+        "position_noise": (b.sensor.position_noise, 1 / b.clearance),
     } | dict(model.known)
 
 

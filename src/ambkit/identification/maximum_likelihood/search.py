@@ -220,7 +220,7 @@ def tighten_clearance(
         return model
     b = model.bearing
     gone = max(float(np.nanmax(np.abs(record["y"]))) for record in records) / abs(b.sensor.gain)
-    room = min(b.rotor.clearance, max(MORE * gone, b.rotor.clearance / LEAST_ROOM))
+    room = min(b.clearance, max(MORE * gone, b.clearance / LEAST_ROOM))
     return model.replace(rotor__clearance=room)
 
 
@@ -229,12 +229,12 @@ def restore_clearance(
 ) -> tuple[LoopModel, list[str]]:
     """Return what was found with the stops of the description, and what limits it touches."""
     touched = []
-    travel, gap = nominal_model.bearing.rotor.clearance, result.bearing.magnet.air_gap
+    travel, gap = nominal_model.bearing.clearance, result.bearing.magnet.air_gap
     if gap <= travel:
         touched.append(
             f"the identified air gap, {engineering(gap, 'm', 4)}, is smaller than the described "
             f"clearance, {engineering(travel, 'm', 4)}; the clearance is set to "
-            f"{engineering(result.bearing.rotor.clearance, 'm', 4)}, the range of the records"
+            f"{engineering(result.bearing.clearance, 'm', 4)}, the range of the records"
         )
     else:
         result = result.replace(rotor__clearance=travel)

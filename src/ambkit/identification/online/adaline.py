@@ -289,7 +289,7 @@ def is_ideal(bearing: Machine) -> bool:
 def as_ideal(bearing: Machine, y: ArrayLike, u: ArrayLike) -> Array:
     """Return the control signal with which ideal iron of the same constant pulls as the magnet."""
     # y (n,) [m]; u (n,) [V]
-    m, amplifier, travel = bearing.magnet, bearing.amplifier, bearing.rotor.clearance
+    m, amplifier, travel = bearing.magnet, bearing.amplifier, bearing.clearance
     iu = np.clip(amplifier.gain * np.asarray(u), bearing.current_min, bearing.current_max)
     x = np.clip(np.asarray(y) / bearing.sensor.gain, -travel, travel)
     i0, s0 = m.bias_current, m.air_gap

@@ -121,7 +121,7 @@ def each_trial(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[T
     if not machine.single:
         yield from _flights(case, machine, runs, seed)
         return
-    bearing = machine.isolated_axis("")
+    bearing = machine
     nominal = case.spread == CERTAIN and case.magnet_constant == 1.0
     fixed = _magnet(case, bearing, bearing) if nominal else None
     known = KalmanFilter(bearing)
@@ -270,7 +270,7 @@ def _magnet(case: Case, plant: Machine, nominal: Machine) -> MagnetModel | None:
     if not case.saturates:
         return None
 
-    max_displacement = min(plant.rotor.clearance, 0.95 * plant.magnet.air_gap)
+    max_displacement = min(plant.clearance, 0.95 * plant.magnet.air_gap)
     return stiffness_map(
         plant,
         currents=np.linspace(plant.current_min, plant.current_max, 31),
@@ -307,7 +307,7 @@ def _positions(bearing: Machine, plan: dict[float, float]) -> Sequence:
     """Positions in travels, by the times at which they begin, in the plant's own."""
     return Sequence(
         times=tuple(at * own_time(bearing) for at in plan),
-        values=tuple(height * bearing.rotor.clearance for height in plan.values()),
+        values=tuple(height * bearing.clearance for height in plan.values()),
     )
 
 

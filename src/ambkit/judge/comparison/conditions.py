@@ -45,12 +45,6 @@ class Spread:
         """Return the machine with its values times these factors, all axes alike."""
         rotor = nominal.rotor
         mass = {"rotor__mass": rotor.mass * self.mass} if "mass" in dict(rotor) else {}
-        if nominal.single:
-            own, sensor = self._of_magnet(nominal.magnet), self._of_sensor(nominal.sensor)
-            return nominal.replace(
-                **own, **mass, **{f"sensor__{name}": value for name, value in sensor.items()},
-                rotor__clearance=_within(rotor.clearance, own["magnet__air_gap"]),
-            )  # fmt: skip
         sensors = [item.model_copy(update=self._of_sensor(item)) for item in nominal.sensors]
         bearings = []
         for item in nominal.bearings:

@@ -100,7 +100,7 @@ def evaluate_run(
     figures = dict.fromkeys(CRITERIA, np.nan)
     del figures["cost"]
     errors = {name: item[:, first:] for name, item in errors_along(estimate, record, view).items()}
-    travel = np.array([[axis.rotor.clearance] for axis in view.isolated])
+    travel = np.array([[axis.clearance] for axis in view.isolated])
     lost = not np.isfinite(errors["x"]).all()
     lost = lost or bool((np.abs(errors["x"]) > 0.1 * travel).any())
     if not lost:

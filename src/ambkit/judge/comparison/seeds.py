@@ -77,7 +77,7 @@ def compare(
     """Monte Carlo over seeds: every estimator closes its own loop against the same noise."""
     of_type(Machine, bearing=bearing)
     of_type(Scenario, scenario=scenario)
-    plant = bearing.short
+    plant = bearing
 
     def one(name: str, seed: int) -> tuple[list[float], float, bool]:
         estimator, seeded_scenario = estimators[name](), scenario.model_copy(update={"seed": seed})

@@ -161,7 +161,7 @@ def learned(
         known = {name: learned_magnet(name, bearing) for name in asking}
         return results | {name: magnet for name, magnet in known.items() if magnet is not None}
 
-    max_displacement = benchmark.REACH * bearing.rotor.clearance
+    max_displacement = benchmark.REACH * bearing.clearance
     force = benchmark.saturating(bearing) if case.saturates else None
     if case.magnet is not None:
         force = case.magnet.force
@@ -217,7 +217,7 @@ def study(
             other, saturates=case.saturates, magnet=case.magnet, magnet_constant=magnet_constant
         )
 
-    travel = isolated_axes(bearing)[0].rotor.clearance
+    travel = isolated_axes(bearing)[0].clearance
     steps = {share * travel: alike(benchmark.step_case(share)) for share in HEIGHTS}
     wrong = {k: alike(benchmark.step_case(benchmark.STEPS[1]), k) for k in WRONG}
     walks = {share * travel: benchmark.walk_case(share) for share in HEIGHTS}

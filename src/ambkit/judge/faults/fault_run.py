@@ -142,7 +142,7 @@ class Flight:
         axis = self.axis
         weight, period = axis.rotor.mass * GRAVITY, own_time(axis)
         duration = (channel.n - 1) * axis.sampling_time
-        reference = Sine(amplitude=0.1 * axis.rotor.clearance, frequency=1 / (40 * period))
+        reference = Sine(amplitude=0.1 * axis.clearance, frequency=1 / (40 * period))
         disturbance = Sine(amplitude=0.2 * weight, frequency=1 / (90 * period))
         feedback: Any = "estimate" if self.in_loop and estimator else "measurement"
         machine, k, controller = self.bearing, self.at, self.controller or Control()
@@ -178,7 +178,7 @@ class Flight:
     def _stopped(self, record: Record) -> Mask:
         """Return where the rotor met a stop (n,)."""
         places = self._places(record)
-        shares = [place / axis.rotor.clearance
+        shares = [place / axis.clearance
                   for place, axis in zip(places, self.view.isolated, strict=True)]  # fmt: skip
         of = [item.bearing.name for item in self.view.machine.axes]
         rings = [np.linalg.norm([s for s, at in zip(shares, of, strict=True) if at == name], axis=0)

@@ -293,8 +293,7 @@ def inject_faults(
 ) -> FaultCampaign:
     """Fly each estimator through faults of sensor, control signal, amplifier and load."""
     of_type(Machine, bearing=bearing)
-    bearing = bearing.short
-    at, named = _reading(bearing.long, reading), chosen_faults(faults)
+    at, named = _reading(bearing, reading), chosen_faults(faults)
     if not bearing.single and "lift-off" in named:  # its own start has lift-off
         named.remove("lift-off")
     kinds = suited(list(KINDS), bearing)

@@ -46,7 +46,7 @@ class Channel:
     @property
     def travel(self) -> float:
         """Travel as measured [m]."""
-        return float(self.bearing.sensor.gain * self.bearing.rotor.clearance)
+        return float(self.bearing.sensor.gain * self.bearing.clearance)
 
     @property
     def sigma(self) -> float:
@@ -57,7 +57,7 @@ class Channel:
     def greatest(self) -> float:
         """Force by the linear law at the current's limit and a stop [N]."""
         bearing, k = self.bearing, ConstantStiffness.of(self.bearing)
-        return float(k.k_i * bearing.current_max + k.k_s * bearing.rotor.clearance)
+        return float(k.k_i * bearing.current_max + k.k_s * bearing.clearance)
 
     def read(self, window: slice, y: float | Array) -> None:
         """Let the sensor read y [m], whatever the rotor does."""
@@ -93,7 +93,7 @@ class Fault:
 
 def _lift_off(channel: Channel, _window: slice) -> None:
     side = -1.0 if channel.bearing.weight < 0 else 1.0
-    channel.place = side * channel.bearing.rotor.clearance
+    channel.place = side * channel.bearing.clearance
 
 
 def _force(times: float) -> Callable[[Channel, slice], None]:

@@ -175,7 +175,7 @@ def demands(
         warm = heating(b, coils)
         loss = None if R is None else R * sum(coils) if warm is None else warm.loss
         far, most = float(displacement[k]), float(abs(iu[k]) + swing[k])
-        results.append(Demands(far, b.rotor.clearance, most, loss, warm, capacities[k]))
+        results.append(Demands(far, b.clearance, most, loss, warm, capacities[k]))
     return results
 
 
@@ -197,7 +197,7 @@ def _capacities(
     all_x, all_i = loop.compliance(f), gains[:, None] * loop.control_by_load(f)
     ends = np.array([[b.current_max, b.current_min] for b in isolated])
     room = np.maximum(np.abs(ends - iu[:, None]).min(axis=1) - swing, 0.0)
-    limits = np.array([b.rotor.clearance for b in isolated])
+    limits = np.array([b.clearance for b in isolated])
     way = np.maximum(ROOM[0][1] * limits - displacement, 0.0)
     results = []
     for k, b in enumerate(isolated):

@@ -67,10 +67,10 @@ def ideal_pieces(machine: Machine) -> dict[str, Machine]:
 
     if any(bearing.amplifier.bandwidth for bearing in machine.bearings):
         ideal = [at.model_copy(update={"amplifier": fast(at.amplifier)}) for at in machine.bearings]
-        results["amplifier"] = machine.model_copy(update={"bearing": tuple(ideal)})
+        results["amplifier"] = machine.model_copy(update={"bearings": tuple(ideal)})
     if any(item.lag for item in machine.sensors):
         sensors = tuple(prompt(item) for item in machine.sensors)
-        results["sensor"] = machine.model_copy(update={"sensor": sensors})
+        results["sensor"] = machine.model_copy(update={"sensors": sensors})
     if machine.delay:
         results["delay"] = machine.model_copy(update={"delay": None})
     return results
@@ -89,7 +89,7 @@ class LoopOf:
         point: OperatingPoint | None = None,
         law: Controllers | None = None,
     ) -> None:
-        self.machine = bearing.long
+        self.machine = bearing
         self.isolated = isolated_axes(self.machine)
         self.control = Control() if controller is None else as_control(controller)
         self._law = law

@@ -20,7 +20,7 @@ def surface_of(bearing: IsolatedAxis) -> ForceSurface:
     scale = 1.0 if m.force_scale is None else m.force_scale
     # Of the law that the map was measured beside: a scale moves both, and finds the same surface.
     law = tuple((key, getattr(m, key)) for key in LAW)
-    box = bearing.current_min, bearing.current_max, bearing.rotor.clearance
+    box = bearing.current_min, bearing.current_max, bearing.clearance
     constant = float(f"{m.magnet_constant / scale:.12g}")
     result = _found(*_files(m.force_map, m.force_channels), constant, law, box)
     return result if scale == 1.0 else result.scaled(scale)
@@ -81,7 +81,7 @@ def _found(
     low, high, travel = box
     bearing = SimpleNamespace(
         magnet=SimpleNamespace(magnet_constant=constant, **dict(law)),
-        rotor=SimpleNamespace(clearance=travel),
+        clearance=travel,
         current_min=low,
         current_max=high,
     )

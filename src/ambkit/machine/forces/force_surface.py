@@ -205,7 +205,7 @@ class ForceSurface(Law):
     @cached_property
     def patches(self) -> Patches:
         """What the C core has of it, over the bearing's currents and its travel."""
-        b, travel = self.bearing, self.bearing.rotor.clearance
+        b, travel = self.bearing, self.bearing.clearance
         return patches(self, (b.current_min, b.current_max), (-travel, travel))
 
     def in_core(self, core: ModuleType) -> Magnet:

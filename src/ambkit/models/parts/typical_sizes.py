@@ -17,7 +17,7 @@ class Typical(NamedTuple):
     @classmethod
     def of(cls, bearing: Any) -> Self:
         """Return those of a bearing of one axis."""
-        magnet, rotor = bearing.magnet, bearing.rotor
+        magnet, clearance = bearing.magnet, bearing.clearance
         force = 4 * magnet.magnet_constant * (magnet.bias_current / magnet.air_gap) ** 2
-        speed = math.sqrt(force * rotor.clearance / rotor.mass)
-        return cls(rotor.clearance, speed, force, magnet.bias_current)
+        speed = math.sqrt(force * clearance / bearing.rotor.mass)
+        return cls(clearance, speed, force, magnet.bias_current)

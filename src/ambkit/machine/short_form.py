@@ -1,0 +1,193 @@
+"""The short form of a machine with one axis: how it is read and written, and its keys.
+
+``[magnet]``, ``[amplifier]``, ``[stop]`` and ``[coil]`` are those of its bearing, ``[rotor]`` has
+the clearance, and ``[sensor]`` is no list.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic import BaseModel
+
+from ambkit.base.config.document import updated
+from ambkit.base.config.problems import (
+    Problem,
+    fields_of,
+    nearest,
+    no_table,
+    table_of,
+    unknown_key,
+    with_home,
+)
+from ambkit.machine.accessories import Coil, Stop
+from ambkit.machine.components import PlacedSensor
+from ambkit.machine.parts import Amplifier, Magnet, Sensor
+
+LISTS = ("bearing", "sensor")  #: Keys that are lists in the long form.
+OF_BEARING = ("magnet", "amplifier", "stop", "coil")  #: Tables of the one bearing.
+CLEARANCE = ("clearance", "travel_limit")  #: Keys of [rotor] that are the bearing's; now, and once.
+ABOVE = ("name", "description", "source", "sampling_time", "delay", "speed")
+
+TABLES: dict[str, tuple[str, ...]] = {
+    "": (*ABOVE, "magnet", "rotor", "amplifier", "sensor", "stop", "coil"),
+    "magnet": tuple(fields_of(Magnet)),
+    "rotor": ("mass", "gravity", "clearance"),
+    "amplifier": tuple(fields_of(Amplifier)),
+    "sensor": tuple(fields_of(Sensor)),
+    "stop": tuple(fields_of(Stop)),
+    "coil": tuple(fields_of(Coil)),
+}
+"""Keys of the short form, by table."""
+
+
+def is_short(data: Any) -> bool:
+    """Whether a description is in the short form."""
+    return isinstance(data, Mapping) and not any(
+        isinstance(data.get(key), list | tuple) for key in LISTS
+    )
+
+
+def expanded(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
+    """Return a description in the long form, and what is wrong with keys of the short one."""
+    problems: list[Problem] = []
+    tables: dict[str, Any] = {"": _known("", data, problems)}
+    for table in tables[""].keys() & TABLES.keys():
+        part = data[table]
+        if isinstance(part, Mapping):
+            tables[table] = _known(table, part, problems)
+        elif isinstance(part, BaseModel) or (part is None and table in ("stop", "coil")):
+            tables[table] = part
+        else:
+            problems.append(Problem((table,), no_table(part)))
+    long = {key: value for key, value in tables[""].items() if key in ABOVE}
+    bearing = {"type": "single"} | {key: tables[key] for key in OF_BEARING if key in tables}
+    if "rotor" in tables:
+        rotor = {"type": "mass"} | dict(tables["rotor"])
+        bearing |= {key: rotor.pop(key) for key in CLEARANCE if key in rotor}
+        long["rotor"] = rotor
+    if "sensor" in tables:
+        sensor = tables["sensor"]
+        if not isinstance(sensor, PlacedSensor):
+            sensor = {"type": "single"} | dict(sensor)
+        long["sensor"] = [sensor]
+    return long | {"bearing": [bearing]}, problems
+
+
+def _known(table: str, part: Mapping[str, Any], problems: list[Problem]) -> dict[str, Any]:
+    """Return what stands at the keys of a table that are known, and report the others."""
+    keys = TABLES[table]
+    once = {"rotor": CLEARANCE, "sensor": tuple(Sensor.renamed)}.get(table, ())
+    for key in part:
+        if key not in keys and key not in once:
+            around = (table,) if table else ()
+            meant = (*around, nearest(str(key), keys) or "")
+            problem = Problem((*around, key), unknown_key(str(key), keys), meant=meant)
+            problems.append(with_home(problem, TABLES.items()))
+    return {key: value for key, value in part.items() if key in keys or key in once}
+
+
+def moved(problems: list[Problem], own: list[Problem]) -> list[Problem]:
+    """Return problems of the long form with keys of the short one, and its own."""
+    meant = {problem.meant for problem in own}
+    results = list(own)
+    for problem in problems:
+        path = short_path(problem.path)
+        told = any(path[: len(other.path)] == other.path for other in results)
+        if problem.missing and (told or path in meant):
+            continue
+        if problem.missing and path == ("sensor",):
+            problem = problem._replace(text=f"missing: {table_of(Sensor)}")
+        elif problem.missing and path == ("rotor",):
+            problem = problem._replace(text=f"missing: a table with {', '.join(TABLES['rotor'])}")
+        results.append(problem._replace(path=path))
+    return results
+
+
+def short_path(path: tuple[str | int, ...]) -> tuple[str | int, ...]:
+    """Return where something stands in the short form."""
+    match path:
+        case ("bearing", 0, "clearance"):
+            return ("rotor", "clearance")
+        case ("bearing", 0, *rest):
+            return tuple(rest)
+        case ("sensor", 0, *rest):
+            return ("sensor", *rest)
+        case ("rotor", "mass", step, *rest):  # pydantic names the kind
+            return ("rotor", step, *rest)
+    return path
+
+
+def short_text(text: str) -> str:
+    """Return a message that begins with a key of the long form with that of the short one."""
+    if text.startswith("bearing[0].clearance"):
+        return text.replace("bearing[0]", "rotor", 1)
+    return text.removeprefix("bearing[0].").replace("sensor[0].", "sensor.", 1)
+
+
+def long_key(key: str) -> str:
+    """Return a dotted key of the short form as one of the long form; others as they are."""
+    table, _, rest = key.partition(".")
+    if table in OF_BEARING:
+        return f"bearing.0.{key}"
+    if table == "rotor" and rest in CLEARANCE:
+        return "bearing.0.clearance"
+    return f"sensor.0.{rest}" if table == "sensor" and rest[:1].isalpha() else key
+
+
+def shortened(long: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is written of a machine with one axis."""
+    bearing, sensor, rotor = long["bearing"][0], long["sensor"][0], long["rotor"]
+    parts = dict(bearing)
+    parts["rotor"] = {key: rotor.get(key, bearing["clearance"]) for key in TABLES["rotor"]}
+    parts["sensor"] = {key: sensor[key] for key in TABLES["sensor"] if key in sensor}
+    above = {key: long[key] for key in ABOVE if key in long}
+    return above | {key: parts[key] for key in TABLES[""] if key in parts and key not in ABOVE}
+
+
+def tables_of(machine: Any) -> dict[str, Any]:
+    """Return the values of a machine with one axis by the keys of the short form."""
+    bearing, rotor = machine.bearings[0], machine.rotor
+    return {key: getattr(machine, key) for key in (*ABOVE, *OF_BEARING)} | {
+        "rotor": {"mass": rotor.mass, "gravity": rotor.gravity, "clearance": bearing.clearance},
+        "sensor": machine.sensors[0],
+    }
+
+
+def with_schema(long: dict[str, Any]) -> dict[str, Any]:
+    """Return the JSON schema of a machine in either form, from that of the long one."""
+    definitions, own = long["$defs"], long["properties"]
+    bearing = definitions["PlacedBearing"]["properties"]
+    rotor, sensor = (
+        {key: definitions[name][key] for key in ("type", "properties", "required")}
+        for name in ("MassRotor", "PlacedSensor")
+    )
+    for table, part in (("rotor", rotor), ("sensor", sensor)):
+        known = part["properties"] | {"clearance": bearing["clearance"]}
+        part["properties"] = {key: known[key] for key in TABLES[table]}
+        part["additionalProperties"] = False
+    rotor["required"] = [*TABLES["rotor"]]
+    tables = {**own, **bearing, "name": own["name"], "rotor": rotor, "sensor": sensor}
+    short = {
+        "type": "object", "additionalProperties": False,
+        "properties": {key: tables[key] for key in TABLES[""]},
+        "required": ["name", "sampling_time", "magnet", "rotor", "amplifier", "sensor"],
+    }  # fmt: skip
+    long_keys = {key: long.pop(key) for key in [*long] if key in short}
+    return long | {"anyOf": [long_keys, short]}
+
+
+def updates(machine: Any, update: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield the fields of a machine that an update by keys of a file, or by fields, changes."""
+    of_bearing = (*OF_BEARING, "clearance")
+    if own := {key: value for key, value in update.items() if key in of_bearing}:
+        yield "bearings", (updated(machine._one, own),)
+    for key, value in update.items():
+        if key in LISTS and isinstance(value, tuple):
+            yield f"{key}s", value
+        elif key == "sensor":
+            own = {name: getattr(value, name) for name in TABLES["sensor"]}
+            yield "sensors", (updated(machine.sensors[0], own),)
+        elif key not in of_bearing:
+            yield key, value
