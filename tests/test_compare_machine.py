@@ -90,7 +90,7 @@ def test_each_closes_its_own_loop_on_a_machine(call):
     score = found.scores["20 µm"]["linear"]
     happening = found.loop_cases["20 µm"].scenario
     assert [axis for axis, _ in by_axis(happening, "disturbance", "A1")] == ["A1"]
-    for seed, error in enumerate(score.rmse["f_d"]):
+    for seed, error in enumerate(score.figures["f_d"]):
         run = simulate_run(MACHINE, happening.replace(seed=seed), estimator=KalmanFilter(MACHINE))
         wrong = [run.estimate[f"f_d_{a}"] - run.record[f"f_d_{a}"] for a in run.axes]
         assert error == pytest.approx(np.sqrt(np.mean(np.square(wrong))))

@@ -254,7 +254,7 @@ def test_filters_of_a_mapping_have_each_run_to_themselves():
         assert list(scores) == ["a, b", "law"]
         for one, other in zip(scores.values(), wanted.values(), strict=True):
             for signal in ("x", "v", "f_d"):
-                np.testing.assert_array_equal(one.rmse[signal], other.rmse[signal])
+                np.testing.assert_array_equal(one.figures[signal], other.figures[signal])
 
 
 def test_what_is_not_there_is_not_saved(tmp_path):

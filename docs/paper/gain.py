@@ -41,9 +41,9 @@ def gain(study: Study) -> Part:
     largest = scores[STEPS[-1]]
     force = {name: score.mean("f_d") for name, score in largest.items()}
     windows = _windows(study)
-    position = np.array([score.rmse["x"] for score in largest.values()])
+    position = np.array([score.figures["x"] for score in largest.values()])
     alike = 100 * (position.max(axis=0) / position.min(axis=0) - 1)
-    errors = {name: score.rmse["f_d"] for name, score in largest.items()}
+    errors = {name: score.figures["f_d"] for name, score in largest.items()}
     (reach,) = study.over_seeds(lambda seed: (_reach(study, seed),))
     return Part(
         Chapter(
@@ -105,7 +105,7 @@ def _table(scores: Mapping[float, Mapping[str, Score]]) -> TableBlock:
         headers=["step", "filter", "x [µm]", "v [mm/s]", r"$F_\mathrm{St}$ [N]", "mean NIS"],
         rows=[
             [f"{step * 1e3:g} mm", style_of(name).label, entry(score, "x", 1e6, 2),
-             entry(score, "v", 1e3, 2), entry(score, "f_d", 1.0, 3), f"{score.nis.mean():.3f}"]
+             entry(score, "v", 1e3, 2), entry(score, "f_d", 1.0, 3), f"{score.mean('nis'):.3f}"]
             for step, of_step in scores.items()
             for name, score in of_step.items()
         ],

@@ -150,7 +150,7 @@ def _alike(study: Study, bearing: Machine) -> Array:
     """By how much the worst position of a run is above the best, (seeds,) [%]."""
     filters = study.filters_of(bearing, as_printed=False)
     scores = compare(bearing, study.scenario(STEP, LOAD), filters, study.seeds)
-    position = np.array([score.rmse["x"] for score in scores.values()])
+    position = np.array([score.figures["x"] for score in scores.values()])
     return np.asarray(100 * (position.max(axis=0) / position.min(axis=0) - 1))
 
 

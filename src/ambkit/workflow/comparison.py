@@ -29,8 +29,8 @@ from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.comparison import TRAINING
 from ambkit.judge.comparison.conditions import Spread
 from ambkit.judge.comparison.criteria import EVALUATED
-from ambkit.judge.comparison.score import Benches, least
-from ambkit.judge.comparison.seeds import Score, compare, comparison_figure, rows_of
+from ambkit.judge.comparison.score import Benches, Score, least
+from ambkit.judge.comparison.seeds import compare, comparison_figure
 from ambkit.judge.comparison.study import Study, across, study
 from ambkit.judge.comparison.tuning import expand, suited
 from ambkit.machine.force_laws import isolated_axes
@@ -262,30 +262,32 @@ class LoopScores(Result):
 
     @property
     def finding(self) -> str:
-        case, scores = list(self.scores.items())[-1]
-        return f"{self.title}: at {case} {least(rows_of(scores))}."
+        case = list(self.scores)[-1]
+        rows = [row for row in self.rows if row.section == ("cases", case)]
+        return f"{self.title}: at {case} {least(rows)}."
 
     @property
     def rows(self) -> list[Row]:
         return [
             row
             for case, scores in self.scores.items()
-            for row in put(rows_of(scores), section=("cases", case))
+            for name, score in scores.items()
+            for row in put(score.rows(), section=("cases", case), of=name)
         ]
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
         by = "step " if self.steps else ""
-        return {("cases", case): Section(f"{by}{case}: root mean square errors", across=True)
+        return {("cases", case): Section(f"{by}{case}", across=True)
                 for case in self.scores}  # fmt: skip
 
     @property
     def notes(self) -> list[str]:
         return [
-            f"{case}, {name}: contact with the stop in {score.touched} of {len(self.seeds)} runs."
+            f"{case}, {name}: contact with the stop in {lost:.0f} of {len(self.seeds)} runs."
             for case, scores in self.scores.items()
             for name, score in scores.items()
-            if score.touched
+            if (lost := score.figures["lost"].sum())
         ]
 
     @property
@@ -304,12 +306,9 @@ class LoopScores(Result):
             columns["step"] = np.repeat(np.array(self.steps, dtype=float), count)
         columns["seed"] = np.tile(np.array(self.seeds, dtype=float), len(scores))
         for name in next(iter(scores.values())):
-            for signal, unit in EVALUATED.items():
-                key = f"{name}_{signal}"
-                units[key] = unit
-                columns[key] = np.concatenate([case[name].rmse[signal] for case in scores.values()])
-            units[f"{name}_nis"] = "1"
-            columns[f"{name}_nis"] = np.concatenate([case[name].nis for case in scores.values()])
+            for signal, unit in (EVALUATED | {"nis": "1"}).items():
+                of_cases = [case[name].figures[signal] for case in scores.values()]
+                units[f"{name}_{signal}"], columns[f"{name}_{signal}"] = unit, np.hstack(of_cases)
         return Table(columns, {k: units[k] for k in columns}, {"cases": list(scores)})
 
     def figures(self) -> list[Figure]:

@@ -1,7 +1,8 @@
 """Estimators compared: over seeds in their own loops, and along the same records."""
 
 from ambkit.estimate.constant_velocity import ConstantVelocityFilter
-from ambkit.judge.comparison.seeds import Score, compare, rmse
+from ambkit.judge.comparison.score import Score
+from ambkit.judge.comparison.seeds import compare, rmse
 
 __all__ = [
     "ConstantVelocityFilter",

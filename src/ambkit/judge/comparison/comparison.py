@@ -19,7 +19,7 @@ from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import Case, Trial, in_the_loop, trials
 from ambkit.judge.comparison.criteria import OF_THE_LOOP, SETTLING, evaluate_run, rows_along
-from ambkit.judge.comparison.score import Bench, Standing, half_width, mean
+from ambkit.judge.comparison.score import Bench, Score, half_width, mean
 from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Tuning, errors, tune
 from ambkit.machine.force_laws import slowest_time
 from ambkit.machine.machine import Machine
@@ -55,13 +55,13 @@ def bench(
             done()
             return result
 
-        def evaluated(candidate: Candidate, tuning: Tuning | None = None) -> Standing:
+        def evaluated(candidate: Candidate, tuning: Tuning | None = None) -> Score:
             values = dict(tuning.values) if tuning else candidate.defaults
             figures = _figures(candidate, values, valid, bearing, settling)
             done()
-            return Standing(candidate.name, candidate.label, values, figures, tuning)
+            return Score(candidate.name, candidate.label, values, figures, tuning)
 
-        def standings(*tunings: Sequence[Tuning]) -> dict[str, Standing]:
+        def scores(*tunings: Sequence[Tuning]) -> dict[str, Score]:
             judged = dict(zip(field, pool.map(evaluated, field.values(), *tunings), strict=True))
             for name, score in judged.items():  # when nothing else goes on
                 cost = _cost(field[name].build(**score.values), valid[0])
@@ -74,8 +74,8 @@ def bench(
             training = [trial for trial in made if not trial.lost]
             reference = errors(lambda: KalmanFilter(bearing), training, first).mean(axis=0)
             tunings = list(pool.map(search, field.values()))
-        default = standings()
-        tuned = standings(tunings) if tunings else {}
+        default = scores()
+        tuned = scores(tunings) if tunings else {}
     return Bench(
         bearing=bearing,
         case=case,

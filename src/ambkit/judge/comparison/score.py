@@ -26,7 +26,7 @@ SHOWN = ("x", "v", "f_d", "nees", "nis", "lost")
 
 
 @dataclass(frozen=True)
-class Standing:
+class Score:
     """How one estimator did, with one set of values."""
 
     name: str  #: Of the estimator.
@@ -40,6 +40,11 @@ class Standing:
     def mean(self, criterion: str) -> float:
         """Mean over the runs in which it applies; NaN where it never does."""
         return mean(self.figures[criterion])
+
+    def spread(self, criterion: str) -> float:
+        """Standard deviation over the runs; 0 of a single one."""
+        values = self.figures[criterion]
+        return float(values.std(ddof=1)) if values.size > 1 else 0.0
 
     def half_width(self, criterion: str) -> float:
         """Half width of the 95 % confidence interval of the mean (Student's t)."""
@@ -65,8 +70,8 @@ class Bench(Result):
     seed: int  #: First seed; evaluations of the tuning, 0: not tuned.
     budget: int
     #: By the names of the estimators; `tuned` is empty without tuning.
-    default: Mapping[str, Standing]
-    tuned: Mapping[str, Standing] = field(default_factory=dict)
+    default: Mapping[str, Score]
+    tuned: Mapping[str, Score] = field(default_factory=dict)
     #: Least RMSE of x, v, f_d over the axes that any estimator can have, of a single axis of x_m
     #: too; empty where the truth is not as the filters' model, and there is no limit known.
     limit: Mapping[str, float] = field(default_factory=dict)
@@ -75,8 +80,8 @@ class Bench(Result):
     units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     @property
-    def best(self) -> Mapping[str, Standing]:
-        """The tuned standings, or the default ones where nothing was tuned."""
+    def best(self) -> Mapping[str, Score]:
+        """The tuned scores, or the default ones where nothing was tuned."""
         return self.tuned or self.default
 
     def efficiency(self, name: str, signal: str) -> float:
@@ -111,7 +116,7 @@ class Bench(Result):
                 results += put(self._tuning(of, of.tuning), section=("tuning",), of=name)
         return results
 
-    def _tuning(self, of: Standing, result: Tuning) -> list[Row]:
+    def _tuning(self, of: Score, result: Tuning) -> list[Row]:
         units = self.units.get(of.name, {})
         return [
             Row("default", "objective, untuned", result.default),
