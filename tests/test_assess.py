@@ -77,7 +77,7 @@ def test_estimator_is_the_cores_at_its_operating_point(of, name):
     machine = {"paper": ZITTAU, "late": LATE, "several axes": Machine.preset("ufu_rig")}[of]
     estimator = made(name, machine, frozen_limit=0)
     if machine.single:
-        point, size = OperatingPoint.equilibrium(machine, x=0.1e-3), 1e-8
+        point, size = OperatingPoint.equilibrium(machine, x=0.5e-3), 1e-8
         shape, rows = (300,), np.eye(2, len(estimator.states))
     else:
         point, size = OperatingPoint.of_machine(machine), 1e-9

@@ -89,31 +89,6 @@ def test_the_current_follows_as_a_first_order_lag():
     assert "u_coil" not in run
 
 
-@pytest.mark.parametrize("x", [0.0, 4e-4])
-def test_the_slew_is_what_the_voltage_leaves_beside_the_resistance(x):
-    """L di/dt + R i = U in a rotor at rest: an exponential towards U/R, in each coil its own."""
-    U, R, T, n = 20.0, 2.0, 1e-5, 80
-    parts = coils(corner=2 * np.pi * 20e3, voltage=U, R=R)
-    held = {"m": HEAVY, "x_start": x, "coil": law(two_sided=False)}
-    run = driven(np.full(n, 1.5), parts, T=T, **held)
-    t = T * np.arange(n)
-    one = (U / R - I0) * (1 - np.exp(-R * t * (S0 - x) / (2 * K)))
-    other = (U / R + I0) * (1 - np.exp(-R * t * (S0 + x) / (2 * K)))
-    limited = one < 1.4  # the controller takes its voltage back near the end
-    limited &= other < 1.4
-    assert 5 < limited.sum() < n
-    np.testing.assert_allclose(
-        run["iu"][limited], (one + other)[limited] / 2, rtol=1e-9, atol=1e-12
-    )
-    np.testing.assert_allclose(run["u_coil"][limited], U, rtol=1e-12)
-    np.testing.assert_allclose(run["u_coil_2"][limited], -U, rtol=1e-12)
-    pull = K * (((I0 + one) / (S0 - x)) ** 2 - ((I0 - other) / (S0 + x)) ** 2)
-    unbiased = run["force"][limited]
-    np.testing.assert_allclose(
-        unbiased, pull[limited], rtol=1e-7, atol=1e-9, err_msg="each coil pulls by its own current"
-    )
-
-
 def naive(t, s, parts, demanded, turned=0.0):
     """Right-hand side of the whole plant as the field writes it: x, v, x_m, i1, i2."""
     x, v, x_m, i1, i2 = s
@@ -175,7 +150,7 @@ WHOLE = coils() | {
 def test_with_all_that_is_smooth_the_integrator_is_of_order_four():
     """Amplifier, back-EMF, a dead time of 1.425 samples, runout and a bent sensor at once."""
     T = 4e-4
-    command = np.array([0.3, -0.2, 0.1, -0.3, 0.2, -0.1, 0.3, 0.0])
+    command = SWINGS
     reference = exact(command, T, WHOLE, 1e-4)
     errors = []
     for substeps in (7, 14, 28, 56):
@@ -191,16 +166,33 @@ def test_with_all_that_is_smooth_the_integrator_is_of_order_four():
     assert order == pytest.approx([4, 4, 4, 4], abs=0.4)
 
 
-def test_where_the_voltage_is_limited_now_and_then_the_solver_says_the_same():
-    parts = WHOLE | {"voltage": 6.0}
-    command = np.array([0.3, -0.2, 0.1, -0.3, 0.2, -0.1, 0.3, 0.0])
-    reference = exact(command, 4e-4, parts, 1e-4)
-    run = driven(command, parts, T=4e-4, x_start=1e-4, substeps=64, coil=law(two_sided=False))
-    limited = np.abs(np.abs(run["u_coil"]) - 6) < 1e-9
-    assert 0 < limited.sum() < limited.size
-    for name, column in (("x", 0), ("v", 1), ("x_m", 2)):
-        scale = np.abs(reference[:, column]).max()
-        np.testing.assert_allclose(run[name], reference[:, column], atol=1e-5 * scale)
+SWINGS = np.array([0.3, -0.2, 0.1, -0.3, 0.2, -0.1, 0.3, 0.0])
+HARD = {
+    "limited now and then": (WHOLE | {"voltage": 6.0}, SWINGS, 1e-4, 1e-5),
+    "slewing": (coils(corner=2 * np.pi * 20e3, voltage=3.0), 4 * SWINGS, 2e-4, 1e-4),
+    "impact": (coils() | {"stiffness": 1e8, "damping": 0.5, "farthest": 1.9e-3},
+               np.full(40, 0.6), 8e-4, 2e-6),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_where_it_is_not_smooth_the_solver_says_the_same(name):
+    """Of both coils, each of which pulls by its own current."""
+    parts, command, x_start, within = HARD[name]
+    reference = exact(command, 4e-4, parts, x_start)
+    run = driven(command, parts, T=4e-4, x_start=x_start, substeps=64, coil=law(two_sided=False))
+    volts = np.abs([run["u_coil"], run["u_coil_2"]])
+    assert (volts <= parts["voltage"] * (1 + 1e-12)).all()
+    limited = (volts > parts["voltage"] - 1e-9).sum()
+    assert limited > 0
+    assert (limited == volts.size) == (name == "slewing")
+    assert (np.abs(reference[:, 0]).max() > 1.05e-3) == (name == "impact")
+    iu = (reference[:, 3] - reference[:, 4]) / 2
+    of = dict(zip(("x", "v", "x_m"), reference.T[:3], strict=True)) | {"iu": iu}
+    for signal, values in of.items():
+        np.testing.assert_allclose(
+            run[signal], values, atol=within * np.abs(values).max(), err_msg=signal
+        )
 
 
 def test_a_scaled_magnet_is_scaled_with_its_coils():
@@ -452,17 +444,6 @@ def test_the_impact_does_not_depend_on_the_steps(stiffness):
         for name in ("x", "v"):
             scale = np.abs(runs[-1][name]).max()
             np.testing.assert_allclose(run[name], runs[-1][name], rtol=0, atol=1e-6 * scale)
-
-
-def test_the_impact_is_the_solvers():
-    parts = coils() | STOP
-    command = np.full(40, 0.6)
-    reference = exact(command, 4e-4, parts, 8e-4)
-    run = driven(command, parts, T=4e-4, x_start=8e-4, substeps=64, coil=law(two_sided=False))
-    assert np.abs(reference[:, 0]).max() > 1.05e-3
-    for name, column in (("x", 0), ("v", 1)):
-        scale = np.abs(reference[:, column]).max()
-        np.testing.assert_allclose(run[name], reference[:, column], atol=2e-6 * scale)
 
 
 def test_a_stop_too_soft_ends_before_the_magnet():
