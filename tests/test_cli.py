@@ -481,6 +481,14 @@ def test_assess(call, tmp_path):
     assert picture.is_file()
 
 
+def test_help_fits_80_columns_and_breaks_no_word_at_its_hyphen(call, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    for command in ((), ("export",), ("export", "c"), ("pil",), ("schema",)):
+        lines = call(*command, "--help").out.splitlines()
+        assert [x for x in lines if len(x) > 80 and not x.startswith("    ambkit")] == []
+        assert [x for x in lines if re.search(r"[a-z]-$", x)] == []
+
+
 def test_assess_takes_filters_files(call, tmp_path):
     bearing = ambkit.Bearing.preset("zittau_axial")
     quick = ambkit.FilterNoise(disturbance=1e4)

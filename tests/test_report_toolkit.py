@@ -878,3 +878,28 @@ def test_names_below_bars_may_hold_formulas():
     figure = Figure("bars", "", "", [Panel(Axis(""), Axis("y"), [Bars(["$k_i$", "b"], [1, 2])])])
     (bars,) = json.loads(screen.to_json(screen.described(figure)))["data"]
     assert bars["x"] == ["<i>k</i><sub><i>i</i></sub>", "b"]
+
+
+def labels_of(axis):
+    """The boxes of an axis's labels on the canvas, of ticks that are seen."""
+    low, high = sorted(axis.get_view_interval())
+    ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+    return [tick.label1.get_window_extent() for tick in ticks
+            if tick.label1.get_text() and low <= tick.get_loc() <= high]  # fmt: skip
+
+
+def test_ticks_side_by_side_do_not_touch_and_a_short_logarithmic_axis_has_some():
+    y = np.linspace(1.1, 2.8, 9)
+    ends = (np.array([value]) for value in (0.0054, -0.0817, 0.1128))
+    delay = Intervals(["$T_d$"], *ends, ["50.54 µs"], signal="identified", label="")
+    figure = Figure("ticks", "Ticks", "", [
+        Panel(Axis("delay", "samples"), Axis(""), [delay]),
+        Panel(Axis("x"), Axis("y", scale="log"), [Line(y, y, label="")]),
+    ], columns=2)  # fmt: skip
+    with paper_style(figure):
+        canvas, axes = figure.draw()
+        canvas.draw_without_rendering()
+    for ax in axes:
+        boxes = sorted(labels_of(ax.xaxis), key=lambda box: box.x0)
+        assert all(a.x1 < b.x0 for a, b in itertools.pairwise(boxes))
+    assert len(labels_of(axes[1].yaxis)) >= 3

@@ -55,6 +55,7 @@ def made(of="linear", **options):
     (Row("t", "t", math.inf, "degC", below=403.15), "runs away", "below 130.0 °C"),
     (Row("r", "r", 100 * math.pi, "rpm"), "3000 rpm", ""),
     (Row("u", "u", 4.2e-6, "g mm"), "4.2 g mm", ""),
+    (Row("z", "z", 0.0, "m", error=6.2e-7), "0.00 ± 0.62 µm", ""),
 ])  # fmt: skip
 def test_a_row_is_shown_as_an_engineer_writes_it(row, text, limit):
     assert row.text() == text

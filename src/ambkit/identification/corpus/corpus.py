@@ -120,11 +120,11 @@ class Corpus(Result):
     def notes(self) -> list[str]:
         weaker = [] if self.strength_loss is None else [self.strength_loss.text]
         return [
-            "Errors are rms of predictions that many samples ahead, with the controls since. "
-            "Alone is the model with controls predicted from the past, which is all that ARX has; "
-            "velocity is a Kalman filter without a magnet. All are fitted to the other logs. "
-            "Predictable is the share of the residuals that their past predicts. Good: no baseline "
-            "with the same information is better, NIS is near 1, and little is predictable.",
+            "Errors are rms of predictions that many samples ahead, with the controls since. Past "
+            "only: controls predicted from the past, as ARX has them. Velocity: a Kalman filter "
+            "without a magnet. All are fitted to the other logs. Predictable: share of the "
+            "residuals that their past predicts. Good: no baseline with the same information is "
+            "better, NIS is near 1, and little is predictable.",
             *(f"{said[0].upper()}{said[1:]}." for said in weaker),
             *(f"A line at {figure(h.frequency, 'Hz')} in the position, of "
               f"{figure(h.amplitude, 'm', 2)}, in more than half of the logs."

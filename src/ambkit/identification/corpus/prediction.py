@@ -134,7 +134,7 @@ class Prediction:
 
     @property
     def good(self) -> bool:
-        """Whether nothing knows more of this log than the model."""
+        """Whether the model passes all checks on this log."""
         # No baseline predicts it better, its noise is what the model expects, and hardly anything
         # of what is left could be predicted. The ARX model knows no later control, so it is held
         # against the model without these.
@@ -163,7 +163,7 @@ class Prediction:
 
 KINDS = {
     "error": "error",
-    "without_later_controls": "alone",
+    "without_later_controls": "past only",
     "arx": "ARX",
     "without_a_magnet": "velocity",
     "held": "held",
