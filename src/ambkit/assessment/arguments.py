@@ -56,9 +56,8 @@ def check_plausibility(record: Record, machine: Machine) -> list[str]:
         return []
     verdict = evaluate_record(record, machine)
     if machine.single and "y" in record:
-        bearing = machine
-        y = record["y"][np.isfinite(record["y"])] / bearing.sensor.gain
-        beyond = float(np.mean(np.abs(y) > bearing.magnet.air_gap)) if y.size else 0.0
+        y = record["y"][np.isfinite(record["y"])] / machine.sensor.gain
+        beyond = float(np.mean(np.abs(y) > machine.magnet.air_gap)) if y.size else 0.0
         if beyond > MOST:
             raise RecordError(verdict.problems)
     return [*verdict.problems, *(remark for remark in verdict.remarks if remark.endswith("?"))]

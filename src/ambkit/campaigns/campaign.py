@@ -253,7 +253,7 @@ class Campaign(Result, Machines):
     def series(self) -> dict[str, Any]:
         return {
             "study": self.plan.study.name,
-            "bearing" if self.plan.nominal.single else "machine": self.plan.nominal.name,
+            "machine": self.plan.nominal.name,
             "folder": str(self.folder),
             **{name: {} for name in ("by_choice", "fails", "zones", "quantiles")},
             "runs": len(self),

@@ -35,8 +35,7 @@ def usual_acceleration(bearing: Machine) -> float:
 
 def no_force_of(bearing: Machine) -> MagnetModel:
     """Return magnets without force."""
-    machine = bearing
-    return bank_of([ConstantStiffness(0.0, 0.0)] * len(machine.axes), machine)
+    return bank_of([ConstantStiffness(0.0, 0.0)] * len(bearing.axes), bearing)
 
 
 class ConstantVelocity(KalmanFilter):

@@ -82,9 +82,9 @@ class Engine:
         self.core: ModuleType = core_module(precision, any_model=not self.built_in)
         check_room(self.core, plan, machine.name)
         if self.built_in:
-            axis = machine
+            sensor = machine.sensor
             self.model_of_core: Any = self.core.Model(
-                axis.sampling_time, axis.rotor.mass, axis.sensor.gain, axis.lag_of(axis.sensor),
+                machine.sampling_time, machine.rotor.mass, sensor.gain, machine.lag_of(sensor),
                 as_printed,
             )  # fmt: skip
         else:

@@ -114,10 +114,9 @@ class Estimator(Described, Copyable):
         synchronous: Sequence[str] = (),
     ) -> None:
         of_type(Machine, bearing=bearing)
-        machine = bearing
-        if not self.takes(machine):
-            names = ", ".join(axis.name for axis in machine.axes)
-            raise ValueError(f"{self.name} takes one axis; {machine.name} has the axes {names}")
+        if not self.takes(bearing):
+            names = ", ".join(axis.name for axis in bearing.axes)
+            raise ValueError(f"{self.name} takes one axis; {bearing.name} has the axes {names}")
         if gravity not in ("known", "disturbance"):
             raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")
         for limit, value in (("frozen_limit", frozen_limit), ("outlier_limit", outlier_limit)):
@@ -127,12 +126,12 @@ class Estimator(Described, Copyable):
             raise ValueError(f"gate must be greater than 0 standard deviations, got {gate!r}")
         noise = noise or FilterNoise()
         of_type(FilterNoise, noise=noise)
-        self.machine, self.view = machine, View(machine)
-        self.bearing: Any = machine
-        self.magnet = constants_of(machine) if magnet is None else bank_of(magnet, machine)
+        self.machine, self.view = bearing, View(bearing)
+        self.bearing: Any = bearing
+        self.magnet = constants_of(bearing) if magnet is None else bank_of(magnet, bearing)
         self.precision = precision
         self.engine = Engine(
-            machine, precision, as_printed=as_printed, noise=self.estimates_noise,
+            bearing, precision, as_printed=as_printed, noise=self.estimates_noise,
             synchronous=synchronous, parts=self._parts,
         )  # fmt: skip
         self.variances: Any = self.view.variances(noise)

@@ -66,16 +66,15 @@ def evaluate_record(record: Record, machine: Machine) -> Verdict:
     if not machine.single:  # each axis moves by the forces on all
         signs = [] if problems else list(judge_signs(record, machine))
         return _verdict(problems, [(False, text) for text in remarks] + signs)
-    bearing = machine
-    limits = [*_position(record, bearing), *_control(record, bearing)]
+    limits = [*_position(record, machine), *_control(record, machine)]
     fit = not problems and not any(wrong for wrong, _ in limits)
-    signs = list(judge_signs(_without_stops(record, bearing), bearing)) if fit else []
-    lying = list(_lies(record, bearing))
+    signs = list(judge_signs(_without_stops(record, machine), machine)) if fit else []
+    lying = list(_lies(record, machine))
     remarks = [*lying, *(text for text in remarks if not (lying and "lie on" in text))]
     if not any(wrong for wrong, _ in signs):
-        remarks = [*_gravity(record, bearing), *remarks]
+        remarks = [*_gravity(record, machine), *remarks]
         if not problems:
-            remarks += [*_motion(record, bearing)] or [*_balance(record, bearing)]
+            remarks += [*_motion(record, machine)] or [*_balance(record, machine)]
     return _verdict(problems, [*signs, *((False, text) for text in remarks), *limits])
 
 

@@ -195,8 +195,7 @@ class Loop:
         at, load = self._reference[0], self._load[0]
         self._speed = self._base = None
         if self._straight:
-            alone = machine
-            return StraightLine(alone, scenario, magnet, float(at[0]), float(load[0]))
+            return StraightLine(machine, scenario, magnet, float(at[0]), float(load[0]))
         after = machine.sampling_time * np.arange(t.size + 1, dtype=float)
         own = np.full(after.size, machine.speed)
         self._speed = own if scenario.speed is None else scenario.speed.sample(after)

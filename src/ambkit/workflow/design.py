@@ -56,9 +56,8 @@ from ambkit.workflow.tune import BUDGET, RUNS
 DIGITS = 3  #: Of the gains that are written down.
 
 
-def control_for(bearing: Machine) -> Control:
+def control_for(machine: Machine) -> Control:
     """The default controllers of a machine that an estimate feeds, as they are written down."""
-    machine = bearing
     result = default_control(machine, "estimate")
     if not result.held:
         raise AmbkitError(result.summary)

@@ -176,9 +176,8 @@ def nominals(machine: Machine, states: Sequence[str]) -> list[str]:
     """Return the typical size of each state of a plant in continuous time, in its unit."""
     if not states:
         return []
-    bearing = machine
-    travel = bearing.clearance
-    sizes = {"x": travel, "x_m": abs(bearing.sensor.gain) * travel, "v": travel / own_time(bearing)}
-    sizes |= dict.fromkeys(plant_parts.between_magnet_and_rotor(bearing), Typical.of(bearing).force)
-    values = (sizes.get(name, bearing.amplifier.current_limit) for name in states)
+    travel = machine.clearance
+    sizes = {"x": travel, "x_m": abs(machine.sensor.gain) * travel, "v": travel / own_time(machine)}
+    sizes |= dict.fromkeys(plant_parts.between_magnet_and_rotor(machine), Typical.of(machine).force)
+    values = (sizes.get(name, machine.amplifier.current_limit) for name in states)
     return [c_literals.number(value, "double") for value in values]

@@ -54,8 +54,7 @@ def pil(
     for_board = build.QEMU_BOARD if board is None else build.BOARDS[board]
     build.check(for_board)
     build.check(build.QEMU_BOARD)
-    plant = machine
-    several = not plant.single
+    plant, several = machine, not machine.single
     base_scenario = scenario or Scenario(duration=1.0)
     of_type(Scenario, scenario=base_scenario)
     sequence = base_scenario.sequence or LiftOff()

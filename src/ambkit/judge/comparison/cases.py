@@ -121,20 +121,19 @@ def each_trial(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[T
     if not machine.single:
         yield from _flights(case, machine, runs, seed)
         return
-    bearing = machine
     nominal = case.spread == CERTAIN and case.magnet_constant == 1.0
-    fixed = _magnet(case, bearing, bearing) if nominal else None
-    known = KalmanFilter(bearing)
+    fixed = _magnet(case, machine, machine) if nominal else None
+    known = KalmanFilter(machine)
     for run, factors in enumerate(case.spread.factors(runs, seed)):
-        plant = factors.plant(bearing)
+        plant = factors.plant(machine)
         if case.magnet_constant != 1.0:
             constant = case.magnet_constant * plant.magnet.magnet_constant
             plant = plant.replace(**plant.magnet.with_constant(constant))
-        scenario = case.scenario(bearing, LOAD * factors.load)
+        scenario = case.scenario(machine, LOAD * factors.load)
         own = {"seed": 1000 * seed + run, "plant": case.plant}
         scenario = scenario.model_copy(update=own)
-        external_inputs, walk = _external_inputs(case, bearing, plant, scenario)
-        magnet = fixed if nominal else _magnet(case, plant, bearing)
+        external_inputs, walk = _external_inputs(case, machine, plant, scenario)
+        magnet = fixed if nominal else _magnet(case, plant, machine)
         record = simulate(
             plant, scenario, estimator=known, magnet=magnet, external_inputs=external_inputs
         )

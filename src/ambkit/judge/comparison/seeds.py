@@ -42,11 +42,10 @@ def compare(
     """Monte Carlo over seeds: every estimator closes its own loop against the same noise."""
     of_type(Machine, bearing=bearing)
     of_type(Scenario, scenario=scenario)
-    plant = bearing
 
     def one(name: str, seed: int) -> list[float]:
         estimator, seeded_scenario = estimators[name](), scenario.model_copy(update={"seed": seed})
-        run = simulate_run(plant, seeded_scenario, estimator=estimator, magnet=magnet)
+        run = simulate_run(bearing, seeded_scenario, estimator=estimator, magnet=magnet)
         assert run.estimate is not None  # an estimator was given
         wrong = errors_along(run.estimate, run.record, estimator.view)
         errors = [rms(wrong[signal]) for signal in EVALUATED]
