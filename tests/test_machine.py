@@ -196,3 +196,5 @@ def test_a_part_of_an_axis_is_found_where_there_is_one():
     assert axis.magnet is axis.magnet
     with pytest.raises(AttributeError, match=r'has several axes: use machine\["A1"\]'):
         _ = Machine.preset("tum_mlps").amplifier
+    with pytest.raises(AttributeError, match=r'has several axes: use machine\["A1"\]'):
+        Machine.preset("tum_mlps").plot()

@@ -469,6 +469,12 @@ class Machine(Shown, Document):
             yield from _too_heavy(read, bearings, sensors)
         yield from unseen(read, bearings, sensors)
 
+    def figure(self) -> Any:
+        """Return the figure of the force of its one axis."""
+        from ambkit.machine.bearing_card import bearing_figure
+
+        return bearing_figure(self)
+
     def _card(self) -> Card:
         from ambkit.machine.bearing_card import bearing_card
         from ambkit.result.card import settings_card
