@@ -94,3 +94,15 @@ def test_a_start_that_is_none_is_refused():
         kf.reset([np.inf, 0, 0, 0])
     with pytest.raises(ValueError, match="std finite and positive"):
         kf.reset(std=[1, 1, 0, 1])
+
+
+def test_the_start_is_rounded_as_in_the_exported_c():
+    """The C divides the first reading by the gain in its own precision."""
+    gain = 1.07
+    bearing = Bearing.preset("zittau_axial").replace(sensor__gain=gain)
+    y = np.random.default_rng(0).uniform(-2e-4, 2e-4, 200)
+    single = ambkit.KalmanFilter(bearing, precision="float32")
+    expected = y.astype(np.float32) / np.float32(gain)
+    assert [single.initial_state(np.array([one]))[0] for one in y] == expected.tolist()
+    double = ambkit.KalmanFilter(bearing)
+    assert [double.initial_state(np.array([one]))[0] for one in y] == (y / gain).tolist()

@@ -198,9 +198,9 @@ def numbers(model: Model) -> Array:
 
 def arrays(model: Model) -> dict[str, Any]:
     """Return a model as the core's loops want it (``ambkit/loops.h``)."""
-    unknown = [state.name for state in model.states if state.role not in ROLES]
-    if unknown:
-        raise ValueError(f"states of unknown roles: {', '.join(unknown)}")
+    if unknown := [f"{at.name} has {at.role!r}" for at in model.states if at.role not in ROLES]:
+        known = ", ".join(ROLES)
+        raise ValueError(f"a state's role must be one of {known}; {', '.join(unknown)}")
     on = (model.pattern["h"] | model.pattern["e"] | model.pattern["r"]) > 0
     sensor_mask = np.array([state.role == "sensor" for state in model.states])
     upper = np.triu_indices(len(model.states))

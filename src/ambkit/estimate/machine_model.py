@@ -304,14 +304,9 @@ class View:
         # exported filter.
         if self.single:
             rows = y.reshape(-1, y.shape[-1], 1)
-            first = np.array([self.first(row) for row in rows]).reshape(*y.shape[:-1], 1)
-            return self.equilibrium_state(
-                states,
-                levitation_current,
-                (first / self.gains)[..., 0],
-                first[..., 0],
-                precision=precision,
-            )
+            first = np.array([self.first(row) for row in rows], precision).reshape(y.shape[:-1])
+            x = first / self.gains.astype(precision)[0]
+            return self.equilibrium_state(states, levitation_current, x, first, precision=precision)
         first = self.first(y)
         constant, by_reading = self.start_form(states, levitation_current)
         start: NDArray[Any] = constant.astype(precision)
