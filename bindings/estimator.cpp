@@ -174,13 +174,15 @@ void transfer_from(Estimator &self, const Estimator &other)
 amb_status predict(Estimator &self, const Samples &u)
 {
   same_length(1, samples_of(u, self.sizes().controls, "u"), "u");
-  return self.estimator.methods->predict(&self.estimator, self.state(), u.data(), &self.result);
+  return self.result.status =
+             self.estimator.methods->predict(&self.estimator, self.state(), u.data(), &self.result);
 }
 
 amb_status update(Estimator &self, const Samples &y)
 {
   same_length(1, samples_of(y, self.sizes().sensors, "y"), "y");
-  return self.estimator.methods->update(&self.estimator, self.state(), y.data(), &self.result);
+  return self.result.status =
+             self.estimator.methods->update(&self.estimator, self.state(), y.data(), &self.result);
 }
 
 amb_status step(Estimator &self, const Samples &y, const Samples &u)
@@ -200,14 +202,16 @@ amb_status predict_one(Estimator &self, amb_real u)
 {
   only_one(self);
   const amb_real all[AMB_CONTROLS] = {u};
-  return self.estimator.methods->predict(&self.estimator, self.state(), all, &self.result);
+  return self.result.status =
+             self.estimator.methods->predict(&self.estimator, self.state(), all, &self.result);
 }
 
 amb_status update_one(Estimator &self, amb_real y)
 {
   only_one(self);
   const amb_real all[AMB_SENSORS] = {y};
-  return self.estimator.methods->update(&self.estimator, self.state(), all, &self.result);
+  return self.result.status =
+             self.estimator.methods->update(&self.estimator, self.state(), all, &self.result);
 }
 
 amb_status step_one(Estimator &self, amb_real y, amb_real u)
@@ -245,13 +249,10 @@ Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Vec
   {
     nb::gil_scoped_release release;
     for (size_t k = 0; k < in.n; k++) {
-      if (k == 0) {
-        (void)amb_estimator_start(&self.estimator, self.state(), in.y, &self.result);
-      } else {
+      const amb_real *acted = k > 0 ? in.u + (k - 1) * c : nullptr;
+      if (k > 0)
         self.turn(model, speed.data()[k - 1], speed.data()[k]);
-        (void)amb_estimator_step(&self.estimator, self.state(), in.y + k * m, in.u + (k - 1) * c,
-                                 &self.result);
-      }
+      (void)amb_estimator_step(&self.estimator, self.state(), in.y + k * m, acted, &self.result);
       amb_estimator_note(&self.estimator, self.state(), &self.result, k, &history.to);
     }
   }

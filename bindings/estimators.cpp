@@ -212,7 +212,9 @@ struct AdaptiveNoise : Estimator {
             most,
             window}
   {
-    if (amb_adaptive_noise_check(&own) != AMB_OK)
+    if (!((measurement || disturbance) && amb_is_positive(share) && share <= first_share &&
+          first_share < 1 && most > 1 && amb_is_finite(most) && window > 0 &&
+          own.inner.methods->state_size <= sizeof(amb_adaptive_noise_inner)))
       throw std::invalid_argument("a parameter of the adaptation is outside its range");
     if (disturbance)
       must_have({AMB_LOAD}, "finding the growth of the disturbance");

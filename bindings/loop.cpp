@@ -33,7 +33,7 @@ Named simulate(const nb::dict &given, const nb::kwargs &arguments)
   const bool whole = closed_loop.control != nullptr;
   Fresh<amb_real> first({volts ? n : 0}), second({both ? n : 0});
   Fresh<unsigned short> status({n});
-  Fresh<unsigned char> mode({whole ? n : 0}), usable({whole ? n : 0});
+  Fresh<unsigned char> at_stop({n}), mode({whole ? n : 0}), usable({whole ? n : 0});
   amb_loop_output out{};
   out.X = states.data();
   out.columns = static_cast<int>(columns);
@@ -45,6 +45,7 @@ Named simulate(const nb::dict &given, const nb::kwargs &arguments)
   out.voltage[0] = volts ? first.data : nullptr;
   out.voltage[1] = both ? second.data : nullptr;
   out.status = status.data;
+  out.at_stop = at_stop.data;
   out.mode = whole ? mode.data : nullptr;
   out.usable = whole ? usable.data : nullptr;
   LoopState fresh;
@@ -66,8 +67,7 @@ Named simulate(const nb::dict &given, const nb::kwargs &arguments)
   d["y"] = y.array;
   d["u"] = u.array;
   d["status"] = status.array;
-  d["touched"] = out.touched;
-  d["first"] = out.first;
+  d["at_stop"] = at_stop.array;
   if (volts)
     d["u_coil"] = first.array;
   if (both)

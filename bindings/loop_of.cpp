@@ -94,7 +94,7 @@ Rows::Rows(const nb::tuple &parts, size_t count, size_t columns, const char *nam
   to = {start.data(), column.data(), value.data()};
 }
 
-amb_rows LoopOf::rows(const char *name, size_t count, size_t columns)
+amb_sparse LoopOf::rows(const char *name, size_t count, size_t columns)
 {
   return all_rows.emplace_back(nb::cast<nb::tuple>(given[name]), count, columns, name).to;
 }

@@ -14,7 +14,7 @@ amb_parts parts_of(const nb::dict &given);
 struct Rows {
   Rows(const nb::tuple &parts, size_t count, size_t columns, const char *name);
   Rows(const Rows &) = delete; // `to` points into the object
-  amb_rows to{};
+  amb_sparse to{};
 
 private:
   std::vector<unsigned short> start, column;
@@ -52,7 +52,7 @@ private:
   int count(const char *name) const;
   const amb_real *numbers(const char *name, size_t n);
   const int *places(const char *name, size_t n, int most, int least);
-  amb_rows rows(const char *name, size_t count, size_t columns);
+  amb_sparse rows(const char *name, size_t count, size_t columns);
   std::vector<amb_parts> all_parts(const char *name, size_t n) const;
 
   nb::dict given; // keeps the magnets

@@ -295,7 +295,7 @@ void bind_many(nb::module_ &m)
       nb::arg("instructions") = nb::none(), nb::arg("threads") = 1,
       "Runs (runs,) of plans with these numbers: figures (runs, 20), counts of flags (runs, 12).");
   m.def("normal_noise", &normal_noise, nb::arg("seed"), nb::arg("run"), nb::arg("stream"),
-        nb::arg("n"), "Standard normal noise (n,) of these counters; see sim/noise.h.");
+        nb::arg("n"), "Standard normal noise (n,) of these counters; see sim/many.h.");
   m.def("philox", &philox, nb::arg("counter"), nb::arg("key"),
         "Philox 4x32-10: four words of a counter (4,) and a key (2,) made random (4,).");
 }

@@ -55,7 +55,8 @@ def texts() -> dict[str, str]:
     results = {f"{GENERATED}/exponential.h": exponential_header()}
     results |= axial_headers()
     for law in LAWS:
-        results[f"{GENERATED}/{law.name}_law.h"] = written.header(law)
+        if law.shared:
+            results[f"{GENERATED}/{law.name}_law.h"] = written.header(law)
         results[f"core/include/ambkit/{law.name}.h"] = written.declaration(law)
         results[f"core/src/{law.name}.c"] = written.methods(law)
     results["bindings/laws.h"] = written.binding(LAWS)

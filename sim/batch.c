@@ -47,29 +47,22 @@ size_t amb_batch_lanes(amb_instructions instructions)
   return bytes[instructions] / sizeof(amb_real);
 }
 
-#if defined(AMB_HAS_LANES)
 unsigned int amb_batch_group(const amb_estimator *e)
 {
   static const amb_estimator_methods *const kinds[] = {
       /* in the order of lanes_step.h */
       &amb_kalman_methods, &amb_extended_methods, &amb_observer_methods, &amb_low_pass_methods};
+  const size_t most = (amb_lanes_of(AMB_BASELINE) != NULL) ? sizeof kinds / sizeof kinds[0] : 0;
   unsigned int magnet = 2U;
   if (e->magnet->methods == &amb_constant_magnet)
     magnet = 0U;
   else if ((e->magnet->methods == &amb_law_magnet) && ((const amb_law *)e->magnet->self)->two_sided)
     magnet = 1U;
-  for (unsigned int kind = 0; kind < sizeof kinds / sizeof kinds[0]; kind++)
+  for (unsigned int kind = 0; kind < most; kind++)
     if (e->methods == kinds[kind])
       return 1U + 3U * kind + magnet;
   return 0U;
 }
-#else /* each run by itself */
-unsigned int amb_batch_group(const amb_estimator *e)
-{
-  (void)e;
-  return 0U;
-}
-#endif
 
 /* One run as ambkit/estimator.h does it. */
 static void alone(amb_batch_run *run, size_t samples, size_t skip)
@@ -80,13 +73,9 @@ static void alone(amb_batch_run *run, size_t samples, size_t skip)
   const amb_kalman_state *state = (const amb_kalman_state *)run->state;
   amb_real sum[AMB_BATCH_JUDGED] = {AMB_C(0.0), AMB_C(0.0), AMB_C(0.0)};
   for (size_t k = 0; k < samples; k++) {
-    const amb_real *y = run->y + k * m;
+    const amb_real *u = (k > 0) ? run->u + (k - 1) * controls : NULL;
     amb_kalman_result r;
-    if (k > 0)
-      (void)amb_estimator_step(run->estimator, run->state, y, run->u + (k - 1) * controls, &r);
-    else
-      (void)amb_estimator_start(run->estimator, run->state, y, &r);
-    run->all |= r.status;
+    run->all |= amb_estimator_step(run->estimator, run->state, run->y + k * m, u, &r);
     if (run->mean != NULL)
       memcpy(run->mean + n * k, state->mean, n * sizeof *state->mean);
     if (run->innovation != NULL)

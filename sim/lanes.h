@@ -41,8 +41,6 @@ typedef struct lanes_law {
 #define amb_model_shown lanes_model_shown
 #define amb_model_shown_variance lanes_model_shown_variance
 #define amb_model_shown_with lanes_model_shown_with
-#define amb_model_pushed lanes_model_pushed
-#define amb_model_role lanes_model_role
 #define amb_model_equilibrium lanes_model_equilibrium
 #define amb_model_predict_mean lanes_model_predict_mean
 #define amb_model_predict_covariance lanes_model_predict_covariance

@@ -217,7 +217,7 @@ static void begin(team *t, lanes_state *s)
     const amb_kalman_state *state = (const amb_kalman_state *)run->state;
     const amb_real y = t->b.y[0][i];
     amb_kalman_result r;
-    tell(t, 0, i, amb_estimator_start(run->estimator, run->state, &y, &r));
+    tell(t, 0, i, amb_estimator_step(run->estimator, run->state, &y, NULL, &r));
     t->b.result[0].innovation[i] = r.innovation[0];
     t->b.result[0].variance[i] = r.variance[0];
     for (size_t j = 0; j < AMB_STATES; j++)

@@ -42,7 +42,7 @@ static void demand(const amb_loop *loop, amb_loop_state *s, const void *estimato
 static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
                   const amb_loop_sample *sample, const amb_real direct[], const amb_real told[])
 {
-  const bool sampled = s->sampled;
+  const amb_real *acted = s->sampled ? told : NULL;
   amb_real iu[AMB_CONTROLS];
   s->sampled = true;
   s->status = AMB_OK;
@@ -50,13 +50,8 @@ static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
     control(loop, s, estimator, sample, told);
     return;
   }
-  if (loop->estimator != NULL) {
-    if (sampled)
-      (void)amb_estimator_step(loop->estimator, estimator, s->y, told, &s->result);
-    else
-      (void)amb_estimator_start(loop->estimator, estimator, s->y, &s->result);
-    s->status = s->result.status;
-  }
+  if (loop->estimator != NULL)
+    s->status = amb_estimator_step(loop->estimator, estimator, s->y, acted, &s->result);
   demand(loop, s, estimator, sample, direct, iu);
   for (size_t c = 0; c < axes(loop); c++)
     s->u[c] = iu[c] / loop->k_ui[c];
@@ -177,8 +172,6 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
   amb_status all = AMB_OK;
   amb_real told[AMB_CONTROLS], direct[AMB_SENSORS];
   amb_loop_state s = *state;
-  out->touched = 0;
-  out->first = in->n;
   amb_copy(plant->axes, s.u, told);
   for (size_t k = 0; k < in->n; k++) {
     const amb_loop_sample sample = sample_of(loop, in, k);
@@ -195,13 +188,9 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
     sense(loop, &s, estimator, &sample, direct, told);
     for (size_t c = 0, at = k * axes(loop); c < axes(loop); c++, at++)
       told[c] = faults != NULL ? faults->u_times[at] * s.u[c] + faults->u_plus[at] : s.u[c];
-    const bool touched =
+    out->at_stop[k] =
         act(loop, &s, &sample, faults != NULL ? faults->current + k * axes(loop) : NULL);
     note(loop, &s, estimator, told, k, out);
-    out->touched += touched ? 1U : 0U;
-    out->first = touched && (k < out->first) ? k : out->first;
-    if (out->at_stop != NULL)
-      out->at_stop[k] = touched ? 1U : 0U;
     all |= loop->estimator != NULL ? s.result.status : (amb_status)AMB_OK;
   }
   *state = s;

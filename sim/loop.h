@@ -87,7 +87,7 @@ typedef struct amb_loop_faults {
   const amb_real *current; /* n x axes: share of the amplifier's range that is left [1], 0 to 1 */
 } amb_loop_faults;
 
-/* What comes from outside, n samples each, row by row. Noise is drawn by the caller (noise.h), so
+/* What comes from outside, n samples each, row by row. Noise is drawn by the caller (many.h), so
  * that a run can be repeated with recorded noise. */
 typedef struct amb_loop_input {
   size_t n;
@@ -113,10 +113,8 @@ typedef struct amb_loop_output {
   amb_real *y;                 /* measurements, as the estimator gets them [m] */
   amb_real *u;                 /* control signals from this sample to the next, as it is told [V] */
   amb_kalman_history estimate; /* used where there is an estimator */
-  size_t touched;              /* samples in which a stop was touched ... */
-  size_t first;                /* ... and the first of them; n: none */
   amb_real *voltage[2];   /* of each coil of one axis just after the sample [V]; NULL: not wanted */
-  unsigned char *at_stop; /* 1 where one was, else 0; NULL: not wanted */
+  unsigned char *at_stop; /* 1 where a stop was touched, else 0 */
   unsigned char *mode;    /* of `control` (amb_flight_mode) ... */
   unsigned char *usable;  /* ... and whether what feeds it could be used; NULL: not wanted */
   unsigned short *status; /* flags of estimator and controllers; NULL: not wanted */

@@ -90,7 +90,8 @@ static void see_estimate(const amb_many_run *run, size_t k, const amb_kalman_his
     seen[f].taken = seen[0].taken;
     for (int i = 0; i < 3; i++)
       if (run->along[i].start != NULL)
-        seen[f].mean[i] = (double)amb_rows_times(&run->along[i], f, history->mean + k * states);
+        seen[f].mean[i] = (double)amb_sparse_times(&run->along[i], run->along[i].value, f,
+                                                   history->mean + k * states);
   }
 }
 

@@ -1,14 +1,32 @@
 /* Many closed loops, each judged while it runs, none of its samples kept; for the host.
  *
- * Noise is drawn here, by counters (noise.h). The numbers are those of amb_loop_run with that
- * noise, run by run and to the last bit, whatever the instructions and whoever is beside a run.
+ * The numbers are those of amb_loop_run with the noise that is drawn here, run by run and to the
+ * last bit, whatever the instructions and whoever is beside a run. The noise is normal and a
+ * function of four numbers: seed, run, stream and sample. Who draws it, where, when and beside whom
+ * changes nothing, so that runs can be computed in any order.
+ *
+ * Philox 4x32-10 (Salmon, Moraes, Dror and Shaw 2011) with the seed as its key; the counter is made
+ * of run, stream and half of the sample's number. What it gives becomes normal by the inverse of
+ * the distribution (Wichura 1988, AS 241), to some 1e-16; no libm beyond the root.
  */
 #ifndef AMBKIT_SIM_MANY_H
 #define AMBKIT_SIM_MANY_H
 
 #include "batch.h"
 #include "loop.h"
-#include "noise.h"
+#include <stdint.h>
+
+/* Whose noise it is. */
+typedef struct amb_noise_key {
+  uint64_t seed, run;
+} amb_noise_key;
+
+/* The streams of an axis and its sensor; those of others are the caller's. */
+#define AMB_NOISE_CONTROL 0U  /* on the control signal */
+#define AMB_NOISE_SENSOR 1U   /* white, on the measurement */
+#define AMB_NOISE_STREAMS 64U /* from those of an axis to those of the next */
+
+#define AMB_NOISE_DRAWN 64U /* samples that are drawn together */
 
 /* What a run is judged by, where it is of an axis by the worst; NaN where it does not apply. */
 typedef enum amb_figure {
@@ -56,8 +74,8 @@ typedef struct amb_many_run {
   amb_noise_key key;               /* ... which is of this key */
   const double *std_u, *std_y;     /* of the white noise: axes [V], sensors [m]; 0: none */
   const double *noise_u, *noise_y; /* n x axes, n x sensors, in place of it; or NULL */
-  amb_rows along[3]; /* displacements, velocities and loads of the axes by the estimator's states;
-                      * without `start`: unknown */
+  amb_sparse along[3]; /* displacements, velocities and loads of the axes by the estimator's states;
+                        * without `start`: unknown */
   const amb_windows *windows;  /* [axes] */
   double figures[AMB_FIGURES]; /* out */
   size_t flags[AMB_FLAGS];     /* out: samples in which the estimator said so */
@@ -79,7 +97,8 @@ void amb_many_advance(amb_instructions instructions, amb_many_run *const runs[],
 /* Ten rounds: four words of a counter and two of a key make four that look random. */
 void amb_philox(const uint32_t counter[4], const uint32_t key[2], uint32_t random[4]);
 
-/* Noise as noise.h has it, with the fastest instructions that there are. */
+/* Standard normal noise of samples `first` to `first + n` of a stream, with the fastest
+ * instructions that there are. */
 void amb_many_noise(amb_noise_key key, uint32_t stream, size_t first, size_t n, double *to);
 
 #endif

@@ -1,11 +1,10 @@
-/* Noise of several samples at once, in loops that compilers make vectors of; noise.h says what it
+/* Noise of several samples at once, in loops that compilers make vectors of; many.h says what it
  * is. Inline, so that each set of instructions has its own.
  */
 #ifndef AMBKIT_SIM_NOISE_DRAWN_H
 #define AMBKIT_SIM_NOISE_DRAWN_H
 
-#include "ambkit/real.h"
-#include "noise.h"
+#include "many.h"
 
 /* The C library's, rounded correctly: one instruction where there is one. A program may declare it
  * itself (C99, 7.1.4); math.h brings extensions of compilers along. */
@@ -113,16 +112,6 @@ AMB_INLINE void amb_philox_rounds(size_t count, uint32_t k, uint32_t l, uint32_t
     k += AMB_PHILOX_W0;
     l += AMB_PHILOX_W1;
   }
-}
-
-/* Standard normal variate at which the distribution is p, 0 < p < 1, given as q = p - 1/2. */
-static inline double amb_normal_at(double q)
-{
-  const double share = 0.5 - (q < 0.0 ? -q : q);
-  if ((q <= AMB_NORMAL_CENTRAL) && (q >= -AMB_NORMAL_CENTRAL))
-    return amb_normal_central(q);
-  const double z = share < AMB_NORMAL_FAR ? amb_normal_far(share) : amb_normal_near(share);
-  return q < 0.0 ? -z : z;
 }
 
 /* AMB_NOISE_DRAWN variates from sample `first` on, which is a multiple of so many. */

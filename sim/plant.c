@@ -114,13 +114,10 @@ static bool add_contact(const amb_plant *plant, const amb_real s[], const amb_re
 
 static bool in_contact(const amb_plant *plant, const amb_real X[])
 {
-  amb_real s[AMB_PLANT_AXES], way[2];
+  amb_real s[AMB_PLANT_AXES], F[AMB_PLANT_AXES] = {0};
   for (int f = 0; f < plant->axes; f++)
     s[f] = amb_plant_along(plant, f, X);
-  for (int k = 0; k < plant->rings; k++)
-    if ((plant->ring[k].stop->stiffness > 0) && (depth_in(&plant->ring[k], s, way) > 0))
-      return true;
-  return false;
+  return add_contact(plant, s, X, F);
 }
 
 /* ---- What the text of the substep asks for ---- */
@@ -147,7 +144,7 @@ AMB_INLINE amb_real amb_driven(const amb_pattern *p, const amb_going *of, amb_re
                                amb_real by, const amb_real F[], int k)
 {
   return p->own ? start + by * of->per_mass[k] * F[k]
-                : start + by * amb_rows_times(&of->plant->B, k, F);
+                : start + by * amb_sparse_times(&of->plant->B, of->plant->B.value, k, F);
 }
 
 /* Accelerations of position k by motion and unbalance. */
@@ -177,7 +174,7 @@ AMB_INLINE void amb_stage(const amb_pattern *p, const amb_going *of, const amb_r
   for (int j = 2 * q + p->sensors; j < p->states; j++)
     d[j] = 0;
   for (int f = 0; f < p->axes; f++) {
-    s[f] = p->own ? X[f] : amb_rows_times(&plant->H, f, X);
+    s[f] = p->own ? X[f] : amb_sparse_times(&plant->H, plant->H.value, f, X);
     const amb_real at = p->own ? s[f] : within(plant, f, s[f]), iu = of->demanded[f];
     if (p->closed)
       F[f] = amb_law_force((const amb_law *)plant->magnet[f].self, iu, at);
@@ -199,7 +196,8 @@ AMB_INLINE void amb_stage(const amb_pattern *p, const amb_going *of, const amb_r
       d[q + k] = p->own ? 0 : moved(of, X, now, k);
   }
   for (int r = 0; r < p->sensors; r++) {
-    const amb_real x = p->own ? X[r] : amb_rows_times(&plant->C, r, X), K = plant->gain[r];
+    const amb_real x = p->own ? X[r] : amb_sparse_times(&plant->C, plant->C.value, r, X),
+                   K = plant->gain[r];
     const int j = p->own ? 2 * q + r : plant->shows[r];
     const amb_real seen =
         p->plain ? K * x : amb_parts_shown(&plant->sensor[r], K, x, now->cosine, now->sine);
@@ -379,7 +377,7 @@ AMB_INLINE void prepare(const amb_pattern *p, amb_going *of, const amb_plant *pl
       of->g[k] = (plant->g[k] + acts->load[k]) / plant->mass[k];
       of->per_mass[k] = 1 / plant->mass[k];
     } else
-      of->g[k] = plant->g[k] + amb_rows_times(&plant->B, k, acts->load);
+      of->g[k] = plant->g[k] + amb_sparse_times(&plant->B, plant->B.value, k, acts->load);
   }
   for (int k = 0; (acts->base != NULL) && (plant->base != NULL) && (k < 3); k++)
     if (plant->base[k] >= 0)
@@ -543,7 +541,7 @@ void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, const amb_
   *state = settled;
   amb_copy(plant->positions, q, state->X);
   for (int r = 0; r < plant->sensors; r++) {
-    const amb_real x = plant->own ? q[r] : amb_rows_times(&plant->C, r, q);
+    const amb_real x = plant->own ? q[r] : amb_sparse_times(&plant->C, plant->C.value, r, q);
     state->X[plant->shows[r]] = amb_parts_shown(&plant->sensor[r], plant->gain[r], x, 1, 0);
   }
   for (int f = 0; f < plant->axes; f++) {

@@ -12,25 +12,11 @@
 
 #include "ambkit/closed.h"
 #include "ambkit/model.h"
+#include "ambkit/sparse.h"
 #include "parts.h"
 
 #define AMB_PLANT_STATES (AMB_STATES + AMB_FORCES + AMB_BEHIND_MOST)
 #define AMB_PLANT_AXES AMB_FORCES
-
-/* Rows of entries: those of row i are start[i] to start[i + 1]. */
-typedef struct amb_rows {
-  const unsigned short *start;
-  const unsigned short *column;
-  const amb_real *value;
-} amb_rows;
-
-static inline amb_real amb_rows_times(const amb_rows *rows, int i, const amb_real x[])
-{
-  amb_real sum = 0;
-  for (int k = rows->start[i]; k < rows->start[i + 1]; k++)
-    sum += rows->value[k] * x[rows->column[k]];
-  return sum;
-}
 
 /* A stop: a ring about two axes, or along one axis where the second is -1. */
 typedef struct amb_ring {
@@ -45,10 +31,10 @@ typedef struct amb_plant {
              * H, B, C, A, spin, cosine and sine; its reading is state 2 positions + k */
   const amb_real *mass;   /* [positions], where they are their own [kg] */
   const amb_real *g;      /* [positions]: by constant forces [m/s^2]; of their own the force [N] */
-  amb_rows H;             /* axes x positions: displacements [m] */
-  amb_rows B;             /* positions x axes: accelerations [1/kg] */
-  amb_rows C;             /* sensors x positions: what they look at [m] */
-  amb_rows A;             /* positions x 2 positions: accelerations by motion, at rest ... */
+  amb_sparse H;           /* axes x positions: displacements [m] */
+  amb_sparse B;           /* positions x axes: accelerations [1/kg] */
+  amb_sparse C;           /* sensors x positions: what they look at [m] */
+  amb_sparse A;           /* positions x 2 positions: accelerations by motion, at rest ... */
   const amb_real *spin;   /* ... and what each entry gains by 1 rad/s of rotation */
   const amb_real *cosine; /* [positions]: unbalance, by its force ahead ... */
   const amb_real *sine;   /* ... and across; NULL: none */
@@ -101,7 +87,7 @@ typedef struct amb_acting {
 /* Along axis f: a displacement of the positions [m], or a velocity of their velocities [m/s]. */
 static inline amb_real amb_plant_along(const amb_plant *plant, int f, const amb_real positions[])
 {
-  return plant->own ? positions[f] : amb_rows_times(&plant->H, f, positions);
+  return plant->own ? positions[f] : amb_sparse_times(&plant->H, plant->H.value, f, positions);
 }
 
 /* On by the sampling time T [s]: classical Runge-Kutta of order 4 with fixed substeps, with a dead

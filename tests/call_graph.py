@@ -78,7 +78,7 @@ class CallGraph:
             table = called.name.name if isinstance(called.name, c_ast.ID) else ""
             exact = self.by_table.get((table, called.field.name))
             found = {exact} if exact else self.by_field.get(called.field.name, set()) | self.others
-            # A wrapper does not wrap a wrapper: amb_adaptive_noise_check refuses it.
+            # A wrapper does not wrap a wrapper: the bindings refuse it.
             wraps = isinstance(called.name, c_ast.StructRef) and isinstance(
                 called.name.name, c_ast.ID
             )

@@ -57,7 +57,8 @@ def fly(magnet: Any, **told: Any) -> dict[str, Any]:
     )  # fmt: skip
     columns = {name: out[name][:, 0] for name in ("iu", "y", "u")}
     columns |= dict(zip(("x", "v", "x_m"), out["X"], strict=True))
-    return out | columns | {"force": out["force"][:, 0] + f_0}
+    touched = int(out["at_stop"].sum())
+    return out | columns | {"force": out["force"][:, 0] + f_0, "touched": touched}
 
 
 def law(**changes: Any) -> Any:

@@ -255,6 +255,29 @@ def test_an_option_out_of_range_is_told(options, told):
         AdaptiveNoise(ambkit.KalmanFilter(BEARING), **options)
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"measurement": False},
+        *({"share": share} for share in (0.0, -1.0, np.nan, np.inf, 0.5, 1.0)),
+        {"first_share": 1.0},
+        *({"most": most} for most in (1.0, 0.0, np.nan, np.inf)),
+        {"window": 0},
+    ],
+)
+def test_the_core_takes_no_parameter_outside_its_range(wrong):
+    core = ambkit.KalmanFilter(BEARING).core
+    good = {
+        "measurement": True, "disturbance": False, "share": 0.01, "first_share": 0.1, "most": 1e4,
+        "window": 10,
+    }  # fmt: skip
+    around = core_module().AdaptiveNoise(core, **good)
+    with pytest.raises(ValueError, match="outside its range"):
+        core_module().AdaptiveNoise(core, **good | wrong)
+    with pytest.raises(ValueError, match="outside its range"):  # has no room in itself
+        core_module().AdaptiveNoise(around, **good)
+
+
 def test_a_scale_of_the_magnet_is_still_told():
     record = wandering(6.0)
     inner = KINDS["augmented"].make(BEARING, noise=FilterNoise(disturbance=GROWTH))

@@ -31,7 +31,7 @@ def test_one_changed_sign_is_noticed(tmp_path, monkeypatch, capsys):
         shutil.copy(ROOT / name, tmp_path / name)
     shutil.copy(ROOT / ".clang-format", tmp_path)
     header = tmp_path / "core" / "generated" / "axial.h"
-    header.write_text(header.read_text().replace("cov[7] = P22 + G22", "cov[7] = P22 - G22"))
+    header.write_text(header.read_text().replace("P22 + growth[7]", "P22 - growth[7]"))
     monkeypatch.setattr(writer, "ROOT", tmp_path)
     monkeypatch.setattr(sys, "argv", ["models", "--check"])
     assert writer.main() == 1

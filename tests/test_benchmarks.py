@@ -211,7 +211,7 @@ def test_loops_in_numba_are_the_loop_in_c(loop):
         for name, signal in zip(("x", "v", "x_m", "y", "u", "iu", "force"), signals, strict=True):
             assert_close(signal, out[name], ROUNDING * np.max(np.abs(out[name])))
         assert_close(cov, out["estimate"]["covariance"], ROUNDING * np.max(np.abs(cov), axis=0))
-        assert touched == out["touched"]
+        assert touched == out["at_stop"].sum()
     for entry in entries.loops_in_numba(loop):
         assert_same(entry, np.asarray(out["estimate"]["mean"]))
 

@@ -124,10 +124,13 @@ no motion is left to the rotor:
     (lambda has: not has.rounded, """
 no sensor's readings come in steps:
     exponential.h@amb_exp_polynomial,amb_exp_negative
-    real.h@amb_at_least
     kalman.c@density,mills,amb_kalman_rounded,amb_kalman_edge,amb_kalman_rests
     kalman_step.h@amb_step_rounded  const amb_real e = y  if (AMB_WITHIN(e, AMB_REAL_ROOT)
     kalman_step.h@amb_step_rounded  as = very
+"""),
+    (lambda has: not (has.rounded or has.controlled), """
+no sensor's readings come in steps, and nothing is controlled:
+    real.h@amb_at_least
 """),
     (lambda has: not has.gains, """
 no states are fed back:
@@ -141,7 +144,7 @@ FILTER = listed("""
 a variance alone is bad by rounding only:
     .c  (told & unsure) != 0U
 below the last digit in float:
-    axial.h  G00  G03  G33
+    axial.h  + growth[0]  + growth[3]  + growth[9]
 asked of constants alone, all good:
     real.h  (a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)
     kalman.c  !amb_is_finite(mean[i]) ||
@@ -180,7 +183,7 @@ the supervisor starts anew:
 what starts it is between the stops:
     .c  AMB_WITHIN(y, far) ?
 no reading or current is so large:
-    kalman_step.h  (u < -AMB_REAL_ROOT) &&
+    kalman_step.h  amb_clamp(u, -AMB_REAL_ROOT
 the noise of each sensor is the same everywhere:
     kalman_step.h  if (rise == AMB_C(0.0))
 for bits that flip in memory:
@@ -201,7 +204,7 @@ operator of it makes a difference, those are seen."""
 
 CONTROL = listed("""
 by 1 but where a mass is calibrated, see test_calibration.py:
-    control.c  share *=
+    control.c  c->excess)
 for bits that flip in memory:
     *  state->copy[  works_by->copy[  works_by->control  FASTEST  kept(state)  const bool there =
     *  there ? AMB_C(1.0)  state->mode > AMB_TRIPPED  state->share > AMB_C(0.0)
@@ -302,11 +305,9 @@ there is nothing in that room:
 the same without a loop, which is quicker:
     loops.c  if (rows == 4)
 by 1 but where a mass is calibrated, see test_calibration.py:
-    control.c  share *=
+    control.c  c->excess)
 PIDs are set again as it lifts, or were just:
     control.c  j < control->law->pids
-where it is off no current counts:
-    control.c@amb_control_init  state->limited = false;
 the first sample is a start, without a control:
     control.c@amb_control_levitate  / kf->set.k_ui[f]
 the supervisor says it:
@@ -320,7 +321,7 @@ for bits that flip in memory:
 no blocks, by which nothing is filtered:
     controller.c  (pid->sections > 0) ?
 what is near, or above the root, went another way before:
-    kalman_step.h  (u < -AMB_REAL_ROOT) &&
+    kalman_step.h  amb_clamp(u, -AMB_REAL_ROOT
 the stiffnesses are the same wherever the rotor is:
     kalman_step.h  amb_clamp(s, -x_max, x_max)
 the noise of each sensor is the same everywhere:

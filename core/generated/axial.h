@@ -277,16 +277,6 @@ AMB_INLINE void amb_model_predict_covariance(const amb_model *model,
   const amb_real b_sen = model->b_sen;
   const amb_real c_sen = model->c_sen;
   const amb_real d_sen = model->d_sen;
-  const amb_real G00 = growth[0];
-  const amb_real G01 = growth[1];
-  const amb_real G02 = growth[2];
-  const amb_real G03 = growth[3];
-  const amb_real G11 = growth[4];
-  const amb_real G12 = growth[5];
-  const amb_real G13 = growth[6];
-  const amb_real G22 = growth[7];
-  const amb_real G23 = growth[8];
-  const amb_real G33 = growth[9];
   const amb_real P00 = cov[0];
   const amb_real P01 = cov[1];
   const amb_real P02 = cov[2];
@@ -322,16 +312,16 @@ AMB_INLINE void amb_model_predict_covariance(const amb_model *model,
   const amb_real z1 = T_m * q0 + M12 + M11 * h1 + M10 * k_s;
   const amb_real z2 = P22 + P12 * h1 + P02 * k_s;
   const amb_real z3 = d_sen * q0 + M32 + M31 * h1 + M30 * k_s;
-  cov[0] = M00 + M01 * T + G00 + T2_2m * z0;
-  cov[1] = M01 + G01 + T_m * z0;
-  cov[2] = M02 + G02;
-  cov[3] = M00 * b_sen + M01 * c_sen + M03 * a_sen + G03 + d_sen * z0;
-  cov[4] = M11 + G11 + T_m * z1;
-  cov[5] = M12 + G12;
-  cov[6] = M10 * b_sen + M11 * c_sen + M13 * a_sen + G13 + d_sen * z1;
-  cov[7] = P22 + G22;
-  cov[8] = P02 * b_sen + P12 * c_sen + P23 * a_sen + G23 + d_sen * z2;
-  cov[9] = M30 * b_sen + M31 * c_sen + M33 * a_sen + G33 + d_sen * z3;
+  cov[0] = M00 + M01 * T + growth[0] + T2_2m * z0;
+  cov[1] = M01 + growth[1] + T_m * z0;
+  cov[2] = M02 + growth[2];
+  cov[3] = M00 * b_sen + M01 * c_sen + M03 * a_sen + growth[3] + d_sen * z0;
+  cov[4] = M11 + growth[4] + T_m * z1;
+  cov[5] = M12 + growth[5];
+  cov[6] = M10 * b_sen + M11 * c_sen + M13 * a_sen + growth[6] + d_sen * z1;
+  cov[7] = P22 + growth[7];
+  cov[8] = P02 * b_sen + P12 * c_sen + P23 * a_sen + growth[8] + d_sen * z2;
+  cov[9] = M30 * b_sen + M31 * c_sen + M33 * a_sen + growth[9] + d_sen * z3;
 }
 
 /* Eq. 11-13 for the scalar measurement of eq. 21; S must be positive. */
@@ -344,14 +334,8 @@ AMB_INLINE void amb_model_update(const amb_model *model, int r, amb_real y, amb_
   *innovation = y - mean[3];
   const amb_real inverse = AMB_C(1.0) / S;
   const amb_real e = *innovation;
-  const amb_real P00 = cov[0];
-  const amb_real P01 = cov[1];
-  const amb_real P02 = cov[2];
   const amb_real P03 = cov[3];
-  const amb_real P11 = cov[4];
-  const amb_real P12 = cov[5];
   const amb_real P13 = cov[6];
-  const amb_real P22 = cov[7];
   const amb_real P23 = cov[8];
   const amb_real P33 = cov[9];
   const amb_real K0 = P03 * inverse;
@@ -362,16 +346,16 @@ AMB_INLINE void amb_model_update(const amb_model *model, int r, amb_real y, amb_
   mean[1] += K1 * e;
   mean[2] += K2 * e;
   mean[3] += K3 * e;
-  cov[0] = P00 - K0 * P03;
-  cov[1] = P01 - K0 * P13;
-  cov[2] = P02 - K0 * P23;
-  cov[3] = P03 - K0 * P33;
-  cov[4] = P11 - K1 * P13;
-  cov[5] = P12 - K1 * P23;
-  cov[6] = P13 - K1 * P33;
-  cov[7] = P22 - K2 * P23;
-  cov[8] = P23 - K2 * P33;
-  cov[9] = P33 - K3 * P33;
+  cov[0] -= K0 * P03;
+  cov[1] -= K0 * P13;
+  cov[2] -= K0 * P23;
+  cov[3] -= K0 * P33;
+  cov[4] -= K1 * P13;
+  cov[5] -= K1 * P23;
+  cov[6] -= K1 * P33;
+  cov[7] -= K2 * P23;
+  cov[8] -= K2 * P33;
+  cov[9] -= K3 * P33;
 }
 
 #endif

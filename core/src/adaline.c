@@ -86,8 +86,7 @@ amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real
 
   /* Eq. 25. The normalisation is by the larger of this sample's input and the mean one: a passage
    * of phi through zero must not make a huge step out of a small error. */
-  const amb_real square = relative * relative;
-  const amb_real norm = square > s->excitation ? square : s->excitation;
+  const amb_real norm = amb_at_least(relative * relative, s->excitation);
   const amb_real error = s->force - s->k * s->phi_late;
   s->k += a->rate_k * relative * error / (norm * reference);
   return AMB_OK;

@@ -20,16 +20,6 @@ static amb_estimator inner_with(const amb_estimator *self, const amb_kalman *kf)
   return inner;
 }
 
-amb_status amb_adaptive_noise_check(const amb_adaptive_noise *a)
-{
-  const amb_real one = AMB_C(1.0);
-  const bool good = (a->measurement || a->disturbance) && amb_is_positive(a->share) &&
-                    (a->share <= a->first_share) && (a->first_share < one) && (a->most > one) &&
-                    amb_is_finite(a->most) && (a->window > 0U) &&
-                    (a->inner.methods->state_size <= sizeof(amb_adaptive_noise_inner));
-  return good ? AMB_OK : AMB_BAD_PARAMETER;
-}
-
 static void open_window(amb_adaptive_noise_state *s)
 {
   amb_clear(AMB_STATES, s->correction);
@@ -171,8 +161,7 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
     open_window(s);
   }
   /* d = (1 - b) / (1 - b^n), b = 1 - share, one further: 1/d <- 1 + b/d. */
-  const amb_real fading = s->share / (s->share + AMB_C(1.0) - a->share);
-  s->share = (fading > a->share) ? fading : a->share;
+  s->share = amb_at_least(s->share / (s->share + AMB_C(1.0) - a->share), a->share);
   return status;
 }
 
@@ -262,7 +251,6 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
     }
     status |= adapt(self, s, result);
   }
-  result->status = status;
   return status;
 }
 

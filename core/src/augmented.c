@@ -154,8 +154,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   }
   widen(n, s->cov, s->excitation.slope, s->var, s->base.cov);
   status |= contain(kf, s);
-  result->status = status | predicted;
-  return result->status;
+  return status | predicted;
 }
 
 /* A sample, and what each of its sensors said with theta as it was. */
@@ -238,7 +237,6 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   }
   amb_excitation_hold(&s->excitation, kf);
   widen(amb_states(&kf->model), s->cov, s->excitation.slope, s->var, s->base.cov);
-  result->status = status;
   return status;
 }
 

@@ -58,13 +58,9 @@ static void forget(const amb_control *c, amb_control_state *s, void *filter)
 
 void amb_control_init(const amb_control *control, amb_control_state *state, void *filter)
 {
-  amb_clear(control->law->axes, state->u);
-  amb_copy(control->law->axes, control->down, state->from);
-  for (int j = 0; j < control->law->pids; j++) {
-    amb_pid_reset(&state->pid[j], AMB_C(0.0));
-  }
+  const amb_real none[AMB_CONTROLS] = {0};
+  amb_control_levitate(control, state, none, none);
   amb_sequence_init(&state->sequence);
-  state->limited = false;
   forget(control, state, filter);
 }
 
@@ -179,10 +175,8 @@ static amb_status estimate(const amb_control *c, amb_control_state *s, void *fil
     start_at(c, s, filter, y);
     s->started = true;
   }
-  const bool first = s->started && !s->sampled;
-  const amb_status status =
-      first ? amb_estimator_start(c->estimator, filter, y, &out->estimator)
-            : amb_estimator_step(c->estimator, filter, y, s->u, &out->estimator);
+  const amb_real *acted = (s->started && !s->sampled) ? NULL : s->u;
+  const amb_status status = amb_estimator_step(c->estimator, filter, y, acted, &out->estimator);
   s->sampled = s->started;
   out->usable = true;
   return (c->sequence != NULL) ? supervise(c, s, filter, status, out) : status;
@@ -194,9 +188,8 @@ static void see(const amb_control *c, const amb_real mean[], const amb_real y[],
                 amb_real x[])
 {
   const amb_model *model = &c->estimator->kf->model;
-  const amb_real counts = (AMB_C(2.0) * way) - AMB_C(1.0);
-  amb_real share = (counts > AMB_C(0.0)) ? counts : AMB_C(0.0);
-  share *= AMB_C(1.0) + c->excess;
+  const amb_real counts = amb_at_least((AMB_C(2.0) * way) - AMB_C(1.0), AMB_C(0.0));
+  const amb_real share = counts * (AMB_C(1.0) + c->excess);
   if (c->feedback_estimate) {
     for (int i = 0; i < amb_states(model); i++) {
       x[i] = (amb_model_role(model, i) == AMB_LOAD) ? (share * mean[i]) : mean[i];

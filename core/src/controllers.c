@@ -67,10 +67,8 @@ static amb_real taken(const amb_controllers *c, const amb_between *where, const 
     const amb_real e = turn->ampere[f] * turned(turn, where, turn->current, f, c->axes, across);
     const amb_real far = (s * s) + (v * v);
     const amb_real much = (i * i) + (e * e);
-    const amb_real more = (far > much) ? far : much;
     const bool known = amb_is_finite(far) && amb_is_finite(much);
-    const amb_real here = known ? more : AMB_C(1.0);
-    most = (here > most) ? here : most;
+    most = amb_at_least(known ? amb_at_least(far, much) : AMB_C(1.0), most);
   }
   return most;
 }
@@ -117,7 +115,7 @@ static amb_real fed_back(const amb_controllers *c, int axis, const amb_real x[],
 static amb_pid scheduled(const amb_controllers *c, int pid, amb_real speed)
 {
   const amb_gain_schedule *schedule = c->schedule;
-  const amb_real at = (speed < AMB_C(0.0)) ? -speed : speed;
+  const amb_real at = amb_magnitude(speed);
   amb_pid result = c->pid[pid];
   int node = 0;
   while ((node < (schedule->nodes - 1)) && (at >= schedule->speed[node + 1])) {

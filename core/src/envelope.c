@@ -278,8 +278,7 @@ static void believe(const amb_kalman *kf, amb_kalman_state *state, int r, amb_re
   const amb_real shown = amb_model_shown_variance(&kf->model, r, state->cov);
   const amb_real least = AMB_ROOT_EPSILON * shown;
   const amb_real own = kf->set.var_y[r] + kf->rounding[r];
-  const amb_real most = (variance > own) ? variance : own;
-  const amb_real var_y = (least > most) ? least : most;
+  const amb_real var_y = amb_at_least(least, amb_at_least(variance, own));
   amb_model_update(&kf->model, r, y, shown + var_y, state->mean, state->cov, &e);
 }
 

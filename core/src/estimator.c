@@ -5,19 +5,18 @@ amb_status amb_estimator_step(const amb_estimator *estimator, void *state,
                               const amb_real y[AMB_SENSORS],
                               const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result)
 {
-  const amb_status predicted = estimator->methods->predict(estimator, state, u_previous, result);
-  const amb_status updated = estimator->methods->update(estimator, state, y, result);
-  result->status = predicted | updated;
-  return result->status;
-}
-
-amb_status amb_estimator_start(const amb_estimator *estimator, void *state,
-                               const amb_real y[AMB_SENSORS], amb_kalman_result *result)
-{
+  static const amb_real none[AMB_CONTROLS] = {0};
+  const amb_estimator_methods *methods = estimator->methods;
   const amb_kalman_state *base = (const amb_kalman_state *)state;
-  const amb_real none[AMB_CONTROLS] = {0};
-  amb_step_ask_all(estimator->kf, estimator->magnet, none, base->mean, result->stiffness);
-  return estimator->methods->update(estimator, state, y, result);
+  amb_status status = AMB_OK;
+  if (u_previous != NULL) {
+    status = methods->predict(estimator, state, u_previous, result);
+  } else {
+    amb_kalman_stiffness(estimator->kf, estimator->magnet, none, base->mean, result->stiffness);
+  }
+  status |= methods->update(estimator, state, y, result);
+  result->status = status;
+  return status;
 }
 
 /* ---- The paper's filter and the extended one: one update, two predictions. ---- */
@@ -37,15 +36,13 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   amb_step_ask_all(self->kf, self->magnet, iu, s->mean, result->stiffness);
   status |= amb_step_predict(self->kf, s, result->stiffness, iu);
   status |= amb_step_contain(self->kf, s);
-  result->status = status;
   return status;
 }
 
 amb_status amb_plain_update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                             amb_kalman_result *result)
 {
-  result->status = amb_kalman_update(self->kf, (amb_kalman_state *)state, y, result);
-  return result->status;
+  return amb_kalman_update(self->kf, (amb_kalman_state *)state, y, result);
 }
 
 void amb_plain_advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
@@ -68,7 +65,6 @@ static amb_status predict_extended(const amb_estimator *self, void *state,
   }
   status |= amb_step_predict_with(kf, s, F, result->stiffness, iu);
   status |= amb_step_contain(kf, s);
-  result->status = status;
   return status;
 }
 

@@ -22,12 +22,8 @@ amb_status amb_estimator_run(const amb_estimator *estimator, void *state,
   amb_status all = AMB_OK;
   memset(&result, 0, sizeof result);
   for (size_t k = 0; k < in->n; k++) {
-    const amb_real *y = in->y + k * m;
-    if (k > 0)
-      (void)amb_estimator_step(estimator, state, y, in->u + (k - 1) * controls, &result);
-    else
-      (void)amb_estimator_start(estimator, state, y, &result);
-    all |= result.status;
+    const amb_real *u = (k > 0) ? in->u + (k - 1) * controls : NULL;
+    all |= amb_estimator_step(estimator, state, in->y + k * m, u, &result);
     amb_estimator_note(estimator, state, &result, k, history);
   }
   return all;

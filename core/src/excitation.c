@@ -27,8 +27,7 @@ bool amb_excitation_doubt(amb_excitation *e, const amb_excitation_settings *sett
 {
   const bool before = e->doubt >= AMB_DOUBTFUL_WINDOWS;
   /* The measurement that follows takes one of the two back. */
-  const amb_real more = e->doubt + AMB_C(2.0) * settings->fresh;
-  e->doubt = (more < AMB_DOUBT_WINDOWS) ? more : AMB_DOUBT_WINDOWS;
+  e->doubt = amb_at_most(e->doubt + AMB_C(2.0) * settings->fresh, AMB_DOUBT_WINDOWS);
   return !before && (e->doubt >= AMB_DOUBTFUL_WINDOWS);
 }
 
@@ -59,8 +58,7 @@ void amb_excitation_hold(amb_excitation *e, const amb_kalman *kf)
   const int n = amb_states(&kf->model);
   for (int i = 0; i < n; i++) {
     const amb_real most = AMB_BOUNDLESS * kf->set.cap[i];
-    const amb_real slope = e->slope[i];
-    e->slope[i] = AMB_WITHIN(slope, most) ? slope : AMB_C(0.0);
+    e->slope[i] = AMB_WITHIN(e->slope[i], most) ? e->slope[i] : AMB_C(0.0);
   }
 }
 
@@ -120,8 +118,7 @@ bool amb_excitation_learns(amb_excitation *e, const amb_excitation_settings *set
     e->age += settings->fresh;
   }
   const bool doubtful = e->doubt >= AMB_DOUBTFUL_WINDOWS;
-  const amb_real less = e->doubt - settings->fresh;
-  e->doubt = (less > AMB_C(0.0)) ? less : AMB_C(0.0);
+  e->doubt = amb_at_least(e->doubt - settings->fresh, AMB_C(0.0));
   const bool always = !(settings->least > AMB_C(0.0));
   return always || (settled && !doubtful && (e->information >= settings->least) && moved);
 }

@@ -75,15 +75,14 @@ static sums total(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real
     exponents(net, output->sharpness, p, q, u);
     amb_real least = u[0];
     for (int r = 1; r < net->rules; r++) {
-      least = (u[r] < least) ? u[r] : least;
+      least = amb_at_most(u[r], least);
     }
     for (int r = 0; r < net->rules; r++) {
-      const amb_real more = u[r] - least;
-      u[r] = (more > AMB_C(0.0)) ? more : AMB_C(0.0);
+      u[r] = amb_at_least(u[r] - least, AMB_C(0.0));
     }
     exponentials(u, net->rules);
     s = add_up(u, output->weight, net->rules);
-    s.plain = (s.plain > AMB_C(1.0)) ? s.plain : AMB_C(1.0); /* that of the nearest rule */
+    s.plain = amb_at_least(s.plain, AMB_C(1.0)); /* that of the nearest rule */
   }
   return s;
 }

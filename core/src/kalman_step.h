@@ -25,12 +25,8 @@ AMB_INLINE amb_real amb_step_current(const amb_kalman *kf, amb_kalman_state *sta
   if (near && (iu >= set->iu_min[c]) && (iu <= set->iu_max[c])) {
     state->last_u[c] = u;
   } else { /* not finite, or more than there is */
-    if (near) {
-      state->last_u[c] = u;
-    } else if ((u > AMB_REAL_ROOT) && (u <= AMB_REAL_MAX)) {
-      state->last_u[c] = AMB_REAL_ROOT;
-    } else if ((u < -AMB_REAL_ROOT) && (u >= -AMB_REAL_MAX)) {
-      state->last_u[c] = -AMB_REAL_ROOT;
+    if (amb_is_finite(u)) {
+      state->last_u[c] = amb_clamp(u, -AMB_REAL_ROOT, AMB_REAL_ROOT);
     } else {
       *status |= AMB_BAD_CONTROL;
     }

@@ -46,7 +46,6 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   s->force = k.k_i * i + k.k_s * x + self->kf->set.f_0[0];
   follow(model, iu, s->base.mean);
   result->stiffness[0] = k;
-  result->status = status;
   return status;
 }
 
@@ -78,7 +77,6 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
     amb_model_equilibrium(&kf->model, mean);
   }
   result->health[0] = status;
-  result->status = status;
   return status;
 }
 

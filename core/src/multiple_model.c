@@ -246,7 +246,6 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
     combine(n, own->n, s);
     status |= contain(kf, own->n, s);
   }
-  result->status = status;
   return status;
 }
 
@@ -297,8 +296,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   amb_sensor_state *sensor = &s->base.sensor[r];
   /* Half the digits of a variance must be left, as in amb_step_update. */
   const amb_real shown = amb_model_shown_variance(model, r, s->base.cov);
-  const amb_real least = AMB_ROOT_EPSILON * shown;
-  const amb_real var_y = (least > noise) ? least : noise;
+  const amb_real var_y = amb_at_least(AMB_ROOT_EPSILON * shown, noise);
   const amb_real S = shown + var_y;
   const amb_real seen = amb_step_seen(kf, r, y);
   const amb_real e = seen - amb_model_shown(model, r, s->base.mean);
@@ -410,7 +408,6 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
     amb_excitation_miss(&s->excitation);
     s->excited = false;
   }
-  result->status = status;
   return status;
 }
 

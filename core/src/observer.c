@@ -32,7 +32,6 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   const amb_status status = amb_step_currents(kf, s, u, iu);
   amb_step_ask_all(kf, self->magnet, iu, s->mean, result->stiffness);
   amb_plain_advance(self, AMB_C(1.0), iu, s->mean);
-  result->status = status;
   return status;
 }
 
@@ -95,8 +94,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
                          amb_kalman_result *result)
 {
   amb_kalman_state *s = (amb_kalman_state *)state;
-  result->status = amb_step_each(take_in, self->kf, self->own, state, s, false, y, result);
-  return result->status;
+  return amb_step_each(take_in, self->kf, self->own, state, s, false, y, result);
 }
 
 const amb_estimator_methods amb_observer_methods = {

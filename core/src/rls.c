@@ -47,7 +47,7 @@ static bool solve(const amb_rls *rls, const amb_real moment[], const amb_real ph
       pivot -= L[at(j, i)] * L[at(j, i)] * excitation[i];
       left -= L[at(j, i)] * forward[i];
     }
-    excitation[j] = (pivot > AMB_C(0.0)) ? pivot : AMB_C(0.0);
+    excitation[j] = amb_at_least(pivot, AMB_C(0.0));
     /* Held: its row and column stay zero, as if it were not there. Rounding leaves of a pivot that
      * should be zero a part of the whole: not more is taken for excitation. */
     const amb_real rounding = AMB_ROOT_EPSILON * AMB_ROOT_EPSILON * moment[at(j, j)];

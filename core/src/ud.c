@@ -208,7 +208,6 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
     multiply_out(amb_states(&kf->model), s);
     status |= contain(kf, s);
   }
-  result->status = status;
   return status;
 }
 
@@ -284,8 +283,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
                          amb_kalman_result *result)
 {
   amb_ud_state *s = (amb_ud_state *)state;
-  result->status = amb_step_each(take_in, self->kf, NULL, state, &s->base, true, y, result);
-  return result->status;
+  return amb_step_each(take_in, self->kf, NULL, state, &s->base, true, y, result);
 }
 
 const amb_estimator_methods amb_ud_methods = {sizeof(amb_ud_state), reset, predict, update,

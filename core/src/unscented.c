@@ -77,8 +77,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
     }
   }
   status |= amb_step_contain(kf, s);
-  result->status = status | predicted;
-  return result->status;
+  return status | predicted;
 }
 
 const amb_estimator_methods amb_unscented_methods = {

@@ -24,6 +24,7 @@ closed = Law(
     name="closed",
     about="the closed force law",
     reference="Paper, eq. 1, first equality: ideal iron.",
+    shared=True,
     stem="amb_law",
     struct="amb_law",
     parameters=(K, S0, I0),

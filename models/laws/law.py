@@ -67,7 +67,7 @@ class Function:
         For each result its expression as it is computed and what it must be by the law. One called
         ``return`` is returned.
     more : tuple of Symbol
-        Arguments between the law and (iu, x).
+        Arguments between the law and (iu, x): `there`, where a text serves one side and two.
     """
 
     name: str
@@ -96,6 +96,8 @@ class Law:
         and holds where no other does.
     keys : tuple of Key
         What it adds to ``[magnet]``.
+    shared : bool
+        Whether others compute its functions as well: plant and lanes.
     stem, struct : str
         In C, where they are not ``amb_NAME`` and ``amb_NAME_law``.
     """
@@ -107,6 +109,7 @@ class Law:
     holds_for: str = ""
     keys: tuple[Key, ...] = ()
     reference: str = ""
+    shared: bool = False
     stem: str = ""
     struct: str = ""
 
@@ -164,6 +167,7 @@ def check(law: Law, f: Function) -> None:
 def _places(symbols: list[Expr]) -> Iterator[dict[Expr, Expr]]:
     """Yield places at which a law is defined: all positive, and within the air gap."""
     draw = random.Random(0)
-    for _ in range(POINTS):
+    for number in range(POINTS):
         place = {s: sp.Rational(draw.randint(1, 999), 1000) for s in symbols}
+        place[there] = number % 2
         yield place | {item: place[item] + 1 for item in (s0, i0) if item in place}

@@ -46,37 +46,6 @@ def side(j: int, gap: str, current: str) -> tuple[tuple[str, str], ...]:
     )
 
 
-def product(gap: str, current: str, by_gap: str, by_current: str) -> Function:
-    """Return F - F(0, 0) as ``k (a + b)(a - b)`` with a = i/h of one place and b of another.
-
-    The differences of gap and current are given, so that nothing cancels.
-    """
-    two = by_current == "2 * iu"
-    steps = (
-        *side(1, "s0 - x", "i0 + iu"),
-        *side(2, gap, current),
-        ("dg", by_gap),
-        ("di", by_current),
-        ("dw", "knee * di"),
-        ("dm", "(dg - dw) * (m1 + m2) + 4 * iron * dw"),
-        ("dh", "(dg + dw + dm / (r1 + r2)) / 2"),
-        ("a", "i1 / h1"),
-        ("b", "i2 / h2"),
-    )
-    sides = "two sides" if two else "one side"
-    return Function(
-        "force" + ("" if two else "_one_sided"),
-        f"F - F(0, 0) of {sides}, as a product, a^2 - b^2 = (a + b)(a - b).",
-        steps,
-        {
-            "return": (
-                "k * (a + b) * (di * h2 - i2 * dh) / (h1 * h2)",
-                force.subs(there, int(two)),
-            )
-        },
-    )
-
-
 saturating = Law(
     name="saturating",
     about="the force law of saturating iron",
@@ -99,8 +68,24 @@ saturating = Law(
     reference="Froehlich, Investigations of dynamoelectric machines and electric power "
     "transmission, 1881.",
     functions=(
-        product("s0 + x", "i0 - iu", "-2 * x", "2 * iu"),
-        product("s0", "i0", "-x", "iu"),
+        Function(
+            "force",
+            "F - F(0, 0) as a product, a^2 - b^2 = (a + b)(a - b), from differences of gap and "
+            "current, so that nothing cancels. `there` is 1, or 0 where b is of the origin.",
+            (
+                *side(1, "s0 - x", "i0 + iu"),
+                *side(2, "s0 + there * x", "i0 - there * iu"),
+                ("dg", "-(1 + there) * x"),
+                ("di", "(1 + there) * iu"),
+                ("dw", "knee * di"),
+                ("dm", "(dg - dw) * (m1 + m2) + 4 * iron * dw"),
+                ("dh", "(dg + dw + dm / (r1 + r2)) / 2"),
+                ("a", "i1 / h1"),
+                ("b", "i2 / h2"),
+            ),
+            {"return": ("k * (a + b) * (di * h2 - i2 * dh) / (h1 * h2)", force)},
+            (there,),
+        ),
         Function(
             "tangent",
             "dF/diu and dF/dx; `there` is 1, or 0 where there is no magnet on the other side.",

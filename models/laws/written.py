@@ -15,13 +15,16 @@ COMMON = (
 
 
 def header(law: Law) -> str:
-    """Return the text of ``core/generated/NAME_law.h``: the functions, without a branch."""
+    """Return the text of ``core/generated/NAME_law.h``, of a law whose functions others share."""
+    return _guarded(law, f"generated_{law.name}_law", [functions(law)])
+
+
+def functions(law: Law) -> str:
+    """Return its functions, without a branch."""
     needs_root = any("sqrt(" in text for f in law.functions for _, text in f.steps)
     lines = [f'#include "ambkit/{law.name}.h"']
     lines += ['#include "ambkit/root.h"'] if needs_root else []
-    return _guarded(law, f"generated_{law.name}_law", [
-        "\n".join(lines) + "\n", *(_function(law, one) for one in law.functions),
-    ])  # fmt: skip
+    return "\n".join(["\n".join(lines) + "\n", *(_function(law, one) for one in law.functions)])
 
 
 def declaration(law: Law) -> str:
@@ -47,16 +50,19 @@ def _guarded(law: Law, stem: str, parts: list[str]) -> str:
 
 def methods(law: Law) -> str:
     """Return the text of ``core/src/NAME.c``: the law as one of the core's magnets."""
-    functions = {f.name: f for f in law.functions}
+    named = {f.name: f for f in law.functions}
+    shared = f'#include "generated/{law.name}_law.h"\n#include "turn.h"\n'
+    own = functions(law).replace("\n\n", '\n#include "turn.h"\n\n', 1)
     sides = "law->two_sided ? AMB_C(1.0) : AMB_C(0.0), "
     force = f"{law.prefix}_force(law, iu, x)"
-    if "force_one_sided" in functions:
+    if "force_one_sided" in named:
         force = f"law->two_sided ? {force} : {law.prefix}_force_one_sided(law, iu, x)"
+    elif named["force"].more:
+        two, one = (force.replace("iu", f"AMB_C({there}.0), iu") for there in (1, 0))
+        force = f"law->two_sided ? {two} : {one}"
     return f"""\
 /* {law.title}, as a magnet. {WRITTEN} */
-#include "generated/{law.name}_law.h"
-#include "turn.h"
-
+{shared if law.shared else own}
 /* F - F(0, 0). */
 static amb_real force_of(const void *self, amb_real iu, amb_real x)
 {{
@@ -68,7 +74,7 @@ static amb_stiffness tangent(const void *self, amb_real iu, amb_real x)
 {{
   const {law.type} *law = (const {law.type} *)self;
   amb_stiffness k;
-  {law.prefix}_tangent(law, {sides if functions["tangent"].more else ""}iu, x, &k.k_i, &k.k_s);
+  {law.prefix}_tangent(law, {sides if named["tangent"].more else ""}iu, x, &k.k_i, &k.k_s);
   return k;
 }}
 

@@ -388,7 +388,7 @@ def fly(plans: Sequence[Plan], which: Annotated[NDArray[numpy.int64], dict(shape
     """
 
 def normal_noise(seed: int, run: int, stream: int, n: int) -> NDArray[numpy.float64]:
-    """Standard normal noise (n,) of these counters; see sim/noise.h."""
+    """Standard normal noise (n,) of these counters; see sim/many.h."""
 
 def philox(counter: Sequence[int], key: Sequence[int]) -> NDArray[numpy.uint32]:
     """

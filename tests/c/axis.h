@@ -102,7 +102,7 @@ static inline amb_status axis_start(const amb_estimator *e, void *state, amb_rea
                                     amb_kalman_result *r)
 {
   const amb_real measured[AMB_SENSORS] = {y};
-  return amb_estimator_start(e, state, measured, r);
+  return amb_estimator_step(e, state, measured, NULL, r);
 }
 
 static inline amb_status axis_predict(const amb_kalman *kf, amb_kalman_state *s, amb_stiffness k,

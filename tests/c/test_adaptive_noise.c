@@ -28,36 +28,6 @@ static amb_real noise(void)
   return (amb_real)(seed >> 8) / AMB_C(8388608.0) - 1;
 }
 
-static void test_parameters(void)
-{
-  const amb_adaptive_noise good = around(&amb_kalman_methods);
-  CHECK(amb_adaptive_noise_check(&good) == AMB_OK);
-  amb_adaptive_noise a = good;
-  a.measurement = a.disturbance = false;
-  CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
-  const amb_real shares[] = {0, -1, NOT_A_NUMBER, TOO_MUCH, AMB_C(0.5), 1};
-  for (size_t i = 0; i < sizeof shares / sizeof *shares; i++) {
-    a = good;
-    a.share = shares[i]; /* or above the first one */
-    CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
-  }
-  a = good;
-  a.first_share = 1;
-  CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
-  const amb_real most[] = {1, 0, NOT_A_NUMBER, TOO_MUCH};
-  for (size_t i = 0; i < sizeof most / sizeof *most; i++) {
-    a = good;
-    a.most = most[i];
-    CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
-  }
-  a = good;
-  a.window = 0U;
-  CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
-  a = good;
-  a.inner.methods = &amb_adaptive_noise_methods; /* has no room in itself */
-  CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
-}
-
 static void test_finds_r(const amb_estimator_methods *methods)
 {
   amb_adaptive_noise own = around(methods);
@@ -148,7 +118,6 @@ static void test_a_noise_that_is_none(void)
 int main(void)
 {
   test_a_noise_that_is_none();
-  test_parameters();
   const amb_estimator_methods *const kinds[] = {&amb_kalman_methods, &amb_extended_methods,
                                                 &amb_ud_methods};
   for (size_t i = 0; i < 3; i++) {

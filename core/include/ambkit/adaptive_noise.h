@@ -42,7 +42,7 @@ AMB_EXTERN_C_BEGIN
 typedef struct amb_adaptive_noise {
   amb_estimator inner;  /* the filter: methods, and own; plant, magnet and noise are the outer's */
   bool measurement;     /* find R */
-  bool disturbance;     /* find Q */
+  bool disturbance;     /* find Q, of a model with a disturbance force */
   amb_real share;       /* d, of a new sample in the end, in (0, 1) */
   amb_real first_share; /* d of the first sample, in [share, 1): fading from there on */
   amb_real most;        /* neither is taken to be more than this many times off, > 1 */
@@ -67,11 +67,6 @@ typedef struct amb_adaptive_noise_state {
   unsigned int young;              /* samples until the start is no excuse for large innovations */
   bool amiss;                      /* whether there were such since the start */
 } amb_adaptive_noise_state;
-
-/* Check the parameters. Returns AMB_OK or AMB_BAD_PARAMETER: a number is out of its range, neither
- * R nor Q is to be found, or the state of the inner filter has no room in the one above. To find Q,
- * the model must have a disturbance force. */
-amb_status amb_adaptive_noise_check(const amb_adaptive_noise *own);
 
 /* Adds AMB_NOISE_LIMIT to the status where the noise found is at the end of its range. */
 extern const amb_estimator_methods amb_adaptive_noise_methods;

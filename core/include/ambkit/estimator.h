@@ -25,13 +25,13 @@ typedef struct amb_estimator_methods {
   amb_status (*reset)(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
                       const amb_real std[AMB_STATES]);
 
-  /* One sample on, with the control signals u [V] that acted. Writes the stiffnesses and the status
-   * of the result, and returns the status. */
+  /* One sample on, with the control signals u [V] that acted. Writes the stiffnesses of the result,
+   * and returns the status. */
   amb_status (*predict)(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                         amb_kalman_result *result);
 
-  /* Take in the measurements y [m]. Writes innovations, variances, health and status of the result,
-   * and returns the status. A variance is 0 where the kind has no idea of it. */
+  /* Take in the measurements y [m]. Writes innovations, variances and health of the result, and
+   * returns the status. A variance is 0 where the kind has no idea of it. */
   amb_status (*update)(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                        amb_kalman_result *result);
 
@@ -59,15 +59,12 @@ extern const amb_estimator_methods amb_kalman_methods;
  * tangents in that of the covariance. */
 extern const amb_estimator_methods amb_extended_methods;
 
-/* Prediction with the control signals u_previous that acted since the last sample, u[k - 1], then
- * measurements y[k]; returns all that there was to say. */
+/* Prediction with the control signals u_previous that acted since the last sample, u[k - 1], or
+ * none where it is NULL, for the first sample after a reset; then measurements y[k]. Returns all
+ * that there was to say. */
 amb_status amb_estimator_step(const amb_estimator *estimator, void *state,
                               const amb_real y[AMB_SENSORS],
                               const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result);
-
-/* The first measurements y after a reset, which nothing is predicted for. */
-amb_status amb_estimator_start(const amb_estimator *estimator, void *state,
-                               const amb_real y[AMB_SENSORS], amb_kalman_result *result);
 
 /* The methods of those two that other kinds have as well. */
 amb_status amb_plain_reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],

@@ -6,6 +6,7 @@
 
 #include "ambkit/magnet.h"
 #include "ambkit/role.h"
+#include "ambkit/sparse.h"
 
 /* The most that a state has room for. An export has its own, just enough. */
 #ifndef AMB_STATES
@@ -17,14 +18,6 @@
 #endif
 #define AMB_TRIANGLE ((AMB_STATES * (AMB_STATES + 1)) / 2)
 #define AMB_WORK (AMB_STATES * ((2 * AMB_STATES) + (2 * AMB_FORCES) + (2 * AMB_CONTROLS)))
-
-/* The entries of a matrix, row by row, columns ascending: those of row i are start[i] to
- * start[i + 1]. */
-typedef struct amb_sparse {
-  const unsigned short *start;
-  const unsigned short *column;
-  const amb_real *value;
-} amb_sparse;
 
 typedef struct amb_model {
   int states;
@@ -44,17 +37,6 @@ typedef struct amb_model {
   amb_sparse rest;   /* states x states: AMB_SHOWN ones at rest; other rows are empty */
   const unsigned char *role; /* [states], amb_role */
 } amb_model;
-
-/* A row times a vector, from its first entry on. */
-static inline amb_real amb_sparse_times(const amb_sparse *A, const amb_real *value, int row,
-                                        const amb_real x[])
-{
-  amb_real sum = AMB_C(0.0);
-  for (int k = A->start[row]; k < (int)A->start[row + 1]; k++) {
-    sum += value[k] * x[A->column[k]];
-  }
-  return sum;
-}
 
 /* Displacement [m] and current [A] of magnet f, means over the sample, which are linear forms. */
 static inline amb_real amb_model_displacement(const amb_model *model, int f, const amb_real mean[])

@@ -176,6 +176,7 @@ def recorded(
             signals[name] = np.asarray(out[name], float), "V"
     if scenario.sequence is not None:
         signals["mode"] = out["mode"].astype(float), "1"
+    touched = np.flatnonzero(out["at_stop"])
     for way in {item.direction for item in scenario.base}:
         signals[f"base_{way}"] = series["base"][:, "xyz".index(way)], "m/s^2"
     return Record(
@@ -188,8 +189,8 @@ def recorded(
             "seed": scenario.seed,
             "run": scenario.run,
             "version": own_version(),
-            "stop_touched": int(out["touched"]),
-            "first_touch": begin + int(out["first"]) if out["touched"] else None,
+            "stop_touched": len(touched),
+            "first_touch": begin + int(touched[0]) if len(touched) else None,
         },
     )
 

@@ -81,7 +81,7 @@ def simulate_run(machine: Machine, scenario: Scenario, **given: Any) -> Run:
     # unbalance, loads, sensor lags, mechanical stops, and what else the machine has: an amplifier's
     # bandwidth and voltage, a dead time, runout. Demanded control currents and loads are held over
     # a sample. Noise is normal, white unless a sensor has coloured noise or hum, from independent
-    # streams of counters with the scenario's seed and run as their key (``sim/noise.h``).
+    # streams of counters with the scenario's seed and run as their key (``sim/many.h``).
     return Loop(machine, scenario, **given).run()
 
 

@@ -68,7 +68,7 @@ def predict_covariance(names: Names) -> str:
     for i, j in names.pairs:
         terms = products((a, M[i][k]) for k, a in names.entries("L", j))
         if (names.model.pattern["N"][:, i, j] != ZERO).any():
-            terms.append(product(names.pair("G", i, j)))
+            terms.append(product(f"growth[{names.where[i, j]}]"))
         terms += products((B, U[i][at]) for at, B in direct[j].items())
         terms += products((a, z[i][f]) for f, a in b[j])
         upper.append(terms)

@@ -166,8 +166,7 @@ class Names:
     def loads(self, symbols: set[str]) -> list[str]:
         """Return the lines that load what other lines ask for."""
         stored = {name: f"model->{name}" for name in self.constants.values()}
-        for letter, array in (("G", "growth"), ("P", "cov")):
-            stored |= {self.pair(letter, *ij): f"{array}[{at}]" for ij, at in self.where.items()}
+        stored |= {self.P(*ij): f"cov[{at}]" for ij, at in self.where.items()}
         for f in range(self.p):
             stored |= {self.of_p(name, f): f"k[{f}].{name}" for name in ("k_i", "k_s")}
         stored |= {name: f"mean[{i}]" for i, name in enumerate(self.state)}

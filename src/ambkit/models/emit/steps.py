@@ -77,7 +77,7 @@ def update(names: Names) -> str:
 def _update(names: Names, r: int) -> list[str]:
     """Return the body of the update with measurement r."""
     states = range(names.n)
-    loads, lines, PH = _with_sensor(names, r, list(states), all_of_P=True)
+    loads, lines, PH = _with_sensor(names, r, list(states), stored=False)
     seen = _of_mean(names, r)
     head = [
         f"*innovation = y - {seen if len(names.entries('c', r)) == 1 else f'({seen})'};",
@@ -90,8 +90,7 @@ def _update(names: Names, r: int) -> list[str]:
     body += [f"mean[{i}] += {product(f'K{i}', 'e').text};" for i in states]
     # As differences, not as sums with -K: that would be one more operation to wait for.
     return body + [
-        f"cov[{at}] = {names.P(i, j)} - {product(f'K{i}', PH[j]).text};"
-        for (i, j), at in names.where.items()
+        f"cov[{at}] -= {product(f'K{i}', PH[j]).text};" for (i, j), at in names.where.items()
     ]
 
 
@@ -100,15 +99,13 @@ def _of_mean(names: Names, r: int) -> str:
 
 
 def _with_sensor(
-    names: Names, r: int, states: list[int], *, all_of_P: bool = False
+    names: Names, r: int, states: list[int], *, stored: bool = True
 ) -> tuple[list[str], list[str], dict[int, str | None]]:
     """Return loads, and lines that compute PH = P c' of some states, and what these are called."""
     stages, entries = Stages(), names.entries("c", r)
     PH = {i: stages.add(f"PH{i}", [product(c, names.P(i, j)) for j, c in entries]) for i in states}
     lines, symbols = stages.needed([[product(x)] for x in PH.values()])
-    if all_of_P:
-        symbols |= {names.P(*ij) for ij in names.pairs}
-    elif not lines:
+    if stored and not lines:
         symbols = set()  # a variance is returned from where it is stored
     if lines:
         symbols |= {c for _, c in entries if c}

@@ -35,10 +35,8 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   const amb_estimator estimator = amb_filter_estimator(&model->filter);
   amb_real y[AMB_SENSORS];
   read(value, y);
-  if (model->sampled)
-    (void)amb_estimator_step(&estimator, &model->state, y, model->last_u, &model->result);
-  else
-    (void)amb_estimator_start(&estimator, &model->state, y, &model->result);
+  (void)amb_estimator_step(&estimator, &model->state, y, model->sampled ? model->last_u : NULL,
+                           &model->result);
   for (int c = 0; c < AMB_CONTROLS; c++)
     model->last_u[c] = (amb_real)value[FIRST_u + c];
   model->sampled = true;
