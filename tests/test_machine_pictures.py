@@ -79,7 +79,7 @@ def test_a_steady_sine_is_as_high_as_it_is():
 
 
 def test_without_unbalance_there_is_no_response():
-    with pytest.raises(AmbkitError, match="no response"):
+    with pytest.raises(AmbkitError, match=r"no \[\[unbalance\]\]"):
         ambkit.unbalance_response(machine())
     with pytest.raises(AmbkitError, match="fastest"):
         ambkit.unbalance_response(machine(unbalance=UNBALANCE), -1.0)
