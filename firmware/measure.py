@@ -30,7 +30,7 @@ FEW = 9  # rules of the smaller expert; what a rule costs is the difference to 2
 def record(samples: int = SAMPLES) -> Record:
     """Return a step, with samples lost and frozen in it, and a saturated current."""
     T = BEARING.sampling_time
-    reference = Step(amplitude=BEARING.rotor.clearance / 4, time=0.1 * samples * T)
+    reference = Step(amplitude=BEARING.clearance / 4, time=0.1 * samples * T)
     run = simulate(
         BEARING,
         Scenario(
@@ -39,7 +39,7 @@ def record(samples: int = SAMPLES) -> Record:
     )
     y, u = run["y"].copy(), run["u"].copy()
     at = samples // 2
-    y[at : at + 3] = 1e3 * BEARING.rotor.clearance
+    y[at : at + 3] = 1e3 * BEARING.clearance
     y[at + 20 : at + 40] = y[at + 20]
     u[at + 60] = 3 * BEARING.current_max / BEARING.amplifier.gain
     return Record(run.t, {"y": y, "u": u}, {"y": "m", "u": "V"})
