@@ -19,6 +19,7 @@ from ambkit import Bearing, ClosedLaw, KalmanFilter, magnet_of
 from ambkit.base.errors import AmbkitError
 from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff, Mode
+from ambkit.export.fmu import compiler
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Reference
 
@@ -60,11 +61,12 @@ def disturbed(bearing):
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory):
-    """Export an FMU, each one once."""
+    """Export an FMU once for each level of optimisation, which conftest sets for each test."""
     folder, done = tmp_path_factory.mktemp("fmu"), {}
 
     def make(kind="estimator", fmi=3, bearing=BEARING, **options):
-        key = f"{bearing.name}-{kind}-{fmi}-{'-'.join(map(str, options.values()))}.fmu"
+        case = bearing.name, kind, fmi, compiler._FLAGS[0], *options.values()
+        key = "-".join(map(str, case)) + ".fmu"
         if key not in done:
             if kind in SCENARIOS:
                 options["scenario"] = SCENARIOS[kind]
