@@ -151,7 +151,7 @@ def assess(
         return assessed(name, there.loop(estimator), there)
 
     loops = {}
-    if not of.needs_estimate:
+    if not of.control.needs_estimate:
         loops[MEASUREMENT] = fed_by(MEASUREMENT, None)
     elif not loop.filters:
         raise AmbkitError(

@@ -273,7 +273,7 @@ class Assessment(Result):
         there = self.loops[name].of
         for piece, plant in ideal_pieces(self.machine).items():
             results[piece] = there.with_plant(plant, estimator).peak(estimator)
-        if estimator is not None and not there.needs_estimate:
+        if estimator is not None and not there.control.needs_estimate:
             results["filter"] = there.peak()
         return results
 

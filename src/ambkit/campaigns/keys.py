@@ -95,21 +95,16 @@ def _called(part: Any, at: int) -> tuple[str, ...]:
     return (str(at),) if name is None else (str(name), str(at))
 
 
-def _nested(model: BaseModel, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values by dotted keys of a model as tables within tables."""
+def changed(model: Any, values: Mapping[str, Any]) -> Any:
+    """Return a copy of a frozen description with values at dotted keys changed, unchecked."""
     tree: dict[str, Any] = {}
-    for key, value in changes.items():
+    for key, value in values.items():
         *tables, name = _steps(model, key)
         at = tree
         for table in tables:
             at = at.setdefault(table, {})
         at[name] = value
-    return tree
-
-
-def changed(model: Any, values: Mapping[str, Any]) -> Any:
-    """Return a copy of a frozen description with values at dotted keys changed, unchecked."""
-    return _changed(model, _nested(model, values))
+    return _changed(model, tree)
 
 
 def _changed(model: Any, tree: Mapping[str, Any]) -> Any:

@@ -146,6 +146,7 @@ class Machines:
 
     def __init__(self, folder: Path, plan: Plan, parts: tuple[int, ...]) -> None:
         self.folder, self.plan, self.parts = Path(folder), plan, parts
+        self._read: dict[str, NDArray[Any]] = {}
 
     def __len__(self) -> int:
         spans = map(self.plan.span, self.parts)
@@ -190,10 +191,6 @@ class Machines:
             for name in names:
                 parts[name].append(array_of(table.column(name)))
         return {name: np.concatenate(item) if item else np.zeros(0) for name, item in parts.items()}
-
-    @cached_property
-    def _read(self) -> dict[str, NDArray[Any]]:
-        return {}
 
     @cached_property
     def columns(self) -> tuple[str, ...]:

@@ -74,7 +74,10 @@ class Folder:
             files.write_text(self.path / ABOUT, json_text(self._is_of(), indent=2) + "\n")
         if not os.access(self.path / RUNS, os.W_OK):
             raise AmbkitError(f"{self.path / RUNS}: cannot be written")
-        self._sweep()
+        for name in (RUNS, TRACES):  # a campaign that was killed had not finished writing these
+            for left in (self.path / name).glob(".*.tmp"):
+                with suppress(OSError):
+                    left.unlink()
 
     def _is_of(self) -> dict[str, Any]:
         plan = self.plan
@@ -135,13 +138,6 @@ class Folder:
             yield
         finally:
             os.close(lock)
-
-    def _sweep(self) -> None:
-        """Take away what a campaign that was killed had not finished writing."""
-        for name in (RUNS, TRACES):
-            for left in (self.path / name).glob(".*.tmp"):
-                with suppress(OSError):
-                    left.unlink()
 
     def done(self) -> set[int]:
         """Return which parts are there."""

@@ -51,10 +51,6 @@ Way = Literal["sobol", "latin-hypercube", "random", "grid", "saltelli"]
 MOST_RUNS = 10**9  #: Runs of a study: a Sobol sequence of 30 bits has no more.
 
 
-def _is_machine_file(value: Any) -> bool:
-    return value not in presets.names()
-
-
 def _is_filter_file(value: Any) -> bool:
     from ambkit.estimate.registry import FILTER_SUFFIX
 
@@ -73,7 +69,7 @@ def _file_or_name(is_file: Callable[[Any], bool]) -> tuple[BeforeValidator, Plai
     return BeforeValidator(read), PlainSerializer(written)
 
 
-MachineName = Annotated[str, *_file_or_name(_is_machine_file)]
+MachineName = Annotated[str, *_file_or_name(lambda value: value not in presets.names())]
 EstimatorName = Annotated[str, *_file_or_name(_is_filter_file)]
 
 

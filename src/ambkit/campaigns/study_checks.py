@@ -47,7 +47,8 @@ def contradictions(read: Read) -> Iterator[Problem]:
             plant = load_machine(read("machine"))
     except AmbkitError as error:
         yield "machine", str(error)
-    yield from _of_what(read, plant)
+    if plant is not None and plant.rotor.type == "mass" and read("synchronous") != ():
+        yield "synchronous", "is of a rotor that turns; this one is a mass"
     if isinstance(read("estimator"), str):
         yield from _estimator("estimator", read("estimator"))
     yield from _how_many(read)
@@ -79,14 +80,6 @@ def contradictions(read: Read) -> Iterator[Problem]:
         yield from _sensor_gain(here, item, run)
         yield from _choices(here, item, key_there, plant, run, read)
     yield from _correlated(read, [entry.what for entry in vary])
-
-
-def _of_what(read: Read, plant: Any) -> Iterator[Problem]:
-    """Check that what is said goes with the machine."""
-    if plant is None:
-        return
-    if plant.rotor.type == "mass" and read("synchronous") != ():
-        yield "synchronous", "is of a rotor that turns; this one is a mass"
 
 
 def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:

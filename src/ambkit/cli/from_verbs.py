@@ -144,7 +144,8 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
         else:
             parser.add_argument(
                 f"--{parameter.name.replace('_', '-')}", dest=parameter.name,
-                help=text + _repeated(settings) + _default(parameter.default),
+                help=text + REPEATED * (settings.get("action") == "append")
+                + _default(parameter.default),
                 default=argparse.SUPPRESS, required=required, **{"action": Once} | settings,
             )  # fmt: skip
     if "--out" not in parser._option_string_actions:  # else the verb writes a folder by itself
@@ -180,10 +181,6 @@ def _add_outputs(parser: Parser, name: str, verb: Callable[..., Any]) -> None:
             option, type=Path, action="append", default=[], metavar=value,
             help=text + REPEATED,
         )  # fmt: skip
-
-
-def _repeated(settings: Mapping[str, Any]) -> str:
-    return REPEATED if settings.get("action") == "append" else ""
 
 
 def _default(value: Any) -> str:

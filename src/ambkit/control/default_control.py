@@ -54,30 +54,23 @@ class DefaultControl:
         if self.held:
             others = [candidate for candidate in self.candidates if candidate is not self.chosen]
             beside = f"; also tried{_listed(others)}" if others else ""
+            poor = simplest = ""
+            if (zone := zone_of(self.chosen.peak)) != "A":
+                poor = (
+                    f", which is poor: zone {zone} of ISO 14839-3, where zone A ends at {ZONE_A:g}"
+                )
+            if self.chosen.peak > EQUAL * min(item.peak for item in self.candidates):
+                simplest = f", the simplest within {100 * (AS_GOOD - 1):.0f} % of the lowest peak"
             return (
                 f"default controller: {name_of(self.chosen.control)}, fed by the "
                 f"{self.chosen.feedback}, with a peak of |S| of {self.chosen.peak:.3g} {span}"
-                f"{self._inertia_known}{self._poor}{self._simplest}{beside}"
+                f"{self._inertia_known}{poor}{simplest}{beside}"
             )
         return (
             f"no default controller was found that holds the rotor of {self.machine} {span}; "
             f"tried{_listed(self.candidates)}; lower the speed, the dead time or the "
             "sampling time, or give another controller in [control]"
         )
-
-    @property
-    def _poor(self) -> str:
-        zone = zone_of(self.chosen.peak)
-        if zone == "A":
-            return ""
-        return f", which is poor: zone {zone} of ISO 14839-3, where zone A ends at {ZONE_A:g}"
-
-    @property
-    def _simplest(self) -> str:
-        lowest = min(item.peak for item in self.candidates)
-        if self.chosen.peak <= EQUAL * lowest:
-            return ""
-        return f", the simplest within {100 * (AS_GOOD - 1):.0f} % of the lowest peak"
 
     @property
     def _inertia_known(self) -> str:

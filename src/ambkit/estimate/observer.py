@@ -89,7 +89,8 @@ class _Observer(Estimator):
         R = held_rounding(variance, step, dwell / 4)
         L = self._gain(small._replace(R=R), quiet.Q, full_model.states, coarse=coarse)
         slow = math.exp(-LEAST_BANDWIDTH * unstable_pole(self.bearing) * settings["T"])
-        if coarse and _max_pole(small, L) > slow:
+        errors = small.A - np.outer(L, small.H @ small.A)
+        if coarse and np.abs(np.linalg.eigvals(errors)).max() > slow:
             # The estimate is held to its step, so its rounding may count as white.
             R = held_rounding(variance, step, 1.0)
             L = self._gain(small._replace(R=R), quiet.Q, full_model.states, coarse=coarse)
@@ -210,11 +211,6 @@ class SteadyStateKalmanFilter(_Observer):
         predicted = solve_discrete_are(model.A.T, model.H.T, model.Q, np.array([[model.R]]))
         PH = predicted @ model.H.T
         return np.asarray((PH / (model.H @ PH + model.R)).ravel())
-
-
-def _max_pole(model: LinearModel, L: Array) -> float:
-    """Return the share of an error that the slowest pole of ``(I - L H) A`` leaves in a sample."""
-    return float(np.abs(np.linalg.eigvals(model.A - np.outer(L, model.H @ model.A))).max())
 
 
 def _whole(engine: Engine) -> Model:

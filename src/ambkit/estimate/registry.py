@@ -157,14 +157,6 @@ _OUTER = ("memory", "window", "most")  # options of AdaptiveNoise, not of the fi
 MEMORY = Tunable("memory", "s", lambda _bearing: 0.5, decades=1.0)
 
 
-def _constant(bearing: Machine) -> MagnetModel:
-    return constants_of(bearing)
-
-
-def _law(bearing: Machine) -> MagnetModel:
-    return laws_of(bearing)
-
-
 def _no_force(bearing: Machine) -> MagnetModel:
     from ambkit.estimate.constant_velocity import no_force_of
 
@@ -191,7 +183,7 @@ KINDS = {
     for kind in (
         Kind(
             "low-pass", "low-pass and derivative",
-            "low_pass.LowPass", InCore("LowPass", has_state=True, base="base."), _constant,
+            "low_pass.LowPass", InCore("LowPass", has_state=True, base="base."), constants_of,
             (
                 Tunable("position", "rad/s", _poles(20)),
                 Tunable("velocity", "rad/s", _poles(10)),
@@ -208,13 +200,13 @@ KINDS = {
         ),
         Kind(
             "observer", "extended state observer",
-            "observer.ExtendedStateObserver", _OBSERVER, _constant,
+            "observer.ExtendedStateObserver", _OBSERVER, constants_of,
             (Tunable("bandwidth", "rad/s", _poles(8), decades=1.0),),
         ),
-        Kind("linear", "linear Kalman filter", "kalman.KalmanFilter", PAPER, _constant),
+        Kind("linear", "linear Kalman filter", "kalman.KalmanFilter", PAPER, constants_of),
         Kind(
             "steady-state", "steady-state Kalman filter",
-            "observer.SteadyStateKalmanFilter", _OBSERVER, _constant,
+            "observer.SteadyStateKalmanFilter", _OBSERVER, constants_of,
         ),
         Kind(
             "table", "Kalman filter, stiffness table",
@@ -226,16 +218,16 @@ KINDS = {
         ),
         Kind(
             "closed-law", "Kalman filter, closed law",
-            "kalman.AdaptiveKalmanFilter", PAPER, _law,
+            "kalman.AdaptiveKalmanFilter", PAPER, laws_of,
         ),
         Kind(
             "extended", "extended Kalman filter",
-            "kalman.ExtendedKalmanFilter", _EXTENDED, _law,
+            "kalman.ExtendedKalmanFilter", _EXTENDED, laws_of,
         ),
         Kind(
             "ud", "UD-factorised Kalman filter",
             "kalman.UDKalmanFilter",
-            InCore("UD", has_own=False, has_state=True, base="base."), _law,
+            InCore("UD", has_own=False, has_state=True, base="base."), laws_of,
         ),
         Kind(
             "augmented", "augmented-state extended Kalman filter",
@@ -243,30 +235,30 @@ KINDS = {
             InCore(
                 "Augmented", has_state=True, base="base.", covariance="cov", calls=("excitation",)
             ),
-            _law,
+            laws_of,
             (*NOISE, Tunable("wander", "1/s", lambda _: 0.01)),
             ratios=("scale_std", "excitation", "least", "most"),
         ),
         Kind(
             "multiple-model", "interacting multiple models",
             "augmented.MultipleModelFilter",
-            InCore("MultipleModel", has_state=True, base="base.", calls=("excitation",)), _law,
+            InCore("MultipleModel", has_state=True, base="base.", calls=("excitation",)), laws_of,
             (*NOISE, Tunable("sojourn", "s", lambda _: 1.0, decades=1.0)),
             ratios=("scales", "excitation"),
         ),
         Kind(
             "unscented", "unscented Kalman filter",
-            "unscented.UnscentedKalmanFilter", InCore("Unscented"), _law,
+            "unscented.UnscentedKalmanFilter", InCore("Unscented"), laws_of,
             ratios=("alpha", "beta", "kappa"),
         ),
         Kind(
             "linear-adaptive-noise", "linear Kalman filter, R found online",
-            "kalman.KalmanFilter", _ADAPTIVE_NOISE, _constant, (*NOISE, MEMORY),
+            "kalman.KalmanFilter", _ADAPTIVE_NOISE, constants_of, (*NOISE, MEMORY),
             {"method": "sage-husa", "adapts": "measurement"},
         ),
         Kind(
             "extended-adaptive-noise", "extended Kalman filter, R and Q found online",
-            "kalman.ExtendedKalmanFilter", _ADAPTIVE_NOISE, _law, (*NOISE, MEMORY),
+            "kalman.ExtendedKalmanFilter", _ADAPTIVE_NOISE, laws_of, (*NOISE, MEMORY),
             {"method": "innovation", "adapts": "both"},
         ),
     )
@@ -324,19 +316,14 @@ def learned_magnet(name: str, bearing: Machine) -> MagnetModel | None:
     """Return what a kind that must be given its magnet knows of it where nobody says otherwise."""
     if KINDS[name].magnet is not None:
         return None
-    machine, learned = bearing, {}
-    for axis in machine.axes:
+    from ambkit.machine.stiffness import stiffness_map
+
+    learn: Callable[[Machine], MagnetModel] = stiffness_map if name == "table" else _trained
+    learned: dict[str, MagnetModel] = {}
+    for axis in bearing.axes:
         if axis.bearing.name not in learned:  # both axes of a bearing have one magnet
-            learned[axis.bearing.name] = _learned(name, machine.isolated_axis(axis.name))
-    return bank_of([learned[axis.bearing.name] for axis in machine.axes], machine)
-
-
-def _learned(name: str, axis: Machine) -> Any:
-    if name == "table":
-        from ambkit.machine.stiffness import stiffness_map
-
-        return stiffness_map(axis)
-    return _trained(axis)
+            learned[axis.bearing.name] = learn(bearing.isolated_axis(axis.name))
+    return bank_of([learned[axis.bearing.name] for axis in bearing.axes], bearing)
 
 
 @lru_cache(maxsize=64)

@@ -15,7 +15,7 @@ from ambkit.control.linear.steady_state_filter import tangents_known
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.machine_model import View
-from ambkit.estimate.noise_model import FilterNoise, Variances
+from ambkit.estimate.noise_model import FilterNoise
 from ambkit.judge.load_following import (
     LONGEST,
     STEP,
@@ -190,15 +190,9 @@ def _steps(plant: Machine) -> Iterator[Finding]:
     yield Finding("quantisation over noise", step / std, "1", STEPS, text)
 
 
-def _usual(plant: Any) -> Variances:
-    """Return the variances that a filter of a machine has by default."""
-    view = View(plant)
-    return view.variances(FilterNoise())
-
-
 def noise(filter: Estimator, plant: Machine) -> Iterator[Finding]:
     """Yield how far the noise that a filter assumes is from what its machine has."""
-    usual = _usual(plant)
+    usual = View(plant).variances(FilterNoise())
     for name, unit, what, of in (
         ("measurement", "m^2", "measurement noise", "the sensor's"),
         ("control", "V^2", "control noise", "the amplifier's"),
@@ -301,7 +295,7 @@ def _follows(filter: Estimator, plant: Any) -> Iterator[Finding]:
         )
     yield Finding("time to follow a load", slow.time, "s", limit, text, bool(text))
     sensors = np.sqrt(np.max(
-        np.atleast_1d(_usual(plant).measurement)
+        np.atleast_1d(View(plant).variances(FilterNoise()).measurement)
         / np.atleast_1d(filter.variances.measurement)
     ))  # fmt: skip
     loud = max(parts, key=lambda one: one.noise / loads[one.axis])

@@ -17,7 +17,7 @@ from ambkit.base.escaping import markdown
 from ambkit.data.record import Record
 from ambkit.data.record_card import lost_spans
 from ambkit.data.signals import by_name, each_of, signal
-from ambkit.estimate.errors import LAGS, Whiteness, errors_along, rms, true_signal, whiteness
+from ambkit.estimate.errors import LAGS, errors_along, rms, true_signal, whiteness
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.estimate_panels import (
     innovation_panel,
@@ -162,7 +162,9 @@ def evaluate(
         innovation_std=by_reading(float(e.std()) if e.size else math.nan for e, _ in pairs),
         expected_std=by_reading(float(np.sqrt(S.mean())) if S.size else math.nan for _, S in pairs),
         nis=_mean_nis(innovation[used_mask], variance[used_mask]),
-        whiteness=by_reading(_white(e) for e, _ in pairs),
+        whiteness=by_reading(
+            whiteness(e) if e.size >= 4 * LAGS and np.ptp(e) > 0 else None for e, _ in pairs
+        ),
         status=_flags(estimate.status[first:]),
         prediction={ahead: errors(predicted, ahead) for ahead, predicted in forecasts.items()},
         held={ahead: errors(last[:-ahead], ahead) for ahead in horizons},
@@ -230,12 +232,6 @@ def _mean_nis(innovation: Array, variance: Array) -> float:
     return float(np.mean(innovation[known] ** 2 / variance[known])) if known.any() else math.nan
 
 
-def _white(innovation: Array) -> Whiteness | None:
-    if innovation.size < 4 * LAGS or not np.ptp(innovation) > 0:
-        return None
-    return whiteness(innovation)
-
-
 def _flags(status: NDArray[np.uint16]) -> dict[str, int]:
     """Count the samples with each flag, by its name in lower case."""
     counts = {
@@ -255,7 +251,7 @@ LOGGED = {
     "x": ((("y", "measured"), ("r", "reference")), (("x_logged", "logged"),)),
     "v": ((("v_logged", "logged"),), ()),
 }
-"""Signals of a record drawn below and above the estimates of a state, with their """
+"""Signals of a record drawn below and above the estimates of a state, with their styles."""
 
 
 def filter_figure(

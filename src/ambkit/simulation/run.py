@@ -41,11 +41,6 @@ from ambkit.simulation.scenario import (
 from ambkit.simulation.simulated import Run as Run
 
 
-def _adds_noise(sensor: Any) -> bool:
-    """Whether a sensor adds its noise, and neither rounds it nor has more of it at some places."""
-    return sensor.quantisation is None and not sensor.position_noise
-
-
 def samples(machine: Machine, scenario: Scenario) -> int:
     """Return how many samples a run has."""
     T, most = machine.sampling_time, _memory() // _BYTES
@@ -126,10 +121,7 @@ class Loop:
             of_type(Estimator, filter=estimator)
         self._straight = machine.single and controllers is None
         check_for(scenario, machine)
-        self.machine, self.external_inputs = (
-            machine,
-            ExternalInputs() if external_inputs is None else external_inputs,
-        )
+        self.machine, self.external_inputs = machine, external_inputs or ExternalInputs()
         self.scenario = (
             settled_scenario(machine, scenario) if controllers is None
             else scenario.fed(feedback_of(scenario))
@@ -179,7 +171,9 @@ class Loop:
         self._y_injected = self._injected
         if not self._straight:
             self._y_injected = self._injected @ np.linalg.pinv(shown_along_axes(machine)).T
-        adds = [_adds_noise(reading.sensor) for reading in machine.readings]
+        # A sensor adds its noise that neither rounds it nor has more of it at some places.
+        sensors = [reading.sensor for reading in machine.readings]
+        adds = [at.quantisation is None and not at.position_noise for at in sensors]
         if not all(adds) and self._injected.any():  # after what the sensor does to its noise
             faults = Faults.none(n) if self._faults is None else self._faults
             if self._faults is None and not self._straight:

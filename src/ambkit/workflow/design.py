@@ -143,16 +143,15 @@ def design(
     exported = None
     if anyway or not objections:
         note("exporting")
-        known = result
-        exported = exported_filter(known, place, "c", precision, prefix)
-        exported_filter(known, place, "controller", precision, prefix, run)
+        exported = exported_filter(result, place, "c", precision, prefix)
+        exported_filter(result, place, "controller", precision, prefix, run)
     made = {name: what for name, what in FILES.items() if (place / name).exists()}
     made["design.html"] = FILES["design.html"]
     notes = (*work.notes, *sentences([item for item in adequacy if not item.fatal]))
     step = overshoot(loop.loop, slowest_time(result), len(result.axes))
     design = Design(
         place, result, control, tuple(candidates), chosen, assessed, step,
-        objections, exported, made, notes, adequacy, work.last_record(),
+        objections, exported, made, notes, adequacy, work.records[0][-1] if work.logs else None,
     )  # fmt: skip
     note("drawing")
     design.page(place / "design.html")
@@ -241,10 +240,6 @@ class _Work:
             [load_with_gaps(path, channels) for path in of] for of in (self.logs, self.validate)
         )
         return logs, others
-
-    def last_record(self) -> Record | None:
-        """Return the last log; None without any."""
-        return self.records[0][-1] if self.logs else None
 
     def tune(self, kind: str, control: Control, **options: Any) -> None:
         """Tune a kind in the loop, and write it down."""

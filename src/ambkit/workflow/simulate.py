@@ -95,7 +95,6 @@ def scenario_for(
         `bearing` is no machine, or `scenario` not what happens to one.
     """
     of_type(Machine, bearing=bearing)
-    machine = bearing
     duration, step = in_si("duration", duration, "s"), in_si("step", step, "m")
     load = in_si("load", load, "N")
     full_scenario = Scenario() if scenario is None else scenario
@@ -104,8 +103,8 @@ def scenario_for(
     of_type(Scenario, scenario=full_scenario)
     if not from_estimate and full_scenario.feedback is None:
         full_scenario = full_scenario.fed("measurement")
-    axes = tuple(axis.name for axis in machine.axes)
-    check_for(full_scenario, machine)
+    axes = tuple(axis.name for axis in bearing.axes)
+    check_for(full_scenario, bearing)
     if duration is not None:
         full_scenario = full_scenario.replace(duration=duration)
     if reference is not None:
@@ -195,7 +194,8 @@ def _separations(
 def _judged(scenario: Scenario, filter: Any, run: Run) -> tuple[Sequence[Finding], Sequence[str]]:
     """Return whether the filter of a run may fly, and what is to be said of the run."""
     adequacy = judge_adequacy(filter, run.plant, scenario, run.nis)
-    remarks = list(_default_control(run.plant, scenario))
+    default = default_for(run.plant, scenario) if is_default(scenario.controller) else None
+    remarks = [default.summary] if default and default.fastest else []
     of = filter if isinstance(filter, Estimator) else None
     return adequacy, [*remarks, *sentences(adequacy), *_remarks(run, scenario, of)]
 
@@ -210,14 +210,6 @@ def _of_signals(paths: Sequence[Any]) -> dict[str, Path]:
             raise AmbkitError(f"signal: {results[what]} and {path} both are the {what}")
         results[what] = path
     return results
-
-
-def _default_control(machine: Machine, scenario: Scenario) -> Iterator[str]:
-    """Yield which controllers were chosen, where nobody names them."""
-    if is_default(scenario.controller):
-        chosen = default_for(machine, scenario)
-        if chosen.fastest:
-            yield chosen.summary
 
 
 def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator[str]:

@@ -180,20 +180,14 @@ def with_stand_ins(values: Array, precision: CPrecision) -> Array:
     return np.nan_to_num(values, nan=most, posinf=most / 2, neginf=-most / 2)
 
 
-def is_plain(filter: Estimator) -> bool:
-    """Whether it is the linear filter, of one axis or of a rotor that does not bend."""
-    view = filter.view
-    bends = view.H.shape[1] > view.rigid
-    return filter.name.startswith("linear") and not c_literals.called(filter).base and not bends
-
-
 def of_roles(filter: Estimator) -> dict[str, Any]:
     """Return which states the self-test of a machine asks for."""
     # `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil, and
     # the rotor is rigid: a mode may go beyond its bound, or back, within a sample.
     roles, view = [state.role for state in filter.states], filter.view
+    linear = filter.name.startswith("linear") and not c_literals.called(filter).base
     return {
-        "plain": not view.single and is_plain(filter),
+        "plain": linear and not view.single and view.H.shape[1] == view.rigid,
         "positions": [i for i, role in enumerate(roles) if role == "position"],
         "moving": [
             str(role in ("position", "velocity", "disturbance force")).lower() for role in roles
@@ -218,13 +212,8 @@ def stops(filter: Estimator) -> tuple[Array, Array]:
     """Return readings (2, m) that may be a rotor on its stops, and ones that may not."""
     known = filter.core.parameters
     gain, travel, var_y = (np.asarray(known["set"][k], float) for k in ("K_sen", "travel", "var_y"))
-    stop_reading, noise = (
-        np.abs(gain) * travel,
-        np.sqrt(var_y + np.asarray(known["rounding"], float)),
-    )
-    between, beyond = (
-        np.array([-at, at]) for at in (stop_reading + 3.8 * noise, stop_reading + 4.2 * noise)
-    )
+    stop, noise = np.abs(gain) * travel, np.sqrt(var_y + np.asarray(known["rounding"], float))
+    between, beyond = (np.array([-at, at]) for at in (stop + 3.8 * noise, stop + 4.2 * noise))
     return filter.inputs.y.numbers(between), filter.inputs.y.numbers(beyond)
 
 

@@ -11,7 +11,6 @@ from ambkit.control.controller_states import Controller
 from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import c_literals, control
 from ambkit.export.c.c_literals import CPrecision, Name
-from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import Scenario
 
 
@@ -27,14 +26,6 @@ class ControllerStart(NamedTuple):
     def coils(self) -> list[int]:
         """How many coils the magnet of each axis has."""
         return [1 + (item.magnet.type == "two-sided") for item in self.controller.plant.isolated]
-
-
-def has_more_than_pid(machine: Machine, scenario: Scenario) -> bool:
-    """Say whether a scenario is flown by more than the PID of an axis."""
-    law = scenario.controller
-    return (
-        not machine.single or scenario.sequence is not None or law.needs_estimate or bool(law.block)
-    )
 
 
 def flown(filter: Estimator, scenario: Scenario) -> ControllerStart:

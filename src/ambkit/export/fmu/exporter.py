@@ -115,7 +115,8 @@ class _Parts(NamedTuple):
 
 
 def _parts(kind: Kind, machine: Any, filter: Estimator, scenario: Scenario) -> _Parts:
-    more = start_data.has_more_than_pid(filter.machine, scenario)
+    law, single = scenario.controller, filter.machine.single
+    more = not single or scenario.sequence is not None or law.needs_estimate or bool(law.block)
     match kind:
         case "estimator":
             return _estimator(filter)
@@ -223,8 +224,9 @@ def _content(machine: Machine, kind: Kind, fmi: Fmi, parts: _Parts, token: str) 
         of_model = rig.room_of(machine)
     fixed |= sources.library_files(fixed, parts.filter, of_model)
     compiled = tuple(sorted(name for name in (*fixed, "description.c") if name.endswith(".c")))
+    identifier = re.sub(r"\W", "_", f"{machine.name}_{kind}", flags=re.ASCII)
     model = Model(
-        identifier=_identifier(machine, kind),
+        identifier=identifier if identifier[0].isalpha() else f"model_{identifier}",
         name=f"{machine.name} {kind}",
         about=parts.about,
         version=version("ambkit"),
@@ -243,11 +245,6 @@ def _content(machine: Machine, kind: Kind, fmi: Fmi, parts: _Parts, token: str) 
     page = {"model": model, "kind": kind, "fmi": fmi}
     files["documentation/index.html"] = sources.rendered("index.html.j2", page)
     return _Content(model, in_sources, files)
-
-
-def _identifier(machine: Machine, kind: Kind) -> str:
-    words = re.sub(r"\W", "_", f"{machine.name}_{kind}", flags=re.ASCII)
-    return words if words[0].isalpha() else f"model_{words}"
 
 
 def _token(files: dict[str, str]) -> str:

@@ -365,9 +365,8 @@ def _currents(machine: Machine, currents: Array) -> list[Variable]:
 
 def _rig(machine: Machine, places: Sequence[float]) -> list[Variable]:
     axes, constants = _axes(machine), [a.bearing.magnet.magnet_constant for a in machine.axes]
-    single: Any = machine
     mass = [
-        Variable("mass", "tunable", "kg", "mass of the rotor", single.rotor.mass, "positive")
+        Variable("mass", "tunable", "kg", "mass of the rotor", machine.rotor.mass, "positive")
     ] if machine.single else []  # fmt: skip
     return [
         *per_name("start_position", "fixed", "m", "displacement at the start", axes, list(places)),

@@ -167,18 +167,15 @@ def _places(variables: Sequence[Variable], first: int) -> Mapping[str, str]:
     return {variable.name: str(first + i) for i, variable in enumerate(variables)}
 
 
-def _asked_first(variables: Sequence[Variable]) -> list[Variable]:
-    """Return what is calculated at the start: outputs, states and their rates."""
-    return [v for v in variables if v.role == "output" or (v.role == "local" and not v.event)]
-
-
 def _structure(root: ElementTree.Element, variables: Sequence[Variable], fmi: Fmi) -> None:
     structure = ElementTree.SubElement(root, "ModelStructure")
     at = _places(variables, 1 if fmi == 2 else 0)
     unknowns = {
         ("Outputs", "Output"): [v for v in variables if v.role == "output"],
         ("Derivatives", "ContinuousStateDerivative"): [v for v in variables if v.rate_of],
-        ("InitialUnknowns", "InitialUnknown"): _asked_first(variables),
+        ("InitialUnknowns", "InitialUnknown"): [
+            v for v in variables if v.role == "output" or (v.role == "local" and not v.event)
+        ],
         ("", "EventIndicator"): [v for v in variables if v.event],
     }
     for (group, name), those in unknowns.items():

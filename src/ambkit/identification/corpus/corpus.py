@@ -61,11 +61,6 @@ class Corpus(Result):
         has_noise = any(p.name == "measurement_noise" for p in self.pooled.parameters)
         return with_steps(self.model.delayed_machine(), step, has_noise=has_noise)
 
-    @property
-    def not_used(self) -> list[tuple[str, str]]:
-        """What is not used of the logs: the name of one, and what of it and why."""
-        return [*self.left_out.items(), *self.spikes.items()]
-
     TITLE = "Identification of {0.model.bearing.name} from many logs"
     SECTIONS = {
         ("predictions",): Section(
@@ -119,6 +114,7 @@ class Corpus(Result):
     @property
     def notes(self) -> list[str]:
         weaker = [] if self.strength_loss is None else [self.strength_loss.text]
+        left_out = [*self.left_out.items(), *self.spikes.items()]
         return [
             "Errors are rms of predictions that many samples ahead, with the controls since. Past "
             "only: controls predicted from the past, as ARX has them. Velocity: a Kalman filter "
@@ -129,7 +125,7 @@ class Corpus(Result):
             *(f"A line at {figure(h.frequency, 'Hz')} in the position, of "
               f"{figure(h.amplitude, 'm', 2)}, in more than half of the logs."
               for h in self.model.bearing.sensor.hum),
-            *(f"Left out of {name}: {why}" for name, why in self.not_used),
+            *(f"Left out of {name}: {why}" for name, why in left_out),
         ]  # fmt: skip
 
     @property

@@ -132,7 +132,11 @@ def each_trial(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[T
         scenario = case.scenario(machine, LOAD * factors.load)
         own = {"seed": 1000 * seed + run, "plant": case.plant}
         scenario = scenario.model_copy(update=own)
-        external_inputs, walk = _external_inputs(case, machine, plant, scenario)
+        external_inputs, walk = _beside(case, plant, scenario), None
+        if case.walks:  # it does not wait for the samples: what acts over one is its mean there
+            growth = case.growth(machine) * plant.sampling_time
+            load, walk = random_walk(_streams(scenario)[0], growth, samples(plant, scenario))
+            external_inputs = replace(external_inputs, disturbance=load)
         magnet = fixed if nominal else _magnet(case, plant, machine)
         record = simulate(
             plant, scenario, estimator=known, magnet=magnet, external_inputs=external_inputs
@@ -205,21 +209,6 @@ def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
         scenario = Scenario(duration=duration, seed=int(rng.integers(2**31)), disturbance=loads)
         made.append(Trial(machine, scenario, None, None, simulate(machine, scenario)))
     return made
-
-
-def _external_inputs(
-    case: Case, bearing: Machine, plant: Machine, scenario: Scenario
-) -> tuple[ExternalInputs, Array | None]:
-    """Draw the load's walk and the coloured noise, from streams of their own."""
-    # A load that walks does not wait for the samples. What acts over a sample is its mean there, so
-    # that the run is that of the walk; where it stands at the samples (n,) is returned beside it.
-    load = walk = None
-    if case.walks:
-        n = samples(plant, scenario)
-        load, walk = random_walk(
-            _streams(scenario)[0], case.growth(bearing) * plant.sampling_time, n
-        )
-    return replace(_beside(case, plant, scenario), disturbance=load), walk
 
 
 def _streams(scenario: Scenario) -> list[np.random.Generator]:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.machine.machine import Machine
-from ambkit.machine.parts import Magnet, Sensor
 
 
 @dataclass(frozen=True)
@@ -45,28 +43,21 @@ class Spread:
         """Return the machine with its values times these factors, all axes alike."""
         rotor = nominal.rotor
         mass = {"rotor__mass": rotor.mass * self.mass} if "mass" in dict(rotor) else {}
-        sensors = [item.model_copy(update=self._of_sensor(item)) for item in nominal.sensors]
+        sensors = [
+            item.model_copy(update={"noise_variance": item.noise_variance * self.noise**2,
+                                    "lag": item.lag * self.lag})
+            for item in nominal.sensors
+        ]  # fmt: skip
         bearings = []
         for item in nominal.bearings:
-            own = self._of_magnet(item.magnet)
+            old = item.magnet
+            own = old.with_constant(old.magnet_constant * self.magnet_constant)
             values = {name.removeprefix("magnet__"): value for name, value in own.items()}
-            magnet, room = item.magnet.model_copy(update=values), item.clearance
-            changes = {"magnet": magnet, "clearance": _within(room, magnet.air_gap)}
+            magnet = old.model_copy(update=values | {"air_gap": old.air_gap * self.air_gap})
+            # A narrower gap may leave less room than the stops did.
+            changes = {"magnet": magnet, "clearance": min(item.clearance, 0.95 * magnet.air_gap)}
             bearings.append(item.model_copy(update=changes))
         return nominal.replace(bearing=bearings, sensor=sensors, **mass)
-
-    def _of_magnet(self, magnet: Magnet) -> dict[str, Any]:
-        constant = magnet.with_constant(magnet.magnet_constant * self.magnet_constant)
-        return constant | {"magnet__air_gap": magnet.air_gap * self.air_gap}
-
-    def _of_sensor(self, sensor: Sensor) -> dict[str, Any]:
-        variance = sensor.noise_variance * self.noise**2
-        return {"noise_variance": variance, "lag": sensor.lag * self.lag}
-
-
-def _within(clearance: float, gap: float) -> float:
-    """Return a clearance within a gap: a narrower one may leave less room than the stops did."""
-    return min(clearance, 0.95 * gap)
 
 
 CERTAIN = Spread()  #: Nothing is uncertain.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -200,16 +199,11 @@ def normalised_errors(estimate: Estimate, record: Record, view: View) -> Array:
 
 def nees(estimate: Estimate, record: Record, first: int, view: View) -> float:
     """Share of samples from `first` on whose NEES is within its bound; NaN without covariances."""
-    result = normalised_errors(estimate, record, view)[first:]
-    bound = _nees_bound(len(EVALUATED) * len(view.isolated))
-    return float(np.mean(result <= bound)) if np.isfinite(result).all() else np.nan
-
-
-@cache
-def _nees_bound(degrees: int) -> float:
     from scipy.stats import chi2
 
-    return float(chi2.ppf(0.95, degrees))
+    result = normalised_errors(estimate, record, view)[first:]
+    bound = float(chi2.ppf(0.95, len(EVALUATED) * len(view.isolated)))
+    return float(np.mean(result <= bound)) if np.isfinite(result).all() else np.nan
 
 
 def _innovations(estimate: Estimate, first: int) -> dict[str, float]:

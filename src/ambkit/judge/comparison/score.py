@@ -93,10 +93,8 @@ class Bench(Result):
     @property
     def finding(self) -> str:
         raw = figure(self.raw, "m", 3)
-        return f"{self.title}. {least(self._best_rows())}; error of the raw sensors {raw}."
-
-    def _best_rows(self) -> list[Row]:
-        return [row for name, of in self.best.items() for row in put(of.rows(), of=name)]
+        rows = [row for name, of in self.best.items() for row in put(of.rows(), of=name)]
+        return f"{self.title}. {least(rows)}; error of the raw sensors {raw}."
 
     @property
     def rows(self) -> list[Row]:

@@ -245,15 +245,14 @@ def _cells(campaign: FaultCampaign, setting: str) -> Cells:
         for fault in rows
     ]
     return Cells(
-        [_head(name, place % 2 if len(columns) > FEW else 0) for place, name in enumerate(columns)],
+        [
+            name.replace("-", "\n") + RAISED * (place % 2 if len(columns) > FEW else 0)
+            for place, name in enumerate(columns)
+        ],
         rows,
         np.array([[_shade(cell) for cell in row] for row in results]),
         [[recovery_text(cell).replace("not finite", "∞") for cell in row] for row in results],
     )
-
-
-def _head(name: str, raised: int) -> str:
-    return name.replace("-", "\n") + RAISED * raised
 
 
 def _shade(outcomes: Sequence[Outcome]) -> float:

@@ -49,11 +49,6 @@ class Channel:
         return float(self.bearing.sensor.gain * self.bearing.clearance)
 
     @property
-    def sigma(self) -> float:
-        """Standard deviation of the sensor's noise [m]."""
-        return float(np.sqrt(self.bearing.sensor.noise_variance))
-
-    @property
     def greatest(self) -> float:
         """Force by the linear law at the current's limit and a stop [N]."""
         bearing, k = self.bearing, ConstantStiffness.of(self.bearing)
@@ -136,7 +131,8 @@ def _offset(channel: Channel, window: slice) -> None:
 
 
 def _rail(channel: Channel, window: slice) -> None:
-    noise = channel.sigma * channel.draw.standard_normal(window.stop - window.start)
+    sigma = float(np.sqrt(channel.bearing.sensor.noise_variance))
+    noise = sigma * channel.draw.standard_normal(window.stop - window.start)
     channel.read(window, channel.travel * channel.draw.choice([-1.0, 1.0]) + noise)
 
 

@@ -120,11 +120,6 @@ class LoopOf:
             replace(from_u, C=self.shown @ from_u.C, D=self.shown @ from_u.D, outputs=names)
         )
 
-    @property
-    def needs_estimate(self) -> bool:
-        """Whether the controllers cannot be fed by the measurement."""
-        return self.control.needs_estimate
-
     def control_for(self, estimator: Any) -> Control:
         """Return how the machine is controlled, the default for what feeds it where not given."""
         return settled(self.machine, self.control, "estimate" if estimator else "measurement")
@@ -242,7 +237,7 @@ class LoopOf:
     def static_compliance(self, estimator: Estimator | None = None) -> float | None:
         """Return the greatest deflection by a load at rest, if there were no integral [m/N]."""
         # None where the loop would be unstable then, and of a regulator, which has none.
-        if self.needs_estimate or self.control_for(estimator).type == "lqg":
+        if self.control.needs_estimate or self.control_for(estimator).type == "lqg":
             return None
         control_law = self.flown_by(estimator)
         pids = control_law.pids_at(self.machine.speed)

@@ -124,14 +124,11 @@ class Rotor:
         return {(int(i), int(j)): float(inverse[i, j]) for i, j in np.argwhere(joined)}
 
 
-def velocity_of(position: str) -> str:
-    """Return what the derivative of a coordinate is called: ``v_x``, ``w_x`` of ``th_x``."""
-    return f"w_{position[3:]}" if position.startswith("th_") else f"v_{position}"
-
-
 def velocities_of(positions: tuple[str, ...]) -> tuple[str, ...]:
-    """Return what the derivatives of the coordinates are called; that of a mass is ``v``."""
-    return ("v",) if positions == ("x",) else tuple(map(velocity_of, positions))
+    """Return what the derivatives are called: ``v_x``, ``w_x`` of ``th_x``; of a mass ``v``."""
+    if positions == ("x",):
+        return ("v",)
+    return tuple(f"w_{q[3:]}" if q.startswith("th_") else f"v_{q}" for q in positions)
 
 
 def _coupled(
