@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from functools import partial
 from pathlib import Path
 
@@ -222,6 +223,8 @@ def test_the_command_shows_all_three(call):
     assert code == 0, err
     for words in ("adaline", "rls", "augmented", "against the true 6.7 N mm^2"):
         assert words in out
+    # Drift and errors are printed in the unit of the constant.
+    assert set(re.findall(r"N (\S+)/A\^2", out)) == {"mm^2"}
     assert Path("on.png").is_file()
     code, out, _ = call("--json")
     told = json.loads(out)

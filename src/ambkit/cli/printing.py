@@ -7,6 +7,7 @@ import io
 import json
 import logging
 import os
+import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base import escaping
 from ambkit.result.result import plain
-from ambkit.result.tables import Table, screen_width
+from ambkit.result.tables import Table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -116,7 +117,7 @@ def stdout() -> Console:
     """Return rich's view of stdout: as wide as the terminal, in a pipe 80 columns."""
     from rich.console import Console
 
-    return Console(width=screen_width(), highlight=False, markup=False)
+    return Console(width=shutil.get_terminal_size().columns, highlight=False, markup=False)
 
 
 def say_adequacy(result: Result) -> None:

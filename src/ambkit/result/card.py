@@ -123,5 +123,5 @@ def settings_card(
 def card_of(result: Stated) -> Card:
     """Describe a result by its first table."""
     first = next(tables(result, verbose=False), table("", [], []))
-    rows = [[name, *map(typeset, cells)] for name, *cells in first.rows]
+    rows = [[*map(typeset, cells)] for cells in first.rows]
     return Card(result.finding, rows, next(iter(result.figures()), None), first.headers)

@@ -74,6 +74,7 @@ class Row:
     least: float | None = None  #: It is to be at least this.
     note: str = ""
     detail: bool = False  #: Whether it is shown only to those who ask for more.
+    like: float | None = None  #: Value whose prefix it takes: the one that it is the error of.
 
     @property
     def known(self) -> bool:
@@ -130,7 +131,7 @@ class Row:
             return "∞" if value > 0 else "-∞"
         if self.unit == "1":
             return f"{value:.{digits - 1}f}"
-        return engineering(value, self.unit, digits)
+        return engineering(value, self.unit, digits, self.like)
 
     def limit(self) -> str:
         """Return its limit as text; empty where there is none."""
@@ -252,9 +253,3 @@ class Stated:
             Empty where there is nothing to see.
         """
         return ()
-
-
-def by_section(rows: Sequence[Row]) -> Iterator[tuple[tuple[str, ...], list[Row]]]:
-    """Yield the rows of each section, in the order of their first rows."""
-    for name in dict.fromkeys(row.section for row in rows):
-        yield name, [row for row in rows if row.section == name]

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from ambkit.base import escaping
 from ambkit.base.escaping import one_line
 from ambkit.base.units import typeset
-from ambkit.result.row import Row, Section, Stated, by_section, singles
+from ambkit.result.row import Row, Section, Stated, singles
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions
+
+Key = TypeVar("Key")
 
 MISSED = "✗"  #: Stands behind what does not keep its limit.
 
@@ -29,7 +30,7 @@ def by_name(result: Stated, *, verbose: bool = True) -> Iterator[tuple[tuple[str
     all_rows = [row for row in singles(result.rows) if verbose or not row.detail]
     known = {(row.section, row.name) for row in all_rows if row.known}
     visible_rows = [row for row in all_rows if (row.section, row.name) in known]
-    for name, rows in by_section(visible_rows):
+    for name, rows in _grouped(visible_rows, lambda row: row.section):
         section = result.sections.get(name, Section(" ".join(name)))
         lines = _across(rows) if section.across else _down(rows)
         if len(lines) > 1:
@@ -90,18 +91,14 @@ def _cell(row: Row) -> str:
     return f"{row.text()} {MISSED}" if row.kept is False else row.text()
 
 
-def _grouped(rows: Sequence[Row], key: Callable[[Row], str]) -> Iterator[tuple[str, list[Row]]]:
+def _grouped(rows: Sequence[Row], key: Callable[[Row], Key]) -> Iterator[tuple[Key, list[Row]]]:
+    """Yield the rows of each key, in the order of their first rows."""
     for name in dict.fromkeys(map(key, rows)):
         yield name, [row for row in rows if key(row) == name]
 
 
 GAP = 3  #: Columns of the screen between two columns of a table, and beside them.
 LINE = 24  #: Columns of the screen that names and sentences have in a table, if they need as many.
-
-
-def screen_width() -> int:
-    """Return the columns of the terminal, or of COLUMNS; 80 in a pipe."""
-    return shutil.get_terminal_size().columns
 
 
 class Table(NamedTuple):

@@ -119,8 +119,8 @@ class Identified(Result):
         result = self.likelihood
         looked_for = [p for p in result.parameters if p.name in OFFSETS]
         zeros = " and ".join(
-            f"{p.name.replace('_', ' ')} {engineering(result[p.name], p.unit, 3)} ± "
-            f"{engineering(result.standard_error(p.name), p.unit, 2, like=result[p.name])}"
+            f"{p.name.replace('_', ' ')} {engineering(result[p.name], p.unit, 3)} "
+            f"± {result.error_text(p)}"
             for p in looked_for
         )
         if not result.offsets_count:

@@ -29,7 +29,9 @@ def annotated_toml(
         of_log = "__" not in p.place and p.name not in in_bearing
         if of_log or several:
             of = "log" if of_log else f"axis {result.bearing.name}"
-            lines.append(f"# Of the {of}: {p.name} = {_with_error(result, p.name)}.")
+            value = engineering(result[p.name], p.unit, 4)
+            error = result.error_text(p)
+            lines.append(f"# Of the {of}: {p.name} = {value} (standard error {error}).")
     lines += [f"# Not found: {name}: {why}." for name, why in result.held.items()]
     carried = carried_over(
         result.model, delay=not result.delay_counts, offsets=result.offsets_count
@@ -44,8 +46,7 @@ def annotated_toml(
         place = table, line.partition(" = ")[0]
         if place in places:
             p = places[place]
-            error = engineering(result.standard_error(p.name), p.unit, 2, like=result[p.name])
-            line += f"  # found, standard error {error}"
+            line += f"  # found, standard error {result.error_text(p)}"
             if p.name == "current_lag":
                 line += f" of its lag, {engineering(result[p.name], p.unit, 4)}"
         lines.append(line)
@@ -97,9 +98,3 @@ def _known_to_filters(bearing: Machine) -> str:
         if value is not None
     ]
     return f"The bearing has {' and '.join(known)}, which its filters know." if known else ""
-
-
-def _with_error(result: MaximumLikelihood, name: str) -> str:
-    p = next(p for p in result.parameters if p.name == name)
-    error = engineering(result.standard_error(name), p.unit, 2, like=result[name])
-    return f"{engineering(result[name], p.unit, 4)} (standard error {error})"

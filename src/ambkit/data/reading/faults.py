@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.arrays import Array, Bools, Index, stretches
+from ambkit.base.arrays import Array, Index, stretches
 from ambkit.base.units import engineering
 from ambkit.data.reading.clock import Clock, instant
 from ambkit.data.reading.spikes import is_valid, spikes, without
@@ -182,7 +182,9 @@ def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
     for kind, absent in (("missing", np.isnan(logged)), ("infinite", np.isinf(logged))):
         if absent.any():
             text = "not logged" if kind == "missing" else "infinite values"
-            yield from _runs_of(absent, times, kind, name, text)
+            for start, end in stretches(absent):
+                first, last = float(times[start]), float(times[end - 1])
+                yield Fault(kind, name, first, last, end - start, text)
     values = np.where(np.isinf(logged), np.nan, logged)
     place = np.flatnonzero(np.isfinite(values))
     there = values[place]
@@ -217,11 +219,6 @@ def _spike(name: str, there: Array, times: Array, unit: str, start: int, length:
     text = f"{engineering(peak, unit, digits=4)} amid {usual}"
     ends = float(times[start]), float(times[start + length - 1])
     return Fault("spike", name, *ends, length, text)
-
-
-def _runs_of(where: Bools, times: Array, kind: str, name: str, text: str) -> Iterator[Fault]:
-    for start, end in stretches(where):
-        yield Fault(kind, name, float(times[start]), float(times[end - 1]), end - start, text)
 
 
 def _runs(values: NDArray[np.generic]) -> tuple[Index, Index]:

@@ -18,7 +18,7 @@ from ambkit.export.c.snapshots import Snapshots, restorable, snapshots_of
 from ambkit.export.c.test_vectors import flag_rows, without_digits
 from ambkit.machine.machine import Machine
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.simulation.run import Run, simulate_run
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Disturbance, Reference, Scenario
 from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
 
@@ -85,7 +85,14 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
     turns = speeds_of(machine, scenario) is not None
     parts = []
     for case in _cases(controller, scenario):
-        run = _simulated(controller, case)
+        external_inputs = ExternalInputs(
+            readings=case.readings, references=case.references, fly=case.fly,
+            exported=fast_sequence(controller),
+        )  # fmt: skip
+        run = simulate_run(
+            machine, case.flight, estimator=filter,
+            controllers=controller.law, external_inputs=external_inputs,
+        )  # fmt: skip
         record, names = run.record, [axis.name for axis in machine.axes]
         y = np.column_stack([record[signal("y", r.name)] for r in machine.readings])
         r, u = (np.column_stack([record[signal(of, name)] for name in names]) for of in "ru")
@@ -172,18 +179,6 @@ def _snapshots(
         thrown = (mode == Mode.TRIPPED) & ((status & Status.OUTLIER) != 0)
         amplified |= np.maximum.accumulate(thrown)
     return Snapshots.none(amplified)
-
-
-def _simulated(controller: Controller, case: TestCase) -> Run:
-    """Return one flight."""
-    external_inputs = ExternalInputs(
-        readings=case.readings, references=case.references, fly=case.fly,
-        exported=fast_sequence(controller),
-    )  # fmt: skip
-    return simulate_run(
-        controller.plant.machine, case.flight, estimator=controller.estimator,
-        controllers=controller.law, external_inputs=external_inputs,
-    )  # fmt: skip
 
 
 def _transferred(

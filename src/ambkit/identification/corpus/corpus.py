@@ -17,7 +17,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.errors import rms
 from ambkit.identification.corpus.magnet_strength import StrengthLoss, strength_loss
 from ambkit.identification.corpus.pooling import Pooled, pool
-from ambkit.identification.corpus.prediction import Baselines, Prediction, predict
+from ambkit.identification.corpus.prediction import KINDS, Baselines, Prediction, predict
 from ambkit.identification.corpus.segmentation import SMOOTHED, Stretch, cut, flights
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, is_interpolated
@@ -150,15 +150,6 @@ def _scale(of: Parameter, value: float) -> float:
     return value if of.positive else 1.0
 
 
-PREDICTIONS = {
-    "error": ("estimate", "model of the others"),
-    "without_later_controls": ("series 3", "model, without later controls"),
-    "arx": ("series 1", "ARX"),
-    "without_a_magnet": ("series 2", "without a magnet"),
-    "held": ("constant", "last measurement held"),
-}  #: Style and label of each kind of prediction.
-
-
 def corpus_figure(corpus: Corpus) -> Figure:
     """Show how each log is predicted by the others, beside what knows no magnet."""
     logs = {str(k): one for k, one in enumerate(corpus.predictions, 1)}
@@ -166,7 +157,7 @@ def corpus_figure(corpus: Corpus) -> Figure:
         Panel(Axis("log"), Axis(f"error {ahead} ahead", "µm rms", 1e6), [
             Bars(tuple(logs), np.array([getattr(one, kind)[ahead] for one in logs.values()]),
                  signal=signal, label=label)
-            for kind, (signal, label) in PREDICTIONS.items()
+            for kind, (_, signal, label) in KINDS.items()
         ])
         for ahead in corpus.predictions[0].error
     ]  # fmt: skip
@@ -251,9 +242,8 @@ def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[P
                                   float(np.std(frequencies))),
                 )
             )  # fmt: skip
-    return pooled, pooled.applied_to(start).replace(
-        sensor__hum=(*start.bearing.sensor.hum, *shared)
-    )
+    values = {p.place: float(v) for p, v in zip(pooled.parameters, pooled.values, strict=True)}
+    return pooled, start.replace(**values).replace(sensor__hum=(*start.bearing.sensor.hum, *shared))
 
 
 def _flown(

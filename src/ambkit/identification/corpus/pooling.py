@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS, PARAMETERS, Parameter
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 
@@ -36,12 +35,6 @@ class Pooled:
     scatter: Array
     each: Array  #: (logs, p) Of each log alone; NaN where a log holds the parameter.
     log_errors: Array
-
-    def applied_to(self, model: LoopModel) -> LoopModel:
-        """Return a model with these values."""
-        return model.replace(
-            **{p.place: float(value) for p, value in zip(self.parameters, self.values, strict=True)}
-        )
 
     def __getitem__(self, name: str) -> float:
         """Return a value [SI]."""

@@ -151,7 +151,7 @@ class Prediction:
         return [
             Row("samples", "samples", self.samples, detail=True),
             *(Row(f"{key}.{k}", f"{words} {k}", value, "m", 3)
-              for k in AHEAD for key, words in KINDS.items()
+              for k in AHEAD for key, (words, _, _) in KINDS.items()
               for value in [getattr(self, key)[k]]),
             Row("noise_floor", "noise floor", self.floor, "m", 3, detail=True),
             Row("nis", "NIS", self.nis, digits=3),
@@ -162,13 +162,13 @@ class Prediction:
 
 
 KINDS = {
-    "error": "error",
-    "without_later_controls": "past only",
-    "arx": "ARX",
-    "without_a_magnet": "velocity",
-    "held": "held",
+    "error": ("error", "estimate", "model of the others"),
+    "without_later_controls": ("past only", "series 3", "model, without later controls"),
+    "arx": ("ARX", "series 1", "ARX"),
+    "without_a_magnet": ("velocity", "series 2", "without a magnet"),
+    "held": ("held", "constant", "last measurement held"),
 }
-"""What the errors of a prediction are called in a table."""
+"""Of each kind of prediction: name in a table, style and label in a picture."""
 
 
 def predict(

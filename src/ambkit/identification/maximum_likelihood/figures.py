@@ -27,9 +27,9 @@ SHOWN = 400  #: Samples of the stretch in which a prediction is shown.
 
 def identified_figure(result: Any, checks: Sequence[Validation]) -> Figure:
     """Show all that matters in one picture: estimates, residuals, predictions."""
-    estimates = _estimates(result)
+    estimates = estimates_figure(result).panels
     # The two panels of the residuals belong beside each other.
-    rest = [*_residuals(checks), _fit(checks)]
+    rest = [*residual_figure(checks).panels, *fit_figure(checks).panels]
     panels = [*estimates, *(rest if len(estimates) % 2 == 0 else [rest[-1], *rest[:-1]])]
     return Figure(
         id="identified",
@@ -42,12 +42,38 @@ def identified_figure(result: Any, checks: Sequence[Validation]) -> Figure:
 
 def estimates_figure(result: Any) -> Figure:
     """Show what was found beside where the search began, with 95 % intervals."""
+    # Grouped by the axis that suits each, a panel for each group.
+    groups: dict[tuple[str, Axis], list[tuple[str, float, float, float, str]]] = {}
+    for p in result.parameters:
+        value, (low, high), start = result[p.name], result.interval(p.name), p.of(result.start)
+        ends = interval(low, high, p.unit, 4, like=value)
+        text = typeset(f"{engineering(value, p.unit, 4)},  {ends}")
+        if p.positive:
+            group = "noise" if p.name in NOISES else "bearing", RATIO
+            row = (value / start, low / start, high / start)
+        else:
+            scale, group = _natural(result, p.name)
+            row = ((value - start) / scale, (low - start) / scale, (high - start) / scale)
+        groups.setdefault(group, []).append((f"${p.symbol}$", *row, text))
+    panels = []
+    for (title, axis), entries in sorted(
+        groups.items(), key=lambda group: ORDER.index(group[0][0])
+    ):
+        names, values, low_ends, high_ends, texts = zip(*entries, strict=True)
+        wide = axis is RATIO and max(high_ends) > WIDE * min(low_ends)
+        intervals = Intervals(
+            names, np.array(values), np.array(low_ends), np.array(high_ends), texts,
+            signal="identified", label="estimate, 95 % interval",
+        )  # fmt: skip
+        start_at = Rule(1.0 if axis is RATIO else 0.0, axis="x", signal="start")
+        panel_axis = replace(axis, scale="log") if wide else axis
+        panels.append(Panel(panel_axis, Axis(""), [start_at, intervals], title=title))
     return Figure(
         id="estimates",
         title="Identified parameters, 95 % intervals",
         caption="Ratios to the initial model, with intervals of their logarithm; offsets are "
         "differences from it.",
-        panels=_estimates(result),
+        panels=panels,
         columns=2,
     )
 
@@ -68,23 +94,62 @@ def correlation_figure(result: Any) -> Figure:
 
 def residual_figure(checks: Sequence[Validation]) -> Figure:
     """Show what the residuals still hold: their own correlation and that with the control."""
+    panels = []
+    for title, picks in (
+        ("autocorrelation of the residuals", [check.residual for check in checks]),
+        ("correlation with past control signals", [check.cross for check in checks]),
+    ):
+        bound = max(white.bound for white in picks)
+        items: list[Item] = [
+            Points(np.arange(1.0, white.correlation.size + 1), white.correlation,
+                   signal=RECORDS[i % len(RECORDS)], label=label(check.name))
+            for i, (white, check) in enumerate(zip(picks, checks, strict=True))
+        ]  # fmt: skip
+        items += [Rule(sign * bound, signal="bound", label="") for sign in (1, -1)]
+        panels.append(Panel(LAG, Axis("correlation"), items, title=title))
     return Figure(
         id="residuals",
         title="Residuals: autocorrelation, and correlation with past control signals",
         caption="For a complete model 95 % of the points lie between the lines.",
-        panels=_residuals(checks),
+        panels=panels,
         columns=2,
     )
 
 
 def fit_figure(checks: Sequence[Validation]) -> Figure:
     """Show the fit of predictions over the horizon."""
+    items: list[Item] = []
+    for i, check in enumerate(checks):
+        ahead = np.array(list(check.fit), dtype=float)
+        look = RECORDS[i % len(RECORDS)]
+        fit, held, of_start = (
+            np.array(list(of.values())) for of in (check.fit, check.held, check.of_start)
+        )
+        items += [
+            Points(ahead, fit, signal=look, label=label(check.name)),
+            Line(ahead, fit, signal=look, label=""),
+            Line(ahead, held, signal=f"{look} held", label="last measurement held"),
+        ]
+        if check.of_start:
+            items.append(
+                Line(
+                    ahead, of_start, signal=f"{look} start", label="prediction of the initial model"
+                )
+            )
+    fits = [fit for check in checks for of in (check.fit, check.held, check.of_start)
+             for fit in of.values() if math.isfinite(fit)]  # fmt: skip
+    low = 10 * math.floor(min([90.0, *fits]) / 10)
+    limits = (max(-100.0, low), 103.0)
+    panel = Panel(
+        Axis("samples ahead", scale="log"), Axis("fit", "%", limits=limits), items,
+        title="prediction",
+    )  # fmt: skip
     return Figure(
         id="fit",
         title="Prediction: fit against the number of samples ahead",
         caption="100 % is perfect; 0 % is no better than the mean. One colour per record; dashed: "
         "initial model; dotted: last measurement held.",
-        panels=[_fit(checks)],
+        panels=[panel],
     )
 
 
@@ -116,36 +181,6 @@ def prediction_figure(model: LoopModel, record: Record, ahead: int, name: str) -
     )  # fmt: skip
 
 
-def _estimates(result: Any) -> list[Panel]:
-    """Group what was found by the axis that suits it, and show each group in a panel."""
-    groups: dict[tuple[str, Axis], list[tuple[str, float, float, float, str]]] = {}
-    for p in result.parameters:
-        value, (low, high), start = result[p.name], result.interval(p.name), p.of(result.start)
-        ends = interval(low, high, p.unit, 4, like=value)
-        text = typeset(f"{engineering(value, p.unit, 4)},  {ends}")
-        if p.positive:
-            group = "noise" if p.name in NOISES else "bearing", RATIO
-            row = (value / start, low / start, high / start)
-        else:
-            scale, group = _natural(result, p.name)
-            row = ((value - start) / scale, (low - start) / scale, (high - start) / scale)
-        groups.setdefault(group, []).append((f"${p.symbol}$", *row, text))
-    panels = []
-    for (title, axis), entries in sorted(
-        groups.items(), key=lambda group: ORDER.index(group[0][0])
-    ):
-        names, values, low_ends, high_ends, texts = zip(*entries, strict=True)
-        wide = axis is RATIO and max(high_ends) > WIDE * min(low_ends)
-        intervals = Intervals(
-            names, np.array(values), np.array(low_ends), np.array(high_ends), texts,
-            signal="identified", label="estimate, 95 % interval",
-        )  # fmt: skip
-        start_at = Rule(1.0 if axis is RATIO else 0.0, axis="x", signal="start")
-        panel_axis = replace(axis, scale="log") if wide else axis
-        panels.append(Panel(panel_axis, Axis(""), [start_at, intervals], title=title))
-    return panels
-
-
 def _natural(result: Any, name: str) -> tuple[float, tuple[str, Axis]]:
     """Return what an offset is best counted in, and the panel for that."""
     b = result.bearing
@@ -156,49 +191,3 @@ def _natural(result: Any, name: str) -> tuple[float, tuple[str, Axis]]:
     percent = Axis("estimate − initial, of clearance and bias", "%", 100.0)
     scale = b.clearance if name == "position_offset" else b.magnet.bias_current
     return scale, ("offsets", percent)
-
-
-def _residuals(checks: Sequence[Validation]) -> list[Panel]:
-    panels = []
-    for title, picks in (
-        ("autocorrelation of the residuals", [check.residual for check in checks]),
-        ("correlation with past control signals", [check.cross for check in checks]),
-    ):
-        bound = max(white.bound for white in picks)
-        items: list[Item] = [
-            Points(np.arange(1.0, white.correlation.size + 1), white.correlation,
-                   signal=RECORDS[i % len(RECORDS)], label=label(check.name))
-            for i, (white, check) in enumerate(zip(picks, checks, strict=True))
-        ]  # fmt: skip
-        items += [Rule(sign * bound, signal="bound", label="") for sign in (1, -1)]
-        panels.append(Panel(LAG, Axis("correlation"), items, title=title))
-    return panels
-
-
-def _fit(checks: Sequence[Validation]) -> Panel:
-    items: list[Item] = []
-    for i, check in enumerate(checks):
-        ahead = np.array(list(check.fit), dtype=float)
-        look = RECORDS[i % len(RECORDS)]
-        fit, held, of_start = (
-            np.array(list(of.values())) for of in (check.fit, check.held, check.of_start)
-        )
-        items += [
-            Points(ahead, fit, signal=look, label=label(check.name)),
-            Line(ahead, fit, signal=look, label=""),
-            Line(ahead, held, signal=f"{look} held", label="last measurement held"),
-        ]
-        if check.of_start:
-            items.append(
-                Line(
-                    ahead, of_start, signal=f"{look} start", label="prediction of the initial model"
-                )
-            )
-    fits = [fit for check in checks for of in (check.fit, check.held, check.of_start)
-             for fit in of.values() if math.isfinite(fit)]  # fmt: skip
-    low = 10 * math.floor(min([90.0, *fits]) / 10)
-    limits = (max(-100.0, low), 103.0)
-    return Panel(
-        Axis("samples ahead", scale="log"), Axis("fit", "%", limits=limits), items,
-        title="prediction",
-    )  # fmt: skip

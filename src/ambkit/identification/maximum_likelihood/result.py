@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
-from ambkit.base.units import figure
+from ambkit.base.units import engineering, figure
 from ambkit.identification.maximum_likelihood.current_state import CurrentState
 from ambkit.identification.maximum_likelihood.figures import correlation_figure, estimates_figure
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -121,6 +121,10 @@ class MaximumLikelihood(Result):
         error = float((self.robust_errors if robust else self.errors)[at])
         return error * float(self.values[at]) if self.parameters[at].positive else error
 
+    def error_text(self, p: Parameter) -> str:
+        """Return the standard error of a parameter in the unit that its value is printed in."""
+        return engineering(self.standard_error(p.name), p.unit, 2, like=self[p.name])
+
     def interval(self, name: str) -> tuple[float, float]:
         """Return the ends of a parameter's 95 % interval, in its own unit."""
         at = self._place(name)
@@ -177,7 +181,8 @@ class MaximumLikelihood(Result):
                 Row("value", "identified", float(self.values[i]), p.unit, symbol=p.symbol,
                     error=self.standard_error(p.name), interval=self.interval(p.name)),
                 Row("robust_standard_error", "robust standard error",
-                    self.standard_error(p.name, robust=True), p.unit, 2, detail=True),
+                    self.standard_error(p.name, robust=True), p.unit, 2,
+                    like=self[p.name], detail=True),
                 Row("told_by_records", "from the records", float(self.record_share[i]), "%",
                     detail=True),
             ], section=("parameters",), of=p.name)  # fmt: skip

@@ -67,11 +67,11 @@ class OnlineResult:
         k, error = self.magnet_constant, self.standard_error
         return [
             Row("magnet_constant", "identified magnet constant", k, CONSTANT),
-            Row("standard_error", "  standard error", error, CONSTANT, 2),
+            Row("standard_error", "  standard error", error, CONSTANT, 2, like=k),
             Row("half_width", "  95 % interval, ±", CONFIDENCE * error / k, "%"),
             Row("spread", "  standard deviation, last quarter", self.spread, CONSTANT, 2,
-                detail=True),
-            Row("drift", "  drift over the last quarter", self.drift, CONSTANT, 2),
+                like=k, detail=True),
+            Row("drift", "  drift over the last quarter", self.drift, CONSTANT, 2, like=k),
             Row("held_share", "held for lack of excitation", float(self.held.mean()), "%"),
         ]  # fmt: skip
 
