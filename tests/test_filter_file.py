@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimator, FilterFile, FilterNoise, Machine
+from ambkit import Bearing, Estimator, FilterNoise, Machine
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.data.input_scaling import Inputs, Scaling
+from ambkit.estimate.filter_file import filter_file_for
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
@@ -245,11 +246,11 @@ def test_a_table_of_one_s_own_has_no_file(tmp_path):
 
 def test_a_filter_runs_on_what_it_is_of(tmp_path):
     ambkit.KalmanFilter(TUM).save(tmp_path / "f.toml")
-    assert FilterFile.load_for(tmp_path / "f.toml", TUM).plant == TUM
+    assert filter_file_for(tmp_path / "f.toml", TUM).plant == TUM
     with pytest.raises(AmbkitError, match="this filter is of tum_mlps, a machine with axes A1, A2"):
-        FilterFile.load_for(tmp_path / "f.toml", ambkit.Bearing.preset("zittau_axial"))
+        filter_file_for(tmp_path / "f.toml", ambkit.Bearing.preset("zittau_axial"))
     with pytest.raises(AmbkitError, match="not of compressor, a machine with axes"):
-        FilterFile.load_for(tmp_path / "f.toml", Machine.preset("compressor"))
+        filter_file_for(tmp_path / "f.toml", Machine.preset("compressor"))
 
 
 @pytest.fixture(scope="module")

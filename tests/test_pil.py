@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.input_scaling import Inputs, Scaling
-from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.filter_file import FilterFile, filter_file_for
 from ambkit.export.pil import build
 from ambkit.export.pil.processor import Processor
 from ambkit.simulation.waveforms import Ramp
@@ -77,7 +77,7 @@ def test_a_whole_machine_is_flown_with_the_bits_of_the_simulation(name, tmp_path
     flight, options = FLOWN[name]
     machine = Machine.preset("tum_mlps")
     KalmanFilter(machine, **options).save(tmp_path / "filter.toml")
-    file = FilterFile.load_for(str(tmp_path / "filter.toml"), machine)
+    file = filter_file_for(str(tmp_path / "filter.toml"), machine)
     found = pil(machine, scenario=flight, filter_file=file)
     assert (found.unequal, found.unequal_frames, found.selftest) == (0, 0, 0)
     assert [mode for _, mode in found.modes] == [

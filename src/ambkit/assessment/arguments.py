@@ -26,7 +26,7 @@ from ambkit.data.input_scaling import Inputs
 from ambkit.data.reading import load_with_gaps
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.filter_file import FilterFile, filter_file_for
 from ambkit.estimate.filter_saving import in_memory
 from ambkit.estimate.named import AT, PLUS, FromFile, FromKind, experts, factories
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
@@ -329,7 +329,7 @@ def _factory(filter: Any, machine: Machine, choice: Sequence[str]) -> FromKind |
         raise AmbkitError(f"filter: {text} cannot be exported yet; {', '.join(choice)} can")
     path = Path(text.rpartition(AT)[2])
     if path.suffix == FILTER_SUFFIX:
-        file = _exportable(FilterFile.load_for(text, machine), path, choice)
+        file = _exportable(filter_file_for(text, machine), path, choice)
         return FromFile(file, file.asked())
     if not (path.suffix or path.exists() or os.sep in text):
         near = difflib.get_close_matches(text, choice, 1)

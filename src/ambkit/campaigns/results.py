@@ -282,26 +282,16 @@ class Machines:
         valid = ~np.isnan(self.column("touched"))  # a machine that cannot be was not
         order = np.argsort(-np.where(np.isnan(values) | ~valid, -np.inf, values), kind="stable")
         indices = [int(at) for at in order[:count] if valid[at] and not np.isnan(values[at])]
-        run = self.column("run")
+        run, folder = self.column("run"), shlex.quote(str(self.folder))
         varied = {name: self.column(name) for name in self.plan.names}
         return [
             Worst(
                 int(run[at]), by, float(values[at]),
                 {name: column[at : at + 1].tolist()[0] for name, column in varied.items()},
-                self.command(int(run[at])),
+                f"ambkit campaign replay {folder} {run[at]} --out run-{run[at]}.csv",
             )
             for at in indices
         ]  # fmt: skip
-
-    def command(self, run: int) -> str:
-        """Return the command that replays a run with full traces.
-
-        Parameters
-        ----------
-        run : int
-            Its number.
-        """
-        return f"ambkit campaign replay {shlex.quote(str(self.folder))} {run} --out run-{run}.csv"
 
     def frame(self, columns: Sequence[str] | None = None) -> Any:
         """Return the rows as a pandas DataFrame.

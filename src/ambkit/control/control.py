@@ -101,13 +101,6 @@ class Control(PID):
         return {"x": self.gains, **self.pid} if has_gains else self.pid
 
     def completed(self, bearing: Machine) -> Self:
-        """Return that of a single axis with what was not given tuned to it; see `PID.completed`.
-
-        Parameters
-        ----------
-        bearing : Machine
-            What it is to hold.
-        """
         if self.custom:
             return self.fed_by(self.feedback or "estimate")
         if self.model_fields_set >= GAINS and self.feedback and not self.pid:

@@ -116,13 +116,6 @@ class AdaptiveNoise(Estimator):
         return self.inner
 
     def for_machine(self, machine: Machine) -> Self:
-        """Return the same filter of another machine with the same axes.
-
-        Parameters
-        ----------
-        machine : Machine
-            The other machine.
-        """
         return type(self)(self.inner.for_machine(machine), **self.options)
 
     @property

@@ -95,48 +95,6 @@ class Estimate(Shown, frames.Framed):
         span = f"{self.t[0]:g} to {self.t[-1]:g} s, {len(self.t)} samples"
         return f"<Estimate of the {self.estimator}, {span}: {columns}>"
 
-    @classmethod
-    def from_core(
-        cls,
-        t: Array,
-        history: dict[str, Any],
-        estimator: str,
-        states: tuple[Descriptor, ...],
-        axes: tuple[str, ...] = (),
-        readings: tuple[str, ...] = (),
-    ) -> Estimate:
-        """Wrap what the C core wrote.
-
-        Parameters
-        ----------
-        t : ndarray (n,)
-            Time [s].
-        history : dict
-            The core's arrays by name, n samples each.
-        estimator : str
-            Name of the estimator.
-        states : tuple of Descriptor
-            Of its model.
-        axes, readings : tuple of str, optional
-            Of a machine.
-        """
-        return cls(
-            t=t,
-            mean=np.asarray(history["mean"], dtype=float),
-            innovation=np.asarray(history["innovation"], dtype=float),
-            innovation_variance=np.asarray(history["variance"], dtype=float),
-            k_i=np.asarray(history["k_i"], dtype=float),
-            k_s=np.asarray(history["k_s"], dtype=float),
-            status=history["status"],
-            covariance=history.get("covariance"),
-            estimator=estimator,
-            states=states,
-            scale=history.get("scale"),
-            scale_variance=history.get("scale_variance"),
-            axes=axes,
-            readings=readings,
-        )
-
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the states, in their order."""
@@ -283,12 +241,9 @@ class Estimate(Shown, frames.Framed):
                 else columns[name]
                 for name in UNITS
             }
-            pairs = [columns[name] for name in _covariances(states) if name in columns]
-            is_complete = len(pairs) in (
-                0,
-                packed(len(states) - 1, len(states) - 1, len(states)) + 1,
-            )
-            if not is_complete:
+            entries = _covariances(states)
+            pairs = [columns[name] for name in entries if name in columns]
+            if len(pairs) not in (0, len(entries)):
                 raise KeyError("a covariance")
             return cls(
                 t=series.t,

@@ -618,8 +618,15 @@ class Estimator(Described, Copyable):
         name : str, optional
             What the estimator is called there.
         """
-        name = self.name if name is None else name
-        return Estimate.from_core(t, history, name, self.states, **self.view.columns)
+        known: dict[str, Any] = dict(self.view.columns)
+        for key in ("mean", "innovation", "k_i", "k_s"):
+            known[key] = np.asarray(history[key], float)
+        for key in ("covariance", "scale", "scale_variance"):
+            known[key] = history.get(key)
+        return Estimate(
+            t=t, innovation_variance=np.asarray(history["variance"], float),
+            status=history["status"], estimator=name or self.name, states=self.states, **known,
+        )  # fmt: skip
 
     def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Reset to the first measurement of a record within the travel; return its y and u."""

@@ -38,7 +38,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
@@ -146,33 +146,6 @@ class FilterFile(Document):
             data.pop("inputs", None)  # which are of one axis
         return data
 
-    @classmethod
-    def load_for(cls, path: str | os.PathLike[str], bearing: Machine) -> Self:
-        """Read a filter that is to run beside others on a machine.
-
-        Parameters
-        ----------
-        path : path
-            The file.
-        bearing : Machine
-            What it is to filter; it assumes its own.
-
-        Raises
-        ------
-        AmbkitError
-            As `load`; or it steps at another rate than the bearing is sampled, or has other axes or
-            readings.
-        """
-        result, T = cls.load(path), bearing.sampling_time
-        _check_alike(path, result.plant, bearing)
-        if abs(result.sampling_time - T) > 1e-9 * T:
-            steps, is_sampled = (units.engineering(t, "s") for t in (result.sampling_time, T))
-            raise AmbkitError(
-                f"{os.fspath(path)}: this filter steps every {steps}, and {bearing.name} "
-                f"is sampled every {is_sampled}"
-            )
-        return result
-
     def asked(self) -> MagnetModel | None:
         """Return what it asks for k_i and k_s; None where its kind knows by itself.
 
@@ -230,6 +203,19 @@ class FilterFile(Document):
             made.inputs = self.inputs
         made.origin, made.description = self.origin, self.description
         return made
+
+
+def filter_file_for(path: str | os.PathLike[str], bearing: Machine) -> FilterFile:
+    """Read a filter that is to run on a machine, with as many samples a second, axes, readings."""
+    result, T = FilterFile.load(path), bearing.sampling_time
+    _check_alike(path, result.plant, bearing)
+    if abs(result.sampling_time - T) > 1e-9 * T:
+        steps, is_sampled = (units.engineering(t, "s") for t in (result.sampling_time, T))
+        raise AmbkitError(
+            f"{os.fspath(path)}: this filter steps every {steps}, and {bearing.name} "
+            f"is sampled every {is_sampled}"
+        )
+    return result
 
 
 def magnet_in(path: str | os.PathLike[str], bearing: Machine) -> MagnetModel:

@@ -105,10 +105,6 @@ def _changed(file: Any, sha256: Any) -> Iterator[tuple[str, str]]:
         yield "file", str(error)
         return
     if isinstance(sha256, str) and sha256 and sha256 != now:
-        yield (
-            "sha256",
-            (
-                f"{file} is not what it was when this filter was made (its hash begins {now[:8]}, "
-                f"not {sha256:.8}); make it anew, or leave out sha256 to take the file as it is"
-            ),
-        )
+        text = f"{file} is not what it was when this filter was made (its hash begins {now[:8]}, "
+        text += f"not {sha256:.8}); make it anew, or leave out sha256 to take the file as it is"
+        yield "sha256", text

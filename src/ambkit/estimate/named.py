@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK, load_class
 from ambkit.base.quantity_arguments import names_in, of_type
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.filter_file import FilterFile, magnet_in
+from ambkit.estimate.filter_file import FilterFile, filter_file_for, magnet_in
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_magnet
 from ambkit.estimate.user_filter import OwnEstimator, is_own, own_factory
@@ -195,7 +195,7 @@ def _named(
         if name.endswith(FILTER_SUFFIX):
             if synchronous:
                 raise AmbkitError(f"synchronous is of kinds; {name} says itself what it estimates")
-            return FromFile(FilterFile.load_for(name, machine))
+            return FromFile(filter_file_for(name, machine))
         if MARK in name:
             if synchronous:
                 raise AmbkitError(f"synchronous is of kinds; {name} is a class of your own")

@@ -157,16 +157,10 @@ _OUTER = ("memory", "window", "most")  # options of AdaptiveNoise, not of the fi
 MEMORY = Tunable("memory", "s", lambda _bearing: 0.5, decades=1.0)
 
 
-def _no_force(bearing: Machine) -> MagnetModel:
-    from ambkit.estimate.constant_velocity import no_force_of
-
-    return no_force_of(bearing)
-
-
-def _acceleration(bearing: Machine) -> float:
-    from ambkit.estimate.constant_velocity import usual_acceleration
-
-    return usual_acceleration(bearing)
+def _constant_velocity(function: str) -> Callable[[Machine], Any]:
+    """Return what calls a function of a module that is imported then."""
+    module = "ambkit.estimate.constant_velocity"
+    return lambda bearing: getattr(import_module(module), function)(bearing)
 
 
 def _poles(factor: float) -> Callable[[Machine], float]:
@@ -192,10 +186,11 @@ KINDS = {
         ),
         Kind(
             "constant-velocity", "Kalman filter, constant velocity",
-            "constant_velocity.ConstantVelocity", PAPER, _no_force,
+            "constant_velocity.ConstantVelocity", PAPER, _constant_velocity("no_force_of"),
             (
                 Tunable("noise.measurement", "m^2", _noise("measurement")),
-                Tunable("acceleration", "m^2/s^3", _acceleration, decades=4.0),
+                Tunable("acceleration", "m^2/s^3", _constant_velocity("usual_acceleration"),
+                        decades=4.0),
             ),
         ),
         Kind(

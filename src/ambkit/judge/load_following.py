@@ -89,11 +89,8 @@ def least_process_noise(make: Callable[[float], Estimator], result: float) -> fl
     """Return the process noise intensity [N^2/s] with which the stated load is followed."""
     first = make(result)
     plant = first.bearing
-    walks = (
-        (STEP * load) ** 2 / (REQUIRED * own_time(b))
-        for b, load in zip(isolated_axes(plant), load_capacity(plant), strict=True)
-    )
-    most = max(walks)
+    loads = zip(isolated_axes(plant), load_capacity(plant), strict=True)
+    most = max((STEP * load) ** 2 / (REQUIRED * own_time(b)) for b, load in loads)
 
     def late(intensity: float) -> bool:
         return any(item.time > REQUIRED * item.own for item in following(make(intensity)))

@@ -104,10 +104,6 @@ class Reduction:
             "modes_up_to_needed": self.needed,
         }  # fmt: skip
 
-    def sentences(self) -> list[str]:
-        """Return what is to be said: of whirls, of critical speeds, of the sensitivity."""
-        return [self._of_whirls(), *self._of_critical(), self._of_peak()]
-
     def _of_whirls(self) -> str:
         w, to = self.whirl, f"up to {rpm(self.fastest)} and {engineering(self.highest, 'Hz', 4)}"
         if not self.fastest:
@@ -154,7 +150,7 @@ class Reduction:
     def text(self) -> str:
         """Return it as one sentence, with what helps."""
         what = f"{self.kept} of {self.every} bending modes kept, against all: "
-        lead = what + "; ".join(self.sentences())
+        lead = what + "; ".join([self._of_whirls(), *self._of_critical(), self._of_peak()])
         if self.good:
             return f"{lead}; {'' if self.peak is None else 'all '}within {percent(self.tolerance)}"
         help = "leave out rotor.modes_up_to, so that enough modes are kept"

@@ -224,15 +224,7 @@ class Machine(Shown, Document):
         )
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with other values, which are not checked; see `replace`.
-
-        Parameters
-        ----------
-        update : mapping, optional
-            The values by field, or by magnet, amplifier, sensor, ... of its one axis.
-        deep : bool
-            Whether what it holds is copied as well.
-        """
+        """Return a copy with values by field, or by magnet, ... of its one axis, unchecked."""
         update = dict(short_form.updates(self, update or {}))
         copy = super().model_copy(update=update, deep=deep)
         for made in copy.__dict__.keys() - type(self).model_fields:  # of another rotor, perhaps

@@ -251,9 +251,7 @@ class LoopScores(Result):
     @property
     def steps(self) -> list[float] | None:
         """Height of the step of each [m]; None of the user's own scenario."""
-        heights = [
-            loop_case.step for loop_case in self.loop_cases.values() if loop_case.step is not None
-        ]
+        heights = [of.step for of in self.loop_cases.values() if of.step is not None]
         return heights if len(heights) == len(self.loop_cases) else None
 
     @property

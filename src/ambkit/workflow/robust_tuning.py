@@ -186,7 +186,13 @@ def tune_robust(
             values = {range_.name: range_.default for range_ in ranges}
             trial.set_user_attr("values", values)
         else:
-            values = {range_.name: _suggested(trial, range_) for range_ in ranges}
+            values = {
+                of.name: float(
+                    trial.suggest_categorical(of.name, list(SIZES)) if of.name == RULES
+                    else trial.suggest_float(of.name, of.low, of.high, log=True)
+                )
+                for of in ranges
+            }  # fmt: skip
         result = task.tried(values)
         trial.set_constraint("peak", result.peak - max_sensitivity)
         trial.set_constraint("touched", result.touched - (1 - quantile))
@@ -221,12 +227,6 @@ def pareto(points: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
         if points[at][1] < least:
             result[at], least = True, points[at][1]
     return result
-
-
-def _suggested(trial: Any, of: Range) -> float:
-    if of.name == RULES:
-        return float(trial.suggest_categorical(of.name, list(SIZES)))
-    return float(trial.suggest_float(of.name, of.low, of.high, log=True))
 
 
 def _opened(optuna: Any, storage: Any, task: _Task, free: Sequence[Range], seed: int) -> Any:

@@ -122,11 +122,10 @@ def candidate_of_kind(
         except ValueError as error:  # not every kind is of several axes
             raise AmbkitError(str(error)) from error
 
-    of: Any = bearing
     free = {t.name: t for t in kind.tunable}
     if not whole and {"noise.control", "noise.disturbance"} <= free.keys():
         free.pop("noise.measurement", None)
-    defaults = {name: tunable.default(of) for name, tunable in free.items()}
+    defaults = {name: tunable.default(bearing) for name, tunable in free.items()}
     ranges = tuple(
         Range(t.name, t.unit, at, at / 10**t.decades, at * 10**t.decades)
         for t, at in zip(free.values(), defaults.values(), strict=True)

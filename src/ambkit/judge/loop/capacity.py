@@ -202,10 +202,11 @@ def _capacities(
     results = []
     for k, b in enumerate(isolated):
         x, i, law = all_x[:, :, k], all_i[:, :, k], magnet_of(b)
-        volts = [
-            _by_voltage(one, iu[n], x0[n], f, i[:, n], x[:, n]) for n, one in enumerate(isolated)
+        limited = [
+            np.min([room / volts for room, volts in coils], axis=0)
+            for n, one in enumerate(isolated)
+            if (coils := voltage(one, iu[n], x0[n], f, i[:, n], x[:, n])) is not None
         ]
-        limited = [volt for volt in volts if volt is not None]
         held = sorted(-float(law.force(end, float(x0[k]))) - weights[k] for end in ends[k])
         results.append(
             Capacity(
@@ -277,16 +278,6 @@ def of_unbalance(loop: Loop, machine: Machine, point: OperatingPoint) -> Turned:
     unbalance = np.array([amount * np.exp(1j * angle) for _, amount, angle in planes])
     x, u = loop.driven(columns @ unbalance, machine.speed / (2 * math.pi))
     return Turned(x, np.array([b.amplifier.gain for b in isolated_axes(machine)]) * u)
-
-
-def _by_voltage(
-    bearing: Machine, iu: float, at: float, f: Array, i: Complex, x: Complex
-) -> Array | None:
-    """Return the load at which a coil's voltage is at its limit [N], by i [A/N] and x [m/N]."""
-    result = voltage(bearing, iu, at, f, i, x)
-    if result is None:
-        return None
-    return np.asarray(np.min([room / volts for room, volts in result], axis=0), float)
 
 
 def voltage(
