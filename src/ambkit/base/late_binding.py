@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
 TYPE_CHECKING = False  # without importing typing before a command starts
 
-_places: dict[str, str] = {}
-
-
-def bind(functions: Mapping[str, Mapping[str, str]]) -> None:
-    """Take the functions of each module, and the name or the class by which each is called."""
-    for module, names in functions.items():
-        for function, name in names.items():
-            _places[name] = f"{module}:{function}"
+PLACES: dict[str, str] = {}  #: Module and function by the name by which each is called.
 
 
 def call(name: str, *args: Any, **options: Any) -> Any:
     """Call the function by its name; its module is imported now."""
-    module, _, function = _places[name].partition(":")
+    module, _, function = PLACES[name].partition(":")
     return getattr(import_module(f"ambkit.{module}"), function)(*args, **options)

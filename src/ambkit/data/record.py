@@ -104,7 +104,7 @@ class Record(Shown, frames.Framed):
         """
         if "scenario" not in self.meta:
             return {}
-        return {name: self.signals[name] for name in self if names.is_truth(name)}
+        return {name: self.signals[name] for name in self if names.OF_TRUTH.fullmatch(name)}
 
     @property
     def has_truth(self) -> bool:

@@ -39,12 +39,8 @@ def held_in(name: str, unit: str) -> str:
     return "A" if name == "u" and si_unit(unit) == "A" else si
 
 
-_TRUE = re.compile(f"({'|'.join((*TRUTH, 's', 'q'))})(_.+)?")
-
-
-def is_truth(name: str) -> bool:
-    """Whether a signal of a simulated record is known by simulation only."""
-    return _TRUE.fullmatch(name) is not None
+OF_TRUTH = re.compile(f"({'|'.join((*TRUTH, 's', 'q'))})(_.+)?")
+"""Names of the signals of a simulated record that only the simulation knows."""
 
 
 def by_name(names: Sequence[str], values: Sequence[Any]) -> Any:

@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from importlib.metadata import version
 
+from ambkit.base import files
 from ambkit.base.escaping import markdown
 from ambkit.base.units import typeset
 from ambkit.result.report.blocks import (
@@ -17,7 +18,7 @@ from ambkit.result.report.blocks import (
     TableBlock,
     Text,
 )
-from ambkit.result.report.page import write_page
+from ambkit.result.report.page import drawn_page
 from ambkit.result.row import Part, Stated
 from ambkit.result.tables import by_name, remarks
 
@@ -46,7 +47,7 @@ def write_result(results: Sequence[Stated], path: str | os.PathLike[str]) -> Non
     figures = [
         FigureBlock(of) for result in results for of in result.figures() if of.id not in figure_ids
     ]
-    report = Report(
+    page = drawn_page(Report(
         title=first.title,
         subtitle="",
         lead=markdown(typeset(first.finding)),
@@ -62,8 +63,8 @@ def write_result(results: Sequence[Stated], path: str | os.PathLike[str]) -> Non
             *([Chapter("signed", "Signed off", [Text(SIGNED)])] if signed else []),
         ],
         facts=dict(first.facts),
-    )  # fmt: skip
-    write_page(report, path)
+    ))  # fmt: skip
+    files.write_text(path, page)
 
 
 def limited(results: Sequence[Stated]) -> bool:

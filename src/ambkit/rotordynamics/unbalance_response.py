@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, grouped
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.quantity_arguments import Given
@@ -95,14 +95,13 @@ AMPLITUDE = Axis("amplitude", "µm", 1e6)
 def unbalance_response_figure(result: UnbalanceResponse) -> Figure:
     """Show how far each axis moves."""
     machine, speed, amplitude = result.machine, result.speed, result.amplitude
-    names: dict[int, list[str]] = {}  # axes by the first of those that move alike
-    for k, axis in enumerate(machine.axes):
-        alike = (j for j in names if np.allclose(amplitude[:, j], amplitude[:, k], rtol=1e-3))
-        names.setdefault(next(alike, k), []).append(axis.name)
+    moves = amplitude.T
+    alike = grouped(len(moves), lambda k, j: np.allclose(moves[j], moves[k], rtol=1e-3))
     items: list[Item] = [
-        Line(speed, amplitude[:, k], signal=f"series {n % 4 + 1}", label=" and ".join(axes))
-        for n, (k, axes) in enumerate(names.items())
-    ]
+        Line(speed, moves[axes[0]], signal=f"series {n % 4 + 1}",
+             label=" and ".join(machine.axes[k].name for k in axes))
+        for n, axes in enumerate(alike)
+    ]  # fmt: skip
     least = min(axis.bearing.clearance for axis in machine.axes)
     if amplitude.max() > 0.2 * least:
         limit = speed[[0, -1]], 0 * speed[[0, -1]] + least

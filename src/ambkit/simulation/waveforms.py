@@ -295,7 +295,7 @@ def _check_recording(file: str, signal: str) -> Iterator[tuple[str, str]]:
     except AmbkitError as error:
         yield "file", str(error)
         return
-    place, unit = place_of_signal(), record.units.get(signal, "1")
+    place, unit = place_of_signal.get(), record.units.get(signal, "1")
     if place and unit != place.unit:
         yield "signal", f"must be in {place.unit}; {signal} of {file} is in {unit}"
     missing = np.count_nonzero(~np.isfinite(values))

@@ -14,12 +14,8 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ambkit.base import units
 
-_place: "ContextVar[SignalIn | None]" = ContextVar("place of a signal", default=None)
-
-
-def place_of_signal() -> "SignalIn | None":
-    """Return where the signal that is just being read or written is used."""
-    return _place.get()
+place_of_signal: "ContextVar[SignalIn | None]" = ContextVar("place of a signal", default=None)
+"""Where the signal that is just being read or written is used."""
 
 
 class Said(float):
@@ -111,7 +107,7 @@ class Quantity:
     def _unit(self) -> str | None:
         if "@" not in self.unit:
             return self.unit
-        place = _place.get()
+        place = place_of_signal.get()
         return self.unit.replace("@", place.unit) if place else None
 
     def _shown(self, number: float) -> str:
@@ -120,7 +116,7 @@ class Quantity:
 
     def shown_example(self) -> str:
         """Give the example as it stands in a file."""
-        place = _place.get()
+        place = place_of_signal.get()
         if "@" in self.unit:
             return f'"{self.unit.replace("@", place.example)}"' if place else "0.001"
         return self.example if self.unit == "1" else f'"{self.example}"'
@@ -237,13 +233,13 @@ class SignalIn:
         )
 
     def _inside(self, value: Any, inner: Callable[[Any], Any]) -> Any:
-        token = _place.set(self)
+        token = place_of_signal.set(self)
         try:
             result = inner(value)
             self._check(result)
             return result
         finally:
-            _place.reset(token)
+            place_of_signal.reset(token)
 
     def _check(self, signal: Any) -> None:
         """Refuse what was said in the unit of something else before this place was known."""

@@ -233,6 +233,14 @@ class Adaline(OnlineIdentifier[AdalineResult]):
         self.core = core_module().Adaline(**settings, rate_k=rate_k)
 
 
+def start_of(bearing: Machine, start: Given | None) -> float:
+    """Return the magnet constant where learning starts [N m^2/A^2], the bearing's by default."""
+    start = bearing.magnet.magnet_constant if start is None else in_si("start", start, CONSTANT)
+    if not 0 < start < math.inf:
+        raise ValueError(f"start must be greater than 0 N m^2/A^2 and finite, got {start!r}")
+    return start
+
+
 def first_element(
     bearing: Machine,
     start: Given | None,
@@ -241,14 +249,10 @@ def first_element(
     least_excitation: float,
 ) -> dict[str, Any]:
     """Check what finds the force (eq. 24), and write it down for the core."""
-    start = in_si("start", start, "N m^2/A^2")
+    start = start_of(bearing, start)
     bandwidth = in_si("bandwidth", bandwidth, "Hz")
     if not 0 < rate_force < 2:
         raise ValueError(f"rate_force must be greater than 0 and less than 2, got {rate_force!r}")
-    if start is None:
-        start = bearing.magnet.magnet_constant
-    if not 0 < start < math.inf:
-        raise ValueError(f"start must be greater than 0 N m^2/A^2 and finite, got {start!r}")
     if not 0 <= least_excitation < math.inf:
         raise ValueError(f"least_excitation must be 0 or greater, got {least_excitation!r}")
     if bandwidth is None:

@@ -23,6 +23,7 @@ from ambkit.identification.online.adaline import (
     OnlineIdentifier,
     OnlineResult,
     first_element,
+    start_of,
 )
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
@@ -133,12 +134,9 @@ class AugmentedIdentifier:
     # It takes the load for one that wanders, and needs no word of it; so a load that is known is
     # only taken off what it found.
 
-    def __init__(self, bearing: Machine, *, start: float | None = None, **options: Any) -> None:
-        if start is None:
-            start = bearing.magnet.magnet_constant
-        if not 0 < start < math.inf:
-            raise ValueError(f"start must be greater than 0 N m^2/A^2 and finite, got {start!r}")
-        self.bearing = bearing.replace(**bearing.magnet.with_constant(start))
+    def __init__(self, bearing: Machine, *, start: Given | None = None, **options: Any) -> None:
+        constant = start_of(bearing, start)
+        self.bearing = bearing.replace(**bearing.magnet.with_constant(constant))
         self.kalman = AugmentedKalmanFilter(self.bearing, **options)
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> AugmentedResult:

@@ -68,7 +68,7 @@ def _renderer() -> MarkdownIt:
     renderer = MarkdownIt("commonmark", {"html": False, "typographer": False}).enable("table")
     renderer.disable("image")  # a picture would be fetched from somewhere: figures are the pictures
     renderer.inline.ruler.before("escape", "formula", _read_formula)
-    renderer.add_render_rule("formula", _write_formula)
+    renderer.add_render_rule("formula", lambda _, tokens, at, *_more: mathml(tokens[at].content))
     return renderer
 
 
@@ -80,10 +80,6 @@ def _read_formula(state: Any, silent: bool) -> bool:
         state.push("formula", "math", 0).content = match[1]
     state.pos = match.end()
     return True
-
-
-def _write_formula(_self: Any, tokens: Any, index: int, _options: Any, _env: Any) -> str:
-    return mathml(tokens[index].content)
 
 
 _TOKEN = re.compile(

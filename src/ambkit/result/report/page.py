@@ -7,7 +7,6 @@ plotly.js draws over it when the figure comes into sight.
 
 import base64
 import gzip
-import os
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -56,17 +55,16 @@ def write_report(
     return folder / "report.html"
 
 
-def write_page(report: Report, path: str | os.PathLike[str]) -> None:
-    """Draw all figures and write a report as one HTML file that needs no other."""
-    pictures = {figure.id: figure.image(".svg") for figure in report.figures}
-    files.write_text(path, render_page(report, pictures))
+def drawn_page(report: Report) -> str:
+    """Draw all figures of a report, and return one HTML page that needs no other file."""
+    return render_page(report, {figure.id: figure.image(".svg") for figure in report.figures})
 
 
 def figure_page(figure: Figure) -> str:
     """Write a page with one figure."""
     chapter = Chapter("picture", "Picture", [FigureBlock(figure)])
     report = Report(plain(figure.title), "", "", version("ambkit"), [chapter])
-    return render_page(report, {figure.id: figure.image(".svg")})
+    return drawn_page(report)
 
 
 Figure.page = figure_page
