@@ -111,7 +111,7 @@ def test_a_name_is_one_short_line_that_can_be_printed(text):
     toml = BEARING.to_toml().replace('"zittau_axial"', escaping.toml_string(text), 1)
     with pytest.raises(ConfigError, match=r"b\.toml:1: name: must (be one line|have at )"):
         Bearing.from_toml(toml, "b.toml")
-    with pytest.raises(ConfigError, match=r"Bearing\.name: must"):
+    with pytest.raises(ConfigError, match=r"Machine\.name: must"):
         BEARING.replace(name=text)
 
 

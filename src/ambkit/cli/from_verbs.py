@@ -244,7 +244,8 @@ def run(name: str, arguments: Sequence[str]) -> int:
         printing.written.append(getattr(result, "path", None) or Path(options["out"]))
     beside = {what or path.suffix: path for path, what in out.items()}
     files: list[printing.File] = [
-        (path, partial(_save, result, what, beside=beside)) for path, what in out.items()
+        (path, partial(result.save_product, what, beside=beside) if what else result.save)
+        for path, what in out.items()
     ]
     files += [(path, lambda path: result.figures()[0].save(path)) for path in plots]
     if catalogue.returns(verb) in PLAIN:
@@ -254,13 +255,6 @@ def run(name: str, arguments: Sequence[str]) -> int:
     if as_json:  # else it is among the notes
         printing.say_adequacy(result)
     return 0 if getattr(result, "passed", True) else 1
-
-
-def _save(result: Any, what: str, path: Path, beside: Mapping[str, Path]) -> None:
-    if what:
-        result.save_product(what, path, beside)
-    else:
-        result.save(path)
 
 
 def _targets(paths: Sequence[Path], makes: Mapping[str, Sequence[str]]) -> dict[Path, str]:

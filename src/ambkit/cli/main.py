@@ -70,23 +70,25 @@ def _run(arguments: list[str], debug: bool) -> int:
         code = _called(arguments)
         sys.stdout.flush()
         return code
-    except AmbkitError as error:
-        _trace(debug)
-        return _refused(str(error), getattr(error, "command", None))
-    except MemoryError:
-        _trace(debug)
-        return _refused("there is not enough memory for this many samples")
-    except BrokenPipeError:
-        return _left()
-    except OSError as error:
-        _trace(debug)
-        if error.filename:
-            return _refused(f"{error.filename}: {error.strerror or error}")
+    except BrokenPipeError:  # whoever read our output has had enough
         _silenced()
-        return _refused(f"the output cannot be written: {error.strerror or error}")
+        return 0
     except Exception as error:
-        _trace(debug)
-        return _unforeseen(error)
+        if debug:  # where in the program it came from
+            import traceback
+
+            traceback.print_exc()
+        if isinstance(error, AmbkitError):
+            return _refused(str(error), getattr(error, "command", None))
+        if isinstance(error, MemoryError):
+            return _refused("there is not enough memory for this many samples")
+        if not isinstance(error, OSError):
+            return _unforeseen(error)
+        if not error.filename:
+            _silenced()
+        return _refused(
+            f"{error.filename or 'the output cannot be written'}: {error.strerror or error}"
+        )
 
 
 def _called(arguments: list[str]) -> int:
@@ -113,12 +115,6 @@ def _called(arguments: list[str]) -> int:
             print(catalogue.of_group(name), end="")
         case _:
             raise catalogue.unknown(name, following)
-    return 0
-
-
-def _left() -> int:
-    """Whoever read our output has had enough."""
-    _silenced()
     return 0
 
 
@@ -167,11 +163,3 @@ def _unforeseen(error: Exception) -> int:
     printing.note(f"ambkit: {what}: this is an error of ambkit, please report it with the output "
                 "of --debug")  # fmt: skip
     return 1
-
-
-def _trace(debug: bool) -> None:
-    """Show where in the program the error that is being handled came from."""
-    if debug:
-        import traceback
-
-        traceback.print_exc()

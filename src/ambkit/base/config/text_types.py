@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -50,26 +51,22 @@ LONGEST_DESCRIPTION = 10_000
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")  # all but tab and line feed
 
 
-def _printable(text: str) -> str:
-    if one_line(text) != text:
-        raise _wrong("must be one line of printable characters", text)
-    return text
+def _refusing(wrong: Callable[[str], object], limit: str) -> AfterValidator:
+    def checked(text: str) -> str:
+        if wrong(text):
+            excerpt = one_line(text)
+            excerpt = excerpt if len(excerpt) <= 60 else f"{excerpt[:57]}..."
+            problem = f'must be {limit}, is "{excerpt}"'
+            raise PydanticCustomError("problem", "{text}", {"text": problem})
+        return text
+
+    return AfterValidator(checked)
 
 
-def _readable(text: str) -> str:
-    if _CONTROL.search(text):
-        raise _wrong("must be text without control characters", text)
-    return text
-
-
-def _wrong(limit: str, text: str) -> PydanticCustomError:
-    excerpt = one_line(text)
-    excerpt = excerpt if len(excerpt) <= 60 else f"{excerpt[:57]}..."
-    return PydanticCustomError("problem", "{text}", {"text": f'{limit}, is "{excerpt}"'})
-
-
-Line = Annotated[str, Field(max_length=LONGEST_LINE), AfterValidator(_printable)]
+_printable = _refusing(lambda text: one_line(text) != text, "one line of printable characters")
+_readable = _refusing(_CONTROL.search, "text without control characters")
+Line = Annotated[str, Field(max_length=LONGEST_LINE), _printable]
 """A text of one line, such as the name of an array in somebody's file."""
-Name = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(_printable)]  #: A name.
-Description = Annotated[str, Field(max_length=LONGEST_DESCRIPTION), AfterValidator(_readable)]
+Name = Annotated[str, Field(max_length=LONGEST_NAME), _printable]  #: A name.
+Description = Annotated[str, Field(max_length=LONGEST_DESCRIPTION), _readable]
 """A text for people, which may have several lines; who prints it escapes it."""

@@ -167,19 +167,6 @@ class Export:
         return ("selftest/main.c", *(f"selftest/{file}" for file in of_test))
 
 
-def data_context(export: Export) -> dict[str, Any]:
-    """Return what the data file says: the structs that the core holds, as initialisers."""
-    precision, magnets = export.precision, magnets_in_c(export)
-    return {
-        "kalman": c_literals.struct_with_arrays(export.kalman, precision),
-        "std": c_literals.array(np.asarray(export.filter.default_std()), precision),
-        "magnet": magnets[0]["text"],
-        "magnet_type": magnets[0]["type"],
-        "magnet_methods": magnets[0]["methods"],
-        "arrays": c_literals.declared(export.arrays, precision),
-    }
-
-
 def magnets_in_c(export: Export) -> list[dict[str, str]]:
     """Return type, methods and initialiser of each magnet."""
     return [

@@ -7,6 +7,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ambkit.base import escaping
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
@@ -203,6 +205,7 @@ def _numbers(export: Export) -> dict[str, Any]:
     """Return the constants, and the units of what comes in."""
     filter, precision, several = export.filter, export.precision, export.several
     bearing, unit = filter.bearing, filter.machine.control_unit
+    magnet = exported.magnets_in_c(export)[0]
     inputs = {item: exported.raw(item, getattr(filter.inputs, item), precision) for item in "yu"}
     units = {"y": "m", "u": unit} | {item: of["unit"] for item, of in inputs.items() if of}
     current_text = "" if several else exported.levitation_current(filter, precision)
@@ -217,7 +220,12 @@ def _numbers(export: Export) -> dict[str, Any]:
         **{f"{item}_unit": of for item, of in units.items()},
         "room": export.of_model.room,
         "states": model.states(filter.states, current_text),
-        **exported.data_context(export),
+        "kalman": c_literals.struct_with_arrays(export.kalman, precision),
+        "std": c_literals.array(np.asarray(filter.default_std()), precision),
+        "magnet": magnet["text"],
+        "magnet_type": magnet["type"],
+        "magnet_methods": magnet["methods"],
+        "arrays": c_literals.declared(export.arrays, precision),
         "turning": _turning(export.of_model, export.speeds, precision),
         "speed_own": c_literals.number(bearing.speed, precision) if several else "",
         "mass": "" if several else c_literals.number(bearing.rotor.mass, precision),
