@@ -230,7 +230,9 @@ def judge_states(
 def _known(machine: Machine, synchronous: Sequence[str]) -> Machine:
     """Return the machine without unbalance and runout, but for those that filters estimate."""
     sensors = [sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors]
-    without: dict[str, Any] = {} if "unbalance" in synchronous else {"unbalance": []}
+    without: dict[str, Any] = (
+        {"unbalance": []} if machine.unbalance and "unbalance" not in synchronous else {}
+    )
     return machine.replace(**without, **({} if "runout" in synchronous else {"sensor": sensors}))
 
 

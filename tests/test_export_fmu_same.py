@@ -157,8 +157,8 @@ CASES = {
 def scenario_of(machine, share=0.3, **options):
     """A step of the first reference, by a share of the clearance, and one of the last load."""
     T, levitated = machine.sampling_time, options.get("start", "levitated") == "levitated"
-    axes = getattr(machine, "axes", ())
-    one, last = (axes[0].bearing, axes[-1]) if len(axes) > 1 else (machine.rotor, None)
+    axes = machine.axes
+    one, last = axes[0].bearing, axes[-1] if len(axes) > 1 else None
     reference = Step(amplitude=share * one.clearance, time=20 * T)
     load = Step(amplitude=0.5 if last else 0.3 * machine.weight, time=60 * T)
     steps = {

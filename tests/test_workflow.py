@@ -89,7 +89,7 @@ def test_noise_at_rest_is_where_the_search_starts(made):
 
 def test_a_record_is_not_both_identified_from_and_validated_on(made):
     log = ambkit.load(made / "log.csv")
-    with pytest.raises(ambkit.AmbkitError, match="that it has not seen"):
+    with pytest.raises(ambkit.AmbkitError, match="validate on another one"):
         identify(BEARING, [log], others=[log])
 
 
