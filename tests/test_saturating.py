@@ -14,7 +14,7 @@ from ambkit import Bearing, ClosedLaw, ConstantStiffness, SaturatingLaw, Scenari
 from ambkit.base.errors import ConfigError
 from ambkit.estimate.registry import KINDS
 from ambkit.identification.maximum_likelihood import maximum_likelihood
-from ambkit.identification.online.adaline import as_ideal, is_ideal
+from ambkit.identification.online.adaline import as_ideal
 from ambkit.machine.magnets import core_module
 from ambkit.machine.parts import IRON, MU_0
 from ambkit.simulation.run import simulate_run
@@ -256,9 +256,9 @@ def test_its_constant_is_identified():
 def test_ideal_iron_with_the_other_control_signal_pulls_the_same(bearing):
     iu, y = np.meshgrid(np.linspace(-2.4, 2.5, 15), np.linspace(-0.24e-3, 0.24e-3, 11))
     u = as_ideal(bearing, y, iu / bearing.amplifier.gain)
-    assert not is_ideal(bearing)
+    assert not magnet_of(bearing).ideal
     ideal = bearing.replace(**dict.fromkeys(f"magnet__{key}" for key in IRON))
-    assert is_ideal(ideal)
+    assert magnet_of(ideal).ideal
     pulled, wanted = (magnet_of(b).force(i, y) for b, i in ((ideal, u), (bearing, iu)))
     np.testing.assert_allclose(pulled, wanted, rtol=1e-9, atol=1e-9)
     assert np.abs(u - iu).max() > 0.05

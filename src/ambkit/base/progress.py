@@ -89,20 +89,15 @@ def silent(_text: str = "", steps: int = 1) -> None:
     """Tell nobody of progress."""
 
 
-_left: list[str] = []
+left: list[str] = []  #: What an interrupted command leaves, where it states it.
 
 
 @contextmanager
 def interrupted_says(text: str) -> Iterator[None]:
     """State what a command leaves where it is interrupted within this."""
-    _left.append(text)
+    left.append(text)
     yield
-    _left.pop()
-
-
-def left_by_interrupt() -> str | None:
-    """Return what an interrupted command leaves; None where it does not state it."""
-    return _left.pop() if _left else None
+    left.pop()
 
 
 @contextmanager

@@ -186,9 +186,7 @@ def called(arguments: Sequence[str]) -> tuple[str, Sequence[str]]:
 
 def unknown(name: str, following: Sequence[str]) -> Misused:
     """Return the refusal of a command that is not there, with the one that was perhaps meant."""
-    words = name
-    if name in GROUPS and following:
-        words = f"{name} {following[0]}"
+    words = f"{name} {following[0]}" if name in GROUPS and following else name
     near = difflib.get_close_matches(words, [*VERBS, *GROUPS], 1)
     hint = f"; did you mean {near[0]}?" if near else ""
     return Misused(f"there is no command {words}{hint}", "ambkit")

@@ -128,9 +128,8 @@ def _interrupted() -> None:
     from ambkit.base import progress
     from ambkit.cli import printing
 
-    left = progress.left_by_interrupt()
-    if left is not None:
-        printing.note(f"\ninterrupted; {left}")
+    if progress.left:
+        printing.note(f"\ninterrupted; {progress.left.pop()}")
         return
     written = printing.written
     files = f"wrote {', '.join(map(str, written))}" if written else "nothing was written"

@@ -178,7 +178,8 @@ def _snapshots(
         # Of a rotor that is thrown between its stops, rounding decides which readings are used.
         thrown = (mode == Mode.TRIPPED) & ((status & Status.OUTLIER) != 0)
         amplified |= np.maximum.accumulate(thrown)
-    return Snapshots.none(amplified)
+    n = len(amplified)  # without a covariance to restore
+    return Snapshots(np.zeros(n, bool), amplified, np.zeros((n, 0)))
 
 
 def _transferred(

@@ -32,11 +32,6 @@ class Snapshots:
     covariance: Array  #: (n, entries): upper triangles after each sample.
 
     @classmethod
-    def none(cls, amplified: Bools) -> Snapshots:
-        """Return none, of what has no covariance to restore."""
-        return cls(np.zeros(len(amplified), bool), amplified, np.zeros((len(amplified), 0)))
-
-    @classmethod
     def joined(cls, parts: Sequence[Snapshots]) -> Snapshots:
         """Return those of runs one after the other."""
         return cls(

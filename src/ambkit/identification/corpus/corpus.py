@@ -243,7 +243,7 @@ def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[P
                 )
             )  # fmt: skip
     values = {p.place: float(v) for p, v in zip(pooled.parameters, pooled.values, strict=True)}
-    return pooled, start.replace(**values).replace(sensor__hum=(*start.bearing.sensor.hum, *shared))
+    return pooled, start.replace(**values, sensor__hum=(*start.bearing.sensor.hum, *shared))
 
 
 def _flown(

@@ -106,11 +106,6 @@ class Baselines:
         result[ORDER - 1 :] = last + rows @ _solved(self.normal[ahead])[:, 0]
         return result
 
-    def expected_controls(self, record: Record) -> Array:
-        """Return the last controls and those to be expected (m, ORDER + ahead) [V]."""
-        rows = np.column_stack(regressors(record, 0))
-        return np.column_stack([rows[:, ORDER - 1 : 2 * ORDER - 1], rows @ _solved(self.controls)])
-
 
 @dataclass(frozen=True)
 class Prediction:
@@ -187,7 +182,9 @@ def predict(
         squares.append((e**2 / S)[used])
         share = 1 + model.bearing.sensor.position_noise * (y - model.position_offset)
         variances.append(model.bearing.sensor.noise_variance * np.clip(share, 1 / 8, 8)[used] ** 2)
-        windows = others.expected_controls(record)
+        rows, u_part = np.column_stack(regressors(record, 0)), slice(ORDER - 1, 2 * ORDER - 1)
+        # The last controls and those to be expected (m, ORDER + ahead) [V].
+        windows = np.column_stack([rows[:, u_part], rows @ _solved(others.controls)])
         for k in AHEAD:
             target = y[k:]
             uncontrolled = np.full(target.size, np.nan)

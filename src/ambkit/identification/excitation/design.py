@@ -304,7 +304,12 @@ class _Loop:
         still = self.run(np.zeros(self.n))
         floor = self.levels(still, parts)
         if not np.max(floor) < FILLED:
-            raise AmbkitError(self._too_much(still))
+            current, far = (float(np.max(np.abs(still[name]))) for name in ("iu", "x"))
+            raise AmbkitError(
+                f"even without excitation the loop goes to {engineering(current, 'A')} and "
+                f"{engineering(far, 'm')}; the limits, {engineering(self.limits.current, 'A')} and "
+                f"{engineering(self.limits.displacement, 'm')}, leave no room"
+            )
         stiff = ConstantStiffness.of(self.bearing)
         kp = max(self.scenario.controller.kp, stiff.k_s / stiff.k_i)
         gain = np.full(len(parts), 0.2 * min(self.limits.displacement, self.limits.current / kp))
@@ -331,15 +336,6 @@ class _Loop:
                 break
             reference = reference * 0.995 / most
         return reference
-
-    def _too_much(self, record: Record) -> str:
-        current, far = np.max(np.abs(record["iu"])), np.max(np.abs(record["x"]))
-        return (
-            f"even without excitation the loop goes to {engineering(float(current), 'A')} and "
-            f"{engineering(float(far), 'm')}; the limits, "
-            f"{engineering(self.limits.current, 'A')} and "
-            f"{engineering(self.limits.displacement, 'm')}, leave no room"
-        )
 
 
 def _scaled(excitation: Excitation, gain: Array) -> Array:

@@ -160,7 +160,7 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
 
     @cached_property
     def _of_ideal_iron(self) -> bool:
-        return is_ideal(self.bearing)  # asked at every sample
+        return magnet_of(self.bearing).ideal  # asked at every sample
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> Learned:
         """Learn along a record.
@@ -265,7 +265,7 @@ def first_element(
         )
     magnet, T = bearing.magnet, bearing.sampling_time
     # What ideal iron would need to pull as a stronger magnet does may be beyond the limits.
-    room = 1.0 if is_ideal(bearing) else 1e3
+    room = 1.0 if magnet_of(bearing).ideal else 1e3
     return {
         "s0": magnet.air_gap,
         "i0": magnet.bias_current,
@@ -283,11 +283,6 @@ def first_element(
         "least_excitation": least_excitation,
         "k": start,
     }
-
-
-def is_ideal(bearing: Machine) -> bool:
-    """Whether a bearing's magnet is the ideal law itself."""
-    return magnet_of(bearing).ideal
 
 
 def as_ideal(bearing: Machine, y: ArrayLike, u: ArrayLike) -> Array:
