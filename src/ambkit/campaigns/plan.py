@@ -186,14 +186,11 @@ class Plan:
         # points (n, k); noise (n,)
         allowed = self.allowed(points)
         for at, row in enumerate(points):
-            yield self._drawn(first + at, self.valued(row), int(noise[at]), bool(allowed[at]))
-
-    def valued(self, row: Array) -> dict[str, Any]:
-        """Return a point (k,) by the keys: in SI, of a choice what was chosen."""
-        return {
-            name: of.values[int(value)] if isinstance(of, OneOf) else float(value)
-            for name, of, value in zip(self.names, self.marginals, row, strict=True)
-        }
+            values = {  # in SI, of a choice what was chosen
+                name: of.values[int(value)] if isinstance(of, OneOf) else float(value)
+                for name, of, value in zip(self.names, self.marginals, row, strict=True)
+            }
+            yield self._drawn(first + at, values, int(noise[at]), bool(allowed[at]))
 
     def allowed(self, points: Array) -> NDArray[np.bool_]:
         """Return at which points (n, k) each number is within the limits of its key (n,)."""

@@ -179,18 +179,12 @@ class Machines:
         if name not in self._read:
             # What summaries tell of is read at once: a file is opened for all of its columns.
             usual = {"run", "passed", "fails", "zone", "touched", *SHOWN, *self.plan.names}
-            self._read |= self._columns_of(
-                [item for item in self.columns if item in usual] if name in usual else [name]
-            )
+            names = [item for item in self.columns if item in usual] if name in usual else [name]
+            tables = [self._place.table(part, names) for part in self.parts]
+            for item in names:
+                parts = [array_of(table.column(item)) for table in tables]
+                self._read[item] = np.concatenate(parts) if parts else np.zeros(0)
         return self._read[name]
-
-    def _columns_of(self, names: list[str]) -> dict[str, NDArray[Any]]:
-        parts: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
-        for part in self.parts:
-            table = self._place.table(part, names)
-            for name in names:
-                parts[name].append(array_of(table.column(name)))
-        return {name: np.concatenate(item) if item else np.zeros(0) for name, item in parts.items()}
 
     @cached_property
     def columns(self) -> tuple[str, ...]:

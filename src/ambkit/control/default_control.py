@@ -54,7 +54,11 @@ class DefaultControl:
         if self.held:
             others = [candidate for candidate in self.candidates if candidate is not self.chosen]
             beside = f"; also tried{_listed(others)}" if others else ""
-            poor = simplest = ""
+            known = poor = simplest = ""
+            if (error := self.chosen.inertia_error) < ERRORS[0]:
+                within = f"within {100 * error:g} %"
+                known = within if error else f"to better than {100 * ERRORS[-1]:g} %"
+                known = f" if the polar inertia is known {known}"
             if (zone := zone_of(self.chosen.peak)) != "A":
                 poor = (
                     f", which is poor: zone {zone} of ISO 14839-3, where zone A ends at {ZONE_A:g}"
@@ -64,21 +68,13 @@ class DefaultControl:
             return (
                 f"default controller: {name_of(self.chosen.control)}, fed by the "
                 f"{self.chosen.feedback}, with a peak of |S| of {self.chosen.peak:.3g} {span}"
-                f"{self._inertia_known}{poor}{simplest}{beside}"
+                f"{known}{poor}{simplest}{beside}"
             )
         return (
             f"no default controller was found that holds the rotor of {self.machine} {span}; "
             f"tried{_listed(self.candidates)}; lower the speed, the dead time or the "
             "sampling time, or give another controller in [control]"
         )
-
-    @property
-    def _inertia_known(self) -> str:
-        error = self.chosen.inertia_error
-        if error >= ERRORS[0]:
-            return ""
-        known = f"within {100 * error:g} %" if error else f"to better than {100 * ERRORS[-1]:g} %"
-        return f" if the polar inertia is known {known}"
 
 
 def _listed(candidates: Iterable[Candidate]) -> str:

@@ -75,23 +75,17 @@ def _beyond(A: Array, B: Array, C: Array, own: float) -> float:
     return most
 
 
-def _hovering(machine: Machine) -> tuple[Array, Array]:
-    """Return k_i [N/A] and k_s [N/m] of the axes (p,) where they carry the rotor."""
-    tangents = []
-    for isolated, force in zip(isolated_axes(machine), weights_of(machine), strict=True):
-        law = magnet_of(isolated)
-        iu = levitation_current(isolated, law, 0.0, law.bias_force + force)
-        tangents.append([float(k) for k in law.tangent(iu, 0.0)])
-    k_i, k_s = np.array(tangents).T
-    return k_i, k_s
-
-
 class HeldLoop:
     """A machine with linear magnets, sampled, and what controllers make of it."""
 
     def __init__(self, machine: Machine, feedback: str) -> None:
         self.isolated = isolated_axes(machine)
-        self.k_i, self.k_s = _hovering(machine)
+        tangents = []  # where the axes carry the rotor
+        for isolated, force in zip(self.isolated, weights_of(machine), strict=True):
+            law = magnet_of(isolated)
+            iu = levitation_current(isolated, law, 0.0, law.bias_force + force)
+            tangents.append([float(k) for k in law.tangent(iu, 0.0)])
+        self.k_i, self.k_s = np.array(tangents).T
         self.T = machine.sampling_time
         parts = machine_parts(machine, noise=False)
         system = linearised(parts, self.T, self.k_i, self.k_s)

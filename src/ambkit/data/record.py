@@ -60,10 +60,21 @@ class Record(Shown, frames.Framed):
 
     def __post_init__(self) -> None:
         t = _frozen("t", self.t)
-        _check_time(t)
+        if t.ndim == 1 and t.size < 2:
+            raise RecordError(f"t must have at least 2 samples, has {t.size or 'none'}")
+        if t.ndim != 1:
+            raise RecordError(f"t must be a row of at least 2 samples, has shape {t.shape}")
+        if problems := list(time_problems(t)):
+            raise RecordError(shortened(problems))
         signals = {name: _frozen(name, values) for name, values in self.signals.items()}
         for name, values in signals.items():
-            _check_signal(name, values, t)
+            if name == "t":
+                raise RecordError("t is the time, no signal can have this name")
+            if values.shape != t.shape:
+                raise RecordError(f"signal {name} has shape {values.shape}, t has {t.shape}")
+            if np.isinf(values).any():
+                at = int(np.argmax(np.isinf(values)))
+                raise RecordError(f"signal {name} is {values[at]} at sample {at} (t = {t[at]:g} s)")
         units = {name: _si(name, (names.UNITS | dict(self.units)).get(name)) for name in signals}
         checked = {"t": t, "signals": signals, "units": units, "meta": dict(self.meta)}
         for key, value in checked.items():
@@ -236,16 +247,6 @@ def _frozen(name: str, values: ArrayLike) -> Array:
     return array
 
 
-def _check_time(t: Array) -> None:
-    if t.ndim == 1 and t.size < 2:
-        raise RecordError(f"t must have at least 2 samples, has {t.size or 'none'}")
-    if t.ndim != 1:
-        raise RecordError(f"t must be a row of at least 2 samples, has shape {t.shape}")
-    problems = list(time_problems(t))
-    if problems:
-        raise RecordError(shortened(problems))
-
-
 def time_problems(t: Array, place: Callable[[int], str] | None = None) -> Iterator[str]:
     """Yield all that keeps times from being even."""
     # t (n,) [s]
@@ -267,16 +268,6 @@ def time_problems(t: Array, place: Callable[[int], str] | None = None) -> Iterat
             f"on by {steps[at - 1]:.6g} s instead of {step:.6g} s; a missing sample is an empty "
             "cell"
         )
-
-
-def _check_signal(name: str, values: Array, t: Array) -> None:
-    if name == "t":
-        raise RecordError("t is the time, no signal can have this name")
-    if values.shape != t.shape:
-        raise RecordError(f"signal {name} has shape {values.shape}, t has {t.shape}")
-    if np.isinf(values).any():
-        at = int(np.argmax(np.isinf(values)))
-        raise RecordError(f"signal {name} is {values[at]} at sample {at} (t = {t[at]:g} s)")
 
 
 def _si(name: str, unit: str | None) -> str:

@@ -513,7 +513,7 @@ class Estimator(Described, Copyable):
             of = self.engine.model_of_core
             turn = self.engine.core.run_turning
             history = turn(self.core, y, u, speed, of, covariance=covariance)
-        return self.told(record.t, history, self.name)
+        return self._estimated(record.t, history, self.name)
 
     def turning(self, speed: NDArray[np.float64] | None, n: int) -> NDArray[Any] | None:
         """Let the model of a machine follow the speed of its rotor.
@@ -602,22 +602,12 @@ class Estimator(Described, Copyable):
                 "Kalman filters can"
             )
         y, u = self._start(record)
-        return self.told(record.t, self.core.smooth(y, u), f"{self.name}, smoothed")
+        return self._estimated(record.t, self.core.smooth(y, u), f"{self.name}, smoothed")
 
-    def told(
+    def _estimated(
         self, t: NDArray[np.float64], history: dict[str, Any], name: str | None = None
     ) -> Estimate:
-        """Wrap what the core wrote of a whole record.
-
-        Parameters
-        ----------
-        t : ndarray (n,)
-            Time [s].
-        history : dict
-            The core's arrays by name, n samples each.
-        name : str, optional
-            What the estimator is called there.
-        """
+        """Wrap what the core wrote of a whole record, in arrays by name."""
         known: dict[str, Any] = dict(self.view.columns)
         for key in ("mean", "innovation", "k_i", "k_s"):
             known[key] = np.asarray(history[key], float)

@@ -71,19 +71,16 @@ def in_memory(estimator: Estimator) -> FilterFile:
 
 def _assumed(estimator: Estimator) -> Assumed:
     """Return what it assumes of the noise, that of a control signal in the signal's unit."""
-    results = {name: _one_or_each(getattr(estimator.variances, name)) for name in UNITS}
+    results = {name: getattr(estimator.variances, name) for name in UNITS}
+    for name, own in results.items():
+        if isinstance(own, tuple) and len(set(own)) == 1:
+            results[name] = own[0]
     if estimator.machine.control_unit == "A":
         control_noise = results["control"]
         parts = control_noise if isinstance(control_noise, tuple) else (control_noise,)
         variances = tuple(InOther.of(value, "A^2") for value in parts)
         results["control"] = variances if isinstance(control_noise, tuple) else variances[0]
     return Assumed(**results)
-
-
-def _one_or_each(variances: Any) -> Any:
-    """Return the one number that all are, if it is one."""
-    alike = isinstance(variances, tuple) and len(set(variances)) == 1
-    return variances[0] if alike else variances
 
 
 def made_by(command: str, what: str) -> str:

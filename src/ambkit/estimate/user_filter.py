@@ -119,10 +119,10 @@ class OwnEstimator(OwnStep, Estimator):
         self.check()
         return mean
 
-    def told(self, t: Any, history: dict[str, Any], name: str | None = None) -> Estimate:
+    def _estimated(self, t: Any, history: dict[str, Any], name: str | None = None) -> Estimate:
         """Wrap what the core wrote of a whole record."""
         self.check()
-        return super().told(t, history, name)
+        return super()._estimated(t, history, name)
 
     def linear_system(self) -> LinearSystem:
         """Return what its answers to a small pulse of each input, once it settled, come from."""

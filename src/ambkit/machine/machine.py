@@ -54,7 +54,7 @@ from ambkit.machine.parts import (
 )
 from ambkit.machine.placement_checks import beyond_the_rotor, loose, unseen
 from ambkit.machine.rotors.descriptions import OfMatrices
-from ambkit.machine.rotors.modes import Bending
+from ambkit.machine.rotors.modes import Bending, enough
 from ambkit.result.showing import Shown
 
 if TYPE_CHECKING:
@@ -165,8 +165,8 @@ class Machine(Shown, Document):
     def model_post_init(self, context: Any, /) -> None:
         """Choose how many bending modes are kept, where the rotor does not fix it."""
         if isinstance(self.rotor, OfMatrices) and self.rotor.modes_up_to is None:
-            chosen = self.rotor.with_modes_for(self.sampling_time, self.speed)
-            self.__dict__["rotor"] = chosen
+            highest = enough(self.rotor, self.sampling_time, self.speed, self.rotor.modes_within)
+            self.__dict__["rotor"] = self.rotor.model_copy(update={"modes_up_to": highest})
 
     @property
     def bearing(self) -> tuple[PlacedBearing, ...]:

@@ -99,10 +99,6 @@ class Plan:
         """Let a state [N] push the rotor at a place without a magnet."""
         self.pushes[state] = row(place)
 
-    def ride(self, state: str, force: str) -> None:
-        """Let a state [N] push where a magnet pulls: it is held over the sample as the force is."""
-        self.riders[state] = force
-
     def act_by(self, force: str, state: str) -> None:
         """Let a state [N] that follows a magnet's force push in its place; what rides does not."""
         place = self.pushes.pop(force)

@@ -350,7 +350,7 @@ class Loop:
             series |= {"speed": self._speed[here], "base": self._base[here]}
         record = recorded(self._form, t, out, series, here.start)
         usable = out["usable"].astype(bool) if "usable" in out else None
-        estimate = None if estimator is None else estimator.told(t, out["estimate"])
+        estimate = None if estimator is None else estimator._estimated(t, out["estimate"])
         return Run(self.machine, record, estimate, out["status"], usable)
 
 

@@ -193,6 +193,7 @@ def _unknown(path: Path) -> Finding:
 
 
 def _describe_document(kind: str, path: Path, machine: Machine | None) -> Finding:
+    from ambkit.campaigns.plan import Plan
     from ambkit.judge.adequacy import judge_adequacy, sentences
     from ambkit.judge.adequacy_criteria import of_machine
     from ambkit.rotordynamics import machine_report
@@ -218,7 +219,10 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Findin
         )
         return Finding(about, (), (*notes, *sentences(list(of_machine(result)))))
     if kind == "study":
-        return Finding(_of_study(result))
+        plan = Plan(result)
+        plan.check()
+        of, varies = f"{plan.runs} machines of {plan.nominal.name}", ", ".join(plan.names)
+        return Finding(f"{of}, {result.sampling}; what varies: {varies or 'nothing'}")
     if kind == "scenario":
         return Finding(f"{engineering(result.duration, 's')}, {_of_signals(result)}")
     mass = engineering(result.rotor.mass, "kg")
@@ -234,16 +238,6 @@ def _of_signals(scenario: Any) -> str:
     ]  # fmt: skip
     speed = [] if scenario.speed is None else [f"speed {scenario.speed.type}"]
     return ", ".join([*descriptions, *speed]) or "nothing demanded"
-
-
-def _of_study(study: Any) -> str:
-    """Say of how many machines a study is, and what varies."""
-    from ambkit.campaigns.plan import Plan
-
-    plan = Plan(study)
-    plan.check()
-    varies = ", ".join(plan.names) or "nothing"
-    return f"{plan.runs} machines of {plan.nominal.name}, {study.sampling}; what varies: {varies}"
 
 
 def _describe_expert(path: Path) -> Finding:

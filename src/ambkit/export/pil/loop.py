@@ -209,9 +209,13 @@ class Pil(Result):
         return {"modes": self.modes, "board": self.board, "passed": self.passed}
 
     def figures(self) -> list[Figure]:
-        counted = self.answers["instructions"]
+        counts = self.answers["instructions"]
+        t, counts = self.record.t[counts > 0], counts[counts > 0].astype(float)
+        points = Points(t, counts, signal="estimate", label="counted")
+        panel = Panel(TIME, Axis("instructions of a step"), [points])
+        caption = "Counted in some of the samples."
         return [simulation_figure(self.run),
-                instructions_figure(self.record.t, counted)]  # fmt: skip
+                Figure("instructions", "Instructions", caption, [panel])]  # fmt: skip
 
 
 def unequal_frames(answers: NDArray[np.void], frames: Record, names: list[str], coils: bool) -> int:
@@ -258,14 +262,3 @@ def compare_bits(
         state=int(greeting["state"]),
         **details,
     )
-
-
-def instructions_figure(t: NDArray[np.float64], instructions: NDArray[np.uint32]) -> Figure:
-    """Show the instructions."""
-    # t (n,) [s]; instructions (n,)
-    counted = instructions > 0
-    counts = instructions[counted].astype(float)
-    points = Points(t[counted], counts, signal="estimate", label="counted")
-    caption = "Counted in some of the samples."
-    panel = Panel(TIME, Axis("instructions of a step"), [points])
-    return Figure(id="instructions", title="Instructions", caption=caption, panels=[panel])

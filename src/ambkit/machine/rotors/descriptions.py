@@ -21,7 +21,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine.rotors import beam
 from ambkit.machine.rotors.matrix_file import read_matrices
-from ambkit.machine.rotors.modes import RANGE, Bending, Body, body_of, enough, reduced
+from ambkit.machine.rotors.modes import RANGE, Bending, Body, body_of, reduced
 from ambkit.machine.rotors.shaft_elements import (
     NAMED,
     Disc,
@@ -103,10 +103,6 @@ class OfMatrices(Part):
     def every_mode(self) -> Bending:
         """All bending modes of its matrices."""
         return reduced(self.matrices, math.inf, self.damping_ratio, (), self.internal_damping_ratio)
-
-    def with_modes_for(self, T: float, speed: float) -> Self:
-        """Return it with as many modes as are needed at a sampling time [s] and a speed [rad/s]."""
-        return self.model_copy(update={"modes_up_to": enough(self, T, speed, self.modes_within)})
 
     @cached_property
     def _known(self) -> dict[tuple[float, ...], Bending]:

@@ -35,5 +35,5 @@ class Disturbance:
         if self.rides is None:
             plan.push(self.name, self.place)
         else:
-            plan.ride(self.name, self.rides)
+            plan.riders[self.name] = self.rides  # held over the sample as the magnet's force is
         plan.noise(self.name, "N", self.growth, {self.name: 1 / plan.T}, walk=True)
