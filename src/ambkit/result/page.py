@@ -18,7 +18,7 @@ from ambkit.result.report.blocks import (
     TableBlock,
     Text,
 )
-from ambkit.result.report.page import drawn_page
+from ambkit.result.report.page import illustrated_page
 from ambkit.result.row import Part, Stated
 from ambkit.result.tables import by_name, remarks
 
@@ -47,7 +47,7 @@ def write_result(results: Sequence[Stated], path: str | os.PathLike[str]) -> Non
     figures = [
         FigureBlock(of) for result in results for of in result.figures() if of.id not in figure_ids
     ]
-    page = drawn_page(Report(
+    page = illustrated_page(Report(
         title=first.title,
         subtitle="",
         lead=markdown(typeset(first.finding)),

@@ -55,7 +55,7 @@ def write_report(
     return folder / "report.html"
 
 
-def drawn_page(report: Report) -> str:
+def illustrated_page(report: Report) -> str:
     """Draw all figures of a report, and return one HTML page that needs no other file."""
     return render_page(report, {figure.id: figure.image(".svg") for figure in report.figures})
 
@@ -64,7 +64,7 @@ def figure_page(figure: Figure) -> str:
     """Write a page with one figure."""
     chapter = Chapter("picture", "Picture", [FigureBlock(figure)])
     report = Report(plain(figure.title), "", "", version("ambkit"), [chapter])
-    return drawn_page(report)
+    return illustrated_page(report)
 
 
 Figure.page = figure_page
