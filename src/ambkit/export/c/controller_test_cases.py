@@ -14,7 +14,8 @@ from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.signals import signal
 from ambkit.estimate.core_model import NODE
 from ambkit.estimate.estimate import Status
-from ambkit.export.c.snapshots import Snapshots, restorable, snapshots_of
+from ambkit.export.c import c_literals
+from ambkit.export.c.snapshots import Snapshots, snapshots_of
 from ambkit.export.c.test_vectors import flag_rows, without_digits
 from ambkit.machine.machine import Machine
 from ambkit.simulation.external_inputs import ExternalInputs
@@ -168,7 +169,9 @@ def _snapshots(
     """Return which covariances of a run are restored, and where rounding is amplified."""
     y, r, u, speed, mode, fly, status, *_ = part
     filter = controller.estimator
-    if restorable(controller) and not turns:
+    # In float digits are lost, of several axes; what a core keeps beside them is not restored.
+    kept = c_literals.called(filter).has_state
+    if not (turns or kept or filter.machine.single or filter.precision == "float64"):
         return snapshots_of(
             controller,
             lambda of, recorded: _output(of, y, r, speed, fly, transfer_currents, recorded),

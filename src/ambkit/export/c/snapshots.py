@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, Bools
 from ambkit.control.controller_states import Controller
-from ambkit.export.c import c_literals
 
 STATE_TOLERANCE, CURRENT_TOLERANCE = 1e-2, 2e-4
 """What float may be off by, as double shows from an equal start: states over their standard
@@ -47,14 +46,6 @@ class Snapshots:
     def before(self) -> Array:
         """Covariances that are restored there (snapshots, entries)."""
         return np.asarray(self.covariance[np.array(self.at, int) - 1])
-
-
-def restorable(controller: Controller) -> bool:
-    """Whether float loses digits, and only in the covariance."""
-    filter = controller.estimator
-    # What the core keeps besides a Kalman filter's state is not restored.
-    kept = c_literals.called(filter).has_state
-    return not (filter.machine.single or filter.precision == "float64" or kept)
 
 
 def snapshots_of(controller: Controller, run: Callable[..., dict[str, NDArray[Any]]]) -> Snapshots:
