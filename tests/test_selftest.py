@@ -212,8 +212,8 @@ MACHINE_FAULTS = {
     "HELD never told": ("core/src/envelope.c", "sound ? AMB_HELD", "sound ? AMB_OK"),
     "a demand whose product is none": (
         "core/src/kalman_step.h",
-        "state->last_u[c] = AMB_REAL_ROOT;",
-        "state->last_u[c] = AMB_C(0.0);",
+        "= amb_clamp(u, -AMB_REAL_ROOT, AMB_REAL_ROOT);",
+        "= (u > AMB_REAL_ROOT) ? AMB_C(0.0) : amb_clamp(u, -AMB_REAL_ROOT, AMB_REAL_ROOT);",
     ),
     "too sure of a sensor after an outage": (
         "core/src/envelope.c",

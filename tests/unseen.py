@@ -335,6 +335,8 @@ no sensor's readings come in steps:
     kalman_step.h  kf->set.step[r]) > (than  const bool again = !(  bool coarse = very || (interval
     kalman_step.h  as.moved  const bool told = (status  const amb_real grown = before
     kalman_step.h  const amb_real change = y  return amb_step_each(amb_step_plain, kf, NULL
+    kalman_step.h@amb_step_rounded  const amb_real e = y  if (AMB_WITHIN(e, AMB_REAL_ROOT)
+    kalman_step.h@amb_step_rounded  as = very
     kalman_step.h  if (coarse && !stays) {
 """)
 """Of a machine or an axis whose readings do not come in steps."""
