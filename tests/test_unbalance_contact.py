@@ -44,11 +44,11 @@ def random_rotor(seed):
                 each[key] *= heavy
         rotor["damping_ratio"] = float(np.exp(rng.uniform(np.log(0.001), np.log(0.02))))
         placed = {
-            key: [
-                each.model_copy(update={"place": each.place * long}) for each in getattr(base, key)
-            ]
-            for key in ("bearing", "sensor", "unbalance")
-        }
+            key: [each.model_copy(update={"place": each.place * long}) for each in parts]
+            for key, parts in (
+                ("bearing", base.bearings), ("sensor", base.sensors), ("unbalance", base.unbalance),
+            )
+        }  # fmt: skip
         try:
             machine = base.replace(name=f"rotor_{seed}", rotor=rotor, speed=20000 * RPM, **placed)
             first = float(machine.bending.frequency[0])

@@ -73,7 +73,11 @@ class OfMatrices(Part):
         """The rotor as a rigid body."""
         return body_of(self.matrices)
 
-    mass = property(attrgetter("body.mass"))
+    @property
+    def mass(self) -> float:
+        """Its mass [kg]."""
+        return self.body.mass
+
     transverse_inertia = property(attrgetter("body.transverse_inertia"))
     polar_inertia = property(attrgetter("body.polar_inertia"))
     centre = property(attrgetter("body.centre"))
