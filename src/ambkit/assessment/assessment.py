@@ -75,7 +75,7 @@ class Assessment(Result):
 
     @property
     def bearing(self) -> Any:
-        """The plant, of a single axis in its short form."""
+        """The plant, by the name of one with a single axis."""
         return self.of.machine
 
     @property

@@ -57,7 +57,7 @@ class Plan:
 
     @cached_property
     def nominal(self) -> Any:
-        """The machine that controllers and estimator know; of one axis its short form."""
+        """The machine that controllers and estimator know."""
         return load_machine(self.study.machine)
 
     @property

@@ -126,7 +126,7 @@ class FilterFile(Document):
 
     @property
     def plant(self) -> Any:
-        """The machine that it assumes, of a single axis in its short form."""
+        """The machine that it assumes."""
         return self.machine.plant
 
     @model_serializer(mode="wrap")

@@ -46,7 +46,7 @@ class PlantOf(Part):
 
     @cached_property
     def plant(self) -> Any:
-        """The machine itself, of a single axis in its short form."""
+        """The machine itself."""
         if self.file is None and self.preset not in presets.names():
             presets.text(self.preset or "")  # which says what there is
         return load_machine(self.file or self.preset or "")

@@ -47,7 +47,7 @@ def levitation_current_at(
 
 
 def load_machine(name: str | os.PathLike[str]) -> Machine:
-    """Return a preset, or the machine in a file; of a single axis its short form."""
+    """Return a preset, or the machine in a file."""
     known, text = presets.names(), os.fspath(name)
     if text in known:
         return Machine.preset(text)

@@ -94,8 +94,8 @@ def moved(problems: list[Problem], own: list[Problem]) -> list[Problem]:
     results = list(own)
     for problem in problems:
         path = short_path(problem.path)
-        told = any(path[: len(other.path)] == other.path for other in results)
-        if problem.missing and (told or path in meant):
+        reported = any(path[: len(other.path)] == other.path for other in results)
+        if problem.missing and (reported or path in meant):
             continue
         if problem.missing and path == ("sensor",):
             problem = problem._replace(text=f"missing: {table_of(Sensor)}")

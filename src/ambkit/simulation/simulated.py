@@ -33,7 +33,7 @@ TURNING = ("synchronous",)
 class Run(Result):
     """A simulated run: what happened, and what the estimator said meanwhile."""
 
-    plant: Machine  #: What was simulated; one axis in its short form.
+    plant: Machine  #: What was simulated.
     #: Measurements and control signals, and the truth. Of one axis ``y``, ``u``, ``r``, ``x``,
     #: ``v``, ``x_m``, ``iu``, ``f_mag``, ``f_d``. Of several each reading ``y_NAME`` [m], each
     #: axis's ``u_NAME`` [V], displacement ``s_NAME`` [m], current ``iu_NAME`` [A], magnet force
@@ -205,7 +205,7 @@ class Run(Result):
 
     @property
     def machine(self) -> Machine:
-        """The plant as a machine."""
+        """The plant."""
         return self.plant
 
     @property

@@ -47,15 +47,15 @@ class Problem(NamedTuple):
 
 
 @cache
-def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
-    """Return the fields of a model by their keys in files."""
-    return {field.alias or name: field for name, field in model.model_fields.items()}
-
-
-@cache
 def names_of(model: type[BaseModel]) -> dict[str, str]:
     """Return the names of a model's fields by their keys in files."""
     return {field.alias or name: name for name, field in model.model_fields.items()}
+
+
+@cache
+def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields of a model by their keys in files."""
+    return {key: model.model_fields[name] for key, name in names_of(model).items()}
 
 
 def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
