@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """Bearing, scenario and what comes from outside, n samples each, as `core.simulate` asks."""
+    """Machine, scenario and what comes from outside, n samples each, as `core.simulate` asks."""
 
-    bearing: ambkit.Bearing
+    bearing: ambkit.Machine
     scenario: ambkit.Scenario
     filter: ambkit.KalmanFilter
     settings: Settings

@@ -19,7 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit import Bearing, Record
+from ambkit import Machine, Record
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
 from ambkit.identification.maximum_likelihood.likelihood import Data
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -30,7 +30,7 @@ from ambkit.machine.magnets import own_time
 Array = NDArray[np.float64]
 
 TRUTH = LoopModel(
-    Bearing.preset("zittau_axial").replace(
+    Machine.preset("zittau_axial").replace(
         sensor__lag="0.8 ms", sensor__noise_variance="4 µm^2", amplifier__noise_variance="4e-3 V^2"
     ),
     delay=2.3e-4,

@@ -140,7 +140,7 @@ def judge_states(
 
     Parameters
     ----------
-    bearing : Bearing or Machine
+    bearing : Machine
         The machine.
     kinds : sequence of str
         Of ``ambkit.estimate.registry.KINDS``.

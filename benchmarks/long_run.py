@@ -90,9 +90,9 @@ def run(steps: int, kind: str = "ud", *, show: bool = True) -> Seen:
     return seen
 
 
-def _record() -> tuple[ambkit.Bearing, np.ndarray, np.ndarray]:
+def _record() -> tuple[ambkit.Machine, np.ndarray, np.ndarray]:
     """Return what is filtered; it ends where it began, within a gap of the sensor."""
-    bearing = ambkit.Bearing.preset("zittau_axial").replace(sensor__noise_variance=SENSOR**2)
+    bearing = ambkit.preset("zittau_axial").replace(sensor__noise_variance=SENSOR**2)
     swing = ambkit.Sine(amplitude=3e-4, frequency=2.0)
     T = bearing.sampling_time
     scenario = ambkit.Scenario(duration=1.0 + PERIOD * T, reference=swing)

@@ -41,7 +41,7 @@ FEW = 8
 class Loops:
     """Runs of one loop that differ in their noise."""
 
-    bearing: ambkit.Bearing
+    bearing: ambkit.Machine
     scenario: ambkit.Scenario
     kalman: ambkit.KalmanFilter
     loop: ClosedLoop

@@ -72,10 +72,10 @@ def axes(count: int, modes: int = 0, *, late: bool = False) -> list[Part]:
 
 def machines() -> dict[str, Model]:
     """Return the machines of the comparison, small to large."""
-    from ambkit.machine.machine import Bearing
+    from ambkit.machine.machine import Machine
 
     return {
-        "the paper's axis": machine_model(Bearing.preset("zittau_axial")),
+        "the paper's axis": machine_model(Machine.preset("zittau_axial")),
         "two axes": compose(axes(2), T, name="two"),
         "rigid rotor, gyroscopic": compose(axes(4), T, name="rigid"),
         "flexible rotor": compose(axes(4, 8, late=True), T, name="flexible"),

@@ -15,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit import Bearing, Record
+from ambkit import Machine, Record
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
 from ambkit.identification.maximum_likelihood.current_state import Coil, CurrentState, propagate
 from ambkit.identification.maximum_likelihood.likelihood import Data
@@ -38,7 +38,7 @@ OFFSET = 47e-3
 """How well the offset of the current is known beforehand [A]: so it is drawn."""
 
 TRUTH = LoopModel(
-    Bearing.preset("inteco_ml").replace(
+    Machine.preset("inteco_ml").replace(
         sensor__lag=1e-5,
         sensor__noise_variance=(16.8e-6) ** 2,
         amplifier__noise_variance=SENSOR**2,

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from ambkit import Bearing, FilterNoise, Record
+from ambkit import FilterNoise, Machine, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.constant_velocity import tune as constant_velocity
 from ambkit.estimate.registry import KINDS
@@ -70,7 +70,7 @@ def efficiency(lag: float, noise: float, runs: int = 200, seed: int = 1) -> dict
         Limit over root mean square error of ``x``, ``v``, ``f_d``; ``nees``, the share of samples
         within the 95 % bound, and ``nees_error``, the standard error of that; ``nis``.
     """
-    bearing = Bearing.preset("zittau_axial").replace(
+    bearing = Machine.preset("zittau_axial").replace(
         sensor__lag=lag, sensor__noise_variance=noise**2
     )
     result = bench(bearing, CASES["model"], candidates(["extended"], bearing), runs=runs, seed=seed)
@@ -82,7 +82,7 @@ def efficiency(lag: float, noise: float, runs: int = 200, seed: int = 1) -> dict
     }
 
 
-def drawn(seed: int) -> Bearing:
+def drawn(seed: int) -> Machine:
     """Draw a sensible bearing: the loop's own pole is slow beside sampling and sensor."""
     random = np.random.default_rng([seed, 11])
 
@@ -101,7 +101,7 @@ def drawn(seed: int) -> Bearing:
     else:  # the magnet carries the rotor at its bias current
         k = mass * 9.81 * gap**2 / i0**2
         gravity = "-x"
-    return Bearing.model_validate({
+    return Machine.model_validate({
         "name": f"drawn_{seed}",
         "sampling_time": T,
         "magnet": {
@@ -122,7 +122,7 @@ def drawn(seed: int) -> Bearing:
 class Judged:
     """Errors of the position on one bearing [m], rms over the runs that it was not tuned on."""
 
-    bearing: Bearing
+    bearing: Machine
     errors: dict[str, float]
 
     def ratio(self, name: str) -> float:
@@ -159,7 +159,7 @@ def judged(seed: int) -> Judged | None:
     return Judged(bearing, errors)
 
 
-def _tuned(name: str, bearing: Bearing, training: Sequence[Record], first: int) -> Any:
+def _tuned(name: str, bearing: Machine, training: Sequence[Record], first: int) -> Any:
     """Return a filter whose growth of the load makes the error on the training runs least."""
 
     def made(decade: float) -> Any:

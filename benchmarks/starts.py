@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ambkit
-from ambkit import Bearing, Record, Status
+from ambkit import Machine, Record, Status
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import Precision, own_time
@@ -39,7 +39,7 @@ def kinds() -> list[str]:
 class Course(NamedTuple):
     """A record with its truth (n, 4), and where a filter is in the middle of it."""
 
-    bearing: Bearing
+    bearing: Machine
     y: Array
     u: Array
     truth: Array
@@ -48,7 +48,7 @@ class Course(NamedTuple):
 def course(sensor: str, kind: str, seed: int = 1) -> Course:
     """Simulate one; small motions for what knows the middle only."""
     lag, noise = SENSORS[sensor]
-    bearing = Bearing.preset("zittau_axial").replace(
+    bearing = Machine.preset("zittau_axial").replace(
         sensor__lag=lag, sensor__noise_variance=noise**2
     )
     amplitude = 1e-5 if kind in LINEAR else 3e-4
@@ -65,7 +65,7 @@ def course(sensor: str, kind: str, seed: int = 1) -> Course:
     return Course(bearing, record["y"], record["u"], truth)
 
 
-def drawn(bearing: Bearing, rng: np.random.Generator) -> tuple[Array, Array]:
+def drawn(bearing: Machine, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return a mean (4,) and standard deviations (4,).
 
     The mean is zero, anywhere within the stops, or anything; each standard deviation from 1e-12 to

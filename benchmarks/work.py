@@ -58,7 +58,7 @@ class Work:
     sample; u[k], k_i[k] and k_s[k] act from sample k to k + 1.
     """
 
-    bearing: ambkit.Bearing
+    bearing: ambkit.Machine
     scenario: ambkit.Scenario
     record: ambkit.Record
     y: Array
@@ -72,7 +72,7 @@ class Work:
     @classmethod
     def simulated(cls, steps: int) -> Work:
         """Simulate `steps` samples of the paper's bearing in closed loop, with its noise."""
-        bearing = ambkit.Bearing.preset("zittau_axial")
+        bearing = ambkit.preset("zittau_axial")
         T = bearing.sampling_time
         scenario = ambkit.Scenario(
             duration=(steps - 1) * T,
@@ -113,7 +113,7 @@ class Work:
         return np.asarray(np.sqrt(np.diag(self.cov)))
 
 
-def _settings(bearing: ambkit.Bearing, kf: ambkit.KalmanFilter) -> Settings:
+def _settings(bearing: ambkit.Machine, kf: ambkit.KalmanFilter) -> Settings:
     """What `KalmanFilter` makes of the bearing, computed here once more but for the growth."""
     T, m, sensor = bearing.sampling_time, bearing.rotor.mass, bearing.sensor
     a = math.exp(-T / sensor.lag)

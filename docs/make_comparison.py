@@ -17,9 +17,9 @@ from ambkit.judge.comparison.study import across, study
 RUNS, BUDGET = 32, 32
 
 if __name__ == "__main__":
-    bearing = ambkit.Bearing.preset("zittau_axial")
-    benches = across(bearing, CASES, list(KINDS), runs=RUNS, budget=BUDGET)
-    found = study(bearing, "paper", list(KINDS), runs=RUNS, budget=BUDGET)
+    machine = ambkit.preset("zittau_axial")
+    benches = across(machine, CASES, list(KINDS), runs=RUNS, budget=BUDGET)
+    found = study(machine, "paper", list(KINDS), runs=RUNS, budget=BUDGET)
     assert None not in (found.model, found.steps, found.wrong_k, found.limit_steps)
     pictures = {
         "cases": figures.cases_figure(benches),

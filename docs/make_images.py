@@ -48,7 +48,7 @@ def step() -> Figure:
 
 def margins() -> Figure:
     """Show the bearing of docs/how-to/assess.md, on the measurement and with two filters."""
-    laboratory = ambkit.Bearing.preset("zittau_axial").replace(
+    laboratory = ambkit.preset("zittau_axial").replace(
         name="laboratory",
         magnet__magnet_constant="3.6413 N mm^2/A^2",
         magnet__air_gap="0.78 mm",

@@ -37,7 +37,7 @@ from ambkit.judge.comparison.tuning import candidates
 from ambkit.machine.magnets import own_time
 
 DOCS = Path(__file__).parent
-BEARING = ambkit.Bearing.preset("zittau_axial")
+BEARING = ambkit.preset("zittau_axial")
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def uncertain(count: int = 64) -> None:
     standing = bench(BEARING, CASES["uncertain"], field, runs=count).default
     force = {name: item.figures["f_d"] for name, item in standing.items()}
     for name, errors in force.items():
-        print(f"{name:>11}: F_St {said(errors[np.isfinite(errors)])}")
+        print(f"{name:>11}: f_d {said(errors[np.isfinite(errors)])}")
     better = 100 * np.mean(force["closed-law"] < force["linear"])
     p = ttest_rel(force["linear"], force["closed-law"], nan_policy="omit").pvalue
     print(f"the law is better in {better:.0f} % of the runs; t test of pairs: p = {p:.3f}")
@@ -130,7 +130,7 @@ def wrong_k(count: int = 32) -> None:
     for title, case in cases.items():
         made = [trial for trial in trials(case, BEARING, count, 0) if not trial.lost]
         for name, make in ways.items():
-            print(f"{title:>26}, {name:>18}: F_St "
+            print(f"{title:>26}, {name:>18}: f_d "
                   f"{said(np.array([error(make, trial) for trial in made]))}")  # fmt: skip
 
 

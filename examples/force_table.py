@@ -20,7 +20,7 @@ from ambkit.machine.forces.force_surface import ForceSurface
 REACH = 0.8e-3  # m: how far the step overshoots
 SATURATION = 1500.0  # A/m: the paper's rig has 750 A/m at rest
 
-bearing = ambkit.Bearing.preset("zittau_axial")
+machine = ambkit.preset("zittau_axial")
 
 
 def saturating(iu: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -30,7 +30,7 @@ def saturating(iu: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.fl
         ideal = current / gap
         return ideal / (1 + (ideal / SATURATION) ** 4) ** 0.25
 
-    m = bearing.magnet
+    m = machine.magnet
     pull = flux(m.bias_current + iu, m.air_gap - x) ** 2
     return m.magnet_constant * (pull - flux(m.bias_current - iu, m.air_gap + x) ** 2)
 
@@ -42,11 +42,11 @@ rows = np.column_stack([iu, x, saturating(iu, x) + random.normal(0, 0.1, 300)])
 np.savetxt("force.csv", rows, delimiter=",", header="iu [A],x [m],f_mag [N]", comments="")
 
 # Learn: the force from the points, the operating points from the force, the rules from those.
-measured = ForceSurface(bearing, load_force_points("force.csv"))
-stiff = ambkit.stiffness_map(bearing, displacements=np.linspace(-REACH, REACH, 5), force=measured)
+measured = ForceSurface(machine, load_force_points("force.csv"))
+stiff = ambkit.stiffness_map(machine, displacements=np.linspace(-REACH, REACH, 5), force=measured)
 expert = ambkit.train(stiff).expert
-law = ambkit.ClosedLaw(bearing)
-truth = ambkit.stiffness_map(bearing, displacements=stiff.displacement, force=saturating)
+law = ambkit.ClosedLaw(machine)
+truth = ambkit.stiffness_map(machine, displacements=stiff.displacement, force=saturating)
 print(
     f"force error over the box: expert {truth.force_rms(expert.force):.2f} N rms, "
     f"closed law {truth.force_rms(law.force):.2f} N rms"
@@ -54,21 +54,21 @@ print(
 
 # And filter, beside a plant with the saturating magnet.
 plant = ambkit.stiffness_map(
-    bearing,
-    currents=np.linspace(bearing.current_min, bearing.current_max, 31),
+    machine,
+    currents=np.linspace(machine.current_min, machine.current_max, 31),
     displacements=np.linspace(-REACH, REACH, 33),
     force=saturating,
 )
 scenario = ambkit.Scenario(
     reference=ambkit.Step(amplitude=0.5e-3, time=0.05),
     disturbance=ambkit.Step(amplitude=3.0, time=0.25),
-    controller=ambkit.PID.textbook(bearing),  # it overshoots: the rotor goes far out
+    controller=ambkit.PID.textbook(machine),  # it overshoots: the rotor goes far out
 )
 for name, magnet in {"linear": None, "closed law": law, "expert": expert}.items():
     errors = []
     for seed in range(20):
-        kalman = ambkit.KalmanFilter(bearing, magnet)
-        run = ambkit.simulate(bearing, scenario.replace(seed=seed), filter=kalman, plant=plant)
+        kalman = ambkit.KalmanFilter(machine, magnet)
+        run = ambkit.simulate(machine, scenario.replace(seed=seed), filter=kalman, plant=plant)
         errors.append(rmse(run.estimate, run.record, "f_d"))
     print(
         f"{name:>10}: error of the disturbance force {np.mean(errors):.2f} ± "

@@ -13,21 +13,21 @@ TUNED_ON = 1.5  # s
 
 here = Path(__file__).parent
 record = ambkit.load(here / "recordings" / "sinus_kalman.csv", here / "shifted_map.toml")
-bearing = ambkit.Bearing.preset("inteco_ml").replace(
+machine = ambkit.preset("inteco_ml").replace(
     name="around 9 mm", magnet__air_gap="11.149 mm", magnet__bias_current="0.8587 A"
 )
-law = ambkit.ClosedLaw(bearing)
+law = ambkit.ClosedLaw(machine)
 
 
 def make(process_noise: float) -> ambkit.KalmanFilter:
     """Build the filter with this process noise of the disturbance force [N^2/s]."""
     noise = ambkit.FilterNoise(disturbance=process_noise)
-    return ambkit.AdaptiveKalmanFilter(bearing, law, noise=noise)
+    return ambkit.AdaptiveKalmanFilter(machine, law, noise=noise)
 
 
 # The process noise of the disturbance force is the one figure that nothing measures.
 start = record.between(None, record.t[0] + TUNED_ON)
-process_noise = tune_disturbance(bearing, start, make).intensity
+process_noise = tune_disturbance(machine, start, make).intensity
 found = evaluate(make(process_noise), record, settling=TUNED_ON)
 for ahead, error in found.prediction.items():
     print(

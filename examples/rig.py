@@ -53,12 +53,12 @@ points = [
     find_lift_off(ambkit.load(path, lift_off), int(path.stem))
     for path in sorted((LOGS / "force").glob("*.mat"))
 ]
-preset = ambkit.Bearing.preset("inteco_ml")
+preset = ambkit.preset("inteco_ml")
 law = fit_lift_off(points, preset.rotor.mass, gap_range=(0.004, 0.016))
 gap, bias = law.operating_point(0.010)
 rest = measurement_noise(ambkit.load(LOGS / "noises.mat", lift_off), "i")
 moving = [p.noise_variance for p in points if 0.008 <= p.gap <= 0.012]
-bearing = preset.replace(
+machine = preset.replace(
     magnet__magnet_constant=law.magnet_constant,
     magnet__air_gap=gap,
     sensor__noise_variance=float(np.mean(moving)),
@@ -70,7 +70,7 @@ print(
 )
 
 # One closed loop for the rest. The map counts the current from the preset's bias.
-start = LoopModel(bearing, current_offset=preset.magnet.bias_current - bearing.magnet.bias_current)
+start = LoopModel(machine, current_offset=preset.magnet.bias_current - machine.magnet.bias_current)
 logs = {name: closed_loop(name) for name in NAMES}
 noise = ("measurement_noise", "control_noise", "disturbance_noise", "current_offset")
 by_lift_off = maximum_likelihood(logs[USED], start, noise)

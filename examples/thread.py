@@ -107,7 +107,7 @@ for name, text in (("my", BEARING), ("fe", FORCE_CHANNELS), ("rig", CHANNELS)):
     (place / f"{name}.toml").write_text(text.lstrip(), encoding="utf-8")
 
 # Finite elements are another program's; here iron that saturates, and fringes, are in their place.
-iron = ambkit.Bearing.from_toml(
+iron = ambkit.Machine.from_toml(
     BEARING.replace('force_map = "fe.csv"', 'iron_length = "0.2 m"\nrelative_permeability = 2000')
     .replace('force_channels = "fe.toml"', 'saturation = "1.2 T"')
 )  # fmt: skip
@@ -116,7 +116,7 @@ fringes = 1 + 0.03 * np.tanh(5 * x) ** 2 + 0.01 * np.cos(iu)
 force = ambkit.magnet_of(iron).force(iu, 1e-3 * x) * fringes
 german(place / "fe.csv", "Strom;Spalt;Kraft", iu, 0.4 - x, 1e-3 * force)
 
-my = ambkit.Bearing.load(place / "my.toml")
+my = ambkit.Machine.load(place / "my.toml")
 linear = ambkit.ConstantStiffness.of(my)
 print(f"{my.name}: k_i {linear.k_i:.0f} N/A, k_s {linear.k_s / 1e6:.2f} N/µm at the centre")
 
@@ -195,7 +195,7 @@ design = ambkit.design(
     force=True,
     prefix="grinder",
 )
-found = ambkit.Bearing.load(place / "design" / "machine.toml")
+found = ambkit.Machine.load(place / "design" / "machine.toml")
 weaker = 1 - found.magnet.magnet_constant / my.magnet.magnet_constant
 print(
     f"The magnet is {100 * weaker:.1f} % weaker than drawn, the delay {1e3 * found.delay:.4f} ms."

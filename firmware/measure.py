@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ambkit import Bearing, Record, stiffness_map
+from ambkit import Machine, Record, stiffness_map
 from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
@@ -21,7 +21,7 @@ from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Step
 from firmware import harness, path
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 SAMPLES = 2000
 FEW = 9  # rules of the smaller expert; what a rule costs is the difference to 25
 
@@ -71,7 +71,7 @@ def magnets() -> dict[str, MagnetModel | None]:
     return {name: given.get(name) for name in KINDS if name != UNMEASURED}
 
 
-def case(kind: str, magnet: MagnetModel | None, folder: Path, bearing: Bearing = BEARING) -> Case:
+def case(kind: str, magnet: MagnetModel | None, folder: Path, bearing: Machine = BEARING) -> Case:
     """Export, build and run one filter; `folder` takes what is made."""
     estimator = KINDS[kind].make(bearing, magnet, precision="float32")
     export = export_c(bearing, estimator, folder / "export", prefix="filter").folder

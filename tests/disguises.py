@@ -97,7 +97,7 @@ MEASURED = ("y", "u", "r")
 
 def simulated(name: str) -> dict[str, Array]:
     """Simulate a rig of another kind than the recorded one: time, y, u, r, and estimates of it."""
-    bearing = ambkit.Bearing.preset("inteco_ml" if name == "one magnet" else "zittau_axial")
+    bearing = ambkit.preset("inteco_ml" if name == "one magnet" else "zittau_axial")
     duration, size = 1.5, 0.2e-3
     match name:
         case "slow poles, 1 kHz":
@@ -160,10 +160,10 @@ def other_rig(seed: int) -> tuple[Disguised, list[str]]:
     return hidden, [list(rows)[k] for k in hidden.order]
 
 
-def _flown(rng: np.random.Generator, seed: int) -> tuple[ambkit.Record, ambkit.Bearing] | None:
+def _flown(rng: np.random.Generator, seed: int) -> tuple[ambkit.Record, ambkit.Machine] | None:
     """Fly some bearing; None where that goes wrong."""
     one = rng.random() < 0.3
-    bearing = ambkit.Bearing.preset("inteco_ml" if one else "zittau_axial")
+    bearing = ambkit.preset("inteco_ml" if one else "zittau_axial")
     values: dict[str, object] = {
         "sampling_time": float(rng.choice([5e-4, 1e-3, 2e-3] if one else [5e-5, 1e-4, 2e-4, 1e-3])),
         "sensor__noise_variance": (10 ** rng.uniform(-6 if one else -7, -4.5 if one else -5)) ** 2,
@@ -184,8 +184,8 @@ def _flown(rng: np.random.Generator, seed: int) -> tuple[ambkit.Record, ambkit.B
 
 
 def _moved(
-    rng: np.random.Generator, bearing: ambkit.Bearing, seed: int
-) -> tuple[ambkit.Record, ambkit.Bearing] | None:
+    rng: np.random.Generator, bearing: ambkit.Machine, seed: int
+) -> tuple[ambkit.Record, ambkit.Machine] | None:
     """Move a bearing's rotor by a reference or a load; None where it touches its stop."""
     duration = float(rng.integers(6000, 15000)) * bearing.sampling_time
     size, often = bearing.clearance * rng.uniform(0.02, 0.4), rng.uniform(2, 12) / duration

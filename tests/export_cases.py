@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 from exporting import export_c
 
-from ambkit import Bearing
+from ambkit import Machine
 from ambkit.assessment.arguments import filter_to_export
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS as REGISTRY
 from ambkit.export.c import CExport
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 # "tabulated" is the expert of "adaptive" as a table, in the same C as the map of "table"; what is
 # steady-state is an observer.
 KINDS = (*(n for n in REGISTRY if n not in ("table", "steady-state")), "tabulated")
@@ -44,7 +44,7 @@ def export(kind: str, out: Path, **options: Any) -> CExport:
     return export_of(BEARING, kind, out, **options)
 
 
-def export_of(bearing: Bearing, kind: str, out: Path, **options: Any) -> CExport:
+def export_of(bearing: Machine, kind: str, out: Path, **options: Any) -> CExport:
     """Export a kind that asks what it asks of the magnet of `BEARING`."""
     form = {"kind": "adaptive", "expert_form": "tabulated"} if kind == "tabulated" else {}
     return export_c(bearing, magnet_of(kind), out, **{"kind": kind} | form | options)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from iron import IDEAL, TWO_SIDED
 
-from ambkit import Bearing, magnet_of
+from ambkit import Machine, magnet_of
 
 CURRENTS, DISPLACEMENTS = np.linspace(-2.5, 2.5, 21), np.linspace(-0.25e-3, 0.25e-3, 15)
 LARGEST = 603.0
@@ -14,7 +14,7 @@ LARGEST = 603.0
 _RAW = magnet_of(
     TWO_SIDED.replace(magnet__saturation=1.1, magnet__pole_area="1450 mm^2", rotor__mass=20.0)
 )
-BEARING: Bearing = IDEAL.replace(magnet__pole_area="1450 mm^2", rotor__mass=20.0)
+BEARING: Machine = IDEAL.replace(magnet__pole_area="1450 mm^2", rotor__mass=20.0)
 """What is known of it: the ideal law."""
 
 

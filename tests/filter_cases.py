@@ -10,14 +10,14 @@ import oracles
 from numpy.typing import NDArray
 
 import ambkit
-from ambkit import Bearing, ClosedLaw
+from ambkit import ClosedLaw, Machine
 from ambkit.machine.magnets import core_module
 from ambkit.models import Model
 from ambkit.models.machine_parts import PAPER_CONSTANTS
 
 Array = NDArray[np.float64]
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 SETTINGS = oracles.settings_of(BEARING)
 START = np.array([2e-5, 0.01, -1.0, 1e-5])
 STD = np.array([3e-5, 0.012, 5.0, 3e-5])

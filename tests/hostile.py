@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html.parser import HTMLParser
 
-from ambkit import Bearing
+from ambkit import Machine
 
 PRINTABLE = (
     "x*/ int f(void){return 1;} /*",
@@ -28,7 +28,7 @@ NOT_PRINTABLE = (
 TEXTS = (*PRINTABLE, *NOT_PRINTABLE)
 
 
-def called(bearing: Bearing, text: str) -> Bearing:
+def called(bearing: Machine, text: str) -> Machine:
     """Return a bearing that has a text in all of its fields, as no file can make one."""
     return bearing.model_copy(update={"name": text, "description": text, "source": text})
 

@@ -18,7 +18,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent.parent
 SCRIPT = """
 import ambkit
-bearing = ambkit.Bearing.load("my.toml")
+bearing = ambkit.Machine.load("my.toml")
 record = ambkit.Record.load("run.csv")
 estimate = ambkit.KalmanFilter(bearing).run(record)
 assert estimate.x.shape == record.t.shape

@@ -1,6 +1,6 @@
 """A bearing whose iron saturates, for several tests: the one of DESIGN.md."""
 
-from ambkit import Bearing
+from ambkit import Machine
 
 TOML = """\
 name = "iron"
@@ -32,7 +32,7 @@ gain = 1
 lag = "0.05 ms"
 noise_variance = "1 µm^2"
 """
-TWO_SIDED = Bearing.from_toml(TOML)
+TWO_SIDED = Machine.from_toml(TOML)
 IDEAL = TWO_SIDED.replace(
     magnet__iron_length=None, magnet__relative_permeability=None, magnet__saturation=None
 )

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ambkit
-from ambkit import Bearing, Record, Scenario, Step
+from ambkit import Machine, Record, Scenario, Step
 
 Array = NDArray[np.float64]
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 LOAD_AT = 0.8
 
 
@@ -36,7 +36,7 @@ def run(step: float, seed: int = 0, *, load: float = 3.0, noise: float = 1.0) ->
     return ambkit.simulate(quieter(noise), scenario).record
 
 
-def quieter(noise: float, k: float = 1.0) -> Bearing:
+def quieter(noise: float, k: float = 1.0) -> Machine:
     """The bearing with other noise, and as one who has k wrong by this factor describes it."""
     return BEARING.replace(
         magnet__magnet_constant=k * BEARING.magnet.magnet_constant,

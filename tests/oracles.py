@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from ambkit import Bearing
+from ambkit import Machine
 
 Array = NDArray[np.float64]
 Settings = dict[str, Any]
 """Settings of a filter, by the names of ``amb_kalman_settings``, SI."""
 
 
-def settings_of(bearing: Bearing, **changes: float) -> Settings:
+def settings_of(bearing: Machine, **changes: float) -> Settings:
     """Write down what a filter of the bearing is set to, without asking ambkit's own filters."""
     sign = {"-x": -1.0, "+x": 1.0, "none": 0.0}[bearing.rotor.gravity]
     bias = 0.0 if bearing.magnet.type == "two-sided" else magnet_force(bearing, 0.0, 0.0)
@@ -50,7 +50,7 @@ def settings_of(bearing: Bearing, **changes: float) -> Settings:
     } | changes
 
 
-def magnet_force(bearing: Bearing, iu: float, x: float) -> float:
+def magnet_force(bearing: Machine, iu: float, x: float) -> float:
     """Whole force of the magnet [N], eq. 1, first equality; one-sided: its first term."""
     k, s0, i0 = bearing.magnet.magnet_constant, bearing.magnet.air_gap, bearing.magnet.bias_current
     upper = ((i0 + iu) / (s0 - x)) ** 2

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Adaline, Bearing, Record, Scenario
+from ambkit import Adaline, Machine, Record, Scenario
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 K = BEARING.magnet.magnet_constant
 STEP = Scenario(duration=0.5, noise=False, reference=ambkit.Step(amplitude=5e-4, time=0.02))
 WRONG = pytest.mark.parametrize("start", [0.5, 1.5], ids=["50 % too small", "50 % too large"])
@@ -62,7 +62,7 @@ def test_the_force_is_that_of_the_magnet():
 
 
 def test_one_sided_magnets_too():
-    b = Bearing.preset("inteco_ml")
+    b = Machine.preset("inteco_ml")
     k = b.magnet.magnet_constant
     scenario = Scenario(
         duration=10.0, noise=False, reference=ambkit.Sine(amplitude=1e-3, frequency=0.5),

@@ -8,11 +8,11 @@ import pytest
 from filter_cases import SETTINGS, START, STD, made, moving_record
 
 import ambkit
-from ambkit import AdaptiveNoise, Bearing, FilterNoise, Record, Scenario, Status
+from ambkit import AdaptiveNoise, FilterNoise, Machine, Record, Scenario, Status
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import core_module
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 R = BEARING.sensor.noise_variance
 GROWTH = 1.0  # N^2/s
 

@@ -9,7 +9,7 @@ from machine_cases import PRESETS
 from quick import quick
 
 import ambkit
-from ambkit import Bearing, FilterNoise, KalmanFilter, Machine
+from ambkit import FilterNoise, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
 from ambkit.estimate.kalman import ExtendedKalmanFilter
@@ -22,7 +22,7 @@ from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Step
 from ambkit.workflow import design_candidates, identified
 
-AXIS, BALL = Bearing.preset("zittau_axial"), Bearing.preset("inteco_ml")
+AXIS, BALL = Machine.preset("zittau_axial"), Machine.preset("inteco_ml")
 MLPS = Machine.preset("tum_mlps")
 USUAL = KalmanFilter(AXIS).variances
 
@@ -131,7 +131,7 @@ SPINDLE = Path(__file__).parents[1] / "examples" / "spindle.toml"
 GOOD = [
     pytest.param(AXIS, id=AXIS.name), pytest.param(BALL, id=BALL.name),
     *map(kinds_of_machine, PRESETS),
-    pytest.param(Bearing.load(SPINDLE), id="spindle"),
+    pytest.param(Machine.load(SPINDLE), id="spindle"),
 ]  # fmt: skip
 
 

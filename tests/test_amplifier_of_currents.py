@@ -10,7 +10,7 @@ import ambkit
 from ambkit.base.errors import ConfigError
 from ambkit.campaigns.keys import changed
 
-VOLTS = ambkit.Bearing.preset("zittau_axial").replace(amplifier__gain="2 A/V")
+VOLTS = ambkit.preset("zittau_axial").replace(amplifier__gain="2 A/V")
 
 
 def in_amperes(folder, gain):
@@ -28,7 +28,7 @@ def in_amperes(folder, gain):
 
 @pytest.mark.parametrize("gain", ["2 A/A", "2000 mA/A", "2"])
 def test_its_number_counts_as_one_in_amperes_per_volt(tmp_path, gain):
-    read = ambkit.Bearing.load(in_amperes(tmp_path, gain))
+    read = ambkit.Machine.load(in_amperes(tmp_path, gain))
     assert "A^2" in (tmp_path / "b.toml").read_text(encoding="utf-8")
     assert read.amplifier == VOLTS.amplifier
     runs = [ambkit.simulate(b, step="0.1 mm", duration=0.02, seed=1).record for b in (read, VOLTS)]
@@ -38,11 +38,11 @@ def test_its_number_counts_as_one_in_amperes_per_volt(tmp_path, gain):
 @pytest.mark.parametrize("gain", ["2 V/A", "2 N/A", "2 A"])
 def test_a_gain_of_another_kind_is_refused(tmp_path, gain):
     with pytest.raises(ConfigError, match=r"amplifier\.gain.*A/V"):
-        ambkit.Bearing.load(in_amperes(tmp_path, gain))
+        ambkit.Machine.load(in_amperes(tmp_path, gain))
 
 
 def test_exports_name_its_unit(tmp_path):
-    read = ambkit.Bearing.load(in_amperes(tmp_path, "2 A/A"))
+    read = ambkit.Machine.load(in_amperes(tmp_path, "2 A/A"))
     export_c(read, None, tmp_path / "c")
     header = (tmp_path / "c" / "zittau_axial.h").read_text(encoding="utf-8")
     assert "u[k - 1] [A]" in header
@@ -54,7 +54,7 @@ def test_exports_name_its_unit(tmp_path):
 
 
 def test_a_study_that_varies_its_gain_keeps_its_unit(tmp_path):
-    read = ambkit.Bearing.load(in_amperes(tmp_path, "2 A/A"))
+    read = ambkit.Machine.load(in_amperes(tmp_path, "2 A/A"))
     varied = changed(read, {"amplifier": {"gain": 2.1}})
     assert varied.amplifier.gain == 2.1
     assert varied.amplifier.control_unit == "A"
@@ -63,8 +63,8 @@ def test_a_study_that_varies_its_gain_keeps_its_unit(tmp_path):
 
 def test_a_filters_file_names_its_unit(tmp_path):
     """Also where the bearing is a preset but for that: it is no preset then."""
-    read = ambkit.Bearing.load(in_amperes(tmp_path, "2 A/A"))
-    usual = ambkit.Bearing.preset("zittau_axial")
+    read = ambkit.Machine.load(in_amperes(tmp_path, "2 A/A"))
+    usual = ambkit.preset("zittau_axial")
     as_usual = read.replace(amplifier__gain="1 A/A")
     assert as_usual == usual
     noise = ambkit.FilterNoise(control="100 mA^2")

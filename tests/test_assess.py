@@ -12,7 +12,7 @@ from quick import quick
 from scipy.optimize import brentq
 
 import ambkit
-from ambkit import PID, Bearing, Control, Machine, Scenario
+from ambkit import PID, Control, Machine, Scenario
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.closed_loop import Loop
@@ -27,7 +27,7 @@ from ambkit.models.linear import LinearSystem, Signal, linearised
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate
 
-ZITTAU = Bearing.preset("zittau_axial")
+ZITTAU = Machine.preset("zittau_axial")
 LATE = ZITTAU.replace(delay=1.5e-4, amplifier__bandwidth=2000.0)
 SETTLING = [name for name in KINDS if name != "multiple-model"]
 OF_ONE_GAIN = [name for name in SETTLING if KINDS[name].finds_noise is None]
@@ -324,7 +324,7 @@ def test_decay_of_the_simulated_loop_is_that_of_the_poles(name):
     product(BEARINGS, [False, True]), zip(BEARINGS, cycle([True, False]), strict=False)
 ))  # fmt: skip
 def test_bodes_integral_to_six_digits(preset, late):
-    bearing = Bearing.preset(preset)
+    bearing = Machine.preset(preset)
     if late:
         T = bearing.sampling_time
         bearing = bearing.replace(delay=1.5 * T, amplifier__bandwidth=0.2 / T)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import PID, Bearing, KalmanFilter, Machine
+from ambkit import PID, KalmanFilter, Machine
 from ambkit.assessment.amplitude_sweep import _Rig
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.base.errors import AmbkitError
@@ -102,7 +102,7 @@ def test_what_cannot_be_fed_by_the_measurement_needs_a_filter():
     for control in (LQG, CROSSED):
         with pytest.raises(AmbkitError, match="fed by an estimate: give a filter"):
             ambkit.assess(TUM, "none", control)
-    one = ambkit.Bearing.preset("zittau_axial")
+    one = ambkit.preset("zittau_axial")
     regulated = [
         ambkit.assess(one, "linear", c).loops["linear"] for c in (LQG, Control(type="lqg"))
     ]
@@ -160,7 +160,7 @@ def test_command(given, code, said, call, tmp_path):
 
 @pytest.mark.parametrize("pid", [Control(type="lqg"), PID(feed_forward=0.5)])
 def test_a_bearings_regulator_and_feed_forward_are_in_its_loop(pid):
-    zittau = Bearing.preset("zittau_axial")
+    zittau = Machine.preset("zittau_axial")
     found = ambkit.assess_sweep(zittau, "linear", pid, amplitudes=["2 um"])
     assert found.loop.integral.holds
     assert found.swept[0].deviation < 0.02

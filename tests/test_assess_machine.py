@@ -138,7 +138,7 @@ def test_ideal_pieces_say_what_each_costs():
         assert 1 < shares[piece] < shares["as it is"]
     alone = ambkit.assess(UFU.isolated_axis("A1"), "linear").shares()
     assert list(alone) == list(shares)
-    of_one = ambkit.assess(ambkit.Bearing.preset("zittau_axial"), "linear").shares()
+    of_one = ambkit.assess(ambkit.preset("zittau_axial"), "linear").shares()
     assert list(of_one) == ["as it is", "sensor", "filter"]
 
 
@@ -182,7 +182,7 @@ def test_a_load_moves_the_operating_point():
     of_first = ambkit.assess(UFU, "none", disturbance="-20 N").point.iu
     np.testing.assert_array_equal(of_first, loaded.point.iu)
     with pytest.raises(AmbkitError, match="there is no axis A1"):
-        ambkit.assess(ambkit.Bearing.preset("zittau_axial"), "none", disturbance={"A1": 1.0})
+        ambkit.assess(ambkit.preset("zittau_axial"), "none", disturbance={"A1": 1.0})
 
 
 def test_assessment_of_a_machine_says_it_all():

@@ -12,9 +12,9 @@ from magnet_scale_cases import BEARING, LOAD_AT, jump, quieter, rms, run
 import ambkit
 from ambkit import (
     AugmentedKalmanFilter,
-    Bearing,
     ClosedLaw,
     ExtendedKalmanFilter,
+    Machine,
     MultipleModelFilter,
     Record,
     Status,
@@ -23,7 +23,7 @@ from ambkit.machine.magnets import core_module
 
 
 def one_sided():
-    bearing = Bearing.preset("inteco_ml")
+    bearing = Machine.preset("inteco_ml")
     controller = ambkit.PID.textbook(bearing).model_copy(update={"feedback": "measurement"})
     scenario = ambkit.Scenario(
         duration=1.0, controller=controller, reference=ambkit.Step(amplitude=1e-3, time=0.3)

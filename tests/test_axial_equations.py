@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from ambkit import Bearing, FilterNoise, KalmanFilter
+from ambkit import FilterNoise, KalmanFilter, Machine
 from ambkit.models.machine_parts import PAPER_CONSTANTS
 from models import axial as ax
 from models.exponential import coefficients
 
 ROOT = Path(__file__).resolve().parent.parent
 MODEL = ax.axial
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 
 
 def test_one_changed_sign_is_noticed(tmp_path, monkeypatch, capsys):

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, Status
+from ambkit import ClosedLaw, FilterNoise, KalmanFilter, Machine, Status
 from ambkit.estimate.batch import instruction_sets, run_many
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import core_module
 
 Array = NDArray[Any]
 
-TWO_SIDED = Bearing.preset("zittau_axial")
+TWO_SIDED = Machine.preset("zittau_axial")
 ONE_SIDED = TWO_SIDED.replace(magnet__type="one-sided", sensor__position_noise=-900.0)
 RUNS, N = 19, 700  # no multiple of any number of lanes, nor of a block
 HISTORY = ("mean", "innovation", "innovation_variance", "status")

@@ -17,7 +17,7 @@ from ambkit.identification.forces.lift_off import fit_lift_off, load_points
 from ambkit.machine import parts as parts_module
 from ambkit.machine import presets
 from ambkit.machine.loading import levitation_current_at
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import GRAVITY, MU_0, Amplifier, Magnet, Sensor, magnet_constant
 
@@ -50,12 +50,12 @@ noise_variance = "83 µm^2"
 
 @pytest.fixture
 def zittau():
-    return Bearing.preset("zittau_axial")
+    return Machine.preset("zittau_axial")
 
 
 def test_six_mistakes_are_told_at_once_in_order():
     with pytest.raises(ConfigError) as caught:
-        Bearing.from_toml(SIX_MISTAKES, "mine.toml")
+        Machine.from_toml(SIX_MISTAKES, "mine.toml")
     assert str(caught.value).splitlines() == [
         "6 problems in mine.toml:",
         '  mine.toml:2: sampling_time: "0.1 s/V": s/V cannot be converted to s,'
@@ -91,19 +91,19 @@ def test_what_the_paper_does_not_give_is_marked_as_chosen():
 def test_preset_files_are_named_after_their_bearing_and_listed():
     assert set(BEARINGS) >= {"zittau_axial", "inteco_ml"}
     for name in BEARINGS:
-        assert Bearing.preset(name).name == name
+        assert Machine.preset(name).name == name
 
 
 def test_an_unknown_preset_names_the_nearest():
     with pytest.raises(AmbkitError, match=r'no preset "zitau_axial"; did you mean zittau_axial\?'):
-        Bearing.preset("zitau_axial")
+        Machine.preset("zitau_axial")
     with pytest.raises(AmbkitError, match=r"there are: compressor, .*zittau_axial"):
         presets.text("../bearing")
 
 
 @pytest.mark.parametrize("name", BEARINGS)
 def test_the_levitation_current_carries_the_rotor(name):
-    bearing = Bearing.preset(name)
+    bearing = Machine.preset(name)
     magnet, iu = bearing.magnet, bearing.levitation_current
     pull = magnet.magnet_constant * ((magnet.bias_current + iu) / magnet.air_gap) ** 2
     if magnet.type == "two-sided":
@@ -114,14 +114,14 @@ def test_the_levitation_current_carries_the_rotor(name):
 
 @pytest.mark.parametrize("load", [-1e4, 1e4])
 def test_a_load_beyond_all_currents_gets_the_one_that_comes_closest(load):
-    bearing = Bearing.preset("zittau_axial")
+    bearing = Machine.preset("zittau_axial")
     ends = (bearing.current_min, bearing.current_max)
     left = [abs(magnet_of(bearing).force(iu, 0.0) + bearing.weight + load) for iu in ends]
     assert levitation_current_at(bearing, load=load) == ends[int(np.argmin(left))]
 
 
 def test_the_one_sided_rig_rests_at_its_operating_point_without_control_current():
-    rig = Bearing.preset("inteco_ml")
+    rig = Machine.preset("inteco_ml")
     assert abs(rig.levitation_current) < 1e-4 * rig.magnet.bias_current
     assert rig.current_min == -rig.magnet.bias_current
     assert rig.current_max == rig.amplifier.current_limit
@@ -129,7 +129,7 @@ def test_the_one_sided_rig_rests_at_its_operating_point_without_control_current(
 
 def test_the_one_sided_rig_has_the_law_of_its_lift_off_points():
     points = load_points(Path(__file__).parent.parent / "examples/recordings/lift_off_points.csv")
-    rig = Bearing.preset("inteco_ml")
+    rig = Machine.preset("inteco_ml")
     fit = fit_lift_off(points, rig.rotor.mass, gap_range=(4e-3, 16e-3))
     gap, bias = fit.operating_point(10e-3)
     assert rig.magnet.magnet_constant == pytest.approx(fit.magnet_constant, rel=1e-4)
@@ -143,7 +143,7 @@ def test_the_one_sided_rig_has_the_law_of_its_lift_off_points():
 def test_gravity_at_an_angle_pulls_by_its_cosine(zittau, angle, share):
     slanted = zittau.replace(rotor__gravity=angle)
     assert slanted.weight == pytest.approx(share * zittau.rotor.mass * GRAVITY, abs=1e-12)
-    assert Bearing.from_toml(slanted.to_toml()) == slanted
+    assert Machine.from_toml(slanted.to_toml()) == slanted
     held = magnet_of(slanted).force(slanted.levitation_current, 0.0)
     assert float(held) == pytest.approx(-slanted.weight, abs=1e-9)
 
@@ -177,7 +177,7 @@ COIL = 'turns = 200\npole_area = "400 mm^2"'
 
 def with_magnet(zittau, lines):
     text = zittau.to_toml().replace('magnet_constant = "6.7 N mm^2/A^2"', lines)
-    return Bearing.from_toml(text, "b.toml")
+    return Machine.from_toml(text, "b.toml")
 
 
 def test_the_magnet_constant_follows_from_the_coil(zittau):
@@ -185,7 +185,7 @@ def test_the_magnet_constant_follows_from_the_coil(zittau):
     assert bearing.magnet.magnet_constant == magnet_constant(200, 400e-6)
     assert bearing.magnet.magnet_constant == MU_0 * 400e-6 * 200**2 / 4
     assert "magnet_constant" not in bearing.to_toml()
-    assert Bearing.from_toml(bearing.to_toml()) == bearing
+    assert Machine.from_toml(bearing.to_toml()) == bearing
     assert bearing.replace(magnet__turns=400).magnet.magnet_constant == magnet_constant(400, 400e-6)
     assert Magnet(
         type="two-sided", turns=200, pole_area="400 mm^2", air_gap=2e-3, bias_current=1.5
@@ -246,7 +246,7 @@ def test_contradictions_are_told_beside_other_mistakes(zittau):
     """The gap is compared although the same table has an unknown key and a wrong one."""
     text = zittau.to_toml().replace('"1 mm"', '"3 mm"').replace("bias_current", "bias")
     with pytest.raises(ConfigError) as caught:
-        Bearing.from_toml(text, "b.toml")
+        Machine.from_toml(text, "b.toml")
     assert "must be less than magnet.air_gap, 2 mm; is 3 mm" in str(caught.value)
     assert "magnet.bias: unknown key, did you mean bias_current?" in str(caught.value)
 
@@ -276,7 +276,7 @@ def bearings(draw):
     line = st.text(
         st.characters(categories=["L", "M", "N", "P", "S", "Zs"]), min_size=1, max_size=80
     )
-    return Bearing(
+    return Machine(
         name=draw(line),
         description=draw(text),
         source=draw(text),
@@ -290,7 +290,7 @@ def bearings(draw):
 
 @given(bearings())
 def test_toml_round_trip_is_the_identity(bearing):
-    assert Bearing.from_toml(bearing.to_toml()) == bearing
+    assert Machine.from_toml(bearing.to_toml()) == bearing
     assert pickle.loads(pickle.dumps(bearing)) == bearing
     assert bearing.replace() == bearing
 
@@ -310,11 +310,11 @@ any_positive = st.floats(min_value=5e-324, allow_nan=False, allow_infinity=False
     "one-sided", {"magnet_constant": 3.25e-83, "air_gap": 197.0, "bias_current": 1.0}, 2.2e-311, 1.0
 )
 def test_absurd_values_are_refused_or_taken_but_never_a_traceback(kind, magnet, mass, limit):
-    data = Bearing.preset("zittau_axial").model_dump()
+    data = Machine.preset("zittau_axial").model_dump()
     data["magnet"] |= magnet | {"type": kind}
     data["rotor"]["mass"], data["amplifier"]["current_limit"] = mass, limit
     try:
-        bearing = Bearing(**data)
+        bearing = Machine(**data)
     except ConfigError as error:
         assert error.problems  # noqa: PT017
     else:
@@ -324,10 +324,10 @@ def test_absurd_values_are_refused_or_taken_but_never_a_traceback(kind, magnet, 
 @given(st.integers(1, 10**6))
 def test_the_same_bearing_in_other_units_is_the_same(gap):
     """A gap in whole nanometres, written in m, mm and µm."""
-    text = Bearing.preset("zittau_axial").replace(rotor__gravity="none").to_toml()
+    text = Machine.preset("zittau_axial").replace(rotor__gravity="none").to_toml()
     text = text.replace('"1 mm"', '"0.1 nm"')
     metre, milli, micro = (
-        Bearing.from_toml(text.replace('"2 mm"', f'"{gap}e{shift} {unit}"'))
+        Machine.from_toml(text.replace('"2 mm"', f'"{gap}e{shift} {unit}"'))
         for shift, unit in [(-9, "m"), (-6, "mm"), (-3, "um")]
     )
     assert metre == milli == micro
@@ -337,12 +337,12 @@ def test_the_same_bearing_in_other_units_is_the_same(gap):
 def test_save_and_load(zittau, tmp_path):
     path = tmp_path / "mine.toml"
     zittau.save(path)
-    assert Bearing.load(path) == zittau
+    assert Machine.load(path) == zittau
     assert [p.name for p in tmp_path.iterdir()] == ["mine.toml"]
 
 
 def test_the_json_schema_knows_both_ways_to_give_the_magnet():
-    magnet = Bearing.json_schema()["$defs"]["Magnet"]
+    magnet = Machine.json_schema()["$defs"]["Magnet"]
     assert magnet["required"] == ["type", "air_gap", "bias_current"]
     assert magnet["oneOf"] == [
         {"required": ["magnet_constant"]},
@@ -398,7 +398,7 @@ def with_parts(*changes, parts=PARTS):
 
 def problems(text):
     with pytest.raises(ConfigError) as caught:
-        Bearing.from_toml(text, "mine.toml")
+        Machine.from_toml(text, "mine.toml")
     return [line.strip() for line in str(caught.value).splitlines() if "mine.toml:" in line]
 
 
@@ -407,7 +407,7 @@ def line_of(text, key):
 
 
 def test_parts_are_read_with_their_units_and_written_back():
-    bearing = Bearing.from_toml(with_parts())
+    bearing = Machine.from_toml(with_parts())
     assert bearing.delay == 0.15e-3
     assert bearing.speed == pytest.approx(400 * math.pi, rel=1e-15)
     assert bearing.amplifier.bandwidth == 2e3
@@ -418,7 +418,7 @@ def test_parts_are_read_with_their_units_and_written_back():
     assert bearing.sensor.hum[0].bandwidth == 0.5
     assert bearing.sensor.coloured_noise is not None
     assert (bearing.stop.stiffness, bearing.stop.damping) == (1e8, 0.3)
-    assert Bearing.from_toml(bearing.to_toml()) == bearing
+    assert Machine.from_toml(bearing.to_toml()) == bearing
 
 
 def test_a_bearing_without_parts_is_written_without_them(zittau):

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 import ambkit
-from ambkit import AmbkitError, Bearing
+from ambkit import AmbkitError, Machine
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.user_filter import OwnEstimator
 from ambkit.judge.comparison import cases, criteria
@@ -24,7 +24,7 @@ from ambkit.machine.magnets import own_time
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.workflow.comparison import compare_in_case
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 VIEW = View(BEARING)
 SHORT = replace(
     cases.step_case(0.5),
@@ -83,7 +83,7 @@ def test_imposed_series_are_added_and_replace():
 
 @pytest.mark.parametrize("name", ["zittau_axial", "inteco_ml"])
 def test_a_scaled_magnet_is_another_magnet_constant(name):
-    bearing = Bearing.preset(name)
+    bearing = Machine.preset(name)
     pid = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": "measurement"})
     scenario = ambkit.Scenario(duration=0.03, start="released", controller=pid)
     n = round(0.03 / bearing.sampling_time) + 1

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing
+from ambkit import Machine
 from ambkit.judge.comparison.bound import bearing_bound, posterior_bound
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 
 
 def test_a_random_walk_by_hand():

@@ -244,12 +244,12 @@ def test_salibs_problems_go_in_and_out():
 
 
 def test_machines_are_as_the_bearing_would_be_made():
-    b = ambkit.Bearing.preset("zittau_axial")
+    b = ambkit.preset("zittau_axial")
     values = {"magnet.magnet_constant": 7e-6, "rotor.mass": 0.55, "magnet.air_gap": 2.1e-3}
     assert changed(b, values) == b.replace(
         **{key.replace(".", "__"): value for key, value in values.items()}
     )
-    coil = ambkit.Bearing.load(ROOT / "examples/spindle.toml")
+    coil = ambkit.Machine.load(ROOT / "examples/spindle.toml")
     wide = changed(coil, {"magnet.pole_area": 6e-4})
     assert wide == coil.replace(magnet__pole_area=6e-4)
     assert wide.magnet.magnet_constant == pytest.approx(1.2 * coil.magnet.magnet_constant)
@@ -294,7 +294,7 @@ def test_the_controller_goes_by_the_nominal_gains(key, values, feedback):
 @pytest.mark.parametrize("kind", ["linear", "extended", "low-pass"])
 @pytest.mark.parametrize("preset", ["zittau_axial", "inteco_ml"])
 def test_peaks_of_many_loops_are_those_of_each(preset, kind, feedback):
-    b = ambkit.Bearing.preset(preset)
+    b = ambkit.preset(preset)
     pid = ambkit.PID.for_bearing(b).model_copy(update={"feedback": feedback})
     made = Plan(Study(name="a", bearing=preset, estimator=kind, runs=1)).estimators[kind]
     fed = made if feedback == "estimate" else None
@@ -311,7 +311,7 @@ def test_peaks_of_many_loops_are_those_of_each(preset, kind, feedback):
 
 @pytest.mark.parametrize("kind", ["extended", "linear", "unscented", "augmented", "steady-state"])
 def test_estimators_and_plants_of_many_are_those_of_each(kind):
-    b = ambkit.Bearing.preset("zittau_axial").replace(delay=70e-6, amplifier__bandwidth=900.0)
+    b = ambkit.preset("zittau_axial").replace(delay=70e-6, amplifier__bandwidth=900.0)
     made = Plan(Study(name="a", bearing="zittau_axial", estimator=kind, runs=1)).estimators[kind]
     assert made is not None
     many = [
@@ -335,7 +335,7 @@ def test_estimators_and_plants_of_many_are_those_of_each(kind):
 
 
 def test_margins_of_a_campaign_solve_no_equation_for_each_machine(monkeypatch):
-    ambkit.PID.for_bearing(ambkit.Bearing.preset("zittau_axial"))  # which is tuned once
+    ambkit.PID.for_bearing(ambkit.preset("zittau_axial"))  # which is tuned once
     solved = []
     old = np.linalg.eigvals
     monkeypatch.setattr(np.linalg, "eigvals", lambda A: (solved.append(1), old(A))[1])
@@ -348,7 +348,7 @@ def test_margins_of_a_campaign_solve_no_equation_for_each_machine(monkeypatch):
 
 
 def test_an_unstable_loop_has_an_infinite_peak():
-    b = ambkit.Bearing.preset("zittau_axial")
+    b = ambkit.preset("zittau_axial")
     weak = ambkit.PID.for_bearing(b).model_copy(update={"kp": 10.0, "feedback": "measurement"})
     assert peaks([planned.Planned(b, ambkit.Scenario(controller=weak))]) == np.inf
 

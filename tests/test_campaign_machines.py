@@ -232,7 +232,7 @@ def test_parts_of_a_machine_are_named_or_counted():
 
 
 def test_a_coil_and_its_constant_stay_one_in_a_machine():
-    coil = ambkit.Bearing.load(ROOT / "examples/spindle.toml").magnet
+    coil = ambkit.Machine.load(ROOT / "examples/spindle.toml").magnet
     machine = ambkit.Machine.preset("tum_mlps")
     first = machine.bearings[0].model_copy(update={"magnet": coil})
     machine = machine.model_copy(update={"bearings": (first, *machine.bearings[1:])})

@@ -38,7 +38,7 @@ COMMANDS = (
 def made(tmp_path_factory):
     """Make a folder with what the examples in the help start from."""
     folder = tmp_path_factory.mktemp("made")
-    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing = ambkit.preset("zittau_axial")
     bearing.save(folder / "my.toml")
     scenario = ambkit.Scenario(duration=0.3, reference=ambkit.Step(amplitude=0.3e-3, time=0.03),
                                controller=ambkit.PID.textbook(bearing))  # fmt: skip
@@ -178,7 +178,7 @@ def test_the_examples_in_the_help_work(call, made, tmp_path, name):
 
 
 def test_simulate_tunes_what_the_scenario_does_not_say_of_the_controller(call, made):
-    tuned = ambkit.Control.for_bearing(ambkit.Bearing.preset("inteco_ml")).fed_by("estimate")
+    tuned = ambkit.Control.for_bearing(ambkit.preset("inteco_ml")).fed_by("estimate")
     tuned = tuned.model_copy(update={"type": "decentralised"})
 
     def controller(text, *arguments):
@@ -210,7 +210,7 @@ def test_identify_finds_the_magnet_constant(call, made):
                  "--initial", "4 N mm^2/A^2", "--disturbance", "f_d", "--out", "b.toml",
                  "--json")  # fmt: skip
     assert found.json["magnet_constant"] == pytest.approx(6.7e-6, rel=0.05)
-    assert ambkit.Bearing.load("b.toml").magnet.magnet_constant == found.json["magnet_constant"]
+    assert ambkit.Machine.load("b.toml").magnet.magnet_constant == found.json["magnet_constant"]
     words = (made / "my.toml", made / "run.csv", "--method", "adaline", "--disturbance", "-3 N")
     assert call("identify", "online", *words).code == 0
 
@@ -226,7 +226,7 @@ def test_identify_says_where_the_constant_still_drifts(call, made):
 def test_identify_from_lift_off_points_gives_gap_and_bias(call, made):
     found = call("identify", "lift-off", "inteco_ml", made / "points.csv", "--gap", "4 mm,16 mm",
                  "--operating-point", "10 mm", "--out", "b.toml", "--json")  # fmt: skip
-    bearing = ambkit.Bearing.load("b.toml")
+    bearing = ambkit.Machine.load("b.toml")
     assert bearing.magnet.air_gap == pytest.approx(10e-3 + found.json["gap_offset"])
     assert bearing.levitation_current == pytest.approx(0.0, abs=1e-9)  # the bias carries the ball
     points = load_points(made / "points.csv")
@@ -242,7 +242,7 @@ def test_a_machine_from_lift_off_needs_its_operating_point(call, made):
 def test_filter_says_when_the_expert_is_asked_outside_of_its_box(call, made):
     arguments = ("filter", made / "run.csv", "--machine", "zittau_axial", "--filter")
     assert "outside" not in call(*arguments, "adaptive").out
-    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing = ambkit.preset("zittau_axial")
     displacements = np.linspace(-0.2e-3, 0.2e-3, 5)  # the run goes to 0.3 mm after a tenth of it
     train(stiffness_map(bearing, displacements=displacements)).save("e.json")
     found = call(*arguments, "e.json")
@@ -295,7 +295,7 @@ def test_filter_tunes_on_the_beginning_of_a_record(call):
 
 
 def test_filter_does_not_keep_a_tuning_that_a_later_load_ruins(call):
-    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing = ambkit.preset("zittau_axial")
     late = ambkit.Scenario(duration=0.6, disturbance=ambkit.Step(amplitude=6.0, time=0.45))
     run = ambkit.simulate(bearing, late).record
     ambkit.Record(run.t, {n: run[n] for n in "yu"}, {"y": "m", "u": "V"}).save("late.csv")
@@ -490,7 +490,7 @@ def test_help_fits_80_columns_and_breaks_no_word_at_its_hyphen(call, monkeypatch
 
 
 def test_assess_takes_filters_files(call, tmp_path):
-    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing = ambkit.preset("zittau_axial")
     quick = ambkit.FilterNoise(disturbance=1e4)
     ambkit.KalmanFilter(bearing, noise=quick).save(tmp_path / "mine.toml")
     expected = ambkit.assess(bearing, {"mine": ambkit.KalmanFilter(bearing, noise=quick)})
@@ -861,7 +861,7 @@ def test_filter_says_when_a_record_is_not_of_the_bearing(call, made):
 
 
 def test_identify_replaces_what_turns_and_area_gave(call, made):
-    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing = ambkit.preset("zittau_axial")
     turns = 100
     area = 4 * bearing.magnet.magnet_constant / (ambkit.machine.parts.MU_0 * turns**2)
     wound = bearing.to_toml().replace(
@@ -877,7 +877,7 @@ def test_identify_replaces_what_turns_and_area_gave(call, made):
     k = found.json["parameters"]["magnet_constant"]
     low, high = k["interval_95"]  # offsets unknown: this run tells little of k
     assert low < bearing.magnet.magnet_constant < high
-    written = ambkit.Bearing.load("found.toml").magnet
+    written = ambkit.Machine.load("found.toml").magnet
     assert written.magnet_constant == pytest.approx(k["value"], rel=1e-6)
     assert (written.turns, written.pole_area) == (None, None)
     plain = call("identify", "zittau_axial", made / "run.csv", *free, "--json")

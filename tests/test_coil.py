@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Record, RecordError
+from ambkit import Machine, Record, RecordError
 from ambkit.data import recordings
 from ambkit.identification.coil import NAMES, Coil, fit_coil
 
@@ -56,7 +56,7 @@ def test_it_is_found_within_its_errors(logs):
 
 def test_a_bearing_is_driven_through_it(logs):
     fit = fit_coil(logs[:2])
-    known = Bearing.preset("inteco_ml")
+    known = Machine.preset("inteco_ml")
     driven = fit.bearing(known, 10e-3)
     assert driven.amplifier.gain == fit.coil.gain
     tau = 26e-3 + 8e-3 * np.exp(-10 / 6)

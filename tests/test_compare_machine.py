@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ambkit import AmbkitError, Bearing, KalmanFilter, Machine, compare, compare_steps
+from ambkit import AmbkitError, KalmanFilter, Machine, compare, compare_steps
 from ambkit.control.stabilising_controller import holding
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import CASES, trials
@@ -38,7 +38,7 @@ def test_each_axis_gets_what_happens_to_it_alone():
 
 
 def test_the_bound_of_the_position_is_that_of_its_column():
-    bearing = Bearing.preset("zittau_axial").replace(amplifier__bandwidth="1 kHz")
+    bearing = Machine.preset("zittau_axial").replace(amplifier__bandwidth="1 kHz")
     records = [trial.record.between(None, 0.02) for trial in trials(CASES["model"], bearing, 2, 0)]
     of = KalmanFilter(bearing)
     of_all = bearing_bound(bearing, records, of.variances, of.default_std())

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import AdaptiveKalmanFilter, Bearing, ClosedLaw, KalmanFilter, Record, Scenario
+from ambkit import AdaptiveKalmanFilter, ClosedLaw, KalmanFilter, Machine, Record, Scenario
 from ambkit.estimate.errors import prediction_error, whiteness
 from ambkit.judge.comparison import compare, rmse
 from ambkit.simulation.run import simulate_run
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 FIELD = {
     "linear": partial(KalmanFilter, BEARING),
     "closed law": partial(AdaptiveKalmanFilter, BEARING, ClosedLaw(BEARING)),

@@ -246,7 +246,7 @@ def test_the_json_schema_says_units_examples_and_defaults():
 
 
 def test_checked_values_make_the_same_model_as_unchecked_ones_of_pydantic():
-    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing = ambkit.preset("zittau_axial")
     rotor = bearing.rotor.model_copy(update={"mass": 0.7})
     update = {"rotor": rotor, "speed": 3.0}
     bearing.axes  # noqa: B018 computed of it, and not to be kept

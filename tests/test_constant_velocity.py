@@ -113,7 +113,7 @@ def test_refusals_name_parameter_limit_and_value():
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_the_kind_is_the_textbook_filter(precision):
     """Full matrices beside the C, from its start on: mean, covariance and innovations."""
-    bearing = ambkit.Bearing.preset("zittau_axial").replace(sensor__gain=1.07)
+    bearing = ambkit.preset("zittau_axial").replace(sensor__gain=1.07)
     record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.2, seed=3)).record
     kf = ambkit.ConstantVelocity(bearing, acceleration="5 m^2/s^3", precision=precision)
     estimate = kf.run(record, covariance=True)
@@ -147,7 +147,7 @@ def test_the_kind_takes_a_machine():
 
 
 def test_the_kind_says_what_it_does_not_take():
-    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing = ambkit.preset("zittau_axial")
     with pytest.raises(ValueError, match="acceleration must be greater than 0 m"):
         ambkit.ConstantVelocity(bearing, acceleration=-1.0)
     with pytest.raises(ValueError, match="synchronous cannot be estimated"):

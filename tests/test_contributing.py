@@ -149,7 +149,7 @@ def test_the_law_becomes_c_that_computes_it(law, tmp_path):
 
 MAGNET = """
 import ambkit
-bearing = ambkit.Bearing.preset("zittau_axial").replace(
+bearing = ambkit.preset("zittau_axial").replace(
     magnet__force_constant="12 N/A", magnet__stroke="2 mm"
 )
 magnet = ambkit.magnet_of(bearing)
@@ -222,7 +222,7 @@ def test_the_state_is_in_the_filter_and_in_its_c(copy, tmp_path):
         f"""
 import ambkit
 from ambkit.simulation.recording import drawn
-steady = ambkit.Bearing.preset("zittau_axial")
+steady = ambkit.preset("zittau_axial")
 bearing = steady.replace(sensor__drift="1e6 um^2/s")
 record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.1)).record
 _, white = drawn(steady, ambkit.Scenario(), len(record))
@@ -245,7 +245,7 @@ def test_the_block_is_flown_and_assessed(copy):
         """
 import ambkit
 from ambkit.judge.loop.loop_of import LoopOf
-bearing = ambkit.Bearing.preset("zittau_axial")
+bearing = ambkit.preset("zittau_axial")
 for block in ([], [{"type": "first-order", "frequency": "500 Hz"}]):
     law = ambkit.Control(feedback="measurement", block=block)
     flown = ambkit.simulate(bearing, ambkit.Scenario(duration=0.02, controller=law)).record

@@ -13,7 +13,7 @@ from export_cases import SAME_BITS, program, understood
 from exporting import export_c
 from quick import quick
 
-from ambkit import Bearing, ExtendedKalmanFilter, KalmanFilter, Scenario, Step
+from ambkit import ExtendedKalmanFilter, KalmanFilter, Machine, Scenario, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.control.blocks import LeadLag, Notch
 from ambkit.control.control import Control
@@ -25,9 +25,9 @@ from ambkit.estimate.estimate import Status
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate, simulate_run
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 GAINED = BEARING.replace(sensor__gain=0.8, amplifier__gain=1.6)
-ONE_SIDED = Bearing.preset("inteco_ml")
+ONE_SIDED = Machine.preset("inteco_ml")
 PIDS = {
     "pid": PID(),
     "measured": Control(feedback="measurement", derivative_filter=2e-4),

@@ -18,7 +18,7 @@ COPIES = {
 
 @pytest.fixture(scope="module")
 def bearing():
-    return ambkit.Bearing.preset("zittau_axial")
+    return ambkit.preset("zittau_axial")
 
 
 @pytest.fixture(scope="module")
@@ -132,5 +132,5 @@ def test_complex_arrays_are_refused_everywhere(bearing, record):
 
 
 def test_a_filter_names_its_machine():
-    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing = ambkit.preset("zittau_axial")
     assert repr(ambkit.KalmanFilter(bearing)) == "<KalmanFilter of zittau_axial>"

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import ambkit
-from ambkit import Bearing, Record, Scenario, Sine, simulate
+from ambkit import Machine, Record, Scenario, Sine, simulate
 from ambkit.base.errors import AmbkitError
 from ambkit.data import recordings
 from ambkit.identification.corpus.corpus import identify_corpus
@@ -22,7 +22,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
-BALL = Bearing.preset("inteco_ml").replace(sensor__position_noise=-90.0)
+BALL = Machine.preset("inteco_ml").replace(sensor__position_noise=-90.0)
 FREE = ("magnet_constant", "air_gap", "current_offset", "measurement_noise", "position_noise",
         "disturbance_noise")  # fmt: skip
 Array = NDArray[np.float64]
@@ -212,7 +212,7 @@ def test_three_logs_on_the_command_line_are_a_corpus(call):
     assert code == 0, err
     assert "Cross-validation: each log predicted by a model of the others" in out
     assert "scatter between logs" in out
-    found = Bearing.load("found.toml")
+    found = Machine.load("found.toml")
     assert found.sensor.position_noise == pytest.approx(-90, abs=25)
     assert (
         "Cross-validation: each log predicted by a model of the others"
@@ -227,7 +227,7 @@ def test_four_logs_of_a_rig_foretell_another_and_the_smoothed_one_is_named():
     channels = recordings.folder() / "closed_loop.toml"
     names = ("sinusoidal_slow-MPC-KF", "step-PID_anti_windup-KF", "sinusoidal_fast-LQI-KF")
     logs = {name: ambkit.load(RIG / f"{name}.mat", channels) for name in names}
-    found = identify_corpus(logs, LoopModel(Bearing.preset("inteco_ml"), disturbance_noise=1e-4))
+    found = identify_corpus(logs, LoopModel(Machine.preset("inteco_ml"), disturbance_noise=1e-4))
     assert "smoothed" in found.left_out["step-PID_anti_windup-KF"]
     for each in found.predictions:
         assert each.good

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimator
+from ambkit import Estimator, Machine
 from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.workflow import design_candidates
 from ambkit.workflow.design import design, objections_to_loop
 from ambkit.workflow.identified import identified_filter
 from ambkit.workflow.identified_toml import annotated_toml
 
-KNOWN = Bearing.preset("zittau_axial").replace(name="my rig")
+KNOWN = Machine.preset("zittau_axial").replace(name="my rig")
 TRUE = KNOWN.replace(delay="0.15 ms", magnet__magnet_constant="6.2 N mm^2/A^2")
 FREE = ["magnet_constant", "delay", "disturbance_noise"]
 MAP = """

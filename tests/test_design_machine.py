@@ -61,7 +61,7 @@ def test_a_second_call_makes_nothing_anew(designed):
 
 
 def test_an_axis_without_logs_has_all_that_a_machine_has(tmp_path):
-    found = design(ambkit.Bearing.preset("zittau_axial"), [], tmp_path / "d", kinds=["linear"],
+    found = design(ambkit.preset("zittau_axial"), [], tmp_path / "d", kinds=["linear"],
                    runs=1, budget=2)  # fmt: skip
     assert set(found.made) == set(FILES) - {"identified.toml"}
     assert found.objections == ()
@@ -187,7 +187,7 @@ def test_the_default_is_chosen_on_margins(name, feedback):
 
 @pytest.mark.parametrize("name", BEARINGS)
 def test_that_of_a_bearing_too(name):
-    bearing = ambkit.Bearing.preset(name)
+    bearing = ambkit.preset(name)
     for feedback in ("measurement", "estimate"):
         assert on_margins(bearing, feedback)[0] < 2
 

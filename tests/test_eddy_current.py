@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from test_plant_parts import HEAVY, driven
 
 import ambkit
-from ambkit import PID, Bearing, Machine, Scenario, Sine
+from ambkit import PID, Machine, Scenario, Sine
 from ambkit.control.control import Control
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.estimate.registry import KINDS, learned_magnet
@@ -23,7 +23,7 @@ from ambkit.models.continuous import Behind
 from ambkit.simulation.run import simulate_run
 
 LAG = 0.3e-3
-ZITTAU = Bearing.preset("zittau_axial")
+ZITTAU = Machine.preset("zittau_axial")
 LATE = ZITTAU.replace(magnet__eddy_current_lag=LAG)
 QUIET = {"sensor__noise_variance": "0.09 um^2"}
 MOVED = Scenario(duration=0.3, reference=Sine(amplitude=2e-4, frequency=40.0))

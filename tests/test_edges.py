@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from machine_cases import BEARINGS, bearing, machine, sensor
 
-from ambkit import AmbkitError, Bearing, Machine
+from ambkit import AmbkitError, Machine
 from ambkit.control.lift_off_sequence import Mode
 from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.data.reading.clock import Clock, resample
@@ -94,7 +94,7 @@ def test_nodes_of_a_force_divide_its_longer_side(low, high):
 @pytest.mark.parametrize("name", BEARINGS)
 def test_typical_sizes_are_what_they_are_said_to_be(name):
     """Force at twice the bias current; half of it brings the rotor to the stop at that velocity."""
-    axis = Bearing.preset(name)
+    axis = Machine.preset(name)
     typical, magnet = Typical.of(axis), axis.magnet
     assert (typical.displacement, typical.current) == (axis.clearance, magnet.bias_current)
     pull = magnet.magnet_constant * (2 * magnet.bias_current / magnet.air_gap) ** 2

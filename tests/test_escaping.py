@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from jinja2 import Environment
 
 import ambkit
-from ambkit import PID, Bearing, Machine, Scenario
+from ambkit import PID, Machine, Scenario
 from ambkit.base import escaping
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.cli import printing
@@ -45,7 +45,7 @@ from ambkit.result.report import Text as Paragraph
 from ambkit.result.tables import table
 from tests.hostile import NOT_PRINTABLE, TEXTS, Page, called
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 PLAIN, WORST = "harmless", "".join(TEXTS)
 C_KINDS = ("linear", "adaptive", "extended")
 FMUS = (("estimator", 3), ("plant", 2), ("closed-loop", 3))
@@ -110,7 +110,7 @@ def test_strings_of_toml_and_json_read_back_and_can_be_printed(text):
 def test_a_name_is_one_short_line_that_can_be_printed(text):
     toml = BEARING.to_toml().replace('"zittau_axial"', escaping.toml_string(text), 1)
     with pytest.raises(ConfigError, match=r"b\.toml:1: name: must (be one line|have at )"):
-        Bearing.from_toml(toml, "b.toml")
+        Machine.from_toml(toml, "b.toml")
     with pytest.raises(ConfigError, match=r"Machine\.name: must"):
         BEARING.replace(name=text)
 
@@ -308,7 +308,7 @@ def test_errors_and_tables_do_not_move_the_cursor(text, call, capsys):
 
 def test_a_key_of_toml_is_told_in_one_line():
     with pytest.raises(ConfigError, match=r"b\.toml:1: evil\\nb\.toml:9: mass: unknown key"):
-        Bearing.from_toml('"evil\\nb.toml:9: mass" = 1\n' + BEARING.to_toml(), "b.toml")
+        Machine.from_toml('"evil\\nb.toml:9: mass" = 1\n' + BEARING.to_toml(), "b.toml")
 
 
 def test_half_a_character_in_an_expert_is_told(tmp_path):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, KalmanFilter, Record, Scenario, Status
+from ambkit import KalmanFilter, Machine, Record, Scenario, Status
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 RECORD = ambkit.simulate(BEARING, Scenario(duration=0.5, seed=1)).record
 
 

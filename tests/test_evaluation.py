@@ -10,7 +10,7 @@ from ambkit.judge.evaluation import evaluate, logged_predictions
 
 @pytest.fixture(scope="module")
 def bearing():
-    return ambkit.Bearing.preset("zittau_axial")
+    return ambkit.preset("zittau_axial")
 
 
 @pytest.fixture(scope="module")

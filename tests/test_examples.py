@@ -40,7 +40,7 @@ def test_every_example_is_tested():
 
 def test_own_bearing(run, tmp_path):
     printed = run("own_bearing.py")
-    bearing = ambkit.Bearing.load(EXAMPLES / "spindle.toml")
+    bearing = ambkit.Machine.load(EXAMPLES / "spindle.toml")
     position, force = numbers(
         r"position to ([\d.]+) µm rms, disturbance force to ([\d.]+) N", printed
     )
@@ -63,7 +63,7 @@ def test_own_recording(run, tmp_path):
 def test_a_log_means_the_same_around_another_point():
     """The channel map and the bearing shift together: the closed law predicts as before."""
     log = EXAMPLES / "recordings" / "sinus_kalman.csv"
-    here = ambkit.Bearing.preset("inteco_ml")
+    here = ambkit.preset("inteco_ml")
     there = here.replace(magnet__air_gap="11.149 mm", magnet__bias_current="0.8587 A")
     errors = []
     for bearing, channel_map in ((here, None), (there, EXAMPLES / "shifted_map.toml")):

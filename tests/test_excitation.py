@@ -8,7 +8,7 @@ from quick import quick
 from scipy.stats import chi2
 
 import ambkit
-from ambkit import Bearing, Machine, Record, Scenario
+from ambkit import Machine, Record, Scenario
 from ambkit.assessment.injection_experiment import design_injection
 from ambkit.base.errors import AmbkitError
 from ambkit.control.pid import PID
@@ -18,7 +18,7 @@ from ambkit.identification.maximum_likelihood.likelihood import Data, Likelihood
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
 from ambkit.machine.magnets import own_time
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 LOOP = Scenario(duration=1.0, controller=PID.textbook(BEARING))
 FREE = ("magnet_constant", "air_gap", "sensor_lag", "position_offset")
 BAND = (8.0, 80.0)

@@ -17,7 +17,7 @@ from machine_cases import PRESETS, RIGS, machine
 from quick import quick
 
 import ambkit
-from ambkit import AmbkitError, Bearing, Machine, Scenario
+from ambkit import AmbkitError, Machine, Scenario
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c.model import MOST_UNROLLED, states
@@ -238,7 +238,7 @@ def test_a_sensor_with_steps(form, ratio, kind, precision, tmp_path):
 def test_a_magnet_that_is_not_the_papers(part, precision, tmp_path):
     bearing = {
         "iron": lambda: iron.TWO_SIDED,
-        "force map": lambda: Bearing.load(fe_map.written(tmp_path)),
+        "force map": lambda: Machine.load(fe_map.written(tmp_path)),
         "eddy current": lambda: BEARING.replace(magnet__eddy_current_lag=0.3e-3),
     }[part]()
     made = export_c(bearing, None, tmp_path / "c", kind="extended", precision=precision, force=True)

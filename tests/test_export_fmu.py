@@ -15,7 +15,7 @@ import pytest
 from exporting import export_fmu, export_ssp
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, KalmanFilter, magnet_of
+from ambkit import ClosedLaw, KalmanFilter, Machine, magnet_of
 from ambkit.base.errors import AmbkitError
 from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff, Mode
@@ -32,7 +32,7 @@ from fmu_instance import Instance, check_sources, simulated, unpacked  # noqa: E
 from iron import TWO_SIDED as IRON  # noqa: E402
 from quick import quick  # noqa: E402
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 RIG = ambkit.Machine.preset("tum_mlps")
 WITH_PARTS = BEARING.replace(name="parts", amplifier__bandwidth=1500.0, delay=1.3e-4)
 QUICK = LiftOff(wait=2e-3, lift=0.02, land=0.02, stop=0.06)

@@ -8,7 +8,7 @@ from exporting import export_fmu
 from quick import quick
 
 import ambkit
-from ambkit import Bearing, Scenario
+from ambkit import Machine, Scenario
 from ambkit.simulation.run import simulate_run
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
@@ -20,7 +20,7 @@ from fmu_instance import check_sources  # noqa: E402
 from iron import TWO_SIDED as IRON  # noqa: E402
 from test_export_fmu import fmutool  # noqa: E402
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 PARTS = {
     "amplifier__bandwidth": "1 kHz",
     "speed": "6000 rpm",
@@ -32,7 +32,7 @@ SOFT_STOP = {"stop": {"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"}}
 CASES = {
     "plain": (BEARING, 3),
     "iron": (IRON, 3),
-    "one-sided": (Bearing.preset("inteco_ml"), 3),
+    "one-sided": (Machine.preset("inteco_ml"), 3),
     "amplifier": (BEARING.replace(**PARTS), 4),
     "eddy currents": (BEARING.replace(magnet__eddy_current_lag="0.2 ms"), 4),
     "voltage and eddy currents": (

@@ -16,7 +16,6 @@ from quick import quick
 import ambkit
 from ambkit import (
     PID,
-    Bearing,
     ClosedLaw,
     Control,
     FilterNoise,
@@ -43,8 +42,8 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no 
 from fmpy.validation import validate_fmu  # noqa: E402
 from fmu_instance import simulated  # noqa: E402
 
-AXIS = Bearing.preset("zittau_axial")
-ONE_SIDED = Bearing.preset("inteco_ml")
+AXIS = Machine.preset("zittau_axial")
+ONE_SIDED = Machine.preset("inteco_ml")
 RIG = Machine.preset("tum_mlps")
 FIVE = machine(
     name="five_axes",
@@ -114,7 +113,7 @@ CASES = {
         IRON.replace(**STOPS), ((LOOP, 2),), {"share": 0.05}, "extended"
     ),
     "force map": Case(
-        lambda folder: Bearing.load(fe_map.written(folder)), ((LOOP, 3),), {}, "extended"
+        lambda folder: Machine.load(fe_map.written(folder)), ((LOOP, 3),), {}, "extended"
     ),
     "lqg": Case(AXIS, ((LOOP, 2), (WHOLE, 2), (LAW, 2)), {"controller": Control(type="lqg")}),
     "feed forward": Case(

@@ -12,12 +12,12 @@ from exporting import export_mat
 from scipy.io import loadmat
 
 import ambkit
-from ambkit import Bearing, KalmanFilter
+from ambkit import KalmanFilter, Machine
 from ambkit.machine.magnets import evaluate_force, evaluate_stiffness
 from ambkit.machine.parts import FILES
 from ambkit.machine.stiffness import stiffness_map
 
-BEARINGS = [Bearing.preset("zittau_axial"), Bearing.preset("inteco_ml")]
+BEARINGS = [Machine.preset("zittau_axial"), Machine.preset("inteco_ml")]
 both = pytest.mark.parametrize("bearing", BEARINGS, ids=lambda b: b.name)
 LATE = iron.TWO_SIDED.replace(
     name="late",
@@ -114,7 +114,7 @@ def test_iron_that_saturates_is_in_the_tables_and_in_the_model(tmp_path):
 
 
 def test_a_force_map_is_in_the_tables_and_its_file_is_named(tmp_path):
-    bearing = Bearing.load(fe_map.written(tmp_path))
+    bearing = Machine.load(fe_map.written(tmp_path))
     m = read_back(bearing, None, tmp_path)
     tables = m["tables"]
     iu, x = np.meshgrid(tables["current"], tables["displacement"])

@@ -46,7 +46,7 @@ def test_an_error_names_the_extra(tmp_path):
     (tmp_path / "log.parquet").write_bytes(b"PAR1")
     with pytest.raises(ExtraMissing, match=r"needs pyarrow: pip install 'ambkit\[parquet\]'$"):
         ambkit.read(tmp_path / "log.parquet")
-    record = ambkit.simulate(ambkit.Bearing.preset("zittau_axial"), duration="10 ms")
+    record = ambkit.simulate(ambkit.preset("zittau_axial"), duration="10 ms")
     with pytest.raises(ExtraMissing, match=r"ambkit\[parquet\]"):
         record.save(tmp_path / "r.parquet")
     with pytest.raises(ExtraMissing, match=r"needs pyarrow: pip install 'ambkit\[campaign\]'$"):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import AmbkitError, Bearing, KalmanFilter, Machine, Scenario, Sine, Status
+from ambkit import AmbkitError, KalmanFilter, Machine, Scenario, Sine, Status
 from ambkit.control.control import Control
 from ambkit.control.pid import PID
 from ambkit.estimate.registry import KINDS
@@ -19,10 +19,10 @@ from ambkit.result.report import Cells
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate_run
 
-PAPER = Bearing.preset("zittau_axial")
+PAPER = Machine.preset("zittau_axial")
 BEARINGS = {
     "zittau_axial": PAPER,
-    "inteco_ml": Bearing.preset("inteco_ml"),
+    "inteco_ml": Machine.preset("inteco_ml"),
     "fast sensor": PAPER.replace(sensor__lag=20e-6, sensor__noise_variance=0.5e-6**2),
 }
 QUICK = ("lift-off", "knock", "outage-100ms", "outage-1s", "spikes", "rail", "greatest-y",

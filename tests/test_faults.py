@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
+from ambkit import ClosedLaw, KalmanFilter, Machine, Record, Scenario, Status
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 RECORD = ambkit.simulate(
     BEARING,
     Scenario(

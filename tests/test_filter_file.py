@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimator, FilterNoise, Machine
+from ambkit import Estimator, FilterNoise, Machine
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.estimate.filter_file import filter_file_for
@@ -16,7 +16,7 @@ from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 
-BEARING, TUM = Bearing.preset("zittau_axial"), Machine.preset("tum_mlps")
+BEARING, TUM = Machine.preset("zittau_axial"), Machine.preset("tum_mlps")
 OPTIONS = {
     "low-pass": {"position": 900.0, "force": 50.0},
     "observer": {"bandwidth": 700.0},
@@ -248,7 +248,7 @@ def test_a_filter_runs_on_what_it_is_of(tmp_path):
     ambkit.KalmanFilter(TUM).save(tmp_path / "f.toml")
     assert filter_file_for(tmp_path / "f.toml", TUM).plant == TUM
     with pytest.raises(AmbkitError, match="this filter is of tum_mlps, a machine with axes A1, A2"):
-        filter_file_for(tmp_path / "f.toml", ambkit.Bearing.preset("zittau_axial"))
+        filter_file_for(tmp_path / "f.toml", ambkit.preset("zittau_axial"))
     with pytest.raises(AmbkitError, match="not of compressor, a machine with axes"):
         filter_file_for(tmp_path / "f.toml", Machine.preset("compressor"))
 

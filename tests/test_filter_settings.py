@@ -6,11 +6,11 @@ import pytest
 from filter_cases import made
 
 import ambkit
-from ambkit import Bearing, FilterNoise, KalmanFilter, Record, Scenario
+from ambkit import FilterNoise, KalmanFilter, Machine, Record, Scenario
 from ambkit.base.errors import RecordError
 from ambkit.machine.magnets import core_module
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 RECORD = ambkit.simulate(BEARING, Scenario(duration=0.3, seed=2)).record
 
 

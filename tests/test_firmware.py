@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from exporting import export_c
 
-from ambkit import Bearing, KalmanFilter, Scenario
+from ambkit import KalmanFilter, Machine, Scenario
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CYCLES_PER_INSTRUCTION, cost
 from ambkit.export.c.model import states
@@ -145,7 +145,7 @@ def test_the_cost_of_another_number_of_rules(tmp_path):
 @pytest.mark.parametrize("kind", ["closed-law", "multiple-model"])
 def test_the_cost_for_another_bearing(kind, tmp_path):
     """One-sided, and sampled ten times as slowly."""
-    told_is_measured(measure.case(kind, None, tmp_path, Bearing.preset("inteco_ml")))
+    told_is_measured(measure.case(kind, None, tmp_path, Machine.preset("inteco_ml")))
 
 
 @cache

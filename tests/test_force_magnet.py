@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from magnet_at import differences, force, tangent, through_origin
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, Scenario, magnet_of, train
+from ambkit import ClosedLaw, Machine, Scenario, magnet_of, train
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
@@ -47,7 +47,7 @@ def surface():
 
 @pytest.fixture(scope="module")
 def bearing(tmp_path_factory):
-    return Bearing.load(fe_map.written(tmp_path_factory.mktemp("fe")))
+    return Machine.load(fe_map.written(tmp_path_factory.mktemp("fe")))
 
 
 # ---- the patches in C ----
@@ -173,7 +173,7 @@ def test_a_refitted_law_is_found():
 def test_any_column_names_do(bearing, surface):
     found = magnet_of(bearing)
     np.testing.assert_allclose(found.force(*FINE), surface.force(*FINE), rtol=1e-6, atol=0.01)
-    assert Bearing.from_toml(bearing.to_toml()) == bearing
+    assert Machine.from_toml(bearing.to_toml()) == bearing
     left = float(found.force(bearing.levitation_current, 0.0)) + bearing.weight
     assert abs(left) < 1e-9
 
@@ -202,7 +202,7 @@ def test_what_is_wrong_with_a_map_is_told_with_its_line(tmp_path, old, new, told
     assert old in text
     path.write_text(text.replace(old, new))
     with pytest.raises(ConfigError) as refused:
-        Bearing.load(path)
+        Machine.load(path)
     assert told in str(refused.value)
     assert "Traceback" not in str(refused.value)
 
@@ -266,7 +266,7 @@ def test_train_shows_what_is_best_at_points_left_out(folder, call):
     shown = call(*words, "--rules", "4x4", *asked).out
     assert "at points left out of the training the surface has a force error of" in shown
     assert "the requested model (the law, refitted)" in shown
-    assert Bearing.load("refitted.toml").magnet.air_gap > 0.9e-3
+    assert Machine.load("refitted.toml").magnet.air_gap > 0.9e-3
 
 
 def test_train_warns_of_an_expert_worse_than_its_law(folder, call):
@@ -331,7 +331,7 @@ def test_the_case_of_iron_that_saturates_further(of, bearing):
 
 def test_an_export_is_the_same_wherever_the_map_lies(bearing, tmp_path):
     (tmp_path / "elsewhere").mkdir()
-    other = Bearing.load(fe_map.written(tmp_path / "elsewhere"))
+    other = Machine.load(fe_map.written(tmp_path / "elsewhere"))
     made = [export_c(b, None, tmp_path / f"out{k}") for k, b in enumerate((bearing, other))]
     assert made[0].configuration == made[1].configuration
 

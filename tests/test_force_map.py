@@ -10,8 +10,8 @@ from scipy.interpolate import RegularGridInterpolator
 from ambkit import (
     PID,
     AmbkitError,
-    Bearing,
     ClosedLaw,
+    Machine,
     Scenario,
     Sine,
     simulate,
@@ -23,7 +23,7 @@ from ambkit.identification.forces.force_map import force_map, nodes_for
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.machine.forces.force_points import ForcePoints, load_force_points
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 
 
 def saturating(iu, x):

@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from quick import quick
 
-from ambkit import AmbkitError, Bearing, ClosedLaw, train
+from ambkit import AmbkitError, ClosedLaw, Machine, train
 from ambkit.fuzzy.rule_selection import measured_map
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import MOST, ForceSurface
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 LAW = ClosedLaw(BEARING).force
 BOX = np.meshgrid(np.linspace(-1.5, 1.5, 41), np.linspace(-0.5e-3, 0.5e-3, 41))
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimate, Record
+from ambkit import Estimate, Machine, Record
 from ambkit.base.errors import AmbkitError, RecordError
 
 pandas = pytest.importorskip("pandas")
 xarray = pytest.importorskip("xarray")
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 RECORD = ambkit.simulate(
     BEARING, ambkit.scenario_for(BEARING, step="0.1 mm", duration="20 ms")
 ).record

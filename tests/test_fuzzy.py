@@ -14,10 +14,10 @@ from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert, Rule
 from ambkit.fuzzy.training import train
 from ambkit.machine import paper
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import stiffness_map
 
-ZITTAU = Bearing.preset("zittau_axial")
+ZITTAU = Machine.preset("zittau_axial")
 MAP = stiffness_map(ZITTAU)
 
 currents = st.floats(-1.5, 1.5)
@@ -82,7 +82,7 @@ def test_another_magnet_constant_multiplies_what_the_rules_conclude(preset, near
 
     The search of the second stops on a flat ground, not always at the same place.
     """
-    bearing = Bearing.preset(preset)
+    bearing = Machine.preset(preset)
     other = bearing.replace(magnet__magnet_constant=0.8 * bearing.magnet.magnet_constant)
     trained, anew = (train(stiffness_map(b), weights=True) for b in (bearing, other))
     scaled = trained.scaled(0.8)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from ambkit import Bearing, KalmanFilter, Machine, Scenario, Step
+from ambkit import KalmanFilter, Machine, Scenario, Step
 from ambkit.control.control import Control
 from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import chosen, weight_of
@@ -17,7 +17,7 @@ from ambkit.simulation.waveforms import Constant
 
 def axes():
     """Return the presets of one axis, and an axis of each end of those that are machines."""
-    found = {name: Bearing.preset(name) for name in ("zittau_axial", "inteco_ml")}
+    found = {name: Machine.preset(name) for name in ("zittau_axial", "inteco_ml")}
     for name in ("hindawi_2011", "tum_mlps", "ufu_rig"):
         alone = Plant(Machine.preset(name)).isolated
         found |= {f"{name}, {end}": alone[k] for end, k in (("one end", 0), ("the other", 2))}
@@ -53,7 +53,7 @@ def test_a_step_overshoots_by_less_than_a_seventh(name, share, feedback):
 def lagging(rng):
     """Return a bearing of a laboratory as any may be: sampled, late, slow."""
     T = float(10 ** rng.uniform(-4.3, -3))
-    return Bearing.preset("zittau_axial").replace(
+    return Machine.preset("zittau_axial").replace(
         name="any",
         sampling_time=T,
         rotor__mass=float(10 ** rng.uniform(-0.5, 1.0)),
@@ -77,12 +77,12 @@ def test_any_bearing_that_allows_it_has_its_peak_below_two():
 
 def test_what_cannot_be_held_has_gains_all_the_same():
     """It is the simulation that says that the rotor falls."""
-    hopeless = Bearing.preset("zittau_axial").replace(name="slow", sampling_time=20e-3)
+    hopeless = Machine.preset("zittau_axial").replace(name="slow", sampling_time=20e-3)
     assert all(np.isfinite(chosen(hopeless)[:6]))
 
 
 def test_the_weight_takes_the_slow_pole_out_of_a_step():
-    bearing = Bearing.preset("zittau_axial")
+    bearing = Machine.preset("zittau_axial")
     k, m = ConstantStiffness.of(bearing), bearing.rotor.mass
     kp, ki, kd = 2.5 * k.k_s / k.k_i, 4e4, 12.0
     b = weight_of(bearing, kp, ki, kd)
@@ -96,7 +96,7 @@ def test_the_weight_takes_the_slow_pole_out_of_a_step():
 
 
 def test_a_given_gain_has_its_weight_tuned_and_a_given_weight_stays():
-    bearing = Bearing.preset("zittau_axial")
+    bearing = Machine.preset("zittau_axial")
     assert PID().completed(bearing) == PID.for_bearing(bearing)
     given = PID(kp=3000.0, ki=20_000.0, kd=12.0).completed(bearing)
     assert given.setpoint_weight == pytest.approx(
@@ -107,7 +107,7 @@ def test_a_given_gain_has_its_weight_tuned_and_a_given_weight_stays():
 
 @pytest.mark.parametrize("weight", [0.0, 0.5, 1.0])
 def test_a_rotor_that_hovers_off_the_centre_stays_there(weight):
-    bearing = Bearing.preset("zittau_axial")
+    bearing = Machine.preset("zittau_axial")
     pid = Control(feedback="measurement", setpoint_weight=weight).completed(bearing)
     scenario = Scenario(duration=0.05, noise=False, reference=Constant(value=2e-4), controller=pid)
     x = simulate_run(bearing, scenario).record["x"]
@@ -115,6 +115,6 @@ def test_a_rotor_that_hovers_off_the_centre_stays_there(weight):
 
 
 def test_the_weight_does_not_touch_the_margins():
-    bearing = Bearing.preset("zittau_axial")
+    bearing = Machine.preset("zittau_axial")
     peaks = {LoopOf(bearing, PID(setpoint_weight=weight)).peak() for weight in (0.0, 1.0)}
     assert len(peaks) == 1

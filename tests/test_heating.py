@@ -13,7 +13,7 @@ from ambkit.judge.loop.capacity import heating
 
 COIL = {"thermal_resistance": "2 K/W", "time_constant": "20 min", "ambient": "313.15 K",
         "temperature_limit": "403.15 K"}  # fmt: skip
-WARM = ambkit.Bearing.preset("zittau_axial").replace(amplifier__resistance="4 ohm", coil=COIL)
+WARM = ambkit.preset("zittau_axial").replace(amplifier__resistance="4 ohm", coil=COIL)
 MACHINE = UFU.model_copy(update={"bearing": tuple(
     at.model_copy(update={
         "amplifier": at.amplifier.model_copy(update={"resistance": 2.0}), "coil": WARM.coil,
@@ -89,7 +89,7 @@ def test_the_verdict_says_how_warm_coils_are():
     hot = next(row for row in away.rows if row.key == "coil_temperature")
     assert hot.text() == "runs away"
     assert hot.kept is False
-    unknown = ambkit.assess(ambkit.Bearing.preset("zittau_axial"), "none")
+    unknown = ambkit.assess(ambkit.preset("zittau_axial"), "none")
     assert any("thermal_resistance" in note for note in unknown.notes)
 
 

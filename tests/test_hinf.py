@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Machine
+from ambkit import Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.synthesis import AT_REST, PEAK, SLOW, STRONG, hinf
 
-ZITTAU = Bearing.preset("zittau_axial")
+ZITTAU = Machine.preset("zittau_axial")
 LATE = ZITTAU.replace(delay=3.75e-4, amplifier__bandwidth=1000.0)
 
 

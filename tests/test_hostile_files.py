@@ -7,7 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from ambkit import Bearing
+from ambkit import Machine
 from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.files.tables import read_log
@@ -229,7 +229,7 @@ def test_a_text_that_is_too_long_or_never_ends_is_refused(tmp_path):
         read_log(tmp_path / "zero.csv")
     (tmp_path / "zero.toml").symlink_to("/dev/zero")
     with pytest.raises(AmbkitError, match=rf"zero\.toml: {endless}"):
-        Bearing.load(tmp_path / "zero.toml")
+        Machine.load(tmp_path / "zero.toml")
 
 
 @pytest.mark.parametrize("ending", ["h5", "mat", "mf4", "npz", "parquet"])

@@ -7,7 +7,7 @@ from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.noise import position_step, with_steps
 from ambkit.simulation.run import simulate_run
 
-BEARING = ambkit.Bearing.preset("zittau_axial").replace(sensor__noise_variance=1e-14)
+BEARING = ambkit.preset("zittau_axial").replace(sensor__noise_variance=1e-14)
 
 
 def recorded(step):

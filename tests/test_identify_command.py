@@ -42,7 +42,7 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     assert "95 % interval" in out
     assert "fit, 10 samples ahead" in " ".join(out.split())
     assert "b.csv: The model passes all checks." in out
-    found = ambkit.Bearing.load("found.toml")
+    found = ambkit.Machine.load("found.toml")
     text = (tmp_path / "found.toml").read_text()
     assert re.search(r'magnet_constant = ".*"  # found, standard error 0\.\d+ N mm\^2/A\^2', text)
     assert "# Of the log: delay = " in text  # which beside a sensor's lag is not told from none
@@ -84,7 +84,7 @@ def test_what_is_of_the_log_goes_into_its_channel_map_and_its_delay_into_the_bea
     read = ambkit.load("log.csv", "map.toml")
     right = TRUTH.corrected(run)
     inner = slice(10, -10)
-    acts = acting(ambkit.Bearing.load("found.toml"), read["u"])
+    acts = acting(ambkit.Machine.load("found.toml"), read["u"])
     off, before = (u[inner] - right["u"][inner] for u in (acts, late["u"]))
     assert abs(off.mean()) < 0.02  # of 0.14 V, drawn towards none by what is known beforehand
     assert off.std() < 0.1 * before.std()
@@ -143,7 +143,7 @@ def test_json_has_all_figures_in_si(call, made):
     assert low < k["value"] == found["magnet_constant"] < high
     assert found["correlation"][0][0] == pytest.approx(1)
     both = [ambkit.Record.load(made / name) for name in ("a.csv", "b.csv")]
-    start = ambkit.Bearing.load(made / "start.toml")
+    start = ambkit.Machine.load(made / "start.toml")
     mean = np.mean([record["u"] for record in both]) * start.amplifier.gain
     assert found["stiffness"]["current"] == pytest.approx(mean)  # no offset, no delay is free
     points = found["operating_points"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Scenario, Sine, simulate
+from ambkit import Machine, Scenario, Sine, simulate
 from ambkit.identification.dead_time import acting, delayed, lagged
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -15,7 +15,7 @@ from ambkit.identification.online.adaline import Adaline
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.workflow.identified_toml import annotated_toml, carried_over
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 SEEDS = (0, 1, 2)
 LINES = {13: 200e-6, 29: 100e-6, 61: 60e-6, 97: 40e-6, 151: 30e-6, 223: 20e-6}
 """Amplitudes of the reference [m] by frequency [Hz]: a lag of 0.8 ms shows at the upper ones."""
@@ -100,7 +100,7 @@ def test_what_was_found_is_in_the_bearing_that_is_written():
     record = record_of(plant, 0)
     found = found_by(told, record, ("delay", "current_lag"))
     text = annotated_toml(found)
-    written = Bearing.from_toml(text)
+    written = Machine.from_toml(text)
     assert written == found.bearing
     assert written.delay == found["delay"]
     assert written.amplifier.bandwidth == pytest.approx(1 / (2 * np.pi * found["current_lag"]))

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 import ambkit
-from ambkit import Bearing, Record, Scenario
+from ambkit import Machine, Record, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.maximum_likelihood.information import expect
 from ambkit.identification.maximum_likelihood.likelihood import (
@@ -18,7 +18,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
 from ambkit.machine.magnets import own_time
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 CALM = LoopModel(BEARING, disturbance_noise=1e-4)
 FREE = ("magnet_constant", "air_gap", "sensor_lag", "position_offset", "measurement_noise")
 SHAKEN = Scenario(

@@ -18,7 +18,7 @@ FORCE = """iu [mA],x [mm],f_mag [N]
 
 @pytest.fixture(scope="module")
 def bearing():
-    return ambkit.Bearing.preset("zittau_axial")
+    return ambkit.preset("zittau_axial")
 
 
 def grid(bearing, n=5):

@@ -87,7 +87,7 @@ def tables(data, at=()):
 @pytest.fixture(scope="module")
 def a_filter(tmp_path_factory):
     path = tmp_path_factory.mktemp("filter") / "filter.toml"
-    kf = ambkit.AugmentedKalmanFilter(ambkit.Bearing.preset("zittau_axial"), wander=0.02)
+    kf = ambkit.AugmentedKalmanFilter(ambkit.preset("zittau_axial"), wander=0.02)
     kf.origin = {"options.wander": "by hand"}
     kf.save(path)
     return path

@@ -13,14 +13,14 @@ import pytest
 from filter_cases import core_model, core_settings, made
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
+from ambkit import ClosedLaw, KalmanFilter, Machine, Record, Scenario, Status
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
 from ambkit.estimate.registry import KINDS, in_core_of
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 RECORD = ambkit.simulate(
     BEARING,
     Scenario(

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import ambkit
-from ambkit import Bearing
+from ambkit import Machine
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data import recordings
@@ -93,7 +93,7 @@ def test_recordings_of_flights_give_a_bearing_on_the_command_line(call):
     assert told.code == 0
     assert "points left out" in told.out
     assert "still.csv: it does not fly up" in told.out
-    found = Bearing.load("law.toml").magnet
+    found = Machine.load("law.toml").magnet
     assert found.magnet_constant == pytest.approx(CONSTANT, rel=0.1)
     assert found.air_gap == pytest.approx(10e-3 + OFFSET, rel=0.05)
     assert Path("law.png").is_file()

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Scenario, Sine, simulate
+from ambkit import Machine, Scenario, Sine, simulate
 from ambkit.identification.maximum_likelihood import line_noise, maximum_likelihood
 from ambkit.identification.maximum_likelihood.likelihood import Data
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.machine.accessories import Hum
 
-BALL = Bearing.preset("inteco_ml").replace(sensor__noise_variance="9e-12 m^2")
+BALL = Machine.preset("inteco_ml").replace(sensor__noise_variance="9e-12 m^2")
 LINES = [{"frequency": f, "amplitude": "25 um"} for f in ("170 Hz", "230 Hz")]
 HUMMING = BALL.replace(sensor__hum=LINES)
 FREE = ("magnet_constant", "measurement_noise", "control_noise", "disturbance_noise")

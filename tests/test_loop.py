@@ -6,11 +6,11 @@ import pytest
 from filter_cases import off
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, Scenario
+from ambkit import ClosedLaw, Machine, Scenario
 from ambkit.simulation.recording import UNITS
 from ambkit.simulation.run import simulate_run
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 STEP = Scenario(
     duration=0.1,
     seed=3,
@@ -102,7 +102,7 @@ def test_the_loop_is_the_plain_loop_in_python(fed_back, noise, amplitude):
 @pytest.mark.parametrize("offset", [0.0, 2e-4])
 def test_started_in_hover_the_rotor_stays_put(bearing, offset):
     """Without noise: by less than a nanometre in a second of an unstable plant."""
-    b = Bearing.preset(bearing)
+    b = Machine.preset(bearing)
     scenario = Scenario(
         duration=1.0, noise=False, reference=ambkit.Constant(value=offset),
         controller={"feedback": "measurement"},
@@ -180,7 +180,7 @@ def test_the_noise_is_the_bearings_and_does_not_depend_on_the_estimator():
 def test_the_record_says_what_the_magnet_does():
     """f_mag is the whole force of the magnet, eq. 1, at the current and the place of the sample."""
     for name in ("zittau_axial", "inteco_ml"):
-        b = Bearing.preset(name)
+        b = Machine.preset(name)
         record = ambkit.simulate(b, STEP.replace(controller__feedback="measurement")).record
         law = [
             oracles.magnet_force(b, i, x) for i, x in zip(record["iu"], record["x"], strict=True)

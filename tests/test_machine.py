@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 
-from ambkit import Bearing, ConfigError, ConstantStiffness, Machine
+from ambkit import ConfigError, ConstantStiffness, Machine
 from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.machine import geometry, presets
 from ambkit.machine.loading import load_machine
@@ -171,7 +171,7 @@ def test_a_sensor_without_a_gain_is_told_of_the_gain_alone():
 
 
 def test_a_machine_with_one_axis_is_written_short_and_read_either_way(tmp_path):
-    axis = Bearing.preset("zittau_axial")
+    axis = Machine.preset("zittau_axial")
     assert Machine(**axis.model_dump(exclude_none=True)) == axis
     long = axis.to_toml()
     for table in ("magnet", "amplifier"):
@@ -192,7 +192,7 @@ def test_a_machine_with_one_axis_is_written_short_and_read_either_way(tmp_path):
 
 
 def test_a_part_of_an_axis_is_found_where_there_is_one():
-    axis = Bearing.preset("zittau_axial")
+    axis = Machine.preset("zittau_axial")
     assert axis.magnet is axis.magnet
     with pytest.raises(AttributeError, match=r'has several axes: use machine\["A1"\]'):
         _ = Machine.preset("tum_mlps").amplifier

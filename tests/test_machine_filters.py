@@ -9,7 +9,6 @@ from quick import quick
 
 from ambkit import (
     AmbkitError,
-    Bearing,
     ExtendedKalmanFilter,
     KalmanFilter,
     Machine,
@@ -63,7 +62,7 @@ def test_over_a_run_up_unbalance_and_runout_are_as_good_as_with_finer_steps():
 
 def test_a_single_axis_is_judged_by_the_same_text():
     """Also with an amplifier that lags, whose current is a state."""
-    axis = Bearing.preset("zittau_axial").replace(amplifier__bandwidth="1 kHz")
+    axis = Machine.preset("zittau_axial").replace(amplifier__bandwidth="1 kHz")
     judged = judge_states(axis, ("extended",), seeds=6, finer=True)
     assert judged.quantities == ("s", "v", "f_d", "i")
     assert judged.efficiency("extended") == pytest.approx(1.0, abs=0.12)

@@ -9,7 +9,7 @@ from machine_cases import BEARINGS
 from magnet_at import differences, force, tangent, through_origin
 from oracles import least_squares_stiffness, magnet_force
 
-from ambkit import Bearing
+from ambkit import Machine
 from ambkit.machine.magnets import (
     ClosedLaw,
     ConstantStiffness,
@@ -18,8 +18,8 @@ from ambkit.machine.magnets import (
     magnet_of,
 )
 
-TWO_SIDED = Bearing.preset("zittau_axial")
-ONE_SIDED = Bearing.preset("inteco_ml")
+TWO_SIDED = Machine.preset("zittau_axial")
+ONE_SIDED = Machine.preset("inteco_ml")
 CLOSED = {"two-sided": TWO_SIDED, "one-sided": ONE_SIDED}
 LAWS = CLOSED | {"iron, two-sided": iron.TWO_SIDED, "iron, one-sided": iron.ONE_SIDED}
 CORE = core_module()
@@ -236,7 +236,7 @@ def test_both_builds_live_side_by_side():
 
 @pytest.mark.parametrize("name", BEARINGS)
 def test_a_current_carries_what_needs_no_more(name):
-    bearing = Bearing.preset(name)
+    bearing = Machine.preset(name)
     law = magnet_of(bearing)
     for pull in (-bearing.weight, 3.0, -0.01):
         needed = law.current_for(pull)

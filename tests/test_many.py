@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 import ambkit
 from ambkit import (
-    Bearing,
     KalmanFilter,
     Machine,
     Planned,
@@ -25,7 +24,7 @@ from ambkit.simulation.plans import windows
 from ambkit.simulation.recording import Stream
 from ambkit.simulation.run_figures import FIGURES, FLAGS
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 PID = ambkit.PID.for_bearing(BEARING)
 KALMAN = ambkit.KalmanFilter(BEARING)
 SCENARIO = Scenario(

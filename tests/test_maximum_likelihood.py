@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from quick import quick
 from scipy.optimize import minimize_scalar
 
-from ambkit import PID, AmbkitError, Bearing, ClosedLaw, Record, Scenario, Sine, Step, simulate
+from ambkit import PID, AmbkitError, ClosedLaw, Machine, Record, Scenario, Sine, Step, simulate
 from ambkit.base.units import engineering
 from ambkit.data import recordings
 from ambkit.identification.dead_time import delayed, lagged, limited
@@ -60,7 +60,7 @@ def test_a_ridge_that_one_goes_along_is_in_the_intervals_of_all(seed):
     The interval of the offset went to the other side, and those of k and gap, by their standard
     errors, left out the truth in 5 of 16 seeds.
     """
-    bearing = Bearing.preset("zittau_axial")
+    bearing = Machine.preset("zittau_axial")
     step = Scenario(reference=Step(amplitude=0.3e-3, time=0.06), duration=0.6, seed=seed)
     found = maximum_likelihood(simulate(bearing, step).record, bearing)
     assert {"magnet_constant", "air_gap", "position_offset"} <= set(found.profiles)
@@ -201,7 +201,7 @@ def test_a_gap_may_be_less_than_the_travel_of_the_description_and_that_is_told()
 
 def test_what_two_stiffnesses_do_not_tell_is_in_the_errors():
     """A ball that moves slowly about one place tells two stiffnesses, not three figures."""
-    ball = Bearing.preset("inteco_ml").replace(sensor__noise_variance=2.4e-10)
+    ball = Machine.preset("inteco_ml").replace(sensor__noise_variance=2.4e-10)
     record = Record.load(recordings.folder() / "sinus_kalman.csv")
     start = LoopModel(ball, disturbance_noise=1e-5)
     free = ["magnet_constant", "air_gap", "current_offset"]
@@ -320,7 +320,7 @@ def test_models_side_by_side_equal_each_by_itself(records, most, monkeypatch):
 
 def test_finite_steps_of_the_filter_bias_nothing():
     """As the search with steps sixteen times as short, where the record tells the difference."""
-    pump = Bearing.preset("zittau_axial").replace(
+    pump = Machine.preset("zittau_axial").replace(
         magnet__magnet_constant=2.4e-6, magnet__bias_current=1.8, magnet__air_gap="0.75 mm",
         rotor__mass=1.7, rotor__clearance="0.3 mm", amplifier__gain=0.4,
         amplifier__current_limit=1.8, amplifier__noise_variance=4e-5, sensor__lag="0.15 ms",
@@ -360,7 +360,7 @@ def test_stiffness_with_its_error_follows_from_the_law(found):
 @pytest.mark.long
 def test_a_control_signal_that_was_cut_off_is_named():
     """It gives a magnet a thousand times as strong, and a delay below zero, each with its error."""
-    bearing = Bearing.preset("zittau_axial")
+    bearing = Machine.preset("zittau_axial")
     record = simulate(bearing, duration="0.4 s", step="0.2 mm").record
     u = record["u"]
     near = 0.3 * np.median(np.abs(u - u.mean()))
@@ -374,7 +374,7 @@ def test_a_control_signal_that_was_cut_off_is_named():
 def test_a_machine_that_the_description_can_hardly_mean_is_named(records):
     """By intervals, which a value that is only uncertain does not leave."""
     free, errors = ["magnet_constant", "delay"], np.array([0.02, 5e-5])  # of its logarithm, in s
-    fit = maximum_likelihood(records[0], Bearing.preset("zittau_axial"), free=free)
+    fit = maximum_likelihood(records[0], Machine.preset("zittau_axial"), free=free)
     start = fit.start.bearing.magnet.magnet_constant
     for strength, delay, told in (
         (1.0, 1e-4, ""), (2.9, -1e-5, ""), (3.5, 1e-4, "The magnet constant is "),
@@ -388,13 +388,13 @@ def test_a_machine_that_the_description_can_hardly_mean_is_named(records):
 
 
 def test_unknown_parameter_is_named():
-    record = simulate(Bearing.preset("zittau_axial"), Scenario(duration=0.02)).record
+    record = simulate(Machine.preset("zittau_axial"), Scenario(duration=0.02)).record
     with pytest.raises(AmbkitError, match="did you mean mass"):
         maximum_likelihood(record, TRUTH, ["mas"])
 
 
 def test_one_sided_magnet_is_identified():
-    bearing = Bearing.preset("inteco_ml")
+    bearing = Machine.preset("inteco_ml")
     scenario = Scenario(
         duration=20.0,
         controller=PID.for_bearing(bearing),
@@ -455,7 +455,7 @@ def test_limited_mean_is_the_integral(mean, low, wide):
 @pytest.mark.parametrize("preset", ["zittau_axial", "inteco_ml"])
 def test_mean_force_is_that_of_a_noisy_current(preset):
     """Against the mean over the noise, by Gauss and Hermite; the rest is of second order."""
-    plain = Bearing.preset(preset)
+    plain = Machine.preset(preset)
     gain, i0 = plain.amplifier.gain, plain.magnet.bias_current
     bearing = plain.replace(amplifier__noise_variance=(0.05 * i0 / gain) ** 2)
     raised = LoopModel(bearing).with_mean_force

@@ -10,14 +10,14 @@ import pytest
 from quick import quick
 
 import ambkit
-from ambkit import PID, Bearing, Control, Record, Recorded, Scenario
+from ambkit import PID, Control, Machine, Record, Recorded, Scenario
 from ambkit.assessment.injection_experiment import design_injection
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.identification.excitation.signals import multisine, prbs, sparse_multisine
 from ambkit.judge.loop.measured_sensitivity import _magnitudes, _period, measured_sensitivity
 from ambkit.simulation.run import simulate
 
-LATE = Bearing.preset("zittau_axial").replace(delay=1.5e-4, amplifier__bandwidth=2000.0)
+LATE = Machine.preset("zittau_axial").replace(delay=1.5e-4, amplifier__bandwidth=2000.0)
 ON_ESTIMATE = Control(feedback="estimate")
 T = LATE.sampling_time
 

@@ -28,7 +28,7 @@ CSV = f"t [s],y [m],u [V]\n{ROWS}"
 
 @pytest.fixture(scope="module")
 def bearing():
-    return ambkit.Bearing.preset("zittau_axial").to_toml()
+    return ambkit.preset("zittau_axial").to_toml()
 
 
 def shell(command, **variables):
@@ -319,7 +319,7 @@ def test_letters_and_windows_that_a_terminal_lacks_do_not_matter(tmp_path):
     assert re.search(r"\d um", out)
     code, out, _err = shell(f"{AMBKIT} presets zittau_axial", PYTHONIOENCODING="ascii")
     assert code == 0
-    assert ambkit.Bearing.from_toml(out) == ambkit.Bearing.preset("zittau_axial")
+    assert ambkit.Machine.from_toml(out) == ambkit.preset("zittau_axial")
     listed = f"{AMBKIT} check $'\\xff.toml' --json"
     code, out, _err = shell(listed, LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0")
     assert code == 2
@@ -340,8 +340,8 @@ def test_closed_streams_are_silent(tmp_path, command, closed, code):
     assert said[0] == code
     assert "Traceback" not in said[2]
     if "--out" in command:
-        written = ambkit.Bearing.load(tmp_path / "bearing.toml")
-        assert written == ambkit.Bearing.preset("zittau_axial")
+        written = ambkit.Machine.load(tmp_path / "bearing.toml")
+        assert written == ambkit.preset("zittau_axial")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

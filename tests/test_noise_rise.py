@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing
+from ambkit import Machine
 from ambkit.estimate.registry import KINDS
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from benchmarks.identification import TRUTH, closed_loops
 
 RISE = -700.0  # 1/m
-BEARING = Bearing.preset("zittau_axial").replace(sensor__position_noise=RISE)
+BEARING = Machine.preset("zittau_axial").replace(sensor__position_noise=RISE)
 
 
 def test_it_goes_with_a_bearing_through_its_file():
-    again = Bearing.from_toml(BEARING.to_toml())
+    again = Machine.from_toml(BEARING.to_toml())
     assert again.sensor.position_noise == RISE
-    assert "position_noise" not in Bearing.preset("zittau_axial").to_toml()
+    assert "position_noise" not in Machine.preset("zittau_axial").to_toml()
 
 
 @pytest.mark.parametrize("kind", ["linear", "extended", "ud", "unscented"])

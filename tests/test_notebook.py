@@ -13,7 +13,7 @@ import pytest
 from quick import quick
 
 import ambkit
-from ambkit import Bearing, Expert, KalmanFilter, Record
+from ambkit import Expert, KalmanFilter, Machine, Record
 from ambkit.assessment.injection_experiment import design_injection
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
@@ -28,7 +28,7 @@ from ambkit.workflow.design_candidates import TunedCandidate
 from ambkit.workflow.designed import Design
 from tests.hostile import NOT_PRINTABLE, PRINTABLE, Page, called
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 SCENARIO = ambkit.scenario_for(BEARING, step="0.1 mm", load="3 N", duration="80 ms")
 RECORD = ambkit.simulate(BEARING, SCENARIO).record
 ESTIMATE = KalmanFilter(BEARING).run(RECORD, covariance=True)
@@ -45,7 +45,7 @@ def shown():
     errors = {"x": 3e-6, "v": 2e-3, "f_d": 0.5}
     candidate = TunedCandidate("linear", Path("a.toml"), True, "truth", {}, errors, 9e-6, 3e-6)
     assessed = ambkit.assess(BEARING, "linear")
-    one_sided = Bearing.preset("inteco_ml")
+    one_sided = Machine.preset("inteco_ml")
     injection = design_injection(BEARING, ambkit.Scenario(duration=1.0))
     points = [
         LiftOff(0, gap, 0.1 + 200 * gap, 0.0, gap, 1e-12, "") for gap in (1e-3, 2e-3, 3e-3, 4e-3)
@@ -236,7 +236,7 @@ def test_without_plotly_the_plot_is_of_matplotlib(monkeypatch):
 
 @pytest.mark.parametrize(
     "thing",
-    [BEARING, Bearing, SCENARIO, ambkit.PID, ambkit.PID(), ambkit.Step, Expert.paper(), Expert],
+    [BEARING, Machine, SCENARIO, ambkit.PID, ambkit.PID(), ambkit.Step, Expert.paper(), Expert],
     ids=lambda thing: getattr(thing, "__name__", type(thing).__name__),
 )
 def test_completion_shows_what_users_look_for(thing):
@@ -322,7 +322,7 @@ def test_quantities_are_taken_with_their_units():
             "records must be of type Record or str or PathLike, is the int 3",
         ),
         (
-            lambda: KalmanFilter(Bearing),
+            lambda: KalmanFilter(Machine),
             "bearing must be of type Machine, is the type Machine; Machine(...) makes one",
         ),
         (

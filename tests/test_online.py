@@ -11,7 +11,7 @@ import pytest
 from scipy.signal import lfilter
 
 import ambkit
-from ambkit import Bearing, Constant, Scenario, Sine, Step
+from ambkit import Constant, Machine, Scenario, Sine, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.online.adaline import OnlineResult, mean_error
 from ambkit.identification.online.comparison import OnlineComparison, compare_online, online_figure
@@ -19,7 +19,7 @@ from ambkit.identification.online.magnet_constant import AugmentedIdentifier, Au
 from ambkit.result.report import Band, Line, Rule, Span
 from ambkit.simulation.external_inputs import ExternalInputs
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 K = BEARING.magnet.magnet_constant
 START = K / 1.3
 PID = ambkit.PID.textbook(BEARING)  # the rotor moves
@@ -236,7 +236,7 @@ def test_the_command_shows_all_three(call):
     code, out, _ = call("--method", "augmented", "--json", "--out", "found.toml")
     k = json.loads(out)["magnet_constant"]
     assert k == json.loads(out)["learners"]["augmented"]["magnet_constant"]
-    assert Bearing.load("found.toml").magnet.magnet_constant == pytest.approx(k)
+    assert Machine.load("found.toml").magnet.magnet_constant == pytest.approx(k)
 
 
 def test_without_a_preferred_method_there_is_no_bearing_to_write(call):

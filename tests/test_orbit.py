@@ -7,7 +7,7 @@ import pytest
 from quick import quick
 
 import ambkit
-from ambkit import Bearing, Machine
+from ambkit import Machine
 from ambkit.assessment.assess import MEASUREMENT, on_orbit
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.linear_plant import OperatingPoint, Orbit, plant
@@ -18,7 +18,7 @@ from ambkit.simulation.scenario import Scenario
 
 TUM = Machine.preset("tum_mlps").replace(speed="6000 rpm")
 GAP = TUM.bearings[0].magnet.air_gap
-ZITTAU = Bearing.preset("zittau_axial").replace(speed="1500 rpm")
+ZITTAU = Machine.preset("zittau_axial").replace(speed="1500 rpm")
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,10 @@ from exporting import export_c
 from quick import quick
 
 import ambkit
-from ambkit import AmbkitError, Bearing, Control, Machine, Scenario
+from ambkit import AmbkitError, Control, Machine, Scenario
 from ambkit.control.axis_sensitivity import shown_along_axes
 
-AXIS, MACHINE = Bearing.preset("zittau_axial"), Machine.preset("tum_mlps")
+AXIS, MACHINE = Machine.preset("zittau_axial"), Machine.preset("tum_mlps")
 KP, KD = 1700.0, 11.0
 PLAIN = {"kp": KP, "ki": 0.0, "kd": KD, "derivative_filter": 0.0, "setpoint_weight": 1.0}
 

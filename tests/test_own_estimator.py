@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import AmbkitError, Bearing, Machine, Scenario
+from ambkit import AmbkitError, Machine, Scenario
 from ambkit.estimate.user_filter import OwnEstimator
 from ambkit.simulation.planned import Planned
 
-AXIS, MACHINE = Bearing.preset("zittau_axial"), Machine.preset("tum_mlps")
+AXIS, MACHINE = Machine.preset("zittau_axial"), Machine.preset("tum_mlps")
 
 
 class Mine:

@@ -7,7 +7,7 @@ import pytest
 from paper.printed import MISPRINTS
 
 from ambkit.machine import paper
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import stiffness_map
 
 REFERENCE = Path(__file__).parents[2] / "shared" / "reference"
@@ -15,7 +15,7 @@ REFERENCE = Path(__file__).parents[2] / "shared" / "reference"
 
 @pytest.fixture(scope="module")
 def ours():
-    return stiffness_map(Bearing.preset("zittau_axial"))
+    return stiffness_map(Machine.preset("zittau_axial"))
 
 
 def test_our_nodes_are_those_of_tables_2_and_3(ours):

@@ -7,7 +7,7 @@ import pytest
 from quick import quick
 
 import ambkit
-from ambkit import Bearing, Scenario, Sine, Step
+from ambkit import Machine, Scenario, Sine, Step
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
 from ambkit.judge.comparison.bound import bearing_bound
@@ -18,7 +18,7 @@ from ambkit.judge.faults.fault_test import inject_faults
 from ambkit.models import machine_model
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 PARTS = {
     "amplifier": {"amplifier__bandwidth": "200 Hz"},
     "delay": {"delay": "0.15 ms"},

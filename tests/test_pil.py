@@ -8,7 +8,7 @@ import pytest
 from exporting import export_c, pil
 
 import ambkit
-from ambkit import Bearing, KalmanFilter, Machine, Record, Scenario, Step
+from ambkit import KalmanFilter, Machine, Record, Scenario, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff, Mode
@@ -18,7 +18,7 @@ from ambkit.export.pil import build
 from ambkit.export.pil.processor import Processor
 from ambkit.simulation.waveforms import Ramp
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 TOOLS = (build.QEMU_BOARD.compiler, build.QEMU)
 needs_tools = pytest.mark.skipif(
     not all(map(shutil.which, TOOLS)), reason=f"not there: one of {', '.join(TOOLS)}"

@@ -11,10 +11,10 @@ from one_axis import I0, S0, K, M, driven
 from scipy.integrate import solve_ivp
 
 import ambkit
-from ambkit import Bearing
+from ambkit import Machine
 from ambkit.machine.magnets import core_module
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 
 
 def released(n, T, *, current=0.0, **changes):

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import ambkit
-from ambkit import Bearing
+from ambkit import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.models import plant_parts as plant_parts
 from ambkit.models.parts import ColouredNoise, Hum
@@ -23,7 +23,7 @@ from ambkit.simulation import recording as plant_noise
 from ambkit.simulation.recording import Stream
 from ambkit.simulation.run import Loop
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 HEAVY = 1e9  # a rotor that stays where it is [kg]
 ALL = {
     "amplifier__bandwidth": "2 kHz",
@@ -51,7 +51,7 @@ def coils(**changes):
 
 def test_a_bearing_without_parts_is_simulated_without_them():
     for name in BEARINGS:
-        bearing = Bearing.preset(name)
+        bearing = Machine.preset(name)
         fields = plant_parts.axis_fields(bearing, None, None, 0.0, 4)
         assert fields["plain"]
         assert (fields["amplifiers"], fields["sensor_parts"], fields["delay"]) == ([{}], [{}], 0)

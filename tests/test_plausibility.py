@@ -18,7 +18,7 @@ from ambkit.judge.signs import sign_test
 from ambkit.workflow.check import inspect
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
-BEARING = ambkit.Bearing.preset("zittau_axial")
+BEARING = ambkit.preset("zittau_axial")
 SCENARIOS = {
     "rest": {},
     "step": {"reference": ambkit.Step(amplitude=0.3e-3, time=0.05)},
@@ -127,7 +127,7 @@ def test_a_mirrored_record_pulls_with_gravity(name):
 
 @pytest.mark.skipif(not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)")
 def test_the_signs_of_the_rig_are_told():
-    bearing = ambkit.Bearing.preset("inteco_ml")
+    bearing = ambkit.preset("inteco_ml")
     for log in sorted(RIG.glob("*.mat")):
         record = ambkit.load(log, recordings.folder() / "closed_loop.toml")
         assert evaluate_record(record, bearing).problems == (), log.name

@@ -25,7 +25,7 @@ from ambkit.workflow.training import measured_force
 
 @pytest.fixture(scope="module")
 def bearing():
-    return ambkit.Bearing.preset("zittau_axial")
+    return ambkit.preset("zittau_axial")
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_current_limits_are_shown_where_they_matter(run, bearing):
 
 
 def test_currents_and_noise_among_the_states_have_panels(scenario):
-    bearing = ambkit.Bearing.preset("zittau_axial").replace(
+    bearing = ambkit.preset("zittau_axial").replace(
         amplifier__bandwidth="500 Hz",
         sensor__coloured_noise={"variance": "100 um^2", "bandwidth": "200 Hz"},
         sensor__hum=[{"frequency": "50 Hz", "amplitude": "20 um"}],
@@ -161,9 +161,7 @@ def test_a_gap_flattens_nothing(run, bearing):
 
 def test_what_the_rig_logged_is_shown():
     record = ambkit.Record.load(recordings.folder() / "sinus_kalman.csv")
-    evaluated = {
-        "linear": evaluate(ambkit.KalmanFilter(ambkit.Bearing.preset("inteco_ml")), record)
-    }
+    evaluated = {"linear": evaluate(ambkit.KalmanFilter(ambkit.preset("inteco_ml")), record)}
     position, velocity, *_ = filter_figure(record, evaluated).panels
     assert "logged by the rig" in lines(position)
     np.testing.assert_array_equal(lines(velocity)["logged by the rig"].y, record["v_logged"])
@@ -254,7 +252,7 @@ def test_filters_without_a_look_of_their_own_are_told_apart():
 
 
 def test_a_dense_force_map_leaves_room_to_read_how_well_it_is_known(tmp_path):
-    bearing = ambkit.Bearing.load(fe_map.written(tmp_path))
+    bearing = ambkit.Machine.load(fe_map.written(tmp_path))
     points = load_force_points(tmp_path / "fe.csv", tmp_path / "channels.toml")
     measured = measured_force(fe_map.BEARING, points)
     assert bearing.magnet.force_map is not None

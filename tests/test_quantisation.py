@@ -19,7 +19,7 @@ from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
 
 NOISE = 1e-7
-PAPER = ambkit.Bearing.preset("zittau_axial").replace(sensor__noise_variance=NOISE**2)
+PAPER = ambkit.preset("zittau_axial").replace(sensor__noise_variance=NOISE**2)
 T = PAPER.sampling_time
 N = 3001
 WALK = 1e-4 * (2 * PAPER.weight) ** 2
@@ -64,7 +64,7 @@ def test_coarse_steps_are_no_frozen_sensor_and_no_worse_than_raw(ratio, feedback
 @pytest.mark.parametrize("kind", ["linear", "extended", "steady-state", "observer"])
 def test_by_default_a_sensor_as_quiet_as_can_be_makes_no_estimate_worse_than_raw(kind, noise):
     """The process noise let filters undo the sensor's lag; observers were slower than the rotor."""
-    for ball in (ambkit.Bearing.preset("inteco_ml"), ambkit.Bearing.preset("zittau_axial")):
+    for ball in (ambkit.preset("inteco_ml"), ambkit.preset("zittau_axial")):
         for ratio in (0, 5):
             steps = {"sensor__quantisation": ratio * noise} if ratio else {}
             rig = ball.replace(sensor__noise_variance=noise**2, **steps)
@@ -102,7 +102,7 @@ def test_kinds_of_other_covariances_flag_no_healthy_sensor(kind, precision, stat
 @pytest.mark.parametrize("name", ["zittau_axial", "inteco_ml"])
 @pytest.mark.parametrize("ratio", [12, 20, 50, 85, 100])
 def test_a_constant_gain_in_the_loop_is_no_worse_than_raw(kind, name, ratio):
-    quiet = ambkit.Bearing.preset(name).replace(sensor__noise_variance=NOISE**2)
+    quiet = ambkit.preset(name).replace(sensor__noise_variance=NOISE**2)
     bearing = quiet.replace(sensor__quantisation=ratio * NOISE)
     walk = np.sqrt(1e-4 * (2 * bearing.weight) ** 2 * bearing.sampling_time)
     pid = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": "estimate"})
@@ -163,7 +163,7 @@ def test_a_rotor_that_stays_in_a_coarse_step_is_no_frozen_sensor(ratio):
 
 
 def test_a_slowly_sampled_stuck_sensor_is_flagged_within_three_own_times():
-    quiet = ambkit.Bearing.preset("inteco_ml").replace(sensor__noise_variance=NOISE**2)
+    quiet = ambkit.preset("inteco_ml").replace(sensor__noise_variance=NOISE**2)
     bearing = quiet.replace(sensor__quantisation=5 * NOISE)
     none, since = Faults.none(N), np.maximum(np.arange(N) - 2000 + 1.0, 0.0)
     faults = Faults(since, none.y_times, none.y_plus, none.u_times, none.u_plus, none.current)

@@ -29,7 +29,7 @@ BASELINES = ("low-pass", "constant-velocity")
 def random_bearing(seed):
     """A bearing like the paper's, of other mass, air gap, sensor and sampling time."""
     rng = np.random.default_rng(seed)
-    paper = ambkit.Bearing.preset("zittau_axial")
+    paper = ambkit.preset("zittau_axial")
     return paper.replace(
         rotor__mass=paper.rotor.mass * rng.uniform(0.5, 2),
         sampling_time=paper.sampling_time * rng.uniform(0.5, 1.5),
@@ -39,8 +39,8 @@ def random_bearing(seed):
 
 
 MACHINES = {
-    "zittau_axial": lambda: ambkit.Bearing.preset("zittau_axial"),
-    "inteco_ml": lambda: ambkit.Bearing.preset("inteco_ml"),
+    "zittau_axial": lambda: ambkit.preset("zittau_axial"),
+    "inteco_ml": lambda: ambkit.preset("inteco_ml"),
     "random 1": lambda: random_bearing(1),
     "random 2": lambda: random_bearing(2),
 }

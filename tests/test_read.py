@@ -684,7 +684,7 @@ def test_a_reference_in_the_place_of_the_measurement_is_told(flown, steps):
 
 
 def test_a_log_of_another_rig_is_told():
-    bearing = ambkit.Bearing.preset("inteco_ml")
+    bearing = ambkit.preset("inteco_ml")
     record = Record.load(recordings.folder() / "sinus_no_filter.csv")
     assert "another rig" not in " ".join(evaluate_record(record, bearing).remarks)
     slow = Record(30 * record.t, {n: record[n] for n in ("y", "u")}, {"y": "m", "u": "V"})

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ambkit import Bearing, KalmanFilter, Machine, Scenario, simulate
+from ambkit import KalmanFilter, Machine, Scenario, simulate
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.record import Record
 from ambkit.data.signals import SI_UNITS, si_unit
@@ -296,7 +296,7 @@ def amplifier_of_currents(of):
 
 
 def test_the_control_signal_of_an_amplifier_of_currents_is_in_ampere(tmp_path):
-    plain = Bearing.preset("zittau_axial")
+    plain = Machine.preset("zittau_axial")
     bearing = amplifier_of_currents(plain)
     for same in (bearing, bearing.replace(rotor__mass=0.5), bearing.isolated_axis("")):
         assert 'gain = "1 A/A"' in same.to_toml()

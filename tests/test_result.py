@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import pytest
 
 import ambkit
-from ambkit import Bearing, Result
+from ambkit import Machine, Result
 from ambkit.base.errors import AmbkitError
 from ambkit.result.page import short
 from ambkit.result.row import At, Row, Section, put
@@ -136,7 +136,7 @@ def test_it_is_saved_by_the_ending(tmp_path):
 
 
 def test_a_verbs_result_is_one():
-    found = ambkit.assess(Bearing.preset("zittau_axial"), "linear")
+    found = ambkit.assess(Machine.preset("zittau_axial"), "linear")
     assert isinstance(found, Result)
     assert repr(found).startswith("<Assessment: zittau_axial, controller fed by linear: zone")
     row = found.to_pandas().query("section == 'loops' and of == 'linear' and key == 'peak'")

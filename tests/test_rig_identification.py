@@ -22,7 +22,7 @@ def log(name, begin, end):
 @pytest.mark.skipif(not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)")
 def test_a_model_from_four_seconds_predicts_another_log():
     begun = log("sinusoidal_slow_linear-LQR_tracking-KF", 2.0, 6.0)
-    found = maximum_likelihood(begun, LoopModel(ambkit.Bearing.preset("inteco_ml")), FREE)
+    found = maximum_likelihood(begun, LoopModel(ambkit.preset("inteco_ml")), FREE)
     assert found.converged
     # 15.6 um; the lift-offs and the log as a whole say 16.8 (docs/explanation/rig.md).
     assert 13e-6 < found["measurement_noise"] ** 0.5 < 20e-6

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from portability import lint
 
 import ambkit
-from ambkit import Adaline, Bearing, Record, Scenario
+from ambkit import Adaline, Machine, Record, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.online.magnet_constant import RecursiveLeastSquares
 from ambkit.machine.magnets import core_module
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 K = BEARING.magnet.magnet_constant
 SWING = Scenario(duration=0.6, reference=ambkit.Sine(amplitude=3e-4, frequency=20.0))
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from quick import quick
 
-from ambkit import AmbkitError, Bearing, ClosedLaw
+from ambkit import AmbkitError, ClosedLaw, Machine
 from ambkit.fuzzy.rule_selection import Candidate, RuleChoice, choose_rules, measured_map
 from ambkit.fuzzy.training import train
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 FEW = ((2, 2), (3, 3), (4, 4))
 QUICK = {"weights": True, "epochs": 12, "samples": 15}
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimator, Expert, Record
+from ambkit import Estimator, Expert, Machine, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.result.result import plain
 from ambkit.workflow.comparison import tuned_filters
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 
 
 def force_map(path):

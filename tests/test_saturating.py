@@ -10,7 +10,7 @@ from magnet_at import force, tangent
 
 import ambkit
 import ambkit.simulation.scenario
-from ambkit import Bearing, ClosedLaw, ConstantStiffness, SaturatingLaw, Scenario, magnet_of
+from ambkit import ClosedLaw, ConstantStiffness, Machine, SaturatingLaw, Scenario, magnet_of
 from ambkit.base.errors import ConfigError
 from ambkit.estimate.registry import KINDS
 from ambkit.identification.maximum_likelihood import maximum_likelihood
@@ -121,7 +121,7 @@ def test_an_angle_takes_its_cosine():
     straight = TWO_SIDED.replace(magnet__pole_angle=None)
     ratio = TWO_SIDED.magnet.magnet_constant / straight.magnet.magnet_constant
     assert ratio == pytest.approx(np.cos(np.deg2rad(22.5)), rel=1e-14)
-    assert Bearing.from_toml(TWO_SIDED.to_toml()) == TWO_SIDED
+    assert Machine.from_toml(TWO_SIDED.to_toml()) == TWO_SIDED
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_an_angle_takes_its_cosine():
 def test_what_does_not_go_together_is_told_with_its_line(old, new, told):
     assert old in TOML
     with pytest.raises(ConfigError) as refused:
-        Bearing.from_toml(TOML.replace(old, new), name="iron.toml")
+        Machine.from_toml(TOML.replace(old, new), name="iron.toml")
     assert told in str(refused.value)
 
 

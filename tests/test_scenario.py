@@ -14,7 +14,7 @@ from machine_cases import BEARINGS
 from ambkit.base.errors import ConfigError
 from ambkit.control.pid import PID
 from ambkit.data.record import Record
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.simulation import scenario as scenario_module
 from ambkit.simulation.run import simulate
 from ambkit.simulation.scenario import Scenario
@@ -266,7 +266,7 @@ def test_every_signal_is_finite_and_as_long_as_its_time(signal, n):
 
 
 def test_gains_for_the_papers_bearing_are_the_defaults():
-    gains = PID.for_bearing(Bearing.preset("zittau_axial"))
+    gains = PID.for_bearing(Machine.preset("zittau_axial"))
     default = PID()
     assert (gains.kp, gains.kd) == (default.kp, default.kd)
     assert gains.ki == pytest.approx(default.ki, rel=0.05)
@@ -276,7 +276,7 @@ def test_gains_for_the_papers_bearing_are_the_defaults():
 
 @pytest.mark.parametrize("name", BEARINGS)
 def test_gains_for_a_bearing_hold_it(name):
-    bearing = Bearing.preset(name)
+    bearing = Machine.preset(name)
     gap = bearing.magnet.air_gap
     scenario = Scenario(
         duration=2.0,

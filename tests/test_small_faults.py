@@ -5,17 +5,17 @@ import os
 import pytest
 
 import ambkit
-from ambkit import AmbkitError, Bearing
+from ambkit import AmbkitError, Machine
 from ambkit.base import units
 from ambkit.estimate.filter_file import FORMAT
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 from ambkit.workflow.check import inspect
 
-ZITTAU = Bearing.preset("zittau_axial")
+ZITTAU = Machine.preset("zittau_axial")
 
 
-@pytest.mark.parametrize("kind", [ambkit.Bearing, ambkit.Machine])
+@pytest.mark.parametrize("kind", [ambkit.Machine])
 @pytest.mark.parametrize("name", [3, None, 2.5])
 def test_a_number_is_no_preset(kind, name):
     with pytest.raises(AmbkitError, match="a preset has a name, such as"):

@@ -5,11 +5,11 @@ import pytest
 from filter_cases import full
 
 import ambkit
-from ambkit import Bearing, Record, Scenario, Status
+from ambkit import Machine, Record, Scenario, Status
 from ambkit.base.errors import RecordError
 from ambkit.estimate.registry import KINDS
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 RECORD = ambkit.simulate(
     BEARING,
     Scenario(

@@ -151,7 +151,7 @@ def test_of_a_machine_they_are_taken_from_each_reading():
 
 @pytest.mark.parametrize("height", [3e-3, 4e-4])
 def test_a_spike_moves_neither_what_is_identified_nor_what_is_tuned(height):
-    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing = ambkit.preset("zittau_axial")
     run = ambkit.simulate(bearing, ambkit.Scenario(duration=0.5)).record
     y = run["y"].copy()
     y[[1234, 4000]] += height

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Record, Scenario, Status
+from ambkit import Machine, Record, Scenario, Status
 from ambkit.estimate.registry import KINDS
 from benchmarks import starts
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 RECORD = ambkit.simulate(
     BEARING, Scenario(duration=2.5, seed=4, reference=ambkit.Sine(amplitude=3e-4, frequency=3.0))
 ).record
@@ -99,7 +99,7 @@ def test_a_start_that_is_none_is_refused():
 def test_the_start_is_rounded_as_in_the_exported_c():
     """The C divides the first reading by the gain in its own precision."""
     gain = 1.07
-    bearing = Bearing.preset("zittau_axial").replace(sensor__gain=gain)
+    bearing = Machine.preset("zittau_axial").replace(sensor__gain=gain)
     y = np.random.default_rng(0).uniform(-2e-4, 2e-4, 200)
     single = ambkit.KalmanFilter(bearing, precision="float32")
     expected = y.astype(np.float32) / np.float32(gain)

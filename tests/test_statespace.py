@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from ambkit import (
-    Bearing,
     Control,
     KalmanFilter,
+    Machine,
     Scenario,
     Step,
     magnet_of,
@@ -26,7 +26,7 @@ LOOPS = [
 
 @pytest.fixture(scope="module")
 def bearing():
-    return Bearing.preset("zittau_axial")
+    return Machine.preset("zittau_axial")
 
 
 @pytest.fixture(scope="module")

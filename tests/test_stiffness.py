@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from ambkit import _core, _core_f32
 from ambkit.base.errors import AmbkitError
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ClosedLaw
 from ambkit.machine.stiffness import local_stiffness, stiffness_map
 
-ZITTAU = Bearing.preset("zittau_axial")
+ZITTAU = Machine.preset("zittau_axial")
 ONE_SIDED = ZITTAU.replace(magnet__type="one-sided")
 
 currents = st.floats(-1.5, 1.5)
@@ -165,7 +165,7 @@ def test_a_map_is_read_only():
 
 def test_the_steps_follow_the_bearing():
     """A bearing twice as large in gap and current has the same stiffnesses, relatively."""
-    small = Bearing.preset("zittau_axial")
+    small = Machine.preset("zittau_axial")
     large = small.replace(
         magnet__air_gap=2 * small.magnet.air_gap,
         magnet__bias_current=2 * small.magnet.bias_current,

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing
+from ambkit import Machine
 from ambkit.estimate.registry import KINDS
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Loop, samples, simulate_run
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 STEP = ambkit.Scenario(
     duration=0.1,
     reference=ambkit.Step(amplitude=3e-4, time=0.01),

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Record
+from ambkit import Machine, Record
 from ambkit.assessment.arguments import check_plausibility
 from ambkit.data import recordings
 from ambkit.data.reading.plausibility import longest_run, suspects
 from ambkit.judge.plausibility import averaged, evaluate_record
 from ambkit.workflow.check import inspect
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 RUN = ambkit.simulate(BEARING, step="0.3 mm", disturbance="2 N").record
 LOST = ambkit.simulate(BEARING, step="0.3 mm", disturbance="30 N").record
 UNITS = {"y": "m", "u": "V", "x_logged": "m", "r": "m", "other": "V"}
@@ -36,7 +36,7 @@ def test_a_real_log_is_not_suspected(name):
     record = ambkit.load(recordings.folder() / name)
     assert of_suspects(record) == []
     assert not any(
-        "lie" in text for text in check_plausibility(record, Bearing.preset("inteco_ml"))
+        "lie" in text for text in check_plausibility(record, Machine.preset("inteco_ml"))
     )
 
 
@@ -173,7 +173,7 @@ def test_a_control_signal_too_small_to_hold_the_rotor_is_told():
 
 
 def test_an_offset_that_the_weight_contradicts_is_told():
-    rig = Bearing.preset("inteco_ml")
+    rig = Machine.preset("inteco_ml")
     record = ambkit.simulate(rig, duration=2.0).record
     away = Record(record.t, {"y": record["y"] + 7e-3, "u": record["u"]}, {"y": "m", "u": "V"})
     (told,) = check_plausibility(away, rig)
@@ -195,7 +195,7 @@ def test_no_healthy_log_holds_a_running_mean(preset):
     told, means = [], []
     for seed in range(3):
         for times in (0.5, 1.0, 2.0):
-            bearing = Bearing.preset(preset)
+            bearing = Machine.preset(preset)
             bearing = bearing.replace(sampling_time=times * bearing.sampling_time)
             for given in ({}, {"controller": ambkit.PID.textbook(bearing)}):
                 duration = 4000 * bearing.sampling_time

@@ -10,7 +10,7 @@ from quick import quick
 from scipy.stats import qmc
 
 import ambkit
-from ambkit import Bearing
+from ambkit import Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.export.stiffness_table import tabulate
 from ambkit.machine.magnets import core_module, evaluate_force
@@ -50,7 +50,7 @@ def test_a_table_keeps_its_bound_wherever_the_filter_can_ask(bound, precision):
 
 
 def test_a_table_is_bounded_for_another_bearing_as_well():
-    bearing = Bearing.preset("inteco_ml")
+    bearing = Machine.preset("inteco_ml")
     expert = ambkit.Expert.from_map(ambkit.stiffness_map(bearing))
     table = tabulate(expert, bearing, precision="float32")
     off = deviation(table, expert, bearing, "float", qmc.Sobol(2, seed=6).random_base2(14))

@@ -259,7 +259,7 @@ def test_rows_are_read_back_from_every_teller(result, tmp_path):
 
 def some():
     """Results of verbs that take little time."""
-    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing = ambkit.preset("zittau_axial")
     rig = "tum_mlps"
     yield "run", lambda: ambkit.simulate(bearing, filter="extended", duration="50 ms")
     yield (

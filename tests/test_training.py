@@ -8,10 +8,10 @@ from paper.printed import INITIAL_WIDTH
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import LeastSquares, TrainingSet, _least_squares, train
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import stiffness_map
 
-ZITTAU = Bearing.preset("zittau_axial")
+ZITTAU = Machine.preset("zittau_axial")
 ONE_SIDED = ZITTAU.replace(magnet__type="one-sided")
 MAP = stiffness_map(ZITTAU)
 

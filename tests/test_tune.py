@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, Estimator, FilterNoise
+from ambkit import Estimator, FilterNoise, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.workflow.tuning_tasks import NOISE
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 
 
 @pytest.fixture(scope="module")

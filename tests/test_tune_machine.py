@@ -36,7 +36,7 @@ def test_variances_of_axes_keep_their_ratios():
     )
     with pytest.raises(ValueError, match=r"noise.control must be one number or 4, is 2"):
         KalmanFilter(TUM, noise=FilterNoise(control=[1e-6, 1e-6]))
-    axis = ambkit.Bearing.preset("zittau_axial")
+    axis = ambkit.preset("zittau_axial")
     with pytest.raises(ValueError, match=r"noise.control must be one number, is 2"):
         KalmanFilter(axis, noise=FilterNoise(control=[1e-6, 1e-6]))
     assert KalmanFilter(axis, noise=FilterNoise(control=[1e-6])).variances.control == 1e-6
@@ -83,7 +83,7 @@ def test_what_margin_costs_a_machine():
 def test_what_cannot_be_tuned_is_refused(record):
     with pytest.raises(AmbkitError, match="takes one axis"):
         ambkit.tune(TUM, record, "observer")
-    one = ambkit.simulate(ambkit.Bearing.preset("zittau_axial")).record
+    one = ambkit.simulate(ambkit.preset("zittau_axial")).record
     with pytest.raises(AmbkitError, match="the record has no y_"):
         ambkit.tune(TUM, one, "linear")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ambkit import PID, Bearing, FilterNoise, KalmanFilter, LowPass, Record, Scenario, simulate
+from ambkit import PID, FilterNoise, KalmanFilter, LowPass, Machine, Record, Scenario, simulate
 from ambkit.judge.evaluation import evaluate
 from ambkit.workflow.tuning import (
     DECADES,
@@ -43,7 +43,7 @@ def wandering(bearing, growth, n=20_000, seed=3):
 
 @pytest.mark.parametrize("growth", [1.0, 100.0])
 def test_the_growth_that_made_the_record_is_found(growth):
-    bearing = Bearing.preset("zittau_axial")
+    bearing = Machine.preset("zittau_axial")
     record = wandering(bearing, growth)
     found = tune_disturbance(
         bearing, record, lambda g: KalmanFilter(bearing, noise=FilterNoise(disturbance=g))
@@ -52,7 +52,7 @@ def test_the_growth_that_made_the_record_is_found(growth):
 
 
 def test_likelihood_is_that_of_the_innovations_taken_in():
-    bearing = Bearing.preset("zittau_axial")
+    bearing = Machine.preset("zittau_axial")
     record = wandering(bearing, 100.0, n=500)
     y = record["y"].copy()
     y[100:150] = np.nan
@@ -64,7 +64,7 @@ def test_likelihood_is_that_of_the_innovations_taken_in():
     assert log_likelihood(estimate) == pytest.approx(naive, rel=1e-12)
 
 
-SPINDLE = Bearing.load(Path(__file__).parent.parent / "examples" / "spindle.toml")
+SPINDLE = Machine.load(Path(__file__).parent.parent / "examples" / "spindle.toml")
 
 
 def hovering(noise=1.0, stretch=0.1, seed=1):

@@ -18,12 +18,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, Record, Scenario, Status, UDKalmanFilter
+from ambkit import ClosedLaw, Machine, Record, Scenario, Status, UDKalmanFilter
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import core_module
 from benchmarks import long_run
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 
 
 def textbook_udu(P):

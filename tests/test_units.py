@@ -15,7 +15,7 @@ from ambkit.base import units
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import seeds_in
 from ambkit.base.units import engineering, factor, parse
-from ambkit.machine.machine import Bearing
+from ambkit.machine.machine import Machine
 
 SURFACE_UNITS = [
     *("m", "A", "s", "kg", "V", "N", "Hz", "m^2", "V^2", "N m^2/A^2", "A/V"),
@@ -213,7 +213,7 @@ def test_common_units_have_the_size_that_pint_gives(pattern):
 
 def test_reading_and_checking_a_machine_does_not_import_pint(tmp_path):
     # Its import takes longer than the command.
-    Bearing.preset("zittau_axial").save(tmp_path / "b.toml")
+    Machine.preset("zittau_axial").save(tmp_path / "b.toml")
     code = (
         "import atexit, sys, ambkit.cli.main as cli; atexit.register(lambda: print(*sys.modules)); "
         "cli.main(['check', 'b.toml'])"

@@ -8,10 +8,10 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from quick import quick
 
 import ambkit
-from ambkit import Bearing, ClosedLaw
+from ambkit import ClosedLaw, Machine
 from ambkit.machine.magnets import core_module
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 MEAN = np.array([2e-5, 0.01, -1.0, 1e-5])
 STD = np.array([3e-5, 0.012, 5.0, 3e-5])
 

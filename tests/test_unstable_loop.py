@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from machine_cases import machine
 
-from ambkit import Bearing, assess
+from ambkit import Machine, assess
 from ambkit.assessment.assess import MEASUREMENT
 from ambkit.control.pid import PID
 
 PLANTS = {
-    "axis": lambda: assess(Bearing.preset("zittau_axial"), "linear", SHAKY),
+    "axis": lambda: assess(Machine.preset("zittau_axial"), "linear", SHAKY),
     "machine": lambda: assess(machine(), "linear", SHAKY),
 }
 SHAKY = PID(kp=25e3, ki=0.0, kd=0.5)

@@ -13,7 +13,7 @@ import ambkit
 SCRIPT = Path(__file__).parent / "user" / "script.py"
 WRONG = """
 import ambkit
-bearing = ambkit.Bearing.preset(3)
+bearing = ambkit.preset(3)
 kalman = ambkit.KalmanFilter("bearing", noise=1e-3)
 estimate = kalman.run([0.0, 1.0])
 reveal_type(kalman.run)

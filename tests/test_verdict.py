@@ -9,14 +9,14 @@ import pytest
 from machine_cases import BEARINGS
 
 import ambkit
-from ambkit import Bearing, KalmanFilter, Scenario, Sine
+from ambkit import KalmanFilter, Machine, Scenario, Sine
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.judge.loop.synthesis import LQG, Noise
 from ambkit.simulation.run import simulate
 
-ZITTAU = Bearing.preset("zittau_axial")
+ZITTAU = Machine.preset("zittau_axial")
 LATE = ZITTAU.replace(
     name="late", rotor__gravity="none", sensor__noise_variance="0.01 um^2", sensor__lag="16 us",
     delay="0.15 ms", amplifier__bandwidth="2 kHz", amplifier__noise_variance="1e-9 V^2",
@@ -70,7 +70,7 @@ def test_the_least_load_is_the_least_of_all():
 
 @pytest.mark.parametrize("preset", BEARINGS)
 def test_constant_loads_are_held_up_to_the_end_and_no_farther(preset):
-    bearing = Bearing.preset(preset)
+    bearing = Machine.preset(preset)
     low, high = loop_of(bearing).demands.capacity.static
     assert low < 0 < high
     for end in (low, high):
@@ -100,7 +100,7 @@ def test_copper_loss_is_that_of_both_coils():
     expected = 2.0 * ((i0 + iu) ** 2 + (i0 - iu) ** 2 + 2 * held.current_noise**2)
     assert held.demands.copper_loss == pytest.approx(expected, rel=1e-9)
     assert loop_of(ZITTAU).demands.copper_loss is None
-    one = Bearing.preset("inteco_ml")
+    one = Machine.preset("inteco_ml")
     one = one.replace(amplifier__bandwidth="200 Hz", amplifier__voltage_limit="60 V",
                       amplifier__resistance="4 ohm")  # fmt: skip
     found = loop_of(one)
@@ -200,7 +200,7 @@ def test_lqg_makes_its_own_cost_least():
 
 @pytest.mark.parametrize("preset", BEARINGS)
 def test_lqg_stands_beside_the_loops(preset):
-    found = ambkit.assess(Bearing.preset(preset), "linear", beside=["lqg"])
+    found = ambkit.assess(Machine.preset(preset), "linear", beside=["lqg"])
     assert list(found.loops) == ["measurement", "LQG", "linear"]
     lqg = found.loops["LQG"]
     assert lqg.stable

@@ -12,7 +12,7 @@ from ambkit.workflow.identify import identify
 from ambkit.workflow.simulate import experiment_duration, scenario_for
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
 
-BEARING = ambkit.Bearing.preset("zittau_axial")
+BEARING = ambkit.preset("zittau_axial")
 
 
 @pytest.fixture(scope="module")

@@ -117,9 +117,9 @@ def _learn(
     **options: float,
 ) -> AdalineResult:
     """Learn from half the true k, with the mass times a factor."""
-    bearing = study.bearing.replace(rotor__mass=mass * study.bearing.rotor.mass)
+    machine = study.bearing.replace(rotor__mass=mass * study.bearing.rotor.mass)
     start = START * study.bearing.magnet.magnet_constant
-    element = Adaline(bearing, start=start, **options)
+    element = Adaline(machine, start=start, **options)
     return element.run(run.record, disturbance=disturbance)
 
 

@@ -171,11 +171,11 @@ def _filter(study: Study, k: float) -> AdaptiveKalmanFilter:
 
 def _fly(study: Study, way: str, seed: int) -> Flight:
     """Fly one of the `WAYS`."""
-    bearing = study.bearing
+    machine = study.bearing
     scenario, external_inputs = _scenario(study, seed)
     assert external_inputs.magnet_scale is not None  # it drifts
-    known = bearing.magnet.magnet_constant
-    loop = Loop(bearing, scenario, estimator=_filter(study, WRONG), external_inputs=external_inputs)
+    known = machine.magnet.magnet_constant
+    loop = Loop(machine, scenario, estimator=_filter(study, WRONG), external_inputs=external_inputs)
     runs: list[Run] = []
     k = [WRONG]
     for start, end in LEARNED_FROM:
@@ -186,13 +186,13 @@ def _fly(study: Study, way: str, seed: int) -> Flight:
         if way == "wrong":
             now = WRONG
         elif way == "told":
-            now = float(external_inputs.magnet_scale[round(end / bearing.sampling_time)])
+            now = float(external_inputs.magnet_scale[round(end / machine.sampling_time)])
         else:
-            now = Adaline(bearing, start=k[-1] * known).run(runs[-1].record).magnet_constant / known
+            now = Adaline(machine, start=k[-1] * known).run(runs[-1].record).magnet_constant / known
         new = _filter(study, now)
         if way == "afresh":
             y = runs[-1].record["y"][-1]
-            new.reset([y / bearing.sensor.gain, 0.0, 0.0, y])
+            new.reset([y / machine.sensor.gain, 0.0, 0.0, y])
         else:
             assert loop.estimator is not None  # it was given
             new.transfer_from(loop.estimator)
@@ -235,9 +235,9 @@ def _figures(study: Study, way: str, seed: int) -> list[float]:
 def _trained_off(study: Study, k: float) -> float:
     """Largest force between a network trained anew for k and the one multiplied [% of largest]."""
     magnet_constant = k * study.bearing.magnet.magnet_constant
-    bearing = study.bearing.replace(magnet__magnet_constant=magnet_constant)
+    machine = study.bearing.replace(magnet__magnet_constant=magnet_constant)
     low, high = study.wide_expert.displacement_range
-    stiff = stiffness_map(bearing, displacements=np.linspace(low, high, 5))
+    stiff = stiffness_map(machine, displacements=np.linspace(low, high, 5))
     anew, scaled = train(stiff, weights=True), study.wide_expert.scaled(k)
     iu, x = np.meshgrid(np.linspace(*scaled.current_range, 61), np.linspace(low, high, 61))
     force = scaled.force(iu.ravel(), x.ravel())

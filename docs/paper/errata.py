@@ -150,11 +150,11 @@ def _diverges(study: Study, *, shortcut: bool, most: int = 10_000) -> int:
     # The reference is the core's triangle. Written out with NumPy on purpose: this is what a reader
     # of the paper would type. ``shortcut`` takes ``(P H')'`` for ``H P``, which is the same as long
     # as P is symmetric to the last bit; returns ``most`` where nothing happens until then.
-    bearing = study.bearing
-    kf = KalmanFilter(bearing, noise=study.noise, as_printed=True)
+    machine = study.bearing
+    kf = KalmanFilter(machine, noise=study.noise, as_printed=True)
     assumed = kf.variances
-    T, m = bearing.sampling_time, bearing.rotor.mass
-    keep = float(np.exp(-T / bearing.sensor.lag))
+    T, m = machine.sampling_time, machine.rotor.mass
+    keep = float(np.exp(-T / machine.sensor.lag))
     k_i, k_s = study.constant.k_i, study.constant.k_s
     A = np.array([
         [1 + k_s * T**2 / (2 * m), T, T**2 / (2 * m), 0],

@@ -23,7 +23,7 @@ from .runs import HERE
 
 Row = dict[str, str]
 
-PAPER = ambkit.Bearing.preset("zittau_axial")
+PAPER = ambkit.preset("zittau_axial")
 _PARTS = {
     "delay": "0.15 ms", "amplifier__bandwidth": "900 Hz", "sensor__quantisation": "3 um",
 }  # fmt: skip
@@ -39,7 +39,7 @@ _IRON = PAPER.to_toml().replace(
 
 AXES = {
     "paper": PAPER,
-    "one-sided": ambkit.Bearing.preset("inteco_ml"),
+    "one-sided": ambkit.preset("inteco_ml"),
     "odd numbers": PAPER.replace(
         sampling_time="0.13 ms", rotor__mass="0.4371 kg", sensor__gain=1.07, sensor__lag="0.37 ms",
         rotor__gravity="33 deg", amplifier__gain="0.83 A/V", rotor__clearance="0.77 mm",
@@ -50,7 +50,7 @@ AXES = {
         **_PARTS, sensor__gain=1.07, rotor__mass="0.4371 kg", **_COLOURED
     ),
     "short lag": PAPER.replace(sensor__lag="1e-5 ms"),
-    "iron": ambkit.Bearing.from_toml(_IRON),
+    "iron": ambkit.Machine.from_toml(_IRON),
 }  # fmt: skip
 
 PLANTS = AXES | {
@@ -78,7 +78,7 @@ HIT = ("paper", "soft stop")
 """Where the rotor is also thrown at its stop."""
 
 
-def record_of(axis: ambkit.Bearing, n: int = 1200) -> ambkit.Record:
+def record_of(axis: ambkit.Machine, n: int = 1200) -> ambkit.Record:
     """Positions with gaps, spikes, clipping and a stuck stretch, and controls: no simulation's."""
     rng, k = np.random.default_rng(3), np.arange(n)
     reach = abs(axis.sensor.gain) * axis.clearance
@@ -137,7 +137,7 @@ def plants() -> Iterator[Row]:
                 yield _row(case, columns | {"estimate": np.asarray(run.estimate.mean)})
 
 
-def _scenario(axis: ambkit.Bearing, feedback: Any, hit: bool) -> ambkit.Scenario:
+def _scenario(axis: ambkit.Machine, feedback: Any, hit: bool) -> ambkit.Scenario:
     """A step of reference and load, with gains of the plant's own size that no tuning changes."""
     k = ambkit.ConstantStiffness.of(axis)
     pole = (abs(k.k_s) / axis.rotor.mass) ** 0.5

@@ -22,7 +22,7 @@ import ambkit
 Table = dict[str, NDArray[Any]]
 
 HERE = Path(__file__).resolve().parent
-BEARING = ambkit.Bearing.preset("zittau_axial")
+BEARING = ambkit.preset("zittau_axial")
 
 
 def read(name: str) -> Table:

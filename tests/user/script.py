@@ -30,21 +30,21 @@ sensor = {gain = 1, lag = "0.05 ms", noise_variance = "1 µm^2"}
 """
 
 
-def bearings() -> ambkit.Bearing:
+def bearings() -> ambkit.Machine:
     """A bearing as described, and one that is changed."""
-    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing = ambkit.preset("zittau_axial")
     assert_type(bearing.sampling_time, float)
     assert_type(bearing.rotor.mass, float)
     heavier = bearing.replace(rotor__mass="0.6 kg")
-    assert_type(heavier, ambkit.Bearing)
+    assert_type(heavier, ambkit.Machine)
     try:
-        ambkit.Bearing.preset("none")
+        ambkit.preset("none")
     except ambkit.AmbkitError as error:
         print(error)
     return bearing
 
 
-def magnets(bearing: ambkit.Bearing) -> ambkit.Expert:
+def magnets(bearing: ambkit.Machine) -> ambkit.Expert:
     """What estimators may know of a magnet."""
     points = ambkit.stiffness_map(bearing, displacements=[-5e-4, 0.0, 5e-4])
     assert_type(points, ambkit.StiffnessMap)
@@ -54,11 +54,11 @@ def magnets(bearing: ambkit.Bearing) -> ambkit.Expert:
     stiffness = ambkit.ConstantStiffness(10.0, 7500.0)
     for magnet in (stiffness, ambkit.ClosedLaw(bearing), ambkit.magnet_of(bearing)):
         ambkit.ExtendedKalmanFilter(bearing, magnet)
-    assert_type(ambkit.SaturatingLaw(ambkit.Bearing.from_toml(IRON)), ambkit.SaturatingLaw)
+    assert_type(ambkit.SaturatingLaw(ambkit.Machine.from_toml(IRON)), ambkit.SaturatingLaw)
     return expert
 
 
-def scenarios(bearing: ambkit.Bearing) -> ambkit.Scenario:
+def scenarios(bearing: ambkit.Machine) -> ambkit.Scenario:
     """All waveforms."""
     waves = ambkit.Scenario(
         duration=0.2,
@@ -78,7 +78,7 @@ def scenarios(bearing: ambkit.Bearing) -> ambkit.Scenario:
     return ambkit.scenario_for(bearing, waves, seed=1)
 
 
-def records(bearing: ambkit.Bearing, scenario: ambkit.Scenario) -> ambkit.Record:
+def records(bearing: ambkit.Machine, scenario: ambkit.Scenario) -> ambkit.Record:
     """A run, written and read again."""
     run = ambkit.simulate(bearing, scenario)
     assert_type(run.record, ambkit.Record)
@@ -99,7 +99,7 @@ def records(bearing: ambkit.Bearing, scenario: ambkit.Scenario) -> ambkit.Record
     return record
 
 
-def estimates(bearing: ambkit.Bearing, expert: ambkit.Expert, record: ambkit.Record) -> None:
+def estimates(bearing: ambkit.Machine, expert: ambkit.Expert, record: ambkit.Record) -> None:
     """All estimators, along a record and sample by sample."""
     noise = ambkit.FilterNoise(disturbance=10.0)
     filters = [
@@ -135,7 +135,7 @@ def estimates(bearing: ambkit.Bearing, expert: ambkit.Expert, record: ambkit.Rec
     assert_type(tuned.estimator, ambkit.Estimator)
 
 
-def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Record) -> None:
+def judged(bearing: ambkit.Machine, scenario: ambkit.Scenario, record: ambkit.Record) -> None:
     """What compares and what identifies."""
     filters = {"linear": ambkit.KalmanFilter(bearing)}
     kalman = [ambkit.KalmanFilter(bearing) for _ in range(3)]
@@ -167,7 +167,7 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
     assert_type(ambkit.assess_log(injection.record, bearing, "none").zone, str)
 
 
-def with_tools(bearing: ambkit.Bearing) -> None:
+def with_tools(bearing: ambkit.Machine) -> None:
     """What needs a cross compiler and qemu, logs, or half a minute: for its types only."""
     assert_type(ambkit.pil(bearing, "linear").passed, bool)
     ambkit.excite(bearing, free=["magnet_constant"], duration="1 s").save("excite.csv")
@@ -184,7 +184,7 @@ def with_tools(bearing: ambkit.Bearing) -> None:
     assert_type(ambkit.reproduce("out").folder, Path)
 
 
-def written(bearing: ambkit.Bearing) -> None:
+def written(bearing: ambkit.Machine) -> None:
     """C, a MAT-file, and what says how files must be."""
     with TemporaryDirectory() as folder:
         assert_type(ambkit.export_c(bearing, "linear", out=Path(folder, "c")).folder, Path)
@@ -220,7 +220,7 @@ class Still:
         return 0.0, 0.0, 0.0
 
 
-def of_ones_own(bearing: ambkit.Bearing) -> None:
+def of_ones_own(bearing: ambkit.Machine) -> None:
     """What has a step, and what a verb returns."""
     own: ambkit.EstimatorProtocol = Raw()
     controller: ambkit.ControllerProtocol = Gain()
@@ -247,7 +247,7 @@ def whole_machine() -> None:
     assert_type(bending.to_dict(), dict[str, Any])
 
 
-def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
+def designed(bearing: ambkit.Machine, record: ambkit.Record) -> None:
     """From a log to C."""
     with TemporaryDirectory() as folder:
         log = Path(folder, "log.csv")

@@ -100,10 +100,10 @@ def run_many(
 
     Examples
     --------
-    >>> bearing = ambkit.Bearing.preset("zittau_axial")
+    >>> machine = ambkit.preset("zittau_axial")
     >>> noises = [ambkit.FilterNoise(disturbance=d) for d in (1.0, 10.0, 100.0)]
-    >>> filters = [ambkit.KalmanFilter(bearing, noise=noise) for noise in noises]
-    >>> record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.1))
+    >>> filters = [ambkit.KalmanFilter(machine, noise=noise) for noise in noises]
+    >>> record = ambkit.simulate(machine, ambkit.Scenario(duration=0.1))
     >>> ambkit.run_many(filters, record["y"], record["u"]).mean.shape
     (3, 1001, 4)
     """

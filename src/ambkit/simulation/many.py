@@ -79,10 +79,10 @@ def simulate_many(
 
     Examples
     --------
-    >>> bearing = ambkit.Bearing.preset("zittau_axial")
+    >>> machine = ambkit.preset("zittau_axial")
     >>> scenario = ambkit.Scenario(duration=0.1, seed=1)
-    >>> kalman = ambkit.KalmanFilter(bearing)
-    >>> runs = [Planned(bearing, scenario, kalman, number=k) for k in range(20)]
+    >>> kalman = ambkit.KalmanFilter(machine)
+    >>> runs = [Planned(machine, scenario, kalman, number=k) for k in range(20)]
     >>> simulate_many(runs).figures["f_d_rms"].shape
     (20,)
     """
