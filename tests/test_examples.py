@@ -94,7 +94,7 @@ def test_force_table(run):
 
 def test_compare_filters(run, tmp_path):
     printed = run("compare_filters.py")
-    found = re.findall(r"0\.5 mm +([\w, -]+): x ([\d.]+) µm, F_St ([\d.]+) ±", printed)
+    found = re.findall(r"0\.5 mm +([\w, -]+): x ([\d.]+) µm, f_d ([\d.]+) ±", printed)
     position = {name.strip(): float(x) for name, x, _ in found}
     force = {name.strip(): float(f) for name, _, f in found}
     assert max(position.values()) < 1.05 * min(position.values())
