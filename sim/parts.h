@@ -6,7 +6,7 @@
 
 #define AMB_DELAY_MOST 16 /* samples */
 #define AMB_RUNOUT_MOST 5 /* orders */
-#define AMB_BEHIND_MOST 3 /* states */
+#define AMB_BEHIND_MOST 5 /* states */
 
 typedef struct amb_parts {
   /* Amplifier: within its voltage the current follows the demanded one by di/dt = corner (i* - i),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from oracles import magnet_force
 from scipy.integrate import solve_ivp
+from scipy.special import erfcx
 from test_plant_parts import HEAVY, driven
 
 import ambkit
@@ -19,7 +20,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models import plant_parts
-from ambkit.models.continuous import Behind
+from ambkit.models.continuous import Behind, behind_magnets, continuous
 from ambkit.simulation.run import simulate_run
 
 LAG = 0.3e-3
@@ -203,4 +204,128 @@ def test_it_is_identified():
         ambkit.identify(ZITTAU, record, free=["eddy_current_lag"])
 
 
-# ---- C and FMU
+# ---- Solid iron: half an order
+
+CORNER = 100.0
+SOLID = ZITTAU.replace(magnet__eddy_current_corner=CORNER)
+BAND = np.geomspace(
+    1.6, 1590, 61
+)  # three decades up to 1/(2 pi T), twenty frequencies in each [Hz]
+
+
+def half_order(f, corner):
+    return 1 / (1 + np.sqrt(1j * f / corner))
+
+
+@pytest.mark.parametrize("corner", [20.0, 50.0, 100.0, 300.0, 1000.0])
+def test_solid_iron_lags_by_half_an_order(corner):
+    lags = behind_magnets(continuous(SOLID.replace(magnet__eddy_current_corner=corner)))[0]
+    ratio = [lags.at(2 * math.pi * f)[1] for f in BAND] / half_order(BAND, corner)
+    assert np.abs(20 * np.log10(np.abs(ratio))).max() < 0.6
+    assert np.abs(np.degrees(np.angle(ratio))).max() < 3.2
+    assert lags.at(0.0)[1] == pytest.approx(1, abs=1e-14)
+
+
+def test_far_above_its_corner_it_falls_by_10_db_a_decade_at_45_degrees():
+    lags = behind_magnets(continuous(SOLID.replace(magnet__eddy_current_corner=2.0)))[0]
+    high = BAND[BAND > 100]
+    response = np.array([lags.at(2 * math.pi * f)[1] for f in high])
+    slope = np.polyfit(np.log10(high), 20 * np.log10(np.abs(response)), 1)[0]
+    assert slope == pytest.approx(-9.5, abs=0.5)
+    assert np.degrees(np.angle(response)) == pytest.approx(-43.5, abs=4.5)
+
+
+def test_the_force_of_a_held_rotor_creeps_as_half_an_order_does():
+    """The step response is ``1 - exp(w t) erfc(sqrt(w t))``, w the corner."""
+    run = driven(np.full(400, 0.5), between(SOLID), m=HEAVY, substeps=18)
+    exact = 1 - erfcx(np.sqrt(2 * math.pi * CORNER * 1e-4 * np.arange(400)))
+    np.testing.assert_allclose(run["force"][3:] / (10.05 * 0.5), exact[3:], atol=0.012)
+
+
+def moved_behind_half_an_order(bearing, seed, samples=3000, steps=10):
+    """Fly a rotor by hand, its iron as 141 lags over 14 decades; return x, y, u and f_d."""
+    rng, T, m = np.random.default_rng(seed), bearing.sampling_time, bearing.rotor.mass
+    dt, k = T / steps, ConstantStiffness.of(bearing)
+    around = np.linspace(-16.0, 16.0, 141)  # of the logarithm of rate over corner
+    share = 1 / np.cosh(around / 2)
+    share /= share.sum()
+    left = np.exp(-2 * math.pi * CORNER * np.exp(around) * dt)
+    kept = math.exp(-dt / bearing.lag_of(bearing.sensor))
+    x, v, x_m, weight, rows = 0.0, 0.0, 0.0, 9.81 * m, []
+    e = share * weight
+    for sample in range(samples):
+        f_d = 2.0 if sample > samples // 2 else 0.0
+        wanted = 2e-4 * math.sin(2 * math.pi * 40 * sample * T)
+        u = (weight - f_d - 2.5 * k.k_s * (x - wanted) - 350 * m * v) / k.k_i
+        iu = u + rng.normal(0, math.sqrt(bearing.amplifier.noise_variance))
+        y = x_m + rng.normal(0, math.sqrt(bearing.sensor.noise_variance))
+        rows.append((x, y, u, f_d))
+        for _ in range(steps):
+            e = left * e + (1 - left) * share * magnet_force(bearing, iu, x)
+            v += dt * ((e.sum() + f_d) / m - 9.81)
+            x += dt * v
+            x_m = kept * x_m + (1 - kept) * x
+    return np.array(rows).T
+
+
+def test_against_iron_of_half_an_order_the_filter_is_right_about_its_force():
+    """The truth shares nothing with the model: 0.20 N against 1.17 N of a filter without it."""
+    known, unknown = SOLID.replace(**QUIET), ZITTAU.replace(**QUIET)
+    rms = {True: [], False: []}
+    for seed in range(4):
+        x, y, u, f_d = moved_behind_half_an_order(known, seed)
+        for knows, bearing in ((True, known), (False, unknown)):
+            estimate = (
+                KINDS["extended"]
+                .make(bearing)
+                .run(ambkit.Record(1e-4 * np.arange(len(y)), {"y": y, "u": u}))
+            )
+            quiet = np.r_[500:1450, 2000:3000]
+            rms[knows].append(np.sqrt(np.mean((estimate["f_d"] - f_d)[quiet] ** 2)))
+            assert np.std((estimate["x"] - x)[quiet]) < 0.3e-6
+    assert max(rms[True]) < 0.25
+    assert min(rms[False]) > 1.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["zittau_axial", "ufu_rig", "tum_mlps"])
+def test_with_solid_iron_filters_are_as_sure_as_they_say(name):
+    """One axis and several, over 20 seeds, with a load that wanders as the filter assumes."""
+    machine = Machine.preset(name)
+    iron = {"eddy_current_corner": 200.0}
+    solid = machine.model_copy(update={"bearings": tuple(
+        bearing.model_copy(update={"magnet": bearing.magnet.model_copy(update=iron)})
+        for bearing in machine.bearings
+    )})  # fmt: skip
+    figures = ambkit.compare(solid, ["extended"], case="model").to_dict()["default"]["extended"]
+    assert 0.9 < figures["nees"] <= 1  # share of samples within its 95 % bounds
+    assert 0.97 < figures["nis"] < 1.03
+
+
+def test_margins_of_solid_iron_are_those_of_half_an_order():
+    """The plant in continuous time is ``k_i H / (m s^2 - k_s H)``, read through its lag."""
+    ours = plant(SOLID, OperatingPoint(0.0, 0.0), continuous=True)
+    k, s = ConstantStiffness.of(SOLID), 2j * math.pi * BAND
+    H = half_order(BAND, CORNER)
+    exact = k.k_i * H / (SOLID.rotor.mass * s**2 - k.k_s * H) / (1 + s * SOLID.sensor.lag)
+    resolvents = [np.linalg.solve(at * np.eye(len(ours.A)) - ours.A, ours.B[:, 0]) for at in s]
+    np.testing.assert_allclose(np.array(resolvents) @ ours.C[0] / exact, 1, atol=0.055)
+
+
+@pytest.mark.long
+def test_the_corner_of_solid_iron_is_identified():
+    truth = SOLID.replace(**QUIET)
+    record = ambkit.simulate(truth, MOVED.replace(seed=3)).record
+    start = truth.replace(magnet__eddy_current_corner=250.0)
+    found = ambkit.identify(start, record, free=["eddy_current_corner", "disturbance_noise"])
+    error = found.likelihood.standard_error("eddy_current_corner")
+    assert abs(found.bearing.magnet.eddy_current_corner - CORNER) < 3 * error
+    assert error < 0.1 * CORNER
+
+
+def test_solid_iron_beyond_the_band_of_its_lags_is_refused():
+    for corner in ("1.5 Hz", "5.1 kHz"):
+        with pytest.raises(ambkit.AmbkitError, match=r"1\.59155 Hz to 5000 Hz"):
+            SOLID.replace(magnet__eddy_current_corner=corner)
+    with pytest.raises(ambkit.AmbkitError, match="goes without eddy_current_lag"):
+        SOLID.replace(magnet__eddy_current_lag="1 ms")

@@ -234,12 +234,13 @@ def test_a_sensor_with_steps(form, ratio, kind, precision, tmp_path):
 
 @compiled
 @pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize("part", ["iron", "force map", "eddy current"])
+@pytest.mark.parametrize("part", ["iron", "force map", "eddy current", "solid iron"])
 def test_a_magnet_that_is_not_the_papers(part, precision, tmp_path):
     bearing = {
         "iron": lambda: iron.TWO_SIDED,
         "force map": lambda: Machine.load(fe_map.written(tmp_path)),
         "eddy current": lambda: BEARING.replace(magnet__eddy_current_lag=0.3e-3),
+        "solid iron": lambda: BEARING.replace(magnet__eddy_current_corner=100.0),
     }[part]()
     made = export_c(bearing, None, tmp_path / "c", kind="extended", precision=precision, force=True)
     assert ("core/src/saturating.c" in made.sources) == (part == "iron")

@@ -105,6 +105,10 @@ CASES = {
     "lagging eddy currents": Case(
         AXIS.replace(**EDDY, amplifier__bandwidth="1 kHz"), ((PLANT, 3),), EAGER
     ),
+    "solid iron": Case(
+        AXIS.replace(magnet__eddy_current_corner="1 kHz", amplifier__bandwidth="1 kHz"),
+        PLANTS, {"noise": False},
+    ),
     "one-sided, late": Case(
         ONE_SIDED.replace(amplifier__bandwidth="1 kHz", delay="0.3 ms"), ((PLANT, 3),), EAGER
     ),

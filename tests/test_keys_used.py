@@ -63,7 +63,16 @@ def test_no_number_is_left_out():
         for name, value in part.tables().items()
         if value in (None, ())
     }
-    assert absent == {"coil", "force_map", "force_channels", "force_scale"}
+    assert absent == {"coil", "force_map", "force_channels", "force_scale", "eddy_current_corner"}
+
+
+def test_a_corner_of_eddy_currents_moves_the_plant_in_place_of_a_lag():
+    solid = RICH.replace(magnet__eddy_current_lag=None, magnet__eddy_current_corner="100 Hz")
+    moved = [
+        ambkit.simulate(solid.replace(magnet__eddy_current_corner=corner), FLIES).record["x"]
+        for corner in (100.0, 110.0)
+    ]
+    assert not np.array_equal(*moved)
 
 
 # ---- keys that nothing reads ----

@@ -95,6 +95,17 @@ def delay_contradictions(T: float, delay: float | None) -> Iterator[tuple[str, s
         yield "delay", f"must be at most {limit}; is {engineering(delay, 's')}"
 
 
+def eddy_current_contradictions(T: float, bearings: Any) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with the solid iron of magnets in a loop that is sampled every T [s]."""
+    least, most = 1e-3 / (2 * math.pi * T), 0.5 / T
+    for at, bearing in enumerate(bearings if isinstance(bearings, tuple) else ()):
+        corner = bearing.magnet.eddy_current_corner
+        if corner is not None and (corner < least or corner > most):
+            limits = f"{engineering(least, 'Hz')} to {engineering(most, 'Hz')}"
+            text = f"must be {limits} at this sampling time; is {engineering(corner, 'Hz')}"
+            yield f"bearing.{at}.magnet.eddy_current_corner", text
+
+
 def voltage_contradictions(read: Read) -> Iterator[tuple[str, str]]:
     """Yield what is wrong with the voltage of an amplifier for its magnet."""
     voltage, R = read("amplifier.voltage_limit"), read("amplifier.resistance")

@@ -31,6 +31,7 @@ from ambkit.machine.accessories import (
     Coil,
     Stop,
     delay_contradictions,
+    eddy_current_contradictions,
     line_contradictions,
 )
 from ambkit.machine.components import (
@@ -442,6 +443,7 @@ class Machine(Shown, Document):
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         yield from delay_contradictions(read("sampling_time"), read("delay"))
+        yield from eddy_current_contradictions(read("sampling_time"), read("bearings"))
         if read("bearings.0.type") == "single" and all(
             isinstance(read(f"{key}s.1.type"), float)
             for key in short_form.LISTS  # there is none

@@ -91,6 +91,9 @@ class Magnet(LawKeys):
     """Bias current i0 [A]."""
     eddy_current_lag: Annotated[float, Quantity("s", "50 µs", above=0)] | None = None
     """Time constant with which eddy currents in the iron let the force lag [s]; none without."""
+    eddy_current_corner: Annotated[float, Quantity("Hz", "100 Hz", above=0)] | None = None
+    """Corner f_c of the half-order lag 1/(1 + sqrt(s/(2 pi f_c))) of a magnet of solid iron [Hz],
+    as five lags of first order over the three decades up to 1/(2 pi sampling_time)."""
 
     @model_validator(mode="before")
     @classmethod
@@ -152,6 +155,8 @@ class Magnet(LawKeys):
                 yield key, f"missing: iron is described by {', '.join(IRON[:2])} and {IRON[2]}"
         if iron and turns is None and area is None:
             yield iron[0], "needs turns and pole_area instead of magnet_constant"
+        if read("eddy_current_lag") is not None and read("eddy_current_corner") is not None:
+            yield "eddy_current_corner", "goes without eddy_current_lag: iron is laminated or solid"
         path, channels = read("force_map"), read("force_channels")
         for key in ("force_channels", "force_scale"):
             if read(key) is not None and path is None:

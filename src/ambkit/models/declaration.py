@@ -99,10 +99,10 @@ class Plan:
         """Let a state [N] push the rotor at a place without a magnet."""
         self.pushes[state] = row(place)
 
-    def act_by(self, force: str, state: str) -> None:
-        """Let a state [N] that follows a magnet's force push in its place; what rides does not."""
+    def act_by(self, force: str, *states: str) -> None:
+        """Let states [N] that follow a magnet's force push in its place; what rides does not."""
         place = self.pushes.pop(force)
-        self.pushes[state] = place
+        self.pushes |= dict.fromkeys(states, place)
         for rider in [rider for rider, of in self.riders.items() if of == force]:
             del self.riders[rider]
             self.pushes[rider] = place

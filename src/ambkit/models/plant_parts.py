@@ -121,10 +121,11 @@ def in_words(bearing: Machine) -> list[str]:
         features.append(f"iron that saturates at {engineering(magnet.saturation, 'T')}")
     if magnet.force_map is not None:
         features.append(f"the force of {Path(magnet.force_map).name}")
-    behind = _behind(bearing)
-    if behind is not None:
-        lag = engineering(1 / fastest(behind), "s")
-        features.append(f"force that lags behind the current by {lag}")
+    late = "force that lags behind the current"
+    if magnet.eddy_current_lag is not None:
+        features.append(f"{late} by {engineering(magnet.eddy_current_lag, 's')}")
+    if magnet.eddy_current_corner is not None:
+        features.append(f"{late} by half an order, {engineering(magnet.eddy_current_corner, 'Hz')}")
     if amplifier.bandwidth is not None:
         volts = amplifier.voltage_limit
         within = "" if volts is None else f" within {engineering(volts, 'V')}"

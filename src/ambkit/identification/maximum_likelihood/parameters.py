@@ -62,6 +62,8 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter("magnet_constant", "k", "N m^2/A^2", "magnet__magnet_constant", True, _one),
         Parameter("air_gap", "s_0", "m", "magnet__air_gap", True, _one),
         Parameter("eddy_current_lag", r"T_\mathrm{e}", "s", "magnet__eddy_current_lag", True, _one),
+        Parameter("eddy_current_corner", r"f_\mathrm{e}", "Hz", "magnet__eddy_current_corner", True,
+                  _one),
         Parameter("mass", "m", "kg", "rotor__mass", True, _one),
         Parameter("sensor_lag", r"T_\mathrm{Sen}", "s", "sensor__lag", True, _one),
         Parameter("delay", "T_d", "s", "delay", False, _samples),

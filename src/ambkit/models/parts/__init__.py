@@ -6,14 +6,14 @@ from ambkit.models.parts.amplifier import Amplifier
 from ambkit.models.parts.coloured_noise import ColouredNoise
 from ambkit.models.parts.delay import Delay
 from ambkit.models.parts.disturbance import Disturbance
-from ambkit.models.parts.eddy_current import EddyCurrents
+from ambkit.models.parts.eddy_current import EddyCurrents, SolidIron
 from ambkit.models.parts.line_noise import Hum
 from ambkit.models.parts.magnet import MagnetPlace
 from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor
 from ambkit.models.parts.synchronous import SynchronousForce, SynchronousRunout
 
-BEHIND_MAGNETS: tuple[Any, ...] = (EddyCurrents,)
+BEHIND_MAGNETS: tuple[Any, ...] = (EddyCurrents, SolidIron)
 """Linear parts between a magnet's force and the rotor."""
 
 PARTS = (Rotor, MagnetPlace, Disturbance, Sensor, Amplifier, Delay, *BEHIND_MAGNETS)
