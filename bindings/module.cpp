@@ -7,6 +7,7 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
   m.doc() = "The C core of ambkit.";
   bind_magnets(m);
   bind_model(m);
+  bind_sampling(m);
   bind_estimator(m);
   bind_estimators(m);
   bind_scale_estimators(m);

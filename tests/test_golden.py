@@ -38,12 +38,8 @@ def test_the_recorded_runs_have_something_in_them():
     assert np.ptp(read("closed_law")["k_s"]) > 1000
 
 
-BUILT_IN = ("paper", "one-sided", "odd numbers", "short lag", "iron", "quantised", "soft stop")
-"""Axes whose model is built into the core. Models of others come from a matrix exponential, whose
-last bits are the processor's."""
-
 BY_LAPACK = ("observer", "steady-state")
-"""Kinds whose gain is computed by LAPACK; its last bits are the processor's too."""
+"""Kinds whose gain is computed by LAPACK; its last bits are the processor's."""
 
 
 def case(row):
@@ -58,7 +54,7 @@ def test_every_kind_and_plant_answers_as_recorded(name):
     for was, row in zip(recorded, now, strict=True):
         figures = list(row)[list(row).index("bits") + 1 :]
         far = [c for c in figures if float(row[c]) != pytest.approx(float(was[c]), rel=1e-9, abs=0)]
-        ours = row["axis"] in BUILT_IN and row.get("kind") not in BY_LAPACK
+        ours = row.get("kind") not in BY_LAPACK
         if far or (ours and row["bits"] != was["bits"]):
             changed.append(f"{case(row)}: {', '.join(far) or 'last bits'}")
     assert not changed, "\n".join(changed) + HOW

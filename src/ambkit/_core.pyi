@@ -74,6 +74,19 @@ class Model:
 
     def __init__(self, T: float, m: float, K_sen: float, T_sen: float, as_printed: bool) -> None: ...
 
+def transition(A: Any, time: float) -> Any:
+    """Exponentials of A times a time (..., n, n)."""
+
+def process_noise(A: Any, intensity: Any, time: float) -> Any:
+    """
+    Covariances that white noises (k, n) leave in the states over a time (k, n, n).
+    """
+
+def sampled(T: float, states: int, controls: int, row: Any, column: Any, use: Any, value: list[float], k_i: list[float], late: list[tuple[int, list[int], float]], intensity: Any) -> tuple[Any, Any]:
+    """
+    Transition of a plan over one sample, and the covariances of its noises.
+    """
+
 OK: int = 0
 
 MISSING: int = 1

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import Array, Complex
-from ambkit.models import exponential
+from ambkit.machine.magnets import core_module
 from ambkit.models.declaration import Part, Plan
 from ambkit.models.sampling import Sampling
 
@@ -185,7 +185,7 @@ def linearised(
         shares = {share for _, share in plan.past.values() if share < 1}
         Phi = np.eye(n + c)
         for start, end in pairwise([0.0, *sorted(shares), 1.0]):
-            Phi = exponential.transition(rates(start), (end - start) * T) @ Phi
+            Phi = core_module().transition(rates(start), (end - start) * T) @ Phi
         for control, (past, _share) in plan.past.items():
             for k, state in enumerate(past):
                 Phi[..., full_sampling.at(state), :] = 0

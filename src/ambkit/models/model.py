@@ -100,19 +100,24 @@ class Model:
             raise ValueError(f"name must be an identifier of C, is {self.name!r}")
         patterns = {}
         for name in MATRICES:
-            values, pattern = np.array(getattr(self, name), float), np.array(self.pattern[name])
+            values, pattern = (
+                np.array(getattr(self, name), float),
+                np.array(self.pattern[name], np.int8),
+            )
             shape = tuple(len(getattr(self, of)) for of in MATRICES[name])
-            for array in (values, pattern):
-                if array.shape != shape:
-                    raise ValueError(f"{name} must be of shape {shape}, is of {array.shape}")
-                array.setflags(write=False)
-            if (values[pattern == ZERO] != 0).any() or (values[pattern == ONE] != 1).any():
+            if not values.shape == pattern.shape == shape:
+                raise ValueError(
+                    f"{name} must be of shape {shape}, is of {values.shape} in a pattern of "
+                    f"{pattern.shape}"
+                )
+            if ((values != pattern) & (pattern != NUMBER)).any():
                 raise ValueError(f"{name} has other numbers where its pattern says 0 or 1")
             if not np.isfinite(values).all():
                 raise ValueError(f"{name} must be finite")
+            values.setflags(write=False)
+            pattern.setflags(write=False)
             object.__setattr__(self, name, values)
-            patterns[name] = pattern.astype(np.int8)
-            patterns[name].setflags(write=False)
+            patterns[name] = pattern
         object.__setattr__(self, "pattern", MappingProxyType(patterns))
         names = [at.name for at in self.states]
         if len(set(names)) < len(names):

@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, Bools
-from ambkit.models import exponential
+from ambkit.machine.magnets import core_module
 from ambkit.models.declaration import UNIT, Plan, Row
 from ambkit.models.model import NUMBER, ONE, ZERO, Model, Pattern
 
 Kinds = tuple[Array, Pattern]  #: Numbers, and their pattern.
 
-HELD, RIDERS, VARYING = range(3)
-"""Terms of held magnet forces; with what rides on them; with what changes in them by currents."""
+MOVES, SPREADS = 1, 2
+"""What a term is part of (``ambkit/sampling.h``): the motion over a sample, and what spreads noise.
+Those of held forces are of both; what rides on forces spreads noise only, and what changes in them
+by their currents moves only."""
+
+LAYOUTS: dict[Any, Layout] = {}  #: Of the kinds of machines that were sampled so far.
 
 
 def pattern_of(driven: Bools) -> Pattern:
@@ -34,15 +37,19 @@ def pattern_of(driven: Bools) -> Pattern:
     return kinds.astype(np.int8)
 
 
-def structured(values: Array, kinds: NDArray[np.generic]) -> Kinds:
+def structured(values: Array, kinds: Pattern) -> Array:
     """Return numbers with exact zeros and ones where the pattern has them."""
-    pattern = np.asarray(kinds).astype(np.int8)
-    return np.where(pattern == NUMBER, values, pattern == ONE).astype(float), pattern
+    return np.where(kinds == NUMBER, values, kinds)
 
 
-def set_one(part: Kinds, i: int, j: int) -> None:
-    """Make an entry one by structure."""
-    part[0][i, j], part[1][i, j] = 1.0, ONE
+class Layout(NamedTuple):
+    """What all machines of a kind share."""
+
+    row: NDArray[np.uint16]  #: Of each term, what it drives ...
+    column: NDArray[np.uint16]  #: ... by what ...
+    use: NDArray[np.uint8]  #: ... and what it is part of.
+    Phi: Pattern  #: Of all that moves or is held.
+    N: Pattern  #: Of the noises.
 
 
 @dataclass
@@ -53,7 +60,7 @@ class Sampling:
     # sample: the n states, p forces and c controls, and the integrals of the p displacements and p
     # currents, from which their means come. Where a delay ends within the sample, it is the product
     # of the exponentials before and after. A force with a current stiffness k_i is held but for
-    # k_i (i(t) - mean of i), which is in L and B_u.
+    # k_i (i(t) - mean of i), which is in L and B_u. C computes it (``ambkit/sampling.h``).
 
     plan: Plan
 
@@ -81,42 +88,45 @@ class Sampling:
         return [control, *past][len(past) - (after >= share if past else 0)]
 
     @cached_property
-    def _terms(self) -> tuple[list[tuple[int, str, float]], ...]:
-        """The terms of `HELD`, `RIDERS` and `VARYING`."""
-        plan, held = self.plan, self.terms(riders=False)
+    def terms(self) -> list[tuple[int, str, float, int]]:
+        """What drives each state, as (row, name, value, use); terms of equal places add up."""
+        plan, (n, p, c, _) = self.plan, self.sizes
+        held = [(self.at(state), by, value) for (state, by), value in plan.rates.items()]
+        riders = {state: plan.pushes[force] for state, force in plan.riders.items()}
+        held += self._by_forces(plan.pushes)
+        for k, force in enumerate(plan.forces):
+            held += [
+                (n + p + c + k, position, value / plan.T)
+                for position, value in plan.places[force.name].items()
+            ]
+            if force.name in plan.currents:
+                held.append((n + 2 * p + c + k, plan.currents[force.name], 1 / plan.T))
         changing = [
             (row, plan.currents[force], value * plan.k_i[force])
             for row, force, value in held
             if plan.varies(force)
         ]
-        return held, self.terms(riders=True), held + changing
+        return [
+            (*term, use)
+            for terms, use in (
+                (held, MOVES | SPREADS), (changing, MOVES), (self._by_forces(riders), SPREADS)
+            )
+            for term in terms
+        ]  # fmt: skip
 
-    def terms(self, *, riders: bool) -> list[tuple[int, str, float]]:
-        """Return what drives each state, as (row, name, value); sums of equal places."""
-        plan = self.plan
-        terms = [(self.at(state), by, value) for (state, by), value in plan.rates.items()]
-        force_inputs = dict(plan.pushes)
-        if riders:
-            force_inputs |= {state: plan.pushes[force] for state, force in plan.riders.items()}
-        for source, places in force_inputs.items():
-            for position, share in places.items():
-                terms += [
-                    (self.at(velocity), source, value * share)
-                    for velocity, value in plan.inertia[position].items()
-                ]
-        n, p, c, _ = self.sizes
-        for k, force in enumerate(plan.forces):
-            terms += [
-                (n + p + c + k, position, value / plan.T)
-                for position, value in plan.places[force.name].items()
-            ]
-            if force.name in plan.currents:
-                terms.append((n + 2 * p + c + k, plan.currents[force.name], 1 / plan.T))
-        return terms
+    def _by_forces(self, inputs: dict[str, Row]) -> list[tuple[int, str, float]]:
+        """Return how sources drive the rotor, of which their places are given."""
+        return [
+            (self.at(velocity), source, value * share)
+            for source, places in inputs.items()
+            for position, share in places.items()
+            for velocity, value in self.plan.inertia[position].items()
+        ]
 
-    def generator(self, after: float, which: int = HELD) -> Array:
+    def generator(self, after: float) -> Array:
         """Return A of the whole state, from some share of the sample on [1/s, times the units]."""
-        rows, names, values = zip(*self._terms[which], strict=True)
+        held = [term[:3] for term in self.terms if term[3] == MOVES | SPREADS]
+        rows, names, values = zip(*held, strict=True)
         acting = {at.name: self.acting(at.name, after) for at in self.plan.controls}
         columns = [self.at(acting.get(name, name)) for name in names]
         alike = np.broadcast_shapes(*{getattr(value, "shape", ()) for value in values})
@@ -126,69 +136,76 @@ class Sampling:
         np.add.at(A, place, alike_values)
         return A
 
-    def driven(self, which: int) -> Bools:
+    def driven(self, use: int) -> Bools:
         """Return what drives what in some part of the sample, by structure."""
         A = np.zeros((self.sizes[3],) * 2, bool)
-        for i, name, _ in self._terms[which]:
+        for i, name, _, of in self.terms:
             past, _share = self.plan.past.get(name, ([], 0.0))
-            for source in [name, *past][-2:]:
+            for source in [name, *past][-2:] if of & use else ():
                 A[i, self.at(source)] = True
         return A
 
-    def whole(self) -> Kinds:
-        """Return the whole state's transition over the sample, and its pattern."""
-        shares = {share for _, share in self.plan.past.values() if share < 1}
-        ends = [0.0, *sorted(shares), 1.0]
-        Phi = np.eye(self.sizes[3])
-        for start, end in pairwise(ends):
-            A = self.generator(start, VARYING)
-            Phi = exponential.transition(A, (end - start) * self.plan.T) @ Phi
-        driven = self.driven(VARYING)
-        # What is on no circle but its own decays by its own rate, however far: no digit is lost.
-        others = pattern_of(driven & ~np.eye(len(driven), dtype=bool))
-        decoupled = np.flatnonzero(np.diag(others) == ONE)
-        Phi[decoupled, decoupled] = np.exp(np.diag(self.generator(0.0))[decoupled] * self.plan.T)
-        return structured(Phi, pattern_of(driven))
+    @cached_property
+    def layout(self) -> Layout:
+        """What it shares with all machines of its kind."""
+        key = self.plan.structure, tuple(share < 1 for _, share in self.plan.past.values())
+        if key not in LAYOUTS:
+            n, p, c, _ = self.sizes
+            Phi, displaced = pattern_of(self.driven(MOVES)), n + p + c
+            means = slice(displaced, displaced + p), slice(n)
+            Phi[means] *= self._rotor_columns()
+            self._pure_means(Phi)
+            self._shift(Phi)
+            rows, names, _, uses = zip(*self.terms, strict=True)
+            LAYOUTS[key] = Layout(
+                np.array(rows, np.uint16), np.array([self.at(name) for name in names], np.uint16),
+                np.array(uses, np.uint8), Phi, self._spread(),
+            )  # fmt: skip
+        return LAYOUTS[key]
+
+    def numbers(self) -> tuple[Array, Array]:
+        """Return the whole state's transition over the sample, and the covariances of noises."""
+        plan, (n, p, c, _), layout = self.plan, self.sizes, self.layout
+        intensity = np.zeros((len(plan.sources), n))
+        for k, (row, _) in enumerate(plan.sources):
+            for state, value in row.items():
+                intensity[k, self.at(state)] = value
+        late = [
+            (self.at(control) - n - p, [self.at(state) for state in past], share)
+            for control, (past, share) in plan.past.items()
+        ]
+        k_i = [plan.k_i[f.name] if plan.varies(f.name) else 0.0 for f in plan.forces]
+        Phi, N = core_module().sampled(
+            plan.T, n, c, layout.row, layout.column, layout.use, [term[2] for term in self.terms],
+            k_i, late, intensity,
+        )  # fmt: skip
+        return structured(Phi, layout.Phi), structured(N, layout.N)
 
     def model(self, name: str) -> Model:
         """Return the sampled model."""
-        plan, (n, p, c, _) = self.plan, self.sizes
-        Phi, kinds = self.whole()
+        plan, (n, p, c, _), layout = self.plan, self.sizes, self.layout
+        Phi, N = self.numbers()
         states, forces, controls = slice(n), slice(n, n + p), slice(n + p, n + p + c)
         displaced, currents = slice(n + p + c, n + 2 * p + c), slice(n + 2 * p + c, None)
-        rotor, collocated = self._rotor_columns(), np.zeros((p, n))
+        collocated = np.zeros((p, n))
         for state, force in plan.riders.items():
             collocated[[at.name for at in plan.forces].index(force), self.at(state)] = ONE
-        parts = {
-            "L": (Phi[states, states], kinds[states, states]),
-            "b": (Phi[states, forces], kinds[states, forces]),
-            "B_u": (Phi[states, controls], kinds[states, controls]),
-            "h": (Phi[displaced, states] * rotor, kinds[displaced, states] * rotor),
-            "e": (Phi[currents, states], kinds[currents, states]),
-            "d": (Phi[currents, controls], kinds[currents, controls]),
+        blocks = {
+            "L": (states, states), "b": (states, forces), "B_u": (states, controls),
+            "h": (displaced, states), "e": (currents, states), "d": (currents, controls),
+        }  # fmt: skip
+        parts: dict[str, Kinds] = {key: (Phi[at], layout.Phi[at]) for key, at in blocks.items()} | {
             "r": (collocated, collocated.astype(np.int8)),  # ones and zeros, as their pattern
             "c": self.linear_forms(plan.readings),
-            "N": self._growth(),
+            "N": (N, layout.N),
             "rest": self._rest(),
         }
-        self._hold_mean_forces(parts)
-        self._pure_means(parts)
-        self._shift(parts)
         return Model(
             name=name, T=plan.T, states=tuple(plan.states), forces=tuple(plan.forces),
             controls=tuple(plan.controls), measurements=tuple(plan.measurements),
             noises=tuple(plan.noises), pattern={key: kind for key, (_, kind) in parts.items()},
             **{key: values for key, (values, _) in parts.items()},
         )  # fmt: skip
-
-    def _hold_mean_forces(self, parts: dict[str, Kinds]) -> None:
-        """Subtract what varying forces do by their mean currents, which a magnet's law has."""
-        L, B_u, b, e, d = (parts[name][0] for name in ("L", "B_u", "b", "e", "d"))
-        for k, force in enumerate(self.plan.forces):
-            if self.plan.varies(force.name):
-                held = self.plan.k_i[force.name] * b[:, k, None]
-                L -= held * e[k]
-                B_u -= held * d[k]
 
     def _rotor_columns(self) -> Bools:
         """Return, for each force, the states (p, n) of the rotor at which it pulls."""
@@ -211,20 +228,19 @@ class Sampling:
                 kinds[i, self.at(state)] = ONE if value is UNIT else NUMBER
         return values, kinds
 
-    def _growth(self) -> Kinds:
+    def _spread(self) -> Pattern:
+        """Return the pattern of what the noises leave in the states (k, n, n)."""
         n = self.sizes[0]
-        A, kinds = self.generator(0.0, RIDERS)[:n, :n], pattern_of(self.driven(RIDERS))
+        kinds = pattern_of(self.driven(SPREADS))
         reached = kinds[:n, :n] != ZERO
-        pattern = np.zeros((len(self.plan.sources), n, n))
-        intensity = np.zeros((len(self.plan.sources), n))
+        pattern = np.zeros((len(self.plan.sources), n, n), np.int8)
         for k, (row, walk) in enumerate(self.plan.sources):
-            for state, value in row.items():
+            for state in row:
                 source = self.at(state)
-                intensity[k, source] = value
                 pattern[k][np.outer(reached[:, source], reached[:, source])] = NUMBER
                 if walk and kinds[source, source] == ONE:
                     pattern[k, source, source] = ONE
-        return structured(exponential.growth(A, intensity, self.plan.T), pattern)
+        return pattern
 
     def _rest(self) -> Kinds:
         """Return what each state is at rest, each dependent one traced back to free ones."""
@@ -241,33 +257,25 @@ class Sampling:
             rows = [_traced(row, rests) for row in rows]
         return self.linear_forms(rows)
 
-    def _pure_means(self, parts: dict[str, Kinds]) -> None:
+    def _pure_means(self, Phi: Pattern) -> None:
         """Set the ones of h and d: the mean of what does not move by itself is what it was."""
-        plan, (n, p, _c, _) = self.plan, self.sizes
-        pattern = pattern_of(self.driven(VARYING))
+        plan, (n, p, c, _) = self.plan, self.sizes
         for k, force in enumerate(plan.forces):
             seen = {self.at(q): value for q, value in plan.places[force.name].items()}
             for q, value in seen.items():
-                single = all(pattern[other, q] == ZERO for other in seen if other != q)
-                if value is UNIT and single and pattern[q, q] == ONE:
-                    set_one(parts["h"], k, q)
+                single = all(Phi[other, q] == ZERO for other in seen if other != q)
+                if value is UNIT and single and Phi[q, q] == ONE:
+                    Phi[n + p + c + k, q] = ONE
             current = plan.currents.get(force.name)
             if current in {at.name for at in plan.controls} and current not in plan.past:
-                set_one(parts["d"], k, self.at(current) - n - p)
+                Phi[n + 2 * p + c + k, self.at(current)] = ONE
 
-    def _shift(self, parts: dict[str, Kinds]) -> None:
+    def _shift(self, Phi: Pattern) -> None:
         """Let the past controls move on by one sample."""
-        _, p, _, _ = self.sizes
         for control, (past, _) in self.plan.past.items():
-            for k, state in enumerate(past):
-                i = self.at(state)
-                for name in ("L", "B_u"):
-                    for array in parts[name]:
-                        array[i] = 0
-                if k == 0:
-                    set_one(parts["B_u"], i, self.at(control) - self.sizes[0] - p)
-                else:
-                    set_one(parts["L"], i, self.at(past[k - 1]))
+            for state, source in zip(past, [control, *past], strict=False):
+                Phi[self.at(state)] = ZERO
+                Phi[self.at(state), self.at(source)] = ONE
 
 
 def _traced(row: Row, rests: dict[str, dict[str, float]]) -> dict[str, float]:

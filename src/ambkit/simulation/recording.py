@@ -17,7 +17,6 @@ from ambkit.data.signals import signal
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.models.declaration import Plan
-from ambkit.models.exponential import growth, transition
 from ambkit.models.parts import SENSOR_NOISE
 from ambkit.models.parts.typical_sizes import Typical
 from ambkit.simulation.fields import InLoops, StraightLine
@@ -114,8 +113,9 @@ def by_equations(part: Any, T: float, n: int, stream: Stream) -> Array:
         for noise, (of, _) in zip(plan.noises, plan.sources, strict=True)
     ])  # fmt: skip
     decay = -float(np.linalg.eigvals(A).real.max())
-    begin = growth(A, intensity, 40 / decay) if decay > 0 else np.zeros((1, *A.shape))
-    Phi, step = transition(A, T), _root(growth(A, intensity, T))
+    core = core_module()
+    begin = core.process_noise(A, intensity, 40 / decay) if decay > 0 else np.zeros((1, *A.shape))
+    Phi, step = core.transition(A, T), _root(core.process_noise(A, intensity, T))
     z = stream.normal(1.0, n * len(names)).reshape(n, -1)
     z[0] = _root(begin) @ z[0]
     for k in range(1, n):
