@@ -62,12 +62,12 @@ REFERENCE = 50e-6
 the samples, where the model is less exact."""
 
 START = LoopModel(
-    TRUTH.bearing.replace(
-        magnet__magnet_constant=1.25 * TRUTH.bearing.magnet.magnet_constant,
-        magnet__air_gap=1.1 * TRUTH.bearing.magnet.air_gap,
-        sensor__lag=0.6 * TRUTH.bearing.sensor.lag,
-        sensor__noise_variance=3 * TRUTH.bearing.sensor.noise_variance,
-        amplifier__noise_variance=0.3 * TRUTH.bearing.amplifier.noise_variance,
+    TRUTH.isolated.replace(
+        magnet__magnet_constant=1.25 * TRUTH.isolated.magnet.magnet_constant,
+        magnet__air_gap=1.1 * TRUTH.isolated.magnet.air_gap,
+        sensor__lag=0.6 * TRUTH.isolated.sensor.lag,
+        sensor__noise_variance=3 * TRUTH.isolated.sensor.noise_variance,
+        amplifier__noise_variance=0.3 * TRUTH.isolated.amplifier.noise_variance,
     ),
     load_std=TRUTH.load_std,
 )
@@ -101,7 +101,7 @@ def closed_loops(
         Of the current [A]; by default `model.current_offset` in all.
     """
     offset = np.broadcast_to(model.current_offset if offsets is None else offsets, (seeds,))
-    b, m = model.bearing, model.bearing.magnet
+    b, m = model.isolated, model.isolated.magnet
     T, mass = b.sampling_time, b.rotor.mass
     n = round(duration / T)
     streams = [np.random.default_rng([first + s, 6]) for s in range(seeds)]
@@ -248,7 +248,7 @@ def steps_at_the_truth(
         As errors are given: of the logarithm for a positive parameter.
     """
     here = [
-        Data(group, own_time(truth.bearing)).local(truth, parameters)
+        Data(group, own_time(truth.isolated)).local(truth, parameters)
         for group, truth in zip(groups, truths, strict=True)
     ]
     information = np.mean([local.information for local in here], axis=0)

@@ -310,7 +310,7 @@ def _quantities(estimator: Estimator) -> tuple[Array, tuple[str, ...]]:
 def _true_states(estimator: Estimator, record: Record, rotor: Mapping[str, complex]) -> Array:
     """Return the truth of an estimator's states (n, states); 0 where nobody judges it."""
     speed = record["speed"]
-    steps = np.cumsum((speed[1:] + speed[:-1]) / 2) * estimator.bearing.sampling_time
+    steps = np.cumsum((speed[1:] + speed[:-1]) / 2) * estimator.machine.sampling_time
     angle = np.append(0.0, steps)
     result = np.zeros((len(record), len(estimator.states)))
     for k, state in enumerate(estimator.states):

@@ -81,7 +81,7 @@ def quiet_loops(
     """
     from scipy.linalg import expm, solve_discrete_are
 
-    b, T, mass = truth.bearing, truth.bearing.sampling_time, truth.bearing.rotor.mass
+    b, T, mass = truth.isolated, truth.isolated.sampling_time, truth.isolated.rotor.mass
     k, gap, bias = b.magnet.magnet_constant, b.magnet.air_gap, b.magnet.bias_current
     n = round(duration / T)
     streams = [np.random.default_rng([first + s, 61]) for s in range(seeds)]
@@ -186,9 +186,9 @@ def slopes(seeds: int = 400, first: int = 0) -> dict[str, dict[str, float]]:
         # How much the current's sensor has in this record is luck, too, and known here.
         luck = (SENSOR / current.noise) ** 2
         model = model.replace(
-            amplifier__noise_variance=luck * model.bearing.amplifier.noise_variance
+            amplifier__noise_variance=luck * model.isolated.amplifier.noise_variance
         )
-        local = Data(current.records, own_time(model.bearing)).local(model, named(SLOPES))
+        local = Data(current.records, own_time(model.isolated)).local(model, named(SLOPES))
         scores.append(local.score)
         informations.append(np.diag(local.information))
     slope = np.array(scores) / np.sqrt(np.mean(informations, axis=0))

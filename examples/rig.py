@@ -127,7 +127,7 @@ for name in ("KF", "EKF", "LO"):
     smooth = savgol_filter(record["y"], SMOOTH, 3)
     model = by_lift_off.model
     kalman = ambkit.ExtendedKalmanFilter(
-        model.bearing, noise=ambkit.FilterNoise(disturbance=model.disturbance_noise)
+        model.isolated, noise=ambkit.FilterNoise(disturbance=model.disturbance_noise)
     )
     ours = kalman.run(model.corrected(record)).x
     inner = slice(500, -500)

@@ -181,7 +181,7 @@ def test_controllers_and_filters_know_the_nominal_machine_alone():
     nominal = ambkit.Machine.preset("tum_mlps")
     for each in drawn:
         assert each.planned.estimator.view.machine == nominal
-        assert each.planned.bearing != nominal
+        assert each.planned.machine != nominal
 
 
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])

@@ -46,7 +46,7 @@ def made(tmp_path_factory):
     ambkit.simulate(bearing, scenario).record.save(folder / "run.csv")
     bearing.save(folder / "found.toml")
     ambkit.Scenario(duration=0.02).save(folder / "mlps.toml")
-    ambkit.KalmanFilter(bearing).save(folder / "filter.toml", bearing=folder / "my.toml")
+    ambkit.KalmanFilter(bearing).save(folder / "filter.toml", machine=folder / "my.toml")
     signal = np.tile(sparse_multisine(1000, 1e-4, (10.0, 900.0)).values, 5)
     injection = ambkit.Recorded(times=1e-4 * np.arange(5000), values=1e-5 * signal)
     injected = ambkit.Scenario(duration=0.4999, injection=injection)

@@ -57,7 +57,7 @@ def test_it_is_found_within_its_errors(logs):
 def test_a_bearing_is_driven_through_it(logs):
     fit = fit_coil(logs[:2])
     known = Machine.preset("inteco_ml")
-    driven = fit.bearing(known, 10e-3)
+    driven = fit.machine(known, 10e-3)
     assert driven.amplifier.gain == fit.coil.gain
     tau = 26e-3 + 8e-3 * np.exp(-10 / 6)
     assert 1 / (2 * np.pi * driven.amplifier.bandwidth) == pytest.approx(tau, rel=0.1)

@@ -233,7 +233,7 @@ def test_four_logs_of_a_rig_foretell_another_and_the_smoothed_one_is_named():
         assert each.good
         assert each.error[10] < 24.5e-6
         assert 0.9 < each.nis < 1.15
-    (hum,) = found.model.bearing.sensor.hum
+    (hum,) = found.model.isolated.sensor.hum
     assert hum.frequency == pytest.approx(50, abs=0.2)
 
 

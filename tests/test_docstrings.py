@@ -188,7 +188,7 @@ def test_what_is_missing_is_noticed():
         """
 
     assert parameters(step) - documented(step) == {"u"}
-    assert documented(ambkit.AdaptiveKalmanFilter) == {"bearing", "magnet", "options"}
+    assert documented(ambkit.AdaptiveKalmanFilter) == {"machine", "magnet", "options"}
     assert {"innovation", "innovation_variance"} <= documented(ambkit.Estimate)
 
 

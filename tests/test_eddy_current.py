@@ -196,7 +196,7 @@ def test_it_is_identified():
     record = ambkit.simulate(truth, MOVED.replace(seed=3)).record
     start = truth.replace(magnet__eddy_current_lag=0.12e-3)
     found = ambkit.identify(start, record, free=["eddy_current_lag", "disturbance_noise"])
-    lag = found.bearing.magnet.eddy_current_lag
+    lag = found.isolated.magnet.eddy_current_lag
     error = found.likelihood.standard_error("eddy_current_lag")
     assert abs(lag - LAG) < 3 * error
     assert error < 0.03 * LAG
@@ -319,7 +319,7 @@ def test_the_corner_of_solid_iron_is_identified():
     start = truth.replace(magnet__eddy_current_corner=250.0)
     found = ambkit.identify(start, record, free=["eddy_current_corner", "disturbance_noise"])
     error = found.likelihood.standard_error("eddy_current_corner")
-    assert abs(found.bearing.magnet.eddy_current_corner - CORNER) < 3 * error
+    assert abs(found.isolated.magnet.eddy_current_corner - CORNER) < 3 * error
     assert error < 0.1 * CORNER
 
 

@@ -69,7 +69,7 @@ def test_of_two_faults_in_a_flight_the_slower_recovery_counts():
         flight = SimpleNamespace(
             _errors=lambda _run, error=error: {"x": error}, _off=lambda _record: np.zeros(n),
             _stopped=lambda _record: np.zeros(n, dtype=bool), in_loop=True, precision="float64",
-            seed=0, bearing=SimpleNamespace(sampling_time=T),
+            seed=0, machine=SimpleNamespace(sampling_time=T),
         )  # fmt: skip
         run = SimpleNamespace(record=range(n), estimate=None)
         band = fault_run.Band({"x": 1.0}, {"x": 1.0}, 1.0)

@@ -117,7 +117,7 @@ def test_files_that_a_filter_needs_are_written_beside_it_and_may_move_with_it(tm
     assert names == {"f.toml", "f.machine.toml", "f.expert.json"}
     (tmp_path / "a").rename(tmp_path / "b")
     read = Estimator.load(tmp_path / "b" / "f.toml")
-    assert read.bearing == other
+    assert read.machine == other
     assert read.magnet == expert
 
 
@@ -218,7 +218,7 @@ preset = "zittau_axial"
 "bearing.file" = "by hand"
 """)  # fmt: skip
     read = Estimator.load(tmp_path / "f.toml")
-    assert read.bearing == BEARING
+    assert read.machine == BEARING
     read.save(tmp_path / "g.toml")
     assert '[machine]\npreset = "zittau_axial"' in (tmp_path / "g.toml").read_text()
 

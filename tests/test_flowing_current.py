@@ -91,7 +91,7 @@ def at_the_truth(record, free=()):
     """Coil and loop as they were simulated."""
     current = flowing_at_the_truth(record)
     model = current.driving(TRUTH.replace(current_offset=record.meta["offset"]))
-    settling = own_time(model.bearing)
+    settling = own_time(model.isolated)
     return Joint([record], current, model, named(free), settling, current.coil.settled)
 
 
@@ -144,5 +144,5 @@ def test_over_seeds_nothing_is_biased_and_the_errors_hold():
     for name in ("magnet_constant", "air_gap", "delay", "current_offset"):
         assert abs(table[name]["bias"]) < 3.5, name
         assert table[name]["ratio"] < 1.6, name
-    assert table["delay"]["error"] < TRUTH.bearing.sampling_time / 2
+    assert table["delay"]["error"] < TRUTH.isolated.sampling_time / 2
     assert table["current_offset"]["error"] < OFFSET

@@ -18,10 +18,10 @@ def recorded(step):
 def test_steps_of_three_standard_deviations_and_the_noise_below_them():
     record = recorded(3e-7)
     found = maximum_likelihood(record, BEARING, ["measurement_noise"], improve_start=False)
-    sensor = found.bearing.sensor
+    sensor = found.isolated.sensor
     assert sensor.quantisation == pytest.approx(3e-7)
     assert sensor.noise_variance**0.5 == pytest.approx(1e-7, rel=0.1)
-    written = ambkit.ExtendedKalmanFilter(found.bearing).core.parameters["set"]
+    written = ambkit.ExtendedKalmanFilter(found.isolated).core.parameters["set"]
     assert written["step"][0] == pytest.approx(3e-7)
 
 

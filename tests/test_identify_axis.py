@@ -48,7 +48,7 @@ def test_the_other_axes_bias_nothing(record):
     )
     assert error < 0.04 * k
     assert abs(k - true.magnet.magnet_constant) < 3 * error
-    assert found.bearing.name == AXIS
+    assert found.isolated.name == AXIS
     assert [axis.name for axis in found.machine.axes] == [axis.name for axis in MACHINE.axes]
     assert found.machine.isolated_axis(AXIS).magnet.magnet_constant == pytest.approx(k, rel=1e-12)
     assert identified_filter(found).machine.isolated_axis(

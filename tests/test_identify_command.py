@@ -26,7 +26,7 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made")
     for name, record in zip(("a.csv", "b.csv"), closed_loops(TRUTH, 2, 0.4, first=50), strict=True):
         record.save(folder / name)
-    b = TRUTH.bearing
+    b = TRUTH.isolated
     b.replace(magnet__magnet_constant=1.2 * b.magnet.magnet_constant).save(folder / "start.toml")
     return folder
 
@@ -47,7 +47,7 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     assert re.search(r'magnet_constant = ".*"  # found, standard error 0\.\d+ N mm\^2/A\^2', text)
     assert "# Of the log: delay = " in text  # which beside a sensor's lag is not told from none
     assert found.delay is None
-    k = TRUTH.bearing.magnet.magnet_constant
+    k = TRUTH.isolated.magnet.magnet_constant
     assert abs(found.magnet.magnet_constant / k - 1) < 0.15
     page = (tmp_path / "found.html").read_text()
     for heading in ("k_s at operating points", "Validation",
@@ -97,7 +97,7 @@ def test_what_is_of_the_log_goes_into_its_channel_map_and_its_delay_into_the_bea
 
 
 def test_the_lines_for_the_map_do_what_the_model_does(tmp_path):
-    b = TRUTH.bearing
+    b = TRUTH.isolated
     model = LoopModel(b, delay=2.3 * b.sampling_time, position_offset=7e-6, current_offset=-0.2)
     rng = np.random.default_rng(0)
     t = b.sampling_time * np.arange(200)
@@ -225,7 +225,7 @@ def test_the_truth_passes_and_what_is_wrong_is_named(record):
     assert late.gain < 0
     assert "The initial model was more likely" in late.verdict
     deaf = validate(
-        TRUTH.replace(sensor__noise_variance=100 * TRUTH.bearing.sensor.noise_variance), record
+        TRUTH.replace(sensor__noise_variance=100 * TRUTH.isolated.sensor.noise_variance), record
     )
     assert not deaf.good
     assert "smaller than expected" in deaf.verdict
@@ -234,7 +234,7 @@ def test_the_truth_passes_and_what_is_wrong_is_named(record):
 def test_prediction_is_that_of_the_plain_filter_with_single_steps(record):
     """Against the estimators' own forecast, on the model whose log has neither delay nor offset."""
     # Next to no control noise: else the model's force is its mean under the noise.
-    b = TRUTH.bearing.replace(amplifier__noise_variance=1e-14)
+    b = TRUTH.isolated.replace(amplifier__noise_variance=1e-14)
     model = LoopModel(b, substeps=1, delay=b.sampling_time)
     kalman = ambkit.ExtendedKalmanFilter(
         b, noise=ambkit.FilterNoise(disturbance=model.disturbance_noise), outlier_limit=0
@@ -272,7 +272,7 @@ def test_the_picture_shows_intervals_beside_the_start(record):
         assert low > 0
     assert [item.value for item in bearing.items if isinstance(item, Rule)] == [1.0]
     assert [item.value for item in offsets.items if isinstance(item, Rule)] == [0.0]
-    travel = found.bearing.clearance
+    travel = found.isolated.clearance
     moved = found["position_offset"] - found.start.position_offset
     assert offsets.item(Intervals).values[0] * travel == pytest.approx(moved)
     assert "to" in rows.texts[0]

@@ -25,12 +25,12 @@ def test_poles_agree_with_an_autoregressive_model_by_instruments_and_likelihood_
     has one order for all: it gets the pole to some ten per cent.
     """
     truth, record = TRUTH, closed_loops(TRUTH, 1, 2.0, first=300)[0]
-    b = truth.bearing
+    b = truth.isolated
     k_s = float(ClosedLaw(b).tangent(b.levitation_current, 0.0)[1])
     own = np.sqrt(k_s / b.rotor.mass)
 
     found = maximum_likelihood(record, START)
-    at = found.stiffness(found.bearing.levitation_current, 0.0)
+    at = found.stiffness(found.isolated.levitation_current, 0.0)
     ours = np.sqrt(at["k_s"][0] / b.rotor.mass)
     assert abs(ours / own - 1) < 3 * 0.5 * at["k_s"][1] / at["k_s"][0]
 
@@ -54,7 +54,7 @@ def test_poles_agree_with_an_autoregressive_model_by_instruments_and_likelihood_
 def test_filterpy_and_scipy_find_the_same_noises():
     """The same linear model in filterpy's filter, its likelihood maximised by SciPy."""
     filterpy = pytest.importorskip("filterpy.kalman")
-    bearing = TRUTH.bearing
+    bearing = TRUTH.isolated
     truth = LoopModel(bearing, disturbance_noise=TRUTH.disturbance_noise, load_std=0.05, substeps=1,
                       magnet=ConstantStiffness.of(bearing))  # fmt: skip
     record = closed_loops(replace(truth, magnet=None), 1, 0.15, first=400)[0]

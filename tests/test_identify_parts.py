@@ -101,7 +101,7 @@ def test_what_was_found_is_in_the_bearing_that_is_written():
     found = found_by(told, record, ("delay", "current_lag"))
     text = annotated_toml(found)
     written = Machine.from_toml(text)
-    assert written == found.bearing
+    assert written == found.isolated
     assert written.delay == found["delay"]
     assert written.amplifier.bandwidth == pytest.approx(1 / (2 * np.pi * found["current_lag"]))
     assert 'bandwidth = "' in text
@@ -119,9 +119,9 @@ def test_a_delay_that_cannot_be_told_from_none_is_left_out_of_the_bearing():
     record = record_of(BEARING, 3)
     found = found_by(BEARING, record, ("delay",))
     assert abs(found["delay"]) < 3 * found.standard_error("delay")
-    assert found.bearing.delay is None
+    assert found.isolated.delay is None
     known = found_by(BEARING.replace(delay="0.02 ms"), record, ())  # given, and not asked
-    assert known.bearing.delay == 2e-5
+    assert known.isolated.delay == 2e-5
 
 
 def test_a_model_takes_delay_and_lag_of_its_bearing_and_its_filter_has_neither():
@@ -170,5 +170,5 @@ def test_of_a_force_map_the_scale_is_found(tmp_path):
         record, start, ("magnet_constant", "measurement_noise"), improve_start=False
     )
     scale = found.standard_error("magnet_constant") / known.magnet.magnet_constant
-    assert abs(found.bearing.magnet.force_scale - 1.15) < 3 * scale
-    assert found.bearing.magnet.force_map == known.magnet.force_map
+    assert abs(found.isolated.magnet.force_scale - 1.15) < 3 * scale
+    assert found.isolated.magnet.force_map == known.magnet.force_map

@@ -42,7 +42,7 @@ def test_two_lines_are_found_and_taken_out_of_the_prediction():
     held = float(np.sqrt(np.mean(np.diff(other["y"])[500:] ** 2)))
     assert error(found, other, 1) < held / 4
     # What filters of the bearing carry, and its C.
-    states = [s.name for s in ambkit.ExtendedKalmanFilter(found.bearing).states]
+    states = [s.name for s in ambkit.ExtendedKalmanFilter(found.isolated).states]
     assert {"hum_c", "hum_s", "hum2_c", "hum2_s"} < set(states)
     assert [h["frequency"] for h in found.to_dict()["lines"]] == [h.frequency for h in found.lines]
 

@@ -140,7 +140,7 @@ def test_k_and_m_from_one_experiment_are_told_to_be_alike(records):
     found = maximum_likelihood(records[0], TRUTH, free)
     assert "cannot be told apart" in found.held["mass"]
     assert "magnet_constant" in found.held["mass"]
-    assert found["mass"] == TRUTH.bearing.rotor.mass
+    assert found["mass"] == TRUTH.isolated.rotor.mass
     with pytest.raises(AmbkitError, match="mass is not identifiable: magnet_constant"):
         found.standard_error("mass")
     assert found.standard_error("magnet_constant") > 0
@@ -148,7 +148,7 @@ def test_k_and_m_from_one_experiment_are_told_to_be_alike(records):
 
 def test_what_looks_like_another_is_held_where_it_was_given(records):
     """However far the search has drifted along k/m, the rest is found anew, and not kept there."""
-    mass, k = TRUTH.bearing.rotor.mass, TRUTH.bearing.magnet.magnet_constant
+    mass, k = TRUTH.isolated.rotor.mass, TRUTH.isolated.magnet.magnet_constant
     far = TRUTH.replace(rotor__mass=1e4 * mass, magnet__magnet_constant=1e4 * k)
     rest = named(["magnet_constant"])
     best = maximise(Data(records[:1], 0.01), TRUTH, rest)
@@ -157,8 +157,8 @@ def test_what_looks_like_another_is_held_where_it_was_given(records):
     drifted = replace(best, **there, value=best.value + 50)
     mass_of = named(["mass"])[0]
     model, at = fix(data, drifted, mass_of, rest, TRUTH, TRUTH)
-    assert model.bearing.rotor.mass == mass
-    assert model.bearing.magnet.magnet_constant == pytest.approx(k, rel=0.1)
+    assert model.isolated.rotor.mass == mass
+    assert model.isolated.magnet.magnet_constant == pytest.approx(k, rel=0.1)
     assert at == engineering(mass, "kg", 3)
 
 
@@ -166,16 +166,16 @@ def test_a_mass_is_not_made_of_what_is_expected_of_the_load(records):
     """With the load's growth given, k and m part in the likelihood; but that growth is a guess."""
     found = maximum_likelihood(records[0], TRUTH, ["magnet_constant", "mass"])
     assert [p.name for p in found.parameters] == ["magnet_constant"]
-    assert found.held["mass"].endswith("held at " + engineering(TRUTH.bearing.rotor.mass, "kg", 3))
+    assert found.held["mass"].endswith("held at " + engineering(TRUTH.isolated.rotor.mass, "kg", 3))
     assert [p.name for p in maximum_likelihood(records[0], TRUTH, ["mass"]).parameters] == ["mass"]
 
 
 def test_an_offset_that_brings_the_current_to_its_limit_is_told():
-    quiet = LoopModel(TRUTH.bearing)
-    std = TRUTH.bearing.amplifier.noise_variance**0.5 * TRUTH.bearing.amplifier.gain
+    quiet = LoopModel(TRUTH.isolated)
+    std = TRUTH.isolated.amplifier.noise_variance**0.5 * TRUTH.isolated.amplifier.gain
     u = 0.2 * np.sin(np.arange(1000) / 50)
     record = Record(1e-4 * np.arange(1000), {"y": 0 * u, "u": u})
-    left = TRUTH.bearing.current_max - TRUTH.bearing.amplifier.gain * u.max()
+    left = TRUTH.isolated.current_max - TRUTH.isolated.amplifier.gain * u.max()
     assert quiet.nearest_limit(record) == pytest.approx(left / std)
     at_limit = quiet.replace(current_offset=left)
     assert at_limit.nearest_limit(record) == pytest.approx(0, abs=1e-9)
@@ -188,14 +188,14 @@ def test_an_offset_that_brings_the_current_to_its_limit_is_told():
 def test_a_gap_may_be_less_than_the_travel_of_the_description_and_that_is_told():
     u = 0.2 * np.sin(np.arange(1000) / 50)
     record = Record(1e-4 * np.arange(1000), {"y": 1e-4 * u, "u": u})
-    given = LoopModel(TRUTH.bearing)  # travel 1 mm
+    given = LoopModel(TRUTH.isolated)  # travel 1 mm
     roomy = tighten_clearance([record], given, named(["air_gap"]))
     close = roomy.replace(magnet__air_gap=0.9e-3)
     model, (told,) = restore_clearance([record], given, close)
     assert "smaller than the described clearance, 1 mm" in told
-    assert model.bearing.clearance < 0.9e-3
+    assert model.isolated.clearance < 0.9e-3
     wide, nothing = restore_clearance([record], given, roomy)
-    assert wide.bearing == given.bearing
+    assert wide.isolated == given.isolated
     assert not nothing
 
 
@@ -289,11 +289,11 @@ def test_what_was_lost_biases_nothing(undisturbed, kind):
 
 def test_a_filter_over_gaps_is_the_plain_one_where_nothing_is_missing(records):
     record = records[0].between(0, 0.1)
-    kalman, h = TRUTH.kalman(), TRUTH.bearing.sampling_time / TRUTH.substeps
+    kalman, h = TRUTH.kalman(), TRUTH.isolated.sampling_time / TRUTH.substeps
     none = np.zeros(len(record), dtype=bool)
     plain = kalman.core.run(record["y"], record["u"])
     kalman.reset()
-    same = run_with_gaps(kalman, TRUTH.bearing, record["y"], record["u"], none, record["u"], h)
+    same = run_with_gaps(kalman, TRUTH.isolated, record["y"], record["u"], none, record["u"], h)
     for name, values in plain.items():
         np.testing.assert_array_equal(same[name], values)
 
@@ -349,7 +349,7 @@ def test_stiffness_with_its_error_follows_from_the_law(found):
     for one in found:
         for name, (value, error) in one.stiffness(-0.3, 0.1e-3).items():
             law[name].append((value, error))
-    truth = dict(zip(law, ClosedLaw(TRUTH.bearing).tangent(-0.3, 0.1e-3), strict=True))
+    truth = dict(zip(law, ClosedLaw(TRUTH.isolated).tangent(-0.3, 0.1e-3), strict=True))
     for name, pairs in law.items():
         values, errors = np.array(pairs).T
         z = (values - float(truth[name])) / errors
@@ -375,7 +375,7 @@ def test_a_machine_that_the_description_can_hardly_mean_is_named(records):
     """By intervals, which a value that is only uncertain does not leave."""
     free, errors = ["magnet_constant", "delay"], np.array([0.02, 5e-5])  # of its logarithm, in s
     fit = maximum_likelihood(records[0], Machine.preset("zittau_axial"), free=free)
-    start = fit.start.bearing.magnet.magnet_constant
+    start = fit.start.isolated.magnet.magnet_constant
     for strength, delay, told in (
         (1.0, 1e-4, ""), (2.9, -1e-5, ""), (3.5, 1e-4, "The magnet constant is "),
         (0.3, 1e-4, "The magnet constant is "), (1.0, -4e-4, "The delay is negative"),
@@ -477,7 +477,7 @@ def test_mean_force_is_that_of_a_noisy_current(preset):
 
 def test_delay_of_the_plant_is_found_on_a_record_of_the_simulator():
     """`ambkit simulate` has no delay, and a lag that is continuous; the filter's own is made up."""
-    bearing = TRUTH.bearing
+    bearing = TRUTH.isolated
     scenario = Scenario(
         duration=1.0,
         reference=Sine(amplitude=0.1e-3, frequency=30) + Sine(amplitude=5e-6, frequency=300),

@@ -160,7 +160,7 @@ def hostile(text):
     yield dataclasses.replace(
         filtering, machine=machine, record=record, estimators={text: filtering["linear"]}
     )
-    yield dataclasses.replace(ambkit.identify_online(BEARING, RECORD), bearing=bearing)
+    yield dataclasses.replace(ambkit.identify_online(BEARING, RECORD), known=bearing)
 
 
 @pytest.mark.filterwarnings("ignore:Glyph:UserWarning")  # of characters that no font has

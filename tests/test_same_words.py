@@ -172,7 +172,7 @@ def test_train_saves_the_filter_of_what_it_wrote(call, out):
         out or "", "Expert"
     )
     if out == "refitted.toml":  # k of the law is refitted, and the bearing has it
-        assert kalman.bearing.magnet.magnet_constant == pytest.approx(
+        assert kalman.machine.magnet.magnet_constant == pytest.approx(
             1.1 * BEARING.magnet.magnet_constant, rel=1e-3
         )
     elif out is None:
@@ -239,7 +239,7 @@ def test_tuned_filters_of_a_bearing_without_a_file_share_one(tmp_path):
     study.save_product("filters", tmp_path, {})
     made = {path.name for path in tmp_path.iterdir()}
     assert made == {"bearing.toml", "linear.toml", "extended.toml"}
-    assert Estimator.load(tmp_path / "extended.toml").bearing == own
+    assert Estimator.load(tmp_path / "extended.toml").machine == own
 
 
 def test_filters_of_a_mapping_have_each_run_to_themselves():

@@ -242,8 +242,8 @@ def test_its_constant_is_identified():
     assert not record.meta["stop_touched"]
     free = ["magnet_constant", "air_gap", "disturbance_noise"]
     found = maximum_likelihood(record, TWO_SIDED, free=free)
-    assert found.bearing.magnet.saturation == 1.6
-    assert found.bearing.magnet.turns == 208
+    assert found.isolated.magnet.saturation == 1.6
+    assert found.isolated.magnet.turns == 208
     for name, known in (("magnet_constant", k), ("air_gap", 0.78e-3)):
         low, high = found.interval(name)
         assert found[name] == pytest.approx(known, rel=5e-3)

@@ -76,7 +76,7 @@ def test_a_verb_takes_a_filter_in_every_form(verb, form, log, tmp_path):
 def test_a_filter_that_exists_is_exported_as_its_file_is(kf, tmp_path):
     kf.save(tmp_path / "filter.toml")
     export_file = ambkit.export_c(tmp_path / "filter.toml", out=tmp_path / "a", force=True)
-    ambkit.export_c(kf.bearing, kf, out=tmp_path / "b", force=True)
+    ambkit.export_c(kf.machine, kf, out=tmp_path / "b", force=True)
     assert export_file
     for name in ("a", "b"):
         assert (tmp_path / name).is_dir()

@@ -116,7 +116,7 @@ def test_commands(arguments, code, said, call):
 def test_the_same_filter_of_another_machine_keeps_its_noise():
     still = TUM.model_copy(update={"speed": 0.0})
     noise = FilterNoise(measurement=1e-12)
-    for made in (KalmanFilter(TUM, noise=noise), KalmanFilter(bearing=TUM, noise=noise)):
+    for made in (KalmanFilter(TUM, noise=noise), KalmanFilter(machine=TUM, noise=noise)):
         other = made.for_machine(still)
         assert other.machine == still
         assert other.variances == made.variances

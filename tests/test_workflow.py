@@ -84,7 +84,7 @@ def test_noise_at_rest_is_where_the_search_starts(made):
     assert isinstance(rest["u"], str)  # why nothing can be said of it
     log = ambkit.load(made / "log.csv").between(0, 0.1)
     found = identify(BEARING, [log], rest=rest, free=["magnet_constant"])
-    assert found.likelihood.start.bearing.sensor.noise_variance == rest["y"].variance
+    assert found.likelihood.start.isolated.sensor.noise_variance == rest["y"].variance
 
 
 def test_a_record_is_not_both_identified_from_and_validated_on(made):

@@ -154,7 +154,7 @@ def judged(bearing: ambkit.Machine, scenario: ambkit.Scenario, record: ambkit.Re
     online = ambkit.identify_online(bearing, record)
     assert_type(online.results["adaline"].magnet_constant, float)
     found = ambkit.identify(bearing, record, free=["magnet_constant"])
-    assert_type(found.bearing, ambkit.Machine)
+    assert_type(found.machine, ambkit.Machine)
     print(ambkit.PID.for_bearing(bearing))
     for method in (ambkit.Adaline(bearing), ambkit.RecursiveLeastSquares(bearing)):
         print(method)
@@ -177,7 +177,7 @@ def with_tools(bearing: ambkit.Machine) -> None:
     assert_type(ambkit.export_ssp(bearing, out="loop.ssp").finding, str)
     assert_type(ambkit.export_a2l("c", elf="firmware.elf", out="c.a2l").finding, str)
     assert_type(ambkit.identify_corpus(bearing, ["a.csv", "b.csv"]).filter, ambkit.Estimator)
-    assert_type(ambkit.identify_lift_off(bearing, "points.csv").bearing, ambkit.Machine)
+    assert_type(ambkit.identify_lift_off(bearing, "points.csv").machine, ambkit.Machine)
     assert_type(ambkit.identify_coil(bearing, "log.csv").known, ambkit.Machine | None)
     assert_type(ambkit.train_map(bearing, "force.csv").expert, ambkit.Expert)
     assert_type(ambkit.guess_channels("log.csv").text, str)

@@ -80,7 +80,7 @@ SWEPT = ("amplitudes",)  #: Section of a sweep.
 class Sweep(Result):
     """A loop swept at several amplitudes, beside its linear model."""
 
-    bearing: Machine  #: The plant.
+    machine: Machine  #: The plant.
     axis: int  #: Which was swept.
     kind: Kind  #: What was added to the measurement.
     fed_by: str  #: What feeds the controller.
@@ -91,7 +91,7 @@ class Sweep(Result):
     @property
     def name(self) -> str:
         """Of the bearing, or of the machine and its axis."""
-        return f"{self.bearing.name} {self.bearing.axes[self.axis].name}".rstrip()
+        return f"{self.machine.name} {self.machine.axes[self.axis].name}".rstrip()
 
     @property
     def model(self) -> AssessedAxis | None:
@@ -132,7 +132,7 @@ class Sweep(Result):
     @property
     def series(self) -> dict[str, Any]:
         return {
-            "bearing": self.name,
+            "machine": self.name,
             "kind": self.kind,
             "fed_by": self.fed_by,
             "amplitudes": {

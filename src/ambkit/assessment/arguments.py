@@ -274,13 +274,13 @@ def record_argument(source: Any, channels: Any = None, window: Any = None) -> Re
     return record.between(*(None if end in (None, "") else end for end in ends))
 
 
-def disturbance_argument(bearing: Machine, load: Any) -> dict[str, float]:
+def disturbance_argument(machine: Machine, load: Any) -> dict[str, float]:
     """Return constant loads by the names of axes [N]; a number is of the first axis."""
     if load is None or isinstance(load, Mapping):
         return {
             name: in_si(f"disturbance of {name}", item, "N") for name, item in (load or {}).items()
         }
-    return {bearing.axes[0].name: in_si("disturbance", load, "N")}
+    return {machine.axes[0].name: in_si("disturbance", load, "N")}
 
 
 def filter_arguments(filters: Any, machine: Machine) -> dict[str, Estimator]:

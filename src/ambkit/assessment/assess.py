@@ -33,15 +33,15 @@ def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = 
     # Harmonic balance of the first order (Nayfeh and Mook 1979): what the magnets pull at the speed
     # of rotation beyond their mean stiffnesses goes back into the loop, and their mean pull carries
     # what it did at rest. Runout is not in the orbit.
-    bearing, single = of.machine, len(of.isolated) == 1
-    if not bearing.speed:
-        raise AmbkitError(f"{bearing.name} does not turn: it has no orbit")
+    machine, single = of.machine, len(of.isolated) == 1
+    if not machine.speed:
+        raise AmbkitError(f"{machine.name} does not turn: it has no orbit")
     if amplitude is not None and not amplitude > 0:
         raise AmbkitError(f"an orbit must be greater than 0 m, is {amplitude:g} m")
     if single and amplitude is None:
-        raise AmbkitError(f"{bearing.name} has no unbalance for an orbit: give its amplitude")
+        raise AmbkitError(f"{machine.name} has no unbalance for an orbit: give its amplitude")
     if not single and not of.machine.unbalance:
-        raise AmbkitError(f"{bearing.name} has no unbalance for an orbit")
+        raise AmbkitError(f"{machine.name} has no unbalance for an orbit")
     rest, there, scale, last = of.point, of, 1.0, None
     for _ in range(TURNS):
         loop = there.loop(estimator)
@@ -51,8 +51,8 @@ def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = 
             _forced(there, loop, amplitude or 0.0) if single
             else _unbalanced(there, loop, scale)
         )  # fmt: skip
-        _within(bearing, there, result)
-        far = float(orbit(np.atleast_1d(result.x), pairs_of(bearing)).max())
+        _within(machine, there, result)
+        far = float(orbit(np.atleast_1d(result.x), pairs_of(machine)).max())
         now = np.concatenate([np.atleast_1d(result.x), [scale * far]])
         there = there.at(OperatingPoint(_carried(there, rest, result), rest.x, result))
         if last is not None and np.abs(now - last).max() <= SAME * np.abs(now).max():
@@ -61,7 +61,7 @@ def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = 
         if amplitude is not None and not single:
             scale *= amplitude / far
     else:
-        raise AmbkitError(f"{bearing.name}: its orbit diverges, pulled outwards by the magnets")
+        raise AmbkitError(f"{machine.name}: its orbit diverges, pulled outwards by the magnets")
     if not single and amplitude is not None:
         return there.with_unbalance(scale)
     return there
@@ -124,13 +124,13 @@ def _carried(of: LoopOf, rest: OperatingPoint, swing: Orbit) -> Any:
     return np.array(results)
 
 
-def _within(bearing: Any, of: LoopOf, result: Orbit) -> None:
+def _within(machine: Any, of: LoopOf, result: Orbit) -> None:
     for b, x0, x in zip(
         of.isolated, np.atleast_1d(of.point.x), np.atleast_1d(result.x), strict=True
     ):
         if abs(x0) + abs(x) > HELD * b.magnet.air_gap:
             raise AmbkitError(
-                f"{bearing.name}: the orbit goes {engineering(abs(x), 'm', 3)} far along {b.name}, "
+                f"{machine.name}: the orbit goes {engineering(abs(x), 'm', 3)} far along {b.name}, "
                 f"where the air gap is {engineering(b.magnet.air_gap, 'm')}"
             )
 

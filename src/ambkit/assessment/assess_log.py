@@ -63,7 +63,7 @@ class AssessedLog(Result):
             return ""
         axes = self.model.of.axes
         axis = f" {axes[self.axis]}" if len(axes) > 1 else ""
-        return f"{self.model.bearing.name}{axis}"
+        return f"{self.model.machine.name}{axis}"
 
     @property
     def within(self) -> dict[str, float]:

@@ -74,11 +74,6 @@ class Assessment(Result):
     loops: dict[str, AssessedLoop]  #: By what the controllers are fed, the measurement first.
 
     @property
-    def bearing(self) -> Any:
-        """The plant, by the name of one with a single axis."""
-        return self.of.machine
-
-    @property
     def machine(self) -> Machine:
         """The plant."""
         return self.of.machine
@@ -287,10 +282,10 @@ class Assessment(Result):
         name = list(self.loops)[-1] if filter is None else filter
         if not self.loops[name].stable:
             return unstable_figure(
-                f"{self.bearing.name}: unstable loop, controller fed by {name}",
+                f"{self.machine.name}: unstable loop, controller fed by {name}",
                 self.loops[name].loop, self.of.axes, self.loops[name].unstable_poles,
             )  # fmt: skip
-        title = f"{self.bearing.name}: sensitivity with the filter in the loop"
+        title = f"{self.machine.name}: sensitivity with the filter in the loop"
         stable = {item: one.loop for item, one in self.loops.items() if one.stable}
         full_loop, feeding = None, None
         if len(self.of.axes) == 1:
@@ -301,7 +296,7 @@ class Assessment(Result):
                 Curves(" and ".join(same), full_loop, self.of.axes.index(same[0]))
                 for same in self.alike(name)
             ]
-            title = f"{self.bearing.name}: sensitivity of each axis, controllers fed by {name}"
+            title = f"{self.machine.name}: sensitivity of each axis, controllers fed by {name}"
         return assessment_figure(
             title, curves, zones=ZONES, top=self.top, static=self.of.static_compliance(feeding),
             gain=self.of.isolated[0].amplifier.gain, whole=full_loop,
@@ -336,7 +331,7 @@ class Assessment(Result):
                 for same in self.alike(name) if forces[same[0]] > 0
             }  # fmt: skip
         return capacity_figure(
-            f"{self.bearing.name}: load capacity",
+            f"{self.machine.name}: load capacity",
             {name: demand.capacity for name, demand in parts.items() if demand},
             demands,
         )

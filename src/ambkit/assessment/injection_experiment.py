@@ -114,7 +114,7 @@ class Injection(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        return {"bearing": self.name, "kind": self.excitation.kind}
+        return {"machine": self.name, "kind": self.excitation.kind}
 
     def figures(self) -> list[Figure]:
         return [injection_figure(self.name, self.record, self.limits, self.expected)]
@@ -159,7 +159,7 @@ DURATION = 5.0  #: Of an experiment, where nobody says it [s].
 
 
 def design_injection(
-    bearing: Machine,
+    machine: Machine,
     scenario: Scenario,
     filter: Any = None,
     *,
@@ -174,11 +174,11 @@ def design_injection(
     # They are as high as the noise that comes to the same place, of sensor and amplifier: both are
     # passed on by S, and each line is told equally well. Above the peak of S, where current by
     # signal grows and S goes to 1, they fall as that current rises.
-    of_type(Machine, bearing=bearing)
+    of_type(Machine, machine=machine)
     current = in_si("current", current, "A")
     displacement = in_si("displacement", displacement, "m")
     of_type(Scenario, scenario=scenario)
-    return _Experiment(bearing, scenario, filter, axis, current, displacement).designed(band)
+    return _Experiment(machine, scenario, filter, axis, current, displacement).designed(band)
 
 
 class _Run(NamedTuple):
@@ -193,29 +193,29 @@ class _Experiment:
     """The simulated loop, with noise, and a signal that is added to its measurement."""
 
     def __init__(
-        self, bearing: Machine, scenario: Scenario, filter: Any, axis: str | None,
+        self, machine: Machine, scenario: Scenario, filter: Any, axis: str | None,
         current: float | None, displacement: float | None,
     ) -> None:  # fmt: skip
-        scenario = self.scenario = settled_scenario(bearing, scenario.replace(noise=True))
+        scenario = self.scenario = settled_scenario(machine, scenario.replace(noise=True))
         self.filter = (filter or "linear") if scenario.feedback == "estimate" else None
-        result = assess(loop_arguments(bearing, self.filter or NONE, scenario.controller))
-        self.bearing: Any = result.bearing
-        self.T, self.n = self.bearing.sampling_time, samples(bearing, scenario)
+        result = assess(loop_arguments(machine, self.filter or NONE, scenario.controller))
+        self.machine: Any = result.machine
+        self.T, self.n = self.machine.sampling_time, samples(machine, scenario)
         self.t = self.T * np.arange(self.n)
-        self.names = tuple(of.name for of in bearing.axes)
+        self.names = tuple(of.name for of in machine.axes)
         held = float(np.abs(along(scenario, "reference", self.names, self.t)).max())
         self.rest = math.ceil(REST * self.n)
         self.period = (self.n - self.rest) // PERIODS
         loop = list(result.loops.values())[-1]
         if loop.worst is None:
             raise AmbkitError(
-                f"{self.bearing.name}: the loop is not stable, there is nothing to measure"
+                f"{self.machine.name}: the loop is not stable, there is nothing to measure"
             )
         self.loop, axes = loop, list(loop.axes)
-        chosen = loop.worst.name if axis is None else axis_named(bearing, axis)
+        chosen = loop.worst.name if axis is None else axis_named(machine, axis)
         self.at = axes.index(chosen)
         self.axis = chosen if len(result.of.axes) > 1 else ""
-        self.name = f"{self.bearing.name} {self.axis}".strip()
+        self.name = f"{self.machine.name} {self.axis}".strip()
         self.all_limits = [_limits(b, held, current, displacement) for b in result.of.isolated]
         self.limits = self.all_limits[self.at]
 
@@ -233,7 +233,7 @@ class _Experiment:
     def checked(self, band: tuple[float, float] | None) -> tuple[float, float]:
         """Return the band, given or not [Hz]."""
         lowest, highest = 1 / (self.period * self.T), 0.45 / self.T
-        band = band or (lowest, min(end_of_range(self.T, self.bearing.speed), highest))
+        band = band or (lowest, min(end_of_range(self.T, self.machine.speed), highest))
         period = f", one period of the signal that comes {PERIODS} times,"
         check_band(band, (lowest, period), (highest, " at most"))
         return band
@@ -241,7 +241,7 @@ class _Experiment:
     def signal(self, band: tuple[float, float]) -> Excitation:
         """Return one period in a band [Hz]."""
         loop, of, k = self.loop.loop, self.loop.of, self.at
-        orders = (self.bearing.speed or 0.0) / (2 * math.pi) * np.arange(1, 21)
+        orders = (self.machine.speed or 0.0) / (2 * math.pi) * np.arange(1, 21)
         sensors = of.machine.sensors
         hum = [line.frequency for sensor in sensors for line in sensor.hum]
         peak = self.loop.axes[list(self.loop.axes)[k]].peak_frequency
@@ -280,8 +280,8 @@ class _Experiment:
         scenario = self.scenario.model_copy(
             update={"seed": self.scenario.seed + other, "injection": (*others, there)}
         )
-        inner = next(iter(filter_arguments(self.filter, self.bearing).values()), None)
-        run = simulate_run(self.bearing, scenario, estimator=inner)
+        inner = next(iter(filter_arguments(self.filter, self.machine).values()), None)
+        run = simulate_run(self.machine, scenario, estimator=inner)
         record = run.record
         level = max(
             max(float(np.abs(record[signal("iu", name)]).max()) / of.current,
@@ -289,7 +289,7 @@ class _Experiment:
             for name, of in zip(self.names, self.all_limits, strict=True)
         )  # fmt: skip
         if self.axis:
-            _, own = of_one_axis(record, self.bearing)
+            _, own = of_one_axis(record, self.machine)
             own_signals = {"iu": record[signal("iu", self.axis)], "x": record[f"s_{self.axis}"]}
             record = Record(record.t, {name: own[name] for name in own} | own_signals)
         return _Run(record, level, run.estimate)
@@ -332,8 +332,8 @@ class _Experiment:
 
 
 def _limits(
-    bearing: Machine, held: float, current: float | None, displacement: float | None
+    machine: Machine, held: float, current: float | None, displacement: float | None
 ) -> Limits:
     """Return the limits of an axis; by default of displacements within which magnets are linear."""
-    far = min(held + LINEAR * bearing.magnet.air_gap, 0.5 * (held + bearing.clearance))
-    return Limits.of(bearing, current, far if displacement is None else displacement)
+    far = min(held + LINEAR * machine.magnet.air_gap, 0.5 * (held + machine.clearance))
+    return Limits.of(machine, current, far if displacement is None else displacement)

@@ -45,7 +45,7 @@ def of_axis(axis: AssessedAxis, of: LoopOf) -> list[Row]:
     m, d, top = axis.margins, axis.demands, engineering(of.top, "Hz", 4)
     warm, load = d.heating, At("least_load_at", d.capacity.least[1])
     hottest = None if warm is None else warm.temperature
-    bearing = of.isolated[of.axes.index(axis.name)]
+    machine = of.isolated[of.axes.index(axis.name)]
     wide = At("peak_to_half_the_sampling_rate_at", m.peak_frequency)
     return [
         Row("zone", "zone of ISO 14839-3", axis.zone),
@@ -69,7 +69,7 @@ def of_axis(axis: AssessedAxis, of: LoopOf) -> list[Row]:
         Row("displacement", "  greatest displacement", d.displacement, "m", 3,
             below=ROOM[0][1] * d.clearance),
         Row("clearance", "  clearance", d.clearance, "m", 3, detail=True),
-        Row("current", "greatest control current", d.current, "A", 3, below=bearing.current_max),
+        Row("current", "greatest control current", d.current, "A", 3, below=machine.current_max),
         Row("static_load", "static load capacity", d.capacity.static, "N", 3),
         Row("least_load", "dynamic load capacity, minimum", d.capacity.least[0], "N", 3,
             at=load),

@@ -42,7 +42,7 @@ class Replayed(Result):
     @property
     def plant(self) -> Machine:
         """The bearing, or the machine, that was drawn."""
-        return self.planned.bearing
+        return self.planned.machine
 
     TITLE = "{0.plan.study.name}, run {0.number}"
 

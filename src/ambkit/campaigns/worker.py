@@ -246,18 +246,18 @@ def peaks(runs: Sequence[Planned], threads: int | None = None) -> Array:
     single_axes: list[int] = []
     for at, run in enumerate(runs):
         law = run.scenario.controller
-        if not run.bearing.single or law.needs_estimate or law.block:  # of as many states as others
+        if not run.machine.single or law.needs_estimate or law.block:  # of as many states as others
             single_axes.append(at)
             continue
         try:
-            points[at] = OperatingPoint.equilibrium(run.bearing)
+            points[at] = OperatingPoint.equilibrium(run.machine)
         except AmbkitError:  # nothing holds the rotor
             result[at] = math.inf
             continue
         fed = _fed(run)
         if fed is None or tells(fed):
-            pid, bearing = run.scenario.controller, run.bearing
-            key = (*alike(bearing), bearing.speed, pid.ki > 0, id(fed))
+            pid, machine = run.scenario.controller, run.machine
+            key = (*alike(machine), machine.speed, pid.ki > 0, id(fed))
             groups.setdefault(key, []).append(at)
     for group in groups.values():
         for start in range(0, len(group), AT_ONCE):
@@ -275,7 +275,7 @@ def peak_of(run: Planned) -> float:
     if fed is not None and not tells(fed):
         return math.nan
     try:
-        of = LoopOf(run.bearing, run.scenario.controller, law=run.controllers)
+        of = LoopOf(run.machine, run.scenario.controller, law=run.controllers)
     except AmbkitError:  # nothing holds the rotor
         return math.inf
     return of.peak(fed)
@@ -293,9 +293,9 @@ def _highest(runs: Sequence[Planned], points: Sequence[OperatingPoint]) -> Array
         ])  # fmt: skip
     stable, result = (np.abs(closed) < 1).all(axis=1), np.full(len(runs), np.inf)
     if stable.any():
-        bearing = runs[0].bearing
-        T = bearing.sampling_time
-        top = end_of_range(T, bearing.speed)
+        machine = runs[0].machine
+        T = machine.sampling_time
+        top = end_of_range(T, machine.speed)
         result[stable] = peaks_by_poles(opened[stable], closed[stable], T, top)
     return result
 
@@ -307,18 +307,18 @@ def _fed(run: Planned) -> Estimator | None:
 
 def _poles(runs: Sequence[Planned], points: Sequence[OperatingPoint]) -> tuple[Complex, Complex]:
     """Return the poles of plant and compensator, and of the closed loop, each (n, ...)."""
-    bearings = [run.bearing for run in runs]
-    P, fed = plants(bearings, points), _fed(runs[0])
+    machines = [run.machine for run in runs]
+    P, fed = plants(machines, points), _fed(runs[0])
     inner = None if fed is None else _estimators(fed, points)
     made: dict[tuple[int, float, float], LinearSystem] = {}
     parts = []
-    for bearing, pid in zip(bearings, (run.scenario.controller for run in runs), strict=True):
-        key = id(pid), bearing.amplifier.gain, bearing.sampling_time
+    for machine, pid in zip(machines, (run.scenario.controller for run in runs), strict=True):
+        key = id(pid), machine.amplifier.gain, machine.sampling_time
         if key not in made:
-            made[key] = controller(pid, bearing, measured=fed is None)
+            made[key] = controller(pid, machine, measured=fed is None)
         parts.append(made[key])
     A, B, C, D = (np.array([getattr(one, name) for one in parts]) for name in "ABCD")
-    gains = np.array([1 / bearing.sensor.gain for bearing in bearings])[:, None, None]
+    gains = np.array([1 / machine.sensor.gain for machine in machines])[:, None, None]
     K = compensator(replace(parts[0], A=A, B=B, C=C, D=D), inner, gains)
     B_u, C_y, B_y, D_y = P.B[..., :1], P.C[..., :1, :], K.B[..., :1], K.D[..., :1]
     closed = np.block([[P.A + B_u @ D_y @ C_y, B_u @ K.C], [B_y @ C_y, K.A]])

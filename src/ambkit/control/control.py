@@ -100,15 +100,15 @@ class Control(PID):
         has_gains = self.model_fields_set >= GAINS
         return {"x": self.gains, **self.pid} if has_gains else self.pid
 
-    def completed(self, bearing: Machine) -> Self:
+    def completed(self, machine: Machine) -> Self:
         if self.custom:
             return self.fed_by(self.feedback or "estimate")
         if self.model_fields_set >= GAINS and self.feedback and not self.pid:
             return self
         result = self.model_copy(update={"pid": {}})
         for own in self.pid.values():
-            result = overlaid(result, own, bearing)
-        return super(Control, result).completed(bearing).fed_by(self.feedback or "estimate")
+            result = overlaid(result, own, machine)
+        return super(Control, result).completed(machine).fed_by(self.feedback or "estimate")
 
     def fed_by(self, feedback: Literal["measurement", "estimate"]) -> Self:
         """Return the same, fed by the one or the other.

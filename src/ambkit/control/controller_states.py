@@ -37,29 +37,29 @@ class Controller:
 
     @classmethod
     def of_axis(
-        cls, bearing: Machine, estimator: Estimator, pid: PID, sequence: LiftOff | None = None
+        cls, machine: Machine, estimator: Estimator, pid: PID, sequence: LiftOff | None = None
     ) -> Controller:
         """Return that of a single axis and its PID."""
-        control: Control = as_control(pid).completed(bearing)
-        plant, fed = Plant(bearing), control.feedback == "estimate"
+        control: Control = as_control(pid).completed(machine)
+        plant, fed = Plant(machine), control.feedback == "estimate"
         law = controllers_of(plant, control, estimator if fed else None)
         return cls(plant, estimator, law, sequence, fed, control)
 
     @property
-    def bearing(self) -> Machine:
+    def first_axis(self) -> Machine:
         """The first axis, of a single one all that is held."""
         return self.plant.isolated[0]
 
     @property
     def coils(self) -> int:
         """How many coils its magnet has: i0 + iu, and of a pair i0 - iu."""
-        return 2 if self.bearing.magnet.type == "two-sided" else 1
+        return 2 if self.first_axis.magnet.type == "two-sided" else 1
 
     @cached_property
     def down(self) -> Array:
         """Where the rotor lies along the axes (p,) [m]."""
         if self.plant.machine.single:
-            return np.array([lies_at(self.bearing)])
+            return np.array([lies_at(self.first_axis)])
         return np.asarray(self.plant.H @ self.plant.resting())
 
     @cached_property
@@ -134,20 +134,20 @@ class Controller:
             transferred=None if transferred is None else np.array([transferred], number),
         )
         output["iu"], output["u"] = output["iu"].ravel(), output["u"].ravel()
-        bias = number(self.bearing.magnet.bias_current)
+        bias = number(self.first_axis.magnet.bias_current)
         coils = [bias + output["iu"], bias - output["iu"]][: self.coils]
         return output | {"coil": np.where(output["on"][:, None] > 0, np.stack(coils, 1), number(0))}
 
 
-def lies_at(bearing: Machine) -> float:
+def lies_at(machine: Machine) -> float:
     """Return where a rotor lies [m]: on the stop to which its weight pulls it."""
-    travel: float = bearing.clearance
-    return travel if bearing.weight > 0 else -travel
+    travel: float = machine.clearance
+    return travel if machine.weight > 0 else -travel
 
 
 def settling_of(estimator: Estimator) -> int:
     """Return the plant's time constant in samples, at least one, as many as 16 bits count."""
-    isolated = isolated_axes(estimator.bearing)
+    isolated = isolated_axes(estimator.machine)
     samples = max(own_time(item) for item in isolated) / isolated[0].sampling_time
     return min(max(round(samples), 1), MOST_COUNTED)
 

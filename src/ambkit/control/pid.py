@@ -140,51 +140,51 @@ class PID(Part):
                 yield f"schedule.{k}.speed", "must be above the one before"
 
     @classmethod
-    def for_bearing(cls, bearing: Machine) -> Self:
+    def for_bearing(cls, machine: Machine) -> Self:
         """Return the gains that the margins of a bearing's loop allow, see `holding.chosen`.
 
         Parameters
         ----------
-        bearing : Machine
+        machine : Machine
             What is to be held, with one axis.
         """
-        return cls(**chosen(axis_of(bearing))._asdict())
+        return cls(**chosen(axis_of(machine))._asdict())
 
     @classmethod
-    def textbook(cls, bearing: Machine) -> Self:
+    def textbook(cls, machine: Machine) -> Self:
         """Return gains by a rule of thumb, with which a step overshoots by a half.
 
         ``kp = 4 k_s/k_i``, a damping of 0.56, and all of the reference to kp.
 
         Parameters
         ----------
-        bearing : Machine
+        machine : Machine
             What is to be held, with one axis.
         """
-        return cls(**textbook(axis_of(bearing))._asdict())
+        return cls(**textbook(axis_of(machine))._asdict())
 
-    def completed(self, bearing: Machine) -> Self:
+    def completed(self, machine: Machine) -> Self:
         """Return the controller with what was not given tuned to a bearing, see `for_bearing`.
 
         The set-point weight goes with the proportional gain that is flown, given or not.
 
         Parameters
         ----------
-        bearing : Machine
+        machine : Machine
             What it is to hold.
         """
         if self.model_fields_set >= GAINS:
             return self
-        result: Self = overlaid(type(self).for_bearing(bearing), self, bearing)
+        result: Self = overlaid(type(self).for_bearing(machine), self, machine)
         return result
 
 
-def overlaid(pid: Any, overrides: PID, bearing: Machine) -> Any:
+def overlaid(pid: Any, overrides: PID, machine: Machine) -> Any:
     """Return a PID with what another states instead of its own, and a weight that fits."""
     stated = {name: getattr(overrides, name) for name in overrides.model_fields_set}
     all_, changed = vars(pid) | stated, {*stated, "setpoint_weight"}
     if stated.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in stated:
-        weight = weight_of(bearing, all_["kp"], all_["ki"], all_["kd"])
+        weight = weight_of(machine, all_["kp"], all_["ki"], all_["kd"])
         all_["setpoint_weight"] = two_digits(weight)
     return pid.model_copy(update={name: all_[name] for name in changed})
 

@@ -53,7 +53,7 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
         P = solve_discrete_are(scaled, moved, (seen * size).T @ (seen * size), weight)
     except np.linalg.LinAlgError:
         raise AmbkitError(
-            f"{estimator.bearing.name}: there is no regulator of this machine"
+            f"{estimator.machine.name}: there is no regulator of this machine"
         ) from None
     K_own = np.linalg.solve(weight + moved.T @ P @ moved, moved.T @ P @ scaled)
     # At rest: x = A x + B u + E f with C x = r; with the least currents, where there are more axes

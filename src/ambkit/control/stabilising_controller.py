@@ -50,7 +50,7 @@ NEARBY, FINER = (0.87, 1.0, 1.15), 2  #: What is tried next to the best of these
 
 
 @lru_cache(maxsize=128)
-def chosen(bearing: Machine) -> Gains:
+def chosen(machine: Machine) -> Gains:
     """Return the stiffest gains that keep the sensitivity below `PEAK` and the step calm."""
     # Both loops are looked at, as they are sampled and late: fed by the measurement, and by a
     # linear Kalman filter with its default noise. With the stiffnesses k_i, k_s at the centre and
@@ -58,24 +58,24 @@ def chosen(bearing: Machine) -> Gains:
     # w/k_i`` the damping D; integral, derivative filter and tracking time go with w. Of all c, from
     # high to low, the first is taken with which some D has no peak of abs(S) above `PEAK` and no
     # overshoot above `OVERSHOOT_ALONE`; where there is none, the c and D of the lowest peak.
-    at = OperatingPoint.nearest(bearing)
-    P = plant(bearing, at)
+    at = OperatingPoint.nearest(machine)
+    P = plant(machine, at)
     P = P.select(["y", "x"], P.inputs[0][:1])
-    E = _estimator(bearing, at)
-    f = frequencies(bearing, FREQUENCIES)
+    E = _estimator(machine, at)
+    f = frequencies(machine, FREQUENCIES)
     responses = P.response(f)[:, 0, 0], None if E is None else E.response(f)
-    lowest, best = math.inf, textbook(bearing)
+    lowest, best = math.inf, textbook(machine)
     for ratio in RATIOS:
-        candidates = [_gains(bearing, ratio, float(damping)) for damping in DAMPINGS]
-        peaks = _peaks(bearing, candidates, f, *responses)
+        candidates = [_gains(machine, ratio, float(damping)) for damping in DAMPINGS]
+        peaks = _peaks(machine, candidates, f, *responses)
         for peak, gains in sorted(zip(peaks, candidates, strict=True), key=itemgetter(0)):
             if peak > PEAK and peak >= lowest:
                 break
-            loops = list(_loops(bearing, gains, P, E))
+            loops = list(_loops(machine, gains, P, E))
             if not all(loop.is_stable for loop in loops):
                 continue
             if peak <= PEAK and all(
-                overshoot(loop, own_time(bearing)) <= OVERSHOOT_ALONE for loop in loops
+                overshoot(loop, own_time(machine)) <= OVERSHOOT_ALONE for loop in loops
             ):
                 return gains
             if peak < lowest:
@@ -83,18 +83,18 @@ def chosen(bearing: Machine) -> Gains:
     return best
 
 
-def textbook(bearing: Machine) -> Gains:
+def textbook(machine: Machine) -> Gains:
     """Return gains by a rule of thumb: ``kp = 4 k_s/k_i``, D = 0.56, all of the reference to kp."""
     # A step overshoots by a half: it takes the rotor far out, where filters differ.
-    return _gains(bearing, STIFFEST, 0.56)._replace(setpoint_weight=1.0)
+    return _gains(machine, STIFFEST, 0.56)._replace(setpoint_weight=1.0)
 
 
-def weight_of(bearing: Machine, kp: float, ki: float, kd: float) -> float:
+def weight_of(machine: Machine, kp: float, ki: float, kd: float) -> float:
     """Return the set-point weight with which the integral does not show in a step."""
     # The slow pole that the integral brings is then cancelled by the zero that it brings too.
     # Without an integral the rotor would come to rest at ``kp k_i/(kp k_i - k_s)`` of the
     # reference, as the magnet pulls the harder the closer the rotor is: the weight takes that back.
-    k, m = ConstantStiffness.of(bearing), bearing.rotor.mass
+    k, m = ConstantStiffness.of(machine), machine.rotor.mass
     stiffness = k.k_i * kp - k.k_s
     if not stiffness > 0:
         return 1.0
@@ -110,42 +110,42 @@ def two_digits(value: float) -> float:
     return float(f"{value:.2g}")
 
 
-def _gains(bearing: Machine, ratio: float, damping: float) -> Gains:
-    k_i, k_s = ConstantStiffness.of(bearing).k_i, typical_stiffness(bearing)
-    m = bearing.rotor.mass
+def _gains(machine: Machine, ratio: float, damping: float) -> Gains:
+    k_i, k_s = ConstantStiffness.of(machine).k_i, typical_stiffness(machine)
+    m = machine.rotor.mass
     w = math.sqrt((ratio - 1) * k_s / m)
     kp = two_digits(ratio * k_s / k_i)
     ki, kd = two_digits(kp * w / 31), two_digits(2 * damping * m * w / k_i)
-    weight = two_digits(weight_of(bearing, kp, ki, kd))
+    weight = two_digits(weight_of(machine, kp, ki, kd))
     return Gains(kp, ki, kd, two_digits(1 / (24 * w)), two_digits(5.2 / w), weight)
 
 
-def _estimator(bearing: Machine, at: OperatingPoint) -> LinearSystem | None:
+def _estimator(machine: Machine, at: OperatingPoint) -> LinearSystem | None:
     try:
-        return estimator_at(KalmanFilter(bearing), at)
+        return estimator_at(KalmanFilter(machine), at)
     except AmbkitError:  # a model that has no gain to settle to
         return None
 
 
-def frequencies(bearing: Machine, count: int) -> Array:
+def frequencies(machine: Machine, count: int) -> Array:
     """Return frequencies [Hz] from below the plant's own up to half the sampling rate."""
-    min_frequency, highest = 1 / (40 * math.pi * own_time(bearing)), 0.5 / bearing.sampling_time
+    min_frequency, highest = 1 / (40 * math.pi * own_time(machine)), 0.5 / machine.sampling_time
     return np.geomspace(min(min_frequency, highest / 2), highest, count)
 
 
 def _peaks(
-    bearing: Machine, candidates: list[Gains], f: Array, P: Complex, E: Complex | None
+    machine: Machine, candidates: list[Gains], f: Array, P: Complex, E: Complex | None
 ) -> Array:
     """Return the higher peak of abs(S) of both loops for each candidate, stable or not."""
     # The controller's response is written out, as `controller` has it in states: hundreds are
     # asked.
-    T, volts = bearing.sampling_time, 1 / bearing.amplifier.gain
+    T, volts = machine.sampling_time, 1 / machine.amplifier.gain
     kp, ki, kd, T_f, *_ = np.array(candidates).T[:, :, None]
     z = np.exp(2j * np.pi * f * T)
     x, v = volts * (kp + ki * T / (z - 1)), volts * kd
     share = 1 / (T_f + T)
     slope = share * (1 - 1 / z) / (1 - (1 - T * share) / z)
-    S = [1 / (1 + P * (x + v * slope) / bearing.sensor.gain)]
+    S = [1 / (1 + P * (x + v * slope) / machine.sensor.gain)]
     if E is not None:
         fed = x * E[:, 0, 0] + v * E[:, 1, 0]
         S.append(1 / (1 + P * fed / (1 + x * E[:, 0, 1] + v * E[:, 1, 1])))
@@ -153,13 +153,13 @@ def _peaks(
 
 
 def _loops(
-    bearing: Machine, gains: Gains, P: LinearSystem, E: LinearSystem | None
+    machine: Machine, gains: Gains, P: LinearSystem, E: LinearSystem | None
 ) -> Iterator[Loop]:
     """Yield the loop that is fed by the measurement, and the one that is fed by the estimate."""
-    transform = np.array([[1 / bearing.sensor.gain]])
-    yield Loop(P, compensator(controller(gains, bearing, measured=True), None, transform))
+    transform = np.array([[1 / machine.sensor.gain]])
+    yield Loop(P, compensator(controller(gains, machine, measured=True), None, transform))
     if E is not None:
-        yield Loop(P, compensator(controller(gains, bearing, measured=False), E, transform))
+        yield Loop(P, compensator(controller(gains, machine, measured=False), E, transform))
 
 
 def holding(

@@ -67,7 +67,7 @@ class AdaptiveNoise(Estimator):
     ) -> None:
         of_type(Estimator, inner=inner)
         memory, window = in_si("memory", memory, "s"), in_si("window", window, "s")
-        T = inner.bearing.sampling_time
+        T = inner.machine.sampling_time
         _check_choice("method", method, METHODS)
         _check_choice("adapts", adapts, ADAPTS)
         if method == "sage-husa" and adapts == "both":
@@ -92,7 +92,7 @@ class AdaptiveNoise(Estimator):
             )
         self.inner = inner
         self.smooths = inner.smooths
-        self.machine, self.bearing = inner.machine, inner.bearing
+        self.machine = inner.machine
         self.view, self.magnet = inner.view, inner.magnet
         self.variances, self.precision = inner.variances, inner.precision
         self.name = f"{inner.name}, adaptive noise"
@@ -122,7 +122,7 @@ class AdaptiveNoise(Estimator):
     def noise(self) -> Variances:
         """What the filter assumes now: R [m^2], control signal [V^2], growth [N^2/s]."""
         var_y, var_d = self.core.noise
-        T, axes = self.bearing.sampling_time, len(self._settings["f_0"])
+        T, axes = self.machine.sampling_time, len(self._settings["f_0"])
         intensity = var_d[:axes] / T
         plain = self.view.plain
         noise: Variances = self.variances._replace(

@@ -31,7 +31,7 @@ class AugmentedKalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.
@@ -64,7 +64,7 @@ class AugmentedKalmanFilter(Estimator):
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         magnet: MagnetModel | None = None,
         *,
         scale_std: float = 0.2,
@@ -80,16 +80,16 @@ class AugmentedKalmanFilter(Estimator):
             raise ValueError(f"wander must be 0 1/s or more, got {wander!r}")
         if not (0 < least <= 1 <= most < math.inf):
             raise ValueError(f"limits must be 0 < least <= 1 <= most, got {least!r}, {most!r}")
-        magnet = magnet or laws_of(bearing)
+        magnet = magnet or laws_of(machine)
         self._own: dict[str, Any] = {
-            "bias": bias_forces_of(magnet, bearing),
+            "bias": bias_forces_of(magnet, machine),
             "std": scale_std,
-            "var_k": wander * bearing.sampling_time,
+            "var_k": wander * machine.sampling_time,
             "min": least,
             "max": most,
-            **_learning(bearing, excitation),
+            **_learning(machine, excitation),
         }
-        super().__init__(bearing, magnet, **options)
+        super().__init__(machine, magnet, **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         own = self._own | {"bias": np.array(self._own["bias"], self.precision)}
@@ -105,7 +105,7 @@ class MultipleModelFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered.
     magnet : optional
         What the filters know of their magnet; by default the bearing's own law.
@@ -133,7 +133,7 @@ class MultipleModelFilter(Estimator):
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         magnet: MagnetModel | None = None,
         *,
         scales: Sequence[float] = (0.7, 0.85, 1.0, 1.15, 1.3),
@@ -141,19 +141,19 @@ class MultipleModelFilter(Estimator):
         excitation: float = 1 / 3,
         **options: Any,
     ) -> None:
-        T, sojourn = bearing.sampling_time, in_si("sojourn", sojourn, "s")
+        T, sojourn = machine.sampling_time, in_si("sojourn", sojourn, "s")
         if not (2 <= len(scales) <= 5 and all(math.isfinite(s) and s > 0 for s in scales)):
             raise ValueError(f"scales must be 2 to 5 positive numbers, got {tuple(scales)!r}")
         if not (math.isfinite(sojourn) and sojourn >= 2 * T):
             raise ValueError(f"sojourn must be two samples or more [s], got {sojourn!r}")
         self.scales = tuple(float(s) for s in scales)
-        magnet = magnet or laws_of(bearing)
+        magnet = magnet or laws_of(machine)
         self._own: dict[str, Any] = {
             "leave": T / sojourn,
-            "bias": bias_forces_of(magnet, bearing),
-            **_learning(bearing, excitation),
+            "bias": bias_forces_of(magnet, machine),
+            **_learning(machine, excitation),
         }
-        super().__init__(bearing, magnet, **options)
+        super().__init__(machine, magnet, **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         scales = np.array(self.scales, self.precision)
@@ -166,9 +166,9 @@ class MultipleModelFilter(Estimator):
         return dict(zip(self.scales, map(float, self.core.weights), strict=True))
 
 
-def _learning(bearing: Machine, excitation: float) -> dict[str, float]:
+def _learning(machine: Machine, excitation: float) -> dict[str, float]:
     """Return when the scale is learned, as the core wants it (``ambkit/excitation.h``)."""
     if not excitation > 0:
         raise ValueError(f"excitation must be greater than 0, got {excitation!r}")
-    fresh = min(1.0, bearing.sampling_time * unstable_pole(bearing))
+    fresh = min(1.0, machine.sampling_time * unstable_pole(machine))
     return {"fresh": fresh, "least": fresh / excitation**2}

@@ -27,15 +27,15 @@ from ambkit.models.declaration import Part
 from ambkit.models.parts.free import free_parts
 
 
-def usual_acceleration(bearing: Machine) -> float:
+def usual_acceleration(machine: Machine) -> float:
     """Return the intensity of an acceleration of 1 g over the rotor's time constant [m^2/s^3]."""
     # Singer 1970; Bar-Shalom, Li and Kirubarajan 2001, eq. 8.2.2-11: 2 sigma^2 tau.
-    return 2 * GRAVITY**2 * min(own_time(axis) for axis in isolated_axes(bearing))
+    return 2 * GRAVITY**2 * min(own_time(axis) for axis in isolated_axes(machine))
 
 
-def no_force_of(bearing: Machine) -> MagnetModel:
+def no_force_of(machine: Machine) -> MagnetModel:
     """Return magnets without force."""
-    return bank_of([ConstantStiffness(0.0, 0.0)] * len(bearing.axes), bearing)
+    return bank_of([ConstantStiffness(0.0, 0.0)] * len(machine.axes), machine)
 
 
 class ConstantVelocity(KalmanFilter):
@@ -46,7 +46,7 @@ class ConstantVelocity(KalmanFilter):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered.
     magnet : optional
         Not used.
@@ -74,7 +74,7 @@ class ConstantVelocity(KalmanFilter):
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         magnet: MagnetModel | None = None,
         *,
         acceleration: Given | None = None,
@@ -82,7 +82,7 @@ class ConstantVelocity(KalmanFilter):
     ) -> None:
         acceleration_si = in_si("acceleration", acceleration, "m^2/s^3")
         self.acceleration = (
-            usual_acceleration(bearing) if acceleration_si is None else acceleration_si
+            usual_acceleration(machine) if acceleration_si is None else acceleration_si
         )
         if not 0 < self.acceleration < math.inf:
             raise ValueError(
@@ -93,7 +93,7 @@ class ConstantVelocity(KalmanFilter):
                 f"{self.name}: it has no force in its model, so synchronous cannot be estimated"
             )
         known = options | {"gravity": "disturbance"}
-        super().__init__(bearing, no_force_of(bearing), **known)
+        super().__init__(machine, no_force_of(machine), **known)
 
     @property
     def _parts(self) -> Callable[..., list[Part]]:
@@ -110,8 +110,8 @@ measurement at once."""
 @cache
 def _in_samples() -> ConstantVelocity:
     """Return the filter of any record whose unit of time is its sampling time."""
-    bearing = Machine.preset("zittau_axial").replace(sampling_time=1.0)  # of which only T matters
-    return ConstantVelocity(bearing, acceleration=1.0, frozen_limit=0, outlier_limit=0)
+    machine = Machine.preset("zittau_axial").replace(sampling_time=1.0)  # of which only T matters
+    return ConstantVelocity(machine, acceleration=1.0, frozen_limit=0, outlier_limit=0)
 
 
 class ConstantVelocityFilter:

@@ -45,7 +45,7 @@ class Estimator(Described, Copyable):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered: one axis, or a machine with all its axes and readings.
     magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin. Of a
@@ -101,7 +101,7 @@ class Estimator(Described, Copyable):
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         magnet: MagnetModel | Sequence[MagnetModel] | None = None,
         *,
         noise: FilterNoise | None = None,
@@ -113,10 +113,10 @@ class Estimator(Described, Copyable):
         as_printed: bool = False,
         synchronous: Sequence[str] = (),
     ) -> None:
-        of_type(Machine, bearing=bearing)
-        if not self.takes(bearing):
-            names = ", ".join(axis.name for axis in bearing.axes)
-            raise ValueError(f"{self.name} takes one axis; {bearing.name} has the axes {names}")
+        of_type(Machine, machine=machine)
+        if not self.takes(machine):
+            names = ", ".join(axis.name for axis in machine.axes)
+            raise ValueError(f"{self.name} takes one axis; {machine.name} has the axes {names}")
         if gravity not in ("known", "disturbance"):
             raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")
         for limit, value in (("frozen_limit", frozen_limit), ("outlier_limit", outlier_limit)):
@@ -126,12 +126,12 @@ class Estimator(Described, Copyable):
             raise ValueError(f"gate must be greater than 0 standard deviations, got {gate!r}")
         noise = noise or FilterNoise()
         of_type(FilterNoise, noise=noise)
-        self.machine, self.view = bearing, View(bearing)
-        self.bearing: Any = bearing
-        self.magnet = constants_of(bearing) if magnet is None else bank_of(magnet, bearing)
+        self.machine: Any = machine
+        self.view = View(machine)
+        self.magnet = constants_of(machine) if magnet is None else bank_of(magnet, machine)
         self.precision = precision
         self.engine = Engine(
-            bearing, precision, as_printed=as_printed, noise=self.estimates_noise,
+            machine, precision, as_printed=as_printed, noise=self.estimates_noise,
             synchronous=synchronous, parts=self._parts,
         )  # fmt: skip
         self.variances: Any = self.view.variances(noise)
@@ -181,8 +181,8 @@ class Estimator(Described, Copyable):
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """What it was made with beside bearing, magnet, noise and precision."""
-        apart = ("bearing", "magnet", "noise", "precision")
+        """What it was made with beside machine, magnet, noise and precision."""
+        apart = ("machine", "magnet", "noise", "precision")
         return {name: value for name, value in self._made[1].items() if name not in apart}
 
     def for_machine(self, machine: Machine) -> Self:
@@ -196,7 +196,7 @@ class Estimator(Described, Copyable):
         args, options = self._made
         if args:
             return type(self)(machine, *args[1:], **options)
-        return type(self)(**options | {"bearing": machine})
+        return type(self)(**options | {"machine": machine})
 
     @staticmethod
     def load(path: str | os.PathLike[str], *, precision: Precision = "float64") -> Estimator:
@@ -223,7 +223,7 @@ class Estimator(Described, Copyable):
         self,
         path: str | os.PathLike[str],
         *,
-        bearing: str | os.PathLike[str] | None = None,
+        machine: str | os.PathLike[str] | None = None,
         magnet: str | os.PathLike[str] | None = None,
     ) -> None:
         """Write all that makes it what it is as TOML, through a temporary file.
@@ -232,8 +232,8 @@ class Estimator(Described, Copyable):
         ----------
         path : path
             The file.
-        bearing, magnet : path, optional
-            The files of its bearing (or a preset's name) and of the expert or force map that it
+        machine, magnet : path, optional
+            The files of its machine (or a preset's name) and of the expert or force map that it
             asks, the same for all bearings. Where they are not given and needed, they are written
             beside `path`, as ``NAME.machine.toml`` and ``NAME.expert.json``.
 
@@ -242,7 +242,7 @@ class Estimator(Described, Copyable):
         AmbkitError
             A file cannot be written; or it knows its magnet by what has no file.
         """
-        late_binding.call("save_estimator", self, path, bearing, magnet)
+        late_binding.call("save_estimator", self, path, machine, magnet)
 
     @property
     def states(self) -> tuple[Descriptor, ...]:
@@ -567,7 +567,7 @@ class Estimator(Described, Copyable):
                 f"y and u must be as long as each other, have shapes {position.shape} and "
                 f"{control.shape}"
             )
-        t = self.bearing.sampling_time * np.arange(position.size, dtype=float)
+        t = self.machine.sampling_time * np.arange(position.size, dtype=float)
         signals = {"y": position, "u": control}
         return self.run(Record(t, signals, {"y": "m", "u": "V"}), covariance=covariance)
 
@@ -621,7 +621,7 @@ class Estimator(Described, Copyable):
     def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Reset to the first measurement of a record within the travel; return its y and u."""
         of_type(Record, record=record)
-        check_sampling(self.bearing, record)
+        check_sampling(self.machine, record)
         y, u = self.view.signals(record)
         self.reset(self.initial_state(y))
         return y, u
@@ -694,13 +694,13 @@ class Estimator(Described, Copyable):
         return Status(self.core.status)
 
 
-def check_sampling(bearing: Machine, record: Record) -> None:
+def check_sampling(machine: Machine, record: Record) -> None:
     """Refuse a record that was not sampled as the bearing says."""
     if len(record.t) < 2:
         return
     T = float(record.t[-1] - record.t[0]) / (len(record.t) - 1)
-    if abs(T - bearing.sampling_time) > 1e-3 * bearing.sampling_time:
+    if abs(T - machine.sampling_time) > 1e-3 * machine.sampling_time:
         raise RecordError(
-            f"the record is sampled every {T:.6g} s, but {bearing.name!r} has "
-            f"sampling_time = {bearing.sampling_time:.6g} s"
+            f"the record is sampled every {T:.6g} s, but {machine.name!r} has "
+            f"sampling_time = {machine.sampling_time:.6g} s"
         )

@@ -205,24 +205,24 @@ class FilterFile(Document):
         return made
 
 
-def filter_file_for(path: str | os.PathLike[str], bearing: Machine) -> FilterFile:
+def filter_file_for(path: str | os.PathLike[str], machine: Machine) -> FilterFile:
     """Read a filter that is to run on a machine, with as many samples a second, axes, readings."""
-    result, T = FilterFile.load(path), bearing.sampling_time
-    _check_alike(path, result.plant, bearing)
+    result, T = FilterFile.load(path), machine.sampling_time
+    _check_alike(path, result.plant, machine)
     if abs(result.sampling_time - T) > 1e-9 * T:
         steps, is_sampled = (units.engineering(t, "s") for t in (result.sampling_time, T))
         raise AmbkitError(
-            f"{os.fspath(path)}: this filter steps every {steps}, and {bearing.name} "
+            f"{os.fspath(path)}: this filter steps every {steps}, and {machine.name} "
             f"is sampled every {is_sampled}"
         )
     return result
 
 
-def magnet_in(path: str | os.PathLike[str], bearing: Machine) -> MagnetModel:
+def magnet_in(path: str | os.PathLike[str], machine: Machine) -> MagnetModel:
     """Return the expert in a file, or the surface through the points of a force map."""
     from ambkit.fuzzy.expert import Expert
 
-    return Expert.load(path) if Path(path).suffix.lower() == ".json" else surface_in(path, bearing)
+    return Expert.load(path) if Path(path).suffix.lower() == ".json" else surface_in(path, machine)
 
 
 def _of_options(kind: Any, options: Any) -> Iterator[tuple[str, str]]:

@@ -28,7 +28,7 @@ from ambkit.machine.magnets import MagnetModel, Precision
 
 def described(
     estimator: Estimator,
-    bearing: str | os.PathLike[str],
+    machine: str | os.PathLike[str],
     magnet: str | os.PathLike[str] | Mapping[str, Path] | None = None,
 ) -> FilterFile:
     """Return what makes an estimator, for a file."""
@@ -38,7 +38,7 @@ def described(
     options = {name: written(value, own[name]) for name, value in all_options.items()
                if name in own and value is not None}  # fmt: skip
     limits = {name: v for name, v in all_options.items() if name in FilterFile.model_fields}
-    of: dict[str, Any] = {"machine": PlantOf.of(bearing)}
+    of: dict[str, Any] = {"machine": PlantOf.of(machine)}
     if isinstance(magnet, Mapping):
         of["magnets"] = {name: Reference.to(path) for name, path in magnet.items()}
     elif magnet is not None:
@@ -47,7 +47,7 @@ def described(
     return FilterFile(
         kind=kind,
         description=estimator.description,
-        sampling_time=estimator.bearing.sampling_time,
+        sampling_time=estimator.machine.sampling_time,
         noise=_assumed(estimator),
         options=options,
         start={name: written(std, by_name[name]) for name, std in estimator.start_std.items()},
@@ -61,9 +61,9 @@ def described(
 def in_memory(estimator: Estimator) -> FilterFile:
     """Return what makes an estimator but for its magnet, which is at hand; no file stays."""
     with tempfile.TemporaryDirectory() as folder:
-        machine: str | Path | None = preset_of(estimator.bearing)
+        machine: str | Path | None = preset_of(estimator.machine)
         if machine is None:
-            estimator.bearing.save(machine := Path(folder, "machine.toml"))
+            estimator.machine.save(machine := Path(folder, "machine.toml"))
         result = described(estimator, machine)
         result.plant  # noqa: B018  read while its file is there
     return result
@@ -105,16 +105,16 @@ def load(path: str | os.PathLike[str], precision: Precision) -> Estimator:
 def save(
     estimator: Estimator,
     path: str | os.PathLike[str],
-    bearing: str | os.PathLike[str] | None = None,
+    machine: str | os.PathLike[str] | None = None,
     magnet: str | os.PathLike[str] | None = None,
 ) -> None:
     """Write an estimator, and beside it what it needs and has no file yet."""
-    path, known, single = Path(path), estimator.bearing, estimator.view.single
-    if bearing is None:
-        bearing = preset_of(known)
-    if bearing is None:
-        bearing = path.with_suffix(".machine.toml")
-        known.save(bearing)
+    path, known, single = Path(path), estimator.machine, estimator.view.single
+    if machine is None:
+        machine = preset_of(known)
+    if machine is None:
+        machine = path.with_suffix(".machine.toml")
+        known.save(machine)
     magnet_files: str | os.PathLike[str] | Mapping[str, Path] | None = magnet
     if magnet is not None and not single:  # one file, for all bearings
         magnet_files = dict.fromkeys(
@@ -125,7 +125,7 @@ def save(
             _written_beside(path, estimator.magnet) if single
             else _each_beside(path, estimator.machine, estimator.magnet)
         )  # fmt: skip
-    described(estimator, bearing, magnet_files).save(path)
+    described(estimator, machine, magnet_files).save(path)
 
 
 def preset_of(known: Machine) -> str | None:
@@ -140,7 +140,7 @@ def _asks_its_own(estimator: Estimator) -> bool:
     kind = kind_of(estimator)
     if KINDS[kind].magnet is None and kind != "table":
         return False
-    made = KINDS[kind].make(estimator.bearing, learned_magnet(kind, estimator.bearing))
+    made = KINDS[kind].make(estimator.machine, learned_magnet(kind, estimator.machine))
     own, its = (_in_core(item, made) for item in (made, estimator))
     return all(
         type(one) is type(other) and _alike(one.parameters, other.parameters)

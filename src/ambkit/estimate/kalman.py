@@ -22,7 +22,7 @@ class KalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin.
@@ -52,7 +52,7 @@ class AdaptiveKalmanFilter(KalmanFilter):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered.
     magnet : Expert, StiffnessMap, ClosedLaw or ConstantStiffness
         What is asked: the trained expert, its table, or the force law itself.
@@ -62,8 +62,8 @@ class AdaptiveKalmanFilter(KalmanFilter):
 
     name = "adaptive Kalman filter"
 
-    def __init__(self, bearing: Machine, magnet: MagnetModel, **options: Any) -> None:
-        super().__init__(bearing, magnet, **options)
+    def __init__(self, machine: Machine, magnet: MagnetModel, **options: Any) -> None:
+        super().__init__(machine, magnet, **options)
 
 
 class ExtendedKalmanFilter(Estimator):
@@ -71,7 +71,7 @@ class ExtendedKalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.
@@ -87,8 +87,8 @@ class ExtendedKalmanFilter(Estimator):
     steady = "tangent"
     smooths = True
 
-    def __init__(self, bearing: Machine, magnet: MagnetModel | None = None, **options: Any) -> None:
-        super().__init__(bearing, magnet or laws_of(bearing), **options)
+    def __init__(self, machine: Machine, magnet: MagnetModel | None = None, **options: Any) -> None:
+        super().__init__(machine, magnet or laws_of(machine), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return engine.core.Extended(magnet, engine.model_of_core, **settings)
@@ -102,7 +102,7 @@ class UDKalmanFilter(ExtendedKalmanFilter):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.

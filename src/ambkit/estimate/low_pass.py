@@ -29,7 +29,7 @@ class LowPass(Estimator):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered.
     magnet : optional
         What is known of the magnet; by default the constant stiffnesses of the origin.
@@ -53,7 +53,7 @@ class LowPass(Estimator):
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         magnet: MagnetModel | None = None,
         *,
         position: Given | None = None,
@@ -61,7 +61,7 @@ class LowPass(Estimator):
         force: Given | None = None,
         **options: Any,
     ) -> None:
-        pole = unstable_pole(bearing)
+        pole = unstable_pole(machine)
         usual = {"position": 20 * pole, "velocity": 10 * pole, "force": 2 * pole}
         arguments = {"position": position, "velocity": velocity, "force": force}
         corners = {name: in_si(name, corner, "rad/s") for name, corner in arguments.items()}
@@ -69,11 +69,11 @@ class LowPass(Estimator):
         for name, corner in self.corners.items():
             if not (math.isfinite(corner) and corner > 0):
                 raise ValueError(f"{name} must be greater than 0 rad/s, got {corner!r}")
-        super().__init__(bearing, magnet, **options)
+        super().__init__(machine, magnet, **options)
 
     def linear_system(self) -> LinearSystem:
         """Return position and velocity of ``core/src/low_pass.c``; its force is beside them."""
-        T, gain = self.bearing.sampling_time, self.bearing.sensor.gain
+        T, gain = self.machine.sampling_time, self.machine.sensor.gain
         a, b = (-np.expm1(-self.corners[name] * T) for name in ("position", "velocity"))
         # x += a (y/K - x) =: dx, then v += b (dx/T - v)
         A = np.array([[1 - a, 0.0], [-a * b / T, 1 - b]])
@@ -85,12 +85,12 @@ class LowPass(Estimator):
         )  # fmt: skip
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        T = self.bearing.sampling_time
+        T = self.machine.sampling_time
         coefficients = {name: -math.expm1(-corner * T) for name, corner in self.corners.items()}
         return engine.core.LowPass(
             magnet,
             engine.model_of_core,
-            m=self.bearing.rotor.mass,
+            m=self.machine.rotor.mass,
             **coefficients,
             **settings,
         )

@@ -121,7 +121,7 @@ class FromObject:
             made = OwnEstimator(self.machine, make, self.name)
         if precision not in (None, made.precision):
             raise AmbkitError(f"{self.name} computes in {made.precision}, not in {precision}")
-        T, T_machine = made.bearing.sampling_time, self.machine.sampling_time
+        T, T_machine = made.machine.sampling_time, self.machine.sampling_time
         if abs(T - T_machine) > 1e-9 * T:
             raise AmbkitError(
                 f"{self.name}: its sampling_time is {T:g} s, that of {self.machine.name} "

@@ -68,7 +68,7 @@ class _Observer(Estimator):
         raise NotImplementedError
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        k = ConstantStiffness.of(self.bearing)
+        k = ConstantStiffness.of(self.machine)
         # The states are counted in their own units, or the equations below lose their digits
         # between newtons and micrometres.
         full_model = _whole(engine)
@@ -88,7 +88,7 @@ class _Observer(Estimator):
         ).scaled(units)
         R = held_rounding(variance, step, dwell / 4)
         L = self._gain(small._replace(R=R), quiet.Q, full_model.states, coarse=coarse)
-        slow = math.exp(-LEAST_BANDWIDTH * unstable_pole(self.bearing) * settings["T"])
+        slow = math.exp(-LEAST_BANDWIDTH * unstable_pole(self.machine) * settings["T"])
         errors = small.A - np.outer(L, small.H @ small.A)
         if coarse and np.abs(np.linalg.eigvals(errors)).max() > slow:
             # The estimate is held to its step, so its rounding may count as white.
@@ -121,7 +121,7 @@ class ExtendedStateObserver(_Observer):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is observed.
     magnet : optional
         What the observer knows of its magnet; by default the constant stiffnesses of the origin,
@@ -148,7 +148,7 @@ class ExtendedStateObserver(_Observer):
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         magnet: MagnetModel | None = None,
         *,
         bandwidth: Given | None = None,
@@ -158,7 +158,7 @@ class ExtendedStateObserver(_Observer):
         if bandwidth is not None and not (math.isfinite(bandwidth) and bandwidth > 0):
             raise ValueError(f"bandwidth must be greater than 0 rad/s, got {bandwidth!r}")
         self.bandwidth = bandwidth
-        super().__init__(bearing, magnet, **options)
+        super().__init__(machine, magnet, **options)
 
     def _gain(
         self, model: LinearModel, quiet: Array, states: Sequence[Descriptor], *, coarse: bool
@@ -167,19 +167,19 @@ class ExtendedStateObserver(_Observer):
         A, H = _of_the_led(model.A, led), model.H[:, led]
 
         def gain(bandwidth: float) -> Array:
-            pole = math.exp(-bandwidth * self.bearing.sampling_time)
+            pole = math.exp(-bandwidth * self.machine.sampling_time)
             result = np.zeros(len(states))
             result[led] = placed(model._replace(A=A, H=H), pole, keep_sensor=coarse)
             return result
 
         if self.bandwidth is None:
             k = [state.role for state in states].index("position")
-            unit = self.view.start_std(self.variances, states)[k] * self.bearing.sensor.gain
+            unit = self.view.start_std(self.variances, states)[k] * self.machine.sensor.gain
 
             def error(bandwidth: float) -> float:
                 return float(_steady(model._replace(Q=quiet), gain(bandwidth))[0][k, k] * unit**2)
 
-            usual, *others = (n * unstable_pole(self.bearing) for n in BANDWIDTHS)
+            usual, *others = (n * unstable_pole(self.machine) for n in BANDWIDTHS)
             poor = error(usual) > model.R
             self.bandwidth = min((usual, *others), key=error) if poor else usual
         return gain(self.bandwidth)
@@ -192,7 +192,7 @@ class SteadyStateKalmanFilter(_Observer):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin,
@@ -237,12 +237,12 @@ def _of_the_led(A: Array, led: list[int]) -> Array:
     return np.asarray(A[np.ix_(led, led)] + A[np.ix_(led, others)] @ held)
 
 
-def unstable_pole(bearing: Machine) -> float:
+def unstable_pole(machine: Machine) -> float:
     """Return the pole at which the rotor falls out of its middle, sqrt(k_s / m) [rad/s]."""
     # Of several axes, of the fastest alone.
     return max(
         math.sqrt(ConstantStiffness.of(isolated_axis).k_s / isolated_axis.rotor.mass)
-        for isolated_axis in isolated_axes(bearing)
+        for isolated_axis in isolated_axes(machine)
     )
 
 

@@ -88,10 +88,10 @@ class Tunable:
 
 
 def _noise(name: str) -> Callable[[Machine], float]:
-    def value(bearing: Machine) -> float:
+    def value(machine: Machine) -> float:
         from ambkit.estimate.kalman import KalmanFilter
 
-        own = getattr(KalmanFilter(bearing).variances, name)
+        own = getattr(KalmanFilter(machine).variances, name)
         if not isinstance(own, tuple):
             return float(own)
         return math.exp(math.fsum(map(math.log, own)) / len(own))  # of a machine, their mean
@@ -124,18 +124,18 @@ class Kind:
     given: str = ""  #: The class of magnet by which it is told from others of its class.
 
     def make(
-        self, bearing: Machine, magnet: MagnetModel | None = None, **options: Any
+        self, machine: Machine, magnet: MagnetModel | None = None, **options: Any
     ) -> Estimator:
         """Build one."""
         if magnet is None and self.magnet is not None:
-            magnet = self.magnet(bearing)
+            magnet = self.magnet(machine)
         of: Any = self.estimator
         if self.finds_noise is None:
-            return of(bearing, magnet, **options)  # type: ignore[no-any-return]
+            return of(machine, magnet, **options)  # type: ignore[no-any-return]
         from ambkit.estimate.adaptive_noise import AdaptiveNoise
 
         outer = {name: options.pop(name) for name in _OUTER if name in options}
-        return AdaptiveNoise(of(bearing, magnet, **options), **self.finds_noise, **outer)
+        return AdaptiveNoise(of(machine, magnet, **options), **self.finds_noise, **outer)
 
     @property
     def estimator(self) -> type[Estimator]:
@@ -160,14 +160,14 @@ MEMORY = Tunable("memory", "s", lambda _bearing: 0.5, decades=1.0)
 def _constant_velocity(function: str) -> Callable[[Machine], Any]:
     """Return what calls a function of a module that is imported then."""
     module = "ambkit.estimate.constant_velocity"
-    return lambda bearing: getattr(import_module(module), function)(bearing)
+    return lambda machine: getattr(import_module(module), function)(machine)
 
 
 def _poles(factor: float) -> Callable[[Machine], float]:
-    def value(bearing: Machine) -> float:
+    def value(machine: Machine) -> float:
         from ambkit.estimate.observer import unstable_pole
 
-        return factor * unstable_pole(bearing)
+        return factor * unstable_pole(machine)
 
     return value
 
@@ -307,7 +307,7 @@ def kind_of(estimator: Estimator) -> str:
     return next((k for k in results if KINDS[k].given == type(magnet).__name__), results[-1])
 
 
-def learned_magnet(name: str, bearing: Machine) -> MagnetModel | None:
+def learned_magnet(name: str, machine: Machine) -> MagnetModel | None:
     """Return what a kind that must be given its magnet knows of it where nobody says otherwise."""
     if KINDS[name].magnet is not None:
         return None
@@ -315,10 +315,10 @@ def learned_magnet(name: str, bearing: Machine) -> MagnetModel | None:
 
     learn: Callable[[Machine], MagnetModel] = stiffness_map if name == "table" else _trained
     learned: dict[str, MagnetModel] = {}
-    for axis in bearing.axes:
+    for axis in machine.axes:
         if axis.bearing.name not in learned:  # both axes of a bearing have one magnet
-            learned[axis.bearing.name] = learn(bearing.isolated_axis(axis.name))
-    return bank_of([learned[axis.bearing.name] for axis in bearing.axes], bearing)
+            learned[axis.bearing.name] = learn(machine.isolated_axis(axis.name))
+    return bank_of([learned[axis.bearing.name] for axis in machine.axes], machine)
 
 
 @lru_cache(maxsize=64)

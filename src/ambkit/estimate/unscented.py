@@ -23,7 +23,7 @@ class UnscentedKalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the closed law.
@@ -50,7 +50,7 @@ class UnscentedKalmanFilter(Estimator):
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         magnet: MagnetModel | None = None,
         *,
         alpha: float = 1.0,
@@ -59,7 +59,7 @@ class UnscentedKalmanFilter(Estimator):
         **options: Any,
     ) -> None:
         self._spread: dict[str, Any] = {"alpha": alpha, "beta": beta, "kappa": kappa}
-        super().__init__(bearing, magnet or laws_of(bearing), **options)
+        super().__init__(machine, magnet or laws_of(machine), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         n, alpha, beta = len(engine.states), self._spread["alpha"], self._spread["beta"]

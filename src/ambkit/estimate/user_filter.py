@@ -69,7 +69,7 @@ class OwnEstimator(OwnStep, Estimator):
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         make: Callable[..., Any],
         name: str = "",
         *,
@@ -77,9 +77,9 @@ class OwnEstimator(OwnStep, Estimator):
     ) -> None:
         self.name = name or getattr(make, "__name__", "own")
         self._make: Any = make
-        self._for: Any = bearing
-        self.wrapped = made(self.name, make, bearing)
-        super().__init__(bearing, precision=precision)
+        self._for: Any = machine
+        self.wrapped = made(self.name, make, machine)
+        super().__init__(machine, precision=precision)
         self._call, self._single = "step(y, u)", self.machine.single
         names = ", ".join(state.name for state in self.states)
         self._returns = f"the {len(self.states)} numbers {names}"
@@ -163,12 +163,12 @@ def is_own(candidate: Any) -> TypeGuard[type[EstimatorProtocol]]:
 
 
 def own_factory(
-    name: str, make: Callable[..., Any], bearing: Machine
+    name: str, make: Callable[..., Any], machine: Machine
 ) -> Callable[..., OwnEstimator]:
     """Return what makes estimators of a class of the user's."""
 
     def build(_noise: Any = None, *, precision: Precision = "float64") -> OwnEstimator:
-        return OwnEstimator(bearing, make, name, precision=precision)
+        return OwnEstimator(machine, make, name, precision=precision)
 
     build()  # what is wrong with it is said before the work begins
     return build

@@ -103,13 +103,13 @@ def _symmetric(triangle: Array) -> Array:
     return matrix + np.triu(matrix, 1).T
 
 
-def _tables(bearing: Machine, expert: Expert | None) -> dict[str, Any]:
+def _tables(machine: Machine, expert: Expert | None) -> dict[str, Any]:
     """Stiffnesses as the paper's Tables 4 and 5, or those of an expert within a bound."""
     stiff: Any
     if expert is None:
-        stiff, bound = stiffness_map(bearing), {}
+        stiff, bound = stiffness_map(machine), {}
     else:
-        stiff = tabulate(expert, bearing, precision="float64")
+        stiff = tabulate(expert, machine, precision="float64")
         bound = {"force_bound": stiff.bound}
     iu, x = np.meshgrid(stiff.current, stiff.displacement)
     # Of the table itself, without the force at rest in the centre.

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def to_control(
-    bearing: Machine,
+    machine: Machine,
     pid: PID | None = None,
     filter: Estimator | None = None,
     *,
@@ -39,7 +39,7 @@ def to_control(
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         The plant, with amplifier and sensor.
     pid : PID, optional
         Controller that closes the loop, what is not said of it tuned to the bearing; without it,
@@ -68,39 +68,39 @@ def to_control(
     if filter is not None and pid is None:
         raise AmbkitError("a filter closes no loop without a controller: give pid as well")
     if pid is None:
-        return plant(bearing, sampled=sampled, point=point)
-    return closed_loop(bearing, pid, filter, sampled=sampled, point=point)
+        return plant(machine, sampled=sampled, point=point)
+    return closed_loop(machine, pid, filter, sampled=sampled, point=point)
 
 
 def plant(
-    bearing: Machine, *, sampled: bool | None = None, point: OperatingPoint | None = None
+    machine: Machine, *, sampled: bool | None = None, point: OperatingPoint | None = None
 ) -> control.StateSpace:
     """Linearised plant at an operating point (paper, eq. 2, 14, 18)."""
-    continuous = not _is_sampled(bearing, sampled, None)
-    point = point or OperatingPoint.equilibrium(bearing)
-    return _state_space(linear_plant.plant(bearing, point, continuous=continuous), _name(bearing))
+    continuous = not _is_sampled(machine, sampled, None)
+    point = point or OperatingPoint.equilibrium(machine)
+    return _state_space(linear_plant.plant(machine, point, continuous=continuous), _name(machine))
 
 
-def controller(bearing: Machine, pid: PID) -> control.StateSpace:
+def controller(machine: Machine, pid: PID) -> control.StateSpace:
     """Sampled controller, as ``core/src/controller.c`` computes it, without its limits."""
-    tuned = as_control(pid).completed(bearing)
+    tuned = as_control(pid).completed(machine)
     return _state_space(
-        control_of.controller(tuned, bearing, measured=tuned.feedback == "measurement"),
-        f"{_name(bearing)}_pid",
+        control_of.controller(tuned, machine, measured=tuned.feedback == "measurement"),
+        f"{_name(machine)}_pid",
     )
 
 
 def estimator(filter: Estimator, *, point: OperatingPoint | None = None) -> control.StateSpace:
     """Sampled estimator with the gain that it settles to at an operating point."""
     of_type(Estimator, filter=filter)
-    point = point or OperatingPoint.equilibrium(filter.bearing)
+    point = point or OperatingPoint.equilibrium(filter.machine)
     return _state_space(
-        steady_state_filter.estimator_at(filter, point), f"{_name(filter.bearing)}_estimator"
+        steady_state_filter.estimator_at(filter, point), f"{_name(filter.machine)}_estimator"
     )
 
 
 def closed_loop(
-    bearing: Machine,
+    machine: Machine,
     pid: PID,
     filter: Estimator | None = None,
     *,
@@ -112,33 +112,33 @@ def closed_loop(
     # derivative acts on the position only. In continuous time and with ``feedback = "estimate"`` it
     # gets x and v themselves, as from an ideal estimator; with ``"measurement"`` the lagged
     # position, and its derivative through the filter, which must not be zero.
-    name, law = f"{_name(bearing)}_closed_loop", as_control(pid).completed(bearing)
-    point = point or OperatingPoint.equilibrium(bearing)
-    if not _is_sampled(bearing, sampled, filter):
-        return _state_space(_continuous_loop(bearing, law, point), name)
+    name, law = f"{_name(machine)}_closed_loop", as_control(pid).completed(machine)
+    point = point or OperatingPoint.equilibrium(machine)
+    if not _is_sampled(machine, sampled, filter):
+        return _state_space(_continuous_loop(machine, law, point), name)
     linear_estimator = None if filter is None else steady_state_filter.estimator_at(filter, point)
-    transform = np.array([[1 / bearing.sensor.gain]])
+    transform = np.array([[1 / machine.sensor.gain]])
     K = control_of.compensator(
-        control_of.controller(law, bearing, measured=filter is None), linear_estimator, transform
+        control_of.controller(law, machine, measured=filter is None), linear_estimator, transform
     )
-    return _state_space(Loop(linear_plant.plant(bearing, point), K).closed, name)
+    return _state_space(Loop(linear_plant.plant(machine, point), K).closed, name)
 
 
-def _is_sampled(bearing: Machine, sampled: bool | None, filter: Estimator | None) -> bool:
+def _is_sampled(machine: Machine, sampled: bool | None, filter: Estimator | None) -> bool:
     """Whether the system is a sampled one; checked against what is in it."""
-    needed = "a filter" if filter is not None else "a delay" if bearing.delay else ""
+    needed = "a filter" if filter is not None else "a delay" if machine.delay else ""
     if needed and sampled is False:
-        raise AmbkitError(f"{bearing.name}: {needed} has no continuous state space: sampled=True")
+        raise AmbkitError(f"{machine.name}: {needed} has no continuous state space: sampled=True")
     return bool(needed) if sampled is None else sampled
 
 
-def _continuous_loop(bearing: Machine, pid: Control, point: OperatingPoint) -> LinearSystem:
+def _continuous_loop(machine: Machine, pid: Control, point: OperatingPoint) -> LinearSystem:
     """Plant and PID in continuous time."""
     if pid.block:
         raise AmbkitError("a PID with blocks has no continuous state space: sampled=True")
-    P = linear_plant.plant(bearing, point, continuous=True)
+    P = linear_plant.plant(machine, point, continuous=True)
     names = [at.name for at in P.states]
-    n, b_u, b_f = len(names), P.B[:, :1] / bearing.amplifier.gain, P.B[:, 1:]
+    n, b_u, b_f = len(names), P.B[:, :1] / machine.amplifier.gain, P.B[:, 1:]
     if pid.feedback == "estimate":
         # iu = kp (weight r - x) + integral - kd v
         velocity = np.eye(n)[[names.index("v")]]
@@ -152,7 +152,7 @@ def _continuous_loop(bearing: Machine, pid: Control, point: OperatingPoint) -> L
                 f"that is fed by the measurement, is {pid.derivative_filter:g} s"
             )
         # The derivative is (p - filtered) / T_f, where filtered follows p with T_f.
-        p = P.C[:1] / bearing.sensor.gain
+        p = P.C[:1] / machine.sensor.gain
         slope = pid.kd / pid.derivative_filter
         A = np.block([
             [P.A - b_u @ ((pid.kp + slope) * p), b_u, slope * b_u],
@@ -183,5 +183,5 @@ def _state_space(system: LinearSystem, name: str) -> control.StateSpace:
     return result
 
 
-def _name(bearing: Machine) -> str:
-    return "".join(c if c.isalnum() else "_" for c in bearing.name)
+def _name(machine: Machine) -> str:
+    return "".join(c if c.isalnum() else "_" for c in machine.name)

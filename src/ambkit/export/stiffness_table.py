@@ -49,12 +49,12 @@ class TabulatedExpert:
 
 
 def tabulate(
-    expert: Expert, bearing: Machine, *, bound: float | None = None, precision: Precision
+    expert: Expert, machine: Machine, *, bound: float | None = None, precision: Precision
 ) -> TabulatedExpert:
     """Find the smallest table whose force stays within a bound of the expert's."""
     # The force ``k_i iu + k_s x`` of both is compared wherever the filter can ask: over the
     # expert's box and, held at its edge, up to the current limits and the stops.
-    search = _Search(expert, bearing, precision)
+    search = _Search(expert, machine, precision)
     if bound is None:
         forces = evaluate_force(expert, *search.points(2, 2, (50, 50)))  # without the bias force
         bound = DEFAULT_SHARE * float(np.max(np.abs(forces)))
@@ -77,11 +77,11 @@ def tabulate(
 class _Search:
     """The expert, and the region in which it is compared with tables."""
 
-    def __init__(self, expert: Expert, bearing: Machine, precision: Precision) -> None:
+    def __init__(self, expert: Expert, machine: Machine, precision: Precision) -> None:
         self.expert = expert
         self.core = core_module(precision)
-        stop = bearing.clearance
-        self.limits = ((bearing.current_min, bearing.current_max), (-stop, stop))
+        stop = machine.clearance
+        self.limits = ((machine.current_min, machine.current_max), (-stop, stop))
 
     def nodes(self, rows: int, columns: int) -> tuple[Array, Array]:
         return (

@@ -79,19 +79,19 @@ class ModelChoice:
         return ""
 
 
-def refitted(bearing: Machine, points: ForcePoints) -> Machine:
+def refitted(machine: Machine, points: ForcePoints) -> Machine:
     """Return the bearing with magnet constant and air gap as measured points have them."""
     # By least squares, beside a constant force that may be the load cell's zero.
-    changes = _fit(bearing, points)[0]
-    return bearing.replace(**bearing.magnet.with_constant(changes[0]), magnet__air_gap=changes[1])
+    changes = _fit(machine, points)[0]
+    return machine.replace(**machine.magnet.with_constant(changes[0]), magnet__air_gap=changes[1])
 
 
-def _fit(bearing: Machine, points: ForcePoints) -> tuple[tuple[float, float], ForceFunction]:
+def _fit(machine: Machine, points: ForcePoints) -> tuple[tuple[float, float], ForceFunction]:
     """Return magnet constant and air gap, and the force of that law and the offset."""
     from scipy.optimize import least_squares
 
     weight = 1.0 if points.standard_error is None else 1 / points.standard_error
-    m, at = bearing.magnet, (points.current, points.displacement)
+    m, at = machine.magnet, (points.current, points.displacement)
 
     def values(p: Array) -> tuple[float, float]:
         return float(m.magnet_constant * np.exp(p[0])), float(m.air_gap * np.exp(p[1]))
@@ -100,7 +100,7 @@ def _fit(bearing: Machine, points: ForcePoints) -> tuple[tuple[float, float], Fo
         constant, gap = values(p)
         # Not checked: on its way the search may pass a bearing that could not hold its rotor.
         other = m.model_copy(update={"magnet_constant": constant, "air_gap": gap})
-        law = law_of(bearing.model_copy(update={"magnet": other}))
+        law = law_of(machine.model_copy(update={"magnet": other}))
         return lambda iu, x: np.asarray(law.force(iu, x)) + p[2]
 
     def off(p: Array) -> Array:
@@ -116,14 +116,14 @@ def _fit(bearing: Machine, points: ForcePoints) -> tuple[tuple[float, float], Fo
 
 
 def choose_model(
-    bearing: Machine,
+    machine: Machine,
     surface: ForceSurface,
     shape: Shape = (5, 5),
     note: Callable[[str], None] = lambda text: None,
     **training: Any,
 ) -> ModelChoice | None:
     """Find by points left out what to believe of a magnet."""
-    box = box_of(bearing, surface.points)
+    box = box_of(machine, surface.points)
     points = surface.points.where(surface.points.within(*box))
     _, by_blocks = blocks_of(points, box)
     if len(points) < FEWEST or np.unique(by_blocks).size < FOLDS:
@@ -136,7 +136,7 @@ def choose_model(
         for k in range(FOLDS):
             note(f"leaving out {text}, {k + 1} of {FOLDS}")
             left_out = points.where(fold == k)
-            for name, force in _models(bearing, surface, points.where(fold != k), box, shape,
+            for name, force in _models(machine, surface, points.where(fold != k), box, shape,
                                        training):  # fmt: skip
                 at = left_out.current, left_out.displacement
                 off = np.asarray(force(*at), dtype=float) - left_out.force
@@ -147,15 +147,15 @@ def choose_model(
 
 
 def _models(
-    bearing: Machine, surface: ForceSurface, known: ForcePoints, box: Any, shape: Shape,
+    machine: Machine, surface: ForceSurface, known: ForcePoints, box: Any, shape: Shape,
     training: dict[str, Any],
 ) -> list[tuple[str, ForceFunction]]:  # fmt: skip
     """Return the models as some points give them."""
-    through = ForceSurface(bearing, known, like=surface)
-    network = train(map_of(bearing, through, box, shape), **training)
+    through = ForceSurface(machine, known, like=surface)
+    network = train(map_of(machine, through, box, shape), **training)
     return [
-        (LAW, law_of(bearing).force),
-        (REFITTED, _fit(bearing, known)[1]),
+        (LAW, law_of(machine).force),
+        (REFITTED, _fit(machine, known)[1]),
         (SURFACE, through),
         (NETWORK, network.force),
     ]
@@ -175,13 +175,13 @@ class WrongSign:
     law: float
 
 
-def wrong_signs(expert: Expert, bearing: Machine) -> dict[str, WrongSign]:
+def wrong_signs(expert: Expert, machine: Machine) -> dict[str, WrongSign]:
     """Return where a trained k_i or k_s is not positive though the bearing's law is clearly so."""
     # Towards the ends of a one-sided magnet's box the law's own k_i and k_s, which share the force
     # between them, go through zero; there a sign tells nothing.
     box = range_grid(expert)
     results = {}
-    known = evaluate_stiffness(magnet_of(bearing), *box)
+    known = evaluate_stiffness(magnet_of(machine), *box)
     for name, values, law in zip(("k_i", "k_s"), expert.stiffness(*box), known, strict=True):
         wrong = (values <= 0) & (law > CLEAR * law.max())
         if wrong.any():

@@ -119,7 +119,7 @@ class RuleChoice:
 
 
 def choose_rules(
-    bearing: Machine,
+    machine: Machine,
     points: ForcePoints,
     *,
     candidates: Sequence[Shape] | None = None,
@@ -132,7 +132,7 @@ def choose_rules(
     if threads is not None and threads < 1:
         raise AmbkitError(f"threads must be 1 or more, is {threads}")
     training = briefly(training)
-    box = box_of(bearing, points)
+    box = box_of(machine, points)
     inside = points.within(*box)
     block, fold = blocks_of(points, box)
     fold = np.where(inside, fold, -1)
@@ -147,7 +147,7 @@ def choose_rules(
     remain = min(min(count - int(np.count_nonzero(out)) for out in folds), MAX_RULES)
     shapes = _allowed(candidates, remain)
     note("finding the force without some points")
-    surfaces = [ForceSurface(bearing, points.where(~out), law_error) for out in folds]
+    surfaces = [ForceSurface(machine, points.where(~out), law_error) for out in folds]
     spreads = [_spread(s, points.where(out)) for s, out in zip(surfaces, folds, strict=True)]
     results: list[Candidate] = []
     least, since = np.inf, 0
@@ -168,7 +168,7 @@ def choose_rules(
             note(f"trying {shape[0]}x{shape[1]} rules")
 
             def trained(k: int, shape: Shape = shape) -> ForceFunction:
-                return train(map_of(bearing, surfaces[k], box, shape), **training).force
+                return train(map_of(machine, surfaces[k], box, shape), **training).force
 
             results.append(Candidate(shape, *evaluate(trained)))
             since = 0 if results[-1].error < least else since + 1
@@ -194,29 +194,29 @@ def _allowed(candidates: Sequence[Shape] | None, remain: int) -> list[Shape]:
 
 
 def measured_map(
-    bearing: Machine, points: ForcePoints | ForceSurface, shape: Shape = (5, 5)
+    machine: Machine, points: ForcePoints | ForceSurface, shape: Shape = (5, 5)
 ) -> StiffnessMap:
     """Return the stiffnesses of a measured force, where the rotor can be and points are."""
-    surface = ForceSurface(bearing, points) if isinstance(points, ForcePoints) else points
-    return map_of(bearing, surface, box_of(bearing, surface.points), shape)
+    surface = ForceSurface(machine, points) if isinstance(points, ForcePoints) else points
+    return map_of(machine, surface, box_of(machine, surface.points), shape)
 
 
-def map_of(bearing: Machine, surface: ForceSurface, box: Box, shape: Shape) -> StiffnessMap:
+def map_of(machine: Machine, surface: ForceSurface, box: Box, shape: Shape) -> StiffnessMap:
     """Return the stiffnesses of a surface over a box, at so many nodes a side."""
     return stiffness_map(
-        bearing,
+        machine,
         currents=np.linspace(*box[0], shape[0]),
         displacements=np.linspace(*box[1], shape[1]),
         force=surface,
     )
 
 
-def box_of(bearing: Machine, points: ForcePoints) -> Box:
+def box_of(machine: Machine, points: ForcePoints) -> Box:
     """Lowest and highest current [A] and displacement [m] of points and bearing together."""
-    travel = bearing.clearance
+    travel = machine.clearance
     box = []
     for name, values, low, high, unit in (
-        ("current", points.current, bearing.current_min, bearing.current_max, "A"),
+        ("current", points.current, machine.current_min, machine.current_max, "A"),
         ("displacement", points.displacement, -travel, travel, "m"),
     ):
         first, last = np.clip([values.min(), values.max()], low, high).tolist()

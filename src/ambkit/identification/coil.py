@@ -142,7 +142,7 @@ class CoilFit(Result):
     def figures(self) -> list[Figure]:
         return [coil_figure(self)]
 
-    def bearing(self, known: Machine, operating_point: float) -> Machine:
+    def machine(self, known: Machine, operating_point: float) -> Machine:
         """Return a bearing that is driven by the control signal through this coil."""
         # Its amplifier lags by the time constant at the operating point, and its loop is late by
         # the coil's delay. `offset` is what is to be added to the control signal.
@@ -164,7 +164,7 @@ class CoilFit(Result):
             "# Driven by the control signal, through a coil that was identified. In its map:\n"
             f'# [signals.u] offset = "{offset}", so that 0 is the bias current.\n'
         )
-        machine = self.bearing(self.known, self.operating_point)
+        machine = self.machine(self.known, self.operating_point)
         files.write_text(path, header + machine.to_toml(Path(path).parent))
 
     def offset(self, known: Machine) -> float:

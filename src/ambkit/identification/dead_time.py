@@ -12,16 +12,16 @@ from ambkit.machine.accessories import SHORTEST_LAG
 from ambkit.machine.machine import Machine
 
 
-def lag_of(bearing: Machine) -> float:
+def lag_of(machine: Machine) -> float:
     """Return the time constant with which a bearing's current follows [s]; 0: at once."""
-    bandwidth = bearing.amplifier.bandwidth
+    bandwidth = machine.amplifier.bandwidth
     return 0.0 if bandwidth is None else 1 / (2 * math.pi * bandwidth)
 
 
-def acting(bearing: Machine, u: Array) -> Array:
+def acting(machine: Machine, u: Array) -> Array:
     """Return the mean of what acts in each sample of a bearing that is told u (n,) [V]."""
-    T = bearing.sampling_time
-    return delayed(lagged(u, T, lag_of(bearing)), (bearing.delay or 0.0) / T)
+    T = machine.sampling_time
+    return delayed(lagged(u, T, lag_of(machine)), (machine.delay or 0.0) / T)
 
 
 def delayed(u: Array, samples: float) -> Array:

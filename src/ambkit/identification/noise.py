@@ -187,11 +187,11 @@ def position_step(records: Iterable[Record]) -> float | None:
     return min(known) if len(known) == len(steps) else None
 
 
-def with_steps(bearing: Machine, step: float | None, *, has_noise: bool = True) -> Machine:
+def with_steps(machine: Machine, step: float | None, *, has_noise: bool = True) -> Machine:
     """Return a bearing whose sensor has steps that were found."""
-    total, stated = bearing.sensor.noise_variance, bearing.sensor.quantisation
+    total, stated = machine.sensor.noise_variance, machine.sensor.quantisation
     step = step if stated is None else stated
     if step is None or (stated is None and step**2 < FINE**2 * total):
-        return bearing
+        return machine
     left = max(total - step**2 / 12, 0.01 * step**2) if has_noise else total
-    return bearing.replace(sensor__quantisation=step, sensor__noise_variance=left)
+    return machine.replace(sensor__quantisation=step, sensor__noise_variance=left)

@@ -26,7 +26,7 @@ def judge_adequacy(
     nis: float = math.nan,
 ) -> list[Finding]:
     """Judge whether a filter may fly."""
-    own = getattr(filter, "bearing", None)
+    own = getattr(filter, "machine", None)
     plant = own if plant is None else plant
     results = list(criteria.innovations(nis))
     if isinstance(filter, Estimator) and plant is not None:
@@ -91,7 +91,7 @@ def _key(filter: Estimator, plant: Any, control: Any, own_control: bool, fed_bac
     parts = (
         type(filter).__name__, filter.name, str(dict(filter.options)),
         str(dict(getattr(filter, "inner", filter).options)), filter.variances,
-        filter.bearing.model_dump_json(), plant.model_dump_json(), own_control, fed_back,
+        filter.machine.model_dump_json(), plant.model_dump_json(), own_control, fed_back,
         None if control is None else control.model_dump_json(),
         [pickle.dumps(getattr(one, "parameters", id(one))) for one in values],
     )  # fmt: skip

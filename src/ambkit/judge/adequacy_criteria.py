@@ -101,7 +101,7 @@ def _parameters(b: Machine) -> dict[str, tuple[float, str]]:
 
 def identity(filter: Estimator, plant: Any) -> Iterator[Finding]:
     """Yield how far the filter's machine is from the one that it is to fly on."""
-    own = filter.bearing
+    own = filter.machine
     if own == plant:
         yield Finding("greatest difference of a parameter", 0.0, "1", PARAMETER_DIFFERENCE)
         return

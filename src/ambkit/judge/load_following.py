@@ -51,7 +51,7 @@ class Following(NamedTuple):
 def following(estimator: Estimator) -> list[Following]:
     """Return how an estimate follows a step of each disturbance force, by its model and gain."""
     # The error of the state goes by ``e+ = A (I - K H) e`` from the step on, whatever the control.
-    plant = estimator.bearing
+    plant = estimator.machine
     point, isolated = operating_point(plant), isolated_axes(plant)
     model = estimator.linear_model(*tangents_known(estimator.magnet, "tangent", point))
     state_indices: Any = np.arange(len(estimator.states))
@@ -88,7 +88,7 @@ def following(estimator: Estimator) -> list[Following]:
 def least_process_noise(make: Callable[[float], Estimator], result: float) -> float:
     """Return the process noise intensity [N^2/s] with which the stated load is followed."""
     first = make(result)
-    plant = first.bearing
+    plant = first.machine
     loads = zip(isolated_axes(plant), load_capacity(plant), strict=True)
     most = max((STEP * load) ** 2 / (REQUIRED * own_time(b)) for b, load in loads)
 
@@ -110,7 +110,7 @@ def settling(estimator: Estimator) -> Estimator:
     if tells(estimator):
         return estimator
     return ExtendedKalmanFilter(
-        estimator.bearing, estimator.magnet, noise=FilterNoise(*estimator.variances),
+        estimator.machine, estimator.magnet, noise=FilterNoise(*estimator.variances),
         synchronous=estimator.options.get("synchronous", ()),
     )  # fmt: skip
 

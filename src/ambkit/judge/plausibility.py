@@ -128,13 +128,13 @@ def _cut_off(record: Record, machine: Machine) -> Iterator[str]:
         )
 
 
-def _position(record: Record, bearing: Machine) -> Iterator[tuple[bool, str]]:
+def _position(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
     if "y" not in record or not np.isfinite(record["y"]).any():
         return
-    y = record["y"][np.isfinite(record["y"])] / bearing.sensor.gain
+    y = record["y"][np.isfinite(record["y"])] / machine.sensor.gain
     farthest = float(np.abs(y).max())
     range_text = f"y reaches {engineering(farthest, 'm', digits=4)}"
-    gap, travel = bearing.magnet.air_gap, bearing.clearance
+    gap, travel = machine.magnet.air_gap, machine.clearance
     if np.ptp(y) == 0:
         yield (
             False,
@@ -156,8 +156,8 @@ def _position(record: Record, bearing: Machine) -> Iterator[tuple[bool, str]]:
             f"y moves by {engineering(float(np.ptp(y)), 'm', digits=3)} alone, less than a "
             f"thousandth of clearance: is its unit wrong?",
         )
-    step = bearing.sensor.quantisation or 0.0
-    rough, expected = noise(record["y"]), math.sqrt(bearing.sensor.noise_variance + step**2 / 12)
+    step = machine.sensor.quantisation or 0.0
+    rough, expected = noise(record["y"]), math.sqrt(machine.sensor.noise_variance + step**2 / 12)
     if rough < NO_NOISE * float(y.std()):
         rough = 0.0  # what rounding leaves
     if expected > 0 and not 0.2 < rough / expected < 5:
@@ -168,13 +168,13 @@ def _position(record: Record, bearing: Machine) -> Iterator[tuple[bool, str]]:
             f"the noise of y is about {engineering(rough, 'm', digits=2)} rms, the bearing's "
             f"sensor has {engineering(expected, 'm', digits=2)}; {why}",
         )
-    elif expected > 0 and bearing.sensor.coloured_noise is None and (mean := averaged(y)):
+    elif expected > 0 and machine.sensor.coloured_noise is None and (mean := averaged(y)):
         yield (
             False,
             f"the noise of y, {engineering(rough, 'm', digits=2)} rms, is that of means of {mean} "
             "samples, where the bearing's sensor's is white: was y smoothed before it was logged?",
         )
-    elif expected > 0 and bearing.sensor.coloured_noise is None and _smoothed(y):
+    elif expected > 0 and machine.sensor.coloured_noise is None and _smoothed(y):
         yield (
             False,
             f"the noise of y, {engineering(rough, 'm', digits=2)} rms, is not white, as the "
@@ -213,7 +213,7 @@ def averaged(y: Array) -> int:
     return 0
 
 
-def _motion(record: Record, bearing: Machine) -> Iterator[str]:
+def _motion(record: Record, machine: Machine) -> Iterator[str]:
     """Yield how a rotor falls, or answers its current, quite otherwise than the bearing's."""
     if "y" not in record or "u" not in record or len(record) < _LEAST:
         return
@@ -222,10 +222,10 @@ def _motion(record: Record, bearing: Machine) -> Iterator[str]:
         return
     if not result.fit.sure or result.fit.explained < _EXPLAINED:
         return
-    stiffness = ConstantStiffness.of(bearing)
-    mass, step = bearing.rotor.mass, record.sampling_time
+    stiffness = ConstantStiffness.of(machine)
+    mass, step = machine.rotor.mass, record.sampling_time
     theirs = math.sqrt(abs(stiffness.k_s) / mass)
-    gain = bearing.sensor.gain * bearing.amplifier.gain * stiffness.k_i / mass
+    gain = machine.sensor.gain * machine.amplifier.gain * stiffness.k_i / mass
     pole, moved = result.fit.pole / step, result.gain / step**2
     for what, ours, expected, unit in (
         ("the rotor falls with an unstable pole of", pole, theirs, "rad/s"),
@@ -238,17 +238,17 @@ def _motion(record: Record, bearing: Machine) -> Iterator[str]:
             )
 
 
-def _balance(record: Record, bearing: Machine) -> Iterator[str]:
+def _balance(record: Record, machine: Machine) -> Iterator[str]:
     """Yield that a control signal is too small to hold the bearing's rotor where it goes."""
     # Held at rest, the rotor needs a current of k_s/k_i for each metre; moved, or held stiffly by
     # its controller, it takes more, and never less.
     if "y" not in record or "u" not in record:
         return
-    stiffness = ConstantStiffness.of(bearing)
-    y, u, size = _flying(record, bearing)
+    stiffness = ConstantStiffness.of(machine)
+    y, u, size = _flying(record, machine)
     if y.size < 20 or u.std() == 0 or not y.std() > _CLEAR * noise(record["y"]) / math.sqrt(size):
         return
-    needed = abs(stiffness.k_s / stiffness.k_i) / (bearing.amplifier.gain * bearing.sensor.gain)
+    needed = abs(stiffness.k_s / stiffness.k_i) / (machine.amplifier.gain * machine.sensor.gain)
     if u.std() * _OTHER < needed * y.std():
         spread, least = float(u.std()), needed * float(y.std())
         moves = engineering(float(y.std()), "m", digits=3)
@@ -260,26 +260,26 @@ def _balance(record: Record, bearing: Machine) -> Iterator[str]:
         )
 
 
-def _flying(record: Record, bearing: Machine) -> tuple[Array, Array, int]:
+def _flying(record: Record, machine: Machine) -> tuple[Array, Array, int]:
     """Return what is slow in y and u where the rotor is on no stop, and over how many samples."""
     # Means over half the plant's time constant, without the first quarter: it may be a start.
-    size = max(1, round(0.5 * own_time(bearing) / record.sampling_time))
+    size = max(1, round(0.5 * own_time(machine) / record.sampling_time))
     first = int(_START * len(record))
-    lies = _at_stop(record, bearing, -1) | _at_stop(record, bearing, 1)
+    lies = _at_stop(record, machine, -1) | _at_stop(record, machine, 1)
     y, u = (block_means(np.where(lies, np.nan, record[name])[first:], size) for name in ("y", "u"))
     there = np.isfinite(y) & np.isfinite(u)
     return y[there], u[there], size
 
 
-def _lies(record: Record, bearing: Machine) -> Iterator[str]:
+def _lies(record: Record, machine: Machine) -> Iterator[str]:
     """Tell of a rotor that rests at a stop, longer than one that bounces off it."""
     if "y" not in record:
         return
-    travel = bearing.clearance
+    travel = machine.clearance
     for side in (-1, 1):
-        there = _at_stop(record, bearing, side)
+        there = _at_stop(record, machine, side)
         start, length = longest_run(there)
-        if length * record.sampling_time > _RESTS * own_time(bearing):
+        if length * record.sampling_time > _RESTS * own_time(machine):
             first, last = (instant(record.t[k], record.sampling_time)
                            for k in (start, start + length - 1))  # fmt: skip
             yield (
@@ -289,17 +289,17 @@ def _lies(record: Record, bearing: Machine) -> Iterator[str]:
             )
 
 
-def _without_stops(record: Record, bearing: Machine) -> Record:
+def _without_stops(record: Record, machine: Machine) -> Record:
     """Return a record without the positions of a rotor that is on a stop."""
     if "y" not in record:
         return record
-    lies = _at_stop(record, bearing, -1) | _at_stop(record, bearing, 1)
+    lies = _at_stop(record, machine, -1) | _at_stop(record, machine, 1)
     return replace(record, signals={**record.signals, "y": np.where(lies, np.nan, record["y"])})
 
 
-def _at_stop(record: Record, bearing: Machine, side: int) -> NDArray[np.bool_]:
+def _at_stop(record: Record, machine: Machine, side: int) -> NDArray[np.bool_]:
     """Where a rotor is on the stop of a side (n,); nowhere if noise hides the travel."""
-    y, gain, travel = record["y"], bearing.sensor.gain, bearing.clearance
+    y, gain, travel = record["y"], machine.sensor.gain, machine.clearance
     near = max(_NEAR * noise(y) / gain, _AT_STOP * travel)
     if near > 0.5 * travel:
         return np.zeros(y.size, bool)
@@ -312,11 +312,11 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share > 0.99 else percent(share)
 
 
-def _control(record: Record, bearing: Machine) -> Iterator[tuple[bool, str]]:
+def _control(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
     if "u" not in record or not np.isfinite(record["u"]).any():
         return
-    current_command = bearing.amplifier.gain * record["u"][np.isfinite(record["u"])]
-    low, high = bearing.current_min, bearing.current_max
+    current_command = machine.amplifier.gain * record["u"][np.isfinite(record["u"])]
+    low, high = machine.current_min, machine.current_max
     slack = 0.02 * (high - low)
     beyond = float(np.mean((current_command < low - slack) | (current_command > high + slack)))
     if beyond == 0:
@@ -331,23 +331,23 @@ def _control(record: Record, bearing: Machine) -> Iterator[tuple[bool, str]]:
     yield wrong, f"{text}: is a unit, scale or offset wrong?" if wrong else text
 
 
-def _gravity(record: Record, bearing: Machine) -> Iterator[str]:
+def _gravity(record: Record, machine: Machine) -> Iterator[str]:
     """Tell of a magnet that pulls with gravity, as in a record whose signs are both swapped."""
     # On the mean of a record the magnet's force, the weight and the load are in balance. Mirrored,
     # the force that holds the weight adds to it, and a load of twice the weight is left.
 
-    weight = bearing.weight
+    weight = machine.weight
     if weight == 0.0 or "y" not in record or "u" not in record:
         return
     first = int(_START * len(record))
-    x = record["y"][first:] / bearing.sensor.gain
-    iu = bearing.amplifier.gain * record["u"][first:]
-    lies = (_at_stop(record, bearing, -1) | _at_stop(record, bearing, 1))[first:]
-    sound = np.isfinite(iu) & (np.abs(x) < bearing.clearance) & ~lies
+    x = record["y"][first:] / machine.sensor.gain
+    iu = machine.amplifier.gain * record["u"][first:]
+    lies = (_at_stop(record, machine, -1) | _at_stop(record, machine, 1))[first:]
+    sound = np.isfinite(iu) & (np.abs(x) < machine.clearance) & ~lies
     if np.count_nonzero(sound) < 20:
         return
-    iu = np.clip(iu[sound], bearing.current_min, bearing.current_max)
-    force = float(magnet_of(bearing).force(iu, x[sound]).mean())
+    iu = np.clip(iu[sound], machine.current_min, machine.current_max)
+    force = float(magnet_of(machine).force(iu, x[sound]).mean())
     load = -(force + weight)
     if abs(load / (-2 * weight) - 1) < _TWICE:
         pull, held = (engineering(abs(item), "N", digits=3) for item in (force, load))
@@ -356,7 +356,7 @@ def _gravity(record: Record, bearing: Machine) -> Iterator[str]:
             "the weight, would have to hold the rotor. Are the signs of y and of u both swapped, "
             "or is rotor.gravity?"
         )
-    elif bearing.magnet.type == "one-sided" and abs(load) > _HELD * abs(weight):
+    elif machine.magnet.type == "one-sided" and abs(load) > _HELD * abs(weight):
         force_texts = (engineering(abs(item), "N", digits=3) for item in (force, weight, load))
         yield (
             "on its mean the magnet pulls by {} where the weight is {}: a load of {} would have to "

@@ -109,7 +109,7 @@ class _Prediction:
         last = _RIGID if rigid else _BENDING
         self.columns = {name: values[: self.n][-last:] for name, values in columns.items()}
         self.n = min(self.n, last)
-        self.t = self.filters[0].bearing.sampling_time * np.arange(self.n)
+        self.t = self.filters[0].machine.sampling_time * np.arange(self.n)
         self.units = {name: record.units[name] for name in columns}
 
     def best(self, reversed_channel: str = "") -> float:

@@ -17,19 +17,19 @@ SHARES = (-0.5, 0.0, 0.5)
 """Of the range of what the lines stand for."""
 
 
-def bearing_figure(bearing: Any) -> Figure:
+def bearing_figure(machine: Any) -> Figure:
     """Show what its magnet pulls with, and the current that carries the rotor."""
-    magnet, travel = magnet_of(bearing), bearing.clearance
-    iu = np.linspace(bearing.current_min, bearing.current_max, 121)
+    magnet, travel = magnet_of(machine), machine.clearance
+    iu = np.linspace(machine.current_min, machine.current_max, 121)
     x = np.linspace(-travel, travel, 121)
     current, displacement = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
     force = Axis("force of the magnet", "N")
     places = [share * travel for share in SHARES]
-    currents = [share * bearing.current_max for share in SHARES]
-    carried: list[Item] = [Rule(-bearing.weight, signal="reference", label="weight")]
-    levitation_current = np.array([bearing.levitation_current])
+    currents = [share * machine.current_max for share in SHARES]
+    carried: list[Item] = [Rule(-machine.weight, signal="reference", label="weight")]
+    levitation_current = np.array([machine.levitation_current])
     here = Points(
-        levitation_current, np.array([-bearing.weight]), signal="measurement", label="levitation"
+        levitation_current, np.array([-machine.weight]), signal="measurement", label="levitation"
     )
     over_current: list[Item] = [
         Line(iu, magnet.force(iu, place), signal=style,
@@ -43,7 +43,7 @@ def bearing_figure(bearing: Any) -> Figure:
     ]  # fmt: skip
     return Figure(
         id="bearing",
-        title=f"Force of {markdown(bearing.name)}",
+        title=f"Force of {markdown(machine.name)}",
         caption="Over all currents, and over the rotor's travel.",
         panels=[
             Panel(current, force, [*carried, *over_current, here]),

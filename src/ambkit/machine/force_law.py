@@ -55,12 +55,12 @@ class IsolatedAxis(Protocol):
         """Greatest control current [A]."""
 
 
-def equally_far(bearing: IsolatedAxis) -> tuple[float, float]:
+def equally_far(machine: IsolatedAxis) -> tuple[float, float]:
     """Current [A] and displacement [m] that count as equally far from the origin."""
     # The paper's least squares steps 0.01 A and 0.01 mm (eq. 27): on its rig, with 1.5 A and 2 mm,
     # one ampere weighs as one millimetre. Another bearing keeps the ratio to its bias current and
     # air gap, so that its stiffnesses divide the force between them as the paper's do.
-    return bearing.magnet.bias_current / 1.5, bearing.magnet.air_gap / 2
+    return machine.magnet.bias_current / 1.5, machine.magnet.air_gap / 2
 
 
 @runtime_checkable
@@ -86,7 +86,7 @@ def core_module(precision: Precision = "float64", *, any_model: bool = False) ->
 class Law:
     """The force of a bearing's magnet, as the C core computes it."""
 
-    bearing: IsolatedAxis
+    machine: IsolatedAxis
     ideal: ClassVar[bool] = False
     """Whether it is that of ideal iron, in which ADALINE and a coil's voltage are stated."""
 
@@ -107,7 +107,7 @@ class Law:
     @property
     def bias_force(self) -> float:
         """Force at iu = 0, x = 0 [N]: zero for a two-sided magnet."""
-        m = self.bearing.magnet
+        m = self.machine.magnet
         # Forces are relative to it, and without any current there is no force.
         if m.type == "two-sided":
             return 0.0
@@ -154,7 +154,7 @@ class Law:
 
         if magnet_force == 0:
             return 0.0
-        low, high = 0.0, math.copysign(self.bearing.magnet.bias_current, magnet_force)
+        low, high = 0.0, math.copysign(self.machine.magnet.bias_current, magnet_force)
         while not lacks(high) <= 0:
             low, high = high, 2 * high
             if not math.isfinite(high):
@@ -213,11 +213,11 @@ class ForceLaw(Law):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         A machine with one axis, whose ``[magnet]``.
     """
 
-    bearing: IsolatedAxis
+    machine: IsolatedAxis
     name: ClassVar[str]
     """As the core calls it."""
 
@@ -246,8 +246,8 @@ class ForceLaw(Law):
     @property
     def fields(self) -> dict[str, Any]:
         """The fields of the core's struct."""
-        ampere, metre = equally_far(self.bearing)
-        m = self.bearing.magnet
+        ampere, metre = equally_far(self.machine)
+        m = self.machine.magnet
         common = {"two_sided": m.type == "two-sided", "ampere": ampere, "metre": metre}
         return self.parameters_of(m) | common
 

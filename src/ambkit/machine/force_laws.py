@@ -108,10 +108,10 @@ def isolated(machine: Machine, axis: str | None) -> Machine:
     return machine.isolated_axis(axis_named(machine, axis))
 
 
-def axis_of(bearing: Any) -> Machine:
+def axis_of(machine: Any) -> Machine:
     """Return the axis of a machine that has one."""
-    of_type(Machine, bearing=bearing)
-    return isolated(bearing, None)
+    of_type(Machine, machine=machine)
+    return isolated(machine, None)
 
 
 def reading_along(machine: Machine, axis: str) -> int:

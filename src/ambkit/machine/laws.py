@@ -18,7 +18,7 @@ class ClosedLaw(ForceLaw):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         A machine with one axis, whose ``[magnet]``.
 
     References
@@ -40,7 +40,7 @@ class SaturatingLaw(ForceLaw):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         A machine with one axis, whose ``[magnet]``.
 
     References

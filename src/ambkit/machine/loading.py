@@ -16,7 +16,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Law, magnet_of
 
 
-def levitation_current(bearing: Machine, plant: MagnetModel, x: float, balance: float) -> float:
+def levitation_current(machine: Machine, plant: MagnetModel, x: float, balance: float) -> float:
     """Control current [A] that holds the rotor at x [m] against ``balance`` [N], within limits."""
     # Asked a dozen times, for each of a million machines: the C magnet itself, in place.
     magnet, i, s = plant.in_core(core_module()), np.empty(1), np.array([x], float)
@@ -25,7 +25,7 @@ def levitation_current(bearing: Machine, plant: MagnetModel, x: float, balance: 
         i[0] = iu
         return float(magnet.force(i, s)[0]) + balance
 
-    low, high = bearing.current_min, bearing.current_max
+    low, high = machine.current_min, machine.current_max
     at_low, at_high = force(low), force(high)
     if at_low * at_high > 0:
         # No current can hold it there: start from the end that comes closest.
@@ -34,15 +34,15 @@ def levitation_current(bearing: Machine, plant: MagnetModel, x: float, balance: 
 
 
 def levitation_current_at(
-    bearing: Machine, x: float = 0.0, load: float = 0.0, magnet: MagnetModel | None = None
+    machine: Machine, x: float = 0.0, load: float = 0.0, magnet: MagnetModel | None = None
 ) -> float:
     """Control current [A] with which a magnet, by default its own, carries weight and load at x."""
     # Both the flight of each machine of a campaign and its margins need it.
-    known = bearing.levitation_currents if magnet is None else {}
+    known = machine.levitation_currents if magnet is None else {}
     if (x, load) not in known:
-        law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
-        balance = bearing.weight + law.bias_force + load
-        known[x, load] = levitation_current(bearing, magnet or law, x, balance)
+        law = magnet if isinstance(magnet, Law) else magnet_of(machine)
+        balance = machine.weight + law.bias_force + load
+        known[x, load] = levitation_current(machine, magnet or law, x, balance)
     return known[x, load]
 
 

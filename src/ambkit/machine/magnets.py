@@ -30,15 +30,15 @@ if TYPE_CHECKING:
     from ambkit._core import Magnet
 
 
-def own_time(bearing: IsolatedAxis) -> float:
+def own_time(machine: IsolatedAxis) -> float:
     """Return ``sqrt(m/k_s)``, in which the uncontrolled rotor falls away by e [s]."""
-    return math.sqrt(bearing.rotor.mass / typical_stiffness(bearing))
+    return math.sqrt(machine.rotor.mass / typical_stiffness(machine))
 
 
-def typical_stiffness(bearing: IsolatedAxis) -> float:
+def typical_stiffness(machine: IsolatedAxis) -> float:
     """Return ``|k_s|`` [N/m], or ``k_i i0/s0`` of a magnet that has none in the middle."""
     # Both are the same of ideal iron. A Lorentz actuator is an example of the second.
-    k, m = ConstantStiffness.of(bearing), bearing.magnet
+    k, m = ConstantStiffness.of(machine), machine.magnet
     return float(abs(k.k_s or k.k_i * m.bias_current / m.air_gap))
 
 
@@ -68,7 +68,7 @@ class ConstantStiffness:
                 raise ValueError(f"{name} must be finite [{unit}], got {getattr(self, name)!r}")
 
     @classmethod
-    def of(cls, bearing: IsolatedAxis) -> ConstantStiffness:
+    def of(cls, machine: IsolatedAxis) -> ConstantStiffness:
         """Linearise the bearing's magnet at iu = 0, x = 0 (paper, eq. 3-5, corrected).
 
         Ideal iron, two-sided: ``k_i = 4 k i0 / s0^2``, ``k_s = 4 k i0^2 / s0^3``; the paper prints
@@ -76,10 +76,10 @@ class ConstantStiffness:
 
         Parameters
         ----------
-        bearing : IsolatedAxis
+        machine : IsolatedAxis
             Whose magnet.
         """
-        k_i, k_s = magnet_of(bearing).tangent(0.0, 0.0)
+        k_i, k_s = magnet_of(machine).tangent(0.0, 0.0)
         return cls(float(k_i), float(k_s))
 
     def in_core(self, core: ModuleType) -> Magnet:
@@ -93,12 +93,12 @@ class ConstantStiffness:
         return core.Constant(self.k_i, self.k_s)  # type: ignore[no-any-return]
 
 
-def magnet_of(bearing: IsolatedAxis) -> Law:
+def magnet_of(machine: IsolatedAxis) -> Law:
     """Return the magnet that a bearing describes: its force map, or else its law.
 
     Parameters
     ----------
-    bearing : IsolatedAxis
+    machine : IsolatedAxis
         Whose ``[magnet]``.
 
     Raises
@@ -106,11 +106,11 @@ def magnet_of(bearing: IsolatedAxis) -> Law:
     AmbkitError
         The force map cannot be read.
     """
-    if bearing.magnet.force_map is None:
-        return law_of(bearing)
-    return surface_of(bearing)
+    if machine.magnet.force_map is None:
+        return law_of(machine)
+    return surface_of(machine)
 
 
-def bias_force_of(magnet: MagnetModel, bearing: IsolatedAxis) -> float:
+def bias_force_of(magnet: MagnetModel, machine: IsolatedAxis) -> float:
     """Force at iu = 0, x = 0 [N] of what an estimator knows, or else of the bearing's magnet."""
-    return (magnet if isinstance(magnet, Law) else magnet_of(bearing)).bias_force
+    return (magnet if isinstance(magnet, Law) else magnet_of(machine)).bias_force

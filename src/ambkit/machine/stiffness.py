@@ -161,19 +161,19 @@ class StiffnessMap:
         return digest.hexdigest()[:16]
 
 
-def operating_points(bearing: Machine) -> tuple[Array, Array]:
+def operating_points(machine: Machine) -> tuple[Array, Array]:
     """Return the nodes of the paper's 25 operating points (Tables 2 and 3), for any bearing."""
     # Five control currents [A] over what the amplifier gives, and five displacements [m] over half
     # the travel to either side.
-    half_travel = bearing.clearance / 2
+    half_travel = machine.clearance / 2
     return (
-        np.linspace(bearing.current_min, bearing.current_max, 5),
+        np.linspace(machine.current_min, machine.current_max, 5),
         np.linspace(-half_travel, half_travel, 5),
     )
 
 
 def stiffness_map(
-    bearing: Machine,
+    machine: Machine,
     *,
     currents: ArrayLike | None = None,
     displacements: ArrayLike | None = None,
@@ -185,7 +185,7 @@ def stiffness_map(
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         With one axis: gives the limits of the box and, by default, the force.
     currents : array_like (ni,), optional
         Nodes of the control current [A]. Default: those of `operating_points`.
@@ -209,9 +209,9 @@ def stiffness_map(
         Nodes that are too few, not finite or not ascending; a step that is not positive; a
         displacement at or beyond the air gap; a force that is not finite.
     """
-    bearing = axis_of(bearing)
-    usual_current, usual_displacement = operating_points(bearing)
-    ampere, metre = equally_far(bearing)
+    machine = axis_of(machine)
+    usual_current, usual_displacement = operating_points(machine)
+    ampere, metre = equally_far(machine)
     delta_current = in_si("delta_current", delta_current, "A")
     delta_displacement = in_si("delta_displacement", delta_displacement, "m")
     delta_current = ampere / 100 if delta_current is None else delta_current
@@ -224,16 +224,16 @@ def stiffness_map(
     ):
         if not (np.isfinite(delta) and delta > 0):
             raise AmbkitError(f"{name} must be greater than 0 {unit}, is {delta!r}")
-    name = bearing.name
+    name = machine.name
     if force is None:
         max_displacement = float(np.max(np.abs(displacement))) + delta_displacement
-        gap = bearing.magnet.air_gap
+        gap = machine.magnet.air_gap
         if max_displacement >= gap:
             raise AmbkitError(
                 f"displacements must stay within the air gap, {gap:g} m; the nine points of the "
                 f"outermost node reach {max_displacement:g} m"
             )
-        force = magnet_of(bearing).force
+        force = magnet_of(machine).force
     else:
         name = f"{name}, with its own force function"
     iu, x = np.meshgrid(current, displacement)

@@ -48,31 +48,31 @@ CURRENTS = (3, 4)  #: States of the two control currents of an isolated axis, af
 
 
 def axis_fields(
-    bearing: Machine, magnet: Any, coil: Any, bias: float, least: int, dtype: str = "float64"
+    machine: Machine, magnet: Any, coil: Any, bias: float, least: int, dtype: str = "float64"
 ) -> dict[str, Any]:
     """Return the fields of ``amb_plant`` of an isolated axis, whose C has no loops."""
-    sensor = of_sensor(bearing.sensor, bearing.sensor.runout, dtype)
-    if bearing.sensor.runout:
-        sensor["speed"] = bearing.speed
-    amplifier, of_magnet = amplifier_of(bearing), _behind(bearing)
+    sensor = of_sensor(machine.sensor, machine.sensor.runout, dtype)
+    if machine.sensor.runout:
+        sensor["speed"] = machine.speed
+    amplifier, of_magnet = amplifier_of(machine), _behind(machine)
     between = behind_fields(of_magnet, dtype)
-    clearance, stop = bearing.clearance, bearing.stop
-    far = clearance if stop is None else max_displacement(clearance, bearing.magnet.air_gap)
+    clearance, stop = machine.clearance, machine.stop
+    far = clearance if stop is None else max_displacement(clearance, machine.magnet.air_gap)
     bent = any(name in sensor for name in ("orders", "quadratic"))
     states, behind = CURRENTS[-1] + 1, between.get("behind", 0)
     return {
         "states": states + behind, "positions": 1, "axes": 1, "sensors": 1,
-        "mass": [bearing.rotor.mass], "g": [bearing.weight + bias], "bias": [bias],
+        "mass": [machine.rotor.mass], "g": [machine.weight + bias], "bias": [bias],
         "magnets": [magnet], "coils": [coil], "amplifiers": [amplifier | between],
         "behind": [[states + k for k in range(behind)]],
         "current": [CURRENTS[0] if amplifier else -1],
         "second": [CURRENTS[1] if amplifier.get("pair") else -1],
         "farthest": [far], "shows": [2], "sensor_parts": [sensor],
-        "gain": [bearing.sensor.gain], "lag": [bearing.lag_of(bearing.sensor)],
+        "gain": [machine.sensor.gain], "lag": [machine.lag_of(machine.sensor)],
         "rings": [{"first": 0, "second": -1, "travel": clearance,
                    "stop": {} if stop is None else stop.model_dump()}],
-        **({"delay": 0, "delay_rest": 0.0} | delay_of(bearing)),
-        "substeps": substeps(bearing, [of_magnet], least, bearing.speed),
+        **({"delay": 0, "delay_rest": 0.0} | delay_of(machine)),
+        "substeps": substeps(machine, [of_magnet], least, machine.speed),
         "plain": not (bent or amplifier or between or stop),
     }  # fmt: skip
 
@@ -82,18 +82,18 @@ def max_displacement(clearance: float, air_gap: float) -> float:
     return clearance + 0.9 * (air_gap - clearance)
 
 
-def between_magnet_and_rotor(bearing: Machine) -> tuple[str, ...]:
+def between_magnet_and_rotor(machine: Machine) -> tuple[str, ...]:
     """Return the names of the linear states between the magnet of an axis and its rotor."""
-    behind = _behind(bearing)
+    behind = _behind(machine)
     return () if behind is None else behind.states
 
 
-def _behind(bearing: Machine) -> Behind | None:
+def _behind(machine: Machine) -> Behind | None:
     """Return what is between the magnet of an axis and its rotor."""
     # A machine is built where there is any only: campaigns ask this of each run.
-    if all(getattr(bearing.magnet, kind.key) is None for kind in BEHIND_MAGNETS):
+    if all(getattr(machine.magnet, kind.key) is None for kind in BEHIND_MAGNETS):
         return None
-    return behind_magnets(continuous(bearing))[0]
+    return behind_magnets(continuous(machine))[0]
 
 
 def fastest(behind: Behind | None) -> float:
@@ -112,10 +112,10 @@ def behind_fields(behind: Behind | None, dtype: str) -> dict[str, Any]:
     return {"behind": len(behind.states), "behind_d": behind.d} | arrays
 
 
-def in_words(bearing: Machine) -> list[str]:
+def in_words(machine: Machine) -> list[str]:
     """Name each part with its values, for people."""
-    magnet, amplifier = bearing.magnet, bearing.amplifier
-    sensor, stop = bearing.sensor, bearing.stop
+    magnet, amplifier = machine.magnet, machine.amplifier
+    sensor, stop = machine.sensor, machine.stop
     features = []
     if magnet.saturation is not None:
         features.append(f"iron that saturates at {engineering(magnet.saturation, 'T')}")
@@ -130,9 +130,9 @@ def in_words(bearing: Machine) -> list[str]:
         volts = amplifier.voltage_limit
         within = "" if volts is None else f" within {engineering(volts, 'V')}"
         features.append(f"amplifier of {engineering(amplifier.bandwidth, 'Hz')}{within}")
-    if bearing.delay is not None:
-        samples = bearing.delay / bearing.sampling_time
-        features.append(f"delay of {engineering(bearing.delay, 's')}, {samples:.3g} samples")
+    if machine.delay is not None:
+        samples = machine.delay / machine.sampling_time
+        features.append(f"delay of {engineering(machine.delay, 's')}, {samples:.3g} samples")
     if sensor.quantisation is not None:
         features.append(f"quantisation of {engineering(sensor.quantisation, 'm')}")
     if sensor.position_noise:
@@ -147,25 +147,25 @@ def in_words(bearing: Machine) -> list[str]:
         )
     if sensor.runout:
         orders = ", ".join(f"{line.order}x" for line in sensor.runout)
-        features.append(f"runout {orders} of {engineering(bearing.speed / (2 * math.pi), 'Hz')}")
+        features.append(f"runout {orders} of {engineering(machine.speed / (2 * math.pi), 'Hz')}")
     if stop is not None:
         features.append(f"stops of {engineering(stop.stiffness, 'N/m^1.5')}")
     return features
 
 
-def coil_fields(bearing: Machine) -> dict[str, Any] | None:
+def coil_fields(machine: Machine) -> dict[str, Any] | None:
     """Return the law of one coil of a pair whose currents can differ, by its fields, or None."""
     # A magnet that is not known coil by coil pulls by the mean of both currents.
-    pair = bearing.amplifier.voltage_limit is not None and bearing.magnet.type == "two-sided"
-    return magnet_of(bearing).of_one_coil() if pair else None
+    pair = machine.amplifier.voltage_limit is not None and machine.magnet.type == "two-sided"
+    return magnet_of(machine).of_one_coil() if pair else None
 
 
-def amplifier_of(bearing: Machine) -> dict[str, Any]:
+def amplifier_of(machine: Machine) -> dict[str, Any]:
     """Return what an amplifier does, by the names of ``amb_parts``; nothing where it is at once."""
-    amplifier, magnet = bearing.amplifier, bearing.magnet
+    amplifier, magnet = machine.amplifier, machine.magnet
     if amplifier.bandwidth is None:
         return {}
-    parts: dict[str, Any] = {"corner": _corner(amplifier, bearing.sampling_time)}
+    parts: dict[str, Any] = {"corner": _corner(amplifier, machine.sampling_time)}
     if amplifier.voltage_limit is not None:
         parts |= {
             "voltage": amplifier.voltage_limit,
@@ -178,15 +178,15 @@ def amplifier_of(bearing: Machine) -> dict[str, Any]:
     return parts
 
 
-def delay_of(bearing: Machine) -> dict[str, Any]:
+def delay_of(machine: Machine) -> dict[str, Any]:
     """Return the dead time of a loop by the names of ``amb_parts``; nothing without one."""
-    if bearing.delay is None:
+    if machine.delay is None:
         return {}
-    samples = bearing.delay / bearing.sampling_time
+    samples = machine.delay / machine.sampling_time
     if abs(samples - round(samples)) < 1e-9:  # rounding of a whole number
         return {"delay": round(samples), "delay_rest": 0.0}
     integer_part = math.floor(samples)
-    return {"delay": integer_part, "delay_rest": (samples - integer_part) * bearing.sampling_time}
+    return {"delay": integer_part, "delay_rest": (samples - integer_part) * machine.sampling_time}
 
 
 def of_sensor(

@@ -145,5 +145,5 @@ def _start_shares(covariance: Array, start: Sequence[float], places: list[int]) 
 
 def _turned(estimator: Estimator, record: Record) -> float:
     """Return by how much the rotor turned along a record [rad]."""
-    speed = record.signals.get("speed", np.full(len(record.t), estimator.bearing.speed))
+    speed = record.signals.get("speed", np.full(len(record.t), estimator.machine.speed))
     return float(np.sum((speed[1:] + speed[:-1]) / 2 * np.diff(record.t)))

@@ -33,19 +33,19 @@ class StraightLine:
     """A single axis and its PID, whose plant is unrolled in C."""
 
     def __init__(
-        self, bearing: Machine, scenario: Scenario, magnet: MagnetModel | None, at: float,
+        self, machine: Machine, scenario: Scenario, magnet: MagnetModel | None, at: float,
         load: float,
     ) -> None:  # fmt: skip
-        self.machine, self.scenario = bearing, scenario
-        self.law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
+        self.machine, self.scenario = machine, scenario
+        self.law = magnet if isinstance(magnet, Law) else magnet_of(machine)
         self.magnet = self.law if magnet is None else magnet
-        self.coil = plant_parts.coil_fields(bearing) if magnet is None else None
+        self.coil = plant_parts.coil_fields(machine) if magnet is None else None
         levitated = scenario.start == "levitated"
-        self.held = levitation_current_at(bearing, at, load, magnet) if levitated else 0.0
+        self.held = levitation_current_at(machine, at, load, magnet) if levitated else 0.0
         self.held_at = at if levitated else 0.0
-        self.place = lies_at(bearing) if scenario.start == "landed" else self.held_at
+        self.place = lies_at(machine) if scenario.start == "landed" else self.held_at
         # What was demanded before the start is the controller's own, and known.
-        self.current = min(max(self.held, bearing.current_min), bearing.current_max)
+        self.current = min(max(self.held, machine.current_min), machine.current_max)
 
     @property
     def states(self) -> dict[str, tuple[int, str]]:
@@ -65,29 +65,29 @@ class StraightLine:
         self, core: ModuleType, estimator: Estimator | None, elsewhere: Any
     ) -> dict[str, Any]:
         """Return what a core is told of plant, controller and start."""
-        bearing, pid = self.machine, self.scenario.controller
+        machine, pid = self.machine, self.scenario.controller
         precision = "float64" if estimator is None else estimator.precision
         coil = None if self.coil is None else core.Law("closed", **self.coil)
         loop = plant_parts.axis_fields(
-            bearing, self.magnet.in_core(core), coil, self.law.bias_force, self.scenario.substeps,
+            machine, self.magnet.in_core(core), coil, self.law.bias_force, self.scenario.substeps,
             precision,
         ) | {
-            "T": bearing.sampling_time,
-            "k_ui": [bearing.amplifier.gain],
-            "pid": gains_of(pid, bearing.sampling_time, bearing.current_min, bearing.current_max),
+            "T": machine.sampling_time,
+            "k_ui": [machine.amplifier.gain],
+            "pid": gains_of(pid, machine.sampling_time, machine.current_min, machine.current_max),
             "feedback_estimate": pid.feedback == "estimate",
         }  # fmt: skip
         told: dict[str, Any] = {
             "loop": loop, "place": self.place if elsewhere is None else elsewhere,
             "current": self.current,
-            "integral": self.held / gain_at_rest(sections_of(pid.block, bearing.sampling_time))
+            "integral": self.held / gain_at_rest(sections_of(pid.block, machine.sampling_time))
             + integral_lead(pid, self.held_at),
         }  # fmt: skip
         sequence = self.scenario.sequence
         if estimator is not None and (sequence is not None or pid.needs_estimate):
             # It divides by the gain that its estimator knows, and not by the plant's.
-            known = relative_gains(estimator.view.machine, bearing)
-            whole = Controller.of_axis(bearing, estimator, pid, sequence)
+            known = relative_gains(estimator.view.machine, machine)
+            whole = Controller.of_axis(machine, estimator, pid, sequence)
             whole = replace(whole, law=whole.law.scaled(known))
             integral = whole.integral(float(known[0]) * self.held, self.held_at)
             told |= {"control": whole.in_core(), "integral": integral}

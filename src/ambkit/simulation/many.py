@@ -112,7 +112,7 @@ def _chunks(runs: Iterable[Planned]) -> Iterator[list[Planned]]:
     """Return the runs in parts, which are smaller where a run takes longer."""
     rest = iter(runs)
     for first in rest:
-        yield [first, *islice(rest, CHUNK // len(first.bearing.axes) - 1)]
+        yield [first, *islice(rest, CHUNK // len(first.machine.axes) - 1)]
 
 
 def _columns(names: Iterable[str], parts: Sequence[NDArray[Any]], kind: Any) -> dict[str, Any]:

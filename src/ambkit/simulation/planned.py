@@ -20,7 +20,7 @@ class Planned:
 
     Attributes
     ----------
-    bearing : Machine
+    machine : Machine
         The plant.
     scenario : Scenario
         What happens to it, the controllers among it.
@@ -34,7 +34,7 @@ class Planned:
         Of several axes, where they are made already, as for another machine.
     """
 
-    bearing: Machine
+    machine: Machine
     scenario: Scenario
     estimator: Estimator | None = None
     magnet: MagnetModel | None = None
@@ -52,7 +52,7 @@ class Planned:
         scenario = self.scenario.model_copy(update={"run": self.key[1]})
         estimator = None if self.estimator is None else copied(self.estimator)
         return simulate_run(
-            self.bearing, scenario, estimator=estimator, magnet=self.magnet,
+            self.machine, scenario, estimator=estimator, magnet=self.magnet,
             external_inputs=self.external_inputs, controllers=self.controllers,
         )  # fmt: skip
 

@@ -123,7 +123,7 @@ class Plans:
 
     def _plan(self, planned: Planned, own: list[Loop]) -> tuple[ModuleType, Any]:
         made_of = (
-            planned.bearing, planned.scenario, planned.estimator, planned.magnet,
+            planned.machine, planned.scenario, planned.estimator, planned.magnet,
             planned.external_inputs, planned.controllers,
         )  # fmt: skip
         known = tuple(map(id, made_of))
@@ -142,18 +142,18 @@ class Plans:
         """Return the loop of a run: an estimator that changes meanwhile is its own."""
         estimator, speed = planned.estimator, planned.scenario.speed
         if estimator is not None:
-            stands = speed is None and estimator.view.speed in (None, planned.bearing.speed)
+            stands = speed is None and estimator.view.speed in (None, planned.machine.speed)
             if not (stands and estimator.side_by_side):
                 estimator = copied(estimator)
         return Loop(
-            planned.bearing, planned.scenario, estimator=estimator, magnet=planned.magnet,
+            planned.machine, planned.scenario, estimator=estimator, magnet=planned.magnet,
             external_inputs=planned.external_inputs, sampled=self._sampled(planned),
             controllers=planned.controllers,
         )  # fmt: skip
 
     def _sampled(self, planned: Planned) -> Sampled:
         """Return the signals of a scenario, each of which many runs share."""
-        of, machine, T = planned.scenario, planned.bearing, planned.bearing.sampling_time
+        of, machine, T = planned.scenario, planned.machine, planned.machine.sampling_time
         names = ("",) if machine.single else tuple(axis.name for axis in machine.axes)
 
         def known(values: Any, make: Callable[[], Array]) -> Array:

@@ -115,7 +115,7 @@ class Loop:
         sampled: Sampled | None = None,
         controllers: Controllers | Sequence[PID] | None = None,
     ) -> None:
-        of_type(Machine, bearing=machine)
+        of_type(Machine, machine=machine)
         of_type(Scenario, scenario=scenario)
         if estimator is not None:
             of_type(Estimator, filter=estimator)

@@ -27,9 +27,9 @@ _ACROSS = Axis("$x$, against gravity", "µm", 1e6), Axis("$y$", "µm", 1e6)
 def simulation_figure(run: Any) -> Figure:
     """Show what happened in a simulated run, and what the estimator said to it."""
     record, estimate = run.record, run.estimate
-    if not run.plant.single:
+    if not run.machine.single:
         return _machine_figure(run)
-    bearing = run.plant
+    machine = run.machine
     t, name = record.t, "estimate"
 
     def told(signal: str) -> list[Item]:
@@ -37,7 +37,7 @@ def simulation_figure(run: Any) -> Figure:
 
     limits = [
         Rule(limit, signal="limit", label="limit")
-        for limit in (bearing.current_min, bearing.current_max)
+        for limit in (machine.current_min, machine.current_max)
         if np.max(np.abs(record["iu"])) > 0.5 * abs(limit)
     ]
     position: list[Item] = [
@@ -57,7 +57,7 @@ def simulation_figure(run: Any) -> Figure:
     )  # fmt: skip
     return Figure(
         id="simulation",
-        title=f"Simulated run of {markdown(bearing.name)}",
+        title=f"Simulated run of {markdown(machine.name)}",
         caption="" if estimate is None else f"In the loop or beside it: {estimate.estimator}.",
         panels=[
             Panel(TIME, POSITION, position),

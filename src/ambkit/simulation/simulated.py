@@ -33,7 +33,7 @@ TURNING = ("synchronous",)
 class Run(Result):
     """A simulated run: what happened, and what the estimator said meanwhile."""
 
-    plant: Machine  #: What was simulated.
+    machine: Machine  #: What was simulated.
     #: Measurements and control signals, and the truth. Of one axis ``y``, ``u``, ``r``, ``x``,
     #: ``v``, ``x_m``, ``iu``, ``f_mag``, ``f_d``. Of several each reading ``y_NAME`` [m], each
     #: axis's ``u_NAME`` [V], displacement ``s_NAME`` [m], current ``iu_NAME`` [A], magnet force
@@ -65,7 +65,7 @@ class Run(Result):
     def title(self) -> str:
         """Of what machine, how long."""
         t, seed = self.record.t, self.record.meta["seed"]
-        return f"{self.plant.name}, seed {seed}: {figure(t[-1], 's')} simulated, {len(t)} samples"
+        return f"{self.machine.name}, seed {seed}: {figure(t[-1], 's')} simulated, {len(t)} samples"
 
     @property
     def finding(self) -> str:
@@ -119,7 +119,7 @@ class Run(Result):
     @property
     def series(self) -> dict[str, Any]:
         """Modes of lift-off and landing, critical speeds near the speed at the end."""
-        results: dict[str, Any] = {"machine": self.plant.name}
+        results: dict[str, Any] = {"machine": self.machine.name}
         if "mode" in self.record:
             results["modes"] = self.modes
         if self.turning and self._in_flight[1] is None:
@@ -183,7 +183,7 @@ class Run(Result):
     def _at_the_limit(self) -> int:
         limits = [
             (isolated_axis.current_min, isolated_axis.current_max)
-            for isolated_axis in isolated_axes(self.plant)
+            for isolated_axis in isolated_axes(self.machine)
         ]
         parts = zip(self._currents.values(), limits, strict=True)
         return int(np.any([(iu >= high) | (iu <= low) for iu, (low, high) in parts], axis=0).sum())
@@ -202,11 +202,6 @@ class Run(Result):
             return 0, len(mode)
         end = int(flew[-1]) + 1
         return int(flew[0]), None if end == len(mode) else end
-
-    @property
-    def machine(self) -> Machine:
-        """The plant."""
-        return self.plant
 
     @property
     def axes(self) -> list[str]:

@@ -89,7 +89,7 @@ def tune(
             magnet=task.magnet, inputs=task.inputs, source=task.source, seeds=seeds_in(seeds),
             budget=budget, done=done,
         )  # fmt: skip
-    return result.named(bearing=task.machine_file, magnet=task.magnet_file)
+    return result.named(machine=task.machine_file, magnet=task.magnet_file)
 
 
 def tune_trade_off(

@@ -51,7 +51,7 @@ def tuned_filters(result: Study) -> dict[str, Estimator]:
         raise AmbkitError("nothing was tuned: budget must be greater than 0")
     origin = made_by(
         "compare",
-        f"errors in {TRAINING} simulated runs of {result.bearing.name}, case {result.case.name}",
+        f"errors in {TRAINING} simulated runs of {result.machine.name}, case {result.case.name}",
     )
     made = {}
     for name, score in result.tuned.items():
@@ -78,16 +78,16 @@ def adequacy_of(result: Study) -> dict[str, list[Finding]]:
 
 def save_filters(result: Study, folder: str | os.PathLike[str]) -> dict[str, str]:
     """Write the filters that a comparison tuned, a file for each kind: ``FOLDER/KIND.toml``."""
-    made, known, bearing = tuned_filters(result), result.bearing, result.machine_file
+    made, known, machine = tuned_filters(result), result.machine, result.machine_file
     place = files.make_folder(folder)
-    if bearing is None and preset_of(known) is None:
-        bearing = place / "bearing.toml"
-        known.save(bearing)
+    if machine is None and preset_of(known) is None:
+        machine = place / "bearing.toml"
+        known.save(machine)
     left_out = {}
     for name, estimator in made.items():
         try:
             magnet = result.magnet_files.get(name)
-            estimator.save(place / f"{name}.toml", bearing=bearing, magnet=magnet)
+            estimator.save(place / f"{name}.toml", machine=machine, magnet=magnet)
         except NoFile as error:
             left_out[name] = str(error)
             NOTES.warning("note: %s", error)
@@ -167,7 +167,7 @@ HEIGHTS = (0.1, 0.3, 0.5)
 
 
 def compare_in_case(
-    bearing: Machine,
+    machine: Machine,
     case: str | Case = "paper",
     estimators: Sequence[str] | None = None,
     *,
@@ -197,9 +197,9 @@ def compare_in_case(
     kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
     how |= {"runs": runs, "budget": budget, "done": done}
     if case == "all":
-        return across(bearing, cases, kinds, **how)
+        return across(machine, cases, kinds, **how)
     (chosen,) = cases.values()
-    return study(bearing, chosen, kinds, whole=whole, **how)
+    return study(machine, chosen, kinds, whole=whole, **how)
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ class LoopCase:
 
 
 def loop_cases(
-    bearing: Machine,
+    machine: Machine,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
     steps: Iterable[Given] | None = None,
@@ -227,10 +227,10 @@ def loop_cases(
     if steps is not None:
         heights = [in_si("steps", height, "m") for height in steps]
     elif scenario is None:
-        heights = [share * isolated_axes(bearing)[0].clearance for share in HEIGHTS]
+        heights = [share * isolated_axes(machine)[0].clearance for share in HEIGHTS]
     results = {}
     for height in heights:
-        run = scenario_for(bearing, scenario, duration=duration, step=height, load=load)
+        run = scenario_for(machine, scenario, duration=duration, step=height, load=load)
         if run.feedback is None:  # each closes its own loop
             run = run.fed("estimate")
         at = name if height is None else engineering(height, "m", digits=4)
@@ -242,7 +242,7 @@ def loop_cases(
 class LoopScores(Result):
     """Estimators, each in its own loop, over the same seeds."""
 
-    bearing: Machine  #: The plant, and what the estimators know.
+    machine: Machine  #: The plant, and what the estimators know.
     loop_cases: Mapping[str, LoopCase]  #: What happened, by name.
     #: By the same names, and by estimator.
     scores: Mapping[str, Mapping[str, Score]]
@@ -256,7 +256,7 @@ class LoopScores(Result):
 
     @property
     def title(self) -> str:
-        return f"{self.bearing.name}, each in its own loop, {len(self.seeds)} seeds"
+        return f"{self.machine.name}, each in its own loop, {len(self.seeds)} seeds"
 
     @property
     def finding(self) -> str:
@@ -291,7 +291,7 @@ class LoopScores(Result):
     @property
     def series(self) -> dict[str, Any]:
         return {
-            "bearing": self.bearing.name,
+            "machine": self.machine.name,
             "seeds": [self.seeds[0], self.seeds[-1]],
             "load": next(iter(self.loop_cases.values())).load if self.loop_cases else None,
         }

@@ -90,7 +90,7 @@ KINDS_TRIED = ("linear", "extended", "adaptive")
 
 @one_thread()
 def design(
-    bearing: Machine,
+    machine: Machine,
     logs: Sequence[str | os.PathLike[str]],
     folder: str | os.PathLike[str],
     *,
@@ -108,8 +108,7 @@ def design(
     note: Callable[[str], None] = lambda _text: None,
 ) -> Design:
     """Go from what is known of a machine, and its logs, to what flies, as C."""
-    of_type(Machine, bearing=bearing)
-    machine = bearing
+    of_type(Machine, machine=machine)
     if free is not None and not (logs and machine.single):
         raise AmbkitError(
             f"a design identifies a machine with one axis from its logs; {machine.name} has "
@@ -130,7 +129,7 @@ def design(
     candidates = [candidate_in(place, kind) for kind in kinds]
     chosen = best_of(candidates)
     estimator = Estimator.load(chosen.file)
-    estimator.save(place / "filter.toml", bearing=place / "machine.toml")
+    estimator.save(place / "filter.toml", machine=place / "machine.toml")
     note("assessing the loop")
     assessed = _assessed(result, chosen.kind, estimator, control, place, note)
     loop = assessed.loops[chosen.kind]
@@ -256,7 +255,7 @@ class _Work:
                 source=", ".join(Path(path).name for path in self.logs),
             )  # fmt: skip
             files.make_folder(place / "candidates")
-            tuned.named(bearing=place / "machine.toml").save(place / name)
+            tuned.named(machine=place / "machine.toml").save(place / name)
             write_json(place / f"candidates/{kind}.json", of_tuning(tuned))
 
         known = [place / item for item in ("machine.toml", "scenario.toml", "identified.toml")]
@@ -292,5 +291,5 @@ def _identified(
     source = ", ".join(Path(path).name for path in logs)
     write_json(place / "identified.json", {"notes": result.of_the_zeros})
     identified_filter(result, inputs_argument(channels), source).save(
-        place / "identified.toml", bearing=place / "machine.toml"
+        place / "identified.toml", machine=place / "machine.toml"
     )

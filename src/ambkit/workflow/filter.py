@@ -234,7 +234,7 @@ class Filtering(Result):
 
 
 def filter(
-    bearing: Machine,
+    machine: Machine,
     record: Record,
     estimators: Iterable[str] | Mapping[str, Factory] = USUAL,
     *,
@@ -247,9 +247,9 @@ def filter(
     done: Callable[[Filtered], None] = lambda _one: None,
 ) -> Filtering:
     """Run filters along a record, and judge them."""
-    of_type(Machine, bearing=bearing)
+    of_type(Machine, machine=machine)
     of_type(Record, record=record)
-    check_signals(bearing, record)
+    check_signals(machine, record)
     tune, settling = in_si("tune", tune, "s"), in_si("settling", settling, "s")
     noise = noise or FilterNoise()
     if tune is not None and noise.disturbance is not None:
@@ -258,7 +258,7 @@ def filter(
     until, record = record.between(stop=end), record.between(begin, end)
     stretch = stretch_to_tune_on(record, tune) if noise.disturbance is None else None
     late = max(settling, stretch.stop if stretch else 0.0)
-    built = factories(estimators, bearing, magnets, synchronous)
+    built = factories(estimators, machine, magnets, synchronous)
     results = {}
     for name, build in built.items():
         # A filter from a file assumes what the file says.
@@ -276,7 +276,7 @@ def filter(
         )
         results[name] = one
         done(one)
-    return Filtering(bearing, record, stretch, late, results)
+    return Filtering(machine, record, stretch, late, results)
 
 
 def in_flight(record: Record) -> tuple[float | None, float | None]:
@@ -308,7 +308,7 @@ def _filtered(
         estimator, evaluation = evaluated(noise)
         return estimator, Filtered(name, noise, evaluation)
     result, why = _tuned(build, noise, record, stretch)
-    untuned = replace(noise, disturbance=default_disturbance(build().bearing))
+    untuned = replace(noise, disturbance=default_disturbance(build().machine))
     with_found, without = evaluated(result), evaluated(untuned)
     worse = _likelihood(with_found[1]) < _likelihood(without[1])
     use_tuned = not (worse and stretch.by_itself)
@@ -323,7 +323,7 @@ def _tuned(
     """Return the noise under which a stretch of a record is most likely, and why that."""
     part = record.between(record.t[0] + stretch.start, record.t[0] + stretch.stop)
     tuned = tune_disturbance(
-        build().bearing, part, lambda intensity: build(replace(noise, disturbance=intensity))
+        build().machine, part, lambda intensity: build(replace(noise, disturbance=intensity))
     )
     return replace(noise, disturbance=tuned.intensity), tuned.why
 

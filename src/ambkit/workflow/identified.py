@@ -88,7 +88,7 @@ class Identified(Result):
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
         """Write the filter, or the force map as far as the records show it."""
         if what == "filter":
-            self.filter.save(path, bearing=beside.get(".toml"))
+            self.filter.save(path, machine=beside.get(".toml"))
         else:
             self._mapped.save(path)
 
@@ -101,17 +101,17 @@ class Identified(Result):
         return force_map(result.model, self.records, settling=result.settling)
 
     @property
-    def bearing(self) -> Machine:
-        """The axis that was found, as a bearing alone."""
-        return self.likelihood.bearing
+    def isolated(self) -> Machine:
+        """The isolated axis with the values that were found."""
+        return self.likelihood.isolated
 
     @property
     def machine(self) -> Machine:
         """The machine with the axis that was found."""
         model = self.likelihood.model
         if isinstance(model, AxisModel):
-            return with_axis(model.machine, model.axis, self.bearing)
-        return self.bearing
+            return with_axis(model.machine, model.axis, self.isolated)
+        return self.isolated
 
     @property
     def of_the_zeros(self) -> list[str]:
@@ -126,7 +126,7 @@ class Identified(Result):
         if not result.offsets_count:
             return [f"{zeros}: consistent with zero; the offsets are unchanged"]
         position = [p.name for p in looked_for if p.name == "position_offset"]
-        noise = math.sqrt(result.bearing.sensor.noise_variance)
+        noise = math.sqrt(result.isolated.sensor.noise_variance)
         if position and result.standard_error(position[0]) > noise:
             return [
                 f"{zeros}: larger than the sensor's noise of {engineering(noise, 'm', 3)}, so the "
@@ -146,7 +146,7 @@ class Identified(Result):
     @cached_property
     def operating_points(self) -> dict[str, Any]:
         """Stiffnesses at the paper's 25 operating points, rows over the displacement."""
-        current, displacement = operating_points(self.bearing)
+        current, displacement = operating_points(self.machine)
         return {"current": current.tolist(), "displacement": displacement.tolist()} | {
             name: {"value": values.tolist(), "standard_error": errors.tolist()}
             for name, (values, errors) in self.likelihood.stiffness_map(
@@ -255,7 +255,7 @@ class Identified(Result):
     def series(self) -> dict[str, Any]:
         result = self.likelihood
         data = dict(result.series) | {
-            "bearing": self.prior.name,
+            "machine": self.prior.name,
             "magnet_constant": result["magnet_constant"],
             "stiffness": {name: self.stiffness[name] for name in ("current", "displacement")},
             "operating_points": self.operating_points,
@@ -328,7 +328,7 @@ def identified_filter(
         return made
     made.inputs = of_log = inputs or made.inputs
     if result.likelihood.offsets_count:
-        volts = model.current_offset / result.bearing.amplifier.gain
+        volts = model.current_offset / result.machine.amplifier.gain
         made.inputs = Inputs(y=of_log.y.shifted(-model.position_offset), u=of_log.u.shifted(volts))
     else:
         free -= set(OFFSETS)
@@ -343,14 +343,14 @@ def identified_filter(
 
 
 def filter_following_load(
-    bearing: Machine, intensity: float
+    machine: Machine, intensity: float
 ) -> tuple[ExtendedKalmanFilter, dict[str, str]]:
     """Return a filter that follows the stated load, and where its process noise is from."""
     # A record whose load rests says that any small process noise is as likely: a filter with such a
     # one follows no load that comes later.
 
     def build(disturbance: float) -> ExtendedKalmanFilter:
-        return ExtendedKalmanFilter(bearing, noise=FilterNoise(disturbance=disturbance))
+        return ExtendedKalmanFilter(machine, noise=FilterNoise(disturbance=disturbance))
 
     least = least_process_noise(build, intensity)
     return build(least), {"noise.disturbance": RAISED} if least > intensity else {}

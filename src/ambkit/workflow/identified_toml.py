@@ -28,7 +28,7 @@ def annotated_toml(
     for p in result.parameters:
         of_log = "__" not in p.place and p.name not in in_bearing
         if of_log or several:
-            of = "log" if of_log else f"axis {result.bearing.name}"
+            of = "log" if of_log else f"axis {result.isolated.name}"
             value = engineering(result[p.name], p.unit, 4)
             error = result.error_text(p)
             lines.append(f"# Of the {of}: {p.name} = {value} (standard error {error}).")
@@ -40,7 +40,7 @@ def annotated_toml(
     table = ""
     if several:
         return "\n".join(lines) + "\n" + several.to_toml(folder)
-    for line in result.bearing.to_toml(folder).splitlines():
+    for line in result.isolated.to_toml(folder).splitlines():
         if line.startswith("["):
             table = line.strip("[]")
         place = table, line.partition(" = ")[0]
@@ -57,7 +57,7 @@ def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) 
     """Say how what is of the log gets into a channel map, and into ``ambkit filter``."""
     # With these lines a record is read as `LoopModel.corrected` gives it, but for the lag of the
     # current, which is the bearing's.
-    volts = model.current_offset / model.bearing.amplifier.gain
+    volts = model.current_offset / model.isolated.amplifier.gain
     of_y = [f'offset = "{engineering(-model.position_offset, "m", 6)}"']
     of_u = [f'offset = "{engineering(volts, "V", 6)}"']
     if not (model.position_offset and offsets):
@@ -87,13 +87,13 @@ def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) 
     ]
 
 
-def _known_to_filters(bearing: Machine) -> str:
+def _known_to_filters(machine: Machine) -> str:
     """Say what of the loop is the bearing's, in a sentence; nothing where there is none."""
     known = [
         f"{what} of {engineering(value, unit, 4)}"
         for what, value, unit in (
-            ("a delay", bearing.delay, "s"),
-            ("an amplifier", bearing.amplifier.bandwidth, "Hz"),
+            ("a delay", machine.delay, "s"),
+            ("an amplifier", machine.amplifier.bandwidth, "Hz"),
         )
         if value is not None
     ]

@@ -50,14 +50,14 @@ def starting_model(
     """Return the model that identification starts from."""
     load_std = in_si("load_std", load_std, "N")
     axis = axis_named(machine, axis)
-    bearing = machine.isolated_axis(axis)
+    isolated = machine.isolated_axis(axis)
     seen = (rest or {}).get("y")
     if isinstance(seen, Noise):
-        bearing = bearing.replace(sensor__noise_variance=seen.variance)
+        isolated = isolated.replace(sensor__noise_variance=seen.variance)
     load_std = math.nan if load_std is None else load_std
     if machine.single:
-        return LoopModel(bearing, load_std=load_std)
-    return AxisModel(bearing, load_std=load_std, machine=machine, axis=axis)
+        return LoopModel(isolated, load_std=load_std)
+    return AxisModel(isolated, load_std=load_std, machine=machine, axis=axis)
 
 
 def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> tuple[str, ...]:
@@ -180,7 +180,7 @@ class IdentifiedCorpus(Corpus):
     @cached_property
     def filter(self) -> Estimator:
         """The extended filter of what the logs say together."""
-        made, raised = filter_following_load(self.bearing, self.model.disturbance_noise)
+        made, raised = filter_following_load(self.machine, self.model.disturbance_noise)
         origin = made_by("identify", f"likelihood of {len(self.found)} logs")
         keys = ("noise.measurement", "noise.control", "noise.disturbance")
         made.origin = dict.fromkeys(keys, origin) | raised
@@ -197,15 +197,15 @@ class IdentifiedCorpus(Corpus):
 
     @property
     def series(self) -> dict[str, Any]:
-        known = {} if self.known is None else {"bearing": self.known.name}
+        known = {} if self.known is None else {"machine": self.known.name}
         return dict(super().series) | known
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        self.bearing.save(path)
+        self.machine.save(path)
 
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
         """Write the filter."""
-        self.filter.save(path, bearing=beside.get(".toml"))
+        self.filter.save(path, machine=beside.get(".toml"))
 
 
 def by_corpus(

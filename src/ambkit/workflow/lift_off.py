@@ -35,20 +35,20 @@ class LiftedOff(Result):
 
     #: With the constant that was found, and the air gap and bias current of the operating point; as
     #: it was given without one.
-    bearing: Machine
+    machine: Machine
     fit: LiftOffFit  #: The law through the points.
     operating_point: float | None  #: Distance at x = 0 [m].
     names: Sequence[str] = ()  #: Of the recordings; none of a table of points.
 
-    TITLE = "Lift-off of {0.bearing.name}"
+    TITLE = "Lift-off of {0.machine.name}"
 
     @property
     def finding(self) -> str:
-        return f"{self.bearing.name}: magnet constant {self.rows[0].text()}."
+        return f"{self.machine.name}: magnet constant {self.rows[0].text()}."
 
     @property
     def rows(self) -> list[Row]:
-        fit, magnet, errors = self.fit, self.bearing.magnet, self.fit.standard_errors
+        fit, magnet, errors = self.fit, self.machine.magnet, self.fit.standard_errors
         results = [
             Row("magnet_constant", "magnet constant k", fit.magnet_constant, "N m^2/A^2",
                 error=errors["magnet_constant"], symbol="k"),
@@ -82,27 +82,27 @@ class LiftedOff(Result):
     def save_toml(self, path: str | os.PathLike[str]) -> None:
         if self.operating_point is None:
             raise AmbkitError("operating_point is missing: which distance is x = 0?")
-        self.bearing.save(path)
+        self.machine.save(path)
 
     def figures(self) -> list[Figure]:
         return [lift_off_figure(self.fit)]
 
 
-def check_lifts_off(bearing: Machine) -> None:
+def check_lifts_off(machine: Machine) -> None:
     """Refuse a bearing that lift-off points tell nothing of."""
-    if bearing.magnet.type != "one-sided":
+    if machine.magnet.type != "one-sided":
         raise AmbkitError(
-            f"lift-off points need a one-sided magnet; that of {bearing.name} is two-sided"
+            f"lift-off points need a one-sided magnet; that of {machine.name} is two-sided"
         )
-    if bearing.rotor.gravity != "-x":
+    if machine.rotor.gravity != "-x":
         raise AmbkitError(
             f"lift-off points tell of a rotor that gravity pulls straight away from the magnet; "
-            f"that of {bearing.name} hangs at an angle"
+            f"that of {machine.name} hangs at an angle"
         )
 
 
 def identify_by_lift_off(
-    bearing: Machine,
+    machine: Machine,
     points: Iterable[LiftOff],
     *,
     gap_range: tuple[Given, Given] = (0.0, math.inf),
@@ -110,15 +110,15 @@ def identify_by_lift_off(
     names: Sequence[str] = (),
 ) -> LiftedOff:
     """Fit the law of a one-sided magnet to the points at which its rotor lifts off."""
-    check_lifts_off(bearing)
+    check_lifts_off(machine)
     near, far = (in_si("gap", end, "m") for end in gap_range)
     operating_point = in_si("operating_point", operating_point, "m")
-    fit = fit_lift_off(points, bearing.rotor.mass, gap_range=(near, far))
+    fit = fit_lift_off(points, machine.rotor.mass, gap_range=(near, far))
     if operating_point is None:
-        return LiftedOff(bearing, fit, None, names)
+        return LiftedOff(machine, fit, None, names)
     gap, bias = fit.operating_point(operating_point)
-    result = bearing.replace(
-        **bearing.magnet.with_constant(fit.magnet_constant),
+    result = machine.replace(
+        **machine.magnet.with_constant(fit.magnet_constant),
         magnet__air_gap=gap,
         magnet__bias_current=bias,
     )

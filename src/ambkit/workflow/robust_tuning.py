@@ -151,7 +151,7 @@ class Robust(Result):
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
         study = self.plan.study
-        self.estimator.save(path, bearing=study.machine)
+        self.estimator.save(path, machine=study.machine)
         if self.controller is not None:
             Scenario(controller=self.controller).save(self.beside(path))
 

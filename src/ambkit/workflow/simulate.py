@@ -49,7 +49,7 @@ OWN_PERIODS = 40
 
 
 def scenario_for(
-    bearing: Machine,
+    machine: Machine,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     *,
     duration: Given | None = None,
@@ -64,7 +64,7 @@ def scenario_for(
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         The controller of a single axis is tuned to it, as far as `scenario` does not say otherwise.
     scenario : Scenario or path, optional
         What is said already.
@@ -94,7 +94,7 @@ def scenario_for(
     TypeError
         `bearing` is no machine, or `scenario` not what happens to one.
     """
-    of_type(Machine, bearing=bearing)
+    of_type(Machine, machine=machine)
     duration, step = in_si("duration", duration, "s"), in_si("step", step, "m")
     load = in_si("load", load, "N")
     full_scenario = Scenario() if scenario is None else scenario
@@ -103,8 +103,8 @@ def scenario_for(
     of_type(Scenario, scenario=full_scenario)
     if not from_estimate and full_scenario.feedback is None:
         full_scenario = full_scenario.fed("measurement")
-    axes = tuple(axis.name for axis in bearing.axes)
-    check_for(full_scenario, bearing)
+    axes = tuple(axis.name for axis in machine.axes)
+    check_for(full_scenario, machine)
     if duration is not None:
         full_scenario = full_scenario.replace(duration=duration)
     if reference is not None:
@@ -193,8 +193,8 @@ def _separations(
 
 def _judged(scenario: Scenario, filter: Any, run: Run) -> tuple[Sequence[Finding], Sequence[str]]:
     """Return whether the filter of a run may fly, and what is to be said of the run."""
-    adequacy = judge_adequacy(filter, run.plant, scenario, run.nis)
-    default = default_for(run.plant, scenario) if is_default(scenario.controller) else None
+    adequacy = judge_adequacy(filter, run.machine, scenario, run.nis)
+    default = default_for(run.machine, scenario) if is_default(scenario.controller) else None
     remarks = [default.summary] if default and default.fastest else []
     of = filter if isinstance(filter, Estimator) else None
     return adequacy, [*remarks, *sentences(adequacy), *_remarks(run, scenario, of)]
@@ -214,7 +214,7 @@ def _of_signals(paths: Sequence[Any]) -> dict[str, Path]:
 
 def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator[str]:
     """Yield what may help, where the rotor does not fly as it should."""
-    machine, touched = run.plant, run.samples_at_the_stop
+    machine, touched = run.machine, run.samples_at_the_stop
     plain = plain_control(machine, scenario, filter)
     if plain is not None:
         yield plain
@@ -228,7 +228,7 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
 
 def _of_the_stop(run: Run) -> str:
     """Return when the rotor touched a stop, and what may help."""
-    clearance = min(axis.clearance for axis in isolated_axes(run.plant))
+    clearance = min(axis.clearance for axis in isolated_axes(run.machine))
     at, t = run.first_touch, run.record.t  # it is there by the end of the sample
     first = "" if at is None else f", first at {figure(t[min(at + 1, len(t) - 1)], 's')}"
     return (
@@ -238,9 +238,9 @@ def _of_the_stop(run: Run) -> str:
     )
 
 
-def experiment_duration(bearing: Machine) -> float:
+def experiment_duration(machine: Machine) -> float:
     """Return how long an experiment lasts where nobody says it [s]."""
-    own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass) / (2 * math.pi)
+    own = math.sqrt(ConstantStiffness.of(machine).k_s / machine.rotor.mass) / (2 * math.pi)
     return float(f"{OWN_PERIODS / own:.2g}")
 
 

@@ -55,11 +55,11 @@ POINTS = ("points",)  #: Section of a trade-off.
 class TradeOff(Result):
     """Filters of one kind, from much margin of the loop to little."""
 
-    bearing: Machine  #: What is filtered.
+    machine: Machine  #: What is filtered.
     kind: str  #: Of the filters.
     points: tuple[Traded, ...]  #: By their ceilings.
 
-    TITLE = "{0.kind} for {0.bearing.name}, tuned in simulated runs"
+    TITLE = "{0.kind} for {0.machine.name}, tuned in simulated runs"
 
     @property
     def finding(self) -> str:
@@ -68,7 +68,7 @@ class TradeOff(Result):
             if one.tuned is not None else f"none below {one.ceiling:g}"
             for one in self.points
         )  # fmt: skip
-        return f"{self.kind} for {self.bearing.name}, error of f_d by the peak of |S|: {parts}."
+        return f"{self.kind} for {self.machine.name}, error of f_d by the peak of |S|: {parts}."
 
     @property
     def rows(self) -> list[Row]:
@@ -97,7 +97,7 @@ class TradeOff(Result):
             f"below {one.ceiling:g}": {"values": dict(one.tuned.values)}
             for one in self.points if one.tuned is not None
         }  # fmt: skip
-        return {"bearing": self.bearing.name, "kind": self.kind, "points": values}
+        return {"machine": self.machine.name, "kind": self.kind, "points": values}
 
     def figures(self) -> list[Figure]:
         reached = [point for point in self.points if point.tuned is not None]
@@ -111,7 +111,7 @@ class TradeOff(Result):
             if size.max(initial=0.0) > ZONE_A:
                 items.append(Rule(ZONE_A, axis="x", signal="limit", label="end of zone A"))
             panels.append(Panel(Axis("peak of |S|"), axis, items))
-        title = f"{markdown(self.bearing.name)}, {self.kind} filter: error against margin"
+        title = f"{markdown(self.machine.name)}, {self.kind} filter: error against margin"
         caption = (
             "Each point is a filter, tuned with the peak of abs(S) in the loop kept below a "
             "ceiling, in simulated validation runs."
@@ -120,7 +120,7 @@ class TradeOff(Result):
 
 
 def trade_off(
-    bearing: Machine,
+    machine: Machine,
     peak_limits: Sequence[float],
     records: Record | Sequence[Record] = (),
     kind: str = "extended",
@@ -132,15 +132,15 @@ def trade_off(
     done: Callable[[], None] = lambda: None,
 ) -> TradeOff:
     """Tune a filter under one ceiling on the peak of abs(S) after another."""
-    of_type(Machine, bearing=bearing)
+    of_type(Machine, machine=machine)
     if not peak_limits:
         raise AmbkitError("ceilings must be one value or more")
-    judge = ByTruth(bearing, seeds)
+    judge = ByTruth(machine, seeds)
     points, refused = list[Traded](), None
     for peak_limit in sorted(peak_limits):
         try:
             result = tune(
-                bearing, records, kind, max_sensitivity=peak_limit, controller=controller,
+                machine, records, kind, max_sensitivity=peak_limit, controller=controller,
                 magnet=magnet, seeds=seeds, budget=budget, done=done,
             )  # fmt: skip
         except OutOfReachError as error:
@@ -152,4 +152,4 @@ def trade_off(
         points.append(Traded(peak_limit, result, result.peak, errors))
     if refused is not None and all(point.tuned is None for point in points):
         raise refused
-    return TradeOff(bearing, kind, tuple(points))
+    return TradeOff(machine, kind, tuple(points))

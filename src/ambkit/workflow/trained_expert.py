@@ -65,7 +65,7 @@ class MeasuredForce:
 class TrainedExpert(Result):
     """An expert, and how good it is."""
 
-    bearing: Machine | None  #: Whose force it knows; None where only stiffnesses are known.
+    machine: Machine | None  #: Whose force it knows; None where only stiffnesses are known.
     expert: Expert  #: What was trained.
     stiffness: StiffnessMap  #: What it was trained on.
     measured: MeasuredForce | None = None  #: None where it was trained on the bearing's law.
@@ -91,8 +91,8 @@ class TrainedExpert(Result):
     @property
     def model(self) -> tuple[Machine, MagnetModel]:
         """The bearing and the magnet that a filter then assumes: of a law that is refitted both."""
-        assert self.bearing is not None  # checked by who needs a machine
-        law = self.bearing
+        assert self.machine is not None  # checked by who needs a machine
+        law = self.machine
         surface = None if self.measured is None else self.measured.surface
         if self.taken == NETWORK:
             return law, self.expert
@@ -106,10 +106,10 @@ class TrainedExpert(Result):
     def error(self) -> dict[str, float]:
         """RMS errors of the force [N]: of constant stiffnesses, and untrained and trained."""
         expert = self.expert
-        if self.bearing is None:
+        if self.machine is None:
             k_i, k_s = (float(value) for value in self.stiffness.stiffness_at(0.0, 0.0))
         else:
-            constant = ConstantStiffness.of(self.bearing)
+            constant = ConstantStiffness.of(self.machine)
             k_i, k_s = constant.k_i, constant.k_s
         untrained = Expert.from_map(
             self.stiffness,
@@ -126,7 +126,7 @@ class TrainedExpert(Result):
     @cached_property
     def wrong_signs(self) -> dict[str, WrongSign]:
         """See :func:`wrong_signs`."""
-        return {} if self.bearing is None else wrong_signs(self.expert, self.bearing)
+        return {} if self.machine is None else wrong_signs(self.expert, self.machine)
 
     @property
     def hardly_measured(self) -> list[tuple[float, float, float]]:
@@ -145,7 +145,7 @@ class TrainedExpert(Result):
     @property
     def filter(self) -> AdaptiveKalmanFilter:
         """The filter that knows what is taken."""
-        if self.bearing is None:
+        if self.machine is None:
             raise AmbkitError("a filter needs a machine, and the expert was trained on stiffnesses")
         law, magnet = self.model
         made = AdaptiveKalmanFilter(law, magnet)
@@ -156,7 +156,7 @@ class TrainedExpert(Result):
     @cached_property
     def adequacy(self) -> list[Finding]:
         """Whether the filter may fly."""
-        return [] if self.bearing is None else judge_adequacy(self.filter)
+        return [] if self.machine is None else judge_adequacy(self.filter)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the expert as ``.json``; points, machine and pictures by their endings."""
@@ -169,21 +169,21 @@ class TrainedExpert(Result):
         return None if self.measured is None else self.measured.surface.points
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        if self.measured is None or self.bearing is None:
+        if self.measured is None or self.machine is None:
             super().save_toml(path)
             return
         points = self.measured.surface.points
-        law = self.model[0] if self.taken == LAW else refitted(self.bearing, points)
+        law = self.model[0] if self.taken == LAW else refitted(self.machine, points)
         law.save(path)
 
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
         """Write the filter, which refers to what is written beside it."""
         written = next((beside[end] for end in FORMS[self.taken] if end in beside), None)
         if self.taken in (LAW, REFITTED):
-            bearing = written or (self.source if self.taken == LAW else None)
-            self.filter.save(path, bearing=bearing)
+            machine = written or (self.source if self.taken == LAW else None)
+            self.filter.save(path, machine=machine)
         else:
-            self.filter.save(path, bearing=self.source, magnet=written)
+            self.filter.save(path, machine=self.source, magnet=written)
 
     @property
     def title(self) -> str:
@@ -349,12 +349,12 @@ class TrainedExpert(Result):
 
     def _at_points(self, surface: ForceSurface) -> dict[str, Any]:
         """Return what the points say of the surface, the law and the expert."""
-        assert self.bearing is not None  # there are points
+        assert self.machine is not None  # there are points
         expert, points = self.expert, surface.points
         inside = points.where(points.within(expert.current_range, expert.displacement_range))
         off = {
             name: force(inside.current, inside.displacement) - inside.force
-            for name, force in (("law", magnet_of(self.bearing).force), ("trained", expert.force))
+            for name, force in (("law", magnet_of(self.machine).force), ("trained", expert.force))
         }
         noise = surface.noise(inside)
         standard_error = surface.standard_error(*range_grid(expert))

@@ -28,11 +28,11 @@ RULES: Shape = (5, 5)  #: Rules along current and displacement where nobody says
 
 
 def train_on_law(
-    bearing: Machine, shape: Shape = RULES, reach: float | None = None, *, weights: bool = True,
+    machine: Machine, shape: Shape = RULES, reach: float | None = None, *, weights: bool = True,
     **how: Any,
 ) -> TrainedExpert:  # fmt: skip
     """Train an expert on a bearing's law, over all currents."""
-    travel = bearing.clearance
+    travel = machine.clearance
     far = travel / 2 if reach is None else reach
     if not 0 < far <= travel:
         limit = engineering(travel, "m")
@@ -40,16 +40,16 @@ def train_on_law(
             f"reach must be above 0 m and at most the travel, {limit}, is {engineering(far, 'm')}"
         )
     stiffness = stiffness_map(
-        bearing,
-        currents=np.linspace(bearing.current_min, bearing.current_max, shape[0]),
+        machine,
+        currents=np.linspace(machine.current_min, machine.current_max, shape[0]),
         displacements=np.linspace(-far, far, shape[1]),
     )
-    return TrainedExpert(bearing, train(stiffness, weights=weights, **how), stiffness)
+    return TrainedExpert(machine, train(stiffness, weights=weights, **how), stiffness)
 
 
-def check_within_gap(bearing: Machine, points: ForcePoints) -> None:
+def check_within_gap(machine: Machine, points: ForcePoints) -> None:
     """Refuse points at which no rotor can be."""
-    gap, farthest = bearing.magnet.air_gap, max(points.displacement.tolist(), key=abs)
+    gap, farthest = machine.magnet.air_gap, max(points.displacement.tolist(), key=abs)
     if abs(farthest) >= gap:
         raise ValueError(
             f"x must stay within the air gap, {engineering(gap, 'm')}, reaches "
@@ -58,7 +58,7 @@ def check_within_gap(bearing: Machine, points: ForcePoints) -> None:
 
 
 def measured_force(
-    bearing: Machine,
+    machine: Machine,
     points: ForcePoints,
     shape: Shape | None = RULES,
     *,
@@ -67,14 +67,14 @@ def measured_force(
     **how: Any,
 ) -> MeasuredForce:
     """Find the force from points of it, and where an expert needs its stiffnesses."""
-    check_within_gap(bearing, points)
-    surface = ForceSurface(bearing, points, law_error)
+    check_within_gap(machine, points)
+    surface = ForceSurface(machine, points, law_error)
     choice = None
     if shape is None:
-        choice = choose_rules(bearing, points, law_error=law_error, note=note, **how)
+        choice = choose_rules(machine, points, law_error=law_error, note=note, **how)
         shape = choice.chosen.shape
         note("training")
-    stiffness = measured_map(bearing, surface, shape)
+    stiffness = measured_map(machine, surface, shape)
     return MeasuredForce(surface, stiffness, choice, law_error is not None)
 
 

@@ -187,7 +187,7 @@ class Tuned(Result):
     def series(self) -> dict[str, Any]:
         peaks = [self.known_peaks] if self.known_peaks else []
         return {
-            "bearing": self.estimator.machine.name,
+            "machine": self.estimator.machine.name,
             "kind": self.kind,
             "by": self.by,
             "kept": self.kept,
@@ -211,7 +211,7 @@ class Tuned(Result):
 
 @one_thread()
 def tune(
-    bearing: Machine,
+    machine: Machine,
     records: Record | Sequence[Record] = (),
     kind: str = "extended",
     *,
@@ -227,14 +227,14 @@ def tune(
     done: Callable[[], None] = lambda: None,
 ) -> Tuned:
     """Tune a filter: by the likelihood of records, or without any by simulated truth."""
-    of_type(Machine, bearing=bearing)
+    of_type(Machine, machine=machine)
     kind_called(kind)
     logs = all_of_type(Record, records=records)
     validate = all_of_type(Record, validate=validate)
-    magnet = learned_magnet(kind, bearing) if magnet is None else magnet
-    candidate = candidate_of_kind(kind, bearing, magnet, whole=True)
-    task = ByLikelihood(bearing, logs, validate) if logs else ByTruth(bearing, seeds)
-    loop = LoopOf(bearing, controller)
+    magnet = learned_magnet(kind, machine) if magnet is None else magnet
+    candidate = candidate_of_kind(kind, machine, magnet, whole=True)
+    task = ByLikelihood(machine, logs, validate) if logs else ByTruth(machine, seeds)
+    loop = LoopOf(machine, controller)
     trials = _Trials(candidate, task, loop, max_sensitivity)
     task.check(trials.build(), kind)
     chosen = _chosen(candidate, task.usual(candidate) if free is None else tuple(free))

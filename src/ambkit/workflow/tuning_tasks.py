@@ -63,12 +63,12 @@ class ByLikelihood:
     judge = JUDGED["likelihood"]
 
     def __init__(
-        self, bearing: Machine, records: Sequence[Record], validate: Sequence[Record]
+        self, machine: Machine, records: Sequence[Record], validate: Sequence[Record]
     ) -> None:
-        self.bearing = bearing
+        self.machine = machine
         for record in (*records, *validate):
-            check_signals(bearing, record)
-        self.settling = SETTLING * slowest_time(bearing)
+            check_signals(machine, record)
+        self.settling = SETTLING * slowest_time(machine)
         records, self.spikes = without_spikes(records)
         validate, _ = without_spikes(validate)
         spans = [float(record.t[-1] - record.t[0]) for record in records]
@@ -144,7 +144,7 @@ class ByLikelihood:
         total, samples = 0.0, 0
         for estimate in estimates:
             n = len(estimate.t)
-            first = min(round(self.settling / self.bearing.sampling_time), n // 2)
+            first = min(round(self.settling / self.machine.sampling_time), n // 2)
             total -= log_likelihood(estimate, first)
             samples += n - first
         return total / samples if math.isfinite(total) else math.inf
@@ -192,24 +192,24 @@ class ByTruth:
     by: By = "truth"
     judge = JUDGED["truth"]
 
-    def __init__(self, bearing: Machine, seeds: range) -> None:
-        self.bearing, self.runs = bearing, len(seeds)
-        self.first = round(SETTLING * slowest_time(bearing) / bearing.sampling_time)
+    def __init__(self, machine: Machine, seeds: range) -> None:
+        self.machine, self.runs = machine, len(seeds)
+        self.first = round(SETTLING * slowest_time(machine) / machine.sampling_time)
         self.seen = self._trials(2 * seeds.start + 1)
         self.unseen = self._trials(2 * seeds.start + 2)
         if not (self.seen and self.unseen):
-            raise AmbkitError(f"{bearing.name}: the rotor met a stop in all simulated runs")
-        self.untuned = self.errors(lambda: KalmanFilter(bearing), self.seen)
+            raise AmbkitError(f"{machine.name}: the rotor met a stop in all simulated runs")
+        self.untuned = self.errors(lambda: KalmanFilter(machine), self.seen)
         self.reference = self.untuned.mean(axis=0)
         # The search hears the modes that the loop hears; the best filters are compared with all.
-        self.coarse, self.heard = _with_few_modes(bearing), self.seen
-        if self.coarse is not bearing:
+        self.coarse, self.heard = _with_few_modes(machine), self.seen
+        if self.coarse is not machine:
             made = loaded(self.coarse, self.runs, 2 * seeds.start + 1)
             self.heard = [item for item in made if not item.lost]
             if self.heard:
                 self.untuned = self.errors(lambda: KalmanFilter(self.coarse), self.heard)
             else:
-                self.coarse, self.heard = bearing, self.seen
+                self.coarse, self.heard = machine, self.seen
 
     def errors(self, build: Callable[[], Estimator], trials: Sequence[Trial]) -> Any:
         """Return the errors of x, v and f_d along the axes in each run (runs, 3)."""
@@ -218,9 +218,9 @@ class ByTruth:
     def _trials(self, seed: int) -> list[Trial]:
         """Return simulated runs in which no stop was met."""
         case = CASES["paper"]
-        single, runs = self.bearing.single, self.runs
+        single, runs = self.machine.single, self.runs
         made = (
-            trials(case, self.bearing, runs, seed) if single else loaded(self.bearing, runs, seed)
+            trials(case, self.machine, runs, seed) if single else loaded(self.machine, runs, seed)
         )
         return [item for item in made if not item.lost]
 
@@ -239,7 +239,7 @@ class ByTruth:
     ) -> Tried:  # fmt: skip
         """Return the best, of several axes in all runs and with all modes."""
         best = sorted(evaluated, key=lambda entry: entry.cost)
-        if len(self.bearing.axes) == 1:
+        if len(self.machine.axes) == 1:
             return best[0]
         return min(
             best[:COMPARED],
@@ -254,9 +254,9 @@ class ByTruth:
     def cost(self, build: Callable[[], Estimator], *, few: bool = False) -> float:
         """Return what the search makes small, for the filters that `build` makes."""
         # Each run has a step along each axis: as many steps as of one axis are in few of them.
-        count = math.ceil(len(self.heard) / len(self.bearing.axes)) if few else len(self.heard)
+        count = math.ceil(len(self.heard) / len(self.machine.axes)) if few else len(self.heard)
         made = build()
-        if self.coarse is not self.bearing:
+        if self.coarse is not self.machine:
             made = made.for_machine(self.coarse)
         result = self.errors(lambda: made, self.heard[:count])
         return self._share(result, self.untuned[:count].mean(axis=0))
@@ -276,11 +276,11 @@ class ByTruth:
     @cached_property
     def raw(self) -> float:
         """Return what the sensors err by along the axes in the runs that judge [m]."""
-        return raw_error(self.bearing, [trial.record for trial in self.unseen], self.first)
+        return raw_error(self.machine, [trial.record for trial in self.unseen], self.first)
 
     def said(self, source: str) -> str:
         """Return what the filter was tuned on."""
-        return f"errors in {len(self.seen)} simulated runs of {self.bearing.name}"
+        return f"errors in {len(self.seen)} simulated runs of {self.machine.name}"
 
     def warnings(
         self, estimator: Estimator, kept: bool, after: Mapping[str, float]

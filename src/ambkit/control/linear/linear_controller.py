@@ -18,12 +18,12 @@ from ambkit.models.linear import LinearSystem, Signal
 ControlLaw = Any  #: `ambkit.control.controllers.Controllers`, which is made of what is here.
 
 
-def controller(pid: Any, bearing: Machine, *, measured: bool) -> LinearSystem:
+def controller(pid: Any, machine: Machine, *, measured: bool) -> LinearSystem:
     """Return the controller of a `PID` as ``core/src/controller.c`` computes it, without limits."""
-    T = bearing.sampling_time
+    T = machine.sampling_time
     gains = pid.kp, pid.ki, pid.kd, pid.derivative_filter, 0.0, pid.setpoint_weight
     result = _passed(_pid(gains, T, measured), sections_of(getattr(pid, "block", ()), T))
-    volts = 1 / bearing.amplifier.gain
+    volts = 1 / machine.amplifier.gain
     return replace(result, C=volts * result.C, D=volts * result.D, outputs=(Signal("u", "V"),))
 
 

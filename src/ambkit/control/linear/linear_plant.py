@@ -60,26 +60,26 @@ class OperatingPoint(NamedTuple):
         return [(iu + np.real(i * turn), x + np.real(far * turn)) for iu, x, i, far in parts]
 
     @classmethod
-    def equilibrium(cls, bearing: Machine, x: float = 0.0, load: float = 0.0) -> OperatingPoint:
+    def equilibrium(cls, machine: Machine, x: float = 0.0, load: float = 0.0) -> OperatingPoint:
         """Return the point at which the magnet carries weight and load."""
-        travel = bearing.clearance
+        travel = machine.clearance
         if not abs(x) <= travel:
             raise AmbkitError(
                 f"the rotor can be held up to its stops at {travel:g} m, not at {x:g} m"
             )
-        iu = levitation_current_at(bearing, x, load)
-        if not bearing.current_min < iu < bearing.current_max:
+        iu = levitation_current_at(machine, x, load)
+        if not machine.current_min < iu < machine.current_max:
             raise AmbkitError(
-                f"no control current from {bearing.current_min:g} to {bearing.current_max:g} A "
+                f"no control current from {machine.current_min:g} to {machine.current_max:g} A "
                 f"holds the rotor at x = {x:g} m with a load of {load:g} N"
             )
         return cls(iu, x)
 
     @classmethod
-    def nearest(cls, bearing: Machine) -> OperatingPoint:
+    def nearest(cls, machine: Machine) -> OperatingPoint:
         """Return the equilibrium at the centre; without a current where none holds it there."""
         try:
-            return cls.equilibrium(bearing)
+            return cls.equilibrium(machine)
         except AmbkitError:  # it is not held at the centre, but perhaps elsewhere
             return cls(0.0, 0.0)
 
@@ -159,12 +159,12 @@ def plants(bearings: Sequence[Machine], points: Sequence[OperatingPoint]) -> Lin
     return replace(system, B=B)
 
 
-def alike(bearing: Machine) -> tuple[Any, ...]:
+def alike(machine: Machine) -> tuple[Any, ...]:
     """Return what bearings must have in common for `plants`."""
-    amplifier, sensor = bearing.amplifier, bearing.sensor
+    amplifier, sensor = machine.amplifier, machine.sensor
     return (
-        bearing.sampling_time, bearing.delay, amplifier.bandwidth is None, bool(sensor.lag),
-        between_magnet_and_rotor(bearing),
+        machine.sampling_time, machine.delay, amplifier.bandwidth is None, bool(sensor.lag),
+        between_magnet_and_rotor(machine),
     )  # fmt: skip
 
 

@@ -161,7 +161,7 @@ def context(
             "two_sided": ", ".join(str(item).lower() for item in two_sided),
         },
         "coils": controller.coils,
-        "own_time": f"{1e3 * own_time(controller.bearing):.3g} ms",
+        "own_time": f"{1e3 * own_time(controller.first_axis):.3g} ms",
         "speed": c_literals.number(machine.speed, precision),
         "times": controller.sequence,
         "levitated": samples,

@@ -227,7 +227,7 @@ def crc(export: Export) -> Crc:
     kalman = f"{name}_settings" if export.editable else f"{name}_kalman"
     constants.fields(kalman, export.kalman, arrays=True)
     if export.editable:
-        constants.array(f"&{name}_mass", np.array([filter.bearing.rotor.mass]))
+        constants.array(f"&{name}_mass", np.array([filter.machine.rotor.mass]))
     if export.of_model.turning is not None:
         constants.fields(f"{name}_turning", export.of_model.turning, arrays=False)
     constants.array(f"{name}_std", np.asarray(filter.default_std()))

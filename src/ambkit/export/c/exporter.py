@@ -89,7 +89,7 @@ def export_c(
     """Write a folder of C99 that compiles alone: a filter that runs on a machine."""
     of_type(Machine, machine=machine)
     of_type(Estimator, filter=filter)
-    name = checked(prefix, filter.bearing.name)
+    name = checked(prefix, filter.machine.name)
     _check_counts(filter)
     wrong = require_adequate(filter, machine, scenario, force=force)
     precision, magnet = precision_of(filter), filter.magnet
@@ -158,10 +158,10 @@ def filter_cost(filter: Estimator, clock: Given) -> FilterCost:
     spent = cost.of(filter)
     if spent is None:
         raise AmbkitError(
-            f"the cost of the {filter.name} for {filter.bearing.name} is not known: its states are "
+            f"the cost of the {filter.name} for {filter.machine.name} is not known: its states are "
             "not those of the paper's axis; 'ambkit pil' measures it"
         )
-    return FilterCost(filter.name, filter.bearing.name, spent, frequency)
+    return FilterCost(filter.name, filter.machine.name, spent, frequency)
 
 
 def _controller(

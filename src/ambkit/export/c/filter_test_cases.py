@@ -63,28 +63,28 @@ def _of_axis(filter: Estimator, settling: int) -> Iterator[TestCase]:
 
 def _flight(filter: Estimator, sign: float) -> TestCase:
     """Hover, then a step of half the expert's reach."""
-    bearing = filter.bearing
-    T = bearing.sampling_time
-    reference = Step(amplitude=sign * bearing.clearance / 4, time=20 * T)
-    controller = Control.for_bearing(bearing)
+    machine = filter.machine
+    T = machine.sampling_time
+    reference = Step(amplitude=sign * machine.clearance / 4, time=20 * T)
+    controller = Control.for_bearing(machine)
     scenario = Scenario(duration=(FLIGHT - 1) * T, reference=reference, controller=controller)
-    record = simulate(bearing, scenario)
+    record = simulate(machine, scenario)
     name = "a step up" if sign > 0 else "a step down"
     return TestCase(name, record["y"].copy(), record["u"].copy())
 
 
 def _corrupted(filter: Estimator, case: TestCase) -> TestCase:
     """Measurements far away and lost, a frozen sensor, demands beyond the limits and no numbers."""
-    bearing, (_, y, u, _) = filter.bearing, case
-    far = 1e3 * bearing.sensor.gain * bearing.clearance
+    machine, (_, y, u, _) = filter.machine, case
+    far = 1e3 * machine.sensor.gain * machine.clearance
     just = 1e-2 * far * np.array([0.98, -0.98, 1.02, -1.02])  # ten travels and more: no rotor
     y[30:38:2] = just
     y[40:46] = far, -far, np.nan, np.inf, -np.inf, np.nan
     y[60:76] = y[60]
-    for k, limit in ((86, bearing.current_max), (92, bearing.current_min)):
+    for k, limit in ((86, machine.current_max), (92, machine.current_min)):
         u[k] = (
-            limit + np.copysign(bearing.amplifier.current_limit, limit)
-        ) / bearing.amplifier.gain
+            limit + np.copysign(machine.amplifier.current_limit, limit)
+        ) / machine.amplifier.gain
     u[98:101] = np.nan, np.inf, -np.inf
     y[104], u[104] = np.nan, np.nan
     return case._replace(name=f"{case.name}, with losses, freezing and saturation")
@@ -115,7 +115,7 @@ def _jumping(filter: Estimator, case: TestCase) -> TestCase:
         least = max(gate * np.sqrt(S[k]), goes_on + np.sign(part) * left)
         y[k] += part * least - e[k]
     # Where no rotor is, but a sensor that has slipped shows it: the estimate is held at the stop.
-    there = 1.2 * np.copysign(filter.bearing.clearance, -y[90])
+    there = 1.2 * np.copysign(filter.machine.clearance, -y[90])
     y[90:] += settings["K_sen"][0] * there - y[90]
     u[0] = np.nan  # before any was good
     return case._replace(name=f"{name}, with jumps about the gate, and one that stays")
@@ -123,11 +123,11 @@ def _jumping(filter: Estimator, case: TestCase) -> TestCase:
 
 def _outage(filter: Estimator) -> TestCase:
     """On a stop, then nothing, until the filter says so; then the rotor on the other side."""
-    bearing = filter.bearing
-    sensor_range = bearing.sensor.gain * bearing.clearance
+    machine = filter.machine
+    sensor_range = machine.sensor.gain * machine.clearance
     y, u = np.full(LONGEST_OUTAGE + 30, np.nan), np.zeros(LONGEST_OUTAGE + 30)
     y[0] = -0.9 * sensor_range
-    u[:] = 0.3 * bearing.current_max / bearing.amplifier.gain
+    u[:] = 0.3 * machine.current_max / machine.amplifier.gain
     held = np.flatnonzero(run(filter, y, u)["status"] & Status.HELD)
     n = int(held[0]) + 5 if held.size and held[0] < LONGEST_OUTAGE else 60
     there = 0.6 * sensor_range * (1 + 1e-3 * np.resize([1.0, -1.0], 30))
@@ -136,40 +136,40 @@ def _outage(filter: Estimator) -> TestCase:
 
 def _settled(filter: Estimator, settling: int) -> TestCase:
     """At rest until it may be fed back, then nothing until it may not."""
-    bearing = filter.bearing
+    machine = filter.machine
     n = settling + 6
-    here = 1e-2 * bearing.sensor.gain * bearing.clearance * np.resize([1.0, -1.0, 0.5], n)
+    here = 1e-2 * machine.sensor.gain * machine.clearance * np.resize([1.0, -1.0, 0.5], n)
     y = np.concatenate([here, np.full(n, np.nan)])
-    holding = bearing.current_min / 4 / bearing.amplifier.gain
+    holding = machine.current_min / 4 / machine.amplifier.gain
     return TestCase("settled, and then nothing", y, np.full(2 * n, holding))
 
 
 def _inconsistent(filter: Estimator) -> TestCase:
     """A noise six times as large as was said."""
-    bearing = filter.bearing
+    machine = filter.machine
     std = float(np.sqrt(filter.core.parameters["set"]["var_y"][0]))
     off = 6.0 * std * np.random.default_rng(0).choice([-1.0, 1.0], NOISY)
-    here = -0.2 * bearing.sensor.gain * bearing.clearance
-    holding = bearing.current_min / 4 / bearing.amplifier.gain
+    here = -0.2 * machine.sensor.gain * machine.clearance
+    holding = machine.current_min / 4 / machine.amplifier.gain
     return TestCase("too much noise", here + off, np.full(NOISY, holding))
 
 
 def _box(filter: Estimator, magnet: Magnet) -> Iterator[TestCase]:
     """From each displacement, all currents, one after the other, before the rotor has moved far."""
     # Of a table every other cell is met in its middle, and so each of its nodes is asked.
-    bearing = filter.bearing
-    x_max, gain = bearing.clearance, bearing.sensor.gain
+    machine = filter.machine
+    x_max, gain = machine.clearance, machine.sensor.gain
     of = magnet.parameters
     xs = _places(-x_max, x_max, of, "x_min", "per_metre", "rows")
     currents = _places(
-        bearing.current_min, bearing.current_max, of, "iu_min", "per_ampere", "columns"
+        machine.current_min, machine.current_max, of, "iu_min", "per_ampere", "columns"
     )
     for row, x in enumerate(xs):
         # From both ends in turn: the rotor stays where it is.
         turns = np.stack([currents, currents[::-1]])[:, : -(-len(currents) // 2)].T.ravel()
         ordered = turns[: len(currents)][:: 1 if row % 2 else -1]
-        u = np.append(ordered / bearing.amplifier.gain, 0.0)
-        step = 1e-4 * bearing.clearance * np.resize([1.0, -1.0], len(u))
+        u = np.append(ordered / machine.amplifier.gain, 0.0)
+        step = 1e-4 * machine.clearance * np.resize([1.0, -1.0], len(u))
         inwards = np.where(np.arange(len(u)) > 0, step, 0.0) * (-1.0 if x > 0 else 1.0)
         yield TestCase(f"all currents at {1e3 * x:.3g} mm", gain * (x + inwards), u)
 
@@ -236,7 +236,7 @@ def _outage_of_machine(filter: Estimator, lost: Bools, name: str) -> TestCase:
 
 def _levitated(filter: Estimator, sign: float) -> tuple[Array, Array]:
     """Let a machine hover under a load."""
-    machine, view = filter.bearing, filter.view
+    machine, view = filter.machine, filter.view
     T = machine.sampling_time
     tenth = Step(amplitude=sign * 0.1 * machine.rotor.mass * GRAVITY, time=20 * T)
     force = Disturbance(axis=machine.axes[0].name, force=tenth)

@@ -62,7 +62,7 @@ def render(export: Export) -> Content:
         calibration_json = calibration.described(export.controller, export.name, export.precision)
         described["calibration.json"] = calibration_json
     if export.framed:
-        T = export.filter.bearing.sampling_time
+        T = export.filter.machine.sampling_time
         of_frame = (export.name, context["configuration"], T, context["frame"])
         described["telemetry.json"] = telemetry.described(*of_frame)
     templates = escaping.templates(Path(__file__).parent / "templates")
@@ -132,7 +132,7 @@ def _context(export: Export) -> dict[str, Any]:
 def _names(export: Export) -> dict[str, Any]:
     """Return what is said in words, and which files there are."""
     filter, name, in_core = export.filter, export.name, export.in_core
-    bearing, several, base = filter.bearing, export.several, in_core.base if in_core else ""
+    machine, several, base = filter.machine, export.several, in_core.base if in_core else ""
     assumed = _assumed(filter)
     magnets = ", ".join(dict.fromkeys(kind.about for kind in export.kinds))
     sampled = filter.predicts
@@ -148,8 +148,8 @@ def _names(export: Export) -> dict[str, Any]:
     return {
         "name": name,
         "guard": name.upper(),
-        "title": f"{filter.name} for {bearing.name}",
-        "bearing": bearing.name,
+        "title": f"{filter.name} for {machine.name}",
+        "bearing": machine.name,
         "version": version("ambkit"),
         "y_given": "const amb_real y[AMB_SENSORS]" if several else "amb_real y",
         "u_given": "const amb_real u_previous[AMB_CONTROLS]" if several else "amb_real u_previous",
@@ -204,14 +204,14 @@ def _tested(export: Export) -> dict[str, Any]:
 def _numbers(export: Export) -> dict[str, Any]:
     """Return the constants, and the units of what comes in."""
     filter, precision, several = export.filter, export.precision, export.several
-    bearing, unit = filter.bearing, filter.machine.control_unit
+    machine, unit = filter.machine, filter.machine.control_unit
     magnet = exported.magnets_in_c(export)[0]
     inputs = {item: exported.raw(item, getattr(filter.inputs, item), precision) for item in "yu"}
     units = {"y": "m", "u": unit} | {item: of["unit"] for item, of in inputs.items() if of}
     current_text = "" if several else exported.levitation_current(filter, precision)
     return {
         "precision": precision,
-        "sampling_time": engineering(bearing.sampling_time, "s"),
+        "sampling_time": engineering(machine.sampling_time, "s"),
         "several": exported.several(export) if several else None,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "inputs": inputs,
@@ -227,8 +227,8 @@ def _numbers(export: Export) -> dict[str, Any]:
         "magnet_methods": magnet["methods"],
         "arrays": c_literals.declared(export.arrays, precision),
         "turning": _turning(export.of_model, export.speeds, precision),
-        "speed_own": c_literals.number(bearing.speed, precision) if several else "",
-        "mass": "" if several else c_literals.number(bearing.rotor.mass, precision),
+        "speed_own": c_literals.number(machine.speed, precision) if several else "",
+        "mass": "" if several else c_literals.number(machine.rotor.mass, precision),
         "own": "" if export.in_core is None else c_literals.own(filter, precision),
     }  # fmt: skip
 
@@ -287,7 +287,7 @@ def _configuration(filter: Estimator, context: dict[str, Any], core_files: dict[
         "version", "precision", "inputs_text", "kalman", "std", "magnet_type", "magnet", "own",
         "title",
     )  # fmt: skip
-    parts = [_described(filter.bearing), *(context[key] for key in numbers)]
+    parts = [_described(filter.machine), *(context[key] for key in numbers)]
     if context["several"]:
         parts.append(repr(context["several"]))
     parts += [array["text"] for array in context["arrays"]]
@@ -298,10 +298,10 @@ def _configuration(filter: Estimator, context: dict[str, Any], core_files: dict[
     return digest.hexdigest()[:16]
 
 
-def _described(bearing: Machine) -> str:
+def _described(machine: Machine) -> str:
     """Return the description of a bearing or a machine without the folders of its files."""
-    text = bearing.to_toml()
-    of = bearing.bearings
+    text = machine.to_toml()
+    of = machine.bearings
     for path in (getattr(item.magnet, key) for item in of for key in FILES):
         if path:
             text = text.replace(path, Path(path).name)

@@ -131,7 +131,7 @@ def _parts(kind: Kind, machine: Any, filter: Estimator, scenario: Scenario) -> _
 
 
 def _estimator(filter: Estimator) -> _Parts:
-    about = f"The {filter.name} of {filter.bearing.name}"
+    about = f"The {filter.name} of {filter.machine.name}"
     data = sources.data_files("estimator", filter=sources.filter_data(filter))
     return _Parts(about, "estimator", variables.of_estimator(filter), data, filter)
 
@@ -148,17 +148,17 @@ def _plant(machine: Machine, scenario: Scenario) -> _Parts:
     return _Parts(about, model, plant_variables, data, None)
 
 
-def _pid(bearing: Machine, scenario: Scenario) -> _Parts:
+def _pid(machine: Machine, scenario: Scenario) -> _Parts:
     controller = scenario.controller
     estimate = controller.feedback == "estimate"
     source = "an estimator" if estimate else "the sensor"
     data = sources.data_files(
-        "pid", pid=sources.pid_data(bearing, controller), feedback_estimate=estimate,
-        k_ui=[c_literals.number(bearing.amplifier.gain, "double")],
-        K_sen=c_literals.number(1.0 if estimate else bearing.sensor.gain, "double"),
+        "pid", pid=sources.pid_data(machine, controller), feedback_estimate=estimate,
+        k_ui=[c_literals.number(machine.amplifier.gain, "double")],
+        K_sen=c_literals.number(1.0 if estimate else machine.sensor.gain, "double"),
     )  # fmt: skip
-    about = f"The PID controller of {bearing.name}, fed by {source}"
-    return _Parts(about, "pid", variables.of_controller(bearing, controller), data, None)
+    about = f"The PID controller of {machine.name}, fed by {source}"
+    return _Parts(about, "pid", variables.of_controller(machine, controller), data, None)
 
 
 def _regulator(filter: Estimator, scenario: Scenario) -> _Parts:
@@ -169,14 +169,14 @@ def _regulator(filter: Estimator, scenario: Scenario) -> _Parts:
         )
     start = start_data.flown(filter, scenario)
     source = "a filter" if start.controller.fed else "the sensors"
-    about = f"The {_called(filter, scenario)} of {filter.bearing.name}, fed by {source}"
+    about = f"The {_called(filter, scenario)} of {filter.machine.name}, fed by {source}"
     own = variables.of_regulator(start.controller, start.current)
     data = sources.data_files("regulator", **start_data.law_data(start.controller))
     return _Parts(about, "regulator", own, data, None)
 
 
 def _loop(filter: Estimator, scenario: Scenario, *, whole: bool) -> _Parts:
-    machine, controller = filter.bearing, scenario.controller
+    machine, controller = filter.machine, scenario.controller
     start = start_data.flown(filter, scenario) if whole else None
     if start is not None:
         held = f"its whole controller: {filter.name}, {_called(filter, scenario)}"
@@ -194,7 +194,7 @@ def _loop(filter: Estimator, scenario: Scenario, *, whole: bool) -> _Parts:
 
 def _whole(filter: Estimator, scenario: Scenario) -> _Parts:
     start, law = start_data.flown(filter, scenario), _called(filter, scenario)
-    about = f"The whole controller of {filter.bearing.name}: {filter.name}, {law}"
+    about = f"The whole controller of {filter.machine.name}: {filter.name}, {law}"
     of_controller = start_data.controller_data(start, c_literals.precision_of(filter))
     data = sources.data_files("flight", filter=sources.filter_data(filter), **of_controller)
     return _Parts(about, "flight", variables.of_whole(filter, start), data, filter)

@@ -214,10 +214,10 @@ def magnet_data(held: Any, name: str, precision: CPrecision = "double") -> dict[
     }
 
 
-def pid_data(bearing: Machine, controller: PID) -> str:
+def pid_data(machine: Machine, controller: PID) -> str:
     """Return a PID as an initialiser."""
-    T = bearing.sampling_time
-    gains = gains_of(controller, T, bearing.current_min, bearing.current_max)
+    T = machine.sampling_time
+    gains = gains_of(controller, T, machine.current_min, machine.current_max)
     return c_literals.struct(control.pid_fields(T, gains), "double")
 
 

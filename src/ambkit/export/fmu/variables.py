@@ -132,26 +132,25 @@ def of_plant(machine: Machine, places: Sequence[float]) -> tuple[Variable, ...]:
     )  # fmt: skip
     if not machine.single or machine.delay is not None:  # no importer can integrate it
         return (*known, *_rig(machine, places))
-    bearing: Any = machine
-    more = tuple(_continuous(bearing))
+    more = tuple(_continuous(machine))
     flowing = (item.name for item in more if item.name.startswith("i_"))
     current = ("u", "on", "noise_u", "fault_u_gain", "fault_current", *flowing)
     states = {"x": ("x",), "v": ("v",), "x_m": ("x_m",), "y": ("x_m",), "iu": current,
-              "f_mag": ("x", *current, *between_magnet_and_rotor(bearing))}  # fmt: skip
+              "f_mag": ("x", *current, *between_magnet_and_rotor(machine))}  # fmt: skip
     with_states = (replace(v, follows=(*v.follows, *states.get(v.name, ()))) for v in known)
     return (*with_states, *more, *_rig(machine, places))
 
 
-def _continuous(bearing: Machine) -> Iterator[Variable]:
+def _continuous(machine: Machine) -> Iterator[Variable]:
     """Currents that are states, the rates of all states, and what begins events."""
-    amplifier = bearing.amplifier
+    amplifier = machine.amplifier
     states = {"x": "m/s", "v": "m/s2", "x_m": "m/s"}
     if amplifier.bandwidth is not None:
-        pair = amplifier.voltage_limit is not None and bearing.magnet.type == "two-sided"
+        pair = amplifier.voltage_limit is not None and machine.magnet.type == "two-sided"
         for k in range(1 + pair):
             states[f"i_{k}"] = "A/s"
             yield Variable(f"i_{k}", "local", "A", f"control current of coil {k}")
-    for state in between_magnet_and_rotor(bearing):
+    for state in between_magnet_and_rotor(machine):
         states[state] = "N/s"
         yield Variable(state, "local", "N", "lagged force of the magnet")
     for name, unit in states.items():
@@ -165,7 +164,7 @@ def of_loop(
     filter: Estimator, controller: PID, loop_controller: ControllerStart | None = None
 ) -> tuple[Variable, ...]:
     """Return the variables of a closed loop; `loop_controller`: the whole one in it, if any."""
-    machine, start = filter.bearing, loop_controller
+    machine, start = filter.machine, loop_controller
     axes = _axes(machine)
     return (
         TIME,
@@ -182,7 +181,7 @@ def of_loop(
         *_rig(machine, [0.0] if start is None else start.place.tolist()),
         *_variances(filter),
         *(
-            _gains(controller, filter.bearing)
+            _gains(controller, filter.machine)
             if start is None
             else _currents(machine, start.current)
         ),
@@ -262,7 +261,7 @@ def of_regulator(controller: Controller, current: Array) -> tuple[Variable, ...]
     )  # fmt: skip
 
 
-def of_controller(bearing: Machine, controller: Control) -> tuple[Variable, ...]:
+def of_controller(machine: Machine, controller: Control) -> tuple[Variable, ...]:
     """Return the variables of a PID."""
     fed = "estimated displacement" if controller.feedback == "estimate" else "measured position"
     return (
@@ -273,7 +272,7 @@ def of_controller(bearing: Machine, controller: Control) -> tuple[Variable, ...]
             "v", "input", "m/s", "estimated velocity, where an estimator feeds it", limit="losable"
         ),
         Variable("u", "output", "V", "control signal", held=True),
-        *_gains(controller, bearing),
+        *_gains(controller, machine),
     )
 
 
@@ -376,8 +375,8 @@ def _rig(machine: Machine, places: Sequence[float]) -> list[Variable]:
     ]  # fmt: skip
 
 
-def _gains(controller: PID, bearing: Machine) -> list[Variable]:
-    current = levitation_current_at(bearing)
+def _gains(controller: PID, machine: Machine) -> list[Variable]:
+    current = levitation_current_at(machine)
     weight = "share of the reference that kp sees"
     return [
         *per_name("start_current", "fixed", "A", "of the controller's integral", [""], current),

@@ -53,7 +53,7 @@ class Corpus(Result):
     strength_loss: StrengthLoss | None = None
 
     @property
-    def bearing(self) -> Machine:
+    def machine(self) -> Machine:
         """The bearing found: its delay, its current's lag, the smallest steps of its logs."""
         steps = [item.position_step for item in self.found.values()]
         known = [step for step in steps if step is not None]
@@ -61,7 +61,7 @@ class Corpus(Result):
         has_noise = any(p.name == "measurement_noise" for p in self.pooled.parameters)
         return with_steps(self.model.delayed_machine(), step, has_noise=has_noise)
 
-    TITLE = "Identification of {0.model.bearing.name} from many logs"
+    TITLE = "Identification of {0.model.isolated.name} from many logs"
     SECTIONS = {
         ("predictions",): Section(
             "Cross-validation: each log predicted by a model of the others", across=True
@@ -78,7 +78,7 @@ class Corpus(Result):
     def finding(self) -> str:
         good = sum(prediction.good for prediction in self.predictions)
         return (
-            f"{good} of {len(self.predictions)} logs of {self.model.bearing.name} are predicted "
+            f"{good} of {len(self.predictions)} logs of {self.model.isolated.name} are predicted "
             "well by a model of the others."
         )
 
@@ -124,7 +124,7 @@ class Corpus(Result):
             *(f"{said[0].upper()}{said[1:]}." for said in weaker),
             *(f"A line at {figure(h.frequency, 'Hz')} in the position, of "
               f"{figure(h.amplitude, 'm', 2)}, in more than half of the logs."
-              for h in self.model.bearing.sensor.hum),
+              for h in self.model.isolated.sensor.hum),
             *(f"Left out of {name}: {why}" for name, why in left_out),
         ]  # fmt: skip
 
@@ -135,7 +135,7 @@ class Corpus(Result):
                 name: [{"kind": s.kind, "from": s.begin, "to": s.end} for s in cuts]
                 for name, cuts in self.stretches.items()
             },
-            "lines": [h.model_dump() for h in self.model.bearing.sensor.hum],
+            "lines": [h.model_dump() for h in self.model.isolated.sensor.hum],
             "left_out": dict(self.left_out),
             "spikes": dict(self.spikes),
             "in_flight": None if self.strength_loss is None else asdict(self.strength_loss),
@@ -181,7 +181,7 @@ def identify_corpus(
         [cleaned[name]], remark = without_spikes([record])
         if remark:
             spikes[name] = remark
-    stretches = {name: cut(record, start.bearing) for name, record in cleaned.items()}
+    stretches = {name: cut(record, start.isolated) for name, record in cleaned.items()}
     flight_records, left_out = _flown(cleaned, stretches, start)
     if len(flight_records) < FEWEST:
         why = "; ".join(f"{name}: {text}" for name, text in left_out.items())
@@ -243,20 +243,20 @@ def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[P
                 )
             )  # fmt: skip
     values = {p.place: float(v) for p, v in zip(pooled.parameters, pooled.values, strict=True)}
-    return pooled, start.replace(**values, sensor__hum=(*start.bearing.sensor.hum, *shared))
+    return pooled, start.replace(**values, sensor__hum=(*start.isolated.sensor.hum, *shared))
 
 
 def _flown(
     records: Mapping[str, Record], stretches: Mapping[str, list[Stretch]], start: LoopModel
 ) -> tuple[dict[str, list[Record]], dict[str, str]]:
     """Return the flights of each log that has such, and why of the others there are none."""
-    bearing = start.bearing
-    cuts = {name: flights(record, stretches[name], bearing) for name, record in records.items()}
+    machine = start.isolated
+    cuts = {name: flights(record, stretches[name], machine) for name, record in records.items()}
     noise = {
         name: float(np.median([white_noise(part["y"]) for part in parts]))
         for name, parts in cuts.items() if parts
     }  # fmt: skip
-    usual_noise = float(np.median([*noise.values(), math.sqrt(bearing.sensor.noise_variance)]))
+    usual_noise = float(np.median([*noise.values(), math.sqrt(machine.sensor.noise_variance)]))
     flight_records, left_out = {}, {}
     for name, parts in cuts.items():
         if not parts:
@@ -305,7 +305,7 @@ def _each(
         parameters = [name for name in free if name not in first.held or name in NOISES]
         begin = first.model.replace(
             known=start.known, current_offset=start.current_offset,
-            position_offset=start.position_offset, sensor__hum=start.bearing.sensor.hum,
+            position_offset=start.position_offset, sensor__hum=start.isolated.sensor.hum,
         )  # fmt: skip
     with ThreadPoolExecutor(THREADS) as workers:
         rest = workers.map(lambda name: searched(name, begin, parameters, improve=False), names[1:])

@@ -73,7 +73,7 @@ def _in_flight(
 ) -> StrengthFit | None:
     """Search a log with the gap as described; None where it does not tell the magnet."""
     # A current that flows is the one that was found, with the coil that it was found with.
-    described = start.bearing.magnet
+    described = start.isolated.magnet
     free = [p.name for p in result.parameters if p.name != "air_gap"]
     known = {
         at: (value, std * (LOOSE if at == "current_offset" else 1.0))
@@ -99,7 +99,7 @@ def strength_loss(
     threads: int = 1,
 ) -> StrengthLoss | None:
     """Say how much weaker a one-sided magnet is in flight than it is described."""
-    if start.bearing.magnet.type != "one-sided":
+    if start.isolated.magnet.type != "one-sided":
         return None
     names = [
         name for name, one in results.items()
@@ -135,7 +135,7 @@ def _amplitude(records: Sequence[Record], model: LoopModel) -> float:
     """Rms of the control current between the plant's time constant and twenty of it [A]."""
     from scipy.signal import savgol_filter
 
-    own = own_time(model.bearing) / model.bearing.sampling_time
+    own = own_time(model.isolated) / model.isolated.sampling_time
     short, long = (2 * max(1, round(part * own)) + 1 for part in (0.8, 10.0))
     squares = []
     for record in records:
@@ -146,4 +146,4 @@ def _amplitude(records: Sequence[Record], model: LoopModel) -> float:
     if not squares:
         return math.nan
     mean = math.sqrt(float(np.mean(np.concatenate(squares))))
-    return abs(model.bearing.amplifier.gain) * mean
+    return abs(model.isolated.amplifier.gain) * mean

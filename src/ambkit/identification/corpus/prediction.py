@@ -170,7 +170,7 @@ def predict(
     name: str, records: Sequence[Record], model: LoopModel, others: Baselines
 ) -> Prediction:
     """Predict a log by a model that has not seen it, beside what knows no magnet."""
-    first = max(round(own_time(model.bearing) / records[0].sampling_time) * 4, ORDER)
+    first = max(round(own_time(model.isolated) / records[0].sampling_time) * 4, ORDER)
     misses: dict[str, dict[int, list[Array]]] = {kind: {k: [] for k in AHEAD} for kind in KINDS}
     residuals, squares, variances, controls = [], [], [], []
     for record in records:
@@ -180,8 +180,8 @@ def predict(
         residuals.append((e / np.sqrt(S))[used])
         controls.append(record["u"][used])
         squares.append((e**2 / S)[used])
-        share = 1 + model.bearing.sensor.position_noise * (y - model.position_offset)
-        variances.append(model.bearing.sensor.noise_variance * np.clip(share, 1 / 8, 8)[used] ** 2)
+        share = 1 + model.isolated.sensor.position_noise * (y - model.position_offset)
+        variances.append(model.isolated.sensor.noise_variance * np.clip(share, 1 / 8, 8)[used] ** 2)
         rows, u_part = np.column_stack(regressors(record, 0)), slice(ORDER - 1, 2 * ORDER - 1)
         # The last controls and those to be expected (m, ORDER + ahead) [V].
         windows = np.column_stack([rows[:, u_part], rows @ _solved(others.controls)])

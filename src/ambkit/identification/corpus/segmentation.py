@@ -42,30 +42,30 @@ class Stretch:
     end: float
 
 
-def cut(record: Record, bearing: Machine) -> list[Stretch]:
+def cut(record: Record, machine: Machine) -> list[Stretch]:
     """Cut a log into stretches."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
     from scipy.signal import savgol_filter
 
     T = record.sampling_time
     y, u = interpolated(record["y"]), interpolated(record["u"])
-    own = max(own_time(bearing) / T, 2.0)
+    own = max(own_time(machine) / T, 2.0)
     width = 2 * round(own) + 1
     if y.size < 2 * width:
         return []
-    gap = 0.98 * bearing.magnet.air_gap
-    x = np.clip(y / bearing.sensor.gain, -gap, gap)
-    current = np.clip(bearing.amplifier.gain * u, bearing.current_min, bearing.current_max)
-    force = np.asarray(magnet_of(bearing).force(current, x)) + bearing.weight
+    gap = 0.98 * machine.magnet.air_gap
+    x = np.clip(y / machine.sensor.gain, -gap, gap)
+    current = np.clip(machine.amplifier.gain * u, machine.current_min, machine.current_max)
+    force = np.asarray(magnet_of(machine).force(current, x)) + machine.weight
     acceleration = savgol_filter(x, width, 3, deriv=2, delta=T)
-    model_acceleration = savgol_filter(force / bearing.rotor.mass, width, 2)
-    k_i = ConstantStiffness.of(bearing).k_i
-    hold = abs(bearing.weight) or 0.2 * k_i * bearing.amplifier.current_limit
-    astray = np.abs(acceleration - model_acceleration) > UNEXPLAINED * hold / bearing.rotor.mass
+    model_acceleration = savgol_filter(force / machine.rotor.mass, width, 2)
+    k_i = ConstantStiffness.of(machine).k_i
+    hold = abs(machine.weight) or 0.2 * k_i * machine.amplifier.current_limit
+    astray = np.abs(acceleration - model_acceleration) > UNEXPLAINED * hold / machine.rotor.mass
 
-    saturated = _at_its_end(y, bearing.sensor.gain * bearing.clearance)
-    i = bearing.amplifier.gain * u
-    saturated |= (i >= 0.999 * bearing.current_max) | (i <= 0.97 * bearing.current_min)
+    saturated = _at_its_end(y, machine.sensor.gain * machine.clearance)
+    i = machine.amplifier.gain * u
+    saturated |= (i >= 0.999 * machine.current_max) | (i <= 0.97 * machine.current_min)
     saturated = maximum_filter1d(saturated, width)
     local_range = maximum_filter1d(y, width) - minimum_filter1d(y, width)
     still = local_range < 10 * max(white_noise(record["y"]), 1e-12)
@@ -84,9 +84,9 @@ def cut(record: Record, bearing: Machine) -> list[Stretch]:
     return [Stretch(KINDS[kind[a]], float(t[a]), float(t[b])) for a, b in pairwise(edges.tolist())]
 
 
-def flights(record: Record, stretches: list[Stretch], bearing: Machine) -> list[Record]:
+def flights(record: Record, stretches: list[Stretch], machine: Machine) -> list[Record]:
     """Return the flights of a log that are long enough to be identified from."""
-    least = SHORTEST * own_time(bearing)
+    least = SHORTEST * own_time(machine)
     return [
         record.between(s.begin, s.end)
         for s in stretches

@@ -57,11 +57,11 @@ class Limits:
 
     @classmethod
     def of(
-        cls, bearing: Machine, current: float | None = None, displacement: float | None = None
+        cls, machine: Machine, current: float | None = None, displacement: float | None = None
     ) -> Limits:
         """Return limits, by default 80 % of what the current may be and half of the travel."""
-        most = min(bearing.current_max, -bearing.current_min)
-        travel = bearing.clearance
+        most = min(machine.current_max, -machine.current_min)
+        travel = machine.clearance
         for what, value, end, unit in (
             ("current", current, most, "A"),
             ("displacement", displacement, travel, "m"),
@@ -69,7 +69,7 @@ class Limits:
             if value is not None and not 0 < value <= end:
                 raise AmbkitError(
                     f"the limit of the {what} must be greater than 0 and at most "
-                    f"{engineering(end, unit)}, what {bearing.name} can do; "
+                    f"{engineering(end, unit)}, what {machine.name} can do; "
                     f"is {engineering(value, unit)}"
                 )
         return cls(
@@ -110,12 +110,12 @@ class Design(Result):
         model = self.expectation.model
         meta = {
             "source": f"ambkit excite, {self.excitation.kind}, {self.band[0]:.4g} to "
-            f"{self.band[1]:.4g} Hz, for {model.bearing.name}",
+            f"{self.band[1]:.4g} Hz, for {model.isolated.name}",
         }
         name = signal("r", self.axis)
         return Record(self.record.t, {name: self.reference}, {name: "m"}, meta=meta)
 
-    TITLE = "{0.excitation.kind} for {0.expectation.model.bearing.name}"
+    TITLE = "{0.excitation.kind} for {0.expectation.model.isolated.name}"
 
     @property
     def finding(self) -> str:
@@ -168,7 +168,7 @@ class Design(Result):
     @property
     def series(self) -> dict[str, Any]:
         return {
-            "bearing": self.expectation.model.bearing.name,
+            "machine": self.expectation.model.isolated.name,
             "kind": self.excitation.kind,
             "limit_current": self.limits.current,
             "limit_displacement": self.limits.displacement,
@@ -188,7 +188,7 @@ def _relative(share: float, name: str) -> str:
 
 
 def design(
-    bearing: Machine,
+    machine: Machine,
     scenario: Scenario,
     *,
     kind: str = "multisine",
@@ -205,17 +205,17 @@ def design(
     # but each parameter's coarse scale).
     if kind not in KINDS:
         raise AmbkitError(f'there is no excitation "{kind}"; known: {", ".join(KINDS)}')
-    limits = limits or Limits.of(bearing)
-    load = CALM * bearing.rotor.mass * GRAVITY if load is None else load
+    limits = limits or Limits.of(machine)
+    load = CALM * machine.rotor.mass * GRAVITY if load is None else load
     if not (math.isfinite(load * load) and load > 0):
         raise AmbkitError(
             f"random_walk must be greater than 0 N, and its square finite, is {load:g} N"
         )
-    loop = _Loop(bearing, scenario, limits, load)
-    end = 0.4 / bearing.sampling_time, ", two fifths of the sampling rate"
-    bands = [band] if band else _bands(bearing, loop.duration)
+    loop = _Loop(machine, scenario, limits, load)
+    end = 0.4 / machine.sampling_time, ", two fifths of the sampling rate"
+    bands = [band] if band else _bands(machine, loop.duration)
     check_band(bands[0], (1 / loop.duration, ", one period in the record,"), end)
-    model = LoopModel(bearing, disturbance_noise=load**2)
+    model = LoopModel(machine, disturbance_noise=load**2)
     free = usual(model) if free is None else free
     best: tuple[Band, Excitation, Array] | None = None
     trials: list[tuple[Band, float]] = []
@@ -236,10 +236,10 @@ def design(
     )
 
 
-def _bands(bearing: Machine, duration: float) -> list[Band]:
+def _bands(machine: Machine, duration: float) -> list[Band]:
     """Return bands to try about the plant's own frequency, as far as record and sampling go."""
-    own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass) / (2 * math.pi)
-    min_frequency, max_frequency = LEAST_PERIODS / duration, 0.2 / bearing.sampling_time
+    own = math.sqrt(ConstantStiffness.of(machine).k_s / machine.rotor.mass) / (2 * math.pi)
+    min_frequency, max_frequency = LEAST_PERIODS / duration, 0.2 / machine.sampling_time
     lows = sorted({max(part * own, min_frequency) for part in LOWEST})
     highs = sorted({min(part * own, max_frequency) for part in HIGHEST})
     bands = [(low, high) for low in lows for high in highs if high >= 2 * low]
@@ -265,11 +265,11 @@ def check_band(band: Band, start: tuple[float, str], end: tuple[float, str]) -> 
 class _Loop:
     """The simulated loop, with noise and a load that wanders, excited by its reference."""
 
-    def __init__(self, bearing: Machine, scenario: Scenario, limits: Limits, load: float) -> None:
-        self.bearing, self.limits, self.load = bearing, limits, load
+    def __init__(self, machine: Machine, scenario: Scenario, limits: Limits, load: float) -> None:
+        self.machine, self.limits, self.load = machine, limits, load
         self.scenario = scenario.replace(noise=True)
-        self.T = bearing.sampling_time
-        self.n = samples(bearing, scenario)
+        self.T = machine.sampling_time
+        self.n = samples(machine, scenario)
         self.duration = self.n * self.T
         self.t: Array = self.T * np.arange(self.n, dtype=float)
         self.known = along(scenario, "disturbance", ("",), self.t)[:, 0]
@@ -287,7 +287,7 @@ class _Loop:
                 "disturbance": Recorded.of(self.t, self.known + wander),
             }
         )
-        return simulate(self.bearing, scenario)
+        return simulate(self.machine, scenario)
 
     def levels(self, record: Record, parts: Sequence[slice]) -> Array:
         """How far each part of a record goes towards each limit (2, parts); 1: up to it."""
@@ -310,7 +310,7 @@ class _Loop:
                 f"{engineering(far, 'm')}; the limits, {engineering(self.limits.current, 'A')} and "
                 f"{engineering(self.limits.displacement, 'm')}, leave no room"
             )
-        stiff = ConstantStiffness.of(self.bearing)
+        stiff = ConstantStiffness.of(self.machine)
         kp = max(self.scenario.controller.kp, stiff.k_s / stiff.k_i)
         gain = np.full(len(parts), 0.2 * min(self.limits.displacement, self.limits.current / kp))
         best, reached = np.zeros(self.n), 0.0

@@ -31,7 +31,7 @@ def excitation_figure(design: Any) -> Figure:
         Line(frequency[in_band], reference_spectrum[in_band], signal="reference", label=""),
         Line(frequency[in_band], moved[in_band], signal="truth", label=""),
     ]
-    name = markdown(design.expectation.model.bearing.name)
+    name = markdown(design.expectation.model.isolated.name)
     return Figure(
         id="excitation",
         title=f"Experiment for {name}: {design.excitation.kind}",

@@ -87,7 +87,7 @@ def force_map(
 ) -> ForceMap:
     """Identify the force on a grid of operating points."""
     several = [records] if not isinstance(records, Sequence) else list(records)
-    b = model.bearing
+    b = model.isolated
     iu = np.concatenate([b.amplifier.gain * model.corrected(r)["u"] for r in several])
     x = np.concatenate([model.corrected(r)["y"] / b.sensor.gain for r in several])
     limit = b.clearance
@@ -162,7 +162,7 @@ class _Corrected:
     # two as the paper's least squares would (`equally_far`), and its value at the origin, which no
     # stiffness can give, is left to the load.
 
-    bearing: Machine
+    machine: Machine
     nodes: tuple[Array, Array]  #: Of displacement and current.
     w: Array
     ranges: list[tuple[float, float]]
@@ -171,7 +171,7 @@ class _Corrected:
         """Build the C implementation."""
         from scipy.interpolate import RegularGridInterpolator
 
-        b = self.bearing
+        b = self.machine
         current, displacement = (np.linspace(low, high, FINE) for low, high in self.ranges)
         iu, x = np.meshgrid(current, displacement)
         bent = RegularGridInterpolator(self.nodes, self.w)

@@ -76,12 +76,12 @@ class CurrentState:
 
     def driving(self, model: LoopModel) -> LoopModel:
         """Return a model whose filter has the current that flows as a state."""
-        T = model.bearing.sampling_time
+        T = model.isolated.sampling_time
         return model.replace(memory=self.memory, amplifier__noise_variance=self._strays(T))
 
     def measuring(self, model: LoopModel) -> LoopModel:
         """Return a model for the current as it is measured, with all of its noise."""
-        result, T = model.bearing.amplifier.noise_variance, model.bearing.sampling_time
+        result, T = model.isolated.amplifier.noise_variance, model.isolated.sampling_time
         sensor = (self.noise / self.amplifier_gain) ** 2
         noise = max(sensor + result - self._strays(T), 0.1 * sensor)
         return model.replace(memory=0.0, amplifier__noise_variance=noise)

@@ -75,7 +75,7 @@ def maximum_likelihood(
     if not parameters:
         reasons = "".join(f"; {name}: {why}" for name, why in alike.items())
         raise AmbkitError(f"no parameter is free{reasons}")
-    data = Data(several, own_time(model.bearing) if settling is None else settling)
+    data = Data(several, own_time(model.isolated) if settling is None else settling)
     _check_records(data, model)
     search = _Search(data, model, note)
     search.remarks += [spikes] if spikes else []
@@ -88,7 +88,7 @@ def maximum_likelihood(
     result, free_parameters, missed = search.up(begin, parameters)
     if lines:
         hum = search.lines(result.model, free_parameters)
-        if hum != result.model.bearing.sensor.hum:
+        if hum != result.model.isolated.sensor.hum:
             # What could not be told beside lines that nobody knew of may be told now; and what
             # took their place is no start for it.
             begin = (begin if missed else result.model).replace(sensor__hum=hum)
@@ -119,13 +119,15 @@ class _Search:
         models = [self.nominal, _movable(self.nominal, parameters)]
         if all(is_interpolated(record) for record in self.measured):
             models = [model.replace(line=True) for model in models]
-            gain = models[1].bearing.amplifier.gain
+            gain = models[1].isolated.amplifier.gain
             self.current = smooth_current(self.measured, gain) if use_control else None
         if self.current is not None:
             self.note("the current that flows, from control and measurement")
             self.data = replace(self.data, records=self.current.records)
             models = [self.current.driving(model) for model in models]
-        elif models[1].line and insufficient_excitation(self.measured, own_time(models[1].bearing)):
+        elif models[1].line and insufficient_excitation(
+            self.measured, own_time(models[1].isolated)
+        ):
             self.remarks.append(INSUFFICIENT_EXCITATION)
         self.nominal, initial = models
         names = {p.name for p in parameters}
@@ -176,7 +178,7 @@ class _Search:
     def lines(self, model: LoopModel, parameters: list[Parameter]) -> tuple[Hum, ...]:
         """Return the lines of a model's sensor, and those that are found in the position."""
         self.note("looking for lines")
-        return with_lines(self.data, model, parameters, self.note).bearing.sensor.hum
+        return with_lines(self.data, model, parameters, self.note).isolated.sensor.hum
 
     def joint(self, model: LoopModel, parameters: list[Parameter]) -> Joint | None:
         """Find coil and loop together, where a current flows."""
@@ -241,7 +243,7 @@ class _Search:
     ) -> MaximumLikelihood:
         """Return all that was found, with the stops of the description."""
         delay = [k for k, p in enumerate(parameters) if p.name == "delay"]
-        if delay and CONFIDENCE * errors["errors"][delay[0]] > model.bearing.sampling_time:
+        if delay and CONFIDENCE * errors["errors"][delay[0]] > model.isolated.sampling_time:
             self.remarks.append("the loop is too quiet to tell the delay to a sample")
         model, touched = ascent.restore_clearance(self.data.records, self.nominal, model)
         return MaximumLikelihood(
@@ -266,21 +268,21 @@ class _Search:
 
 def _check_records(data: Data, model: LoopModel) -> None:
     for record in data.records:
-        check_sampling(model.bearing, record)
+        check_sampling(model.isolated, record)
         least = round(data.settling / record.sampling_time) + LEAST_SAMPLES
         if len(record) < least:
             raise RecordError(
                 f"a record has {len(record)} samples, {least} are needed to identify from: "
                 f"{data.settling:.3g} s until the filter has settled, and {LEAST_SAMPLES}"
             )
-        y = record["y"][np.isfinite(record["y"])] / model.bearing.sensor.gain
-        if y.size and np.ptp(y) < STILL * model.bearing.clearance:
+        y = record["y"][np.isfinite(record["y"])] / model.isolated.sensor.gain
+        if y.size and np.ptp(y) < STILL * model.isolated.clearance:
             raise RecordError("y stands still: nothing can be identified from it")
 
 
 def _movable(model: LoopModel, parameters: Sequence[Parameter]) -> LoopModel:
     """Return the model with a value above zero for each parameter whose logarithm is searched."""
-    floors = {"current_lag": model.bearing.sampling_time, "disturbance_noise": 1e-12}
+    floors = {"current_lag": model.isolated.sampling_time, "disturbance_noise": 1e-12}
     zeros = {
         p.place: floors.get(p.name, 1e-12) for p in parameters if p.positive and not p.of(model) > 0
     }

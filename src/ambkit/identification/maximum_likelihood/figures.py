@@ -33,7 +33,7 @@ def identified_figure(result: Any, checks: Sequence[Validation]) -> Figure:
     panels = [*estimates, *(rest if len(estimates) % 2 == 0 else [rest[-1], *rest[:-1]])]
     return Figure(
         id="identified",
-        title=f"Identification of {markdown(result.bearing.name)}",
+        title=f"Identification of {markdown(result.isolated.name)}",
         caption="",
         panels=panels,
         columns=2,
@@ -183,7 +183,7 @@ def prediction_figure(model: LoopModel, record: Record, ahead: int, name: str) -
 
 def _natural(result: Any, name: str) -> tuple[float, tuple[str, Axis]]:
     """Return what an offset is best counted in, and the panel for that."""
-    b = result.bearing
+    b = result.isolated
     if name == "delay":
         return b.sampling_time, ("delay", Axis("estimate − initial", "samples"))
     if name == "position_noise":

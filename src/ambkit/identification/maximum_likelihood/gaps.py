@@ -42,7 +42,7 @@ def typical_change(u: Array, samples: int) -> float:
 
 def run_with_gaps(
     kalman: Estimator,
-    bearing: Machine,
+    machine: Machine,
     y: Array,
     u: Array,
     unknown: Bools,
@@ -54,10 +54,10 @@ def run_with_gaps(
     # the filter goes on with what it knew, less surely by what the control may have done; after a
     # longer one it starts anew, and what it says counts again after that time.
     # y (n,) [m]; u (n,) [V]; unknown (n,)
-    law = ConstantStiffness.of(bearing)
-    own = round(own_time(bearing) / h)
+    law = ConstantStiffness.of(machine)
+    own = round(own_time(machine) / h)
     typical = cache(partial(typical_change, recorded))  # most gaps are as long as some other
-    per_sample = max(1, round(bearing.sampling_time / h))
+    per_sample = max(1, round(machine.sampling_time / h))
     y = y.copy()
     parts: list[dict[str, Any]] = []
     begin, skip = 0, 0
@@ -83,7 +83,7 @@ def run_with_gaps(
         else:
             known = y[after:][np.isfinite(y[after:])]
             start = float(known[0]) if known.size else 0.0
-            kalman.reset(kalman.equilibrium_state(start / bearing.sensor.gain, start))
+            kalman.reset(kalman.equilibrium_state(start / machine.sensor.gain, start))
             skip = own
     run_to(u.size)
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -91,14 +91,14 @@ def run_with_gaps(
 
 def _pushed(kalman: Estimator, law: ConstantStiffness, change: float, duration: float) -> Array:
     """How far a control signal that is off by `change` [V] takes the states (n,) in a while [s]."""
-    bearing = kalman.bearing
-    m = bearing.rotor.mass
+    machine = kalman.machine
+    m = machine.rotor.mass
     rate = math.sqrt(law.k_s / m)
-    acceleration = law.k_i * bearing.amplifier.gain * change / m
+    acceleration = law.k_i * machine.amplifier.gain * change / m
     x = acceleration / rate**2 * (math.cosh(rate * duration) - 1)
     far = {
         "position": x,
         "velocity": acceleration / rate * math.sinh(rate * duration),
-        "sensor": bearing.sensor.gain * x,
+        "sensor": machine.sensor.gain * x,
     }
     return np.array([far.get(state.role, 0.0) for state in kalman.states])

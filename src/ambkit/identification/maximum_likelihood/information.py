@@ -214,7 +214,7 @@ def expect(record: Record, model: LoopModel, free: Sequence[str]) -> Expectation
     """Say how surely a record would tell parameters of the model that it comes from."""
     # Parameters that cannot be told are held one by one, as `maximum_likelihood` does.
     parameters, held = identifiable(named(free), model)
-    likelihood = Data([record], own_time(model.bearing)).likelihood(model, parameters)
+    likelihood = Data([record], own_time(model.isolated)).likelihood(model, parameters)
     _, _, by_e, by_S, used = likelihood.slopes(np.zeros(len(parameters)))
     information = by_e @ by_e.T + 0.5 * by_S @ by_S.T
     _, certainty = np.linalg.slogdet(np.eye(len(parameters)) + information)

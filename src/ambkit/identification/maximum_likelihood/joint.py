@@ -93,7 +93,7 @@ class Joint:
             local.value,
             local.score,
             local.information - lost,
-            between_blocks(left, self.model.bearing) + known,
+            between_blocks(left, self.model.isolated) + known,
             local.record_information - lost,
         )
 

@@ -172,7 +172,7 @@ class Likelihood:
             _log_likelihood(e, S) + log_prior(model),
             scores.sum(axis=1) + slope,
             information + known,
-            between_blocks(scores, model.bearing) + known,
+            between_blocks(scores, model.isolated) + known,
             information,
         )
 
@@ -193,10 +193,10 @@ def _log_likelihood(e: Array, S: Array) -> float:
     return float(-0.5 * np.sum(np.log(2 * np.pi * S) + e**2 / S))
 
 
-def between_blocks(scores: Array, bearing: Machine) -> Array:
+def between_blocks(scores: Array, machine: Machine) -> Array:
     """Covariance (p, p) of the sum of scores (p, n), from their sums over blocks of `BLOCK`."""
     n = scores.shape[1]
-    length = round(BLOCK * own_time(bearing) / bearing.sampling_time)
+    length = round(BLOCK * own_time(machine) / machine.sampling_time)
     blocks = max(FEWEST_BLOCKS, n // max(length, 1))
     edges = np.linspace(0, n, min(blocks, n) + 1).astype(int)[:-1]
     sums = np.add.reduceat(scores, edges, axis=1)

@@ -62,7 +62,7 @@ def with_lines(
             break
         if parameters:
             candidate_model = maximise(data, candidate_model, parameters, ENOUGH).model
-            *others, last = candidate_model.bearing.sensor.hum
+            *others, last = candidate_model.isolated.sensor.hum
             others_model = candidate_model.replace(sensor__hum=tuple(others))
             candidate_model = _fitted(data, others_model, last) or candidate_model
         gain = data.log_likelihood(candidate_model) - before
@@ -77,7 +77,7 @@ def _candidate(records: Sequence[Record], model: LoopModel) -> Hum | None:
     from scipy.ndimage import median_filter
     from scipy.stats import gamma
 
-    T = model.bearing.sampling_time
+    T = model.isolated.sampling_time
     length = min(LONGEST, *(len(record) - 1 for record in records))
     if length < 4 * AROUND:
         return None
@@ -91,7 +91,7 @@ def _candidate(records: Sequence[Record], model: LoopModel) -> Hum | None:
             count += 1
     power /= count
     # Below, a rotor moves by itself; at the other end noise has no room for a phase.
-    lowest = math.ceil(SLOWEST * length * T / (2 * math.pi * own_time(model.bearing)))
+    lowest = math.ceil(SLOWEST * length * T / (2 * math.pi * own_time(model.isolated)))
     inner = slice(max(lowest, 3), math.floor(0.98 * power.size))
     if inner.stop - inner.start < AROUND:
         return None
@@ -116,7 +116,7 @@ def _fitted(data: Data, model: LoopModel, line: Hum) -> LoopModel | None:
     """Return the model with one line more, its three figures as likely as can be."""
     from scipy.optimize import minimize
 
-    T = model.bearing.sampling_time
+    T = model.isolated.sampling_time
     longest = T * max(len(record) for record in data.records)
 
     def at(z: Array) -> LoopModel:
@@ -126,7 +126,7 @@ def _fitted(data: Data, model: LoopModel, line: Hum) -> LoopModel | None:
             amplitude=line.amplitude * math.exp(float(z[1])),
             bandwidth=float(np.clip(bandwidth, NARROWEST / longest, 0.1 * line.frequency)),
         )
-        return model.replace(sensor__hum=(*model.bearing.sensor.hum, one))
+        return model.replace(sensor__hum=(*model.isolated.sensor.hum, one))
 
     def cost(z: Array) -> float:
         try:
@@ -151,11 +151,11 @@ def _as_large_as_it_is(records: Sequence[Record], model: LoopModel) -> LoopModel
     squares = []
     for record in records:
         parts = model.states(record)
-        number = len(model.bearing.sensor.hum)
+        number = len(model.isolated.sensor.hum)
         name = f"hum{number}" if number > 1 else "hum"
         both = parts[f"{name}_c"] ** 2 + parts[f"{name}_s"] ** 2
         squares.append(both[both.size // 4 :])
-    *others, last = model.bearing.sensor.hum
+    *others, last = model.isolated.sensor.hum
     amplitude = math.sqrt(float(np.mean(np.concatenate(squares))))
     if not amplitude > 0:
         return model

@@ -37,7 +37,7 @@ class LoopModel:
     #: Parameters that no record of it tells, and why.
     described: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
-    bearing: Machine  #: Magnet, rotor, amplifier and sensor.
+    isolated: Machine  #: Magnet, rotor, amplifier and sensor.
     #: Time from a logged control signal to the force, to the logged position [s]; NaN: the
     #: bearing's own. That of the whole loop, for the part before the magnet and the part after it
     #: look alike. Whole steps shift the signal; a fraction f of a step gives each step the mean of
@@ -72,7 +72,7 @@ class LoopModel:
     known: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        b, weight = self.bearing, self.bearing.rotor.mass * GRAVITY
+        b, weight = self.isolated, self.isolated.rotor.mass * GRAVITY
         own = {
             "delay": b.delay or 0.0,
             "current_lag": lag_of(b),
@@ -85,14 +85,14 @@ class LoopModel:
     @property
     def undelayed_machine(self) -> Machine:
         """The bearing as if the current followed at once, for signals that are late already."""
-        return _late(self.bearing, 0.0, 0.0)
+        return _late(self.isolated, 0.0, 0.0)
 
     def delayed_machine(self, *, delay: bool = True) -> Machine:
         """Return the bearing with the model's delay and lag of the current as its own."""
-        T = self.bearing.sampling_time
+        T = self.isolated.sampling_time
         held = self.delay - (0.5 * T if self.line else 0.0)  # a filter is told of steps
         known = delay and 0 < held <= LONGEST_DELAY * T
-        return _late(self.bearing, held if known else 0.0, self.current_lag)
+        return _late(self.isolated, held if known else 0.0, self.current_lag)
 
     def kalman(self) -> Estimator:
         """Return the filter whose innovations judge this model, in the C core, with its steps."""
@@ -107,7 +107,7 @@ class LoopModel:
 
     def has_filter_of(self, other: LoopModel) -> bool:
         """Whether the filter that judges another model judges this one, with other signals."""
-        own = ("bearing", "substeps", "magnet", "memory", "disturbance_noise")
+        own = ("isolated", "substeps", "magnet", "memory", "disturbance_noise")
         return all(getattr(self, name) is getattr(other, name) for name in own)
 
     def _filter(self, finer: Machine, magnet: MagnetModel) -> Estimator:
@@ -135,7 +135,7 @@ class LoopModel:
         # adds to that square as to the bias current's own, ``i0^2 + V``. The gain falls as the bias
         # current rises, so that what a control signal does stays what it is. It matters little, 0.2
         # % of k_s for a noise of 4 % of the bias current, but many records tell.
-        b, i0 = self.bearing, self.bearing.magnet.bias_current
+        b, i0 = self.isolated, self.isolated.magnet.bias_current
         if self.magnet is not None or b.magnet.force_map is not None or not i0 > 0:
             return b
         raised = math.hypot(i0, b.amplifier.gain * math.sqrt(b.amplifier.noise_variance))
@@ -144,7 +144,7 @@ class LoopModel:
 
     def corrected(self, record: Record) -> Record:
         """Return the record as it would be without offsets, delay and current lag."""
-        T, b = self.bearing.sampling_time, self.bearing
+        T, b = self.isolated.sampling_time, self.isolated
         acting = delayed(lagged(self.between(record["u"]), T, self.current_lag), self.delay / T)
         signals = {name: record[name] for name in record} | {
             "y": record["y"] - self.position_offset,
@@ -161,7 +161,7 @@ class LoopModel:
 
     def mean_point(self, records: Sequence[Record]) -> tuple[float, float]:
         """Return control current [A] and displacement [m] in the mean of some records."""
-        b, corrected = self.bearing, [self.corrected(record) for record in records]
+        b, corrected = self.isolated, [self.corrected(record) for record in records]
         u, y = (np.concatenate([one[signal] for one in corrected]) for signal in ("u", "y"))
         return float(b.amplifier.gain * np.nanmean(u)), float(np.nanmean(y) / b.sensor.gain)
 
@@ -208,7 +208,7 @@ class LoopModel:
 
     def _delayed_control(self, u: Array) -> Array:
         """Return what acts at the filter's steps, late, of a control signal (n,) [V]."""
-        h = self.bearing.sampling_time / self.substeps
+        h = self.isolated.sampling_time / self.substeps
         return delayed(lagged(self._at_steps(u), h, self.current_lag), self.delay / h)
 
     def offset_error(self, u: Array) -> Array:
@@ -220,7 +220,7 @@ class LoopModel:
         # but a sensor of half a micrometre and a control that is shaken tell, and k came out 0.5 %
         # too small.
         # u (n,) [V]
-        b, h = self.bearing, self.bearing.sampling_time / self.substeps
+        b, h = self.isolated, self.isolated.sampling_time / self.substeps
         part = self.delay / h - math.floor(self.delay / h)
         stepless = self.line or self.memory > 0 or self.current_lag >= SHORTEST_LAG * h
         if stepless or part == 0 or b.magnet.force_map is not None or self.magnet is not None:
@@ -238,7 +238,7 @@ class LoopModel:
         self, record: Record, kalman: Estimator | None = None
     ) -> tuple[dict[str, Any], Array, Estimator]:
         """Run the filter with its finer steps; between two samples no measurement comes."""
-        h = self.bearing.sampling_time / self.substeps
+        h = self.isolated.sampling_time / self.substeps
         kalman = kalman or self.kalman()
         y, u = self._signals(record)
         kalman.reset(*self._start(kalman, y, record["u"][:1]))
@@ -246,7 +246,7 @@ class LoopModel:
         if not missing.any():
             return kalman.core.run(y, u), u, kalman
         unknown = delayed(np.repeat(missing, self.substeps).astype(float), self.delay / h) > 0
-        return run_with_gaps(kalman, self.bearing, y, u, unknown, record["u"], h), u, kalman
+        return run_with_gaps(kalman, self.isolated, y, u, unknown, record["u"], h), u, kalman
 
     def _signals(self, record: Record) -> tuple[Array, Array]:
         """Return what the filter measures at its steps [m], and the control that acts [V]."""
@@ -262,7 +262,7 @@ class LoopModel:
         # throw it about by amperes, where the magnet is far from the line that the filter takes it
         # for.
         # y (n,) [m]; u (1,) [V]
-        b, known = self.bearing, y[np.isfinite(y)]
+        b, known = self.isolated, y[np.isfinite(y)]
         first = float(known[0]) if known.size else 0.0
         std = dict(zip((s.name for s in kalman.states), kalman.default_std(), strict=True))
         if not math.isnan(self.load_std):
@@ -283,7 +283,7 @@ class LoopModel:
             return np.repeat(self._within_limits(self.between(filled(u))), self.substeps)
         recorded, at = self._within_limits(u), np.arange(u.size)
         fine = np.interp(np.arange(u.size * self.substeps + 1) / self.substeps, at, recorded)
-        keep = math.exp(-self.bearing.sampling_time / self.substeps / self.memory)
+        keep = math.exp(-self.isolated.sampling_time / self.substeps / self.memory)
         return np.asarray(fine[:-1] + np.diff(fine) / (1 - keep))
 
     def _within_limits(self, u: Array) -> Array:
@@ -292,7 +292,7 @@ class LoopModel:
         # Were the signal alone limited, the force there would be too large by up to 0.4 of the
         # noise's standard deviation, and each closed loop that touches its limit would bias k, s0
         # and the offsets.
-        b = self.bearing
+        b = self.isolated
         gain = b.amplifier.gain
         std = abs(gain) * math.sqrt(b.amplifier.noise_variance)
         iu = limited(gain * u + self.current_offset, std, b.current_min, b.current_max)
@@ -300,7 +300,7 @@ class LoopModel:
 
     def nearest_limit(self, record: Record) -> float:
         """Return how near a record's current comes to its limits, in its standard deviations."""
-        b = self.bearing
+        b = self.isolated
         iu = b.amplifier.gain * record["u"] + self.current_offset
         left = min(b.current_max - np.nanmax(iu), np.nanmin(iu) - b.current_min)
         std = abs(b.amplifier.gain) * math.sqrt(b.amplifier.noise_variance)
@@ -315,8 +315,8 @@ class LoopModel:
             return model
         if "magnet__magnet_constant" in of_bearing:
             constant = float(of_bearing.pop("magnet__magnet_constant"))  # type: ignore[arg-type]
-            of_bearing |= self.bearing.magnet.with_constant(constant)
-        return replace(model, bearing=self.bearing.replace(**of_bearing))
+            of_bearing |= self.isolated.magnet.with_constant(constant)
+        return replace(model, isolated=self.isolated.replace(**of_bearing))
 
 
 def is_interpolated(record: Record) -> bool:
@@ -325,28 +325,28 @@ def is_interpolated(record: Record) -> bool:
     return "u" in record.meta.get("measured", ()) or CONTROL in record
 
 
-def _late(bearing: Machine, delay: float, current_lag: float) -> Machine:
+def _late(machine: Machine, delay: float, current_lag: float) -> Machine:
     """Return a bearing with another delay [s] and lag of the current [s]; 0: none."""
-    amplifier, bandwidth = bearing.amplifier, None
-    if current_lag > SHORTEST_LAG * bearing.sampling_time:
+    amplifier, bandwidth = machine.amplifier, None
+    if current_lag > SHORTEST_LAG * machine.sampling_time:
         bandwidth = 1 / (2 * math.pi * current_lag)
         if amplifier.bandwidth and math.isclose(bandwidth, amplifier.bandwidth):
             bandwidth = amplifier.bandwidth  # to the last bit, as it was given
-    if (delay or None, bandwidth) == (bearing.delay, amplifier.bandwidth):
-        return bearing
+    if (delay or None, bandwidth) == (machine.delay, amplifier.bandwidth):
+        return machine
     changes: dict[str, float | None] = {"bandwidth": bandwidth}
     if bandwidth is None:  # a limit of the voltage limits what the current follows with
         changes |= {"voltage_limit": None, "resistance": None}
-    return _changed(bearing, amplifier=changes, delay=delay or None)
+    return _changed(machine, amplifier=changes, delay=delay or None)
 
 
-def _changed(bearing: Machine, **changes: Any) -> Machine:
+def _changed(machine: Machine, **changes: Any) -> Machine:
     """Return a copy with some values changed, in its tables too, and not checked."""
     # Each evaluation of the likelihood needs some; to check them took most of its time.
     for name, values in changes.items():
         if isinstance(values, dict):
-            changes[name] = getattr(bearing, name).model_copy(update=values)
-    return bearing.model_copy(update=changes)
+            changes[name] = getattr(machine, name).model_copy(update=values)
+    return machine.model_copy(update=changes)
 
 
 Filter = tuple[LoopModel, Estimator]

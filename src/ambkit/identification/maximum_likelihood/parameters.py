@@ -36,7 +36,7 @@ class Parameter:
             thing = getattr(thing, part)
         if thing is None:
             key = self.place.replace("__", ".")
-            raise AmbkitError(f"{self.name}: {model.bearing.name} has no {key} to start from")
+            raise AmbkitError(f"{self.name}: {model.isolated.name} has no {key} to start from")
         return float(thing)
 
     def text(self, model: LoopModel) -> str:
@@ -45,7 +45,7 @@ class Parameter:
 
 
 def _path(place: str) -> list[str]:
-    return ["bearing", *place.split("__")] if "__" in place else [place]
+    return ["isolated", *place.split("__")] if "__" in place else [place]
 
 
 def _one(_: LoopModel) -> float:
@@ -53,7 +53,7 @@ def _one(_: LoopModel) -> float:
 
 
 def _samples(model: LoopModel) -> float:
-    return 10 * model.bearing.sampling_time
+    return 10 * model.isolated.sampling_time
 
 
 PARAMETERS: dict[str, Parameter] = {
@@ -69,14 +69,14 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter("delay", "T_d", "s", "delay", False, _samples),
         Parameter("current_lag", "T_i", "s", "current_lag", True, _one),
         Parameter("position_offset", "y_0", "m", "position_offset", False,
-                  lambda m: m.bearing.clearance),
+                  lambda m: m.isolated.clearance),
         Parameter("current_offset", r"i_\mathrm{off}", "A", "current_offset", False,
-                  lambda m: m.bearing.magnet.bias_current),
+                  lambda m: m.isolated.magnet.bias_current),
         Parameter("sensor_gain", r"K_\mathrm{Sen}", "1", "sensor__gain", True, _one),
         Parameter("amplifier_gain", r"k_\mathrm{ui}", "A/V", "amplifier__gain", True, _one),
         Parameter("measurement_noise", "R", "m^2", "sensor__noise_variance", True, _one),
         Parameter("position_noise", r"\kappa", "1/m", "sensor__position_noise", False,
-                  lambda m: 1 / m.bearing.clearance),
+                  lambda m: 1 / m.isolated.clearance),
         Parameter("control_noise", "Q_u", "V^2", "amplifier__noise_variance", True, _one),
         Parameter("disturbance_noise", "Q_d", "N^2/s", "disturbance_noise", True, _one),
     )
@@ -101,7 +101,7 @@ def usual(model: LoopModel) -> tuple[str, ...]:
     # A one-sided magnet knows no middle: where x = 0 is, is a choice, and an offset of the position
     # is nothing but another air gap. A lag of the current is looked for where the amplifier has
     # one, and the air gap not where a force map says what it does.
-    magnet = model.bearing.magnet
+    magnet = model.isolated.magnet
     names = (*USUAL, "current_lag") if model.current_lag > 0 else USUAL
     idle = {
         "position_offset": magnet.type == "one-sided",
@@ -121,7 +121,7 @@ def priors_of(model: LoopModel) -> dict[str, tuple[float, float]]:
     # left for magnet constant, gap and offset, and the gap moves by metres per ampere. And at one
     # place the noise of a sensor does not show how it depends on the place. Taken for known, either
     # would make the errors of all others too small.
-    b = model.bearing
+    b = model.isolated
     return {
         "current_offset": (model.current_offset, OFFSET_SHARE * b.magnet.bias_current),
         "position_noise": (b.sensor.position_noise, 1 / b.clearance),
@@ -165,7 +165,7 @@ def identifiable(
     held = {p.name: model.described[p.name] for p in parameters if p.name in model.described}
     if {"magnet_constant", "mass"} <= {p.name for p in parameters}:
         held["mass"] = f"magnet_constant and mass {ALIKE}, a loop tells their ratio"
-    if model.bearing.magnet.force_map is not None and "air_gap" in {p.name for p in parameters}:
+    if model.isolated.magnet.force_map is not None and "air_gap" in {p.name for p in parameters}:
         held["air_gap"] = "the force map has it in it"
     return [p for p in parameters if p.name not in held], held
 

@@ -80,7 +80,7 @@ class MaximumLikelihood(Result):
     position_step: float | None = None
 
     @property
-    def bearing(self) -> Machine:
+    def isolated(self) -> Machine:
         """The bearing found: its delay where `delay_counts`, its current's lag, its steps."""
         has_noise = any(p.name == "measurement_noise" for p in self.parameters)
         late = self.model.delayed_machine(delay=self.delay_counts)
@@ -89,7 +89,7 @@ class MaximumLikelihood(Result):
     @property
     def lines(self) -> Sequence[Hum]:
         """Lines in the position that were found, beside those that the bearing had."""
-        return self.model.bearing.sensor.hum[len(self.start.bearing.sensor.hum) :]
+        return self.model.isolated.sensor.hum[len(self.start.isolated.sensor.hum) :]
 
     @property
     def delay_counts(self) -> bool:
@@ -97,7 +97,7 @@ class MaximumLikelihood(Result):
         if self.model.delayed_machine().delay is None:
             return False  # below zero, or longer than any bearing's
         free = any(p.name == "delay" for p in self.parameters)
-        delay_known = self.start.bearing.delay is not None or not free
+        delay_known = self.start.isolated.delay is not None or not free
         return delay_known or self.interval("delay")[0] > 0
 
     @property
@@ -150,7 +150,7 @@ class MaximumLikelihood(Result):
         iu, x = np.meshgrid(currents, displacements)
 
         def at(z: Array) -> Array:
-            return np.array(magnet_of(coordinates.model_at(z).bearing).tangent(iu, x))
+            return np.array(magnet_of(coordinates.model_at(z).isolated).tangent(iu, x))
 
         steps = 1e-5 * np.eye(len(self.parameters))
         slopes = np.array([(at(step) - at(-step)) / 2e-5 for step in steps])
@@ -160,7 +160,7 @@ class MaximumLikelihood(Result):
         values = at(np.zeros(len(self.parameters)))
         return {"k_i": (values[0], errors[0]), "k_s": (values[1], errors[1])}
 
-    TITLE = "Identification of {0.bearing.name}"
+    TITLE = "Identification of {0.isolated.name}"
 
     @property
     def finding(self) -> str:
@@ -168,8 +168,8 @@ class MaximumLikelihood(Result):
         name = "magnet_constant" if "magnet_constant" in names else names[0]
         result = next(row for row in self.rows if row.of == name and row.key == "value")
         return (
-            f"{self.bearing.name}: {name.replace('_', ' ')} {result.text()}, by maximum likelihood "
-            f"from {self.samples} measurements."
+            f"{self.isolated.name}: {name.replace('_', ' ')} {result.text()}, by maximum "
+            f"likelihood from {self.samples} measurements."
         )
 
     @property
@@ -190,7 +190,7 @@ class MaximumLikelihood(Result):
 
     @property
     def sections(self) -> dict[tuple[str, ...], Section]:
-        title = f"{self.bearing.name}: identified from {self.samples} measurements"
+        title = f"{self.isolated.name}: identified from {self.samples} measurements"
         return {("parameters",): Section(title, across=True)}
 
     @property

@@ -179,7 +179,7 @@ def unnecessary(
         rest = [p for p in parameters if p is not parameter]
         if not rest:
             continue
-        none = NO_LAG * result.model.bearing.sampling_time
+        none = NO_LAG * result.model.isolated.sampling_time
         other = maximise(data, _with(result.model, parameter, none, rest), rest)
         if other.value > result.value - RULED_OUT:
             return parameter, "the records are about as likely without any"
@@ -218,7 +218,7 @@ def tighten_clearance(
     # reason for a gap to be larger than it is.
     if not any(p.name == "air_gap" for p in parameters):
         return model
-    b = model.bearing
+    b = model.isolated
     gone = max(float(np.nanmax(np.abs(record["y"]))) for record in records) / abs(b.sensor.gain)
     room = min(b.clearance, max(MORE * gone, b.clearance / LEAST_ROOM))
     return model.replace(rotor__clearance=room)
@@ -229,12 +229,12 @@ def restore_clearance(
 ) -> tuple[LoopModel, list[str]]:
     """Return what was found with the stops of the description, and what limits it touches."""
     touched = []
-    travel, gap = nominal_model.bearing.clearance, result.bearing.magnet.air_gap
+    travel, gap = nominal_model.isolated.clearance, result.isolated.magnet.air_gap
     if gap <= travel:
         touched.append(
             f"the identified air gap, {engineering(gap, 'm', 4)}, is smaller than the described "
             f"clearance, {engineering(travel, 'm', 4)}; the clearance is set to "
-            f"{engineering(result.bearing.clearance, 'm', 4)}, the range of the records"
+            f"{engineering(result.isolated.clearance, 'm', 4)}, the range of the records"
         )
     else:
         result = result.replace(rotor__clearance=travel)
@@ -242,7 +242,7 @@ def restore_clearance(
         min(model.nearest_limit(record) for record in records) for model in (nominal_model, result)
     ]
     if near[0] > FAR_FROM_LIMIT and near[1] < NEAR_LIMIT:
-        limit = engineering(result.bearing.current_max, "A", 3)
+        limit = engineering(result.isolated.current_max, "A", 3)
         touched.append(
             f"with the identified offset the control current reaches its limit of {limit}; with "
             "the initial one it does not"
@@ -266,7 +266,7 @@ def initial_guess(
         (model, "least squares") for model in _by_least_squares(data.records, initial_model, free)
     ]
     if "delay" in free:
-        T = initial_model.bearing.sampling_time
+        T = initial_model.isolated.sampling_time
         candidates += [
             (model.replace(delay=(n + 0.5) * T), name)
             for model, name in candidates
@@ -302,7 +302,7 @@ def _by_least_squares(
     # magnets.
     from scipy.signal import savgol_filter
 
-    b = model.bearing
+    b = model.isolated
     T, m = b.sampling_time, b.rotor.mass
     half = max(2, round(0.5 * math.sqrt(m / ConstantStiffness.of(b).k_s) / T))
     width = 2 * half + 1
@@ -341,7 +341,7 @@ def _by_least_squares(
         try:
             moved = model.replace(magnet__air_gap=there)
             if "magnet_constant" in free:
-                k = b.magnet.magnet_constant * k_i / ConstantStiffness.of(moved.bearing).k_i
+                k = b.magnet.magnet_constant * k_i / ConstantStiffness.of(moved.isolated).k_i
                 moved = moved.replace(magnet__magnet_constant=k)
             if moved != model:
                 results.append(moved)

@@ -129,7 +129,7 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
     """
 
     core: Any
-    bearing: Machine
+    machine: Machine
     memory: float  #: Samples over which k is averaged.
     _learned: type[Learned]
     _more: ClassVar[Sequence[str]] = ()  # what the core gives besides
@@ -156,11 +156,11 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
 
     def _ideal(self, y: Any, u: Any) -> Any:
         """Return the control signal as the core, which knows ideal iron, is to be told it."""
-        return u if self._of_ideal_iron else as_ideal(self.bearing, y, u)
+        return u if self._of_ideal_iron else as_ideal(self.machine, y, u)
 
     @cached_property
     def _of_ideal_iron(self) -> bool:
-        return magnet_of(self.bearing).ideal  # asked at every sample
+        return magnet_of(self.machine).ideal  # asked at every sample
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> Learned:
         """Learn along a record.
@@ -175,7 +175,7 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
         y = record["y"]
         known = real("disturbance", 0.0 if disturbance is None else disturbance)
         f_d = np.ascontiguousarray(np.broadcast_to(known, y.shape))
-        out = self.core.run(y, self._ideal(y, acting(self.bearing, record["u"])), f_d)
+        out = self.core.run(y, self._ideal(y, acting(self.machine, record["u"])), f_d)
         return self._learned(
             t=record.t, k=out["k"], held=out["status"] != 0, force=out["force"],
             excitation=np.sqrt(out["excitation"]), memory=self.memory,
@@ -193,7 +193,7 @@ class Adaline(OnlineIdentifier[AdalineResult]):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         Mass, weight, gap, bias current, lag and limits are taken from it; its magnet constant is
         where learning starts.
     start : float or str, optional
@@ -216,7 +216,7 @@ class Adaline(OnlineIdentifier[AdalineResult]):
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         *,
         start: Given | None = None,
         bandwidth: Given | None = None,
@@ -226,58 +226,58 @@ class Adaline(OnlineIdentifier[AdalineResult]):
     ) -> None:
         if not 0 < rate_k < 2:
             raise ValueError(f"rate_k must be greater than 0 and less than 2, got {rate_k!r}")
-        settings = first_element(bearing, start, bandwidth, rate_force, least_excitation)
-        self.bearing = bearing
+        settings = first_element(machine, start, bandwidth, rate_force, least_excitation)
+        self.machine = machine
         self.bandwidth = settings["bandwidth"] / (2 * math.pi)
         self.rate_k, self.memory = rate_k, 1 / rate_k
         self.core = core_module().Adaline(**settings, rate_k=rate_k)
 
 
-def start_of(bearing: Machine, start: Given | None) -> float:
+def start_of(machine: Machine, start: Given | None) -> float:
     """Return the magnet constant where learning starts [N m^2/A^2], the bearing's by default."""
-    start = bearing.magnet.magnet_constant if start is None else in_si("start", start, CONSTANT)
+    start = machine.magnet.magnet_constant if start is None else in_si("start", start, CONSTANT)
     if not 0 < start < math.inf:
         raise ValueError(f"start must be greater than 0 N m^2/A^2 and finite, got {start!r}")
     return start
 
 
 def first_element(
-    bearing: Machine,
+    machine: Machine,
     start: Given | None,
     bandwidth: Given | None,
     rate_force: float,
     least_excitation: float,
 ) -> dict[str, Any]:
     """Check what finds the force (eq. 24), and write it down for the core."""
-    start = start_of(bearing, start)
+    start = start_of(machine, start)
     bandwidth = in_si("bandwidth", bandwidth, "Hz")
     if not 0 < rate_force < 2:
         raise ValueError(f"rate_force must be greater than 0 and less than 2, got {rate_force!r}")
     if not 0 <= least_excitation < math.inf:
         raise ValueError(f"least_excitation must be 0 or greater, got {least_excitation!r}")
     if bandwidth is None:
-        own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass)
+        own = math.sqrt(ConstantStiffness.of(machine).k_s / machine.rotor.mass)
         bandwidth = 2 * own / (2 * math.pi)
-    if not 0 < bandwidth < 0.5 / bearing.sampling_time:
+    if not 0 < bandwidth < 0.5 / machine.sampling_time:
         raise ValueError(
             f"bandwidth must be greater than 0 and less than half the sampling rate, "
-            f"{0.5 / bearing.sampling_time:g} Hz, got {bandwidth!r}"
+            f"{0.5 / machine.sampling_time:g} Hz, got {bandwidth!r}"
         )
-    magnet, T = bearing.magnet, bearing.sampling_time
+    magnet, T = machine.magnet, machine.sampling_time
     # What ideal iron would need to pull as a stronger magnet does may be beyond the limits.
-    room = 1.0 if magnet_of(bearing).ideal else 1e3
+    room = 1.0 if magnet_of(machine).ideal else 1e3
     return {
         "s0": magnet.air_gap,
         "i0": magnet.bias_current,
         "two_sided": magnet.type == "two-sided",
         "T": T,
-        "m": bearing.rotor.mass,
-        "K_sen": bearing.sensor.gain,
-        "a_sen": math.exp(-T / bearing.lag_of(bearing.sensor)),
-        "k_ui": bearing.amplifier.gain,
-        "iu_min": room * bearing.current_min,
-        "iu_max": room * bearing.current_max,
-        "f_0": bearing.weight,
+        "m": machine.rotor.mass,
+        "K_sen": machine.sensor.gain,
+        "a_sen": math.exp(-T / machine.lag_of(machine.sensor)),
+        "k_ui": machine.amplifier.gain,
+        "iu_min": room * machine.current_min,
+        "iu_max": room * machine.current_max,
+        "f_0": machine.weight,
         "bandwidth": 2 * math.pi * bandwidth,
         "rate_force": rate_force,
         "least_excitation": least_excitation,
@@ -285,14 +285,14 @@ def first_element(
     }
 
 
-def as_ideal(bearing: Machine, y: ArrayLike, u: ArrayLike) -> Array:
+def as_ideal(machine: Machine, y: ArrayLike, u: ArrayLike) -> Array:
     """Return the control signal with which ideal iron of the same constant pulls as the magnet."""
     # y (n,) [m]; u (n,) [V]
-    m, amplifier, travel = bearing.magnet, bearing.amplifier, bearing.clearance
-    iu = np.clip(amplifier.gain * np.asarray(u), bearing.current_min, bearing.current_max)
-    x = np.clip(np.asarray(y) / bearing.sensor.gain, -travel, travel)
+    m, amplifier, travel = machine.magnet, machine.amplifier, machine.clearance
+    iu = np.clip(amplifier.gain * np.asarray(u), machine.current_min, machine.current_max)
+    x = np.clip(np.asarray(y) / machine.sensor.gain, -travel, travel)
     i0, s0 = m.bias_current, m.air_gap
-    pull = np.asarray(magnet_of(bearing).force(iu, x)) / m.magnet_constant
+    pull = np.asarray(magnet_of(machine).force(iu, x)) / m.magnet_constant
     if m.type == "one-sided":
         ideal = (s0 - x) * np.sqrt(np.maximum(pull, 0.0)) - i0
     else:

@@ -62,7 +62,7 @@ Sensor noise that is correlated over a sample (a low-pass at a sixth of the samp
 class OnlineComparison(Result):
     """What each learned along one record, from one start, and the machine of one of them."""
 
-    bearing: Machine  #: The one that was given.
+    known: Machine  #: The one that was given.
     start: float  #: Magnet constant that all began with [N m^2/A^2].
     truth: float | None  #: The simulated bearing's [N m^2/A^2]; None for a measured record.
     results: Mapping[str, OnlineResult]  #: By the names of `NAMES`.
@@ -73,7 +73,7 @@ class OnlineComparison(Result):
         """The machine with what the method learned."""
         if self.method == "all":
             raise AmbkitError(f"a machine is of one method: method={', '.join(ONLINE)}")
-        return identified(self.bearing, self.results[self.method])
+        return identified(self.known, self.results[self.method])
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
         self.machine.save(path)
@@ -177,11 +177,11 @@ class OnlineComparison(Result):
         carried = float(np.abs(rls.force[last_quarter(rls.k)]).mean())
         return load if load is not None and abs(load) > 0.02 * carried else None
 
-    TITLE = "Magnet constant of {0.bearing.name}, learned online"
+    TITLE = "Magnet constant of {0.known.name}, learned online"
 
     @property
     def finding(self) -> str:
-        return f"{self.bearing.name}: {self.agreement}"
+        return f"{self.known.name}: {self.agreement}"
 
     @property
     def rows(self) -> list[Row]:
@@ -204,7 +204,7 @@ class OnlineComparison(Result):
     def series(self) -> dict[str, Any]:
         return {row.key: row.value for row in self.rows if row.of == self.method} | {
             "method": self.method,
-            "bearing": self.bearing.name,
+            "machine": self.known.name,
             "start": self.start,
             "truth": self.truth,
             "agreement": self.agreement,
@@ -218,7 +218,7 @@ class OnlineComparison(Result):
 
 def compare_online(
     record: Record,
-    bearing: Machine,
+    machine: Machine,
     *,
     start: float | None = None,
     disturbance: ArrayLike | None = None,
@@ -229,13 +229,13 @@ def compare_online(
     # disturbance (n,) [N]
     if method not in ("all", *ONLINE):
         raise AmbkitError(f'there is no method "{method}"; known: all, {", ".join(ONLINE)}')
-    check_sampling(bearing, record)
+    check_sampling(machine, record)
     return OnlineComparison(
-        bearing,
-        bearing.magnet.magnet_constant if start is None else start,
+        machine,
+        machine.magnet.magnet_constant if start is None else start,
         true_constant(record),
         {
-            name: learner(bearing, start=start).run(record, disturbance=disturbance)
+            name: learner(machine, start=start).run(record, disturbance=disturbance)
             for name, learner in ONLINE.items()
         },
         method,
@@ -275,7 +275,7 @@ def online_figure(learned: OnlineComparison) -> Figure:
     time = Axis(TIME.label, TIME.unit, limits=(float(t[0]), float(right)))
     return Figure(
         id="online",
-        title=f"Magnet constant of {markdown(learned.bearing.name)}, learned online",
+        title=f"Magnet constant of {markdown(learned.known.name)}, learned online",
         caption=f"{learned.agreement} On the right the results with 95 % intervals; ADALINE's and "
         "that of least squares are the means over the last quarter, their intervals from the "
         "scatter there. Band: 95 % as the Kalman filter believes it. Shaded: k is held, for there "

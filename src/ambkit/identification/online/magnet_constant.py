@@ -51,7 +51,7 @@ class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         Mass, weight, gap, bias current, lag and limits are taken from it; its magnet constant is
         where learning starts.
     start, bandwidth, rate_force : float, optional
@@ -76,7 +76,7 @@ class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         *,
         start: Given | None = None,
         bandwidth: Given | None = None,
@@ -91,8 +91,8 @@ class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
             )
         if load not in ("unknown", "known"):
             raise ValueError(f"load must be 'unknown' or 'known', got {load!r}")
-        settings = first_element(bearing, start, bandwidth, rate_force, least_excitation)
-        self.bearing = bearing
+        settings = first_element(machine, start, bandwidth, rate_force, least_excitation)
+        self.machine = machine
         self.forgetting, self.memory = forgetting, 1 / (1 - forgetting)
         self.core = core_module().MagnetRls(
             **settings,
@@ -134,15 +134,15 @@ class AugmentedIdentifier:
     # It takes the load for one that wanders, and needs no word of it; so a load that is known is
     # only taken off what it found.
 
-    def __init__(self, bearing: Machine, *, start: Given | None = None, **options: Any) -> None:
-        constant = start_of(bearing, start)
-        self.bearing = bearing.replace(**bearing.magnet.with_constant(constant))
-        self.kalman = AugmentedKalmanFilter(self.bearing, **options)
+    def __init__(self, machine: Machine, *, start: Given | None = None, **options: Any) -> None:
+        constant = start_of(machine, start)
+        self.machine = machine.replace(**machine.magnet.with_constant(constant))
+        self.kalman = AugmentedKalmanFilter(self.machine, **options)
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> AugmentedResult:
         """Learn along a record."""
         # disturbance (n,) [N]
-        start = self.bearing.magnet.magnet_constant
+        start = self.machine.magnet.magnet_constant
         estimate = self.kalman.run(record)
         assert estimate.scale is not None
         assert estimate.scale_variance is not None
@@ -167,7 +167,7 @@ ONLINE: Mapping[str, Learner] = {
 """What learns a magnet constant sample by sample, by the names that users call it."""
 
 
-def identified(bearing: Machine, history: OnlineResult) -> Machine:
+def identified(machine: Machine, history: OnlineResult) -> Machine:
     """Return a bearing with the magnet constant that was learned."""
     if history.held.all():
         seen = (
@@ -183,4 +183,4 @@ def identified(bearing: Machine, history: OnlineResult) -> Machine:
             f"the identified magnet constant is {k:.3g} N m^2/A^2, which no magnet has: is the "
             "sign of y or u turned round, or a large disturbance force left out?"
         )
-    return bearing.replace(**bearing.magnet.with_constant(k))
+    return machine.replace(**machine.magnet.with_constant(k))

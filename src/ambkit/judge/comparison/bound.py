@@ -136,20 +136,20 @@ def _root(Q: Array) -> Array:
     return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _held(bearing: Machine, record: Record, variances: Variances) -> tuple[Array, Array]:
+def _held(machine: Machine, record: Record, variances: Variances) -> tuple[Array, Array]:
     """F (samples - 1, 4, 4), G (samples - 1, 4, 5) of the paper's axis, exact for held tangents."""
     from scipy.linalg import expm
 
-    T, m = bearing.sampling_time, bearing.rotor.mass
-    lag = bearing.lag_of(bearing.sensor)
-    k_i, k_s = magnet_of(bearing).tangent(record["iu"][:-1], record["x"][:-1])
+    T, m = machine.sampling_time, machine.rotor.mass
+    lag = machine.lag_of(machine.sensor)
+    k_i, k_s = magnet_of(machine).tangent(record["iu"][:-1], record["x"][:-1])
     A = np.zeros((len(record) - 1, 5, 5))  # x, v, f_d, x_m, and the current, which is held
     A[:, 0, 1] = 1.0
     A[:, 1, 0], A[:, 1, 2], A[:, 1, 4] = k_s / m, 1 / m, k_i / m
-    A[:, 3, 0], A[:, 3, 3] = bearing.sensor.gain / lag, -1 / lag
+    A[:, 3, 0], A[:, 3, 3] = machine.sensor.gain / lag, -1 / lag
     held = expm(A * T)
     G = np.zeros((len(A), 4, 1 + NODES))
-    G[:, :, 0] = held[:, :4, 4] * bearing.amplifier.gain * np.sqrt(variances.control)
+    G[:, :, 0] = held[:, :4, 4] * machine.amplifier.gain * np.sqrt(variances.control)
     # The load walks on within the sample (Van Loan 1978, his integral by Gauss and Legendre). What
     # it does until the sample's end hardly depends on the tangents, so the first ones do for all.
     at, weights = np.polynomial.legendre.leggauss(NODES)

@@ -111,9 +111,9 @@ def in_the_loop(made: Iterable[Trial], estimator: Estimator, settling: float) ->
     return simulate_many(runs, settling=settling, threads=1)
 
 
-def trials(case: Case, bearing: Machine, runs: int, seed: int) -> list[Trial]:
+def trials(case: Case, machine: Machine, runs: int, seed: int) -> list[Trial]:
     """Make the records of a case, see `each_trial`."""
-    return list(each_trial(case, bearing, runs, seed))
+    return list(each_trial(case, machine, runs, seed))
 
 
 def each_trial(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
@@ -228,11 +228,11 @@ def _beside(case: Case, plant: Machine, scenario: Scenario) -> ExternalInputs:
     return ExternalInputs(sensor_noise=noise, magnet_scale=scale)
 
 
-def saturating(bearing: Machine) -> Force:
+def saturating(machine: Machine) -> Force:
     """Return the force of magnets whose iron saturates at twice the flux of the bias current."""
     # The flux, proportional to i/s, bends off as ``phi/(1 + (phi/phi_s)^4)^(1/4)``. The bearing's
     # own force, by its law or force map, falls by the same share as an ideal magnet's does.
-    m, own = bearing.magnet, magnet_of(bearing)
+    m, own = machine.magnet, magnet_of(machine)
     limit = 2 * m.bias_current / m.air_gap
 
     def force(iu: Array, x: Array) -> Array:
@@ -271,39 +271,39 @@ def _magnet(case: Case, plant: Machine, nominal: Machine) -> MagnetModel | None:
 
 
 def _scenario(
-    bearing: Machine, duration: float, reference: Signal, disturbance: Signal | None = None
+    machine: Machine, duration: float, reference: Signal, disturbance: Signal | None = None
 ) -> Scenario:
     return Scenario(
-        duration=duration * own_time(bearing),
+        duration=duration * own_time(machine),
         reference=reference,
         disturbance=disturbance or Constant(value=0.0),
-        controller=Control.textbook(bearing),  # a lively loop, which takes the rotor far out
+        controller=Control.textbook(machine),  # a lively loop, which takes the rotor far out
     )
 
 
-def against_gravity(bearing: Machine) -> float:
+def against_gravity(machine: Machine) -> float:
     """Loads act against gravity, as the paper's do: the way that is safe for any magnet."""
-    return -1.0 if bearing.weight > 0 else 1.0
+    return -1.0 if machine.weight > 0 else 1.0
 
 
-def _load(bearing: Machine, load: float, at: float) -> Step:
-    weight = bearing.rotor.mass * GRAVITY
-    return Step(amplitude=against_gravity(bearing) * load * weight, time=at * own_time(bearing))
+def _load(machine: Machine, load: float, at: float) -> Step:
+    weight = machine.rotor.mass * GRAVITY
+    return Step(amplitude=against_gravity(machine) * load * weight, time=at * own_time(machine))
 
 
-def _positions(bearing: Machine, plan: dict[float, float]) -> Sequence:
+def _positions(machine: Machine, plan: dict[float, float]) -> Sequence:
     """Positions in travels, by the times at which they begin, in the plant's own."""
     return Sequence(
-        times=tuple(at * own_time(bearing) for at in plan),
-        values=tuple(height * bearing.clearance for height in plan.values()),
+        times=tuple(at * own_time(machine) for at in plan),
+        values=tuple(height * machine.clearance for height in plan.values()),
     )
 
 
 def step_case(share: float) -> Case:
     """Return the case of one step and a load, as `ambkit reproduce` has it."""
 
-    def scenario(bearing: Machine, load: float) -> Scenario:
-        return _scenario(bearing, 60, _positions(bearing, {6: share}), _load(bearing, load, 30))
+    def scenario(machine: Machine, load: float) -> Scenario:
+        return _scenario(machine, 60, _positions(machine, {6: share}), _load(machine, load, 30))
 
     return Case(
         "step",
@@ -317,8 +317,8 @@ def step_case(share: float) -> Case:
 def walk_case(share: float) -> Case:
     """Return the case in which all is as the filters' model says, with one step."""
 
-    def scenario(bearing: Machine, _load: float) -> Scenario:
-        return _scenario(bearing, 24, _positions(bearing, {2: share}))
+    def scenario(machine: Machine, _load: float) -> Scenario:
+        return _scenario(machine, 24, _positions(machine, {2: share}))
 
     return Case(
         "model",
@@ -330,28 +330,28 @@ def walk_case(share: float) -> Case:
     )
 
 
-def _paper(bearing: Machine, load: float) -> Scenario:
+def _paper(machine: Machine, load: float) -> Scenario:
     plan = dict(zip((6.0, 18.0, 30.0), STEPS, strict=True))
-    return _scenario(bearing, 60, _positions(bearing, plan), _load(bearing, load, 45))
+    return _scenario(machine, 60, _positions(machine, plan), _load(machine, load, 45))
 
 
-def _wrong_k(bearing: Machine, load: float) -> Scenario:
+def _wrong_k(machine: Machine, load: float) -> Scenario:
     plan = {6.0: 0.2, 14.0: -0.2, 22.0: 0.3, 30.0: 0.1}
-    return _scenario(bearing, 60, _positions(bearing, plan), _load(bearing, load, 42))
+    return _scenario(machine, 60, _positions(machine, plan), _load(machine, load, 42))
 
 
-def _unbalance(bearing: Machine, load: float) -> Scenario:
-    weight, rate = bearing.rotor.mass * GRAVITY, 1 / (6 * own_time(bearing))
+def _unbalance(machine: Machine, load: float) -> Scenario:
+    weight, rate = machine.rotor.mass * GRAVITY, 1 / (6 * own_time(machine))
     force = Sine(amplitude=load * weight, frequency=rate)
-    return _scenario(bearing, 60, _positions(bearing, {6: 0.3}), force)
+    return _scenario(machine, 60, _positions(machine, {6: 0.3}), force)
 
 
 def load_case(force: float) -> Case:
     """Return the case of a position step and back, then a step of the disturbance force."""
 
-    def scenario(bearing: Machine, _load: float) -> Scenario:
-        step = Step(amplitude=against_gravity(bearing) * force, time=20 * own_time(bearing))
-        return _scenario(bearing, 32, _positions(bearing, {2: STEPS[-1], 10: 0.0}), step)
+    def scenario(machine: Machine, _load: float) -> Scenario:
+        step = Step(amplitude=against_gravity(machine) * force, time=20 * own_time(machine))
+        return _scenario(machine, 32, _positions(machine, {2: STEPS[-1], 10: 0.0}), step)
 
     return Case(
         "load",

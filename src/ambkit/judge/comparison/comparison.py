@@ -31,7 +31,7 @@ _TRAINING_SEED = 500_009
 
 
 def bench(
-    bearing: Machine,
+    machine: Machine,
     case: Case,
     field: Mapping[str, Candidate],
     *,
@@ -42,12 +42,12 @@ def bench(
     done: Callable[[], None] = lambda: None,
 ) -> Bench:
     """Compare estimators in one case."""
-    made = trials(case, bearing, runs, seed)
+    made = trials(case, machine, runs, seed)
     valid = [trial for trial in made if not trial.lost]
     if not valid:
         raise AmbkitError(f"case {case.name}: in each of {runs} runs the rotor meets a stop")
-    settling = SETTLING * slowest_time(bearing)
-    first = max(1, round(settling / bearing.sampling_time))
+    settling = SETTLING * slowest_time(machine)
+    first = max(1, round(settling / machine.sampling_time))
     with pool_of(threads) as pool:
 
         def search(candidate: Candidate) -> Tuning:
@@ -57,7 +57,7 @@ def bench(
 
         def evaluated(candidate: Candidate, tuning: Tuning | None = None) -> Score:
             values = dict(tuning.values) if tuning else candidate.defaults
-            figures = _figures(candidate, values, valid, bearing, settling)
+            figures = _figures(candidate, values, valid, machine, settling)
             done()
             return Score(candidate.name, candidate.label, values, figures, tuning)
 
@@ -70,14 +70,14 @@ def bench(
 
         tunings: list[Tuning] = []
         if budget > 0:
-            made = trials(case, bearing, TRAINING, seed + _TRAINING_SEED)
+            made = trials(case, machine, TRAINING, seed + _TRAINING_SEED)
             training = [trial for trial in made if not trial.lost]
-            reference = errors(lambda: KalmanFilter(bearing), training, first).mean(axis=0)
+            reference = errors(lambda: KalmanFilter(machine), training, first).mean(axis=0)
             tunings = list(pool.map(search, field.values()))
         default = scores()
         tuned = scores(tunings) if tunings else {}
     return Bench(
-        bearing=bearing,
+        machine=machine,
         case=case,
         runs=runs,
         stopped=runs - len(valid),
@@ -85,8 +85,8 @@ def bench(
         budget=budget,
         default=default,
         tuned=tuned,
-        limit=_limit(bearing, case, valid, first),
-        raw=raw_error(bearing, [trial.record for trial in valid], first),
+        limit=_limit(machine, case, valid, first),
+        raw=raw_error(machine, [trial.record for trial in valid], first),
         units={name: {t.name: t.unit for t in item.tunable} for name, item in field.items()},
     )
 
@@ -95,14 +95,14 @@ def _figures(
     candidate: Candidate,
     values: Mapping[str, float],
     valid: Sequence[Trial],
-    bearing: Machine,
+    machine: Machine,
     settling: float,
 ) -> dict[str, Array]:
     """Judge an estimator along the records and, where it can be there, in the loops, (runs,)."""
     # One of ours serves all runs, each of which it begins afresh.
     estimator = candidate.build(**values)
     rows = [
-        evaluate_run(estimator if candidate.in_loop else candidate.build(**values), trial, bearing,
+        evaluate_run(estimator if candidate.in_loop else candidate.build(**values), trial, machine,
                      settling)
         for trial in valid
     ]  # fmt: skip
@@ -128,9 +128,9 @@ def _cost(estimator: Any, trial: Trial) -> float:
     return best / len(trial.record)
 
 
-def raw_error(bearing: Machine, records: Sequence[Record], first: int) -> float:
+def raw_error(machine: Machine, records: Sequence[Record], first: int) -> float:
     """Return what the raw sensors err by along the axes from a sample on, rms [m]."""
-    view, errors = View(bearing), []
+    view, errors = View(machine), []
     transform = view.H @ view.shown
     for record in records:
         y = np.array([record[signal("y", r.name)] for r in view.machine.readings])
@@ -139,11 +139,11 @@ def raw_error(bearing: Machine, records: Sequence[Record], first: int) -> float:
     return float(np.mean(errors))
 
 
-def _limit(bearing: Machine, case: Case, valid: Sequence[Trial], first: int) -> dict[str, float]:
+def _limit(machine: Machine, case: Case, valid: Sequence[Trial], first: int) -> dict[str, float]:
     if not case.walks:
         return {}
-    model, view = KalmanFilter(bearing), View(bearing)
-    variances = model.variances._replace(disturbance=case.growth(bearing))
+    model, view = KalmanFilter(machine), View(machine)
+    variances = model.variances._replace(disturbance=case.growth(machine))
     records = [trial.record for trial in valid[:BOUND_RUNS]]
     rows = np.concatenate(rows_along(model.states, view))
     names = [name for name in SIGNALS for _ in view.isolated]
@@ -170,7 +170,7 @@ class Sweep:
 
 
 def sweep(
-    bearing: Machine,
+    machine: Machine,
     cases: Mapping[float, Case],
     field: Mapping[str, Candidate],
     *,
@@ -181,19 +181,19 @@ def sweep(
     done: Callable[[], None] = lambda: None,
 ) -> Sweep:
     """Compare estimators along records only, in a row of cases that differ in one thing."""
-    first = max(1, round(SETTLING * slowest_time(bearing) / bearing.sampling_time))
+    first = max(1, round(SETTLING * slowest_time(machine) / machine.sampling_time))
     rows: list[dict[str, Array]] = []
     limits: list[dict[str, float]] = []
     with pool_of(threads) as pool:
         for case in cases.values():
-            valid = [t for t in trials(case, bearing, runs, seed + 31) if not t.lost]
+            valid = [t for t in trials(case, machine, runs, seed + 31) if not t.lost]
 
             def one(candidate: Candidate, valid: list[Trial] = valid) -> Array:
                 values = dict(tuned[candidate.name].values) if tuned else candidate.defaults
                 return errors(lambda: candidate.build(**values), valid, first)
 
             rows.append(dict(zip(field, pool.map(one, field.values()), strict=True)))
-            limits.append(_limit(bearing, case, valid, first) if valid else {})
+            limits.append(_limit(machine, case, valid, first) if valid else {})
             done()
 
     def gathered(what: Callable[[Array], float]) -> dict[str, dict[str, Array]]:

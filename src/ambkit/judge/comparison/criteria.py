@@ -90,10 +90,10 @@ OF_THE_LOOP = {
 
 
 def evaluate_run(
-    estimator: Any, trial: Trial, bearing: Machine, settling: float
+    estimator: Any, trial: Trial, machine: Machine, settling: float
 ) -> dict[str, float]:
     """Run an estimator along a trial's record, and judge it over all axes together."""
-    record, view = trial.record, View(bearing)
+    record, view = trial.record, View(machine)
     first = max(1, round(settling / record.sampling_time))
     estimate = estimator.run(record, covariance=True)
     figures = dict.fromkeys(CRITERIA, np.nan)
@@ -260,5 +260,5 @@ def per_run(benches: Mapping[str, Any]) -> Table:
                     columns.setdefault(key, []).append(values)
                     units[key] = CRITERIA[criterion].si
     first = next(iter(benches.values()))
-    meta = {"bearing": first.bearing.name, "cases": list(benches), "seed": first.seed}
+    meta = {"machine": first.machine.name, "cases": list(benches), "seed": first.seed}
     return Table({key: np.concatenate(parts) for key, parts in columns.items()}, units, meta)

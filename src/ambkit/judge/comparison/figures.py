@@ -44,7 +44,7 @@ def matrix_figure(bench: Any, id: str = "matrix") -> Figure:
     how = "tuned alike" if bench.tuned else "with their defaults"
     cells = Cells([_head(CRITERIA[name]) for name in names], list(bench.best), shade, texts)
     about = (
-        f"{label(bench.bearing.name)}, {bench.case.name}: {bench.case.title}; {_runs(bench)}, {how}"
+        f"{label(bench.machine.name)}, {bench.case.name}: {bench.case.title}; {_runs(bench)}, {how}"
     )
     shades = f"palest: best or ideal value of a column; darkest: {TIMES:g} times worse, or more"
     return Figure(
@@ -230,7 +230,7 @@ def cases_figure(benches: Mapping[str, Any]) -> Figure:
     heads = [name.replace("-", "\n") for name in benches]
     how = "tuned alike" if first.tuned else "with their defaults"
     about = (
-        rf"{label(first.bearing.name)}: error of $f_d$ over that of {base}; "
+        rf"{label(first.machine.name)}: error of $f_d$ over that of {base}; "
         f"{_runs(first)} in each case, {how}"
     )
     shades = f"blue: a smaller error; brown: a larger one; darkest: a factor of {TIMES:g}, or more"

@@ -63,7 +63,7 @@ class Score:
 class Bench(Result):
     """The whole comparison in one case."""
 
-    bearing: Machine  #: What the estimators assume.
+    machine: Machine  #: What the estimators assume.
     case: Case  #: What happened.
     runs: int  #: Runs, and those left out since the rotor met a stop while the records were made.
     stopped: int
@@ -88,7 +88,7 @@ class Bench(Result):
         """Limit over root mean square error of a state; 1 is what nobody exceeds."""
         return self.limit[signal] / math.sqrt(mean(self.best[name].figures[signal] ** 2))
 
-    TITLE = "{0.bearing.name}, case {0.case.name}: {0.case.title}"
+    TITLE = "{0.machine.name}, case {0.case.name}: {0.case.title}"
 
     @property
     def finding(self) -> str:
@@ -137,7 +137,7 @@ class Bench(Result):
     @property
     def facts(self) -> dict[str, str]:
         return {
-            "machine": self.bearing.name,
+            "machine": self.machine.name,
             "runs": f"{self.runs}, {self.stopped} left out" if self.stopped else str(self.runs),
             "first seed": str(self.seed),
             "tuning": f"{self.budget} evaluations each" if self.budget else "defaults",
@@ -177,7 +177,7 @@ class Bench(Result):
     def series(self) -> dict[str, Any]:
         scores_by_tuning = {"default": self.default, "tuned": self.tuned}
         return {
-            "bearing": self.bearing.name,
+            "machine": self.machine.name,
             "case": self.case.name,
             "runs": self.runs,
             "stopped": self.stopped,
@@ -206,7 +206,7 @@ class Benches(Result, dict[str, Bench]):
 
     @property
     def title(self) -> str:
-        return f"{self._first.bearing.name}: estimators compared in {len(self)} cases"
+        return f"{self._first.machine.name}: estimators compared in {len(self)} cases"
 
     @property
     def finding(self) -> str:
@@ -258,7 +258,7 @@ class Benches(Result, dict[str, Bench]):
     @property
     def series(self) -> dict[str, Any]:
         return {
-            "bearing": self._first.bearing.name,
+            "machine": self._first.machine.name,
             "cases": {case: bench.series for case, bench in self.items()},
         }
 

@@ -30,7 +30,7 @@ def rmse(estimate: Estimate, record: Record, signal: str) -> float:
 
 
 def compare(
-    bearing: Machine,
+    machine: Machine,
     scenario: Scenario,
     estimators: Mapping[str, Callable[[], Estimator]],
     seeds: Sequence[int],
@@ -40,12 +40,12 @@ def compare(
     done: Callable[[], None] = lambda: None,
 ) -> dict[str, Score]:
     """Monte Carlo over seeds: every estimator closes its own loop against the same noise."""
-    of_type(Machine, bearing=bearing)
+    of_type(Machine, machine=machine)
     of_type(Scenario, scenario=scenario)
 
     def one(name: str, seed: int) -> list[float]:
         estimator, seeded_scenario = estimators[name](), scenario.model_copy(update={"seed": seed})
-        run = simulate_run(bearing, seeded_scenario, estimator=estimator, magnet=magnet)
+        run = simulate_run(machine, seeded_scenario, estimator=estimator, magnet=magnet)
         assert run.estimate is not None  # an estimator was given
         wrong = errors_along(run.estimate, run.record, estimator.view)
         errors = [rms(wrong[signal]) for signal in EVALUATED]

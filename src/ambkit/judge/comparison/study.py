@@ -148,7 +148,7 @@ class Study(Bench):
 
 
 def learned(
-    case: Case, bearing: Any, names: Sequence[str], own: Mapping[str, MagnetModel] | None = None
+    case: Case, machine: Any, names: Sequence[str], own: Mapping[str, MagnetModel] | None = None
 ) -> dict[str, MagnetModel]:
     """Return the user's own maps, and those learned over all that a step reaches."""
     # The expert has the paper's 25 rules. A table costs no more with more nodes, and has them.
@@ -157,19 +157,19 @@ def learned(
     asking = [name for name in asking if name not in results]
     if not asking:
         return results
-    if not bearing.single:
-        known = {name: learned_magnet(name, bearing) for name in asking}
+    if not machine.single:
+        known = {name: learned_magnet(name, machine) for name in asking}
         return results | {name: magnet for name, magnet in known.items() if magnet is not None}
 
-    max_displacement = benchmark.REACH * bearing.clearance
-    force = benchmark.saturating(bearing) if case.saturates else None
+    max_displacement = benchmark.REACH * machine.clearance
+    force = benchmark.saturating(machine) if case.saturates else None
     if case.magnet is not None:
         force = case.magnet.force
 
     def work(nodes: int) -> StiffnessMap:
-        currents = np.linspace(bearing.current_min, bearing.current_max, nodes)
+        currents = np.linspace(machine.current_min, machine.current_max, nodes)
         displacements = np.linspace(-max_displacement, max_displacement, nodes)
-        return stiffness_map(bearing, currents=currents, displacements=displacements, force=force)
+        return stiffness_map(machine, currents=currents, displacements=displacements, force=force)
 
     if set(asking) - {"table"}:
         results |= dict.fromkeys(asking, train(work(RULES), weights=True))
@@ -177,7 +177,7 @@ def learned(
 
 
 def study(
-    bearing: Machine,
+    machine: Machine,
     case: Case | str,
     names: Sequence[str],
     *,
@@ -192,15 +192,15 @@ def study(
 ) -> Study:
     """Compare estimators in one case, and in rows of cases around it."""
     case = CASES[case] if isinstance(case, str) else case
-    names = suited(names, bearing)
+    names = suited(names, machine)
     threads = threads or os.cpu_count() or 1
-    field = candidates(names, bearing, learned(case, bearing, names, magnets), custom)
+    field = candidates(names, machine, learned(case, machine, names, magnets), custom)
     done("judging")
     main = bench(
-        bearing, case, field, runs=runs, budget=budget, seed=seed, threads=threads,
+        machine, case, field, runs=runs, budget=budget, seed=seed, threads=threads,
         done=lambda: done(f"case {case.name}"),
     )  # fmt: skip
-    first = next(t for t in benchmark.each_trial(case, bearing, runs, seed) if not t.lost)
+    first = next(t for t in benchmark.each_trial(case, machine, runs, seed) if not t.lost)
     known: dict[str, Any] = vars(main) | {"field": field, "first": first}
     if not whole:
         return Study(**known)
@@ -208,7 +208,7 @@ def study(
 
     def row(what: str, cases: dict[float, Case], runs: int, tuned: Any) -> Sweep:
         return sweep(
-            bearing, cases, field, tuned=tuned, runs=runs, seed=seed, threads=threads,
+            machine, cases, field, tuned=tuned, runs=runs, seed=seed, threads=threads,
             done=lambda: done(what),
         )  # fmt: skip
 
@@ -217,7 +217,7 @@ def study(
             other, saturates=case.saturates, magnet=case.magnet, magnet_constant=magnet_constant
         )
 
-    travel = isolated_axes(bearing)[0].clearance
+    travel = isolated_axes(machine)[0].clearance
     steps = {share * travel: alike(benchmark.step_case(share)) for share in HEIGHTS}
     wrong = {k: alike(benchmark.step_case(benchmark.STEPS[1]), k) for k in WRONG}
     walks = {share * travel: benchmark.walk_case(share) for share in HEIGHTS}
@@ -228,14 +228,14 @@ def study(
         # There the defaults are the truth.
         limit_steps=row("the limit", walks, 2 * SWEEP_RUNS, None),
         model=bench(
-            bearing, CASES["model"], field, runs=max(runs, 32), seed=seed, threads=threads,
+            machine, CASES["model"], field, runs=max(runs, 32), seed=seed, threads=threads,
             done=lambda: done("the limit"),
         ),
     )  # fmt: skip
 
 
 def across(
-    bearing: Machine,
+    machine: Machine,
     cases: Mapping[str, Case],
     names: Sequence[str],
     *,
@@ -252,9 +252,9 @@ def across(
     def compared(case: Case) -> Bench:
         learns_from = case.saturates, id(case.magnet)
         if learns_from not in known:
-            known[learns_from] = learned(case, bearing, names, magnets)
+            known[learns_from] = learned(case, machine, names, magnets)
         return study(
-            bearing, case, names, custom=custom, runs=runs, budget=budget, seed=seed,
+            machine, case, names, custom=custom, runs=runs, budget=budget, seed=seed,
             magnets=known[learns_from], whole=False, done=done,
         )  # fmt: skip
 

@@ -57,7 +57,7 @@ class Candidate:
 
 def candidates(
     names: Sequence[str],
-    bearing: Machine,
+    machine: Machine,
     magnets: Mapping[str, MagnetModel] | None = None,
     custom: Mapping[str, Any] | None = None,
 ) -> dict[str, Candidate]:
@@ -65,26 +65,26 @@ def candidates(
     results = {}
     for name in names:
         if name in KINDS:
-            results[name] = candidate_of_kind(name, bearing, (magnets or {}).get(name))
+            results[name] = candidate_of_kind(name, machine, (magnets or {}).get(name))
             continue
-        (build,) = factories([name], bearing).values()
+        (build,) = factories([name], machine).values()
         if isinstance(build, FromFile):
             label = f"{KINDS[build.file.kind].label} ({Path(name).stem})"
             results[name] = Candidate(name, label, build)
         else:
             own_name = name.rpartition(":")[2]
             results[own_name] = Candidate(own_name, own_name, build, in_loop=False)
-    for own_name, build in factories(custom or {}, bearing).items():
+    for own_name, build in factories(custom or {}, machine).items():
         in_core = not isinstance(build(), OwnEstimator)
         results[own_name] = Candidate(own_name, own_name, build, in_loop=in_core)
     return results
 
 
-def suited(names: Sequence[str], bearing: Machine) -> list[str]:
+def suited(names: Sequence[str], machine: Machine) -> list[str]:
     """Return the names; where all kinds are named without those that take a single axis only."""
     if not set(KINDS) <= set(names):
         return list(names)
-    return [name for name in names if name not in KINDS or KINDS[name].estimator.takes(bearing)]
+    return [name for name in names if name not in KINDS or KINDS[name].estimator.takes(machine)]
 
 
 def expand(text: str) -> list[str]:
@@ -102,7 +102,7 @@ def expand(text: str) -> list[str]:
 
 
 def candidate_of_kind(
-    name: str, bearing: Machine, magnet: MagnetModel | None = None, *, whole: bool = False
+    name: str, machine: Machine, magnet: MagnetModel | None = None, *, whole: bool = False
 ) -> Candidate:
     """Return a kind of estimator as one who takes part."""
     kind = KINDS[name]
@@ -111,21 +111,21 @@ def candidate_of_kind(
         noise: dict[str, Any] = {
             key.removeprefix("noise."): v for key, v in values.items() if "noise." in key
         }
-        own = KalmanFilter(bearing).variances._asdict() if noise else {}
+        own = KalmanFilter(machine).variances._asdict() if noise else {}
         for key, item in own.items():  # of several axes all are scaled alike
             if key in noise and isinstance(item, tuple):
                 scale = noise[key] / defaults[f"noise.{key}"]
                 noise[key] = tuple(scale * variance for variance in item)
         rest = {key: value for key, value in values.items() if "noise." not in key}
         try:
-            return kind.make(bearing, magnet, noise=FilterNoise(**noise), **rest)
+            return kind.make(machine, magnet, noise=FilterNoise(**noise), **rest)
         except ValueError as error:  # not every kind is of several axes
             raise AmbkitError(str(error)) from error
 
     free = {t.name: t for t in kind.tunable}
     if not whole and {"noise.control", "noise.disturbance"} <= free.keys():
         free.pop("noise.measurement", None)
-    defaults = {name: tunable.default(bearing) for name, tunable in free.items()}
+    defaults = {name: tunable.default(machine) for name, tunable in free.items()}
     ranges = tuple(
         Range(t.name, t.unit, at, at / 10**t.decades, at * 10**t.decades)
         for t, at in zip(free.values(), defaults.values(), strict=True)
@@ -161,7 +161,7 @@ def errors(build: Callable[[], Any], training: Sequence[Trial], first: int) -> A
         result = np.asarray(many.rmse, float)
     else:  # of several axes, or the user's own in Python
         result = np.empty((len(records), len(SIGNALS)))
-        view = View(built.bearing)
+        view = View(built.machine)
         for row, record in zip(result, records, strict=True):
             made = built if isinstance(built, Estimator) else build()
             wrong = errors_along(made.run(record), record, view)

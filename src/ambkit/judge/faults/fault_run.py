@@ -90,7 +90,7 @@ class Outcome:
 class Flight:
     """A flight: who flies, how, and with what noise."""
 
-    bearing: Machine  #: The plant, and what the estimator knows.
+    machine: Machine  #: The plant, and what the estimator knows.
     #: Its gains; what it is fed by is set here. None: the default of several axes.
     controller: PID | None
     #: Whether the controller is fed by the estimate, or, in open loop, by the true measurement.
@@ -103,7 +103,7 @@ class Flight:
     @property
     def view(self) -> View:
         """Axes and readings."""
-        return View(self.bearing)
+        return View(self.machine)
 
     @property
     def at(self) -> int:
@@ -116,7 +116,7 @@ class Flight:
         return self.view.isolated[self.at]
 
     def _own(self, times: float) -> int:
-        return max(1, round(times * own_time(self.axis) / self.bearing.sampling_time))
+        return max(1, round(times * own_time(self.axis) / self.machine.sampling_time))
 
     def through(self, fault: Fault) -> tuple[Channel, list[slice]]:
         """Return the flight's channel with one fault in it, and its window."""
@@ -145,7 +145,7 @@ class Flight:
         reference = Sine(amplitude=0.1 * axis.clearance, frequency=1 / (40 * period))
         disturbance = Sine(amplitude=0.2 * weight, frequency=1 / (90 * period))
         feedback: Any = "estimate" if self.in_loop and estimator else "measurement"
-        machine, k, controller = self.bearing, self.at, self.controller or Control()
+        machine, k, controller = self.machine, self.at, self.controller or Control()
         p, name = len(machine.axes), machine.axes[k].name
         force = np.outer(channel.force, np.arange(p) == k)
         faults = channel.faults.among(self.reading, len(machine.readings), k, p)
@@ -233,7 +233,7 @@ class Flight:
             samples=n,
             finite=run.estimate is None or _finite(run.estimate),
             levitation="lost" if lost else "touched" if stopped.any() else "kept",
-            at_stop=float(stopped.sum() * self.bearing.sampling_time),
+            at_stop=float(stopped.sum() * self.machine.sampling_time),
             recovery=max(recoveries, default=math.nan),
             worst_x=_greatest(errors, "x", slice(first, n)),
             worst_f_d=_greatest(errors, "f_d", slice(first, n)),

@@ -42,7 +42,7 @@ FLIGHT_UNITS = {
 class FaultCampaign(Result):
     """What became of a campaign."""
 
-    bearing: Machine  #: Whose.
+    machine: Machine  #: Whose.
     outcomes: tuple[Outcome, ...]  #: One a flight.
 
     @property
@@ -88,7 +88,7 @@ class FaultCampaign(Result):
     @property
     def title(self) -> str:
         faults = f"{len(self.faults)} fault{'s' * (len(self.faults) > 1)}"
-        return f"{self.bearing.name}: {len(self.outcomes)} runs with {faults}"
+        return f"{self.machine.name}: {len(self.outcomes)} runs with {faults}"
 
     @property
     def finding(self) -> str:
@@ -183,7 +183,7 @@ class FaultCampaign(Result):
     def series(self) -> dict[str, Any]:
         seeds = [outcome.seed for outcome in self.outcomes]
         return {
-            "bearing": self.bearing.name,
+            "machine": self.machine.name,
             "seeds": [min(seeds), max(seeds)],
             "estimators": {name: {"lost_in_loop": self._lost(name)} for name in self.estimators},
             "flights": [
@@ -202,7 +202,7 @@ class FaultCampaign(Result):
                 values = [lists[f"{name}s"].index(value) for value in values]
             columns[name] = np.array(values, dtype=float)
         units = {name: FLIGHT_UNITS.get(name, "1") for name in columns}
-        return Table(columns, units, {"bearing": self.bearing.name} | lists)
+        return Table(columns, units, {"machine": self.machine.name} | lists)
 
     def figures(self) -> list[Figure]:
         return [faults_figure(self)]
@@ -226,7 +226,7 @@ def faults_figure(campaign: FaultCampaign) -> Figure:
     rows = max(len(cells.rows) for panel in panels if (cells := panel.item(Cells)))
     return Figure(
         id="faults",
-        title=f"{campaign.bearing.name}: recovery from faults",
+        title=f"{campaign.machine.name}: recovery from faults",
         caption="Recovery time of the estimate, in closed loop also of the rotor [samples]; worst "
         "seed, darker is longer. Darkest: lost (the rotor stayed on a stop), never, held (the "
         "estimate stands still), or ∞ (not finite). Last column in closed loop: controller fed by "
@@ -278,7 +278,7 @@ def _faults_of(flight: Flight, faults: Sequence[str], steps: int) -> list[str]:
 
 
 def inject_faults(
-    bearing: Machine,
+    machine: Machine,
     estimators: Any = None,
     *,
     reading: str | None = None,
@@ -291,14 +291,14 @@ def inject_faults(
     threads: int = 2,
 ) -> FaultCampaign:
     """Fly each estimator through faults of sensor, control signal, amplifier and load."""
-    of_type(Machine, bearing=bearing)
-    at, named = _reading(bearing, reading), chosen_faults(faults)
-    if not bearing.single and "lift-off" in named:  # its own start has lift-off
+    of_type(Machine, machine=machine)
+    at, named = _reading(machine, reading), chosen_faults(faults)
+    if not machine.single and "lift-off" in named:  # its own start has lift-off
         named.remove("lift-off")
-    kinds = suited(list(KINDS), bearing)
-    built = factories(kinds if estimators is None else estimators, bearing)
+    kinds = suited(list(KINDS), machine)
+    built = factories(kinds if estimators is None else estimators, machine)
     works = [
-        (Flight(bearing, controller, in_loop, seed, precision, at, plant), name, build)
+        (Flight(machine, controller, in_loop, seed, precision, at, plant), name, build)
         for precision in precisions
         for seed in seeds
         for in_loop in (False, True)
@@ -308,7 +308,7 @@ def inject_faults(
     with progress("flying", run_count) as tell, pool_of(threads) as pool:
         results = pool.map(lambda work: list(_campaign(named, steps, tell, *work)), works)
         outcomes = [item for result in results for item in result]
-    return FaultCampaign(bearing, tuple(outcomes))
+    return FaultCampaign(machine, tuple(outcomes))
 
 
 def _reading(machine: Machine, name: str | None) -> int:

@@ -22,7 +22,7 @@ from ambkit.simulation.external_inputs import Faults
 class Channel:
     """What the faults of a flight are written into, n samples."""
 
-    bearing: Machine  #: Gives the measure.
+    machine: Machine  #: Gives the measure.
     n: int  #: Samples.
     #: That of the estimator: what is huge and what is denormal depends on it.
     precision: Precision = "float64"
@@ -41,18 +41,18 @@ class Channel:
     @property
     def own(self) -> float:
         """The plant's time constant [samples]."""
-        return own_time(self.bearing) / self.bearing.sampling_time
+        return own_time(self.machine) / self.machine.sampling_time
 
     @property
     def travel(self) -> float:
         """Travel as measured [m]."""
-        return float(self.bearing.sensor.gain * self.bearing.clearance)
+        return float(self.machine.sensor.gain * self.machine.clearance)
 
     @property
     def greatest(self) -> float:
         """Force by the linear law at the current's limit and a stop [N]."""
-        bearing, k = self.bearing, ConstantStiffness.of(self.bearing)
-        return float(k.k_i * bearing.current_max + k.k_s * bearing.clearance)
+        machine, k = self.machine, ConstantStiffness.of(self.machine)
+        return float(k.k_i * machine.current_max + k.k_s * machine.clearance)
 
     def read(self, window: slice, y: float | Array) -> None:
         """Let the sensor read y [m], whatever the rotor does."""
@@ -80,15 +80,15 @@ class Fault:
     #: Whether it is flown with the estimator in the loop too, not only beside it.
     in_loop: bool = True
 
-    def length(self, bearing: Machine) -> int:
+    def length(self, machine: Machine) -> int:
         """Samples of its window."""
-        span = self.own * own_time(bearing) + self.seconds
-        return self.samples + round(span / bearing.sampling_time)
+        span = self.own * own_time(machine) + self.seconds
+        return self.samples + round(span / machine.sampling_time)
 
 
 def _lift_off(channel: Channel, _window: slice) -> None:
-    side = -1.0 if channel.bearing.weight < 0 else 1.0
-    channel.place = side * channel.bearing.clearance
+    side = -1.0 if channel.machine.weight < 0 else 1.0
+    channel.place = side * channel.machine.clearance
 
 
 def _force(times: float) -> Callable[[Channel, slice], None]:
@@ -131,7 +131,7 @@ def _offset(channel: Channel, window: slice) -> None:
 
 
 def _rail(channel: Channel, window: slice) -> None:
-    sigma = float(np.sqrt(channel.bearing.sensor.noise_variance))
+    sigma = float(np.sqrt(channel.machine.sensor.noise_variance))
     noise = sigma * channel.draw.standard_normal(window.stop - window.start)
     channel.read(window, channel.travel * channel.draw.choice([-1.0, 1.0]) + noise)
 
@@ -149,7 +149,7 @@ def _told(u: Callable[[np.finfo], float]) -> Callable[[Channel, slice], None]:
 
 
 def _overdriven(channel: Channel, window: slice) -> None:
-    limit = channel.bearing.current_max / channel.bearing.amplifier.gain
+    limit = channel.machine.current_max / channel.machine.amplifier.gain
     channel.tell(window, 100 * limit * channel.draw.choice([-1.0, 1.0]))
 
 

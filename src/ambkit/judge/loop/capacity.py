@@ -35,14 +35,14 @@ class Heating:
     until_limit: float | None
 
 
-def heating(bearing: Machine, squares: list[float]) -> Heating | None:
+def heating(machine: Machine, squares: list[float]) -> Heating | None:
     """Return how warm the coils of an axis become."""
     # A coil at the temperature ``Th`` has the resistance ``R (1 + a (Th - 293.15 K))``, and takes
     # the loss of its mean square of the current times that. Cooled by ``(Th - ambient)/R_th`` it
     # rests at
     # ``Th = (ambient + R_th P (1 - a 293.15 K))/(1 - R_th P a)``, ``P = R I^2``,
     # where the resistance's growth is in it; with ``R_th P a`` of 1 or more it never rests.
-    coil, R = bearing.coil, bearing.amplifier.resistance
+    coil, R = machine.coil, machine.amplifier.resistance
     if coil is None or R is None:
         return None
     parts = [at_rest(coil, R * square) for square in squares]
@@ -50,7 +50,7 @@ def heating(bearing: Machine, squares: list[float]) -> Heating | None:
         R * square * (1 + coil.temperature_coefficient * (at - REFERENCE))
         for square, at in zip(squares, parts, strict=True)
     ]
-    most = (bearing.magnet.bias_current + bearing.current_max) ** 2
+    most = (machine.magnet.bias_current + machine.current_max) ** 2
     return Heating(
         max(parts), coil.temperature_limit, math.fsum(losses) if math.isfinite(max(parts)) else
         math.inf, _until_limit(coil, R * most, max(parts)),
@@ -179,11 +179,11 @@ def demands(
     return results
 
 
-def squares_of_coils(bearing: Machine, iu: float, square: float) -> list[float]:
+def squares_of_coils(machine: Machine, iu: float, square: float) -> list[float]:
     """Return the mean squares of the currents of an axis's coils [A^2]."""
     swinging = square - iu**2
-    sides = (1.0, -1.0) if bearing.magnet.type == "two-sided" else (1.0,)
-    return [(bearing.magnet.bias_current + side * iu) ** 2 + swinging for side in sides]
+    sides = (1.0, -1.0) if machine.magnet.type == "two-sided" else (1.0,)
+    return [(machine.magnet.bias_current + side * iu) ** 2 + swinging for side in sides]
 
 
 def _capacities(
@@ -281,11 +281,11 @@ def of_unbalance(loop: Loop, machine: Machine, point: OperatingPoint) -> Turned:
 
 
 def voltage(
-    bearing: Machine, iu: float, at: float, f: Array, i: Complex, x: Complex
+    machine: Machine, iu: float, at: float, f: Array, i: Complex, x: Complex
 ) -> list[tuple[float, Array]] | None:
     """Return for each coil of an axis the voltage that is left to harmonics, and what they take."""
     # f (k,) [Hz]; i (k,) [A]; x (k,) [m]
-    amplifier, magnet = bearing.amplifier, bearing.magnet
+    amplifier, magnet = machine.amplifier, machine.magnet
     limit, R, bandwidth = amplifier.voltage_limit, amplifier.resistance, amplifier.bandwidth
     if limit is None or R is None or bandwidth is None:  # they come together
         return None

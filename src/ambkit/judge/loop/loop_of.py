@@ -81,7 +81,7 @@ class LoopOf:
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         controller: PID | None = None,
         x: float = 0.0,
         load: Any = None,
@@ -89,7 +89,7 @@ class LoopOf:
         point: OperatingPoint | None = None,
         law: Controllers | None = None,
     ) -> None:
-        self.machine = bearing
+        self.machine = machine
         self.isolated = isolated_axes(self.machine)
         self.control = Control() if controller is None else as_control(controller)
         self._law = law

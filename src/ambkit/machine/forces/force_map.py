@@ -14,24 +14,24 @@ from ambkit.machine.forces.force_points import ForcePoints, load_force_points
 from ambkit.machine.forces.force_surface import ForceSurface
 
 
-def surface_of(bearing: IsolatedAxis) -> ForceSurface:
+def surface_of(machine: IsolatedAxis) -> ForceSurface:
     """Return the surface through the force map of a bearing."""
-    m = bearing.magnet
+    m = machine.magnet
     scale = 1.0 if m.force_scale is None else m.force_scale
     # Of the law that the map was measured beside: a scale moves both, and finds the same surface.
     law = tuple((key, getattr(m, key)) for key in LAW)
-    box = bearing.current_min, bearing.current_max, bearing.clearance
+    box = machine.current_min, machine.current_max, machine.clearance
     constant = float(f"{m.magnet_constant / scale:.12g}")
     result = _found(*_files(m.force_map, m.force_channels), constant, law, box)
     return result if scale == 1.0 else result.scaled(scale)
 
 
-def surface_in(path: str | os.PathLike[str], bearing: IsolatedAxis) -> ForceSurface:
+def surface_in(path: str | os.PathLike[str], machine: IsolatedAxis) -> ForceSurface:
     """Return the surface through the points of a force map of its own, with the usual columns."""
     points = load_force_points(path)
     try:
         with progress("finding the force"):
-            return ForceSurface(bearing, points)
+            return ForceSurface(machine, points)
     except AmbkitError as error:
         raise AmbkitError(f"{path}: {error}") from None
 
@@ -79,10 +79,10 @@ def _found(
     box: tuple[float, float, float],
 ) -> ForceSurface:
     low, high, travel = box
-    bearing = SimpleNamespace(
+    machine = SimpleNamespace(
         magnet=SimpleNamespace(magnet_constant=constant, **dict(law)),
         clearance=travel,
         current_min=low,
         current_max=high,
     )
-    return ForceSurface(cast("IsolatedAxis", bearing), _read(path, channels, changed))
+    return ForceSurface(cast("IsolatedAxis", machine), _read(path, channels, changed))

@@ -148,7 +148,7 @@ class ForceSurface(Law):
 
     def __init__(
         self,
-        bearing: IsolatedAxis,
+        machine: IsolatedAxis,
         points: ForcePoints,
         law_error: float | None = None,
         *,
@@ -163,7 +163,7 @@ class ForceSurface(Law):
         if not np.all(self._extent > 0):
             name = ("current", "displacement")[int(np.argmin(self._extent > 0))]
             raise AmbkitError(f"the points must differ in {name}, have all the same")
-        self.bearing, self.points, self._law, self._scale = bearing, points, law_of(bearing), 1.0
+        self.machine, self.points, self._law, self._scale = machine, points, law_of(machine), 1.0
         off = points.force - self._law.force(*at)
         known = points.standard_error is not None
         error = np.ones_like(off) if points.standard_error is None else points.standard_error
@@ -205,7 +205,7 @@ class ForceSurface(Law):
     @cached_property
     def patches(self) -> Patches:
         """What the C core has of it, over the bearing's currents and its travel."""
-        b, travel = self.bearing, self.bearing.clearance
+        b, travel = self.machine, self.machine.clearance
         return patches(self, (b.current_min, b.current_max), (-travel, travel))
 
     def in_core(self, core: ModuleType) -> Magnet:
@@ -218,7 +218,7 @@ class ForceSurface(Law):
             p.current[0],
             p.current[1] - p.current[0],
             *(np.ascontiguousarray(values) for values in nodes),
-            *equally_far(self.bearing),
+            *equally_far(self.machine),
         )
 
     @property

@@ -15,9 +15,9 @@ class Typical(NamedTuple):
     current: float  #: Bias current [A].
 
     @classmethod
-    def of(cls, bearing: Any) -> Self:
+    def of(cls, machine: Any) -> Self:
         """Return those of a bearing of one axis."""
-        magnet, clearance = bearing.magnet, bearing.clearance
+        magnet, clearance = machine.magnet, machine.clearance
         force = 4 * magnet.magnet_constant * (magnet.bias_current / magnet.air_gap) ** 2
-        speed = math.sqrt(force * clearance / bearing.rotor.mass)
+        speed = math.sqrt(force * clearance / machine.rotor.mass)
         return cls(clearance, speed, force, magnet.bias_current)
