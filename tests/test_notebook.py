@@ -294,7 +294,7 @@ def test_quantities_are_taken_with_their_units():
         ),
         (
             lambda: KalmanFilter("rig.toml"),
-            "bearing must be of type "
+            "machine must be of type "
             "Machine, is the str 'rig.toml'; Machine.preset or Machine.load gives one",
         ),
         (
@@ -323,7 +323,7 @@ def test_quantities_are_taken_with_their_units():
         ),
         (
             lambda: KalmanFilter(Machine),
-            "bearing must be of type Machine, is the type Machine; Machine(...) makes one",
+            "machine must be of type Machine, is the type Machine; Machine(...) makes one",
         ),
         (
             lambda: KalmanFilter(BEARING, noise=1e-12),

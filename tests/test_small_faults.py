@@ -124,7 +124,7 @@ def test_what_is_no_machine_is_named_in_a_line(given):
     calls = [lambda kind=kind: kind.make(given) for kind in kinds]
     pid = ambkit.PID
     for call in (*calls, *(lambda of=of: of(given) for of in (pid.for_bearing, pid.textbook))):
-        with pytest.raises(TypeError, match=r"bearing must be of type Machine.*, is "):
+        with pytest.raises(TypeError, match=r"machine must be of type Machine.*, is "):
             call()
 
 

@@ -43,7 +43,7 @@ def key_in(model: BaseModel, key: str) -> Key:
             continue
         fields = fields_of(type(here)) if isinstance(here, BaseModel) else {}
         if step not in fields:
-            known = TABLES[""] if isinstance(here, Machine) and here.single else list(fields)
+            known = TABLES[""] if here is model and _is_short(model) else list(fields)
             raise AmbkitError(f"there is no key {key} to vary: {unknown_key(step, known)}")
         field = fields[step]
         place = next((mark for mark in field.metadata if isinstance(mark, SignalIn)), place)
@@ -72,8 +72,12 @@ def by_places(model: BaseModel, key: str) -> str:
 
 def _steps(model: BaseModel, key: str) -> list[str]:
     """Return the steps to a key; of a machine with one axis those of its long form."""
-    short = isinstance(model, Machine) and model.single
-    return (long_key(key) if short else key).split(".")
+    return (long_key(key) if _is_short(model) else key).split(".")
+
+
+def _is_short(model: BaseModel) -> bool:
+    """Whether a description is a machine with one axis, whose keys are those of the short form."""
+    return isinstance(model, Machine) and model.single
 
 
 def _value(part: BaseModel, key: str) -> Any:

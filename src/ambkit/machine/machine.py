@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Self
@@ -24,7 +23,6 @@ from ambkit.base.config.problems import Problem
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Description, Name
 from ambkit.base.errors import AmbkitError
-from ambkit.base.units import engineering
 from ambkit.machine import geometry, presets, short_form
 from ambkit.machine.accessories import (
     SHORTEST_LAG,
@@ -32,10 +30,8 @@ from ambkit.machine.accessories import (
     Stop,
     delay_contradictions,
     eddy_current_contradictions,
-    line_contradictions,
 )
 from ambkit.machine.components import (
-    ROTORS,
     AnyRotor,
     MassRotor,
     PlacedBearing,
@@ -43,7 +39,6 @@ from ambkit.machine.components import (
     Unbalance,
 )
 from ambkit.machine.geometry import Axis, Line, Reading, Shaft
-from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import (
     GRAVITY,
     Amplifier,
@@ -53,7 +48,16 @@ from ambkit.machine.parts import (
     current_limits,
     levitation_current_of,
 )
-from ambkit.machine.placement_checks import beyond_the_rotor, loose, unseen
+from ambkit.machine.placement_checks import (
+    beyond_the_rotor,
+    double_names,
+    loose,
+    mass_contradictions,
+    too_fast,
+    too_heavy,
+    unbalance_contradictions,
+    unseen,
+)
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import Bending, enough
 from ambkit.result.showing import Shown
@@ -448,19 +452,19 @@ class Machine(Shown, Document):
             isinstance(read(f"{key}s.1.type"), float)
             for key in short_form.LISTS  # there is none
         ):
-            yield from _mass_contradictions(read)
+            yield from mass_contradictions(read)
             return
         bearings, sensors = (
             item if isinstance(item, tuple) else () for item in (read("bearings"), read("sensors"))
         )
-        yield from _double_names("bearing", bearings)
-        yield from _double_names("sensor", sensors)
+        yield from double_names("bearing", bearings)
+        yield from double_names("sensor", sensors)
         yield from beyond_the_rotor(read, bearings, sensors)
         yield from loose(bearings, sensors)
-        yield from _too_fast(read, sensors)
-        yield from _unbalance_contradictions(read)
+        yield from too_fast(read, sensors)
+        yield from unbalance_contradictions(read)
         if not any(bearing.type == "single" for bearing in bearings):
-            yield from _too_heavy(read, bearings, sensors)
+            yield from too_heavy(read, bearings, sensors, cls.model_construct)
         yield from unseen(read, bearings, sensors)
 
     def figure(self) -> Any:
@@ -481,114 +485,3 @@ Bearing = Machine
 
 ONLY = {"name": "", "type": "single", "place": 0.0, "angle": 0.0}
 """Where the bearing and the sensor of a machine with one axis are."""
-
-
-def _mass_contradictions(read: Read) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with the one axis of a mass."""
-
-    def of_axis(key: str) -> Any:
-        return read(key if key.startswith("rotor.") else f"bearings.0.{key}")
-
-    speed, runout = read("speed"), read("sensors.0.runout")
-    if speed < 0:
-        yield "speed", f"must be at least 0 rad/s, is {engineering(speed, 'rad/s')}"
-    if isinstance(runout, tuple) and runout and not speed:
-        yield "speed", "missing: sensor.runout is at multiples of it"
-    else:
-        hum, T = read("sensors.0.hum"), read("sampling_time")
-        for key, text in line_contradictions(T, speed, runout, hum):
-            yield f"sensor.0.{key}", text
-    if read("unbalance"):
-        yield "unbalance", "is of a rotor that turns; a mass does not"
-    kind, gravity = of_axis("magnet.type"), of_axis("rotor.gravity")
-    if kind == "one-sided" and along_x(gravity) >= 0:
-        gravity_text = f'"{gravity}"' if isinstance(gravity, str) else engineering(gravity, "rad")
-        what = "pull towards -x" if not isinstance(gravity, str) else 'be "-x"'
-        text = f"must {what}, is {gravity_text}: nothing else pulls against a one-sided magnet"
-        yield "rotor.gravity", text
-    current = of_axis("amplifier.current_limit")
-    needed_current = abs(levitation_current_of(of_axis, current))
-    if needed_current > current:
-        limit = f"at least {engineering(needed_current, 'A')}, which carries the rotor at x = 0"
-        if math.isinf(needed_current):
-            limit = "such that it carries the rotor at x = 0, which no current does"
-        text = f"must be {limit}; is {engineering(current, 'A')}"
-        yield "bearing.0.amplifier.current_limit", text
-
-
-def _double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]:
-    names = [item.name for item in placed]
-    lines = geometry.axes_of(placed) if key == "bearing" else geometry.readings_of(placed)
-    of_lines = [line.name for line in lines]
-    for at, name in enumerate(names):
-        if name in names[:at]:
-            yield f"{key}.{at}.name", f'there is another {key} "{name}"'
-        elif names.count(name) == 1 and any(
-            of_lines.count(f"{name}{end}") > 1 for end in ("", "1", "2")
-        ):
-            yield f"{key}.{at}.name", f'"{name}" and another {key} give the same names of axes'
-
-
-def _too_fast(read: Read, sensors: tuple[PlacedSensor, ...]) -> Iterator[tuple[str, str]]:
-    T, speed = read("sampling_time"), abs(read("speed"))
-    if T * speed >= math.pi:
-        limit = f"half the sampling frequency, {engineering(0.5 / T, 'Hz')}"
-        yield "speed", f"must be less than {limit}; is {engineering(speed / 2 / math.pi, 'Hz')}"
-        return
-    for at, sensor in enumerate(sensors):
-        for key, text in line_contradictions(T, speed, sensor.runout, sensor.hum):
-            yield f"sensor.{at}.{key}", text
-
-
-def _unbalance_contradictions(read: Read) -> Iterator[tuple[str, str]]:
-    planes, speed = read("unbalance"), read("speed")
-    graded = [
-        at for at, plane in enumerate(planes if isinstance(planes, tuple) else ())
-        if plane.grade is not None
-    ]  # fmt: skip
-    if graded and speed == 0:
-        yield "speed", "missing: unbalance by a grade is what is permitted at the machine's speed"
-    if len(graded) > 2:
-        text = "ISO 21940-11 gives each its share of one or two planes, not of more; give amounts"
-        yield f"unbalance.{graded[2]}.grade", text
-    elif len(graded) == 2:
-        centre = read("rotor").centre if isinstance(read("rotor"), ROTORS) else math.nan
-        one, other = (planes[at].place - centre for at in graded)
-        if one * other >= 0:
-            text = "must be on the other side of the centre of mass than the other graded plane"
-            yield f"unbalance.{graded[1]}.place", f"{text}; is {engineering(other, 'm')}"
-
-
-def _too_heavy(
-    read: Read, bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
-) -> Iterator[tuple[str, str]]:
-    """Yield which axis has too little current for its share of the weight."""
-    rotor, T = read("rotor"), read("sampling_time")
-    if not (bearings and sensors and isinstance(rotor, ROTORS)) or math.isnan(T):
-        return
-    axes = geometry.axes_of(bearings, Shaft.of(rotor, bearings))
-    if rotor.gravity == "-z" and not any(axis.line.axial for axis in axes):
-        yield "rotor.gravity", 'must not be "-z" where no thrust bearing carries the rotor'
-        return
-    forces = geometry.supporting_forces(rotor, axes, GRAVITY)
-    machine = Machine.model_construct(
-        name="isolated", sampling_time=T, delay=None, speed=0.0, rotor=rotor, bearing=bearings,
-        sensor=sensors, unbalance=(),
-    )  # fmt: skip
-    for at, one in enumerate(bearings):
-        for axis, force in zip(axes, forces, strict=True):
-            if axis.bearing is not one or not force:
-                continue
-            try:
-                law = magnet_of(machine.isolated_axis(axis.name))
-                needed = abs(law.current_for(float(force)))
-            except AmbkitError:  # what is wrong with the bearing alone is told there
-                continue
-            current = one.amplifier.current_limit
-            if needed > current:
-                limit = (
-                    f"at least {engineering(needed, 'A')}, which carries the rotor on {axis.name}"
-                )
-                text = f"must be {limit}; is {engineering(current, 'A')}"
-                yield f"bearing.{at}.amplifier.current_limit", text
-                break

@@ -1,18 +1,22 @@
-"""What is wrong with where things are on a rotor."""
+"""Contradictions in a machine: its names, places, speed, unbalance and weight."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
 from ambkit.base.config import Read
+from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine import geometry
+from ambkit.machine.accessories import line_contradictions
 from ambkit.machine.components import ROTORS, PlacedBearing, PlacedSensor
 from ambkit.machine.geometry import Axis, Shaft
+from ambkit.machine.magnets import magnet_of
+from ambkit.machine.parts import GRAVITY, along_x, levitation_current_of
 
 
 def beyond_the_rotor(
@@ -99,3 +103,120 @@ def unseen(
 def _reach(axes: tuple[Axis, ...]) -> float:
     """Return the greatest distance of a bearing from the centre of mass [m]."""
     return max((abs(axis.line.place) for axis in axes), default=0.0) or 1.0
+
+
+def mass_contradictions(read: Read) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with the one axis of a mass."""
+
+    def of_axis(key: str) -> Any:
+        return read(key if key.startswith("rotor.") else f"bearings.0.{key}")
+
+    speed, runout = read("speed"), read("sensors.0.runout")
+    if speed < 0:
+        yield "speed", f"must be at least 0 rad/s, is {engineering(speed, 'rad/s')}"
+    if isinstance(runout, tuple) and runout and not speed:
+        yield "speed", "missing: sensor.runout is at multiples of it"
+    else:
+        hum, T = read("sensors.0.hum"), read("sampling_time")
+        for key, text in line_contradictions(T, speed, runout, hum):
+            yield f"sensor.0.{key}", text
+    if read("unbalance"):
+        yield "unbalance", "is of a rotor that turns; a mass does not"
+    kind, gravity = of_axis("magnet.type"), of_axis("rotor.gravity")
+    if kind == "one-sided" and along_x(gravity) >= 0:
+        gravity_text = f'"{gravity}"' if isinstance(gravity, str) else engineering(gravity, "rad")
+        what = "pull towards -x" if not isinstance(gravity, str) else 'be "-x"'
+        text = f"must {what}, is {gravity_text}: nothing else pulls against a one-sided magnet"
+        yield "rotor.gravity", text
+    current = of_axis("amplifier.current_limit")
+    needed_current = abs(levitation_current_of(of_axis, current))
+    if needed_current > current:
+        limit = f"at least {engineering(needed_current, 'A')}, which carries the rotor at x = 0"
+        if math.isinf(needed_current):
+            limit = "such that it carries the rotor at x = 0, which no current does"
+        text = f"must be {limit}; is {engineering(current, 'A')}"
+        yield "bearing.0.amplifier.current_limit", text
+
+
+def double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]:
+    """Yield which names stand for two things."""
+    names = [item.name for item in placed]
+    lines = geometry.axes_of(placed) if key == "bearing" else geometry.readings_of(placed)
+    of_lines = [line.name for line in lines]
+    for at, name in enumerate(names):
+        if name in names[:at]:
+            yield f"{key}.{at}.name", f'there is another {key} "{name}"'
+        elif names.count(name) == 1 and any(
+            of_lines.count(f"{name}{end}") > 1 for end in ("", "1", "2")
+        ):
+            yield f"{key}.{at}.name", f'"{name}" and another {key} give the same names of axes'
+
+
+def too_fast(read: Read, sensors: tuple[PlacedSensor, ...]) -> Iterator[tuple[str, str]]:
+    """Yield what is too fast for the sampling."""
+    T, speed = read("sampling_time"), abs(read("speed"))
+    if T * speed >= math.pi:
+        limit = f"half the sampling frequency, {engineering(0.5 / T, 'Hz')}"
+        yield "speed", f"must be less than {limit}; is {engineering(speed / 2 / math.pi, 'Hz')}"
+        return
+    for at, sensor in enumerate(sensors):
+        for key, text in line_contradictions(T, speed, sensor.runout, sensor.hum):
+            yield f"sensor.{at}.{key}", text
+
+
+def unbalance_contradictions(read: Read) -> Iterator[tuple[str, str]]:
+    """Yield which unbalance by a grade is not defined."""
+    planes, speed = read("unbalance"), read("speed")
+    graded = [
+        at for at, plane in enumerate(planes if isinstance(planes, tuple) else ())
+        if plane.grade is not None
+    ]  # fmt: skip
+    if graded and speed == 0:
+        yield "speed", "missing: unbalance by a grade is what is permitted at the machine's speed"
+    if len(graded) > 2:
+        text = "ISO 21940-11 gives each its share of one or two planes, not of more; give amounts"
+        yield f"unbalance.{graded[2]}.grade", text
+    elif len(graded) == 2:
+        centre = read("rotor").centre if isinstance(read("rotor"), ROTORS) else math.nan
+        one, other = (planes[at].place - centre for at in graded)
+        if one * other >= 0:
+            text = "must be on the other side of the centre of mass than the other graded plane"
+            yield f"unbalance.{graded[1]}.place", f"{text}; is {engineering(other, 'm')}"
+
+
+def too_heavy(
+    read: Read,
+    bearings: tuple[PlacedBearing, ...],
+    sensors: tuple[PlacedSensor, ...],
+    construct: Callable[..., Any],
+) -> Iterator[tuple[str, str]]:
+    """Yield which axis has too little current for its share of the weight."""
+    rotor, T = read("rotor"), read("sampling_time")
+    if not (bearings and sensors and isinstance(rotor, ROTORS)) or math.isnan(T):
+        return
+    axes = geometry.axes_of(bearings, Shaft.of(rotor, bearings))
+    if rotor.gravity == "-z" and not any(axis.line.axial for axis in axes):
+        yield "rotor.gravity", 'must not be "-z" where no thrust bearing carries the rotor'
+        return
+    forces = geometry.supporting_forces(rotor, axes, GRAVITY)
+    machine = construct(
+        name="isolated", sampling_time=T, delay=None, speed=0.0, rotor=rotor, bearing=bearings,
+        sensor=sensors, unbalance=(),
+    )  # fmt: skip
+    for at, one in enumerate(bearings):
+        for axis, force in zip(axes, forces, strict=True):
+            if axis.bearing is not one or not force:
+                continue
+            try:
+                law = magnet_of(machine.isolated_axis(axis.name))
+                needed = abs(law.current_for(float(force)))
+            except AmbkitError:  # what is wrong with the bearing alone is told there
+                continue
+            current = one.amplifier.current_limit
+            if needed > current:
+                limit = (
+                    f"at least {engineering(needed, 'A')}, which carries the rotor on {axis.name}"
+                )
+                text = f"must be {limit}; is {engineering(current, 'A')}"
+                yield f"bearing.{at}.amplifier.current_limit", text
+                break

@@ -146,7 +146,7 @@ class Identified(Result):
     @cached_property
     def operating_points(self) -> dict[str, Any]:
         """Stiffnesses at the paper's 25 operating points, rows over the displacement."""
-        current, displacement = operating_points(self.machine)
+        current, displacement = operating_points(self.isolated)
         return {"current": current.tolist(), "displacement": displacement.tolist()} | {
             name: {"value": values.tolist(), "standard_error": errors.tolist()}
             for name, (values, errors) in self.likelihood.stiffness_map(
@@ -328,7 +328,7 @@ def identified_filter(
         return made
     made.inputs = of_log = inputs or made.inputs
     if result.likelihood.offsets_count:
-        volts = model.current_offset / result.machine.amplifier.gain
+        volts = model.current_offset / result.isolated.amplifier.gain
         made.inputs = Inputs(y=of_log.y.shifted(-model.position_offset), u=of_log.u.shifted(volts))
     else:
         free -= set(OFFSETS)

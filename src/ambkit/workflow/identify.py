@@ -50,14 +50,14 @@ def starting_model(
     """Return the model that identification starts from."""
     load_std = in_si("load_std", load_std, "N")
     axis = axis_named(machine, axis)
-    isolated = machine.isolated_axis(axis)
+    of_axis = machine.isolated_axis(axis)
     seen = (rest or {}).get("y")
     if isinstance(seen, Noise):
-        isolated = isolated.replace(sensor__noise_variance=seen.variance)
+        of_axis = of_axis.replace(sensor__noise_variance=seen.variance)
     load_std = math.nan if load_std is None else load_std
     if machine.single:
-        return LoopModel(isolated, load_std=load_std)
-    return AxisModel(isolated, load_std=load_std, machine=machine, axis=axis)
+        return LoopModel(of_axis, load_std=load_std)
+    return AxisModel(of_axis, load_std=load_std, machine=machine, axis=axis)
 
 
 def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> tuple[str, ...]:
