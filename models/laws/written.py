@@ -172,7 +172,7 @@ class {law.name.title()}Law(ForceLaw):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         A machine with one axis, whose ``[magnet]``.{reference}
     \"""
 
