@@ -233,6 +233,7 @@ def of_ones_own(bearing: ambkit.Machine) -> None:
 
 def whole_machine() -> None:
     """Four axes of a rotor."""
+    assert ambkit.Bearing is ambkit.Machine  # its name before, for this release
     machine = ambkit.Machine.preset("hindawi_2011")
     filter_ = ambkit.KalmanFilter(machine)
     run = ambkit.simulate(machine, ambkit.Scenario(duration=0.02), filter=filter_)
