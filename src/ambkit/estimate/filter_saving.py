@@ -20,7 +20,7 @@ from ambkit.estimate.noise_model import UNITS
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
 from ambkit.machine import presets
 from ambkit.machine.force_laws import Bank
-from ambkit.machine.forces.force_surface import ForceSurface
+from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
@@ -181,7 +181,7 @@ def _written_beside(path: Path, magnet: MagnetModel) -> Path:
     if isinstance(magnet, Expert):
         magnet.save(beside := path.with_suffix(".expert.json"))
         return beside
-    if isinstance(magnet, ForceSurface):
+    if isinstance(magnet, PatchedForce):
         magnet.points.save(beside := path.with_suffix(".forces.csv"))
         return beside
     raise NoFile(

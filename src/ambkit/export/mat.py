@@ -20,7 +20,7 @@ from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
 from ambkit.machine.force_laws import constants_of, models_of
-from ambkit.machine.forces.force_surface import ForceSurface
+from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.machine.parts import FILES
@@ -35,7 +35,7 @@ def export_mat(
     """Write a MAT-file (version 5) whose bytes depend on its content alone."""
     from scipy.io import savemat
 
-    if any(isinstance(magnet, ForceSurface) for magnet in models_of(filter.magnet)):
+    if any(isinstance(magnet, PatchedForce) for magnet in models_of(filter.magnet)):
         raise AmbkitError(
             "filter: a MAT-file holds an expert; a force map goes into the machine, as its "
             "force_map, and its tables along"

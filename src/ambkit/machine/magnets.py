@@ -94,7 +94,7 @@ class ConstantStiffness:
 
 
 def magnet_of(machine: IsolatedAxis) -> Law:
-    """Return the magnet that a bearing describes: its force map, or else its law.
+    """Return the magnet that a machine describes: its force map or drawing, or else its law.
 
     Parameters
     ----------
@@ -108,6 +108,10 @@ def magnet_of(machine: IsolatedAxis) -> Law:
     """
     if machine.magnet.force_map is None:
         return law_of(machine)
+    if str(machine.magnet.force_map).endswith(".toml"):
+        from ambkit.machine.forces.drawing import computed_force
+
+        return computed_force(machine)
     return surface_of(machine)
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -16,7 +17,7 @@ from pydantic import (
 
 from ambkit.base.config import Part, Read, read_unchecked
 from ambkit.base.config.quantities import InOther, Quantity
-from ambkit.base.config.text_types import FilePath
+from ambkit.base.config.text_types import FilePath, from_folder
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine.accessories import ColouredNoise, Hum, Runout
@@ -25,6 +26,19 @@ from ambkit.machine.magnets import MU_0, magnet_of
 
 GRAVITY = 9.81
 """Acceleration of free fall [m/s^2], as both rigs of the presets were calculated with."""
+
+
+UNREADABLE = {
+    "type": "two-sided", "magnet_constant": "1 N m^2/A^2", "air_gap": "1 m", "bias_current": "1 A",
+}  # fmt: skip
+"""What stands for the keys of a drawing that is wrong: that is stated, they are no mistake."""
+
+
+def drawing_of(path: str) -> dict[str, Any]:
+    """Return the keys of ``[magnet]`` that a drawing states."""
+    from ambkit.machine.forces.drawing import stated
+
+    return stated(path)
 
 
 def magnet_constant(turns: float, pole_area: float, pole_angle: float = 0.0) -> float:
@@ -78,7 +92,9 @@ class Magnet(LawKeys):
     """Flux density Bs at which that iron is saturated [T]."""
     force_map: FilePath | None = None
     """A file with the measured or computed force, points of iu, x and f_mag: the surface through
-    them is the magnet, and the law only what goes on where there are none."""
+    them is the magnet, and the law only what goes on where there are none. Or a drawing (.toml),
+    whose field is solved; type, magnet_constant, air_gap and bias_current are then the drawing's
+    unless stated here."""
     force_channels: FilePath | None = None
     """A TOML file that says which columns of the force map mean what, where it has other names."""
     force_scale: Annotated[float, Quantity("1", "1", above=0)] | None = None
@@ -98,7 +114,14 @@ class Magnet(LawKeys):
     @model_validator(mode="before")
     @classmethod
     def _constant_from_coil(cls, data: Any, info: ValidationInfo) -> Any:
-        if not isinstance(data, dict) or "magnet_constant" in data:
+        if not isinstance(data, dict):
+            return data
+        if str(data.get("force_map", "")).endswith(".toml"):
+            stated = UNREADABLE
+            with suppress(AmbkitError):  # which `_contradictions` states
+                stated = drawing_of(from_folder(data["force_map"], info))
+            data = stated | data
+        if "magnet_constant" in data:
             return data
         if data.get("turns") is None and data.get("pole_area") is None:
             return data
@@ -165,7 +188,10 @@ class Magnet(LawKeys):
             from ambkit.machine.forces.force_map import points_of
 
             try:
-                points_of(path, channels)
+                if path.endswith(".toml"):
+                    drawing_of(path)
+                else:
+                    points_of(path, channels)
             except AmbkitError as error:
                 yield "force_map", str(error)
         coil = _coil_constant(read)

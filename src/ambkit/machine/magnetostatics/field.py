@@ -1,0 +1,200 @@
+"""The magnetostatic field of a layout, and from it force and flux linkage.
+
+The vector potential a (r A_phi where axisymmetric) minimises energy less the work of the currents
+(Newton with line search). The rotor moves by displacing the nodes of the gap, so force and flux
+linkage are exact derivatives of one discrete energy (Coulomb and Meunier, IEEE Trans. Magn. 20,
+1984): a closed loop of currents and displacements does no work.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
+
+from ambkit.base.arrays import Array
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.force_law import MU_0
+from ambkit.machine.magnetostatics.elements import Elements
+from ambkit.machine.magnetostatics.layout import Layout, Points, flat
+from ambkit.machine.magnetostatics.mesh import mesh_of
+
+PRECISION = 1e-9  #: Newton ends where a step changes the energy by less than this part of it.
+STEPS = 60  #: Of Newton, at most.
+LEAST_B = 1e-9  #: Flux density of which permeability is asked at least [T].
+
+
+class Solution(NamedTuple):
+    """A field."""
+
+    a: Array  #: (n,) Vector potential [Vs/m]; times the radius where axisymmetric [Vs].
+    force: Array  #: (directions,) On the rotor [N].
+    flux: Array  #: (coils,) Flux linkages [Vs].
+    coenergy: float  #: [J]
+    B: Points  #: (m, points) Flux density [T].
+
+
+class FieldSolver:
+    """The mesh of a layout and its materials."""
+
+    def __init__(self, layout: Layout, fineness: float = 1.0) -> None:
+        self.layout, self.mesh = layout, mesh_of(layout, fineness)
+        regions, region = layout.regions, self.mesh.region
+        of = [regions[number] if number >= 0 else layout.boundary for number in region]
+        self.moves = np.array([r.moves for r in of])
+        self.air = np.array([not (r.moves or r.iron or r.coil >= 0 or r.remanence) for r in of])
+        curves = {id(r.iron): r.iron for r in of if r.iron is not None}
+        self.iron = [
+            (curve, np.flatnonzero([r.iron is curve for r in of])) for curve in curves.values()
+        ]
+        self.linear = np.flatnonzero([r.iron is None for r in of])
+        self.reluctivity = 1 / (MU_0 * np.array([r.permeability for r in of]))
+        self.remanence = np.array([r.remanence for r in of])
+        self.free = np.flatnonzero(~self.mesh.rim)
+        self.length = 2 * np.pi if layout.axisymmetric else layout.depth
+        self.sense = -1.0 if layout.axisymmetric else 1.0  # (r, z, phi) is left-handed
+        rest = Elements(self.mesh.nodes, self.mesh.triangles)
+        self.coils = np.zeros((layout.bias.size, rest.count))
+        for number, r in enumerate(regions):
+            if r.coil >= 0:
+                inside = (region == number)[:, None] * np.ones_like(rest.weight)
+                area = float((inside * rest.weight).sum())
+                self.coils[r.coil] += self.length * r.turns / area * rest.load(inside)
+        self._positions: dict[complex, Position] = {}
+
+    def at(self, displacement: complex = 0.0) -> Position:
+        """Return the problem with the rotor displaced [m]."""
+        key = complex(displacement)
+        if key not in self._positions:
+            if len(self._positions) > 3:
+                self._positions.clear()
+            self._positions[key] = Position(self, key)
+        return self._positions[key]
+
+    @cached_property
+    def follows(self) -> Array:
+        """By how much each node follows the rotor (n,): 1 in it, 0 in the stator."""
+        mesh = self.mesh
+        parts = []
+        for chosen in (self.moves, ~self.moves & ~self.air):
+            inside = np.zeros(len(mesh.nodes), dtype=bool)
+            inside[mesh.triangles[chosen]] = True
+            parts.append(inside)
+        axis = (mesh.nodes.real == 0) & self.layout.axisymmetric
+        moving, solid, rim = (self._distance(part) for part in (*parts, mesh.rim & ~axis))
+        fixed = np.minimum(solid, rim)
+        return np.asarray(fixed / (moving + fixed))
+
+    def _distance(self, inside: NDArray[np.bool_]) -> Array:
+        """Return the distances (n,) of nodes from the surface of a part, 0 in it."""
+        nodes = self.mesh.nodes
+        sides = self.mesh.triangles[self.air][:, [[1, 3, 2], [2, 4, 0], [0, 5, 1]]].reshape(-1, 3)
+        a, middle, b = nodes[sides[inside[sides].all(axis=1)]].T
+        t = np.linspace(0, 1, 17)[:, None]
+        on = (a * (1 - t) * (1 - 2 * t) + middle * 4 * t * (1 - t) + b * t * (2 * t - 1)).ravel()
+        tree = cKDTree(flat(on))
+        far = tree.query(flat(nodes))[0]
+        return np.where(inside, 0.0, far)
+
+
+class Position:
+    """The discrete problem at one displacement of the rotor."""
+
+    def __init__(self, solver: FieldSolver, displacement: complex) -> None:
+        self.solver = solver
+        nodes, triangles = solver.mesh.nodes, solver.mesh.triangles
+        if displacement:
+            nodes = nodes + displacement * solver.follows
+        self.elements = e = Elements(nodes, triangles)
+        if (e.weight <= 0).any():
+            raise AmbkitError(f"a displacement of {abs(displacement):g} m closes the air gap")
+        axial = solver.layout.axisymmetric
+        self.radius = e.places.real if axial else np.ones_like(e.weight)  # B = grad a / radius
+        self.volume = solver.length * self.radius * e.weight if axial else solver.length * e.weight
+        factor = self.volume / self.radius**2
+        self.stiffness = self._matrix(solver.linear, solver.reluctivity[:, None] * factor)
+        self.magnets = np.zeros(e.count)
+        if solver.remanence.any():
+            h = solver.sense * (solver.reluctivity * solver.remanence)[:, None] * factor
+            h *= self.radius
+            self.magnets = e.vector(
+                np.einsum("mq,mqa->ma", h.real, e.gradient[..., 1])
+                - np.einsum("mq,mqa->ma", h.imag, e.gradient[..., 0])
+            )
+
+    def _matrix(self, at: NDArray[np.intp], factor: Array) -> sparse.csc_matrix:
+        g = self.elements.gradient[at]
+        values = np.einsum("mqat,mqbt->mab", g * factor[at, :, None, None], g, optimize=True)
+        return self.elements.matrix(values, at)
+
+    def _energy(self, a: Array, source: Array) -> tuple[float, Array, list[tuple[Array, Array]]]:
+        """Return energy less work [J], grad a (m, q, 2), and of each iron H/B and its bend."""
+        s, linear = self.solver, self.solver.linear
+        gradient = self.elements.grad(a)
+        b = np.hypot(gradient[..., 0], gradient[..., 1]) / self.radius
+        v = self.volume
+        energy = 0.5 * float((v[linear] * s.reluctivity[linear, None] * b[linear] ** 2).sum())
+        state = []
+        for curve, at in s.iron:
+            level = np.maximum(b[at], LEAST_B)
+            h, slope, density = curve.at(level)
+            energy += float((v[at] * density).sum())
+            state.append((h / level, (slope - h / level) / level**2))
+        return energy - float(source @ a), gradient, state
+
+    def solve(self, currents: Array, start: Array | None = None) -> Solution:
+        """Return the field of currents (coils,) [A]; `start` (n,) is a potential near it."""
+        s, e, free = self.solver, self.elements, self.solver.free
+        source = np.asarray(currents, dtype=float) @ s.coils + self.magnets
+        a = np.zeros(e.count) if start is None else start
+        factor = self.volume / self.radius**2
+        value, gradient, state = self._energy(a, source)
+        for _ in range(STEPS):
+            residual, matrix = source - self.stiffness @ a, self.stiffness
+            for (_, at), (nu, bend) in zip(s.iron, state, strict=True):
+                g, f = e.gradient[at], factor[at]
+                along = np.einsum("mqt,mqat->mqa", gradient[at], g, optimize=True)
+                residual -= e.vector(np.einsum("mq,mqa->ma", nu * f, along), at)
+                weight = bend * f / self.radius[at] ** 2
+                values = np.einsum(
+                    "mqat,mqbt->mab", g * (nu * f)[..., None, None], g, optimize=True
+                )
+                values += np.einsum("mqa,mqb->mab", along * weight[..., None], along, optimize=True)
+                matrix = matrix + e.matrix(values, at)
+            step = np.zeros(e.count)
+            step[free] = self._solved(matrix[free][:, free], residual[free])
+            slope, share = float(residual @ step), 1.0
+            while True:
+                new, gradient, state = self._energy(a + share * step, source)
+                if new <= value - 1e-4 * share * slope or slope <= PRECISION * abs(value):
+                    break
+                share /= 2
+            a, value = a + share * step, new
+            if slope <= PRECISION * abs(value):
+                return self._solution(a, -value, gradient)
+        raise AmbkitError(f"the magnetic field does not converge in {STEPS} steps")
+
+    @staticmethod
+    def _solved(matrix: sparse.csc_matrix, right: Array) -> Array:
+        options = {"SymmetricMode": True}
+        factors = splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        return np.asarray(factors.solve(right))
+
+    def _solution(self, a: Array, coenergy: float, gradient: Array) -> Solution:
+        s = self.solver
+        B = s.sense * (gradient[..., 1] - 1j * gradient[..., 0]) / self.radius
+        between = np.flatnonzero(s.air)
+        strain = self.elements.grad(s.follows)[between]
+        g = gradient[between]
+        density = (self.volume / self.radius**2)[between] * s.reluctivity[between, None]
+        forces = []
+        for direction in s.layout.directions:
+            d = np.array([direction.real, direction.imag])
+            stress = (g * strain).sum(axis=2) * (g @ d) - 0.5 * (g**2).sum(axis=2) * (strain @ d)
+            forces.append(float((density * stress).sum()))
+        return Solution(a, np.array(forces), s.coils @ a, coenergy, np.asarray(B, complex))

@@ -1,0 +1,89 @@
+"""The cross section of a magnet: regions with their materials, coils and motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.arrays import Array
+from ambkit.machine.magnetostatics.iron import Curve
+
+Points = NDArray[np.complex128]
+"""Points of the plane [m]: x + iy, or r + iz where the section is axisymmetric."""
+
+
+class Region(NamedTuple):
+    """A closed outline and what fills it; it replaces what earlier regions have there."""
+
+    outline: Points  #: (n,) Its corners in order, anticlockwise.
+    key: str  #: The key of the drawing that its size comes from.
+    iron: Curve | None = None
+    moves: bool = False  #: With the rotor.
+    coil: int = -1  #: Number of the coil whose turns fill it.
+    turns: float = 0.0  #: Negative where they carry the current into the plane.
+    remanence: complex = 0.0  #: Of a permanent magnet [T], with its direction.
+    permeability: float = 1.0  #: Relative, of what is no iron.
+    conductivity: float = 0.0  #: [S/m]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Regions within a boundary on which the flux is confined."""
+
+    boundary: Region
+    regions: Sequence[Region]
+    directions: Sequence[complex]
+    """Of the rotor's displacements, one or two unit vectors."""
+    bias: Array
+    """(coils,) Current of each coil by bias current."""
+    control: Array
+    """(directions, coils) Current of each coil by control current."""
+    depth: float = float("nan")
+    """Length across the plane [m]; NaN: the section is axisymmetric about its imaginary axis."""
+    circles: Sequence[tuple[complex, float]] = ()
+    """Centre and radius [m] of those that outlines follow."""
+    opposed: bool = False
+    """Whether the same magnet pulls the other way, too, with a field of its own."""
+
+    @property
+    def axisymmetric(self) -> bool:
+        """Whether the section is that of a body of revolution."""
+        return bool(np.isnan(self.depth))
+
+    def lengthened(self, factor: float) -> Layout:
+        """Return it with another depth."""
+        return replace(self, depth=factor * self.depth)
+
+
+def rectangle(low: complex, high: complex) -> Points:
+    """Return the outline of a rectangle from two of its corners."""
+    return np.array([low, high.real + 1j * low.imag, high, low.real + 1j * high.imag])
+
+
+def arc(radius: float, begin: float, end: float, centre: complex = 0.0) -> Points:
+    """Return points on an arc at two angles and between, a few degrees apart."""
+    count = max(2, 1 + round(abs(end - begin) / np.radians(5)))
+    return np.asarray(centre + radius * np.exp(1j * np.linspace(begin, end, count)))
+
+
+def circle(radius: float, centre: complex = 0.0) -> Points:
+    """Return points on a circle."""
+    return arc(radius, 0.0, 2 * np.pi, centre)[:-1]
+
+
+def contains(outline: Points, places: Points) -> NDArray[np.bool_]:
+    """Say which places (n,) lie within an outline, by the crossings of a ray."""
+    a, b = outline, np.roll(outline, -1)
+    above = (a.imag > places[:, None].imag) != (b.imag > places[:, None].imag)
+    rise = np.where(b.imag == a.imag, 1.0, b.imag - a.imag)
+    at = a.real + (places[:, None].imag - a.imag) / rise * (b.real - a.real)
+    return np.asarray((above & (places[:, None].real < at)).sum(axis=1) % 2 == 1)
+
+
+def flat(places: Points) -> Array:
+    """Return places (n,) as (n, 2)."""
+    return np.column_stack([places.real, places.imag])

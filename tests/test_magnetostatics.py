@@ -1,0 +1,227 @@
+"""The magnet from its drawing: the field against theory, the map, and the machine that takes it."""
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import AmbkitError
+from ambkit.machine.force_law import MU_0
+from ambkit.machine.magnetostatics.drawing import Drawing
+from ambkit.machine.magnetostatics.field import FieldSolver
+from ambkit.machine.magnetostatics.iron import GRADES, Iron
+from ambkit.machine.magnetostatics.layout import Layout, Region, rectangle
+from ambkit.machine.magnetostatics.magnet_map import map_of, points_between
+
+WINDING = '[winding]\nturns = 100\nbias_current = "3 A"\n'
+IRON = '[iron]\nsaturation = "1.8 T"\nrelative_permeability = 2000\n'
+CORE = """air_gap = "0.5 mm"
+leg_width = "10 mm"
+leg_height = "25 mm"
+window_width = "18 mm"
+back_iron = "10 mm"
+coil_width = "7 mm"
+rotor_thickness = "12 mm"
+stack_length = "30 mm"
+"""
+E_CORE = 'type = "E-core"\nmiddle_width = "20 mm"\n' + CORE
+U_CORE = 'type = "U-core"\n' + CORE
+POT = """air_gap = "0.5 mm"
+slot_width = "12 mm"
+slot_depth = "20 mm"
+outer_pole = "6 mm"
+back_iron = "10 mm"
+"""
+THRUST = """type = "thrust"
+shaft_diameter = "30 mm"
+disc_diameter = "90 mm"
+disc_thickness = "10 mm"
+core_bore = "36 mm"
+inner_pole = "7 mm"
+"""
+RADIAL = """type = "radial"
+poles = 8
+air_gap = "0.5 mm"
+rotor_diameter = "60 mm"
+shaft_diameter = "30 mm"
+pole_width = "9 mm"
+pole_height = "22 mm"
+back_iron = "10 mm"
+coil_width = "4 mm"
+stack_length = "30 mm"
+"""
+GEOMETRIES = {
+    "e-core": E_CORE,
+    "u-core": U_CORE,
+    "thrust": THRUST + POT,
+    "ball": 'type = "pot-and-ball"\ninner_diameter = "20 mm"\nball_diameter = "50 mm"\n' + POT,
+    "eight poles": RADIAL,
+    "four poles": RADIAL.replace("= 8", "= 4").replace('h = "9', 'h = "18'),
+    "twelve poles": RADIAL.replace("= 8", "= 12")
+    .replace('h = "9', 'h = "5')
+    .replace("4 mm", "3 mm"),
+}
+MACHINE = """name = "guide"
+sampling_time = "0.1 ms"
+rotor = {mass = "3 kg", gravity = "none", clearance = "0.25 mm"}
+amplifier = {gain = "1 A/V", current_limit = "3 A", noise_variance = "1e-4 V^2"}
+sensor = {gain = 1, lag = "0.05 ms", noise_variance = "1 µm^2"}
+"""
+
+
+def text(geometry, iron=IRON):
+    return f'name = "magnet"\n\n[geometry]\n{geometry}\n{WINDING}\n{iron}'
+
+
+def drawing(geometry, iron=IRON):
+    return Drawing.from_toml(text(geometry, iron))
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory, monkeypatch):
+    base = tmp_path_factory.getbasetemp() / "cache"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(base))
+
+
+@pytest.mark.parametrize("geometry", ["e-core", "thrust", "ball"])
+def test_force_and_flux_are_derivatives_of_one_energy(geometry):
+    layout = drawing(GEOMETRIES[geometry]).layout
+    solver, way = FieldSolver(layout, 0.7), layout.directions[0]
+    current, at = 3 * layout.bias + layout.control[0], 1e-4 * way
+    result = solver.at(at).solve(current)
+    step = 1e-8
+    ends = [solver.at(at + h * way).solve(current, result.a).coenergy for h in (-step, step)]
+    assert result.force[0] == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-6)
+    step = 1e-4
+    ends = [solver.at(at).solve(current + h * layout.control[0], result.a).coenergy
+            for h in (-step, step)]  # fmt: skip
+    flux = layout.control[0] @ result.flux
+    assert flux == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-6)
+
+
+@pytest.mark.parametrize("geometry", ["e-core", "u-core", "thrust"])
+def test_narrow_gap_between_ideal_iron_is_its_reluctance(geometry):
+    """Without fringes and iron, force and flux are those of `ClosedLaw`."""
+    iron = Iron(saturation=50.0, relative_permeability=1e6)
+    narrow = GEOMETRIES[geometry].replace('air_gap = "0.5 mm"', 'air_gap = "0.1 mm"')
+    made = drawing(narrow).replace(iron=iron)
+    layout = made.layout
+    result = FieldSolver(layout).at(0).solve(layout.control[0] * (layout.control[0] > 0))
+    ideal = made.magnet_constant / made.geometry.air_gap**2
+    assert result.force[0] == pytest.approx(ideal, rel=0.02)
+    leakage = result.flux[0] / (2 * ideal * made.geometry.air_gap)
+    assert 1 < leakage < 1.12  # across the window
+
+
+def test_brooks_coil_in_air_has_its_inductance():
+    """L = 1.6994 µH/m r N^2 (Grover 1946, chapter 13), r = 1.5 c of a square section c x c."""
+    c, turns = 0.02, 50
+    coil = Region(rectangle(c - 0.5j * c, 2 * c + 0.5j * c), "coil", coil=0, turns=turns)
+    places = [Region(rectangle(0.2 * c + 1j * z * c, 0.5 * c + 1j * (z + 0.2) * c), "air", moves=m)
+              for z, m in ((1.0, True), (1.5, False))]  # fmt: skip
+    far = 20 * c
+    one = np.ones(1)
+    layout = Layout(Region(rectangle(-1j * far, far + 1j * far), "air"), [coil, *places], (1j,),
+                    one, one[None])  # fmt: skip
+    result = FieldSolver(layout, 5).at(0).solve(one)
+    assert result.flux[0] == pytest.approx(1.6994e-6 * 1.5 * c * turns**2, rel=2e-3)
+
+
+@pytest.mark.long
+def test_each_geometry_pulls_as_its_formula_says_roughly():
+    for name, geometry in GEOMETRIES.items():
+        made = drawing(geometry)
+        layout = made.layout
+        result = FieldSolver(layout, 0.6).at(0).solve(layout.control[0] * (layout.control[0] > 0))
+        ideal = made.magnet_constant / made.geometry.air_gap**2
+        share = result.force[0] / ideal
+        # A ball is far from a flat face; of four poles each carries the flux of both neighbours.
+        low, high = {"ball": (0.02, 0.3), "four poles": (0.4, 1.3)}.get(name, (0.75, 1.15))
+        assert low < share < high, name
+
+
+def test_map_is_consistent_and_right_between_its_points():
+    made = drawing(U_CORE)
+    result = map_of(made)
+    iu, x, force = points_between(made, result, 3.0, count=4)
+    assert np.abs(result.force_at(iu, x) - force).max() < 1.5e-3 * np.abs(result.force).max()
+    assert result.loop_work() < 1e-3
+    assert np.allclose(result.force, -result.force[::-1, ::-1], atol=1e-9 * result.force.max())
+
+
+@pytest.mark.long
+def test_half_of_a_radial_map_is_the_other_half():
+    """What symmetry fills in is what the field solution gives."""
+    made = drawing(RADIAL)
+    layout = made.layout
+    solver = FieldSolver(layout, 0.6)
+    near, far = (
+        solver.at(sign * 1e-4).solve(3 * layout.bias + sign * 2 * layout.control[0]).force[0]
+        for sign in (1, -1)
+    )
+    assert near == pytest.approx(-far, rel=1e-3)
+
+
+def test_curves_rise_and_their_energy_is_the_integral():
+    made = [Iron(material=name) for name in GRADES]
+    table = Iron(flux_density=(0.5, 1.0, 1.5, 1.8), field_strength=(60, 130, 1200, 9000))
+    b = np.linspace(0.01, 3.0, 3001)
+    for iron in (*made, table, Iron(saturation=1.8, relative_permeability=2000)):
+        h, slope, energy = iron.curve.at(b)
+        assert (slope > 0).all()
+        assert np.allclose(np.gradient(energy, b)[1:-1], h[1:-1], rtol=0.02, atol=20)
+        assert slope[-1] == pytest.approx(1 / MU_0, rel=0.03)
+    assert table.curve.at(np.array([1.5]))[0] == pytest.approx(1200)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "line", "what"),
+    [
+        (RADIAL.replace('"9 mm"', '"25 mm"'), 9, "geometry.pole_width: 8 poles overlap"),
+        (RADIAL.replace('"4 mm"', '"9 mm"'), 12, "geometry.coil_width: windings of neighbouring"),
+        (RADIAL.replace('"30 mm"', '"80 mm"', 1), 8, "geometry.shaft_diameter: must be less"),
+        (E_CORE.replace('"7 mm"', '"18 mm"'), 11, "geometry.coil_width: windings overlap"),
+        (
+            THRUST.replace('"90 mm"', '"40 mm"') + POT,
+            6,
+            "geometry.disc_diameter: does not displacement_range",
+        ),
+        (THRUST.replace('"36 mm"', '"20 mm"') + POT, 8, "geometry.core_bore: must be greater"),
+    ],
+)
+def test_what_overlaps_is_refused_with_file_and_line(tmp_path, geometry, line, what):
+    (tmp_path / "d.toml").write_text(text(geometry))
+    with pytest.raises(AmbkitError, match=rf"d\.toml:{line}: {what}"):
+        Drawing.load(tmp_path / "d.toml")
+
+
+@pytest.mark.parametrize(
+    "iron",
+    ["[iron]\n", '[iron]\nmaterial = "M350-50A"\nsaturation = "1.8 T"\nrelative_permeability = 9\n',
+     '[iron]\nflux_density = ["1 T", "0.5 T"]\nfield_strength = ["100 A/m", "200 A/m"]\n'],
+)  # fmt: skip
+def test_a_curve_is_stated_once_and_rises(iron):
+    with pytest.raises(AmbkitError, match=r"iron\.(material|flux_density): "):
+        drawing(E_CORE, iron)
+
+
+def test_machine_takes_a_drawing(tmp_path):
+    (tmp_path / "core.toml").write_text(text(U_CORE))
+    (tmp_path / "m.toml").write_text(MACHINE + '[magnet]\nforce_map = "core.toml"\n')
+    machine = ambkit.Machine.load(tmp_path / "m.toml")
+    magnet, result = ambkit.magnet_of(machine), map_of(drawing(U_CORE))
+    assert machine.magnet.air_gap == 0.5e-3
+    assert machine.magnet.type == "two-sided"
+    iu, x = np.meshgrid(np.linspace(-3, 3, 9), np.linspace(-2e-4, 2e-4, 7))
+    size = np.abs(result.force).max()
+    assert np.abs(magnet.force(iu, x) - result.force_at(iu, x)).max() < 3e-4 * size
+    wide = ambkit.magnet_of(machine.replace(magnet__air_gap="0.55 mm"))
+    assert wide.tangent(0, 0)[0] < 0.9 * magnet.tangent(0, 0)[0]
+    run = ambkit.simulate(machine, ambkit.scenario_for(machine, load="20 N", duration="0.1 s"))
+    assert np.abs(run.record["x"]).max() < 0.1e-3
+
+
+def test_machine_with_a_faulty_drawing_names_its_line(tmp_path):
+    (tmp_path / "core.toml").write_text(text(E_CORE.replace('"7 mm"', '"30 mm"')))
+    (tmp_path / "m.toml").write_text(MACHINE + '[magnet]\nforce_map = "core.toml"\n')
+    with pytest.raises(AmbkitError, match=r"core\.toml:11: geometry\.coil_width"):
+        ambkit.Machine.load(tmp_path / "m.toml")
