@@ -183,7 +183,7 @@ def test_curves_rise_and_their_energy_is_the_integral():
         (
             THRUST.replace('"90 mm"', '"40 mm"') + POT,
             6,
-            "geometry.disc_diameter: does not displacement_range",
+            "geometry.disc_diameter: does not reach",
         ),
         (THRUST.replace('"36 mm"', '"20 mm"') + POT, 8, "geometry.core_bore: must be greater"),
     ],
