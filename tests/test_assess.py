@@ -161,18 +161,18 @@ def test_frequency_responses_are_those_of_python_control(name):
     f = np.geomspace(0.5, 4999.0, 300)
     z = np.exp(2j * np.pi * f * loop.T)
     L = -P[0, 0] * K[0, 0]
-    assert loop.open(f)[:, 0, 0] == pytest.approx(L(z), rel=1e-8)
-    S = control.feedback(1, L)
-    assert loop.sensitivity(f)[:, 0, 0] == pytest.approx(S(z), rel=1e-8)
-    # Multiplied out, as python-control has it, an observer's double poles cost it 1e-8: ours are
+    # Multiplied out, as python-control has it, an observer's equal poles cost it 1e-8: ours are
     # those of 40 digits to 5e-13.
+    assert loop.open(f)[:, 0, 0] == pytest.approx(L(z), rel=3e-8)
+    S = control.feedback(1, L)
+    assert loop.sensitivity(f)[:, 0, 0] == pytest.approx(S(z), rel=3e-8)
     assert 1 - loop.along_axes(f)[:, 0, 0] == pytest.approx(control.feedback(L, 1)(z), rel=3e-8)
     seen = control.feedback(K[0, 0], P[0, 0], sign=1)
     assert loop.noise_to_control(f)[:, 0, 0] == pytest.approx(seen(z), rel=3e-8)
     # x = P_xf f + P_xu u, u = K S P_yf f
     compliance = P[1, 1](z) + P[1, 0](z) * K[0, 0](z) * S(z) * P[0, 1](z)
-    assert loop.compliance(f)[:, 0, 0] == pytest.approx(compliance, rel=1e-8)
-    assert loop.stiffness(f)[:, 0, 0] == pytest.approx(1 / compliance, rel=1e-8)
+    assert loop.compliance(f)[:, 0, 0] == pytest.approx(compliance, rel=3e-8)
+    assert loop.stiffness(f)[:, 0, 0] == pytest.approx(1 / compliance, rel=3e-8)
 
 
 @pytest.mark.parametrize("name", quick([None, "linear", "low-pass"], ["linear"]))

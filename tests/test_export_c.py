@@ -261,7 +261,7 @@ def test_an_installed_package_brings_its_c(tmp_path, exported):
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(str(tmp_path))
-    assert texts(tmp_path / "out") == texts(exported("linear").folder)
+    assert texts(tmp_path / "out") == texts(exported("extended").folder)
 
 
 def test_a_kind_that_is_none_is_refused(tmp_path):

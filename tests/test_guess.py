@@ -1,5 +1,6 @@
 """The guess at channels by physics: disguised logs, other rigs, and what must not be guessed."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from ambkit.data.reading.position_search import rotor
 from ambkit.data.reading.propose import guess
 from ambkit.data.reading.reader import read
 from tests import disguises
+from tests.headers import HEADERS
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
 needs_rig = pytest.mark.skipif(
@@ -242,3 +244,91 @@ def test_a_header_of_comments_is_read_over(tmp_path):
              *(f"{t!r},{u!r},{y!r}" for t, u, y in rows)]  # fmt: skip
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
     assert names_of(guess(tmp_path / "log.csv")) == {"t": "time", "y": "gap", "u": "coil"}
+
+
+def of_a_rig(n=3000):
+    """What a rig logs of the paper's bearing, by the marks of `HEADERS`."""
+    log = {name: values[:n] for name, values in disguises.simulated("of the paper").items()}
+    rng = np.random.default_rng(1)
+    u, hiss = log["u"], rng.normal(size=n)
+    current = np.round(lfilter([0.6], [1, -0.4], u) + 2e-3 * hiss, 4)
+    return {
+        "t": log["t"], "y": np.round(log["y"], 7), "u": np.round(u, 5), "r": log["r"],
+        "xe": log["x_estimated"], "ve": log["v_estimated"], "i": current,
+        "d": np.round(0.5 + 0.3 * u + 0.02 * rng.normal(size=n), 3), "e": log["r"] - log["y"],
+        "T": 25 + np.round(1e-3 * np.cumsum(hiss), 2), "n": np.round(314 + hiss, 1),
+    }  # fmt: skip
+
+
+def headed(path, header, rig):
+    """Write a log with a header, and say whether its channels are taken for what they are."""
+    line, _, marks = header.rpartition(" = ")
+    marks, separator = marks.split(), ";" if ";" in line else ","
+    rows = np.column_stack([rig[mark] for mark in marks]).tolist()
+    text = "\n".join([line, *(separator.join(f"{v:.9g}" for v in row) for row in rows)])
+    path.write_text(text + "\n")
+    heads = [re.sub(r"\s*[\[(].*", "", name) for name in line.split(separator)]
+    names = dict(zip(marks, heads, strict=True))
+    wanted = {"t": names["t"], "y": names["y"]}
+    if "u" in names:
+        wanted |= {"u": names["u"]} | ({"current": names["i"]} if "i" in names else {})
+    else:
+        wanted |= {"u": names["i"]} | ({"control": names["d"]} if "d" in names else {})
+    wanted |= {signal: names[mark] for mark, signal in
+               (("r", "r"), ("xe", "x_logged"), ("ve", "v_logged")) if mark in names}  # fmt: skip
+    try:
+        return "right" if names_of(guess(path)) == wanted else f"wrong: {header}"
+    except RecordError:
+        return "refused"
+
+
+@pytest.mark.parametrize(
+    "headers", [HEADERS[::10], pytest.param(HEADERS, marks=pytest.mark.long)], ids=["some", "all"]
+)
+def test_the_fields_names_are_known(tmp_path, headers):
+    rig = of_a_rig()
+    found = [headed(tmp_path / "log.csv", header, rig) for header in headers]
+    assert {*found} <= {"right", "refused"}
+    assert found.count("right") >= 0.95 * len(found)
+
+
+def test_there_is_no_reference_without_a_position(tmp_path):
+    rig = of_a_rig(400)
+    for name in ("soll", "w"):
+        rows = np.column_stack([rig["t"], rig["r"], rig["u"]])
+        np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=f"t,{name},u")
+        assert "r" not in names_of(guess(tmp_path / "log.csv"))
+
+
+def test_physics_go_before_names(tmp_path):
+    rig = of_a_rig() | {"false": np.round(np.random.default_rng(3).normal(size=3000), 3)}
+    log = "\n".join(["time,position,probe,current", *(
+        f"{t!r},{a!r},{y!r},{i!r}" for t, a, y, i in
+        zip(*(rig[of].tolist() for of in ("t", "false", "y", "i")), strict=True)
+    )])  # fmt: skip
+    (tmp_path / "log.csv").write_text(log + "\n")
+    text = guess(tmp_path / "log.csv")
+    assert names_of(text)["y"] == "probe"
+    assert "named like a position, but probe moves with current as a floating rotor does" in text
+
+
+def test_a_control_is_no_copy_of_the_position(tmp_path):
+    rig = of_a_rig(400)
+    rows = zip(rig["t"].tolist(), rig["y"].tolist(), strict=True)
+    text = "\n".join(["t,y,u", *(f"{t!r},{y!r},{2 - 3e3 * y!r}" for t, y in rows)])
+    (tmp_path / "log.csv").write_text(text + "\n")
+    assert "u" not in names_of(guess(tmp_path / "log.csv"))
+
+
+def test_names_stand_in_the_last_comment_that_has_any(tmp_path):
+    lines = ["# Ts: 0.01s", "# Columnas: t y i", "#", "0.00\t1.0\t2.0", "0.01\t1.5\t2.5"]
+    (tmp_path / "log.txt").write_text("\n".join([*lines, "0.02\t1.2\t2.1"]) + "\n")
+    assert names_of(guess(tmp_path / "log.txt")) == {"t": "t", "y": "y", "u": "i"}
+
+
+def test_a_clock_without_jumps_goes_first(tmp_path):
+    t = 1e-3 * np.arange(500)
+    logged = np.where(t > 0.2, t + 0.05, t)
+    rows = np.column_stack([logged, t, np.sin(20 * t), np.cos(20 * t)])
+    np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header="time,clock,y,u")
+    assert names_of(guess(tmp_path / "log.csv"))["t"] == "clock"

@@ -29,7 +29,7 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile, filter_file_for
 from ambkit.estimate.filter_saving import in_memory
 from ambkit.estimate.named import AT, PLUS, FromFile, FromKind, experts, factories
-from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
+from ambkit.estimate.registry import DEFAULT, FILTER_SUFFIX, KINDS, kind_called, learned_magnet
 from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.plausibility import evaluate_record, off_rate
@@ -95,7 +95,7 @@ def loop_arguments(
     plant = machine_argument(machine)
     control, constant, measured = controller_argument(plant, controller)
     if filter is None:
-        filter = NONE if measured else "linear"
+        filter = NONE if measured else DEFAULT
     if isinstance(filter, (list, tuple)):  # fed by the measurement is assessed beside each
         filter = [item for item in filter if item != NONE] or NONE
     filters = {} if filter == NONE else filter_arguments(filter, plant)
@@ -301,7 +301,8 @@ def filter_to_export(
         filter, machine = machine, FilterFile.load(machine).plant
     plant = machine_argument(machine)
     of_core: Precision = "float32" if precision == "float" else "float64"
-    factory = _factory("linear" if filter is None else filter, plant, choice)
+    default = DEFAULT if DEFAULT in choice else choice[0]
+    factory = _factory(default if filter is None else filter, plant, choice)
     if table_error is not None:
         bound = None if table_error == "auto" else in_si("table_error", table_error, "N")
         if not isinstance(factory.magnet, Expert) or not plant.single:

@@ -4,7 +4,7 @@
 
     name = "Zittau, tolerances of the drawing"
     bearing = "zittau_axial"           # a preset, or a file
-    estimator = "linear"
+    estimator = "extended"
     runs = 2000
     seed = 1
 
@@ -86,7 +86,7 @@ class Study(Document):
     """What it is to find out."""
     machine: MachineName
     """The nominal machine: a preset, or a file. Controllers and estimator know it and no other."""
-    estimator: EstimatorName = "linear"
+    estimator: EstimatorName = "extended"
     """In the loop, or beside it where the controller is fed by the measurement: a kind, a filter's
     file, or none."""
     synchronous: tuple[Literal["unbalance", "runout"], ...] = ()

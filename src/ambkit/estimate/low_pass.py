@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.machine.machine import Machine
 
+USUAL_VELOCITY = 0.1  #: Of a rotor, root mean square, in clearances by the unstable pole.
+
 
 class LowPass(Estimator):
     """First-order low-pass of the measurement, its difference quotient, and of the force.
@@ -34,9 +36,10 @@ class LowPass(Estimator):
     magnet : optional
         What is known of the magnet; by default the constant stiffnesses of the origin.
     position, velocity, force : float or str, optional
-        Corner frequencies [rad/s]. Defaults: 20, 10 and 2 times the plant's unstable pole.
+        Corner frequencies [rad/s]. Defaults: where the noise that passes and the lag of a rotor's
+        usual motion, or of the disturbance force, have the least sum of squares.
     **options
-        As for :class:`KalmanFilter`; the noise does not matter.
+        As for :class:`KalmanFilter`.
 
     Raises
     ------
@@ -61,15 +64,27 @@ class LowPass(Estimator):
         force: Given | None = None,
         **options: Any,
     ) -> None:
-        pole = unstable_pole(machine)
-        usual = {"position": 20 * pole, "velocity": 10 * pole, "force": 2 * pole}
         arguments = {"position": position, "velocity": velocity, "force": force}
         corners = {name: in_si(name, corner, "rad/s") for name, corner in arguments.items()}
-        self.corners = usual | {name: c for name, c in corners.items() if c is not None}
+        self.corners = {name: c for name, c in corners.items() if c is not None}
         for name, corner in self.corners.items():
             if not (math.isfinite(corner) and corner > 0):
                 raise ValueError(f"{name} must be greater than 0 rad/s, got {corner!r}")
         super().__init__(machine, magnet, **options)
+
+    def _usual_corners(self) -> dict[str, float]:
+        """Return the corners of least error [rad/s]: of noise that passes, and of lag."""
+        # Of noise of density R T a corner x lets x R T/2 through, a slower one v behind it x v^2
+        # times as much of its derivative, and f behind both x v^2 f^2 of the second. A motion of
+        # velocity u lags by u/x, its acceleration a by a/v, and a force of intensity q by q/(2 f).
+        m, pole = self.machine.rotor.mass, unstable_pole(self.machine)
+        (R,) = self.view.steps**2 / 12 + self.variances.measurement
+        noise = R / self.machine.sensor.gain**2 * self.machine.sampling_time
+        motion = USUAL_VELOCITY * self.machine.clearance * pole
+        x = (4 * motion**2 / noise) ** (1 / 3)
+        v = (2 * (motion * pole) ** 2 / (noise * x)) ** (1 / 4)
+        f = (self.variances.disturbance / (2 * m**2 * noise * x * v**2)) ** (1 / 3)
+        return {"position": x, "velocity": v, "force": f or pole}
 
     def linear_system(self) -> LinearSystem:
         """Return position and velocity of ``core/src/low_pass.c``; its force is beside them."""
@@ -86,6 +101,7 @@ class LowPass(Estimator):
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         T = self.machine.sampling_time
+        self.corners = self._usual_corners() | self.corners
         coefficients = {name: -math.expm1(-corner * T) for name, corner in self.corners.items()}
         return engine.core.LowPass(
             magnet,

@@ -37,13 +37,14 @@ WANDER = 0.01
 """Of its frequency, how fast a line of hum is taken to wander that is said to stand still: a gain
 that is constant could not find such a line."""
 
-BANDWIDTHS = (8, 12, 16, 24, 32, 48, 64)
-"""Of an observer, over the unstable pole: the first by default. Where the noise of the control
-signal leaves a greater error of it than the measurement has, that with the least error."""
-
 LEAST_BANDWIDTH = 2.4
 """Of a constant gain with very coarse steps, over the unstable pole: a loop that is fed by a slower
 estimate swings over tens of steps."""
+
+DOUBLINGS = 40  #: Of the steps after which a constant gain has settled.
+
+BANDWIDTHS = tuple(2 ** (n / 4) for n in range(-4, 41))
+"""Of an observer, over the unstable pole: of these that with the least stated error of position."""
 
 LED = ("position", "velocity", "disturbance force", "sensor")
 """Roles of the states whose poles are placed; currents follow from the controls."""
@@ -60,10 +61,8 @@ class _Observer(Estimator):
     several_axes = False
     steady = "constant"
 
-    def _gain(
-        self, model: LinearModel, quiet: Array, states: Sequence[Descriptor], *, coarse: bool
-    ) -> Array:
-        """Return the gain (n,) of all states, of a model and its Q (n, n) without a disturbance."""
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
+        """Return the gain (n,) of all states of a model."""
         # coarse: the estimate is held to very coarse steps.
         raise NotImplementedError
 
@@ -83,17 +82,14 @@ class _Observer(Estimator):
         small = LinearModel.of(full_model, k.k_i, k.k_s, settings | {"var_d": intensity}).scaled(
             units
         )
-        quiet = LinearModel.of(
-            full_model, k.k_i, k.k_s, settings | {"var_d": [0.0 for _ in intensity]}
-        ).scaled(units)
         R = held_rounding(variance, step, dwell / 4)
-        L = self._gain(small._replace(R=R), quiet.Q, full_model.states, coarse=coarse)
+        L = self._gain(small._replace(R=R), full_model.states, coarse=coarse)
         slow = math.exp(-LEAST_BANDWIDTH * unstable_pole(self.machine) * settings["T"])
         errors = small.A - np.outer(L, small.H @ small.A)
         if coarse and np.abs(np.linalg.eigvals(errors)).max() > slow:
             # The estimate is held to its step, so its rounding may count as white.
             R = held_rounding(variance, step, 1.0)
-            L = self._gain(small._replace(R=R), quiet.Q, full_model.states, coarse=coarse)
+            L = self._gain(small._replace(R=R), full_model.states, coarse=coarse)
         P, S = _steady(small._replace(R=max(R, small.R)), L)
         most = np.array(self.view.caps(full_model.states)) / units
         state_limits = np.minimum(2 * _grown(small, L, most) * units, np.finfo(np.float32).max)
@@ -127,10 +123,11 @@ class ExtendedStateObserver(_Observer):
         What the observer knows of its magnet; by default the constant stiffnesses of the origin,
         for which the gain is computed whatever the magnet.
     bandwidth : float or str, optional
-        Of the estimation error [rad/s]. Default: eight times the plant's unstable pole, more where
-        the noise of the control signal would else leave a greater error than the sensor's.
+        Of the estimation error [rad/s]. Default: that with the least stated error of the position,
+        by the variances of measurement, control and disturbance; 0.5 to 1000 times the unstable
+        pole.
     **options
-        As for :class:`KalmanFilter`. Of the noise only the stated covariance knows.
+        As for :class:`KalmanFilter`.
 
     Raises
     ------
@@ -160,9 +157,7 @@ class ExtendedStateObserver(_Observer):
         self.bandwidth = bandwidth
         super().__init__(machine, magnet, **options)
 
-    def _gain(
-        self, model: LinearModel, quiet: Array, states: Sequence[Descriptor], *, coarse: bool
-    ) -> Array:
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
         led = [i for i, state in enumerate(states) if state.role in LED]
         A, H = _of_the_led(model.A, led), model.H[:, led]
 
@@ -173,15 +168,15 @@ class ExtendedStateObserver(_Observer):
             return result
 
         if self.bandwidth is None:
-            k = [state.role for state in states].index("position")
-            unit = self.view.start_std(self.variances, states)[k] * self.machine.sensor.gain
+            k, pole = (
+                [state.role for state in states].index("position"),
+                unstable_pole(self.machine),
+            )
 
             def error(bandwidth: float) -> float:
-                return float(_steady(model._replace(Q=quiet), gain(bandwidth))[0][k, k] * unit**2)
+                return float(_steady(model, gain(bandwidth))[0][k, k])
 
-            usual, *others = (n * unstable_pole(self.machine) for n in BANDWIDTHS)
-            poor = error(usual) > model.R
-            self.bandwidth = min((usual, *others), key=error) if poor else usual
+            self.bandwidth = min((n * pole for n in BANDWIDTHS), key=error)
         return gain(self.bandwidth)
 
 
@@ -203,9 +198,7 @@ class SteadyStateKalmanFilter(_Observer):
 
     name = "steady-state Kalman filter"
 
-    def _gain(
-        self, model: LinearModel, quiet: Array, states: Sequence[Descriptor], *, coarse: bool
-    ) -> Array:
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
         from scipy.linalg import solve_discrete_are
 
         predicted = solve_discrete_are(model.A.T, model.H.T, model.Q, np.array([[model.R]]))
@@ -287,10 +280,10 @@ def _grown(model: LinearModel, L: Array, start: Array) -> Array:
 
 def _steady(model: LinearModel, L: Array) -> tuple[Array, float]:
     """Return the covariance (n, n) that a constant gain settles to, and the innovation's."""
-    from scipy.linalg import solve_discrete_lyapunov
-
     left = np.eye(len(L)) - np.outer(L, model.H)
     noise = left @ model.Q @ left.T + model.R * np.outer(L, L)
-    P = solve_discrete_lyapunov(left @ model.A, noise)
+    P, step = noise, left @ model.A
+    for _ in range(DOUBLINGS):  # Smith 1968: sum of step^k noise step'^k, twice as many each time
+        P, step = P + step @ P @ step.T, step @ step
     predicted = model.A @ P @ model.A.T + model.Q
     return np.asarray((P + P.T) / 2), (model.H @ predicted @ model.H.T).item() + model.R

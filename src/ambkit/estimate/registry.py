@@ -163,13 +163,17 @@ def _constant_velocity(function: str) -> Callable[[Machine], Any]:
     return lambda machine: getattr(import_module(module), function)(machine)
 
 
-def _poles(factor: float) -> Callable[[Machine], float]:
+def _corner(name: str) -> Callable[[Machine], float]:
     def value(machine: Machine) -> float:
-        from ambkit.estimate.observer import unstable_pole
-
-        return factor * unstable_pole(machine)
+        made: Any = KINDS["low-pass"].make(machine)
+        return float(made.corners[name])
 
     return value
+
+
+def _bandwidth(machine: Machine) -> float:
+    made: Any = KINDS["observer"].make(machine)
+    return float(made.bandwidth)
 
 
 KINDS = {
@@ -179,9 +183,9 @@ KINDS = {
             "low-pass", "low-pass and derivative",
             "low_pass.LowPass", InCore("LowPass", has_state=True, base="base."), constants_of,
             (
-                Tunable("position", "rad/s", _poles(20)),
-                Tunable("velocity", "rad/s", _poles(10)),
-                Tunable("force", "rad/s", _poles(2)),
+                Tunable("position", "rad/s", _corner("position")),
+                Tunable("velocity", "rad/s", _corner("velocity")),
+                Tunable("force", "rad/s", _corner("force")),
             ),
         ),
         Kind(
@@ -196,7 +200,7 @@ KINDS = {
         Kind(
             "observer", "extended state observer",
             "observer.ExtendedStateObserver", _OBSERVER, constants_of,
-            (Tunable("bandwidth", "rad/s", _poles(8), decades=1.0),),
+            (Tunable("bandwidth", "rad/s", _bandwidth, decades=1.0),),
         ),
         Kind("linear", "linear Kalman filter", "kalman.KalmanFilter", PAPER, constants_of),
         Kind(
@@ -259,6 +263,10 @@ KINDS = {
     )
 }  # fmt: skip
 """All kinds, from the simplest on."""
+
+DEFAULT = "extended"
+"""The kind of a machine for which none is named, as its law is known: what
+``python -m benchmarks.defaults`` picks."""
 
 FILTER_SUFFIX = ".toml"  #: Of a filter's file, which may stand wherever an estimator is named.
 

@@ -39,7 +39,7 @@ def assess(
     machine : Machine, str or path
         Preset name, or TOML file of a machine or a filter.
     filter : Estimator, str, path, sequence or mapping of them, optional
-        Kind, filter file, or none. By default the filter of the file, else linear; none if the
+        Kind, filter file, or none. By default the filter of the file, else extended; none if the
         controller uses the measurement.
     controller : PID, Control, str or path, optional
         Scenario file, decentralised, 'translation and tilt', or lqg. Omitted settings are tuned

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def simulate(
     machine: words.Machine,
     scenario: words.Scenario | None = None,
-    filter: words.LoopFilter = "linear",
+    filter: words.LoopFilter = "extended",
     *,
     plant: words.TruePlant | None = None,
     duration: words.Time | None = None,

@@ -27,6 +27,8 @@ from ambkit.models.plant_parts import in_words
 from ambkit.result.result import Document
 from ambkit.simulation.scenario import Scenario, by_axis
 
+STUDIED = 2  #: Runs in which the default filter of a machine is judged.
+
 #: Short names of the TOML files that are no machines.
 SHORT = {"map": "channel map", "force": "channels of a force map"}
 
@@ -217,6 +219,7 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Findin
             f"line {lines.line(remark.path)}: {remark.text}" if remark.path else remark.text
             for remark in remarks
         )
+        about = f"{about}; {_default_filter(result)}"
         return Finding(about, (), (*notes, *sentences(list(of_machine(result)))))
     if kind == "study":
         plan = Plan(result)
@@ -226,8 +229,19 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Findin
     if kind == "scenario":
         return Finding(f"{engineering(result.duration, 's')}, {_of_signals(result)}")
     mass = engineering(result.rotor.mass, "kg")
-    about = "; ".join([f"{result.name}, {result.magnet.type}, {mass}", *in_words(result)])
+    parts = [f"{result.name}, {result.magnet.type}, {mass}", *in_words(result)]
+    about = "; ".join([*parts, _default_filter(result)])
     return Finding(about, (), tuple(sentences(list(of_machine(result)))))
+
+
+def _default_filter(machine: Machine) -> str:
+    """Return how the filter that a machine gets by default does in simulation."""
+    from ambkit.judge.comparison.default_study import score_defaults
+
+    try:
+        return f"default filter {score_defaults(machine, runs=STUDIED).row()}"
+    except AmbkitError as error:
+        return f"default filter not judged: {error}"
 
 
 def _of_signals(scenario: Any) -> str:

@@ -141,16 +141,18 @@ def _few(rows: Sequence[Any]) -> Sequence[Any]:
 
 def _named_by_a_comment(result: Dialect, lines: Sequence[str]) -> Dialect:
     """Take the names from the comment above the numbers, where they stand there (NumPy's way)."""
-    above = next((n for n in range(result.body - 1, -1, -1) if lines[n][:1] in COMMENTS), None)
-    if above is None:
-        return result
-    cells = split(lines[above].lstrip("#% "), result.separator)
-    if len(cells) != result.width or result.width < 2 or ":" in lines[above]:
-        return result
-    if not all(cells) or any(_is_number(cell, result.decimal) for cell in cells):
-        return result
-    names, units = zip(*map(_label, cells), strict=True)
-    return result._replace(names=names, units=units, header=above)
+    for n in range(result.body - 1, -1, -1):
+        text = lines[n].lstrip("#% ").rpartition(":")[2].strip()
+        if lines[n][:1] not in COMMENTS or not text:
+            continue
+        for separator in (result.separator, *SEPARATORS):
+            cells = split(text, separator)
+            if len(cells) == result.width > 1 and not any(
+                not cell or _is_number(cell, result.decimal) or "=" in cell for cell in cells
+            ):
+                names, units = zip(*map(_label, cells), strict=True)
+                return result._replace(names=names, units=units, header=n)
+    return result
 
 
 def _score(lines: Sequence[str], separator: str, decimal: str) -> tuple[float, int, int]:

@@ -186,9 +186,13 @@ class _Map:
         if of_current:
             why = "the current stands for the control signal: amplifier gain 1 A/V"
             yield f'scale = "1 V/A"  # {why}'
-            yield "# measured = true  # if a sensor showed it: it is then not held between samples"
+            hint = "a sensor showed it: it is not held between samples"
+            driven = "control" in self.chosen
+            yield f"measured = true  # {hint}" if driven else f"# measured = true  # if {hint}"
         elif role == "u" and si_unit(unit) == "1":
             yield 'scale = "1 V"  # volts at full duty'
+        elif role in ("y", "r") and si_unit(unit) == "V":
+            yield 'scale = "1 mm/V"  # of the sensor: fill in'
         is_inverted = self.u_inverted if role in ("u", "current") else self.y_inverted
         falls = role in _OF_Y and y is not None and _likeness(role, candidate, y) < -0.3
         if role in ("y", *_OF_Y) and y is not None and is_inverted != falls:
@@ -248,19 +252,28 @@ def _chosen(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidat
     if moves is not None and not results[moves.position].estimated:
         chosen["y"] = results[moves.position]
     for role in ("t", "y", "u", "i", "r", "v"):
-        for candidate in results:
-            if candidate.role == role and not candidate.estimated:
-                chosen.setdefault(role, candidate)
+        there = [c for c in results if c.role == role and not c.estimated]
+        if role == "t":
+            there.sort(key=_jumps)
+        if there:
+            chosen.setdefault(role, there[0])
     if "u" not in chosen and "i" in chosen:
         chosen["u"] = chosen.pop("i")
-    elif "i" in chosen and chosen["i"].estimated:
-        del chosen["i"]
+    elif "i" in chosen and chosen["u"].drives:
+        chosen["control"], chosen["u"] = chosen["u"], chosen.pop("i")
     for role in ("y", "v"):
         logged = [c for c in results if c.role == role and c.estimated]
         if logged:
             chosen[f"{'x' if role == 'y' else role}_logged"] = logged[0]
-    order = ("t", "y", "u", "r", "i", "v", "x_logged", "v_logged")
+    order = ("t", "y", "u", "control", "r", "i", "v", "x_logged", "v_logged")
     return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
+
+
+def _jumps(clock: Candidate) -> int:
+    """Return how many steps of a clock are no usual ones."""
+    steps = np.diff(seen(clock.values))
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return int(np.sum(np.abs(steps - usual) > 0.5 * abs(usual)))
 
 
 def _from_others(results: list[Candidate], others: Sequence[ProposedMap]) -> dict[str, Candidate]:

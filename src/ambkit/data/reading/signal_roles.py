@@ -20,6 +20,7 @@ from ambkit.data.files.log import Log
 from ambkit.data.reading.derived_channels import same_numbers
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import Rotor, in_steps, rotor
+from ambkit.data.reading.role_names import role_of
 from ambkit.data.signals import si_unit
 
 TEXT = "times as text"  #: The first thing that speaks for such a channel.
@@ -39,6 +40,8 @@ class Candidate:
     estimated: bool = False  #: Whether it is an estimate of the rig's own.
     damage: RecordError | None = None  #: Why times as text cannot be read.
     turned: bool = False  #: Whether it counts the other way.
+    weak: bool = False  #: Whether no more than a letter of its name says its role.
+    drives: bool = False  #: Whether it is the duty or voltage of a power stage.
 
 
 def candidates(log: Log) -> list[list[Candidate]]:
@@ -89,18 +92,10 @@ def _stamps(log: Log, key: str) -> Iterator[Candidate]:
         yield Candidate(name, where, moments.seconds, "s", role="t", why=why)
 
 
-_WORDS = {
-    "t": r"t|time|zeit|temps|timestamps?|seconds?|sec|clock|uhr",
-    "r": r"r|w|ref|reference|soll\w*|set_?point|sp|desired|target|command_pos\w*",
-    "v": r"v|vel|velocity|speed|geschw\w*|xdot|dx",
-    "i": r"i|cur|current|strom|amps?|iu|coil|spulenstrom",
-    "u": r"u|control|ctrl|cmd|command|duty|pwm|stell\w*|output|volt\w*|spannung",
-    "y": r"y|x|z|pos|position|weg|dist|distance|displ\w*|gap|abstand|lage|sensor|auslenkung",
-}
-_ESTIMATED = re.compile(r"est\w*|hat|obs\w*|kf|ekf|filt\w*|model\w*|logged")
-_UNIT_IN_NAME = re.compile(r"(.*?)[ _]*(?:/ ?|_in_|_)(µm|um|mm|m|ms|us|s|A|mA|V|mV|mps)$")
+_UNIT_IN_NAME = re.compile(r"(.*?)(?: in |[ _]*(?:/ ?|_in_|_))(µm|um|mm|m|ms|us|s|A|mA|V|mV|mps|%)")
 _ROLES = {"s": "t", "m": "y", "m/s": "v", "A": "i", "V": "u"}
 _USUAL = {"t": "s", "r": "m", "y": "m", "v": "m/s", "i": "A", "u": "V"}
+_ALSO = {("u", "A"), ("y", "V"), ("r", "V")}  #: Demanded currents; sensors that were not scaled.
 _HOLDERS = re.compile(r"values?|data|signals?|\d*|out|yout|logsout|simout")
 """Parts of a name that say nothing, as of a structure that Simulink saves."""
 
@@ -111,21 +106,29 @@ def role_from_name(candidate: Candidate) -> None:
         return
     label = candidate.label
     in_name = _UNIT_IN_NAME.fullmatch(label)
-    if in_name and in_name[1] and not candidate.unit:
+    # x_A is in the plane A, and in no amperes.
+    of_plane = in_name is not None and in_name[2] == "A" and role_of(in_name[1]).role == "y"
+    if in_name and in_name[1] and not candidate.unit and not of_plane:
         label, candidate.unit = in_name[1], in_name[2].replace("mps", "m/s")
         candidate.why.append("unit from its name")
     label = _own_part(label)
-    words = [w for w in re.split(r"[^a-zäöüß]+", re.sub(r"\d+", " ", label.lower())) if w]
-    candidate.estimated = any(_ESTIMATED.fullmatch(word) for word in words)
-    matches = (role for role, form in _WORDS.items() for w in words if re.fullmatch(form, w))
-    role = next(matches, "")
+    named = role_of(label)
+    role, candidate.estimated = named.role, named.estimated
+    candidate.weak, candidate.drives = named.weak, named.drives
     try:
         measured = si_unit(candidate.unit) if candidate.unit else ""
     except ValueError:
         candidate.why.append(f'its unit "{candidate.unit}" is not known')
         candidate.unit = measured = ""
     of_unit = _ROLES.get(measured, "")
-    if role and measured and si_unit(_USUAL[role]) != measured:
+    if role == "-":
+        candidate.role = role
+        candidate.why.append("by its name neither position nor current")
+        return
+    if role == "r" and measured == "A":
+        role = "u"  # a demanded current
+    kept = not named.weak and (role, measured) in _ALSO
+    if role and measured and si_unit(_USUAL[role]) != measured and not kept:
         role = of_unit if of_unit not in ("", "u") or role not in ("u", "r") else role
         role = of_unit if not role or (role != "u" and si_unit(_USUAL[role]) != measured) else role
     if role:
@@ -154,11 +157,13 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
         candidate.values = np.where(np.isfinite(candidate.values), candidate.values, np.nan)
         role_from_name(candidate)
     _find_time(results)
+    letters = _doubtful_references(results)
     for candidate in results:
         if not candidate.role and np.ptp(seen(candidate.values)) == 0:
             candidate.why.append(f"is {candidate.values[0]:g} all the time")
             candidate.role = "-"
     moves = _find_rotor(results)
+    _settle_references(results, letters)
     y = next((c for c in results if c.role == "y" and not c.estimated), None)
     if y is not None:
         beside = [c for c in results if not c.role and c.values.shape == y.values.shape]
@@ -167,6 +172,31 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
             _beside(candidate, y, size)
         _find_velocity([c for c in beside if not c.role], y)
     return moves
+
+
+def _doubtful_references(results: list[Candidate]) -> list[Candidate]:
+    """Take the role from references by a letter where no channel is named a position."""
+    if any(c.role == "y" and not c.estimated for c in results):
+        return []
+    letters = [c for c in results if c.role == "r" and c.weak]
+    for candidate in letters:
+        candidate.role = ""
+        candidate.why.pop()
+    return letters
+
+
+def _settle_references(results: list[Candidate], letters: Sequence[Candidate]) -> None:
+    """See to it that there is no reference without a position."""
+    if any(c.role == "y" and not c.estimated for c in results):
+        return
+    free = [c for c in letters if not c.role]
+    for candidate in free[:1]:
+        candidate.role = "y"
+        candidate.why.append("by its name, as no other channel is a position")
+    for candidate in results:
+        if candidate.role == "r" and not free:
+            candidate.role = "-"
+            candidate.why.append("the reference of no position that is logged")
 
 
 def _find_time(results: list[Candidate]) -> None:
@@ -206,45 +236,68 @@ def _find_rotor(results: list[Candidate]) -> Rotor | None:
         for role in "yui"
     }
     y, control = named["y"], named["u"] or named["i"]
-    compared = _compared(results, y, control)
+    compared = _compared(results, y, [c for c in named.values() if c is not None])
     if len(compared) < 2:
         return None
     rows = np.array([interpolated(c.values[:LOOKED_AT]) for c in compared])
     copies = same_numbers(rows)
     for k, same in copies.items():
-        if not compared[k].role:
+        is_control = compared[k].role in ("u", "i") and compared[same] is y and np.ptp(rows[k])
+        if not compared[k].role or is_control:  # no control is a copy of the position
             compared[k].role = "-"
+            control = None if compared[k] is control else control
             compared[k].why.append(f"holds the same numbers as {compared[same].label}")
     distinct = [k for k in range(len(compared)) if k not in copies and np.ptp(rows[k]) > 0]
     channels, rows = [compared[k] for k in distinct], rows[distinct]
     places = {id(c): n for n, c in enumerate(channels)}
     moves = rotor(rows, places.get(id(y)), places.get(id(control)))
-    misnamed = None
-    if moves is None and y is None and control is not None:  # a "command" may be the reference's
-        moves, misnamed = rotor(rows), control
+    if moves is None and (measured := places.get(id(named["i"]))) is not None:
+        moves = rotor(rows, places.get(id(y)), measured)
+    if moves is None and (y is not None or control is not None):
+        # A "command" may be the reference's.
+        others = (c for c in results if c.role in tuple("yuirv") and not c.estimated)
+        channels += [
+            c for c in others if c.values.shape == compared[0].values.shape and id(c) not in places
+        ]
+        if len(channels) < 2:
+            return None
+        moves = rotor(np.array([interpolated(c.values[:LOOKED_AT]) for c in channels[:COMPARED]]))
+        if moves is None or (y is not None and not moves.fit.sure):
+            return None
+        _rename(channels, moves, y, control)
     if moves is None:
         return None
-    position, mover = channels[moves.position], channels[moves.control]
-    if misnamed is not None and misnamed is not mover and misnamed is not position:
-        misnamed.role = ""
-        moved = f"{position.label} moves with {mover.label}"
-        misnamed.why[-1] = f"named like a control signal, but {moved}"
     _name_rotor(moves, channels)
     index = {id(c): n for n, c in enumerate(results)}
     return moves.renumbered([index[id(c)] for c in channels])
 
 
+def _rename(
+    channels: Sequence[Candidate], moves: Rotor, y: Candidate | None, control: Candidate | None
+) -> None:
+    """Take the roles from channels that do not move as named: physics goes first."""
+    position, mover = channels[moves.position], channels[moves.control]
+    moved = f"{position.label} moves with {mover.label} as a floating rotor does"
+    for named, right, what in ((y, position, "a position"), (control, mover, "a control signal")):
+        if named is not None and named is not right:
+            named.role = ""
+            named.why[-1] = f"named like {what}, but {moved}"
+    for channel, roles in ((position, "y"), (mover, "ui")):
+        if channel.role and channel.role not in roles:
+            channel.why[-1] = "its name says otherwise"
+            channel.role = ""
+
+
 def _compared(
-    results: list[Candidate], y: Candidate | None, control: Candidate | None
+    results: list[Candidate], y: Candidate | None, named: Sequence[Candidate]
 ) -> list[Candidate]:
     """Return the channels of one length that may be position and control."""
     unnamed = [c for c in results if not c.role and not c.estimated]
     if y is not None:
         unnamed = [c for c in unnamed if c.values.shape == y.values.shape and c.clock == y.clock]
-    compared = [c for c in (y, control) if c is not None]
     if y is None and unnamed:
         unnamed = [c for c in unnamed if c.values.shape == unnamed[0].values.shape]
-    compared += unnamed
+    compared = [*named, *unnamed]
     return [c for c in compared if c.values.shape == compared[0].values.shape][:COMPARED]
 
 

@@ -1,0 +1,103 @@
+"""Filters with their defaults, judged by truth beside the raw sensor and a naive filter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.constant_velocity import usual_acceleration
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.estimate.noise_model import FilterNoise
+from ambkit.estimate.registry import DEFAULT, KINDS, learned_magnet
+from ambkit.judge.comparison.cases import CASES, Case, Trial, trials
+from ambkit.judge.comparison.comparison import raw_error
+from ambkit.judge.comparison.criteria import evaluate_run
+from ambkit.judge.comparison.tuning import errors
+from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import own_time
+
+SETTLING = 12  #: Longest time constants of the axes that do not count.
+DECADES = 4.0  #: How far tuning goes from the default, to either side.
+CONSISTENT = (0.90, 0.98)  #: Share of samples within the 95 % bound of the NEES.
+
+
+@dataclass(frozen=True)
+class DefaultScore:
+    """How filters do on a machine whose disturbance force is the random walk that they assume."""
+
+    raw: float  #: Error of the raw sensor's position [m], rms over runs, samples and axes.
+    naive: float  #: That of the constant-velocity filter, tuned by truth on other runs [m].
+    errors: Mapping[str, float]  #: Of each kind with its defaults [m]; infinite where it is lost.
+    tuned: Mapping[str, float]  #: Of each kind tuned as the naive filter is [m].
+    nees: Mapping[str, float]  #: Share of samples within the 95 % bound; NaN without covariance.
+
+    def row(self, kind: str = DEFAULT) -> str:
+        """Return the figures of a kind that was tuned, in a line."""
+        return (
+            f"{kind}: NEES {100 * self.nees[kind]:.0f} % within its 95 % bound, position error "
+            f"{self.errors[kind] / self.raw:.2f} of the raw sensor's, tuned "
+            f"{self.tuned[kind] / self.naive:.2f} of a constant-velocity filter's"
+        )
+
+
+def score_defaults(
+    machine: Machine,
+    kinds: Sequence[str] = (DEFAULT,),
+    *,
+    runs: int = 3,
+    seed: int = 0,
+    case: Case = CASES["model"],
+    tune: Sequence[str] = (DEFAULT,),
+) -> DefaultScore:
+    """Fly runs of a machine, tune the naive filter on as many others, and judge all by truth."""
+    made = trials(case, machine, 2 * runs, seed)
+    if any(trial.lost for trial in made):
+        raise AmbkitError(f"{machine.name}: the rotor met a stop in a run of the study")
+    training, judged = made[:runs], made[runs:]
+    settling = SETTLING * max(own_time(axis) for axis in isolated_axes(machine))
+    first = max(1, round(settling / machine.sampling_time))
+
+    def error(build: Callable[[], Any], of: Sequence[Trial]) -> float:
+        return float(np.sqrt(np.mean(errors(build, of, first)[:, 0] ** 2)))
+
+    def best(build: Callable[[float], Any]) -> float:
+        decade = _least(lambda decade: error(lambda: build(decade), training))
+        return error(lambda: build(decade), judged)
+
+    def nees(filter: Any) -> float:
+        return float(np.mean([evaluate_run(filter, t, machine, settling)["nees"] for t in judged]))
+
+    naive, usual = KINDS["constant-velocity"], usual_acceleration(machine)
+    load = np.atleast_1d(KalmanFilter(machine).variances.disturbance)
+    magnets = {kind: learned_magnet(kind, machine) for kind in kinds}
+    defaults = {kind: KINDS[kind].make(machine, magnets[kind]) for kind in kinds}
+
+    def scaled(kind: str) -> Callable[[float], Any]:
+        return lambda decade: KINDS[kind].make(
+            machine, magnets[kind], noise=FilterNoise(disturbance=tuple(load * 10**decade))
+        )
+
+    return DefaultScore(
+        raw_error(machine, [trial.record for trial in judged], first),
+        best(lambda decade: naive.make(machine, acceleration=usual * 10**decade)),
+        {kind: error(partial(KINDS[kind].make, machine, magnets[kind]), judged) for kind in kinds},
+        {kind: best(scaled(kind)) for kind in tune},
+        {kind: nees(made) for kind, made in defaults.items()},
+    )
+
+
+def _least(cost: Callable[[float], float]) -> float:
+    """Return the decade of least cost: of every one, and around the best of them."""
+    from scipy.optimize import minimize_scalar
+
+    costs = {decade: cost(decade) for decade in np.arange(-DECADES, DECADES + 0.5).tolist()}
+    best = min(costs, key=lambda decade: costs[decade])
+    result = minimize_scalar(cost, bounds=(best - 1, best + 1), method="bounded",
+                             options={"xatol": 0.05})  # fmt: skip
+    return float(result.x) if result.fun < costs[best] else best

@@ -1,0 +1,73 @@
+"""Headers of logs as rigs write them: what a line calls each channel, and what the channel is.
+
+``t y u r`` are a record's signals, ``i`` a measured current, ``d`` the duty or voltage that drives
+it, ``xe`` and ``ve`` estimates, ``e`` the control error, ``T`` a temperature, ``n`` a speed of
+rotation.
+"""
+
+HEADERS = (
+    # German
+    "Zeit [s];Weg W13 [µm];Strom W13 [A] = t y i",
+    "Zeit;W13;iW13 = t y i",
+    "t;V13;Iststrom = t y i",
+    "Zeit/s;V13/mm;Sollstrom/A = t y u",
+    "Zeit;Istwert;Sollwert;Stellgröße = t y r u",
+    "Zeit;Sollwert;Istwert;Stellgroesse = t r y u",
+    "t;Lage_ist;Lage_soll;I_soll;I_ist = t y r u i",
+    "t;LageSoll;LageIst;StromSoll;StromIst = t r y u i",
+    "Zeit [ms];Sollposition;Istposition;Sollstrom;Iststrom = t r y u i",
+    "Zeit;Luftspalt [mm];Magnetstrom [A];Temperatur = t y i T",
+    "Zeit;Abstand [mm];Spulenstrom [A];Drehzahl = t y i n",
+    "Zeit;Regelgröße;Führungsgröße;Stellgröße;Regelabweichung = t y r u e",
+    "Zeit;Rotorlage;Tastgrad;Spulenstrom = t y d i",
+    "Zeit;Auslenkung;Aussteuerung;Wicklungsstrom = t y d i",
+    "Zeit;Position;Position gefiltert;Strom = t y xe i",
+    "Zeit;DSB;Spulenstrom = t y i",
+    "Zeit;Weg W;Strom W = t y i",
+    "Zeit;Messwert;Sollstrom = t y u",
+    "Lagesollwert;Lageistwert;Stromsollwert;Zeit = r y u t",
+    "Zeit;xSoll;xIst;iSoll = t r y u",
+    "Zeit;Wegsensor;Spannung;Magnetstrom = t y d i",
+    # English
+    "time,x_A,i_A = t y i",
+    "Time [s],x_A [um],u_A [V] = t y u",
+    "t,position,reference,current = t y r i",
+    "t,pos,pos_ref,i_ref,i_meas = t y r u i",
+    "time_ms,gap,coil_current = t y i",
+    "time,gap,duty,coil_current = t y d i",
+    "timestamp,displacement,pwm,current = t y d i",
+    "time,position [V],current [A] = t y i",
+    "t,setpoint,measured,control = t r y u",
+    "t,command_pos,pos,cmd = t r y u",
+    "t,position_cmd,position_act,current_cmd,current_act = t r y u i",
+    "t,target,actual,output = t r y u",
+    "t,x,x_hat,v_hat,u = t y xe ve u",
+    "t,x,xdot_hat,u = t y ve u",
+    "t,y,yref,u = t y r u",
+    "t,y,yd,u = t y r u",
+    "t,y,y_obs,dy_obs,i,yd = t y xe ve i r",
+    "t,desired,error,y,u = t r e y u",
+    "t,airgap,V_coil,I_coil = t y d i",
+    "Time (s),Displacement (mm),Current (A),Temperature (degC) = t y i T",
+    "clock,probe,coil = t y i",
+    "t,x_est,x,u = t xe y u",
+    "t,kalman_x,x_meas,i = t xe y i",
+    "t,rotor_position,shaft_speed,coil_amps = t y n i",
+    "Time,PosAct,PosSet,CurSet = t y r u",
+    "t,eddy,i1 = t y i",
+    "time,z,z_ref,i_z = t y r i",
+    "time,x1,u1 = t y u",
+    "t,sensor,control = t y u",
+    "sample_time,status,x,u = t T y u",
+    "seconds,proximity,actuator = t y u",
+    "t [s],y [m],u [V],r [m] = t y u r",
+    "t,ref,fbk,ctrl = t r y u",
+    "T,AI0,AO0,REF = t y u r",
+    # others
+    "tiempo,posición,corriente = t y i",
+    "tiempo,posicion,consigna,voltaje = t y r u",
+    "temps,entrefer,courant = t y i",
+    "tempo,posizione,riferimento,corrente = t y r i",
+    "t,w,i = t y i",
+)
+"""Names, and behind the equals sign what each is."""

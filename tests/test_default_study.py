@@ -1,0 +1,47 @@
+"""The defaults of filters, judged by truth: the kind of a machine, and poles that follow noise."""
+
+import numpy as np
+import pytest
+
+from ambkit import Bearing, FilterNoise
+from ambkit.estimate.registry import DEFAULT, KINDS
+from ambkit.judge.comparison.default_study import CONSISTENT, score_defaults
+from benchmarks.defaults import TUNED, random_machine, scores
+from benchmarks.sensors import drawn
+
+BEARING = Bearing.preset("zittau_axial")
+
+
+def test_the_default_is_consistent_where_the_linear_filter_is_not():
+    score = score_defaults(drawn(8), (DEFAULT, "linear", "observer"), seed=8)
+    assert CONSISTENT[0] <= score.nees[DEFAULT] <= CONSISTENT[1]
+    assert score.nees["linear"] < CONSISTENT[0]
+    assert score.tuned[DEFAULT] < score.naive
+    assert score.errors["observer"] < score.raw
+    assert f"NEES {100 * score.nees[DEFAULT]:.0f} %" in score.row()
+
+
+@pytest.mark.parametrize("kind", ["observer", "low-pass"])
+def test_poles_follow_noise_and_disturbance(kind):
+    """A noisier sensor has slower poles, a stronger disturbance faster ones."""
+
+    def fastest(**noise):
+        made = KINDS[kind].make(BEARING, noise=FilterNoise(**noise))
+        return made.bandwidth if kind == "observer" else made.corners["force"]
+
+    R, q = (getattr(KINDS["linear"].make(BEARING).variances, of)
+            for of in ("measurement", "disturbance"))  # fmt: skip
+    assert fastest(measurement=100 * R) < fastest() < fastest(disturbance=1e4 * q)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("draw", "count"), [(drawn, 240), (random_machine, 60)])
+def test_defaults_hold_on_random_machines(draw, count):
+    results = [score for _, score in scores(count, draw, 0)]
+    nees = np.array([score.nees[DEFAULT] for score in results])
+    tuned = np.array([score.tuned[DEFAULT] / score.naive for score in results])
+    assert DEFAULT in TUNED
+    assert np.mean((CONSISTENT[0] <= nees) & (nees <= CONSISTENT[1])) >= 0.95
+    assert tuned.max() < 1.02
+    if draw is drawn:
+        assert max(score.errors["observer"] / score.raw for score in results) < 1.02
