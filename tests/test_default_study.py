@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from ambkit import Bearing, FilterNoise
+from ambkit import Machine, FilterNoise
 from ambkit.estimate.registry import DEFAULT, KINDS
 from ambkit.judge.comparison.default_study import CONSISTENT, score_defaults
 from benchmarks.defaults import TUNED, random_machine, scores
 from benchmarks.sensors import drawn
 
-BEARING = Bearing.preset("zittau_axial")
+BEARING = Machine.preset("zittau_axial")
 
 
 def test_the_default_is_consistent_where_the_linear_filter_is_not():
