@@ -232,7 +232,7 @@ assert 1e-5 < abs(zero).max() < 2e-3, zero  # a random walk to 0.3 mm rms
 estimate = ambkit.KalmanFilter(bearing).run(record, covariance=True)
 assert estimate.mean.shape[1] == 5
 print(estimate.states[-1].name, bool((estimate.std("drift") > 0).all()))
-ambkit.export_c(bearing, out={str(tmp_path / "c")!r})
+ambkit.export_c(bearing, "linear", out={str(tmp_path / "c")!r})
 """,
     )
     assert said.split() == ["drift", "True"]
