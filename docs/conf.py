@@ -79,3 +79,13 @@ html_theme_options = {
     "footer_start": ["copyright"],
     "footer_end": ["sphinx-version"],
 }
+
+
+def setup(app: object) -> None:
+    """Write the workbench beside the first page, which shows it."""
+    from ambkit import workbench
+
+    def write(built: object) -> None:
+        workbench().save(Path(built.outdir) / "workbench.html")
+
+    app.connect("builder-inited", write)

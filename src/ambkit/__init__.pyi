@@ -103,6 +103,7 @@ from ambkit.verbs.train import train_map as train_map
 from ambkit.verbs.tune import tune as tune
 from ambkit.verbs.tune import tune_robust as tune_robust
 from ambkit.verbs.tune import tune_trade_off as tune_trade_off
+from ambkit.verbs.workbench import workbench as workbench
 from ambkit.workflow.check import load as load
 from ambkit.workflow.simulate import scenario_for as scenario_for
 

@@ -14,6 +14,7 @@ COMMANDS = {
         "presets": "presets:presets",
         "check": "check:check",
         "schema": "check:schema",
+        "workbench": "workbench:workbench",
         "rotor": "rotor:campbell",
         "rotor modes": "rotor:mode_shapes",
         "rotor unbalance": "rotor:unbalance_response",
@@ -92,7 +93,7 @@ MAKES: Mapping[str, Mapping[str, Sequence[str]]] = {
     "excite": {"": RECORDS}, "excite sensitivity": {"": RECORDS}, "faults": {"": RECORDS},
     "pil": {"": RECORDS}, "tune": {"": (".toml",)}, "tune robust": {"": (".toml",)},
     "read": {"": RECORDS}, "presets": {"": (".toml",)}, "read guess": {"": (".toml",)},
-    "schema": {"": (".json",)}, "campaign problem": {"": (".json",)},
+    "schema": {"": (".json",)}, "workbench": {"": (".html",)}, "campaign problem": {"": (".json",)},
     "export fmu": {"": (".fmu",)}, "export ssp": {"": (".ssp",)}, "export a2l": {"": (".a2l",)},
     "export mat": {"": (".mat",)},
     "campaign replay": {"": RECORDS, "estimates": RECORDS, "machine": (".toml",)},
@@ -129,7 +130,11 @@ def products(name: str, verb: Callable[..., Any]) -> Mapping[str, Sequence[str]]
     """Return the endings of all that a command writes, by the name in WHAT=FILE."""
     makes = MAKES.get(name, {})
     own = tuple(makes.get("", ()))
-    rows = () if returns(verb) == "Document" else tuple(end for end in ROWS if end not in own)
+    rows = (
+        ()
+        if returns(verb) in ("Document", "Workbench")
+        else tuple(end for end in ROWS if end not in own)
+    )
     return {"": own + rows} | {what: ends for what, ends in makes.items() if what}
 
 

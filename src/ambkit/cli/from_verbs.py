@@ -19,7 +19,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli import catalogue
 from ambkit.cli.catalogue import Misused
 
-PLAIN = ("Document", "Statement")
+PLAIN = ("Document", "Statement", "Workbench")
 """Types of results that have neither pictures nor figures for experts."""
 
 OPERANDS = ("records", "name")
@@ -128,15 +128,17 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
     parser.description = "\n\n".join(paragraphs) + (f"\n\nFor example:{lines}" if lines else "")
     if beside := catalogue.within(name):
         parser.description += "\n\n" + fill(f"Further commands: {', '.join(beside)}.", width())
-    for parameter in inspect.signature(verb).parameters.values():
+    for place, parameter in enumerate(inspect.signature(verb).parameters.values()):
         text = about.parameters[parameter.name].replace("%", "%%")
         # Annotations of parameters alone: those of results name what is not imported.
         settings = _settings(eval(parameter.annotation, verb.__globals__))
         if not settings.get("metavar", True):
             continue  # of Python only
         required = parameter.default is parameter.empty
-        if parameter.name in OPERANDS or (
-            required and parameter.kind is not parameter.KEYWORD_ONLY
+        if (
+            parameter.name in OPERANDS
+            or (place, parameter.name) == (0, "machine")
+            or (required and parameter.kind is not parameter.KEYWORD_ONLY)
         ):
             parser.add_argument(
                 parameter.name, help=text, **_positional(settings, parameter.default)

@@ -1,0 +1,66 @@
+"""A machine with one axis as the page has it: the parameters of ``web/core/axis.h``."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+
+from ambkit.control.control import Control
+from ambkit.control.default_control import settled
+from ambkit.machine.machine import Machine
+from ambkit.machine.parts import along_x
+
+KNOWN = {
+    "": ("name", "description", "source", "sampling_time", "delay", "speed"),
+    "magnet": (
+        "type", "magnet_constant", "turns", "pole_area", "pole_angle", "air_gap", "bias_current",
+    ),
+    "rotor": ("mass", "gravity", "clearance"),
+    "amplifier": ("gain", "current_limit", "noise_variance", "bandwidth", "resistance"),
+    "sensor": ("gain", "lag", "noise_variance", "quantisation"),
+}  # fmt: skip
+"""Keys of a machine that the page simulates, by their tables in the short form."""
+
+
+def left_out(machine: Machine) -> Iterator[str]:
+    """Yield the keys of a machine that the page does not simulate."""
+    stated = tomllib.loads(machine.to_toml())
+    for table, value in stated.items():
+        keys = KNOWN.get(table, ())
+        if table in KNOWN:
+            yield from (f"{table}.{key}" for key in value if key not in keys)
+        elif table not in KNOWN[""]:
+            yield table
+
+
+def axis_parameters(machine: Machine, control: Control | None = None) -> dict[str, float]:
+    """Return a machine and its controller by the names of the page, in SI."""
+    magnet, amplifier, sensor = machine.magnet, machine.amplifier, machine.sensor
+    pid = settled(machine, control or Control(), "estimate")
+    return {
+        "T": machine.sampling_time,
+        "mass": machine.rotor.mass,
+        "gravity": along_x(machine.rotor.gravity),
+        "clearance": machine.clearance,
+        "k": magnet.magnet_constant,
+        "s0": magnet.air_gap,
+        "i0": magnet.bias_current,
+        "two_sided": float(magnet.type == "two-sided"),
+        "gain": float(amplifier.gain),
+        "current_limit": amplifier.current_limit,
+        "noise_u": float(amplifier.noise_variance),
+        "bandwidth": amplifier.bandwidth or 0.0,
+        "delay": machine.delay or 0.0,
+        "K_sen": sensor.gain,
+        "lag": sensor.lag,
+        "noise_y": sensor.noise_variance,
+        "step": sensor.quantisation or 0.0,
+        "kp": pid.kp,
+        "ki": pid.ki,
+        "kd": pid.kd,
+        "T_f": pid.derivative_filter,
+        "T_t": pid.anti_windup,
+        "weight": pid.setpoint_weight,
+        "feedback": float(pid.feedback == "estimate"),
+        "filter_k": 1.0,
+    }

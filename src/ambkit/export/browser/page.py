@@ -1,0 +1,96 @@
+"""The page with machines in it."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import re
+import tempfile
+import webbrowser
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from ambkit.base import files
+from ambkit.base.errors import AmbkitError
+from ambkit.export.browser.axis import axis_parameters, left_out
+from ambkit.machine.machine import Machine
+
+PRESETS = ("zittau_axial", "inteco_ml")
+"""What stands in every page beside the machine that was asked for."""
+
+PAGE = Path(__file__).with_name("page.html")  #: As `web/build.sh` writes it.
+
+_DATA = re.compile(r'(<script type="application/json" id="machines">).*?(</script>)', re.DOTALL)
+
+
+def _as_data(machine: Machine) -> dict[str, Any]:
+    """Return what the page has of a machine."""
+    if not machine.single:
+        names = ", ".join(axis.name for axis in machine.axes)
+        raise AmbkitError(
+            f"machine: the workbench shows machines with one axis; {machine.name} has {names}"
+        )
+    description = machine.description
+    if left := list(left_out(machine)):
+        description += f" (without {', '.join(left)})"
+    return {
+        "name": machine.name, "description": description, "axis": axis_parameters(machine),
+    }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Workbench:
+    """A page in which machines move."""
+
+    machines: Sequence[Machine]  #: The first is the one that is shown.
+
+    @property
+    def finding(self) -> str:
+        """What it is, in a sentence."""
+        size = len(self.text.encode()) / 1e6
+        return (
+            f"The workbench of {self.machines[0].name}: a page of {size:.1f} MB, for any browser."
+        )
+
+    @cached_property
+    def text(self) -> str:
+        """The page."""
+        data = json.dumps([_as_data(machine) for machine in self.machines])
+        # Within a script nothing ends it but these; JSON has other words for them.
+        for sign in "<>&\u2028\u2029":
+            data = data.replace(sign, f"\\u{ord(sign):04x}")
+        page = PAGE.read_text(encoding="utf-8")
+        return _DATA.sub(lambda match: match[1] + data + match[2], page, count=1)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the machines as the page has them."""
+        return {"machines": [_as_data(machine) for machine in self.machines]}
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the page."""
+        files.write_text(path, self.text)
+
+    def open(self) -> None:
+        """Open the page in the browser, from a file among the temporary ones."""
+        path = Path(tempfile.mkdtemp(prefix="ambkit-")) / "workbench.html"
+        self.save(path)
+        webbrowser.open(path.as_uri())
+
+    def _repr_html_(self) -> str:
+        """Return the page in a frame of a notebook."""
+        frame = (
+            'style="width: 100%; height: 900px; border: 0" sandbox="allow-scripts allow-downloads"'
+        )
+        return f'<iframe {frame} srcdoc="{html.escape(self.text)}"></iframe>'
+
+
+def workbench_of(machine: Machine | None) -> Workbench:
+    """Return the page of a machine, and of the presets beside it."""
+    presets = [Machine.preset(name) for name in PRESETS]
+    if machine is None:
+        return Workbench(presets)
+    return Workbench([machine, *(other for other in presets if other.name != machine.name)])

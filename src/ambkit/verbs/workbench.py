@@ -1,0 +1,47 @@
+"""The workbench: a machine in a page that moves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ambkit.verbs.words import Machine
+
+if TYPE_CHECKING:
+    from ambkit.export.browser import Workbench
+
+
+def workbench(machine: Machine | None = None, *, open: bool = False) -> Workbench:
+    """Show a machine that moves, with knobs, in the browser.
+
+    The page needs neither a server nor a network. It computes with the same C as ambkit: for the
+    same seed its numbers are those of `ambkit simulate`, to the last bit. In a notebook it appears
+    in the cell.
+
+    Parameters
+    ----------
+    machine : Machine, str or path, optional
+        Preset name or TOML file of a machine with one axis. By default the presets alone.
+    open : bool, optional
+        Open it in the browser.
+
+    Returns
+    -------
+    Workbench
+        The page.
+
+    Raises
+    ------
+    AmbkitError
+        The machine cannot be read, or has several axes.
+
+    Examples
+    --------
+    $ ambkit workbench zittau_axial --out bench.html
+    """
+    from ambkit.assessment.arguments import machine_argument
+    from ambkit.export.browser import workbench_of
+
+    page = workbench_of(None if machine is None else machine_argument(machine))
+    if open:
+        page.open()
+    return page

@@ -1,0 +1,136 @@
+/* From the machine's parameters to a filter: what Python's `View` and kinds state, in C. */
+#include "axis.h"
+
+#define GRAVITY 9.81
+#define SHORTEST_LAG 1e-3 /* of a sample */
+
+amb_law wb_law(const wb_parameters *p, double scale)
+{
+  const amb_law law = {.k = p->k * scale,
+                       .s0 = p->s0,
+                       .i0 = p->i0,
+                       .two_sided = p->two_sided > 0,
+                       .ampere = p->i0 / 1.5,
+                       .metre = p->s0 / 2};
+  return law;
+}
+
+double wb_bias_force(const amb_law *law)
+{
+  return law->two_sided ? 0.0 : -amb_law_magnet.force(law, -law->i0, 0.0);
+}
+
+double wb_weight(const wb_parameters *p)
+{
+  return p->gravity * p->mass * GRAVITY;
+}
+
+double wb_least_current(const wb_parameters *p)
+{
+  const bool both = (p->two_sided > 0) || (p->current_limit < p->i0);
+  return both ? -p->current_limit : -p->i0;
+}
+
+double wb_lag(const wb_parameters *p)
+{
+  return p->lag > SHORTEST_LAG * p->T ? p->lag : SHORTEST_LAG * p->T;
+}
+
+/* sqrt(m/|k_s|), in which the rotor falls away by e [s]. */
+static double own_time(const wb_parameters *p, const amb_law *law)
+{
+  return sqrt(p->mass / amb_magnitude(amb_law_magnet.tangent(law, 0.0, 0.0).k_s));
+}
+
+/* Growth of the load's variance by default [N^2/s]. */
+static double usual_intensity(const wb_parameters *p, const amb_law *law)
+{
+  const double T = p->T, R = (p->step * p->step / 12 + p->noise_y) / (p->K_sen * p->K_sen);
+  const double by_lag = 1 / (1.5 * T + p->lag), by_pole = 8 / own_time(p, law);
+  const double w = by_lag > by_pole ? by_lag : by_pole;
+  const double by_current = amb_law_magnet.tangent(law, 0.0, 0.0).k_i * p->gain;
+  const double inertia = p->mass * (w * w), twice = 2 * (p->mass * GRAVITY);
+  const double known = R * (inertia * inertia) + p->noise_u * (by_current * by_current);
+  const double most = twice * twice, least = known * T * (w * w);
+  return most < least ? most : least;
+}
+
+static amb_kalman_settings settings_of(const wb_parameters *p, const amb_law *law)
+{
+  const double T = p->T, travel = p->clearance, fast = 0.1 * (travel / T);
+  const double Q = p->filter_Q > 0 ? p->filter_Q : usual_intensity(p, law);
+  const double half = 0.5 * own_time(p, law) / T;
+  const amb_kalman_settings set = {
+      .T = T,
+      .K_sen = {p->K_sen},
+      .lag = {wb_lag(p)},
+      .travel = {travel},
+      .k_ui = {p->gain},
+      .iu_min = {wb_least_current(p)},
+      .iu_max = {p->current_limit},
+      .f_0 = {wb_weight(p) + wb_bias_force(law)},
+      .x_max = {travel},
+      .cap = {travel, fast, p->mass * (0.1 * (travel / T) / T),
+              3 * amb_magnitude(p->K_sen) * travel},
+      .var_u = {p->noise_u},
+      .var_d = {T * Q},
+      .var_y = {p->filter_R > 0 ? p->filter_R : p->noise_y},
+      .rise = {0},
+      .step = {p->step},
+      .dwell = half > 10.0 ? half : 10.0,
+      .gate = 8.0,
+      .frozen_limit = 10U,
+      .outlier_limit = 3U,
+  };
+  return set;
+}
+
+static void start_std(const wb_parameters *p, const wb_filter *filter, amb_real std[AMB_STATES])
+{
+  const double sigma = 3 * sqrt(filter->kf.set.var_y[0] + p->step * p->step / 12);
+  const double spread = sqrt(sigma * sigma) / amb_magnitude(p->K_sen);
+  std[0] = sqrt(spread * spread);
+  std[1] = 0.1 * p->clearance / own_time(p, &filter->law);
+  std[2] = p->mass * GRAVITY;
+  std[3] = sigma;
+}
+
+/* 1 - exp(-w T) of a corner `times` the unstable pole. */
+static double share(const wb_parameters *p, const amb_law *law, double times)
+{
+  const double z = times * (1 / own_time(p, law)) * p->T;
+  return z * amb_phi1(z);
+}
+
+bool wb_make_filter(const wb_parameters *p, int kind, wb_filter *filter)
+{
+  static const amb_estimator_methods *const methods[WB_KINDS] = {
+      &amb_kalman_methods,    &amb_kalman_methods, &amb_extended_methods,
+      &amb_unscented_methods, &amb_ud_methods,     &amb_low_pass_methods};
+  amb_model model;
+  filter->law = wb_law(p, p->filter_k);
+  const amb_kalman_settings set = settings_of(p, &filter->law);
+  amb_model_init(&model, p->T, p->mass, p->K_sen, wb_lag(p));
+  filter->constant = amb_law_magnet.tangent(&filter->law, 0.0, 0.0);
+  const bool constant = (kind == WB_LINEAR) || (kind == WB_LOW_PASS);
+  filter->magnet.methods = constant ? &amb_constant_magnet : &amb_law_magnet;
+  filter->magnet.self = constant ? (const void *)&filter->constant : (const void *)&filter->law;
+  filter->unscented.reach = sqrt(3.0);
+  filter->unscented.curvature = 2.0;
+  filter->low_pass.m = p->mass;
+  filter->low_pass.position = share(p, &filter->law, 20);
+  filter->low_pass.velocity = share(p, &filter->law, 10);
+  filter->low_pass.force = share(p, &filter->law, 2);
+  filter->estimator.methods = methods[kind];
+  filter->estimator.kf = &filter->kf;
+  filter->estimator.magnet = &filter->magnet;
+  filter->estimator.own = NULL;
+  if (kind == WB_UNSCENTED)
+    filter->estimator.own = &filter->unscented;
+  if (kind == WB_LOW_PASS)
+    filter->estimator.own = &filter->low_pass;
+  if (amb_kalman_init(&filter->kf, &model, &set) != AMB_OK)
+    return false;
+  start_std(p, filter, filter->std);
+  return true;
+}

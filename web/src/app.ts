@@ -1,0 +1,262 @@
+// The page: what is set, what follows from it, and where it is shown.
+
+import { KINDS, type Core, type Flight, type Live, type Parameters } from "./core";
+import { FilterTable } from "./filters";
+import { Files } from "./files";
+import { Guide } from "./guide";
+import { fromSlider, KNOBS, slider } from "./knobs";
+import { Motion } from "./live";
+import { Panels } from "./panels";
+import { fresh, fromHash, parameters, signals, STARTS, toHash, type Machine, type Settings } from "./state";
+import type { Columns } from "./record";
+import { tuned } from "./tune";
+import { shown } from "./units";
+
+const get = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+
+export class App {
+  settings!: Settings;
+  own!: Settings; // of the machine, before a knob was turned
+  flight: Flight | null = null;
+  took = 0; // milliseconds of the last flight with all its charts
+  readonly panels: Panels;
+  readonly motion: Motion;
+  readonly guide: Guide;
+  private readonly table: FilterTable;
+  private readonly listed: { show(): void; hide?(): void }[] = [];
+  private assumed = { R: 1, Q: 1 };
+  private due = false;
+
+  constructor(readonly core: Core, live: Core, readonly machines: Machine[]) {
+    const theme = localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+    document.documentElement.classList.toggle("dark", theme === "dark");
+    this.panels = new Panels(get("charts"));
+    this.table = new FilterTable(get("filters"), () => this.settings, () => this.changed(true));
+    this.motion = new Motion(live, document.querySelector<SVGSVGElement>("#picture")!, get<HTMLCanvasElement>("strip"), (now) => {
+      this.panels.map.point(now.iu, now.x);
+      this.readings(now);
+      this.guide?.watch();
+    });
+    this.guide = new Guide(get("guide"), this);
+    new Files(this);
+    this.buttons();
+    this.choose(fromHash(location.hash, machines) ?? fresh(machines[0]));
+    window.addEventListener("hashchange", () => {
+      const s = fromHash(location.hash, this.machines);
+      if (s && toHash(s, this.machines) !== toHash(this.settings, this.machines)) this.choose(s);
+    });
+    get("charts").addEventListener("redraw", () => this.compute());
+  }
+
+  /** Take these settings, with knobs about the machine's own. */
+  choose(s: Settings): void {
+    if (!this.machines.some((machine) => machine.name === s.machine.name)) this.machines.push(s.machine);
+    this.settings = s;
+    this.own = fresh(s.machine);
+    const picker = get<HTMLSelectElement>("machine");
+    picker.replaceChildren(...this.machines.map((machine) => new Option(machine.name, machine.name)));
+    picker.value = s.machine.name;
+    get("description").textContent = s.machine.description;
+    this.build();
+    this.changed(true);
+  }
+
+  private build(): void {
+    const panel = get("knobs"), s = () => this.settings;
+    const opened = new Map([...panel.querySelectorAll("details")].map((one) => [one.dataset.group, one.open]));
+    panel.replaceChildren();
+    this.listed.length = 0;
+    let box: HTMLDetailsElement | null = null;
+    for (const knob of KNOBS) {
+      if (box?.dataset.group !== knob.group) {
+        box = document.createElement("details");
+        box.dataset.group = knob.group;
+        box.open = opened.get(knob.group) ?? (knob.group === "Controller" || innerWidth > 820);
+        const head = document.createElement("summary");
+        head.textContent = knob.group;
+        box.append(head);
+        panel.append(box);
+        this.extras(knob.group, box);
+      }
+      const row = slider(knob, this.own, s, () => this.changed(false));
+      box.append(row.row);
+      this.listed.push(row);
+    }
+  }
+
+  /** What a group has besides sliders. */
+  private extras(group: string, panel: HTMLElement): void {
+    if (group === "Controller") {
+      const tune = document.createElement("button");
+      tune.type = "button";
+      tune.id = "tune";
+      tune.textContent = "Tune";
+      tune.title = "The stiffest gains whose sensitivity stays low";
+      tune.addEventListener("click", () => {
+        Object.assign(this.settings.p, tuned(this.core, this.parameters(), this.settings.kinds[0]).gains);
+        this.changed(false);
+      });
+      const row = this.choice("feedback", "Fed by", [["1", "first filter"], ["0", "sensor"]],
+        () => String(this.settings.p.feedback), (value) => (this.settings.p.feedback = Number(value)), false);
+      row.append(tune);
+      panel.append(row);
+    }
+    if (group === "Flight") {
+      panel.append(
+        this.choice("start", "Starts", STARTS.map((start) => [start, { levitated: "levitated", landed: "lying on its stop", released: "released in the middle" }[start]]),
+          () => this.settings.start, (value) => (this.settings.start = STARTS.find((start) => start === value) ?? "levitated"), true),
+        this.choice("noise", "Noise", [["on", "on"], ["off", "off"]], () => (this.settings.noisy ? "on" : "off"), (value) => (this.settings.noisy = value === "on"), false),
+      );
+    }
+  }
+
+  private choice(id: string, text: string, options: string[][], now: () => string, set: (value: string) => void, anew: boolean): HTMLElement {
+    const row = document.createElement("div"), label = document.createElement("label"), select = document.createElement("select");
+    row.className = "choice";
+    select.id = `choice-${id}`;
+    label.htmlFor = select.id;
+    label.textContent = text;
+    select.append(...options.map(([value, name]) => new Option(name, value)));
+    select.addEventListener("change", () => {
+      set(select.value);
+      this.changed(anew);
+    });
+    row.append(label, select);
+    this.listed.push({ show: () => (select.value = now()) });
+    return row;
+  }
+
+  parameters(): Parameters {
+    return parameters(this.settings, this.assumed);
+  }
+
+  /** Settings have changed; `anew`: the rotor under the hand begins at its start. */
+  changed(anew: boolean): void {
+    this.core.state({ ...this.settings.p, filter_R: 0, filter_Q: 0 });
+    this.assumed = this.core.assumed();
+    this.motion.take(this.settings, this.parameters(), anew);
+    this.listed.forEach((row) => row.show());
+    const power = get("power");
+    power.setAttribute("aria-pressed", String(!this.motion.off));
+    power.textContent = this.motion.off ? "Magnets off" : "Magnets on";
+    history.replaceState(null, "", `#${toHash(this.settings, this.machines)}`);
+    if (this.due) return;
+    this.due = true;
+    requestAnimationFrame(() => {
+      this.due = false;
+      this.compute();
+    });
+  }
+
+  /** Fly, filter, and draw. */
+  compute(): void {
+    const from = performance.now(), { r, load } = signals(this.settings), p = this.parameters();
+    this.flight = this.core.fly(p, r, load, this.settings.kinds);
+    const flown = performance.now();
+    if (!this.flight) return this.say("These settings are not possible: no filter can be made of them.", true);
+    this.panels.show(this.core, this.settings, p, this.flight);
+    this.table.show(this.flight);
+    this.took = performance.now() - from;
+    this.guide?.watch();
+    this.say(`${this.settings.kinds.length} filters over ${this.flight.n.toLocaleString("en")} samples in ${(flown - from).toFixed(0)} ms, with all charts in ${this.took.toFixed(0)} ms`);
+  }
+
+  /** The filters over a record; truth is what the record has of it, or else the first estimate. */
+  replay(name: string, of: Columns): void {
+    const { core, settings } = this, n = of.y.length, p: Parameters = { ...this.parameters(), T: of.T };
+    const filters = core.filter(p, of.y, of.u, settings.kinds);
+    if (!filters) return this.say(`${name}: no filter can be made of these settings for it`, true);
+    const first = filters[0], state = (j: number) => Float64Array.from({ length: n }, (_, k) => first.mean[4 * k + j]);
+    const iu = of.u.map((value) => value * p.gain);
+    this.flight = {
+      n, T: of.T, r: new Float64Array(n), load: of.f_d ?? state(2), x: of.x ?? state(0), v: state(1), iu,
+      force: iu.map((current, k) => core.magnet(current, first.mean[4 * k]).force), y: of.y, u: of.u, atStop: new Uint8Array(n), filters,
+    };
+    this.panels.show(core, settings, p, this.flight);
+    this.table.show(this.flight);
+    this.say(`${name}: ${n.toLocaleString("en")} samples${of.x ? "" : "; without truth, errors are against the first filter"}. Turn a knob to fly again.`);
+  }
+
+  say(text: string, wrong = false): void {
+    const status = get("status");
+    status.textContent = text;
+    status.classList.toggle("wrong", wrong);
+  }
+
+  redraw(): void {
+    this.motion.picture.build(this.settings);
+    this.compute();
+  }
+
+  /** The numbers under the drawing. */
+  private readings(now: Live): void {
+    const { p } = this.settings, off = this.motion.off, two = p.two_sided > 0;
+    const put = (id: string, text: string) => (get(id).textContent = text);
+    put("now-x", shown(now.x, "m"));
+    put("now-i", off ? "off" : two ? `${(p.i0 + now.iu).toFixed(2)} / ${(p.i0 - now.iu).toFixed(2)} A` : `${(p.i0 + now.iu).toFixed(3)} A`);
+    put("now-f", shown(off ? 0 : now.force, "N"));
+    put("now-d", `${shown(now.f_d_hat, "N", 2)} ± ${shown(2 * Math.sqrt(now.f_d_var), "N", 2)}`);
+  }
+
+  private buttons(): void {
+    const press = (id: string, what: () => void) => get(id).addEventListener("click", what);
+    get<HTMLSelectElement>("machine").addEventListener("change", (event) => {
+      const name = (event.target as HTMLSelectElement).value;
+      this.choose(fresh(this.machines.find((machine) => machine.name === name)!));
+    });
+    press("play", () => this.play());
+    press("power", () => this.power());
+    press("lift", () => this.motion.take(this.settings, this.parameters(), true));
+    get<HTMLSelectElement>("slow").addEventListener("change", (event) => (this.motion.slow = Number((event.target as HTMLSelectElement).value)));
+    press("theme", () => {
+      const dark = document.documentElement.classList.toggle("dark");
+      localStorage.setItem("theme", dark ? "dark" : "light");
+      this.redraw();
+    });
+    window.addEventListener("keydown", (event) => {
+      const at = event.target as HTMLElement;
+      if (["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(at.tagName) || event.ctrlKey || event.metaKey || event.altKey) return;
+      const keys: Record<string, () => void> = {
+        ArrowUp: () => this.motion.hit(1), ArrowDown: () => this.motion.hit(-1), " ": () => this.play(), m: () => this.power(),
+        r: () => this.motion.take(this.settings, this.parameters(), true),
+      };
+      const action = keys[event.key] ?? keys[event.key.toLowerCase()];
+      if (!action) return;
+      event.preventDefault();
+      action();
+    });
+  }
+
+  private play(): void {
+    this.motion.running = !this.motion.running;
+    get("play").textContent = this.motion.running ? "Pause" : "Play";
+    get("play").setAttribute("aria-pressed", String(this.motion.running));
+  }
+
+  private power(): void {
+    this.motion.off = !this.motion.off;
+    get("power").setAttribute("aria-pressed", String(!this.motion.off));
+    get("power").textContent = this.motion.off ? "Magnets off" : "Magnets on";
+  }
+
+  /** Turn a knob by its name, as a user does; for lessons and tests. */
+  turn(key: string, value: number): void {
+    const knob = KNOBS.find((one) => one.key === key);
+    if (!knob) throw new Error(`there is no knob ${key}`);
+    knob.set(this.settings, value);
+    this.changed(false);
+  }
+
+  get knobs(): string[] {
+    return KNOBS.map((knob) => knob.key);
+  }
+
+  /** The value of a knob at a share of its range. */
+  at(key: string, share: number): number {
+    return fromSlider(KNOBS.find((one) => one.key === key)!, this.own, 1000 * share);
+  }
+
+  get filterNames(): string[] {
+    return this.settings.kinds.map((kind) => KINDS[kind].name);
+  }
+}

@@ -1,0 +1,26 @@
+// The workbench: settings in, a flight and a rotor that moves out.
+
+import { Core } from "./core";
+import { App } from "./app";
+import type { Machine } from "./state";
+
+function bytes(base64: string): Uint8Array<ArrayBuffer> {
+  const text = atob(base64.trim()), to = new Uint8Array(text.length);
+  for (let k = 0; k < text.length; k++) to[k] = text.charCodeAt(k);
+  return to;
+}
+
+async function start(): Promise<void> {
+  const text = (id: string) => document.getElementById(id)!.textContent ?? "";
+  const [axis, other] = [await Core.of(bytes(text("wasm"))), await Core.of(bytes(text("wasm")))];
+  const app = new App(axis, other, JSON.parse(text("machines")) as Machine[]);
+  (window as unknown as { workbench: App }).workbench = app;
+  document.documentElement.dataset.ready = "yes";
+}
+
+start().catch((error: unknown) => {
+  const status = document.getElementById("status")!;
+  status.className = "wrong";
+  status.textContent = `The workbench could not start: ${error instanceof Error ? error.message : String(error)}`;
+  throw error;
+});
