@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ambkit import Machine, FilterNoise
+from ambkit import FilterNoise, Machine
 from ambkit.estimate.registry import DEFAULT, KINDS
 from ambkit.judge.comparison.default_study import CONSISTENT, score_defaults
 from benchmarks.defaults import TUNED, random_machine, scores

@@ -123,3 +123,25 @@ def test_a_record_too_short_or_without_measurements_is_refused(bearing, record):
     nothing = changed(record, y=np.full(len(record), np.nan))
     with pytest.raises(ambkit.RecordError, match="of 10000 samples 10000 missing"):
         evaluate(ambkit.KalmanFilter(bearing), nothing)
+
+
+def test_a_gated_measurement_is_not_predicted(bearing, record):
+    y = record["y"].copy()
+    y[5000] += 0.5e-3
+    clean, spike = (evaluate(ambkit.KalmanFilter(bearing), changed(record, y=values))
+                    for values in (record["y"], y))  # fmt: skip
+    assert spike.status == {"outlier": 1}
+    for figures in ("prediction", "held"):
+        for ahead, error in getattr(spike, figures).items():
+            assert error == pytest.approx(getattr(clean, figures)[ahead], rel=0.01)
+
+
+def test_a_filter_of_a_file_is_not_said_to_be_tuned(bearing, record, tmp_path):
+    ambkit.ExtendedKalmanFilter(bearing).save(tmp_path / "kf.toml")
+    measured = ambkit.Record(record.t, {of: record[of] for of in "yu"}, {"y": "m", "u": "V"})
+    file = str(tmp_path / "kf.toml")
+    found = ambkit.filter(measured, file, machine=bearing)
+    assert found.stretch is None
+    assert not any("Tuned" in text for text in found.remarks)
+    beside = ambkit.filter(measured, [file, "linear"], machine=bearing)
+    assert any("s (linear), judged on the rest" in text for text in beside.remarks)

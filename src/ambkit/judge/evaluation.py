@@ -135,9 +135,11 @@ def evaluate(
     # The status is of all readings together: where one of several is missing, S tells of the rest.
     used = estimate.used[first:]
     used_mask = used[:, None] | ((len(names) > 1) & (variance > 0))
+    # A measurement that was gated is no value to be predicted, nor one to hold.
+    judged = np.where(_outliers(estimate, len(names)), np.nan, y)
     if not used_mask.any():
         raise RecordError(f"no measurement could be taken in: {_why(estimate, y, first)}")
-    last = _last_measured(y)
+    last = _last_measured(judged)
     of_readings = zip(innovation.T, variance.T, used_mask.T, strict=True)
     pairs = [(e[some], S[some]) for e, S, some in of_readings]
     forecasts = {
@@ -149,7 +151,7 @@ def evaluate(
         return by_name(names, list(figures))
 
     def errors(predicted: Array, ahead: int) -> Any:
-        wrong = (y[ahead:] - predicted)[first:]
+        wrong = (judged[ahead:] - predicted)[first:]
         return by_reading(rms(one) for one in wrong.T)
 
     loads = [estimate[signal("f_d", axis)][first:] for axis in axes]
@@ -173,6 +175,13 @@ def evaluate(
         disturbance_mean=by_name(axes, [float(load.mean()) for load in loads]),
         disturbance_std=by_name(axes, [float(load.std()) for load in loads]),
     )
+
+
+def _outliers(estimate: Estimate, readings: int) -> NDArray[np.bool_]:
+    """Return which measurements were left out as outliers (n, readings)."""
+    gated = (estimate.status & np.uint16(Status.OUTLIER)) != 0
+    variance = estimate.innovation_variance.reshape(len(gated), readings)
+    return np.asarray(gated[:, None] & ((readings == 1) | ~(variance > 0)))
 
 
 def _why(estimate: Estimate, y: Array, first: int) -> str:

@@ -256,13 +256,15 @@ def filter(
         raise ValueError("tune and noise.disturbance exclude each other")
     begin, end = in_flight(record)
     until, record = record.between(stop=end), record.between(begin, end)
-    stretch = stretch_to_tune_on(record, tune) if noise.disturbance is None else None
-    late = max(settling, stretch.stop if stretch else 0.0)
     built = factories(estimators, machine, magnets, synchronous)
+    # A filter from a file assumes what the file says.
+    fixed = {name for name, build in built.items() if isinstance(build, FromFile | FromObject)}
+    tunes = noise.disturbance is None and (tune is not None or fixed < {*built})
+    stretch = stretch_to_tune_on(record, tune) if tunes else None
+    late = max(settling, stretch.stop if stretch else 0.0)
     results = {}
     for name, build in built.items():
-        # A filter from a file assumes what the file says.
-        if isinstance(build, FromFile | FromObject):
+        if name in fixed:
             made = build()
             own = FilterNoise(*made.variances) if hasattr(made, "variances") else noise
             estimator, one = _filtered(name, build, record, own, None, late)

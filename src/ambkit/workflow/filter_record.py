@@ -63,7 +63,9 @@ def filtered(
     stretch = result.stretch
     if stretch is not None and stretch.by_itself:
         start, stop = (log.t[0] + end for end in (stretch.start, stretch.stop))
-        remarks.append(f"Tuned from {start:.3g} to {stop:.3g} s, judged on the rest.")
+        names = [name for name in built if result[name].tuning is not None]
+        whose = "" if len(names) == len(built) else f" ({', '.join(names)})"
+        remarks.append(f"Tuned from {start:.3g} to {stop:.3g} s{whose}, judged on the rest.")
     adequacy = {
         name: judge_adequacy(
             build() if isinstance(build := built[name], FromFile) else None, plant,
