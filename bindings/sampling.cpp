@@ -4,7 +4,7 @@
 #include <nanobind/stl/tuple.h>
 
 extern "C" {
-#include "ambkit/sampling.h"
+#include "ambkit/rebuild.h"
 }
 
 namespace
@@ -55,19 +55,27 @@ Out<double> process_noise(const Square &A, const Square &intensity, double time)
   return N.array;
 }
 
+// Demanded currents that act late, with what they point to.
+struct Lates {
+  std::vector<std::vector<unsigned short>> past;
+  std::vector<amb_late> lates;
+  explicit Lates(const nb::list &late)
+  {
+    past.reserve(nb::len(late)); // so that nothing moves
+    for (const auto item : late) {
+      const auto [control, states, share] =
+          nb::cast<std::tuple<int, std::vector<unsigned short>, double>>(item);
+      past.push_back(states);
+      lates.push_back({control, static_cast<int>(states.size()), past.back().data(), share});
+    }
+  }
+};
+
 nb::tuple sampled(double T, int states, int controls, const Places &row, const Places &column,
                   const Bytes &use, const std::vector<double> &value,
                   const std::vector<double> &k_i, const nb::list &late, const Square &intensity)
 {
-  std::vector<std::vector<unsigned short>> past;
-  std::vector<amb_late> lates;
-  past.reserve(nb::len(late));
-  for (const auto item : late) {
-    const auto [control, states_of_it, share] =
-        nb::cast<std::tuple<int, std::vector<unsigned short>, double>>(item);
-    past.push_back(states_of_it);
-    lates.push_back({control, static_cast<int>(past.back().size()), past.back().data(), share});
-  }
+  const Lates of(late);
   amb_plan plan{};
   plan.T = T;
   plan.states = states;
@@ -88,14 +96,67 @@ nb::tuple sampled(double T, int states, int controls, const Places &row, const P
   plan.use = use.data();
   plan.value = value.data();
   plan.k_i = k_i.data();
-  plan.lates = static_cast<int>(lates.size());
-  plan.late = lates.data();
+  plan.lates = static_cast<int>(of.lates.size());
+  plan.late = of.lates.data();
   plan.intensity = intensity.data();
   Fresh<double> Phi({size, size}), N({intensity.shape(0), n, n});
   const auto room = static_cast<size_t>(AMB_SAMPLING_WORK(static_cast<int>(size)));
   std::vector<double> work(room + 2 * size * size);
   must_be_finite(amb_plan_sampled(&plan, Phi.data, N.data, work.data()));
   return nb::make_tuple(Phi.array, N.array);
+}
+
+Out<amb_real> rebuild(const nb::dict &fields, const std::vector<double> &parameters)
+{
+  const auto doubles = [&](const char *name) {
+    return nb::cast<std::vector<double>>(fields[name]);
+  };
+  const auto places = [&](const char *name) {
+    return nb::cast<std::vector<unsigned short>>(fields[name]);
+  };
+  const auto bytes = [&](const char *name) {
+    return nb::cast<std::vector<unsigned char>>(fields[name]);
+  };
+  const auto low = doubles("low"), high = doubles("high"), constant = doubles("constant");
+  const auto operation = bytes("operation"), use = bytes("use");
+  const auto left = places("left"), right = places("right"), row = places("row");
+  const auto column = places("column"), value = places("value"), k_i = places("k_i");
+  const auto intensity = places("intensity");
+  const auto from = nb::cast<std::vector<unsigned int>>(fields["from"]);
+  const Lates late(nb::cast<nb::list>(fields["late"]));
+  const auto count = [](const auto &values) { return static_cast<int>(values.size()); };
+  same_length(low.size(), parameters.size(), "parameters");
+  amb_rebuild of{};
+  of.parameters = count(low);
+  of.low = low.data();
+  of.high = high.data();
+  of.constants = count(constant);
+  of.constant = constant.data();
+  of.operations = count(operation);
+  of.operation = operation.data();
+  of.left = left.data();
+  of.right = right.data();
+  of.plan.T = nb::cast<double>(fields["T"]);
+  of.plan.states = nb::cast<int>(fields["states"]);
+  of.plan.forces = nb::cast<int>(fields["forces"]);
+  of.plan.controls = nb::cast<int>(fields["controls"]);
+  of.plan.noises = nb::cast<int>(fields["noises"]);
+  of.plan.terms = count(row);
+  of.plan.row = row.data();
+  of.plan.column = column.data();
+  of.plan.use = use.data();
+  of.plan.lates = count(late.lates);
+  of.plan.late = late.lates.data();
+  of.value = value.data();
+  of.k_i = k_i.data();
+  of.intensity = intensity.data();
+  of.numbers = count(from);
+  of.from = from.data();
+  Fresh<amb_real> numbers({from.size()});
+  std::vector<double> room(static_cast<size_t>(amb_rebuild_room(&of)));
+  if (!amb_rebuild_numbers(&of, parameters.data(), numbers.data, room.data()))
+    throw std::invalid_argument("a parameter is beyond its limits, or a number is not finite");
+  return numbers.array;
 }
 
 } // namespace
@@ -115,4 +176,7 @@ void bind_sampling(nb::module_ &m)
                 "Any, value: list[float], k_i: list[float], late: list[tuple[int, list[int], "
                 "float]], intensity: Any) -> tuple[Any, Any]"),
         "Transition of a plan over one sample, and the covariances of its noises.");
+  m.def("rebuild", &rebuild, nb::arg("fields"), nb::arg("parameters"),
+        nb::sig("def rebuild(fields: dict[str, Any], parameters: list[float]) -> Any"),
+        "The numbers of a model, by the fields of amb_rebuild, from its parameters.");
 }

@@ -87,6 +87,11 @@ def sampled(T: float, states: int, controls: int, row: Any, column: Any, use: An
     Transition of a plan over one sample, and the covariances of its noises.
     """
 
+def rebuild(fields: dict[str, Any], parameters: list[float]) -> Any:
+    """
+    The numbers of a model, by the fields of amb_rebuild, from its parameters.
+    """
+
 OK: int = 0
 
 MISSING: int = 1

@@ -8,14 +8,14 @@ from typing import Any, Final, Protocol
 from ambkit.models.model import Descriptor
 
 
-class _Unit(float):
+class Unit(float):
     """One in every machine of this kind."""
 
     def __reduce__(self) -> str:
         return "UNIT"  # its identity distinguishes it from other ones
 
 
-UNIT: Final = _Unit(1.0)  #: One by structure; 1.0 may be another number elsewhere.
+UNIT: Final = Unit(1.0)  #: One by structure; 1.0 may be another number elsewhere.
 
 Row = Mapping[str, float]  #: Coefficients by name; what is named is in the pattern, zero or not.
 Place = str | Row  #: A position of the rotor, or a combination of several.

@@ -163,28 +163,48 @@ class Sampling:
             )  # fmt: skip
         return LAYOUTS[key]
 
+    @property
+    def late(self) -> list[tuple[int, list[int], float]]:
+        """Controls that act late: past ones, and after which share the last but one acts."""
+        before = self.sizes[0] + self.sizes[1]
+        return [
+            (self.at(control) - before, [self.at(state) for state in past], share)
+            for control, (past, share) in self.plan.past.items()
+        ]
+
+    @property
+    def k_i(self) -> list[float]:
+        """Current stiffnesses of the forces that follow their currents within a sample; 0: held."""
+        plan = self.plan
+        return [plan.k_i[at.name] if plan.varies(at.name) else 0.0 for at in plan.forces]
+
     def numbers(self) -> tuple[Array, Array]:
         """Return the whole state's transition over the sample, and the covariances of noises."""
-        plan, (n, p, c, _), layout = self.plan, self.sizes, self.layout
+        plan, (n, _, c, _), layout = self.plan, self.sizes, self.layout
         intensity = np.zeros((len(plan.sources), n))
         for k, (row, _) in enumerate(plan.sources):
             for state, value in row.items():
                 intensity[k, self.at(state)] = value
-        late = [
-            (self.at(control) - n - p, [self.at(state) for state in past], share)
-            for control, (past, share) in plan.past.items()
-        ]
-        k_i = [plan.k_i[f.name] if plan.varies(f.name) else 0.0 for f in plan.forces]
         Phi, N = core_module().sampled(
             plan.T, n, c, layout.row, layout.column, layout.use, [term[2] for term in self.terms],
-            k_i, late, intensity,
+            self.k_i, self.late, intensity,
         )  # fmt: skip
         return structured(Phi, layout.Phi), structured(N, layout.N)
 
     def model(self, name: str) -> Model:
         """Return the sampled model."""
+        plan = self.plan
+        parts = self.assembled(*self.numbers())
+        return Model(
+            name=name, T=plan.T, states=tuple(plan.states), forces=tuple(plan.forces),
+            controls=tuple(plan.controls), measurements=tuple(plan.measurements),
+            noises=tuple(plan.noises), pattern={key: kind for key, (_, kind) in parts.items()},
+            **{key: values for key, (values, _) in parts.items()},
+        )  # fmt: skip
+
+    def assembled(self, Phi: Array, N: Array) -> dict[str, Kinds]:
+        """Return the matrices of a model, each with its pattern."""
         plan, (n, p, c, _), layout = self.plan, self.sizes, self.layout
-        Phi, N = self.numbers()
         states, forces, controls = slice(n), slice(n, n + p), slice(n + p, n + p + c)
         displaced, currents = slice(n + p + c, n + 2 * p + c), slice(n + 2 * p + c, None)
         collocated = np.zeros((p, n))
@@ -194,18 +214,13 @@ class Sampling:
             "L": (states, states), "b": (states, forces), "B_u": (states, controls),
             "h": (displaced, states), "e": (currents, states), "d": (currents, controls),
         }  # fmt: skip
-        parts: dict[str, Kinds] = {key: (Phi[at], layout.Phi[at]) for key, at in blocks.items()} | {
+        parts: dict[str, Kinds] = {key: (Phi[at], layout.Phi[at]) for key, at in blocks.items()}
+        return parts | {
             "r": (collocated, collocated.astype(np.int8)),  # ones and zeros, as their pattern
             "c": self.linear_forms(plan.readings),
             "N": (N, layout.N),
-            "rest": self._rest(),
+            "rest": self.linear_forms(self.rests()),
         }
-        return Model(
-            name=name, T=plan.T, states=tuple(plan.states), forces=tuple(plan.forces),
-            controls=tuple(plan.controls), measurements=tuple(plan.measurements),
-            noises=tuple(plan.noises), pattern={key: kind for key, (_, kind) in parts.items()},
-            **{key: values for key, (values, _) in parts.items()},
-        )  # fmt: skip
 
     def _rotor_columns(self) -> Bools:
         """Return, for each force, the states (p, n) of the rotor at which it pulls."""
@@ -242,7 +257,7 @@ class Sampling:
                     pattern[k, source, source] = ONE
         return pattern
 
-    def _rest(self) -> Kinds:
+    def rests(self) -> list[Row]:
         """Return what each state is at rest, each dependent one traced back to free ones."""
         # What rests on a demanded current is free itself, unless a past control holds that.
         controls = {at.name for at in self.plan.controls}
@@ -252,10 +267,10 @@ class Sampling:
             for state, terms in self.plan.rests.items()
             if all(by in held or by not in controls for by in terms)
         }
-        rows = [rests.get(at.name, {at.name: UNIT}) for at in self.plan.states]
+        rows: list[Row] = [rests.get(at.name, {at.name: UNIT}) for at in self.plan.states]
         for _ in rests:
             rows = [_traced(row, rests) for row in rows]
-        return self.linear_forms(rows)
+        return rows
 
     def _pure_means(self, Phi: Pattern) -> None:
         """Set the ones of h and d: the mean of what does not move by itself is what it was."""

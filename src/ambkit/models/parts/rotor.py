@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.machine.geometry import bent_by, modal_positions
+from ambkit.machine.geometry import bent_by, masses, modal_positions
 from ambkit.machine.rotors.modes import Bending
 from ambkit.models.declaration import UNIT, Plan
 from ambkit.models.parts.typical_sizes import Typical
@@ -64,9 +64,10 @@ class Rotor:
             bends = _typical_bendings(machine, sizes)
             polar, damping = _coupled(bending)
             circulatory = _circulatory(bending)
-        masses = {(k, k): value for k, value in enumerate(machine.masses.tolist())}
+        by_position = masses(machine.rotor, positions, bending)
+        entries = {(k, k): value for k, value in enumerate(by_position.values())}
         own = cls(
-            masses, way, fast, positions, velocities_of(positions), speed=machine.speed,
+            entries, way, fast, positions, velocities_of(positions), speed=machine.speed,
             gyroscopic={(at[i], at[j]): g for (i, j), g in polar.items()}
             | {(at[j], at[i]): -g for (i, j), g in polar.items()},
             stiffness={(at[q], at[q]): float(k) for q, k in stiffness.items()},
@@ -112,8 +113,8 @@ class Rotor:
         """Return entries of the inverse of M: all within a group that M couples."""
         n = len(self.positions)
         entries = self.mass if isinstance(self.mass, Mapping) else {(0, 0): self.mass}
-        if n == 1 and np.all(entries[0, 0] > 0):  # of many machines at once, too
-            return {(0, 0): 1 / entries[0, 0]}
+        if all(i == j for i, j in entries) and np.all([value > 0 for value in entries.values()]):
+            return {place: 1 / value for place, value in entries.items()}  # of many at once, too
         M, joined = np.zeros((n, n)), np.eye(n, dtype=bool)
         for (i, j), value in entries.items():
             M[i, j], joined[i, j], joined[j, i] = value, True, True

@@ -1,0 +1,44 @@
+/* The numbers of a model by loops (ambkit/loops.h), made anew where a physical parameter has
+ * changed: to the bits of an export with these parameters.
+ *
+ * How the continuous model follows from the parameters is data: the operations of Python's parts in
+ * their order, so that there is one statement of the equations. All memory is the caller's.
+ */
+#ifndef AMBKIT_REBUILD_H
+#define AMBKIT_REBUILD_H
+
+#include "ambkit/real.h"
+#include "ambkit/sampling.h"
+
+AMB_EXTERN_C_BEGIN
+
+typedef enum amb_operation { AMB_ADD, AMB_SUBTRACT, AMB_MULTIPLY, AMB_DIVIDE } amb_operation;
+
+typedef struct amb_rebuild {
+  int parameters;    /* the first slots, ... */
+  const double *low; /* [parameters]: least and greatest that keep the model's kind */
+  const double *high;
+  int constants; /* ... the next, ... */
+  const double *constant;
+  int operations;                 /* ... and a slot for each result */
+  const unsigned char *operation; /* [operations], amb_operation of two slots before it */
+  const unsigned short *left, *right;
+  amb_plan plan;               /* but for its numbers: value, k_i, intensity; these are slots: */
+  const unsigned short *value; /* [terms] */
+  const unsigned short *k_i;   /* [forces] */
+  const unsigned short *intensity; /* noises x states */
+  int numbers;
+  const unsigned int *from; /* [numbers]: place in Phi, then N of the noises, then the slots */
+} amb_rebuild;
+
+/* How many numbers of room it takes. */
+int amb_rebuild_room(const amb_rebuild *of);
+
+/* The model's numbers, in the order L, b, B_u, h, e, r, d, c, N, rest. Returns false where a
+ * parameter is beyond its limits or a number is not finite, and leaves them as they were. */
+bool amb_rebuild_numbers(const amb_rebuild *of, const double parameters[], amb_real numbers[],
+                         double room[]);
+
+AMB_EXTERN_C_END
+
+#endif

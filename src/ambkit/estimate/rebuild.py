@@ -1,0 +1,139 @@
+"""A machine's model as what follows from its parameters: ``core/include/ambkit/rebuild.h``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ambkit.base.arrays import Array
+from ambkit.data.signals import signal
+from ambkit.estimate.core_model import numbers
+from ambkit.machine.accessories import SHORTEST_LAG
+from ambkit.machine.machine import Machine
+from ambkit.models.declaration import Plan, Row
+from ambkit.models.formulas import Formulas, Slot
+from ambkit.models.machine_parts import machine_parts
+from ambkit.models.model import NUMBER, ONE, Pattern
+from ambkit.models.sampling import Kinds, Sampling
+
+Change = Callable[[str, float, float, float], float]
+"""From a parameter's name, value and limits to its new value."""
+
+DECADE = 10.0  #: By how much parameters may change, either way.
+
+
+class Rebuild(NamedTuple):
+    """How a model follows from parameters."""
+
+    names: tuple[str, ...]  #: Of the parameters, ...
+    values: Array  #: ... as the machine has them, in SI.
+    fields: dict[str, Any]  #: Of ``amb_rebuild``.
+
+    @classmethod
+    def of(
+        cls, machine: Machine, *, parts: Callable[..., Any] = machine_parts, noise: bool = True,
+        synchronous: Sequence[str] = (),
+    ) -> Rebuild:  # fmt: skip
+        """Return that of the model that an engine has of a machine."""
+        formulas, values = Formulas(), list[float]()
+
+        def recorded(name: str, value: float, low: float, high: float) -> float:
+            values.append(value)
+            return formulas.parameter(name, value, low, high)
+
+        plan = Plan(machine.sampling_time)
+        changed = with_parameters(machine, recorded)
+        for part in parts(changed, noise=noise, synchronous=synchronous):
+            plan.add(part)
+        fields = _fields(Sampling(plan), formulas)
+        return cls(tuple(formulas.names), np.array(values), fields)
+
+    def numbers(self, core: Any, values: Mapping[str, float]) -> Array:
+        """Return the numbers of the model with other values of some parameters."""
+        all_values = dict(zip(self.names, self.values.tolist(), strict=True)) | dict(values)
+        return np.asarray(core.rebuild(self.fields, [all_values[name] for name in self.names]))
+
+
+def with_parameters(machine: Machine, change: Change) -> Machine:
+    """Return a machine with changed numbers of what can change on a rig, unchecked."""
+    T, rotor = machine.sampling_time, machine.rotor
+    update: dict[str, Any] = {}
+    if rotor.type != "mass":
+        half_a_turn = math.pi / T
+        update["speed"] = change("speed", machine.speed, -half_a_turn, half_a_turn)
+
+    def scaled(name: str, value: float) -> float:
+        return change(name, value, *sorted((value / DECADE, value * DECADE)))
+
+    inertias: dict[str, Any] = {
+        key: scaled(key, getattr(rotor, key))
+        for key in ("mass", "transverse_inertia", "polar_inertia")
+        if key in type(rotor).model_fields
+    }
+    update["rotor"] = rotor.model_copy(update=inertias)
+    sensors = []
+    for sensor in machine.sensors:
+        of: dict[str, Any] = {"gain": scaled(signal("gain", sensor.name), sensor.gain)}
+        if sensor.lag > SHORTEST_LAG * T:
+            low = max(sensor.lag / DECADE, SHORTEST_LAG * T)
+            of["lag"] = change(signal("lag", sensor.name), sensor.lag, low, sensor.lag * DECADE)
+        sensors.append(sensor.model_copy(update=of))
+    bearings = []
+    for bearing in machine.bearings:
+        amplifier, name = bearing.amplifier, signal("bandwidth", bearing.name)
+        if amplifier.bandwidth is not None:
+            corner = scaled(name, amplifier.bandwidth)
+            amplifier = amplifier.model_copy(update={"bandwidth": corner})
+        bearings.append(bearing.model_copy(update={"amplifier": amplifier}))
+    return machine.model_copy(
+        update=update | {"sensors": tuple(sensors), "bearings": tuple(bearings)}
+    )
+
+
+def _fields(of: Sampling, formulas: Formulas) -> dict[str, Any]:
+    """Return the fields of ``amb_rebuild``."""
+    plan, layout, (n, p, c, size) = of.plan, of.layout, of.sizes
+    value = [formulas.slot(term[2]) for term in of.terms]
+    k_i = [formulas.slot(k) for k in of.k_i]
+    intensity = [
+        formulas.slot(row.get(state.name, 0.0)) for row, _ in plan.sources for state in plan.states
+    ]
+    zero, one = (formulas.slot(number) for number in (0.0, 1.0))
+    forms: dict[str, Sequence[Row]] = {"c": plan.readings, "rest": of.rests()}
+    slots = {
+        name: [{state: formulas.slot(item) for state, item in row.items()} for row in rows]
+        for name, rows in forms.items()
+    }
+    # From here on all slots are known: numbers of the model are the places that they come from.
+    first = size * size + layout.N.size
+
+    def place(slot: Slot) -> int:
+        return first + formulas.place(slot)
+
+    def placed(places: Any, kinds: Pattern) -> Kinds:
+        fixed = np.where(kinds == ONE, place(one), place(zero))
+        return np.where(kinds == NUMBER, places, fixed).astype(float), kinds
+
+    Phi, _ = placed(np.arange(size * size).reshape(size, size), layout.Phi)
+    N, _ = placed(size * size + np.arange(layout.N.size).reshape(layout.N.shape), layout.N)
+    model = of.assembled(Phi, N)
+    model["r"] = placed(0, model["r"][1])
+    for name, rows in slots.items():
+        places = [{state: place(slot) for state, slot in row.items()} for row in rows]
+        model[name] = placed(of.linear_forms(places)[0], model[name][1])
+    described: Any = SimpleNamespace(
+        states=plan.states, forces=plan.forces, controls=plan.controls, noises=plan.noises,
+        measurements=plan.measurements, pattern={key: kinds for key, (_, kinds) in model.items()},
+        **{key: values for key, (values, _) in model.items()},
+    )  # fmt: skip
+    return formulas.fields() | {
+        "T": plan.T, "states": n, "forces": p, "controls": c, "noises": len(plan.sources),
+        "row": layout.row.tolist(), "column": layout.column.tolist(), "use": layout.use.tolist(),
+        "value": list(map(formulas.place, value)), "k_i": list(map(formulas.place, k_i)),
+        "intensity": list(map(formulas.place, intensity)),
+        "late": of.late, "from": numbers(described).astype(int).tolist(),
+    }  # fmt: skip
