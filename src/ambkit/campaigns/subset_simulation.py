@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base import files
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
+from ambkit.base.own_class import MARK, load_class
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.base.units import engineering
 from ambkit.campaigns import sampling
@@ -28,6 +28,8 @@ from ambkit.result.result import Statement
 Limit = Callable[[Array], Array]
 
 SHARE = 0.1  #: Of the samples of a level, those that the next one begins from.
+REPETITIONS = 5  #: Independent ones that share the runs of a level.
+ALIKE = 0.2  #: Cosine between the means of what fails in two of them, below which modes differ.
 REACH = 1.0  #: How far a component steps at most, in its standard deviations.
 MOST_LEVELS = 20  #: Levels: a probability of about 1e-20 is the least that is looked for.
 NOISE_FROM = 1 << 40  #: Numbers of the noise of these runs begin here, beyond those of any study.
@@ -37,11 +39,22 @@ class Rare(NamedTuple):
     """The probability of a rare failure."""
 
     probability: float  #: That the figure is at or above the limit [1].
-    low: float  #: Confidence interval [1], lognormal with `variation`.
+    low: float  #: Confidence interval [1], from independent repetitions.
     high: float
     variation: float  #: Coefficient of variation of the estimate [1].
-    thresholds: tuple[float, ...]  #: Of the levels, the limit at last.
+    thresholds: tuple[float, ...]  #: Of the first repetition's levels, the limit at last.
     runs: int  #: That were simulated.
+    repetitions: int = 1
+    several_modes: bool = False  #: Whether repetitions failed in different directions.
+
+
+class _Repetition(NamedTuple):
+    """One subset simulation."""
+
+    probability: float
+    thresholds: tuple[float, ...]
+    runs: int
+    failed: Array  #: Mean of the points that fail (d,).
 
 
 def subset(
@@ -55,20 +68,57 @@ def subset(
     done: Callable[..., None] = lambda text="", steps=1: None,
 ) -> Rare:
     """Return how likely a function of standard normal numbers is at or above a limit."""
+    # Within a repetition the levels depend on each other, and all its chains descend from a few
+    # points: nothing in it tells a mode of failure that it has not seen. So the interval is that of
+    # independent repetitions, whose results are nearly lognormal: Cox's, with Student's quantile
+    # (Olsson, Confidence intervals for the mean of a log-normal distribution, J. Stat. Educ. 2005).
+    from scipy.special import stdtrit
+
+    count = REPETITIONS
+    streams = np.random.SeedSequence(seed).spawn(count)
+    repetitions = [
+        _repetition(limit, dimensions, above, math.ceil(runs / count), stream, done)
+        for stream in streams
+    ]
+    probabilities = np.array([one.probability for one in repetitions])
+    logarithms = np.log(probabilities)
+    square, mean = float(logarithms.var(ddof=1)), float(probabilities.mean())
+    centre = float(logarithms.mean()) + square / 2
+    spread = float(stdtrit(count - 1, 0.5 + confidence / 2)) * math.sqrt(
+        square / count + square**2 / (2 * (count - 1))
+    )
+    directions = np.array([one.failed / np.linalg.norm(one.failed) for one in repetitions])
+    return Rare(
+        mean,
+        min(mean, math.exp(centre - spread)),
+        min(1.0, max(mean, math.exp(centre + spread))),
+        float(probabilities.std(ddof=1)) / mean / math.sqrt(count),
+        repetitions[0].thresholds,
+        sum(one.runs for one in repetitions),
+        count,
+        bool((directions @ directions.T < ALIKE).any()),
+    )
+
+
+def _repetition(
+    limit: Limit,
+    dimensions: int,
+    above: float,
+    runs: int,
+    stream: np.random.SeedSequence,
+    done: Callable[..., None],
+) -> _Repetition:
     # The failure is reached over levels, each with a probability of a tenth of the one before;
     # within a level chains walk by the modified Metropolis algorithm, component by component.
     # Au, Beck, Estimation of small failure probabilities in high dimensions by subset simulation,
     # Probabilistic Engineering Mechanics 16 (2001).
-    from scipy.special import ndtri
-
-    rng = np.random.Generator(np.random.Philox(seed))
+    rng = np.random.Generator(np.random.Philox(stream))
     chains = max(2, round(SHARE * runs))
     length = math.ceil(runs / chains)
     u = rng.standard_normal((chains * length, dimensions))
     g = _known(limit(u))
     done("", steps=len(g))
-    spent, squares, probability = len(g), 0.0, 1.0
-    order: Array | None = None  # values by chain and step, of levels after the first
+    spent, probability = len(g), 1.0
     thresholds: list[float] = []
     while True:
         rank = np.argsort(-g, kind="stable")
@@ -79,7 +129,6 @@ def subset(
         b = above if last else b
         share = float(np.mean(g >= b))
         probability *= share
-        squares += _square(g >= b, share, None if order is None else order >= b)
         thresholds.append(b)
         if last:
             break
@@ -92,14 +141,9 @@ def subset(
                 "rarely"
             )
         seeds = rank[:chains]
-        u, g, order = _walk(limit, u[seeds], g[seeds], b, length, rng, done)
+        u, g = _walk(limit, u[seeds], g[seeds], b, length, rng, done)
         spent += chains * (length - 1)
-    if probability == 0:
-        raise AmbkitError(f"none of {spent} runs comes to {above:g}: take more runs")
-    variation = math.sqrt(squares)
-    spread = float(ndtri(0.5 + confidence / 2)) * math.sqrt(math.log1p(squares))
-    low, high = probability * math.exp(-spread), min(1.0, probability * math.exp(spread))
-    return Rare(probability, low, high, variation, tuple(thresholds), spent)
+    return _Repetition(probability, tuple(thresholds), spent, u[g >= above].mean(axis=0))
 
 
 def _known(g: Array) -> Array:
@@ -115,8 +159,8 @@ def _walk(
     length: int,
     rng: np.random.Generator,
     done: Callable[..., None],
-) -> tuple[Array, Array, Array]:
-    """Let chains (c, k) walk within a level; return their points, values, and values by chain."""
+) -> tuple[Array, Array]:
+    """Let chains (c, k) walk within a level; return their points and values."""
     points, values = [u], [g]
     for _ in range(length - 1):
         step = rng.uniform(-REACH, REACH, u.shape)
@@ -128,22 +172,7 @@ def _walk(
         u, g = np.where(stays[:, None], u, moved), np.where(stays, g, seen)
         points.append(u)
         values.append(g)
-    return np.concatenate(points), np.concatenate(values), np.column_stack(values)
-
-
-def _square(failed: NDArray[np.bool_], share: float, chains: Any) -> float:
-    """Return the squared variation of a level's share, with the correlation along its chains."""
-    if share in (0.0, 1.0):
-        return 0.0
-    gamma = 0.0
-    if chains is not None:
-        length = chains.shape[1]
-        deviation = chains - share
-        variance = share * (1 - share)
-        for lag in range(1, length):
-            autocovariance = float((deviation[:, lag:] * deviation[:, :-lag]).mean())
-            gamma += 2 * (1 - lag / length) * autocovariance / variance
-    return max(0.0, (1 - share) / (share * failed.size) * (1 + gamma))
+    return np.concatenate(points), np.concatenate(values)
 
 
 def rare_failure(
@@ -161,7 +190,9 @@ def rare_failure(
     # A machine that cannot be fails.
     from scipy.special import ndtr
 
-    if figure not in UNITS or (figure == "peak_S" and not plan.study.record.margins):
+    own = load_class(figure)[1] if MARK in figure else None
+    recorded = figure in UNITS and (figure != "peak_S" or plan.study.record.margins)
+    if own is None and not recorded:
         raise AmbkitError(f"there is no figure {figure} in this study")
     if plan.study.sampling == "grid":
         raise AmbkitError('a grid has no probabilities: take sampling = "random"')
@@ -171,9 +202,13 @@ def rare_failure(
         nonlocal run_count
         noise = NOISE_FROM + run_count + np.arange(len(u), dtype=np.uint64)
         run_count += len(u)
-        result = fly(plan, sampling.values(plan, np.asarray(ndtr(u))), noise, threads=threads)
+        sampled = sampling.values(plan, np.asarray(ndtr(u)))
+        result = fly(plan, sampled, noise, threads=threads)
         wrong = np.array([bool(item) for item in result.wrong])
-        return np.where(wrong, np.inf, result.columns[figure])
+        values = result.columns[figure] if own is None else _own(figure, own, result.columns | {
+            name: np.array([row[k] for row in sampled]) for k, name in enumerate(plan.names)
+        })  # fmt: skip
+        return np.where(wrong, np.inf, values)
 
     if not plan.names:
         raise AmbkitError(f"{plan.study.name}: nothing varies")
@@ -188,17 +223,30 @@ def rare_failure(
     )
 
 
+def _own(name: str, limit: Callable[..., Any], columns: dict[str, Array]) -> Array:
+    """Return a user's limit state of runs (n,), from their figures and what varies, by name."""
+    try:
+        values = np.asarray(limit(columns), float)
+    except Exception as error:
+        raise AmbkitError(f"{name}: {type(error).__name__}: {error}") from error
+    count = len(next(iter(columns.values())))
+    if values.shape != (count,):
+        raise AmbkitError(f"{name}: must return {count} numbers, returned shape {values.shape}")
+    return values
+
+
 def rare_in_folder(
     folder: str | os.PathLike[str], figure: str, above: Given, **options: Any
 ) -> Statement:
     """Estimate a rare failure of a campaign's machines, and keep it in its folder."""
     place = Folder.existing(folder)
-    if figure not in UNITS:
+    if figure not in UNITS and MARK not in figure:
         raise AmbkitError(f"there is no figure {figure}; there are {', '.join(UNITS)}")
-    limit = in_si("above", above, UNITS[figure])
+    limit = in_si("above", above, UNITS.get(figure, "1"))
     result = rare_failure(place.plan, figure, limit, **options)
     data = {"figure": figure, "above": limit} | result._asdict()
-    files.write_text(place.path / f"rare-{figure}.json", json_text(data, indent=2) + "\n")
+    name = figure.rpartition(":")[2]
+    files.write_text(place.path / f"rare-{name}.json", json_text(data, indent=2) + "\n")
     return Statement(sentence(figure, limit, result), data)
 
 
@@ -208,7 +256,7 @@ def told(folder: Path) -> list[str]:
     for path in sorted(folder.glob("rare-*.json")):
         try:
             data = json.loads(files.read_text(path))
-            rare = Rare(**{name: data[name] for name in Rare._fields})
+            rare = Rare(**{name: data[name] for name in Rare._fields if name in data})
             results.append(sentence(data["figure"], data["above"], rare))
         except (ValueError, KeyError, TypeError) as error:
             raise AmbkitError(f"{path}: is damaged: {error}") from None
@@ -217,10 +265,16 @@ def told(folder: Path) -> list[str]:
 
 def sentence(figure: str, above: float, result: Rare) -> str:
     """Say how likely a failure is."""
-    unit = UNITS[figure]
+    unit = UNITS.get(figure, "1")
     limit = f"{above:g}" if unit == "1" else engineering(above, unit)
+    times = f", {result.repetitions} times" if result.repetitions > 1 else ""
+    modes = (
+        " It may fail in several ways: repetitions ended in different directions from the nominal "
+        "machine, and a way that none of them went is not in the interval."
+    )
     return (
         f"{figure} is at or above {limit} with a probability of {result.probability:.3g} "
         f"({result.low:.2g} to {result.high:.2g}), by subset simulation over "
-        f"{len(result.thresholds)} levels, {result.runs:,} runs."
+        f"{len(result.thresholds)} levels{times}, {result.runs:,} runs."
+        f"{modes if result.several_modes else ''}"
     )

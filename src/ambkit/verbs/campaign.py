@@ -165,19 +165,21 @@ def campaign_rare(
 ) -> Statement:
     """Estimate the probability of a rare failure by subset simulation.
 
-    Machines are sampled from the tolerances of the campaign's study. The campaign's report includes
-    the result.
+    Machines are sampled from the tolerances of the campaign's study. The interval is that of
+    independent repetitions; where these fail in different directions from the nominal machine, the
+    result warns of several modes of failure. The campaign's report includes the result.
 
     Parameters
     ----------
     folder : str or path
         Folder of the campaign.
     figure : str
-        Figure of merit, such as peak_S.
+        Figure of merit, such as peak_S, or a limit state of your own as my.py:limit: a function
+        of a mapping of figures and varied quantities, by name, to arrays [SI].
     above : float or str
         Failure limit, such as 5 or "0.8 mm".
     budget : int, optional
-        Runs per level.
+        Runs per level, of all repetitions together.
     seed : int, optional
         Random seed.
     threads : int, optional
