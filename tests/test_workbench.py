@@ -17,7 +17,8 @@ from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import KINDS
 from ambkit.export.browser import axis_parameters, workbench_of
 from ambkit.export.browser.page import PAGE
-from ambkit.simulation.run import simulate_run
+from ambkit.simulation.external_inputs import ExternalInputs
+from ambkit.simulation.run import Loop, simulate_run
 from ambkit.simulation.scenario import settled_scenario
 
 ROOT = Path(__file__).parents[1]
@@ -58,7 +59,7 @@ def test_the_command_writes_the_page_with_the_machine(tmp_path, capsys):
         main(["workbench", "inteco_ml", "--out", str(page)])
     first, *others = data_of(page.read_text("utf-8"))
     assert first["name"] == "inteco_ml"
-    assert [other["name"] for other in others] == ["zittau_axial"]
+    assert [other["name"] for other in others] == ["zittau_axial", "hindawi_2011", "heart_pump"]
     assert first["axis"] == axis_parameters(Machine.preset("inteco_ml"))
     assert "inteco_ml" in capsys.readouterr().out
 
@@ -71,6 +72,12 @@ def test_a_hostile_name_stays_a_name(tmp_path):
     assert data_of(page)[0]["description"] == evil
     assert 'srcdoc="' in workbench_of(machine)._repr_html_()
     assert "<script" not in workbench_of(machine)._repr_html_()
+
+
+def test_machines_that_the_page_cannot_show_are_refused():
+    for name in ("ufu_flexible", "compressor"):
+        with pytest.raises(ambkit.AmbkitError, match=f"{name} (bends|is another|has more)"):
+            _ = workbench_of(Machine.preset(name)).text
 
 
 def test_what_the_page_leaves_out_is_named():
@@ -186,6 +193,56 @@ def test_numbers_in_node_are_those_of_python(case):
     command = [node, str(Path(__file__).with_name("workbench_node.js")), str(PAGE)]
     run = subprocess.run(command, input=json.dumps(asked).encode(), capture_output=True, check=True)
     same_numbers(record, estimates, json.loads(run.stdout))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("hindawi_2011", {}),
+        ("heart_pump", {"runUp": True}),
+        ("tum_mlps", {}),
+        ("ufu_rig", {"seed": 9}),
+    ],
+)
+def test_a_rotor_flies_as_in_python(page, tmp_path, name, settings):
+    machine = Machine.preset(name)
+    workbench_of(machine).save(tmp_path / "rotor.html")
+    page.goto((tmp_path / "rotor.html").as_uri())
+    page.wait_for_selector("html[data-ready]")
+    page.add_script_tag(path=Path(__file__).with_name("workbench.js"))
+    told = page.evaluate("ask.rotor", [name, settings])
+    first = machine.axes[0].name
+    n, T = len(told["q"][0]), machine.sampling_time
+    force = told["load"][-len(machine.axes)]
+    speed = told["speed"]
+    scenario = Scenario(
+        duration=(n - 1) * T, seed=settings.get("seed", 1),
+        controller={"type": "decentralised", "feedback": "measurement"},
+    )  # fmt: skip
+    external = ExternalInputs(disturbance=np.reshape(told["load"], (n, -1)))
+    loop = Loop(machine, scenario, external_inputs=external)
+    loop._speed = np.array(speed)  # of the page's own samples, whatever a waveform would round to
+    record = loop.run().record
+    for k, position in enumerate(machine.positions):
+        assert np.array_equal(told["q"][k], record[f"q_{position}"]), position
+    iu = np.reshape(told["iu"], (n, -1))
+    for k, axis in enumerate(machine.axes):
+        assert np.array_equal(iu[:, k], record[f"iu_{axis.name}"]), axis.name
+    assert force != 0
+    assert record[f"f_d_{first}"][-1] == force
+
+
+@pytest.mark.long
+def test_each_knob_of_a_rotor_moves_it(page):
+    for key, of in page.evaluate("ask.rotorKnobs()").items():
+        assert of == {"moves": True, "finite": True, "back": True}, key
+    page.evaluate("workbench.rotor.turn('speed', 3000)")
+    link, before = page.url, page.evaluate("JSON.stringify(workbench.rotor.settings)")
+    page.goto("about:blank")
+    page.goto(link)
+    page.wait_for_selector("html[data-ready]")
+    assert page.evaluate("JSON.stringify(workbench.rotor.settings)") == before
 
 
 @pytest.mark.long
@@ -362,6 +419,15 @@ def test_the_rotor_falls_is_knocked_and_is_drawn(page, tmp_path):
     assert len(ambkit.read(tmp_path / "kept.csv").record.t) == page.evaluate(
         "() => workbench.flight.n"
     )
+
+
+@pytest.mark.long
+def test_a_notebook_shows_it_in_a_frame(page):
+    page.goto("about:blank")
+    page.set_content(workbench_of(None)._repr_html_())
+    frame = page.frame_locator("iframe")
+    frame.locator("html[data-ready]").wait_for(state="attached")
+    frame.locator("#status:has-text('samples')").wait_for()
 
 
 @pytest.mark.long

@@ -8,6 +8,35 @@ window.ask = {
     return { ...plain(flight, ["x", "v", "y", "u", "iu"]), filters };
   },
 
+  rotor([name, settings]) {
+    const { rotor } = workbench, machine = workbench.machines.find((one) => one.name === name);
+    workbench.pick(machine, settings);
+    rotor.compute();
+    const { flight } = rotor, plain = (of) => Array.from(of);
+    return {
+      q: flight.q.map(plain), y: plain(flight.y), u: plain(flight.u), iu: plain(flight.iu),
+      ...Object.fromEntries(Object.entries(rotor.signals()).map(([name, of]) => [name, plain(of)])),
+    };
+  },
+
+  rotorKnobs() {
+    const { rotor } = workbench, out = {};
+    workbench.pick(workbench.machines.find((one) => one.rotor));
+    const look = () => {
+      rotor.compute();
+      return rotor.flight.q[0].reduce((all, value, k) => all + value * ((k % 7) + 1), 0);
+    };
+    for (const key of rotor.knobs) {
+      const before = look(), slider = document.getElementById(`knob-${key}`);
+      slider.value = Number(slider.value) < 500 ? 700 : 300;
+      slider.dispatchEvent(new Event("input"));
+      const after = look();
+      slider.dispatchEvent(new Event("dblclick"));
+      out[key] = { moves: before !== after, finite: Number.isFinite(after), back: look() === before };
+    }
+    return out;
+  },
+
   margin([name, feedback]) {
     const machine = workbench.machines.find((one) => one.name === name), p = { ...machine.axis, feedback };
     workbench.choose({ ...workbench.settings, machine, p, reference: 0, kinds: [0] });

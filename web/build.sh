@@ -16,6 +16,7 @@ link=(-mexec-model=reactor -Wl,--gc-sections -Wl,--strip-all -Wl,-z,stack-size=2
 
 "$CLANG" "${flags[@]}" "${link[@]}" -Icore core/*.c ../core/src/*.c ../sim/*.c \
   -o build/axis.wasm
+"$CLANG" "${flags[@]}" -DAMB_MODEL_LOOPS "${link[@]}" core/rotor/*.c ../core/src/*.c ../sim/*.c -o build/rotor.wasm
 node_modules/.bin/tsc --noEmit -p .
 node bundle.mjs "$("$CLANG" --version | head -1)" >build/page.html
 if [ "${1:-}" = --check ]; then

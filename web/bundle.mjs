@@ -48,6 +48,7 @@ async function bundle(clang) {
     TOOLS: tools,
     STYLE: style.outputFiles[0].text,
     WASM: readFileSync("build/axis.wasm").toString("base64"),
+    ROTOR: readFileSync("build/rotor.wasm").toString("base64"),
     SCRIPT: script.outputFiles[0].text.replaceAll("</script", "<\\/script"),
   };
   const page = readFileSync("src/page.html", "utf8");

@@ -1,5 +1,6 @@
 /* From the machine's parameters to a filter: what Python's `View` and kinds state, in C. */
 #include "axis.h"
+#include <math.h>
 
 #define GRAVITY 9.81
 #define SHORTEST_LAG 1e-3 /* of a sample */
@@ -95,11 +96,26 @@ static void start_std(const wb_parameters *p, const wb_filter *filter, amb_real 
   std[3] = sigma;
 }
 
-/* 1 - exp(-w T) of a corner `times` the unstable pole. */
-static double share(const wb_parameters *p, const amb_law *law, double times)
+/* 1 - exp(-w T) of a corner w. */
+static double share(double w, double T)
 {
-  const double z = times * (1 / own_time(p, law)) * p->T;
-  return z * amb_phi1(z);
+  return w * T * amb_phi1(w * T);
+}
+
+/* The corners of the low-pass filters, of least error by noise that passes and by lag. */
+static void low_pass(const wb_parameters *p, wb_filter *filter)
+{
+  const double pole = 1 / own_time(p, &filter->law), m = p->mass;
+  const double R = p->step * p->step / 12 + filter->kf.set.var_y[0];
+  const double noise = R / (p->K_sen * p->K_sen) * p->T, Q = filter->kf.set.var_d[0] / p->T;
+  const double motion = 0.1 * p->clearance * pole, turn = motion * pole;
+  const double x = pow(4 * (motion * motion) / noise, 1.0 / 3);
+  const double v = pow(2 * (turn * turn) / (noise * x), 1.0 / 4);
+  const double f = pow(Q / (2 * (m * m) * noise * x * (v * v)), 1.0 / 3);
+  filter->low_pass.m = m;
+  filter->low_pass.position = share(x, p->T);
+  filter->low_pass.velocity = share(v, p->T);
+  filter->low_pass.force = share(f > 0 ? f : pole, p->T);
 }
 
 bool wb_make_filter(const wb_parameters *p, int kind, wb_filter *filter)
@@ -117,10 +133,6 @@ bool wb_make_filter(const wb_parameters *p, int kind, wb_filter *filter)
   filter->magnet.self = constant ? (const void *)&filter->constant : (const void *)&filter->law;
   filter->unscented.reach = sqrt(3.0);
   filter->unscented.curvature = 2.0;
-  filter->low_pass.m = p->mass;
-  filter->low_pass.position = share(p, &filter->law, 20);
-  filter->low_pass.velocity = share(p, &filter->law, 10);
-  filter->low_pass.force = share(p, &filter->law, 2);
   filter->estimator.methods = methods[kind];
   filter->estimator.kf = &filter->kf;
   filter->estimator.magnet = &filter->magnet;
@@ -131,6 +143,7 @@ bool wb_make_filter(const wb_parameters *p, int kind, wb_filter *filter)
     filter->estimator.own = &filter->low_pass;
   if (amb_kalman_init(&filter->kf, &model, &set) != AMB_OK)
     return false;
+  low_pass(p, filter);
   start_std(p, filter, filter->std);
   return true;
 }

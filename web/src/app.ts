@@ -6,15 +6,20 @@ import { Files } from "./files";
 import { Guide } from "./guide";
 import { fromSlider, KNOBS, slider } from "./knobs";
 import { Motion } from "./live";
+import { address, recall, remember } from "./memory";
 import { Panels } from "./panels";
 import { fresh, fromHash, parameters, signals, STARTS, toHash, type Machine, type Settings } from "./state";
 import type { Columns } from "./record";
+import { RotorBench } from "./rotor_bench";
+import type { RotorCore, RotorLive } from "./rotor_core";
+import type { RotorSettings } from "./rotor_knobs";
 import { tuned } from "./tune";
 import { shown } from "./units";
 
 const get = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
 export class App {
+  mode: "axis" | "rotor" = "axis";
   settings!: Settings;
   own!: Settings; // of the machine, before a knob was turned
   flight: Flight | null = null;
@@ -22,13 +27,15 @@ export class App {
   readonly panels: Panels;
   readonly motion: Motion;
   readonly guide: Guide;
+  readonly rotor: RotorBench;
+  private rotorName = "";
   private readonly table: FilterTable;
   private readonly listed: { show(): void; hide?(): void }[] = [];
   private assumed = { R: 1, Q: 1 };
   private due = false;
 
-  constructor(readonly core: Core, live: Core, readonly machines: Machine[]) {
-    const theme = localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+  constructor(readonly core: Core, live: Core, rotor: RotorCore, rotorLive: RotorCore, readonly machines: Machine[]) {
+    const theme = recall("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
     document.documentElement.classList.toggle("dark", theme === "dark");
     this.panels = new Panels(get("charts"));
     this.table = new FilterTable(get("filters"), () => this.settings, () => this.changed(true));
@@ -38,14 +45,50 @@ export class App {
       this.guide?.watch();
     });
     this.guide = new Guide(get("guide"), this);
+    this.rotor = new RotorBench(rotor, rotorLive, document.querySelector<SVGSVGElement>("#picture")!, get("knobs"), get("charts"),
+      () => address(this.hash), (text) => this.say(text), (now) => this.rotorReadings(now));
+    for (const { element } of [...Object.values(this.panels.cards), { element: get("filters") }]) element.dataset.for = "axis";
     new Files(this);
     this.buttons();
-    this.choose(fromHash(location.hash, machines) ?? fresh(machines[0]));
+    this.restore(location.hash);
     window.addEventListener("hashchange", () => {
-      const s = fromHash(location.hash, this.machines);
-      if (s && toHash(s, this.machines) !== toHash(this.settings, this.machines)) this.choose(s);
+      if (location.hash !== `#${this.hash}`) this.restore(location.hash);
     });
     get("charts").addEventListener("redraw", () => this.compute());
+  }
+
+  /** What is set, as the part of a link behind #. */
+  get hash(): string {
+    return this.mode === "rotor" ? this.rotor.toHash(this.rotorName) : toHash(this.settings, this.machines);
+  }
+
+  /** Take what a link states; where it states nothing, the first machine. */
+  restore(hash: string): void {
+    const parts = new URLSearchParams(hash.replace(/^#/, "")), named = this.machines.find((one) => one.name === parts.get("machine"));
+    if (named?.rotor) return this.pick(named, RotorBench.fromHash(parts, named.rotor));
+    const s = fromHash(hash, this.machines);
+    if (s) this.choose(s);
+    else this.pick(this.machines[0]);
+  }
+
+  /** Take a machine as it is. */
+  pick(machine: Machine, settings: Partial<RotorSettings> = {}): void {
+    if (!machine.rotor) return this.choose(fresh(machine));
+    this.turnTo("rotor", machine);
+    this.rotorName = machine.name;
+    this.rotor.choose(machine.rotor, settings);
+  }
+
+  private turnTo(mode: "axis" | "rotor", machine: Machine): void {
+    this.mode = mode;
+    document.body.dataset.mode = mode;
+    this.rotor.active = mode === "rotor";
+    this.motion.active = mode === "axis";
+    const picker = get<HTMLSelectElement>("machine");
+    picker.replaceChildren(...this.machines.map((one) => new Option(one.name, one.name)));
+    picker.value = machine.name;
+    get("description").textContent = machine.description;
+    get("power").textContent = "Magnets on";
   }
 
   /** Take these settings, with knobs about the machine's own. */
@@ -53,10 +96,7 @@ export class App {
     if (!this.machines.some((machine) => machine.name === s.machine.name)) this.machines.push(s.machine);
     this.settings = s;
     this.own = fresh(s.machine);
-    const picker = get<HTMLSelectElement>("machine");
-    picker.replaceChildren(...this.machines.map((machine) => new Option(machine.name, machine.name)));
-    picker.value = s.machine.name;
-    get("description").textContent = s.machine.description;
+    this.turnTo("axis", s.machine);
     this.build();
     this.changed(true);
   }
@@ -136,10 +176,8 @@ export class App {
     this.assumed = this.core.assumed();
     this.motion.take(this.settings, this.parameters(), anew);
     this.listed.forEach((row) => row.show());
-    const power = get("power");
-    power.setAttribute("aria-pressed", String(!this.motion.off));
-    power.textContent = this.motion.off ? "Magnets off" : "Magnets on";
-    history.replaceState(null, "", `#${toHash(this.settings, this.machines)}`);
+    this.powered();
+    address(this.hash);
     if (this.due) return;
     this.due = true;
     requestAnimationFrame(() => {
@@ -150,6 +188,7 @@ export class App {
 
   /** Fly, filter, and draw. */
   compute(): void {
+    if (this.mode === "rotor") return this.rotor.compute();
     const from = performance.now(), { r, load } = signals(this.settings), p = this.parameters();
     this.flight = this.core.fly(p, r, load, this.settings.kinds);
     const flown = performance.now();
@@ -184,7 +223,7 @@ export class App {
   }
 
   redraw(): void {
-    this.motion.picture.build(this.settings);
+    if (this.mode === "axis") this.motion.picture.build(this.settings);
     this.compute();
   }
 
@@ -198,27 +237,34 @@ export class App {
     put("now-d", `${shown(now.f_d_hat, "N", 2)} ± ${shown(2 * Math.sqrt(now.f_d_var), "N", 2)}`);
   }
 
+  private rotorReadings(now: RotorLive): void {
+    const put = (id: string, text: string) => (get(id).textContent = text), most = (of: number[]) => Math.max(...of.map(Math.abs));
+    put("now-x", shown(most(now.s), "m"));
+    put("now-i", this.rotor.off ? "off" : `± ${most(now.iu).toFixed(2)} A`);
+    put("now-f", shown(this.rotor.off ? 0 : most(now.force), "N"));
+  }
+
   private buttons(): void {
     const press = (id: string, what: () => void) => get(id).addEventListener("click", what);
     get<HTMLSelectElement>("machine").addEventListener("change", (event) => {
       const name = (event.target as HTMLSelectElement).value;
-      this.choose(fresh(this.machines.find((machine) => machine.name === name)!));
+      this.pick(this.machines.find((machine) => machine.name === name)!);
     });
     press("play", () => this.play());
     press("power", () => this.power());
-    press("lift", () => this.motion.take(this.settings, this.parameters(), true));
-    get<HTMLSelectElement>("slow").addEventListener("change", (event) => (this.motion.slow = Number((event.target as HTMLSelectElement).value)));
+    press("lift", () => this.again());
+    get<HTMLSelectElement>("slow").addEventListener("change", (event) => (this.motion.slow = this.rotor.slow = Number((event.target as HTMLSelectElement).value)));
     press("theme", () => {
       const dark = document.documentElement.classList.toggle("dark");
-      localStorage.setItem("theme", dark ? "dark" : "light");
+      remember("theme", dark ? "dark" : "light");
       this.redraw();
     });
     window.addEventListener("keydown", (event) => {
       const at = event.target as HTMLElement;
       if (["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(at.tagName) || event.ctrlKey || event.metaKey || event.altKey) return;
       const keys: Record<string, () => void> = {
-        ArrowUp: () => this.motion.hit(1), ArrowDown: () => this.motion.hit(-1), " ": () => this.play(), m: () => this.power(),
-        r: () => this.motion.take(this.settings, this.parameters(), true),
+        ArrowUp: () => this.moving.hit(1), ArrowDown: () => this.moving.hit(-1), " ": () => this.play(), m: () => this.power(),
+        r: () => this.again(),
       };
       const action = keys[event.key] ?? keys[event.key.toLowerCase()];
       if (!action) return;
@@ -227,16 +273,31 @@ export class App {
     });
   }
 
+  /** What moves. */
+  private get moving(): Motion | RotorBench {
+    return this.mode === "rotor" ? this.rotor : this.motion;
+  }
+
+  private again(): void {
+    if (this.mode === "rotor") this.rotor.again();
+    else this.motion.take(this.settings, this.parameters(), true);
+    this.powered();
+  }
+
   private play(): void {
-    this.motion.running = !this.motion.running;
-    get("play").textContent = this.motion.running ? "Pause" : "Play";
-    get("play").setAttribute("aria-pressed", String(this.motion.running));
+    const running = (this.motion.running = this.rotor.running = !this.motion.running);
+    get("play").textContent = running ? "Pause" : "Play";
+    get("play").setAttribute("aria-pressed", String(running));
   }
 
   private power(): void {
-    this.motion.off = !this.motion.off;
-    get("power").setAttribute("aria-pressed", String(!this.motion.off));
-    get("power").textContent = this.motion.off ? "Magnets off" : "Magnets on";
+    this.moving.off = !this.moving.off;
+    this.powered();
+  }
+
+  private powered(): void {
+    get("power").setAttribute("aria-pressed", String(!this.moving.off));
+    get("power").textContent = this.moving.off ? "Magnets off" : "Magnets on";
   }
 
   /** Turn a knob by its name, as a user does; for lessons and tests. */

@@ -89,8 +89,9 @@ export class Chart {
 
   private options(lines: Line[], bands: Band[]): uPlot.Options {
     const axes = this.axes!, soft = colour("soft"), grid = colour("line"), font = `11px ${colour("font") || "sans-serif"}`;
-    const decades = { filter: (_u: uPlot, splits: number[]) => splits.map((value) => (Math.abs(Math.log10(value) % 1) < 1e-9 ? value : null)) };
+    const whole = (_u: uPlot, splits: number[]) => splits.map((value) => (Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-9 ? value : null));
     const axis = { stroke: soft, font, grid: { stroke: grid, width: 1 }, ticks: { stroke: grid, width: 1, size: 4 }, labelFont: font };
+    const decades = { filter: whole, grid: { ...axis.grid, filter: whole }, ticks: { ...axis.ticks, filter: whole } };
     return {
       ...this.size(),
       padding: [8, 10, 0, 0],

@@ -42,7 +42,7 @@ export class Files {
     press("save-svg", () => this.save("svg", new Blob([this.picture()], { type: "image/svg+xml" })));
     press("save-png", async () => this.save("png", await asPng(this.picture())));
     press("link", async () => {
-      const link = `${location.href.split("#")[0]}#${toHash(app.settings, app.machines)}`;
+      const link = `${location.href.split("#")[0]}#${app.hash}`;
       try {
         await navigator.clipboard.writeText(link);
         app.say("The link is in the clipboard; it restores everything that is set.");
@@ -53,7 +53,10 @@ export class Files {
   }
 
   private picture(): string {
-    const { app } = this, titles = Object.fromEntries(Object.entries(app.panels.cards).map(([id, card]) => [id, card.head.querySelector("h2")!.textContent ?? ""]));
+    const { app } = this;
+    if (app.mode === "rotor")
+      return asSvg(app.motion.picture.svg, app.rotor.charts, app.rotor.titles, `ambkit workbench: ${get<HTMLSelectElement>("machine").value}`);
+    const titles = Object.fromEntries(Object.entries(app.panels.cards).map(([id, card]) => [id, card.head.querySelector("h2")!.textContent ?? ""]));
     const filters = app.settings.kinds.map((kind) => KINDS[kind].label).join(", ");
     return asSvg(app.motion.picture.svg, app.panels.charts, titles, `ambkit workbench: ${app.settings.machine.name}; ${filters}; seed ${app.settings.seed}`);
   }

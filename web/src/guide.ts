@@ -2,6 +2,7 @@
 
 import type { App } from "./app";
 import { LESSONS } from "./lessons";
+import { recall, remember } from "./memory";
 import { fresh } from "./state";
 import { digits, shown } from "./units";
 
@@ -11,7 +12,7 @@ export class Guide {
   private mode: Mode = "none";
   private at = 0;
   private readonly reached = new Set<number>();
-  private best = Number(localStorage.getItem("challenge") ?? 0);
+  private best = Number(recall("challenge") ?? 0);
 
   constructor(private readonly panel: HTMLElement, private readonly app: App) {
     for (const mode of ["lessons", "challenge"] as const)
@@ -36,7 +37,7 @@ export class Guide {
   }
 
   private start(machine: string, set: () => void): void {
-    const { app } = this, of = app.machines.find((one) => one.name === machine) ?? app.machines[0];
+    const { app } = this, of = app.machines.find((one) => one.name === machine) ?? app.machines.find((one) => !one.rotor)!;
     app.choose(fresh(of));
     set();
     app.changed(true);
@@ -97,6 +98,7 @@ export class Guide {
 
   /** Look whether something was reached. */
   watch(): void {
+    if (this.app.mode === "rotor") return;
     if (this.mode === "lessons" && !this.reached.has(this.at) && LESSONS[this.at].done(this.app)) {
       this.reached.add(this.at);
       this.panel.querySelector<HTMLElement>(".done")!.hidden = false;
@@ -106,7 +108,7 @@ export class Guide {
         const element = this.panel.querySelector(name);
         if (element && element.textContent !== text) element.textContent = text;
       };
-      if (score > this.best) localStorage.setItem("challenge", String((this.best = score)));
+      if (score > this.best) remember("challenge", String((this.best = score)));
       put(".score", String(score));
       put(".best", String(this.best));
       put(".why", why);

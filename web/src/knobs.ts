@@ -3,22 +3,21 @@
 import { digits, shown } from "./units";
 import type { Settings } from "./state";
 
-export interface Knob {
+export interface Knob<S = Settings> {
   key: string;
   group: string;
   label: string;
   help: string;
   unit: string;
-  get(s: Settings): number;
-  set(s: Settings, value: number): void;
+  get(s: S): number;
+  set(s: S, value: number): void;
   /** From, to, and whether in proportion; 0 is then the left end where `zero`. */
-  range(own: Settings): { from: number; to: number; log: boolean; zero?: boolean };
-  when?(s: Settings): boolean;
+  range(own: S): { from: number; to: number; log: boolean; zero?: boolean };
 }
 
 function of(key: string, group: string, label: string, unit: string, help: string,
-            range: Knob["range"], when?: Knob["when"]): Knob {
-  return { key, group, label, unit, help, range, when, get: (s) => s.p[key], set: (s, value) => (s.p[key] = value) };
+            range: Knob["range"]): Knob {
+  return { key, group, label, unit, help, range, get: (s) => s.p[key], set: (s, value) => (s.p[key] = value) };
 }
 
 const about = (key: string, by: number): Knob["range"] => (own) => ({ from: own.p[key] / by, to: own.p[key] * by, log: true });
@@ -62,14 +61,14 @@ export const KNOBS: Knob[] = [
 const STEPS = 1000;
 
 /** From a value to the position of a slider, 0 to STEPS, and back. */
-export function toSlider(knob: Knob, own: Settings, value: number): number {
+export function toSlider<S>(knob: Knob<S>, own: S, value: number): number {
   const { from, to, log, zero } = knob.range(own);
   if (!log) return Math.round((STEPS * (value - from)) / (to - from));
   if (zero && value < from) return 0;
   return Math.round((STEPS * Math.log(value / from)) / Math.log(to / from));
 }
 
-export function fromSlider(knob: Knob, own: Settings, at: number): number {
+export function fromSlider<S>(knob: Knob<S>, own: S, at: number): number {
   const { from, to, log, zero } = knob.range(own);
   if (knob.key === "seed") return Math.round(from + (at / STEPS) * (to - from));
   if (zero && at <= 0) return 0;
@@ -79,7 +78,7 @@ export function fromSlider(knob: Knob, own: Settings, at: number): number {
 }
 
 /** One slider with its number; a double click brings the machine's own value back. */
-export function slider(knob: Knob, own: Settings, now: () => Settings, turned: () => void): { row: HTMLElement; show(): void } {
+export function slider<S>(knob: Knob<S>, own: S, now: () => S, turned: () => void): { row: HTMLElement; show(): void } {
   const row = document.createElement("div"), id = `knob-${knob.key}`;
   row.className = "knob";
   const label = document.createElement("label"), input = document.createElement("input"), value = document.createElement("button");

@@ -10,6 +10,7 @@ const KNOCK = 0.004; // seconds that a knock lasts
 
 export class Motion {
   running = true;
+  active = true;
   off = false;
   slow = 30;
   now: Live | null = null;
@@ -66,7 +67,7 @@ export class Motion {
   private frame(t: number): void {
     const passed = Math.min(0.05, (t - this.last) / 1000);
     this.last = t;
-    if (this.running && this.settings) {
+    if (this.active && this.running && this.settings) {
       this.due += passed / this.slow / this.settings.p.T;
       const n = Math.min(2000, Math.floor(this.due));
       this.due -= n;

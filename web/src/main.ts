@@ -2,6 +2,7 @@
 
 import { Core } from "./core";
 import { App } from "./app";
+import { RotorCore } from "./rotor_core";
 import type { Machine } from "./state";
 
 function bytes(base64: string): Uint8Array<ArrayBuffer> {
@@ -12,8 +13,9 @@ function bytes(base64: string): Uint8Array<ArrayBuffer> {
 
 async function start(): Promise<void> {
   const text = (id: string) => document.getElementById(id)!.textContent ?? "";
-  const [axis, other] = [await Core.of(bytes(text("wasm"))), await Core.of(bytes(text("wasm")))];
-  const app = new App(axis, other, JSON.parse(text("machines")) as Machine[]);
+  const [one, many] = [bytes(text("wasm")), bytes(text("wasm-rotor"))];
+  const rotors = [await RotorCore.of(many), await RotorCore.of(many)];
+  const app = new App(await Core.of(one), await Core.of(one), rotors[0], rotors[1], JSON.parse(text("machines")) as Machine[]);
   (window as unknown as { workbench: App }).workbench = app;
   document.documentElement.dataset.ready = "yes";
 }

@@ -1,12 +1,14 @@
 // All that a user can set, as one object; a link says what of it differs from the machine's own.
 
 import { KINDS, type Parameters } from "./core";
+import type { Rotor } from "./rotor_core";
 
 /** A machine as the page gets it: from Python, or from a file that was dropped. */
 export interface Machine {
   name: string;
   description: string;
-  axis: Parameters;
+  axis: Parameters; // of a machine with one axis; else empty
+  rotor?: Rotor;
 }
 
 export type Start = "levitated" | "landed" | "released";

@@ -20,7 +20,7 @@ def workbench(machine: Machine | None = None, *, open: bool = False) -> Workbenc
     Parameters
     ----------
     machine : Machine, str or path, optional
-        Preset name or TOML file of a machine with one axis. By default the presets alone.
+        Preset name or TOML file: one axis, or a rigid rotor on radial bearings. By default presets.
     open : bool, optional
         Open it in the browser.
 
@@ -32,7 +32,7 @@ def workbench(machine: Machine | None = None, *, open: bool = False) -> Workbenc
     Raises
     ------
     AmbkitError
-        The machine cannot be read, or has several axes.
+        The machine cannot be read, or is neither.
 
     Examples
     --------

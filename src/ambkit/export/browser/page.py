@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from ambkit.base import files
-from ambkit.base.errors import AmbkitError
 from ambkit.export.browser.axis import axis_parameters, left_out
+from ambkit.export.browser.rotor import rotor_parameters
 from ambkit.machine.machine import Machine
 
-PRESETS = ("zittau_axial", "inteco_ml")
+PRESETS = ("zittau_axial", "inteco_ml", "hindawi_2011", "heart_pump")
 """What stands in every page beside the machine that was asked for."""
 
 PAGE = Path(__file__).with_name("page.html")  #: As `web/build.sh` writes it.
@@ -29,17 +29,12 @@ _DATA = re.compile(r'(<script type="application/json" id="machines">).*?(</scrip
 
 def _as_data(machine: Machine) -> dict[str, Any]:
     """Return what the page has of a machine."""
+    data: dict[str, Any] = {"name": machine.name, "description": machine.description}
     if not machine.single:
-        names = ", ".join(axis.name for axis in machine.axes)
-        raise AmbkitError(
-            f"machine: the workbench shows machines with one axis; {machine.name} has {names}"
-        )
-    description = machine.description
+        return data | {"axis": {}, "rotor": rotor_parameters(machine)}
     if left := list(left_out(machine)):
-        description += f" (without {', '.join(left)})"
-    return {
-        "name": machine.name, "description": description, "axis": axis_parameters(machine),
-    }  # fmt: skip
+        data["description"] += f" (without {', '.join(left)})"
+    return data | {"axis": axis_parameters(machine)}
 
 
 @dataclass(frozen=True)
