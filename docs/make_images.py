@@ -5,6 +5,7 @@ They are committed, so that they show without a build.
 
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from paper.gain import LOAD, STEPS
 from paper.study import POSITION, TIME, Study
@@ -73,6 +74,15 @@ def margins() -> Figure:
     return result.figure()
 
 
+def field() -> Figure:
+    """Show the field of the bearing of docs/how-to/drawing.md."""
+    page = (FOLDER.parent / "how-to" / "drawing.md").read_text(encoding="utf-8")
+    text = page.split(":::{file} radial.toml\n")[1].split(":::")[0]
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "radial.toml").write_text(text, encoding="utf-8")
+        return ambkit.magnet(Path(folder) / "radial.toml").figure()
+
+
 def small(png: bytes, colours: int = 48) -> bytes:
     """Write a picture with a palette of colours, in a third of the bytes."""
     out = BytesIO()
@@ -83,3 +93,4 @@ def small(png: bytes, colours: int = 48) -> bytes:
 if __name__ == "__main__":
     (FOLDER / "step.png").write_bytes(small(step().image(".png")))
     (FOLDER / "assess.png").write_bytes(small(margins().image(".png")))
+    (FOLDER / "magnet_field.png").write_bytes(small(field().image(".png")))

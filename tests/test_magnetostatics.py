@@ -183,7 +183,7 @@ def test_curves_rise_and_their_energy_is_the_integral():
         (
             THRUST.replace('"90 mm"', '"40 mm"') + POT,
             6,
-            "geometry.disc_diameter: does not reach",
+            "geometry.disc_diameter: ends before",
         ),
         (THRUST.replace('"36 mm"', '"20 mm"') + POT, 8, "geometry.core_bore: must be greater"),
     ],
@@ -225,3 +225,32 @@ def test_machine_with_a_faulty_drawing_names_its_line(tmp_path):
     (tmp_path / "m.toml").write_text(MACHINE + '[magnet]\nforce_map = "core.toml"\n')
     with pytest.raises(AmbkitError, match=r"core\.toml:11: geometry\.coil_width"):
         ambkit.Machine.load(tmp_path / "m.toml")
+
+
+def test_solution_states_stiffness_limits_and_laws(tmp_path):
+    (tmp_path / "core.toml").write_text(text(U_CORE))
+    result = ambkit.magnet(tmp_path / "core.toml")
+    data = result.to_dict()
+    k_i = result.stiffness[0]
+    assert data["stiffness"]["finite elements"]["k_i"] == k_i
+    assert 0.6 < k_i / data["stiffness"]["ideal iron"]["k_i"] < 1
+    layout, solver = result.drawing.layout, result.solver
+    near, far = (solver.at().solve((3 + i) * layout.bias).force[0] for i in (0.01, -0.01))
+    assert k_i == pytest.approx((near - far) / 0.01, rel=5e-3)  # of both cores, by the field itself
+    rise = (
+        solver.at().solve(3.01 * layout.bias).flux[0]
+        - solver.at().solve(2.99 * layout.bias).flux[0]
+    )
+    assert result.inductance == pytest.approx(rise / 0.02, rel=5e-3)
+    errors = {law.key: law.rms for law in result.laws}
+    assert errors["map"] < errors["saturating"] < errors["closed"] < errors["ideal"]
+    assert data["solution"]["error"] < 1.5e-3
+    assert len(result.figures()[0].panels[0].items) > 20  # lines of flux
+    result.save(tmp_path / "map.csv")
+    table = np.genfromtxt(tmp_path / "map.csv", delimiter=",", skip_header=1)
+    assert np.allclose(table[:, 2], result.map.force.ravel())
+
+
+def test_drawing_is_a_file_like_others(tmp_path):
+    (tmp_path / "core.toml").write_text(text(U_CORE))
+    assert isinstance(ambkit.load(tmp_path / "core.toml"), Drawing)

@@ -88,6 +88,7 @@ from ambkit.verbs.identify import identify_coil as identify_coil
 from ambkit.verbs.identify import identify_corpus as identify_corpus
 from ambkit.verbs.identify import identify_lift_off as identify_lift_off
 from ambkit.verbs.identify import identify_online as identify_online
+from ambkit.verbs.magnet import magnet as magnet
 from ambkit.verbs.pil import pil as pil
 from ambkit.verbs.presets import presets as presets
 from ambkit.verbs.read import guess_channels as guess_channels

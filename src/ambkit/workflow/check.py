@@ -77,9 +77,10 @@ def load(
 def documents() -> dict[str, Any]:
     """Return the classes of the TOML files, by kind."""
     from ambkit.campaigns.study import Study
+    from ambkit.machine.magnetostatics.drawing import Drawing
 
     return {
-        "machine": Machine, "scenario": Scenario,
+        "machine": Machine, "scenario": Scenario, "drawing": Drawing,
         "channel map": ChannelMap, "filter": FilterFile, SHORT["force"]: ForceChannels,
         "study": Study,
     }  # fmt: skip
@@ -101,8 +102,9 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
     best = max(shared, key=lambda kind: shared[kind])
     if shared[best] == 0:
         raise AmbkitError(
-            f"{path}: is neither a machine, nor a scenario, nor a study, nor a channel map, nor a "
-            f"filter: none of its keys is known in those ({', '.join(toml.data) or 'it is empty'})"
+            f"{path}: is neither a machine, nor a drawing, nor a scenario, nor a study, nor a "
+            "channel map, nor a filter: none of its keys is known in those "
+            f"({', '.join(toml.data) or 'it is empty'})"
         )
     return best
 
@@ -203,6 +205,9 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Findin
     result = documents()[kind].load(path)
     if kind in SHORT.values():
         return Finding(f"signals {', '.join(result.signals)}")
+    if kind == "drawing":
+        result.check(str(path))
+        return Finding(f"{result.name}, {result.geometry.type}")
     if kind == "filter":
         made = result.make()  # what only the whole tells: starts, options, the magnet's file
         judged = judge_adequacy(made, machine)

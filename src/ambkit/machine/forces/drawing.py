@@ -24,16 +24,16 @@ class ComputedForce(PatchedForce):
 
     def __init__(self, machine: IsolatedAxis, result: MagnetMap) -> None:
         self.machine, self.map = machine, result
-        iu, x = np.meshgrid(result.current, result.displacement)
-        self.points = ForcePoints(iu.ravel(), x.ravel(), result.force.ravel())
+        self.points = points_of(result)
 
     def __call__(self, iu: ArrayLike, x: ArrayLike) -> Array:
         return self._scale * self.map.force_at(real("iu", iu), real("x", x))
 
 
-def is_drawing(path: object) -> bool:
-    """Whether a force map's name is that of a drawing."""
-    return isinstance(path, str | os.PathLike) and os.fspath(path).endswith(".toml")
+def points_of(solved: MagnetMap) -> ForcePoints:
+    """Return the points of a map."""
+    iu, x = np.meshgrid(solved.current, solved.displacement)
+    return ForcePoints(iu.ravel(), x.ravel(), solved.force.ravel())
 
 
 def load_drawing(path: str | os.PathLike[str]) -> Drawing:

@@ -90,6 +90,12 @@ class FieldSolver:
         fixed = np.minimum(solid, rim)
         return np.asarray(fixed / (moving + fixed))
 
+    @cached_property
+    def in_gap(self) -> NDArray[np.intp]:
+        """Triangles between stator and rotor, where these are nearest."""
+        strain = np.linalg.norm(self.at().elements.grad(self.follows), axis=2).mean(axis=1)
+        return np.flatnonzero(self.air & (strain > 0.7 * np.quantile(strain[self.air], 0.98)))
+
     def _distance(self, inside: NDArray[np.bool_]) -> Array:
         """Return the distances (n,) of nodes from the surface of a part, 0 in it."""
         nodes = self.mesh.nodes

@@ -19,7 +19,7 @@ from ambkit.base.progress import progress
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.field import FieldSolver
 
-NODES = (9, 7)  #: Currents and displacements of a map.
+NODES = (11, 7)  #: Currents and displacements of a map.
 VERSION = 1  #: Of what is computed; maps of others are solved anew.
 
 

@@ -43,7 +43,7 @@ class Heatmap(Item):
     bar: Axis  #: What the colours mean: label, unit, factor, limits.
     #: True for a signed quantity: the palest colour is zero, limits are symmetric.
     diverging: bool = False
-    lines: int = 9  #: About how many contour lines; they stand at round values.
+    lines: int = 9  #: About how many contour lines, at round values; 0: none.
     #: Whether one stands at zero. Where a surface is flat there, its place is an accident of the
     #: grid.
     zero: bool = True
@@ -74,6 +74,8 @@ class Heatmap(Item):
         low, high = self.shown_limits
         if not high > low:
             return np.array([low, low + 1.0])
+        if not self.lines:
+            return np.array([low, high])
         rough = (high - low) / self.lines
         decade = 10.0 ** math.floor(math.log10(rough))
         step = next(nice * decade for nice in (1, 2, 5, 10) if rough <= 1.001 * nice * decade)
@@ -87,10 +89,13 @@ class Heatmap(Item):
             x, y, z, cmap=_colour_map(self.diverging), vmin=low, vmax=high, shading="gouraud",
             rasterized=True,  # one embedded picture instead of a path a cell
         )  # fmt: skip
-        contours = ax.contour(x, y, z, levels=self.levels, colors=style.INK, linewidths=0.6)
-        minus = "{:.4g}".format
-        for number in ax.clabel(contours, fontsize=6.5, fmt=lambda v: minus(v).replace("-", "−")):
-            number.set_clip_on(False)  # half a number at the border would be a wrong number
+        if self.lines:
+            contours = ax.contour(x, y, z, levels=self.levels, colors=style.INK, linewidths=0.6)
+            text = "{:.4g}".format
+            for number in ax.clabel(
+                contours, fontsize=6.5, fmt=lambda v: text(v).replace("-", "−")
+            ):
+                number.set_clip_on(False)  # half a number at the border would be a wrong number
         ax.grid(visible=False)
         canvas = ax.get_figure(root=True)
         assert canvas is not None  # for the type checker: these axes were added to one
@@ -112,7 +117,8 @@ class Heatmap(Item):
             "contours": {
                 "start": float(levels[0]), "end": float(levels[-1]),
                 "size": float(levels[1] - levels[0]), "coloring": "heatmap",
-                "showlabels": True, "labelfont": {"size": 11, "color": style.INK},
+                "showlines": bool(self.lines), "showlabels": bool(self.lines),
+                "labelfont": {"size": 11, "color": style.INK},
             },
             "line": {"width": 0.8, "color": style.INK},
             "colorbar": {"title": title, "ticks": "", "thickness": 12, "outlinewidth": 0.6,

@@ -80,7 +80,7 @@ class Thrust(Pot):
         if read("disc_diameter") / 2 <= slot:
             yield (
                 "disc_diameter",
-                f"does not reach the outer pole, which begins at {engineering(2 * slot, 'm')}",
+                f"ends before the outer pole, which begins at {engineering(2 * slot, 'm')}",
             )
 
     def magnet_constant(self, turns: int) -> float:

@@ -1,0 +1,174 @@
+"""What follows from a magnet's drawing: stiffnesses, limits, errors of the force laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ambkit.base.arrays import Array
+from ambkit.base.progress import progress
+from ambkit.base.units import figure
+from ambkit.machine.forces.drawing import points_of
+from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.magnet_solution.figures import field_figure, gap_figure, map_figure
+from ambkit.machine.magnet_solution.fitted_laws import LawError, law_errors
+from ambkit.machine.magnetostatics.drawing import Drawing
+from ambkit.machine.magnetostatics.field import FieldSolver, Solution
+from ambkit.machine.magnetostatics.magnet_map import MagnetMap, map_of, points_between
+from ambkit.result.report import Figure
+from ambkit.result.result import Result
+from ambkit.result.row import Row, Section, put
+
+STEP = 1e-3  #: Of currents and displacements, in parts of their range, for a derivative.
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MagnetSolution(Result):
+    """The map of a magnet from its drawing, and the field at its greatest current."""
+
+    drawing: Drawing
+    map: MagnetMap
+    solver: FieldSolver
+    field: Solution  #: With bias and greatest control current, the rotor in the centre.
+    bias_field: Solution  #: With the bias current alone.
+    coupling: float | None  #: Force across in parts of that along, the rotor displaced across.
+    laws: Sequence[LawError]
+
+    TITLE = "Magnet {0.drawing.name}"
+    SECTIONS = {
+        ("stiffness",): Section("Stiffness in the centre", across=True),
+        ("magnet",): Section("Magnet"),
+        ("laws",): Section("Errors of force laws between the points of the map", across=True),
+        ("solution",): Section("Solution"),
+    }
+
+    @cached_property
+    def stiffness(self) -> tuple[float, float]:
+        """k_i [N/A] and k_s [N/m] in the centre."""
+        iu, x = STEP * self.map.current[-1], STEP * self.map.displacement[-1]
+        at = self.map.force_at([iu, -iu, 0, 0], [0, 0, x, -x])
+        return float(at[0] - at[1]) / (2 * iu), float(at[2] - at[3]) / (2 * x)
+
+    @cached_property
+    def inductance(self) -> float:
+        """Of the coils that pull one way, in the centre [H]."""
+        iu = STEP * self.map.current[-1]
+        low, high = self.map.flux_at([-iu, iu], 0.0).tolist()
+        rise: float = (high - low) / (2 * iu)
+        return rise / 2 if self.map.two_sided else rise
+
+    @property
+    def finding(self) -> str:
+        k_i, k_s = self.stiffness
+        return (
+            f"{self.title}: k_i {figure(k_i, 'N/A')}, k_s {figure(k_s, 'N/m')}, load capacity "
+            f"{figure(float(self.field.force[0]), 'N')}."
+        )
+
+    @property
+    def rows(self) -> list[Row]:
+        d, w = self.drawing, self.drawing.winding
+        sides = 4 if self.map.two_sided else 2
+        ideal = sides * d.magnet_constant * w.bias_current / d.geometry.air_gap**2
+        both = {
+            "finite elements": self.stiffness,
+            "ideal iron": (ideal, ideal * w.bias_current / d.geometry.air_gap),
+        }
+        results = []
+        for of, (k_i, k_s) in both.items():
+            stiff = [Row("k_i", "current stiffness", k_i, "N/A"),
+                     Row("k_s", "position stiffness", k_s, "N/m")]  # fmt: skip
+            results += put(stiff, section=("stiffness",), of=of)
+        gap = self.solver.in_gap
+        area = self.solver.at().elements.weight[gap]
+        iron = ~np.isin(np.arange(len(self.solver.mesh.region)), self.solver.linear)
+        one = [
+            Row("load_capacity", "force at the greatest current", float(self.field.force[0]), "N"),
+            Row("bias_flux_density", "mean flux density in the gap at the bias current",
+                float(np.average(np.abs(self.bias_field.B[gap]), weights=area)), "T"),
+            Row("peak_flux_density", "in the iron at the greatest current, 99th percentile",
+                float(np.quantile(np.abs(self.field.B[iron]), 0.99)), "T"),
+            Row("inductance", "inductance of one side", self.inductance, "H"),
+        ]  # fmt: skip
+        if w.voltage is not None:
+            slew = self.stiffness[0] * w.voltage / self.inductance
+            one.append(Row("slew_rate", "slew rate of the force", slew, "N/s"))
+        if self.coupling is not None:
+            one.append(
+                Row("coupling", "force across, the rotor displaced across", self.coupling, "%")
+            )
+        results += put(one, section=("magnet",))
+        for law in self.laws:
+            errors = [Row("largest", "largest", law.largest, "N"), Row("rms", "rms", law.rms, "N")]
+            results += put(errors, section=("laws",), of=law.name)
+        largest = float(np.abs(self.map.force).max())
+        results += put([
+            Row("error", "error between points, of the greatest force",
+                self.laws[-1].largest / largest, "%"),
+            Row("loop_work", "work of a closed loop, of its leg", self.map.loop_work(), "%"),
+            Row("points", "points of the map", len(self.map)),
+            Row("triangles", "triangles", len(self.solver.mesh.triangles)),
+        ], section=("solution",))  # fmt: skip
+        return results
+
+    @property
+    def notes(self) -> list[str]:
+        notes = []
+        if not self.drawing.layout.axisymmetric and self.drawing.end_factor == 1.0:
+            notes.append("The section is plane: flux around the ends of the stack is left out "
+                         "(end_factor).")  # fmt: skip
+        if self.drawing.layout.opposed:
+            notes.append("The fields of the two cores are independent.")
+        return notes
+
+    @property
+    def series(self) -> dict[str, Any]:
+        m = self.map
+        return {"name": self.drawing.name, "iu": m.current, "x": m.displacement,
+                "f_mag": m.force, "flux_linkage": m.flux}  # fmt: skip
+
+    def file(self) -> ForcePoints:
+        return points_of(self.map)
+
+    def figures(self) -> list[Figure]:
+        drawing, solver = self.drawing, self.solver
+        return [
+            field_figure(drawing, solver, self.field),
+            gap_figure(drawing, solver, self.bias_field, self.field),
+            map_figure(drawing.name, self.map),
+        ]
+
+
+def solve(drawing: Drawing) -> MagnetSolution:
+    """Return what follows from a drawing."""
+    layout, w = drawing.layout, drawing.winding
+    solved = map_of(drawing)
+    with progress("checking the map between its points"):
+        between = points_between(drawing, solved, w.bias_current)
+        solver = FieldSolver(layout)
+        bias = solver.at().solve(w.bias_current * layout.bias)
+        most = w.bias_current * layout.bias + w.limit * layout.control[0]
+        full = solver.at().solve(most, bias.a)
+        if layout.opposed:  # the other core's force, at the current that is left to it
+            less = solver.at().solve((w.bias_current - w.limit) * layout.bias, bias.a)
+            full = full._replace(force=full.force - less.force)
+        coupling = _coupling(drawing, solver, full)
+    return MagnetSolution(
+        drawing, solved, solver, full, bias, coupling, law_errors(drawing, solved, between)
+    )
+
+
+def _coupling(drawing: Drawing, solver: FieldSolver, full: Solution) -> float | None:
+    """Return by how much the greatest current changes the force across, displaced across."""
+    layout, w = drawing.layout, drawing.winding
+    if len(layout.directions) < 2:
+        return None
+    there = solver.at(drawing.displacement_range * layout.directions[1])
+    currents: list[Array] = [w.bias_current * layout.bias + iu * layout.control[0]
+                             for iu in (0.0, w.limit)]  # fmt: skip
+    across = [there.solve(current).force[1] for current in currents]
+    return float((across[1] - across[0]) / full.force[0])
