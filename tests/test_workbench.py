@@ -14,7 +14,7 @@ import ambkit
 from ambkit import Machine, Scenario, Step
 from ambkit.cli.main import main
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import KINDS
+from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.export.browser import axis_parameters, workbench_of
 from ambkit.export.browser.page import PAGE
 from ambkit.simulation.external_inputs import ExternalInputs
@@ -23,7 +23,7 @@ from ambkit.simulation.scenario import settled_scenario
 
 ROOT = Path(__file__).parents[1]
 WEB = ROOT / "web"
-FILTERS = ("linear", "closed-law", "extended", "unscented", "ud", "low-pass")
+FILTERS = ("linear", "closed-law", "extended", "unscented", "ud", "low-pass", "adaptive")
 STARTS = ("levitated", "landed", "released")
 
 
@@ -91,6 +91,7 @@ CASES = [
     # machine, filters, feedback, start, assumed k over k, Q
     ("zittau_axial", "linear closed-law extended unscented", "measurement", "levitated", 1.0, None),
     ("zittau_axial", "extended ud linear low-pass", "estimate", "levitated", 0.8, 500.0),
+    ("zittau_axial", "adaptive closed-law", "estimate", "levitated", 1.0, None),
     ("late", "closed-law extended linear", "measurement", "levitated", 1.2, None),
     ("inteco_ml", "extended closed-law linear", "estimate", "levitated", 1.0, None),
     ("zittau_axial", "linear unscented", "estimate", "released", 1.0, None),
@@ -120,7 +121,8 @@ def flown(case):
         magnet__magnet_constant=wrong * machine.magnet.magnet_constant,
         amplifier__bandwidth=None, delay=None,
     )  # fmt: skip
-    filters = [KINDS[kind].make(known, noise=FilterNoise(disturbance=Q)) for kind in kinds]
+    noise = FilterNoise(disturbance=Q)
+    filters = [KINDS[k].make(known, learned_magnet(k, machine), noise=noise) for k in kinds]
     run = simulate_run(machine, scenario, estimator=filters[0])
     estimates = [run.estimate, *(kf.run(run.record) for kf in filters[1:])]
     asked = axis_parameters(machine, scenario.controller) | {
@@ -184,7 +186,7 @@ def test_numbers_in_chromium_are_those_of_python(page, case):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("case", CASES[:3], ids=lambda case: f"{case[0]}-{case[2]}")
+@pytest.mark.parametrize("case", [*CASES[:2], CASES[3]], ids=lambda case: f"{case[0]}-{case[2]}")
 def test_numbers_in_node_are_those_of_python(case):
     node = shutil.which("node")
     if not node:

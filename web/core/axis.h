@@ -2,7 +2,9 @@
 #ifndef WORKBENCH_AXIS_H
 #define WORKBENCH_AXIS_H
 
+#include "ambkit/fuzzy.h"
 #include "ambkit/low_pass.h"
+#include "ambkit/scaled.h"
 #include "ambkit/ud.h"
 #include "ambkit/unscented.h"
 #include "noise_drawn.h"
@@ -31,7 +33,26 @@ typedef struct wb_parameters {
 enum { WB_LEVITATED, WB_LANDED, WB_RELEASED };
 
 /* The kinds of estimators, as the page counts them. */
-enum { WB_LINEAR, WB_CLOSED_LAW, WB_EXTENDED, WB_UNSCENTED, WB_UD, WB_LOW_PASS, WB_KINDS };
+enum {
+  WB_LINEAR,
+  WB_CLOSED_LAW,
+  WB_EXTENDED,
+  WB_UNSCENTED,
+  WB_UD,
+  WB_LOW_PASS,
+  WB_ADAPTIVE,
+  WB_KINDS
+};
+
+/* The paper's expert of a machine, which the page writes; without rules there is none. */
+typedef struct wb_expert {
+  double rules, normalised, per_ampere, per_metre, iu_min, iu_max, x_min, x_max;
+  double centre_iu[AMB_FUZZY_MAX_RULES], centre_x[AMB_FUZZY_MAX_RULES];
+  double sharpness_k_i[AMB_FUZZY_MAX_RULES], weight_k_i[AMB_FUZZY_MAX_RULES];
+  double sharpness_k_s[AMB_FUZZY_MAX_RULES], weight_k_s[AMB_FUZZY_MAX_RULES];
+} wb_expert;
+
+wb_expert *wb_known_expert(void);
 
 /* A filter with all that it points to. */
 typedef struct wb_filter {
@@ -41,6 +62,8 @@ typedef struct wb_filter {
   amb_magnet magnet;
   amb_unscented unscented;
   amb_low_pass low_pass;
+  amb_fuzzy fuzzy;
+  amb_scaled scaled;
   amb_estimator estimator;
   union {
     amb_kalman_state base;

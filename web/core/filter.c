@@ -118,19 +118,58 @@ static void low_pass(const wb_parameters *p, wb_filter *filter)
   filter->low_pass.force = share(f > 0 ? f : pole, p->T);
 }
 
+wb_expert *wb_known_expert(void)
+{
+  static wb_expert expert;
+  return &expert;
+}
+
+__attribute__((export_name("expert"))) double *expert(void)
+{
+  return (double *)wb_known_expert();
+}
+
+/* What the filter knows of its magnet. */
+static void set_magnet(const wb_parameters *p, int kind, wb_filter *filter)
+{
+  const wb_expert *e = wb_known_expert();
+  if ((kind == WB_LINEAR) || (kind == WB_LOW_PASS))
+    filter->magnet = (amb_magnet){&amb_constant_magnet, &filter->constant};
+  else if (kind == WB_ADAPTIVE) {
+    filter->fuzzy = (amb_fuzzy){.rules = (int)e->rules,
+                                .normalised = e->normalised > 0,
+                                .per_ampere = e->per_ampere,
+                                .per_metre = e->per_metre,
+                                .iu_min = e->iu_min,
+                                .iu_max = e->iu_max,
+                                .x_min = e->x_min,
+                                .x_max = e->x_max,
+                                .centre_iu = e->centre_iu,
+                                .centre_x = e->centre_x,
+                                .k_i = {e->sharpness_k_i, e->weight_k_i},
+                                .k_s = {e->sharpness_k_s, e->weight_k_s}};
+    filter->magnet = (amb_magnet){&amb_fuzzy_magnet, &filter->fuzzy};
+    if ((p->filter_k < 1) || (p->filter_k > 1)) {
+      filter->scaled = (amb_scaled){filter->magnet, p->filter_k};
+      filter->magnet = (amb_magnet){&amb_scaled_magnet, &filter->scaled};
+    }
+  } else
+    filter->magnet = (amb_magnet){&amb_law_magnet, &filter->law};
+}
+
 bool wb_make_filter(const wb_parameters *p, int kind, wb_filter *filter)
 {
   static const amb_estimator_methods *const methods[WB_KINDS] = {
-      &amb_kalman_methods,    &amb_kalman_methods, &amb_extended_methods,
-      &amb_unscented_methods, &amb_ud_methods,     &amb_low_pass_methods};
+      &amb_kalman_methods, &amb_kalman_methods,   &amb_extended_methods, &amb_unscented_methods,
+      &amb_ud_methods,     &amb_low_pass_methods, &amb_kalman_methods};
   amb_model model;
+  if ((kind == WB_ADAPTIVE) && !(wb_known_expert()->rules > 0))
+    return false;
   filter->law = wb_law(p, p->filter_k);
   const amb_kalman_settings set = settings_of(p, &filter->law);
   amb_model_init(&model, p->T, p->mass, p->K_sen, wb_lag(p));
   filter->constant = amb_law_magnet.tangent(&filter->law, 0.0, 0.0);
-  const bool constant = (kind == WB_LINEAR) || (kind == WB_LOW_PASS);
-  filter->magnet.methods = constant ? &amb_constant_magnet : &amb_law_magnet;
-  filter->magnet.self = constant ? (const void *)&filter->constant : (const void *)&filter->law;
+  set_magnet(p, kind, filter);
   filter->unscented.reach = sqrt(3.0);
   filter->unscented.curvature = 2.0;
   filter->estimator.methods = methods[kind];

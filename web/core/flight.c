@@ -182,22 +182,12 @@ EXPORT(assumed) double *assumed(void)
 /* Take over what is stated; `anew`: from its start, else from where the rotor is. */
 EXPORT(live_set) int live_set(int kind, int anew)
 {
-  wb_filter made;
-  if (!wb_make_filter(&stated, kind, &made))
+  static wb_filter tried;
+  if (!wb_make_filter(&stated, kind, &tried))
     return 0;
-  const bool keeps = (anew == 0) && (made.estimator.methods == live.filter.estimator.methods);
+  const bool keeps = (anew == 0) && (tried.estimator.methods == live.filter.estimator.methods);
   const amb_real at = live.state.plant.X[0];
-  made.state = live.filter.state;
-  live.filter = made;
-  live.filter.estimator.kf = &live.filter.kf;
-  live.filter.estimator.magnet = &live.filter.magnet;
-  const bool constant = live.filter.magnet.methods == &amb_constant_magnet;
-  live.filter.magnet.self =
-      constant ? (const void *)&live.filter.constant : (const void *)&live.filter.law;
-  if (kind == WB_UNSCENTED)
-    live.filter.estimator.own = &live.filter.unscented;
-  if (kind == WB_LOW_PASS)
-    live.filter.estimator.own = &live.filter.low_pass;
+  (void)wb_make_filter(&stated, kind, &live.filter); /* its state stays */
   wb_make_loop(&stated, &live.filter, &live.closed);
   live.closed.loop.feedback_estimate = stated.feedback > 0;
   if (anew != 0) {

@@ -18,7 +18,7 @@ EXPORT(linearised) double *linearised(const double *parameters, int kind, double
   amb_real none[AMB_STATES] = {0};
   if (!wb_make_filter(p, WB_LINEAR, &filter))
     return NULL;
-  if (kind == WB_CLOSED_LAW)
+  if ((kind == WB_CLOSED_LAW) || (kind == WB_ADAPTIVE))
     filter.constant = amb_law_magnet.through_origin(&filter.law, current, x);
   else if (kind != WB_LINEAR)
     filter.constant = amb_law_magnet.tangent(&filter.law, current, x);

@@ -34,7 +34,7 @@ export class App {
   private assumed = { R: 1, Q: 1 };
   private due = false;
 
-  constructor(readonly core: Core, live: Core, rotor: RotorCore, rotorLive: RotorCore, readonly machines: Machine[]) {
+  constructor(readonly core: Core, private readonly live: Core, rotor: RotorCore, rotorLive: RotorCore, readonly machines: Machine[]) {
     const theme = recall("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
     document.documentElement.classList.toggle("dark", theme === "dark");
     this.panels = new Panels(get("charts"));
@@ -97,6 +97,7 @@ export class App {
     this.settings = s;
     this.own = fresh(s.machine);
     this.turnTo("axis", s.machine);
+    for (const core of [this.core, this.live]) core.setExpert(s.machine.expert);
     this.build();
     this.changed(true);
   }

@@ -5,6 +5,7 @@ export interface Exports {
   _initialize?(): void;
   names(): number;
   parameters(): number;
+  expert(): number;
   series(which: number): number;
   history(filter: number, which: number): number;
   fly(kind: number): number;
@@ -27,7 +28,11 @@ export const KINDS = [
   { name: "unscented", label: "Unscented Kalman filter" },
   { name: "ud", label: "UD-factorised Kalman filter" },
   { name: "low-pass", label: "Low-pass and derivative" },
+  { name: "adaptive", label: "Adaptive Kalman filter, fuzzy expert" },
 ] as const;
+
+/** The kind whose rules are learned in Python, machine by machine. */
+export const ADAPTIVE = KINDS.length - 1;
 
 export const MOST_SAMPLES = 20001;
 
@@ -94,6 +99,12 @@ export class Core {
   state(parameters: Parameters): void {
     const to = this.reals(this.c.parameters(), this.names.length);
     this.names.forEach((name, k) => (to[k] = parameters[name] ?? 0));
+  }
+
+  /** The rules of the machine's expert; without any there is no adaptive filter with one. */
+  setExpert(numbers: number[] | undefined): void {
+    this.reals(this.c.expert(), 1)[0] = 0;
+    if (numbers) this.reals(this.c.expert(), numbers.length).set(numbers);
   }
 
   /** Fly with these references [m] and loads [N]; the first kind is in the loop. */

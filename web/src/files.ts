@@ -1,7 +1,7 @@
 // What is dropped onto the page, and what is taken away from it.
 
 import type { App } from "./app";
-import { KINDS, MOST_SAMPLES } from "./core";
+import { ADAPTIVE, KINDS, MOST_SAMPLES } from "./core";
 import { machineOf, toToml } from "./machine_file";
 import { asPng, asSvg } from "./picture_file";
 import { columnsOf, toCsv } from "./record";
@@ -99,7 +99,7 @@ export class Files {
 
   private filter(name: string, table: Table): void {
     const { app } = this, kind = KINDS.findIndex((one) => one.name === table.kind);
-    if (kind < 0) throw new Error(`the page has no filter "${String(table.kind)}"; it has ${KINDS.map((one) => one.name).join(", ")}`);
+    if (kind < 0 || (kind === ADAPTIVE && !app.settings.machine.expert)) throw new Error(`the page has no filter "${String(table.kind)}"; it has ${KINDS.map((one) => one.name).join(", ")}`);
     const noise = (table.noise ?? {}) as Table, own = app.core.assumed();
     app.settings.kinds = [kind, ...app.settings.kinds.filter((one) => one !== kind)].slice(0, 4);
     if (noise.measurement !== undefined) app.settings.R = quantity(noise.measurement) / own.R;

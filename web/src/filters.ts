@@ -1,6 +1,6 @@
 // The filters side by side: which they are, and how far each is from the truth.
 
-import { KINDS, type Flight } from "./core";
+import { ADAPTIVE, KINDS, type Flight } from "./core";
 import { figures, lamp } from "./panels";
 import { FILTERS, type Settings } from "./state";
 import { digits, shown } from "./units";
@@ -19,7 +19,7 @@ export class FilterTable {
     this.add.id = "add-filter";
     this.add.addEventListener("click", () => {
       const { kinds } = this.now();
-      kinds.push(KINDS.findIndex((_, kind) => !kinds.includes(kind)));
+      kinds.push(KINDS.findIndex((_, kind) => !kinds.includes(kind) && kind !== ADAPTIVE));
       this.changed();
     });
     parent.append(this.add);
@@ -39,7 +39,8 @@ export class FilterTable {
     swatch.style.background = `var(--f${j})`;
     const choose = document.createElement("select");
     choose.setAttribute("aria-label", `Filter ${j + 1}${j === 0 ? ", in the loop" : ""}`);
-    choose.append(...KINDS.map((one, k) => new Option(one.label, String(k))));
+    const known = KINDS.map((one, k) => new Option(one.label, String(k)));
+    choose.append(...known.filter((_, k) => k !== ADAPTIVE || this.now().machine.expert));
     choose.value = String(kind);
     choose.addEventListener("change", () => {
       this.now().kinds[j] = Number(choose.value);

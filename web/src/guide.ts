@@ -74,9 +74,9 @@ export class Guide {
     this.start("inteco_ml", () => {
       this.app.settings.push = -0.1 * this.app.settings.p.mass * 9.81;
     });
-    this.panel.innerHTML = `<h2>Hold the ball with the least current</h2><p>A force pulls the ball down half-way through the flight. Hold it without touching anything, with as little
-      copper loss as you can: the score is 1000 × (1 − mean i² / i0²), and 0 where the ball touches. Where the ball hangs, the gains, the noise of your filter: all of it counts.
-      Mass, magnet and sensor stay as they are.</p><p>Score <b class="score">–</b>, best <b class="best">–</b> <span class="why"></span></p>`;
+    this.panel.innerHTML = `<h2>Hold the ball with the least current</h2><p>Half-way through the flight a force pulls the ball down. Hold it with as little copper loss as you can, and let it touch nothing.
+      The score is 1000 × (1 − mean i² / i0²); it is 0 if the ball touches. Where the ball hangs, the gains, and the noise that your filter
+      lets through all count. Mass, magnet and sensor must stay as they are.</p><p>Score <b class="score">–</b>, best <b class="best">–</b> <span class="why"></span></p>`;
     this.mark(["knob-reference", "knob-kp", "knob-kd"]);
     this.watch();
   }

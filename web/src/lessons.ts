@@ -19,7 +19,7 @@ export const LESSONS: Lesson[] = [
   {
     title: "It falls",
     machine: "inteco_ml",
-    text: "An electromagnet pulls the harder the nearer the ball is. Where the force just carries the weight there is a balance, but no stable one: a hair upwards and the ball jumps to the pole, a hair downwards and it falls. No constant current holds it.",
+    text: "The nearer the ball, the harder the magnet pulls. At one distance the pull just carries the weight, but that equilibrium is unstable: a hair above it the ball jumps to the pole, a hair below it falls. No constant current holds the ball.",
     task: "Switch the magnets off and watch it fall. Then switch them on again.",
     set: (app) => {
       app.settings.start = "levitated";
@@ -30,8 +30,8 @@ export const LESSONS: Lesson[] = [
   {
     title: "A PID holds it",
     machine: "zittau_axial",
-    text: "A controller measures where the rotor is and changes the current: proportional gain for stiffness, derivative gain for damping. The proportional gain must beat the magnet's own negative stiffness k_s. The sensitivity tells how close the loop is to the edge: below 3 is zone A of ISO 14839-3.",
-    task: "Turn the derivative gain down until the peak of |S| leaves zone A, and see the step ring.",
+    text: "A controller measures the position and changes the current. Proportional gain gives stiffness, derivative gain gives damping. The proportional gain must overcome the magnet's own negative stiffness k_s. The peak of the sensitivity shows how robust the loop is: below 3 it is in zone A of ISO 14839-3.",
+    task: "Turn the derivative gain down until the peak of |S| leaves zone A. The step response rings.",
     set: (app) => {
       app.settings.p.feedback = 0;
       app.settings.noisy = false;
@@ -42,8 +42,8 @@ export const LESSONS: Lesson[] = [
   {
     title: "Noise",
     machine: "zittau_axial",
-    text: "The sensor shows the rotor with noise. The derivative of noise is more noise: the controller shakes the current, and the rotor with it. A filter that knows the machine tells the rotor from the noise.",
-    task: "Make the sensor ten times noisier, and let the first filter feed the controller instead of the sensor.",
+    text: "Every reading contains noise, and its derivative contains more. The controller turns that noise into current, which shakes the rotor. A filter that knows the machine separates the motion from the noise.",
+    task: "Make the sensor ten times noisier. Then feed the controller from the first filter instead of the sensor.",
     set: (app) => {
       app.settings.p.feedback = 0;
     },
@@ -53,8 +53,8 @@ export const LESSONS: Lesson[] = [
   {
     title: "What the filter sees",
     machine: "zittau_axial",
-    text: "No sensor measures the disturbance force. The filter sees it in how the rotor moves against what the currents should do. Q says how fast it may change: a large Q follows at once and is restless, a small one is calm and late. The innovations show which is right: they should stay within their bounds in 95 of 100 samples.",
-    task: "Turn Q down until the lamp is no longer green, then back.",
+    text: "No sensor measures the disturbance force. The filter infers it from the difference between the motion it expects and the motion it sees. Q states how fast the force may change: with a large Q the estimate is quick and noisy, with a small Q smooth and late. The innovations show which is right: 95 of 100 should lie within their bounds.",
+    task: "Turn Q down until the lamp is no longer green. Then turn it back.",
     set: (app) => {
       app.settings.kinds = [2, 0];
     },
@@ -64,8 +64,8 @@ export const LESSONS: Lesson[] = [
   {
     title: "What it cannot know",
     machine: "zittau_axial",
-    text: "A wrong magnet constant looks like a force. The filter takes the missing pull for a disturbance, and its position can be off too, while its innovations are small: what model and measurement share, no innovation shows. Only the truth does, and here you have it.",
-    task: "Let the filters assume k a third too large, and compare the lamp with the error of the force.",
+    text: "A wrong magnet constant looks like a force. The filter attributes the missing pull to a disturbance, and its innovations stay small. An error that the disturbance estimate can absorb does not show in the innovations; only a comparison with the truth reveals it, and here you have the truth.",
+    task: "Let the filters assume a k that is a third too large. Compare the lamp with the error of the force.",
     set: (app) => {
       app.settings.kinds = [2, 1, 0];
     },

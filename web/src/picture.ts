@@ -37,8 +37,9 @@ export class Picture {
   constructor(readonly svg: SVGSVGElement, hand: Hand) {
     let grabbed = 0, moved = false;
     const share = (event: PointerEvent) => {
-      const box = svg.getBoundingClientRect();
-      const y = ((event.clientY - box.top) / box.height) * 420;
+      const box = svg.getBoundingClientRect(), view = svg.viewBox.baseVal;
+      const scale = Math.min(box.width / view.width, box.height / view.height);
+      const y = view.y + view.height / 2 + (event.clientY - box.top - box.height / 2) / scale;
       return Math.max(-2, Math.min(2, (MIDDLE - y) / REACH));
     };
     svg.addEventListener("pointerdown", (event) => {
@@ -66,7 +67,7 @@ export class Picture {
   build(s: Settings): void {
     const svg = this.svg, two = s.p.two_sided > 0;
     svg.replaceChildren();
-    svg.setAttribute("viewBox", "0 0 360 420");
+    svg.setAttribute("viewBox", two ? "0 34 360 352" : "0 66 360 262");
     this.coils = [];
     this.fields = [];
     add(svg, "title", {}, two ? "A thrust bearing: a collar between two electromagnets" : "A steel ball below an electromagnet");
@@ -143,14 +144,15 @@ export class Picture {
   private labels(s: Settings): void {
     const svg = this.svg;
     const axis = add(svg, "g", { class: "axis" });
-    add(axis, "path", { d: `M326 ${MIDDLE + 62}V${MIDDLE - 62}m-5 9l5 -9l5 9` });
-    add(axis, "path", { d: `M321 ${MIDDLE}h10` });
-    add(axis, "text", { x: 326, y: MIDDLE - 70, "text-anchor": "middle" }, "+x");
-    add(axis, "text", { x: 336, y: MIDDLE + 4 }, "0");
+    add(axis, "path", { d: `M314 ${MIDDLE + 62}V${MIDDLE - 62}m-5 9l5 -9l5 9` });
+    for (const way of [-1, 1]) add(axis, "path", { d: `M309 ${MIDDLE - way * REACH}h10` });
+    add(axis, "path", { d: `M309 ${MIDDLE}h10` });
+    add(axis, "text", { x: 314, y: MIDDLE - 70, "text-anchor": "middle" }, "+x");
+    add(axis, "text", { x: 323, y: MIDDLE + 4 }, "0");
     add(axis, "text", { x: 34, y: MIDDLE - 70, "text-anchor": "middle" }, "+u");
     add(axis, "path", { d: `M34 ${MIDDLE - 4}V${MIDDLE - 62}m-5 9l5 -9l5 9` });
     add(axis, "text", { x: 34, y: MIDDLE + 14, "text-anchor": "middle" }, "pulls up");
-    add(axis, "text", { x: 346, y: MIDDLE - REACH + 4, "text-anchor": "end" }, shown(s.p.clearance, "m", 2));
+    add(axis, "text", { x: 323, y: MIDDLE - REACH + 4 }, shown(s.p.clearance, "m", 2));
     this.thread = add(svg, "path", { class: "thread", d: "" });
   }
 

@@ -14,7 +14,7 @@ export function standing(svg: SVGSVGElement): string {
   });
   copy.setAttribute("xmlns", "http://www.w3.org/2000/svg");
   copy.setAttribute("width", "360");
-  copy.setAttribute("height", "420");
+  copy.setAttribute("height", String(svg.viewBox.baseVal.height));
   copy.setAttribute("font-family", "system-ui, sans-serif");
   return new XMLSerializer().serializeToString(copy);
 }

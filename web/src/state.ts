@@ -1,6 +1,6 @@
 // All that a user can set, as one object; a link says what of it differs from the machine's own.
 
-import { KINDS, type Parameters } from "./core";
+import { ADAPTIVE, KINDS, type Parameters } from "./core";
 import type { Rotor } from "./rotor_core";
 
 /** A machine as the page gets it: from Python, or from a file that was dropped. */
@@ -8,6 +8,7 @@ export interface Machine {
   name: string;
   description: string;
   axis: Parameters; // of a machine with one axis; else empty
+  expert?: number[]; // rules of the paper's network for it, as web/core/axis.h has them
   rotor?: Rotor;
 }
 
@@ -35,7 +36,7 @@ export function fresh(machine: Machine): Settings {
   const p = { ...machine.axis };
   const two = p.two_sided > 0;
   return {
-    machine, p, kinds: [2, 0, 1, 5], R: 1, Q: 1,
+    machine, p, kinds: [2, 0, machine.expert ? ADAPTIVE : 1, 5], R: 1, Q: 1,
     reference: 0.1 * p.clearance,
     push: -tidy(0.3 * Math.max(Math.abs(p.gravity) * p.mass * 9.81, two ? 0.1 * 4 * p.k * p.i0 * p.i0 / p.s0 ** 2 : 0)),
     duration: Math.min(0.5 * Math.ceil(5000 * p.T / 0.5), 20000 * p.T) || 5000 * p.T,
@@ -84,7 +85,7 @@ export function fromHash(hash: string, known: Machine[]): Settings | null {
   if (start) s.start = start;
   s.noisy = parts.get("noise") !== "off";
   const kinds = (parts.get("filters") ?? "").split(",").map((name) => KINDS.findIndex((kind) => kind.name === name));
-  if (kinds.every((kind) => kind >= 0)) s.kinds = kinds.slice(0, FILTERS);
+  if (kinds.every((kind) => kind >= 0 && (kind !== ADAPTIVE || machine.expert))) s.kinds = kinds.slice(0, FILTERS);
   return s;
 }
 
@@ -92,7 +93,7 @@ function checked(text: string | null): Machine | undefined {
   try {
     const machine = JSON.parse(text ?? "") as Machine;
     const numbers = Object.values(machine.axis).every((value) => Number.isFinite(value));
-    return numbers ? { name: String(machine.name), description: String(machine.description), axis: machine.axis } : undefined;
+    return numbers ? { name: String(machine.name), description: String(machine.description), axis: machine.axis } : undefined; // without its expert
   } catch {
     return undefined;
   }

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
+from typing import Any
 
 from ambkit.control.control import Control
 from ambkit.control.default_control import settled
+from ambkit.estimate.registry import learned_magnet
 from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import core_module
 from ambkit.machine.parts import along_x
+
+AMB_FUZZY_MAX_RULES = 64  #: Of ``ambkit/fuzzy.h``.
 
 KNOWN = {
     "": ("name", "description", "source", "sampling_time", "delay", "speed"),
@@ -64,3 +69,15 @@ def axis_parameters(machine: Machine, control: Control | None = None) -> dict[st
         "feedback": float(pid.feedback == "estimate"),
         "filter_k": 1.0,
     }
+
+
+def expert_numbers(machine: Machine) -> list[float]:
+    """Return the paper's expert of a machine as ``wb_expert`` has it."""
+    rules: Any = learned_magnet("adaptive", machine)
+    network = rules.in_core(core_module()).parameters
+    most = AMB_FUZZY_MAX_RULES
+    of = [network[key] for key in ("centre_iu", "centre_x")]
+    of += [network[key][part] for key in ("k_i", "k_s") for part in ("sharpness", "weight")]
+    rows = [[*map(float, row), *[0.0] * (most - len(row))] for row in of]
+    head = ("rules", "normalised", "per_ampere", "per_metre", "iu_min", "iu_max", "x_min", "x_max")
+    return [*(float(network[key]) for key in head), *(value for row in rows for value in row)]

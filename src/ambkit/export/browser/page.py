@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ambkit.base import files
-from ambkit.export.browser.axis import axis_parameters, left_out
+from ambkit.export.browser.axis import axis_parameters, expert_numbers, left_out
 from ambkit.export.browser.rotor import rotor_parameters
 from ambkit.machine.machine import Machine
 
@@ -34,7 +34,7 @@ def _as_data(machine: Machine) -> dict[str, Any]:
         return data | {"axis": {}, "rotor": rotor_parameters(machine)}
     if left := list(left_out(machine)):
         data["description"] += f" (without {', '.join(left)})"
-    return data | {"axis": axis_parameters(machine)}
+    return data | {"axis": axis_parameters(machine), "expert": expert_numbers(machine)}
 
 
 @dataclass(frozen=True)

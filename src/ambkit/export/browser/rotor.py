@@ -53,8 +53,8 @@ def rotor_parameters(machine: Machine) -> dict[str, Any]:
         "corner": [part.get("corner", 0.0) for part in loop["amplifiers"]],
         "step": [part.get("step", 0.0) for part in loop["sensor_parts"]],
         "rings": [
-            [at["first"], at["second"], at["travel"], at["stop"]["stiffness"], at["stop"]["damping"]]
-            for at in loop["rings"]
+            [ring[key] for key in ("first", "second", "travel")] + _contact(ring["stop"])
+            for ring in loop["rings"]
         ],
         "pid": [list(pid)[:6] for pid in loop["pid"]],
         **{name: _plain(arguments[name]) for name in places}, "held": _plain(arguments["current"]),
@@ -69,6 +69,11 @@ def rotor_parameters(machine: Machine) -> dict[str, Any]:
         ],
         "discs": [place for place, _, _ in machine.unbalances()],
     }  # fmt: skip
+
+
+def _contact(stop: dict[str, float]) -> list[float]:
+    """Return stiffness and damping of a stop."""
+    return [stop["stiffness"], stop["damping"]]
 
 
 def _plain(value: Any) -> Any:
