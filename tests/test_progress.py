@@ -73,3 +73,14 @@ def test_a_failure_takes_the_bar_away_as_well(notebook):
 def test_long_functions_show_it_by_themselves(notebook):
     ambkit.inject_faults("zittau_axial", ["linear"], faults=["knock"], samples=0)
     assert any("knock" in each["text/html"] for each in notebook)
+
+
+def test_a_command_writes_lines_to_a_pipe(capsys, monkeypatch):
+    monkeypatch.setattr("ambkit.base.progress._LINES_APART", 0.0)
+    monkeypatch.setattr("ambkit.base.progress.of_a_command", [True])
+    with progress("counting", 2, unit="runs") as tell:
+        tell("next", 1)
+    assert capsys.readouterr().err.startswith("counting: next: 1 of 2 runs, ")
+    with progress("counting") as tell:
+        tell("")
+    assert capsys.readouterr().err == "counting\n"

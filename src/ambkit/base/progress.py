@@ -1,4 +1,4 @@
-"""How far work is: a bar where a human looks, on a terminal or in a notebook."""
+"""How far work is: a bar on a terminal or in a notebook; lines where a command writes to a pipe."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ambkit.base import escaping
 
 Told = Callable[..., None]  #: Called after each step, with a text that says what is done next.
 
+_LINES_APART = 5.0  # s between two lines
 _REDRAWN = 0.1  # s between two pictures in a notebook; each one is a message to the browser
 
 
@@ -20,10 +21,10 @@ _REDRAWN = 0.1  # s between two pictures in a notebook; each one is a message to
 def progress(
     what: str, total: int | None = None, *, unit: str = "", begun: int = 0
 ) -> Iterator[Told]:
-    """Show progress: in a notebook below its cell, else on stderr if it is a terminal."""
+    """Show progress: in a notebook below its cell, else on stderr; of a library on terminals."""
     notebook = in_notebook()
     if not notebook and not sys.stderr.isatty():
-        yield silent
+        yield _in_lines(what, total, unit, begun) if any(of_a_command) else silent
         return
     from rich import progress as rich
     from rich.console import Console
@@ -83,6 +84,26 @@ def in_notebook() -> bool:
     """Whether a notebook looks on: Jupyter, JupyterLab, VS Code, Colab."""
     ask = getattr(sys.modules.get("IPython"), "get_ipython", None)
     return ask is not None and getattr(ask(), "kernel", None) is not None
+
+
+of_a_command: list[bool] = []  #: Whether the process is a command, once it is known.
+
+
+def _in_lines(what: str, total: int | None, unit: str, begun: int) -> Told:
+    """Return what writes a line to stderr now and then."""
+    rate, last, lock = Rate(unit), time.monotonic(), threading.Lock()
+
+    def tell(text: str = "", steps: int = 1) -> None:
+        nonlocal last
+        with lock:
+            rate_text = rate.told(steps, total, begun) if unit else ""
+            if time.monotonic() - last < _LINES_APART:
+                return
+            last = time.monotonic()
+            parts = filter(None, (what, text if text != what else "", rate_text))
+            print(escaping.one_line(": ".join(parts)), file=sys.stderr, flush=True)
+
+    return tell
 
 
 def silent(_text: str = "", steps: int = 1) -> None:

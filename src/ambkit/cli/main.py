@@ -25,8 +25,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             sys.unraisablehook = _heed_interrupts
             # Pictures go into files; matplotlib will not start with a window that it lacks.
             os.environ.pop("MPLBACKEND", None)
+        from ambkit.base import progress
         from ambkit.cli import printing
 
+        progress.of_a_command[:] = [arguments is None]
         printing.prepare()
         printing.written.clear()
         printing.heed_notes()
