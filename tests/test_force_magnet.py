@@ -17,7 +17,7 @@ from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS
-from ambkit.fuzzy.cross_validation import LAW, NETWORK, REFITTED, SURFACE, choose_model, refitted
+from ambkit.fuzzy.cross_validation import LAW, NETWORK, REFITTED, SURFACE, choose_model
 from ambkit.fuzzy.rule_selection import measured_map
 from ambkit.identification.maximum_likelihood.information import expect
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -25,6 +25,7 @@ from ambkit.identification.maximum_likelihood.parameters import usual
 from ambkit.judge.comparison.cases import CASES, saturating
 from ambkit.judge.comparison.comparison import bench
 from ambkit.judge.comparison.tuning import candidates
+from ambkit.machine.forces.fitted_law import refitted
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.forces.patches import ACCURACY, patches

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.arrays import Array
 from ambkit.base.units import engineering
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.rule_selection import FEWEST, FOLDS, Shape, blocks_of, box_of, briefly, map_of
 from ambkit.fuzzy.training import train
+from ambkit.machine.forces.fitted_law import fitted_law
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.law_choice import law_of
@@ -79,42 +79,6 @@ class ModelChoice:
         return ""
 
 
-def refitted(machine: Machine, points: ForcePoints) -> Machine:
-    """Return the bearing with magnet constant and air gap as measured points have them."""
-    # By least squares, beside a constant force that may be the load cell's zero.
-    changes = _fit(machine, points)[0]
-    return machine.replace(**machine.magnet.with_constant(changes[0]), magnet__air_gap=changes[1])
-
-
-def _fit(machine: Machine, points: ForcePoints) -> tuple[tuple[float, float], ForceFunction]:
-    """Return magnet constant and air gap, and the force of that law and the offset."""
-    from scipy.optimize import least_squares
-
-    weight = 1.0 if points.standard_error is None else 1 / points.standard_error
-    m, at = machine.magnet, (points.current, points.displacement)
-
-    def values(p: Array) -> tuple[float, float]:
-        return float(m.magnet_constant * np.exp(p[0])), float(m.air_gap * np.exp(p[1]))
-
-    def force(p: Array) -> ForceFunction:
-        constant, gap = values(p)
-        # Not checked: on its way the search may pass a bearing that could not hold its rotor.
-        other = m.model_copy(update={"magnet_constant": constant, "air_gap": gap})
-        law = law_of(machine.model_copy(update={"magnet": other}))
-        return lambda iu, x: np.asarray(law.force(iu, x)) + p[2]
-
-    def off(p: Array) -> Array:
-        return np.asarray(weight * (np.asarray(force(p)(*at), dtype=float) - points.force))
-
-    least = np.log(1.02 * float(np.abs(points.displacement).max()) / m.air_gap)
-    low = [np.log(1e-2), min(max(np.log(0.2), least), -1e-9), -np.inf]
-    size = float(np.ptp(points.force)) or 1.0
-    result = least_squares(
-        off, np.zeros(3), bounds=(low, [np.log(1e2), np.log(5.0), np.inf]), x_scale=[1, 1, size]
-    )
-    return values(result.x), force(result.x)
-
-
 def choose_model(
     machine: Machine,
     surface: ForceSurface,
@@ -155,7 +119,7 @@ def _models(
     network = train(map_of(machine, through, box, shape), **training)
     return [
         (LAW, law_of(machine).force),
-        (REFITTED, _fit(machine, known)[1]),
+        (REFITTED, fitted_law(machine, known)[2]),
         (SURFACE, through),
         (NETWORK, network.force),
     ]

@@ -24,7 +24,6 @@ from ambkit.fuzzy.cross_validation import (
     ModelChoice,
     WrongSign,
     range_grid,
-    refitted,
     wrong_signs,
 )
 from ambkit.fuzzy.expert import Expert
@@ -32,6 +31,7 @@ from ambkit.fuzzy.expert_card import training_figure
 from ambkit.fuzzy.rule_selection import RuleChoice, with_choice, with_surface
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
+from ambkit.machine.forces.fitted_law import refitted
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine

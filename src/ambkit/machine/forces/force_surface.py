@@ -1,5 +1,8 @@
 """The force as a smooth surface through measured points: the bearing's law, and a correction.
 
+The law is the described one, or with the magnet constant and air gap that fit the points, where
+these are likelier so.
+
 The correction is a Gaussian process (kriging; Rasmussen and Williams 2006, chapter 2): near points
 it is known as surely as they are, and far from all of them it is zero, with the doubt that the law
 has earned. So what was hardly measured pulls nothing, and where nothing was measured the law stays.
@@ -21,12 +24,13 @@ from numpy.typing import ArrayLike
 from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.threads import one_thread
+from ambkit.machine.forces.fitted_law import fitted_law
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.law_choice import law_of
 
 if TYPE_CHECKING:
-    from ambkit.machine.force_law import IsolatedAxis
+    from ambkit.machine.force_law import IsolatedAxis, Law
 
 
 LAW_SHARE, LEAST_SHARE = 0.2, 0.05
@@ -49,12 +53,17 @@ not smooth without end."""
 MOST = 1000
 """More points are averaged with their neighbours first: the work grows with the cube."""
 
+FITTED = 12
+"""So many points let magnet constant and air gap of the law be fitted before it is corrected."""
+
 JUDGES = 200
 """Of so many points the law's error and its reach are found."""
 
 
 class ForceSurface(PatchedForce):
     """Force from measured points: a magnet, as plant and as what an estimator knows."""
+
+    refitted = False  #: Whether the law is corrected as it fits the points, or as described.
 
     # As a function it is the force itself, and can be given to :func:`ambkit.stiffness_map`; the C
     # core has it as smooth patches over the bearing's currents and travel, which are as near to it
@@ -81,28 +90,53 @@ class ForceSurface(PatchedForce):
         if not np.all(self._extent > 0):
             name = ("current", "displacement")[int(np.argmin(self._extent > 0))]
             raise AmbkitError(f"the points must differ in {name}, have all the same")
-        self.machine, self.points, self._law, self._scale = machine, points, law_of(machine), 1.0
-        off = points.force - self._law.force(*at)
+        self.machine, self.points, self._scale = machine, points, 1.0
         known = points.standard_error is not None
-        error = np.ones_like(off) if points.standard_error is None else points.standard_error
-        self._at, off, error = _averaged((at - self._origin) / self._extent, off, error)
         if like is None:
-            result = self._learned(off, error, known, law_error)
+            result = self._learned(at, law_error)
         else:
             result = _Found(like.law_error, like._reach, 1.0 if known else float(like.scatter or 1))
+            self.refitted = like.refitted
+        self._law = self._base()
+        self._at, off, error = self._off(at)
         self.law_error: float = result.law_error
         self._reach: Array = result.reach
         self.reach = tuple((self._reach * self._extent).ravel().tolist())
         self.scatter: float | None = None if known else result.scatter
         self._factor, self._pull = _solved(self._at, off, error, result)
 
-    def _learned(self, off: Array, error: Array, known: bool, law_error: float | None) -> _Found:
-        """Find how wrong the law is, from some of the points."""
-        few = np.random.default_rng(0).permutation(off.size)[:JUDGES]
+    def _base(self) -> Law:
+        """Return the law that is corrected: the described one, or as it fits the points."""
+        if self.refitted:
+            return fitted_law(self.machine, self.points)[1]
+        return law_of(self.machine)
+
+    def _off(self, at: Array) -> tuple[Array, Array, Array]:
+        """Return places (2, n), and how far the points are from the law, with standard errors."""
+        off = self.points.force - self._law.force(*at)
+        known = self.points.standard_error
+        error = np.ones_like(off) if known is None else known
+        return _averaged((at - self._origin) / self._extent, off, error)
+
+    def _learned(self, at: Array, law_error: float | None) -> _Found:
+        """Find which law is corrected, and how wrong it is, from some of the points."""
         share = np.linspace(0, 1, 41)
         box = np.meshgrid(*(self._origin + share * self._extent))
-        spread = float(np.std(self._law.force(*box)))
-        return _found(self._at[:, few], off[few], error[few], known, spread, law_error)
+        results = []
+        # Who says how wrong the described law is means that one.
+        fits = law_error is None and len(self.points) >= FITTED
+        for self.refitted in (False, True) if fits else (False,):
+            self._law = self._base()
+            places, off, error = self._off(at)
+            few = np.random.default_rng(0).permutation(off.size)[:JUDGES]
+            known, spread = self.points.standard_error is not None, self._law.force(*box)
+            learned, surprise = _found(
+                places[:, few], off[few], error[few], known, float(np.std(spread)), law_error
+            )
+            # Schwarz 1978: two parameters more.
+            results.append((surprise + self.refitted * np.log(few.size), self.refitted, learned))
+        _, self.refitted, best = min(results, key=lambda item: item[0])
+        return best
 
     def __call__(self, iu: ArrayLike, x: ArrayLike) -> Array:
         """Force [N] at places (iu [A], x [m]), of shapes that broadcast."""
@@ -173,8 +207,8 @@ def _solved(at: Array, off: Array, error: Array, result: _Found) -> tuple[Array,
 
 def _found(
     at: Array, off: Array, error: Array, known: bool, spread: float, law_error: float | None
-) -> _Found:
-    """Find what a surface needs to know, by the largest posterior density."""
+) -> tuple[_Found, float]:
+    """Find what a surface needs to know, by the largest posterior density; and its logarithm."""
     from scipy.optimize import minimize
 
     prior_std = np.log(DOUBT)
@@ -202,7 +236,8 @@ def _found(
 
     start = np.zeros(int(free.sum()))
     with one_thread():
-        return unpacked(minimize(surprise, start, method="L-BFGS-B", bounds=ends[free]).x)
+        result = minimize(surprise, start, method="L-BFGS-B", bounds=ends[free])
+    return unpacked(result.x), float(result.fun)
 
 
 def _averaged(at: Array, off: Array, error: Array) -> tuple[Array, Array, Array]:
