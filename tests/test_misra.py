@@ -63,17 +63,16 @@ def findings(folder, *words):
 @pytest.fixture(scope="module", params=CHECKED, ids="-".join)
 def case(request, exported):
     made = exported(*request.param)
-    define, includes, files = command_of(made)
+    options, files = command_of(made)
     expanded = [str(p.relative_to(made.folder)) for f in files for p in made.folder.glob(f)]
-    return made, findings(made.folder, define, *includes, *sorted(expanded))
+    return made, findings(made.folder, *options, *sorted(expanded))
 
 
 def command_of(made):
-    """Return define, include folders and files of the command that misra.txt prints."""
+    """Return defines with include folders, and files, of the command that misra.txt prints."""
     words = command_line(made).split()
-    (define,) = [word for word in words if word.startswith("-D")]
-    includes = [word for word in words if word.startswith("-I")]
-    return define, includes, [word for word in words if word.endswith(".c")]
+    options = [word for word in words if word.startswith(("-D", "-I"))]
+    return options, [word for word in words if word.endswith(".c")]
 
 
 def command_line(made):
@@ -127,9 +126,9 @@ def test_each_deviation_occurs_and_has_its_reason(case):
 
 def unexplained(made):
     """Return what is found and not in misra.txt, and what is there and nowhere found."""
-    define, includes, files = command_of(made)
+    options, files = command_of(made)
     expanded = sorted(str(p.relative_to(made.folder)) for f in files for p in made.folder.glob(f))
-    found = findings(made.folder, define, *includes, *expanded)
+    found = findings(made.folder, *options, *expanded)
     misra = made.folder / "misra.txt"
     occurring = {(f.rule, file) for f in found for file in ("", f.file)}
     nowhere = [":".join(each) for each in deviations(misra) if each not in occurring]
@@ -148,6 +147,7 @@ def test_a_whole_controller_keeps_the_rules_too(calibrated, tmp_path):
 
 MACHINES = {
     "filter": {"kind": "augmented"},
+    "rebuilt": {"kind": "linear", "rebuild": True},
     "controllers": {"scenario": Scenario(feedback="estimate", control=Control(type="lqg"))},
     "lift-off and run-up": {
         "scenario": Scenario(start="landed", sequence=LiftOff(), speed=Ramp(slope=2000.0)),

@@ -8,7 +8,8 @@ static int slots_of(const amb_rebuild *of)
 int amb_rebuild_room(const amb_rebuild *of)
 {
   const amb_plan *plan = &of->plan;
-  const int n = plan->states, size = AMB_PLAN_SIZE(plan);
+  const int n = plan->states;
+  const int size = AMB_PLAN_SIZE(plan);
   return (3 * size * size) + AMB_SAMPLING_WORK(size) + (plan->noises * n * (n + 1)) + slots_of(of) +
          plan->terms + plan->forces;
 }
@@ -71,9 +72,13 @@ bool amb_rebuild_numbers(const amb_rebuild *of, const double parameters[], amb_r
     return false;
   }
   amb_plan plan = of->plan;
-  const int n = plan.states, size = AMB_PLAN_SIZE(&plan);
-  double *N = &room[size * size], *slot = &N[plan.noises * n * n];
-  double *value = &slot[slots_of(of)], *k_i = &value[plan.terms], *intensity = &k_i[plan.forces];
+  const int n = plan.states;
+  const int size = AMB_PLAN_SIZE(&plan);
+  double *N = &room[size * size];
+  double *slot = &N[plan.noises * n * n];
+  double *value = &slot[slots_of(of)];
+  double *k_i = &value[plan.terms];
+  double *intensity = &k_i[plan.forces];
   evaluate(of, parameters, slot);
   gather(plan.terms, of->value, slot, value);
   gather(plan.forces, of->k_i, slot, k_i);

@@ -1,19 +1,50 @@
-/* In double, whatever the build. */
-#include "ambkit/precision.h"
-#undef AMB_FLOAT
-#if !defined(AMB_DOUBLE)
-#define AMB_DOUBLE
+#include "ambkit/sampling.h"
+#include <float.h>
+
+#if DBL_MANT_DIG != 53
+#error "double is not IEEE 754 binary64"
 #endif
 
-#include "ambkit/exponential.h"
-#include "ambkit/sampling.h"
-
-#define TERMS 20  /* 1/20! is below the rounding of a double where terms do not grow */
-#define ROUNDS 24 /* of the iteration for the spectral radius */
+#define TERMS 20         /* 1/20! is below the rounding of a double where terms do not grow */
+#define ROUNDS 24        /* of the iteration for the spectral radius */
+#define MOST_DECAY 708.0 /* exp(-t) is a normal number up to here */
 
 static bool is_zero(double a)
 {
   return (a >= 0.0) && (a <= 0.0);
+}
+
+static bool is_number(double a)
+{
+  return (a >= -DBL_MAX) && (a <= DBL_MAX);
+}
+
+static double magnitude_of(double a)
+{
+  return (a < 0.0) ? -a : a;
+}
+
+static double larger_of(double a, double b)
+{
+  return (a > b) ? a : b;
+}
+
+/* exp(-t), t >= 0: its series at the rest r of t / ln 2, halved; to two machine epsilons. */
+static double decay_over(double t)
+{
+  const double held = (t < MOST_DECAY) ? t : MOST_DECAY;
+  const double nearest = (held * 1.4426950408889634) + 0.5;
+  const int halvings = (int)nearest;
+  const double n = (double)halvings;
+  const double r = ((n * 0.69314718036912382) - held) + (n * 1.9082149292705877e-10);
+  double sum = 1.0;
+  for (int k = 14; k > 0; k--) {
+    sum = 1.0 + ((r * sum) / (double)k);
+  }
+  for (int k = 0; k < halvings; k++) {
+    sum *= 0.5;
+  }
+  return sum;
 }
 
 static void copy(int count, const double from[], double to[])
@@ -83,15 +114,16 @@ static int longest_way(int n, const double R[], double length[])
   while (grows) {
     grows = false;
     for (int i = 0; i < n; i++) {
-      double before = 0.0, own = 0.0;
+      double before = 0.0;
+      double own = 0.0;
       for (int j = 0; j < n; j++) {
         const bool same = (i == j) || in_circle(n, R, i, j);
         own += same ? 1.0 : 0.0;
-        before = (!same && (R[(i * n) + j] > 0.0)) ? amb_at_least(length[j], before) : before;
+        before = (!same && (R[(i * n) + j] > 0.0)) ? larger_of(length[j], before) : before;
       }
       grows = grows || ((own + before) > length[i]);
       length[i] = own + before;
-      longest = amb_at_least(length[i], longest);
+      longest = larger_of(length[i], longest);
     }
   }
   return (int)longest;
@@ -102,11 +134,12 @@ static int longest_way(int n, const double R[], double length[])
  * eigenvector. Below 1/2 it does not matter. x and y are room. */
 static double radius_of(int n, const double C[], double x[], double y[])
 {
-  double radius = AMB_REAL_MAX;
+  double radius = DBL_MAX;
   for (int i = 0; i < n; i++) {
     x[i] = 1.0;
   }
-  for (int round = 0; (round < ROUNDS) && (radius > 0.5); round++) {
+  bool matters = true;
+  for (int round = 0; (round < ROUNDS) && matters; round++) {
     double bound = 0.0;
     for (int i = 0; i < n; i++) {
       y[i] = 0.0;
@@ -115,10 +148,11 @@ static double radius_of(int n, const double C[], double x[], double y[])
           y[i] += C[(i * n) + j] * x[j];
         }
       }
-      bound = amb_at_least(y[i] / x[i], bound);
+      bound = larger_of(y[i] / x[i], bound);
     }
-    radius = amb_at_most(bound, radius);
-    for (int i = 0; i < n; i++) {
+    radius = (bound < radius) ? bound : radius;
+    matters = radius > 0.5;
+    for (int i = 0; (i < n) && matters; i++) {
       x[i] = (0.5 * x[i]) + (y[i] / radius); /* the first keeps it positive */
     }
   }
@@ -136,22 +170,26 @@ typedef struct share {
  * other in circles over all of the time; room for n^2 + 2 n more. */
 static bool take_share(int n, const double A[], double time, share *of, double C[], double work[])
 {
-  double *R = work, *length = &work[n * n];
+  double *R = work;
+  double *length = &work[n * n];
   bool finite = true;
   for (int i = 0; i < (n * n); i++) {
     of->A[i] = A[i] * time;
-    finite = finite && amb_is_finite(of->A[i]);
+    finite = finite && is_number(of->A[i]);
   }
   find_ways(n, of->A, R);
   of->terms = TERMS + longest_way(n, R, length);
   of->doublings = 0;
   for (int i = 0; i < (n * n); i++) {
-    C[i] = in_circle(n, R, i / n, i % n) ? amb_magnitude(of->A[i]) : 0.0;
+    C[i] = in_circle(n, R, i / n, i % n) ? magnitude_of(of->A[i]) : 0.0;
   }
   double part = 1.0;
-  for (double r = finite ? radius_of(n, C, length, &length[n]) : 0.0; r > 0.5; r *= 0.5) {
+  const double radius = finite ? radius_of(n, C, length, &length[n]) : 0.0;
+  bool short_enough = radius <= 0.5;
+  while (!short_enough) {
     of->doublings++;
     part *= 0.5;
+    short_enough = (radius * part) <= 0.5;
   }
   for (int i = 0; i < (n * n); i++) {
     of->A[i] *= part;
@@ -199,7 +237,7 @@ static void set_decays(int n, const double A[], double time, const double C[], d
       by_itself = by_itself && ((j == i) || is_zero(C[(i * n) + j]));
     }
     if (by_itself) {
-      const double decay = amb_exp_negative(amb_magnitude(rate));
+      const double decay = decay_over(magnitude_of(rate));
       Phi[(i * n) + i] = (rate < 0.0) ? decay : (1.0 / decay);
     }
   }
@@ -207,7 +245,8 @@ static void set_decays(int n, const double A[], double time, const double C[], d
 
 bool amb_transition(int n, const double A[], double time, double Phi[], double work[])
 {
-  double *C = &work[n * n], *next = &work[2 * n * n];
+  double *C = &work[n * n];
+  double *next = &work[2 * n * n];
   share of = {work, 0, 0};
   if (!take_share(n, A, time, &of, C, next)) {
     return false;
@@ -264,7 +303,9 @@ bool amb_process_noise(int n, const double A[], double time, int count, const do
                        double N[], double work[])
 {
   const int square = n * n;
-  double *term = &work[square], *driven = &work[2 * square], *Phi = &work[3 * square];
+  double *term = &work[square];
+  double *driven = &work[2 * square];
+  double *Phi = &work[3 * square];
   double *less_one = &work[4 * square];
   share of = {work, 0, 0};
   if (!take_share(n, A, time, &of, term, driven)) {
@@ -311,7 +352,8 @@ static void generate(const amb_plan *plan, unsigned int use, double after, int n
     A[i] = 0.0;
   }
   for (int k = 0; k < plan->terms; k++) {
-    const int row = (int)plan->row[k], column = acting(plan, (int)plan->column[k], after);
+    const int row = (int)plan->row[k];
+    const int column = acting(plan, (int)plan->column[k], after);
     if ((((unsigned int)plan->use[k] & use) != 0U) && (row < n) && (column < n)) {
       A[(row * n) + column] += plan->value[k];
     }
@@ -321,7 +363,9 @@ static void generate(const amb_plan *plan, unsigned int use, double after, int n
 /* A force that follows its current was given it twice: its mean is in the force that is held. */
 static void hold_means(const amb_plan *plan, int size, double Phi[])
 {
-  const int n = plan->states, p = plan->forces, to = n + p + plan->controls;
+  const int n = plan->states;
+  const int p = plan->forces;
+  const int to = n + p + plan->controls;
   for (int f = 0; f < p; f++) {
     const double *current = &Phi[(to + p + f) * size];
     for (int i = 0; (i < n) && !is_zero(plan->k_i[f]); i++) {
@@ -352,10 +396,14 @@ static void shift(const amb_plan *plan, int size, double Phi[])
 
 bool amb_plan_sampled(const amb_plan *plan, double Phi[], double N[], double work[])
 {
-  const int n = plan->states, size = AMB_PLAN_SIZE(plan);
-  double *A = work, *piece = &work[size * size], *room = &work[2 * size * size];
+  const int n = plan->states;
+  const int size = AMB_PLAN_SIZE(plan);
+  double *A = work;
+  double *piece = &work[size * size];
+  double *room = &work[2 * size * size];
   set_identity(size, Phi);
-  for (double start = 0.0; start < 1.0;) { /* from one change of a demand to the next */
+  double start = 0.0;
+  while (start < 1.0) { /* from one change of a demand to the next */
     double end = 1.0;
     for (int k = 0; k < plan->lates; k++) {
       const double share = plan->late[k].share;

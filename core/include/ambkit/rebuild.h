@@ -22,7 +22,8 @@ typedef struct amb_rebuild {
   const double *constant;
   int operations;                 /* ... and a slot for each result */
   const unsigned char *operation; /* [operations], amb_operation of two slots before it */
-  const unsigned short *left, *right;
+  const unsigned short *left;
+  const unsigned short *right;
   amb_plan plan;               /* but for its numbers: value, k_i, intensity; these are slots: */
   const unsigned short *value; /* [terms] */
   const unsigned short *k_i;   /* [forces] */

@@ -14,6 +14,7 @@
 #ifndef AMBKIT_SAMPLING_H
 #define AMBKIT_SAMPLING_H
 
+#include "ambkit/precision.h"
 #include <stdbool.h>
 
 #if defined(__cplusplus)
@@ -50,11 +51,15 @@ typedef struct amb_late {
  * forces' displacements, integrals of their currents. */
 typedef struct amb_plan {
   double T; /* sampling time [s] */
-  int states, forces, controls, noises;
+  int states;
+  int forces;
+  int controls;
+  int noises;
   int terms;
-  const unsigned short *row, *column; /* [terms] */
-  const unsigned char *use;           /* [terms]: AMB_MOVES, AMB_SPREADS, or both */
-  const double *value;                /* [terms] [1/s, times the units] */
+  const unsigned short *row;    /* [terms] */
+  const unsigned short *column; /* [terms] */
+  const unsigned char *use;     /* [terms]: AMB_MOVES, AMB_SPREADS, or both */
+  const double *value;          /* [terms] [1/s, times the units] */
   const double *k_i; /* [forces]: current stiffness of a force that follows its current within the
                       * sample [N/A]; 0: it is held */
   int lates;

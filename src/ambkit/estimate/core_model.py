@@ -65,6 +65,7 @@ class Engine:
         self.machine = machine
         self.precision = precision
         self._made_of = parts, noise, tuple(synchronous)
+        self.parts = parts
         self.turned = False  # whether the core's model has been at another speed
         self._nodes: dict[int, tuple[Array, Array]] = {}  # by number of steps
         self.as_printed, self.noise, self.synchronous = as_printed, noise, tuple(synchronous)

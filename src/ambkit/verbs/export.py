@@ -24,6 +24,7 @@ def export_c(
     editable: bool = False,
     calibration: bool = False,
     telemetry: bool = False,
+    rebuild: bool = False,
     force: bool = False,
 ) -> CExport:
     """Export a filter, or a controller with its filter, as C99.
@@ -53,6 +54,8 @@ def export_c(
         Make noise, gate, mass, k and controller gains adjustable at run time.
     telemetry : bool, optional
         Add a ring buffer with states, innovations and status of each sample.
+    rebuild : bool, optional
+        Add a module that makes the filter's constants anew where a physical parameter has changed.
     force : bool, optional
         Export even an inadequate filter.
 
@@ -79,7 +82,7 @@ def export_c(
     return c.export_c(
         *filter_to_export(machine, filter, precision, table_error), out, prefix=prefix,
         editable=editable, scenario=scenario_argument(controller), calibrated=calibration,
-        telemetry=telemetry, force=force,
+        telemetry=telemetry, rebuild=rebuild, force=force,
     )  # fmt: skip
 
 

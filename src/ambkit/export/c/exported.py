@@ -18,6 +18,7 @@ from ambkit.export.c import (
     control,
     controller_test_cases,
     model,
+    rebuilt,
 )
 from ambkit.export.c.c_literals import Constants, CPrecision, Crc, Kind
 from ambkit.machine.magnets import core_module
@@ -43,6 +44,7 @@ class Export:
     scenario: Scenario | None = None
     calibrated: bool = False
     framed: bool = False
+    rebuilt: bool = False
 
     @property
     def precision(self) -> CPrecision:
@@ -78,7 +80,8 @@ class Export:
     def in_core(self) -> InCore | None:
         """How the core calls the estimator; None of the paper's filter alone."""
         called = c_literals.called(self.filter)
-        return None if called is PAPER and not self.several and not self.controller else called
+        alone = not (self.several or self.controller or self.rebuilt)
+        return None if called is PAPER and alone else called
 
     @property
     def given(self) -> bool:
@@ -95,7 +98,7 @@ class Export:
     @cached_property
     def of_model(self) -> model.CModel:
         """The model in C."""
-        return model.c_model(self.filter, loops=self.loops, speeds=self.speeds)
+        return model.c_model(self.filter, loops=self.rebuilt or self.loops, speeds=self.speeds)
 
     @cached_property
     def flown(self) -> dict[str, Any]:
@@ -148,13 +151,14 @@ class Export:
         needed += control.SOURCES if self.controller is not None else ()
         needed += calibration.SOURCES if self.calibrated else ()
         needed += ["src/telemetry.c"] if self.framed else []
+        needed += rebuilt.SOURCES if self.rebuilt else ()
         result = core_sources.closure(needed, instead=self.of_model.instead)
         return {f"core/{file}": text for file, text in result.items()}
 
     @property
     def sources(self) -> tuple[str, ...]:
         """What a controller compiles."""
-        more = ("_telemetry",) if self.framed else ()
+        more = (*("_telemetry",) * self.framed, *("_rebuild",) * self.rebuilt)
         changed = (*("_control",) * self.beside, *("_calibration",) * self.calibrated)
         own = (f"{self.name}{file}.c" for file in ("", *changed, "_data", *more))
         return (*own, *(file for file in self.core_files if file.endswith(".c")))

@@ -17,7 +17,7 @@ from ambkit.control.control import Control
 from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.estimator import Estimator
-from ambkit.export.c import calibration, control, cost, exported, render
+from ambkit.export.c import calibration, control, cost, exported, rebuilt, render
 from ambkit.export.c.c_literals import CPrecision, called, precision_of
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.exported import Export
@@ -84,6 +84,7 @@ def export_c(
     scenario: Scenario | None = None,
     calibrated: bool = False,
     telemetry: bool = False,
+    rebuild: bool = False,
     force: bool = False,
 ) -> CExport:
     """Write a folder of C99 that compiles alone: a filter that runs on a machine."""
@@ -102,6 +103,8 @@ def export_c(
         if controller is None or scenario is None:
             raise AmbkitError("calibration needs a controller (a scenario)")
         calibration.check(controller, scenario)
+    if rebuild:
+        rebuilt.check(filter, controller)
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if wrong:
         facts = {"MUST NOT FLY": "; ".join(wrong)} | facts
@@ -110,7 +113,7 @@ def export_c(
     content = render.render(
         Export(
             filter, name, facts, loops, editable, controller, scenario, calibrated,
-            framed=telemetry,
+            framed=telemetry, rebuilt=rebuild,
         )
     )  # fmt: skip
     if wrong and calibrated:  # which an A2L file is made from later

@@ -22,6 +22,7 @@ from ambkit.export.c import (
     exported,
     model,
     proof,
+    rebuilt,
     telemetry,
     test_vectors,
 )
@@ -96,12 +97,13 @@ def _made(export: Export) -> dict[str, str]:
         "selftest/COVERAGE.md": "COVERAGE.md",
     }
     # Nothing is proved of what another task changes meanwhile.
-    more = [] if export.calibrated else [(name, proof.TEMPLATES)]
+    more = [] if export.calibrated or export.rebuilt else [(name, proof.TEMPLATES)]
     if export.controller is not None:
         more.append((f"{name}_control" if export.several else name, control.TEMPLATES))
         more += [(name, calibration.TEMPLATES)] if export.calibrated else []
         more += [] if export.several else [(name, {"README.md": "control.md"})]
     more += [(name, telemetry.TEMPLATES)] if export.framed else []
+    more += [(name, rebuilt.TEMPLATES)] if export.rebuilt else []
     for of, templates in more:
         made |= {file.format(of): template for file, template in templates.items()}
     return made
@@ -121,7 +123,10 @@ def _context(export: Export) -> dict[str, Any]:
         "controlled": export.beside,
         "crc": exported.crc(export),
     }  # fmt: skip
-    context["proof"] = None if export.calibrated else proof.context(export, context)
+    changes = export.calibrated or export.rebuilt
+    context["proof"] = None if changes else proof.context(export, context)
+    context["rebuilt"] = rebuilt.context(filter, precision) if export.rebuilt else None
+    context["keeps"] = bool(context["turning"] or export.rebuilt)
     if export.calibrated and export.controller is not None:
         context["base_of_calibration"] = calibration.context(export.controller, name, precision)
     context["configuration"] = _configuration(filter, context, export.core_files)
@@ -213,7 +218,10 @@ def _numbers(export: Export) -> dict[str, Any]:
         "precision": precision,
         "sampling_time": engineering(machine.sampling_time, "s"),
         "several": exported.several(export) if several else None,
-        "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
+        "misra_defines": " ".join(
+            ["-DFLT_MANT_DIG=24"] * (precision == "float")
+            + ["-DDBL_MANT_DIG=53"] * (precision == "double" or export.rebuilt)
+        ),
         "inputs": inputs,
         "inputs_text": repr(inputs),
         "control_unit": unit,
