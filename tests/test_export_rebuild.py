@@ -35,7 +35,7 @@ int main(int count, char **words)
   for (int i = 0; i < UPPER_NUMBERS; i++)
     printf("%a\n", (double)other.numbers[i]);
   NAME_init(&filter);
-  NAME_fly_by(&filter, &other);
+  NAME_work_by(&filter, &other);
   const amb_estimator *by = filter.by;
   const amb_real at_rest[AMB_STATES] = {0};
   (void)by->methods->reset(by, &filter.filter, at_rest, NAME_std);

@@ -80,8 +80,8 @@ class Export:
     def in_core(self) -> InCore | None:
         """How the core calls the estimator; None of the paper's filter alone."""
         called = c_literals.called(self.filter)
-        alone = not (self.several or self.controller or self.rebuilt)
-        return None if called is PAPER and alone else called
+        usual = not (self.several or self.controller or self.rebuilt)
+        return None if called is PAPER and usual else called
 
     @property
     def given(self) -> bool:

@@ -17,7 +17,7 @@ from ambkit.control.control import Control
 from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.estimate.estimator import Estimator
-from ambkit.export.c import calibration, control, cost, exported, rebuilt, render
+from ambkit.export.c import calibration, control, cost, exported, render
 from ambkit.export.c.c_literals import CPrecision, called, precision_of
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.exported import Export
@@ -103,8 +103,6 @@ def export_c(
         if controller is None or scenario is None:
             raise AmbkitError("calibration needs a controller (a scenario)")
         calibration.check(controller, scenario)
-    if rebuild:
-        rebuilt.check(filter, controller)
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if wrong:
         facts = {"MUST NOT FLY": "; ".join(wrong)} | facts

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.control.controller_states import Controller
 from ambkit.estimate.core_model import NUMBERS, arrays
-from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.rebuild import Rebuild
 from ambkit.export.c import c_literals
-from ambkit.export.c.c_literals import CPrecision
 from ambkit.machine.force_laws import bias_forces_of
+from ambkit.models.model import Model
+
+if TYPE_CHECKING:
+    from ambkit.export.c.exported import Export
 
 SOURCES = ("src/rebuild.c", "src/sampling.c")
 TEMPLATES = {"{}_rebuild.h": "rebuild.h", "{}_rebuild.c": "rebuild.c"}
@@ -26,24 +27,25 @@ _TYPES: dict[str, Any] = {
 _IN_C = {np.uint8: "unsigned char", np.uint16: "unsigned short", np.uint32: "unsigned int"}
 
 
-def check(filter: Estimator, controller: Controller | None) -> None:
+def check(export: Export) -> None:
     """Refuse what cannot be made anew from parameters."""
-    if controller is not None:
+    if export.controller is not None:
         raise AmbkitError("rebuild applies to filters only, not to controllers")
-    if filter.engine.built_in or filter.engine.as_printed:
+    engine = export.filter.engine
+    if engine.built_in or engine.as_printed:
         raise AmbkitError(
             "rebuild is for models computed by loops; for the paper's axis, editable stores the "
             "parameters once"
         )
 
 
-def context(filter: Estimator, precision: CPrecision) -> dict[str, Any]:
+def context(export: Export) -> dict[str, Any]:
     """Return what the templates say of parameters and model."""
-    engine = filter.engine
+    engine = export.filter.engine
     of = Rebuild.of(
         engine.machine, parts=engine.parts, noise=engine.noise, synchronous=engine.synchronous
     )
-    fields, places = of.fields, _places(filter)
+    fields, places = of.fields, _places(engine.model)
     n, size = fields["states"], fields["states"] + 3 * fields["forces"] + fields["controls"]
     slots = len(of.names) + len(fields["constant"]) + len(fields["operation"])
     # As amb_rebuild_room and AMB_SAMPLING_WORK have it.
@@ -62,7 +64,7 @@ def context(filter: Estimator, precision: CPrecision) -> dict[str, Any]:
         "room": room + slots + len(fields["value"]) + len(fields["k_i"]),
         "places": {field: place for field, (place, _) in places.items()},
         "sizes": {field: count for field, (_, count) in places.items()},
-        "settings": list(_settings(filter, of.names, precision)),
+        "settings": list(_settings(export, of.names)),
     }
 
 
@@ -76,9 +78,9 @@ def _array(name: str, values: Any, kind: Any) -> dict[str, Any]:
     }
 
 
-def _places(filter: Estimator) -> dict[str, tuple[int, int]]:
+def _places(model: Model) -> dict[str, tuple[int, int]]:
     """Return where the numbers of each matrix begin, and their count, by the field of the model."""
-    at, parts = 0, arrays(filter.model)
+    at, parts = 0, arrays(model)
     places: dict[str, tuple[int, int]] = {}
     for name in NUMBERS:
         part = parts[name]
@@ -89,9 +91,9 @@ def _places(filter: Estimator) -> dict[str, tuple[int, int]]:
     return places
 
 
-def _settings(filter: Estimator, names: tuple[str, ...], precision: CPrecision) -> Any:
+def _settings(export: Export, names: tuple[str, ...]) -> Any:
     """Yield what follows from a parameter among the settings, as statements."""
-    machine = filter.machine
+    filter, machine = export.filter, export.filter.machine
     for name in ("gain", "lag"):
         field = {"gain": "K_sen"}.get(name, name)
         for r, reading in enumerate(machine.readings):

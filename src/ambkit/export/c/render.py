@@ -57,6 +57,8 @@ def render(export: Export) -> Content:
             "editable is for the paper's axis: of other models C has the matrices, and not what "
             "they were made from"
         )
+    if export.rebuilt:
+        rebuilt.check(export)
     context = _context(export)
     described = {}
     if export.calibrated and export.controller is not None:
@@ -125,7 +127,7 @@ def _context(export: Export) -> dict[str, Any]:
     }  # fmt: skip
     changes = export.calibrated or export.rebuilt
     context["proof"] = None if changes else proof.context(export, context)
-    context["rebuilt"] = rebuilt.context(filter, precision) if export.rebuilt else None
+    context["rebuilt"] = rebuilt.context(export) if export.rebuilt else None
     context["keeps"] = bool(context["turning"] or export.rebuilt)
     if export.calibrated and export.controller is not None:
         context["base_of_calibration"] = calibration.context(export.controller, name, precision)
