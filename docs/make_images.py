@@ -15,7 +15,7 @@ import ambkit
 from ambkit.result.report import Axis, Figure, Line, Panel
 
 FOLDER = Path(__file__).parent / "images"
-FORCE = Axis(r"disturbance force $F_\mathrm{St}$", "N", limits=(-1.2, 4.2))
+FORCE = Axis(r"disturbance force $f_d$", "N", limits=(-1.2, 4.2))
 LINEAR, ADAPTIVE = "estimate linear", "estimate wide box"
 
 

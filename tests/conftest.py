@@ -72,9 +72,10 @@ def pytest_collection() -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Leave the tests and all modules out of later searches for garbage."""
+    """Leave the tests and all modules out of later searches for garbage, which come rarely."""
     gc.freeze()
     gc.enable()
+    gc.set_threshold(100_000, 50, 100)  # six of a hundred seconds
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import lark
 import numpy as np
 from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
+
+# FMPy makes one and the same grammar of names for each FMU that it reads, a twentieth of a second.
+lark.Lark = functools.cache(lark.Lark)  # type: ignore[misc]
 
 
 class Instance:

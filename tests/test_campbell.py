@@ -60,7 +60,7 @@ def test_the_axial_motion_is_neither_forward_nor_backward():
     modes = found.to_dict()["modes"].values()
     assert [mode["whirl"] for mode in modes] == found.whirl
     assert [mode["standstill"] for mode in modes] == list(found.poles[0].imag)
-    assert [mode["at_greatest_speed"] for mode in modes] == list(found.poles[-1].imag)
+    assert [mode["at_maximum_speed"] for mode in modes] == list(found.poles[-1].imag)
 
 
 def test_it_is_drawn():

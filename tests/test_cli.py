@@ -423,7 +423,7 @@ def test_compare_in_a_case(call):
     Path("my.py").write_text("class Mine:\n    def step(self, y, u):\n        return y, 0, 0, y\n")
     found = call("compare", "zittau_axial", "--filter", "linear", "--filter", "closed-law",
                  "--filter", "my.py:Mine", "--case", "step", "--seeds", "2:3", "--budget", "2",
-                 "--out", "c.csv", "--plot", "m.svg", "--whole", "--out",
+                 "--out", "c.csv", "--plot", "m.svg", "--robustness", "--out",
                  "r.html", "--json")  # fmt: skip
     assert found.json["files"] == ["c.csv", "r.html", "m.svg"]
     tuned, default = found.json["tuned"], found.json["default"]

@@ -138,7 +138,7 @@ def test_a_machine_with_other_magnets_keeps_its_controllers():
 
 @pytest.mark.long
 def test_the_whole_comparison_of_a_machine_is_a_page(call):
-    words = ("--filter", "linear", "--seeds", "1", "--whole", "--out", "out.html")
+    words = ("--filter", "linear", "--seeds", "1", "--robustness", "--out", "out.html")
     assert call("compare", "tum_mlps", *words).code == 0
     page = Path("out.html").read_text()
     assert "Cramér-Rao bound" in page

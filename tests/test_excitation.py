@@ -183,7 +183,7 @@ def test_excite_then_simulate(call, tmp_path):
                  "magnet_constant", "--free", "mass", "--limit", "0.2 mm", "--out",
                  "excitation.csv", "--plot", "excitation.svg", "--json").json  # fmt: skip
     assert found["kind"] == "stepped-sine"
-    assert found["greatest_displacement"] <= 2e-4
+    assert found["maximum_displacement"] <= 2e-4
     assert set(found["expected"]["parameters"]) <= {"magnet_constant", "mass"}
     assert (tmp_path / "excitation.svg").is_file()
     excitation = Record.load("excitation.csv")

@@ -131,7 +131,7 @@ def test_an_amplifier_at_its_end_is_told_and_known(kind):
 
 @kinds
 def test_a_jump_of_the_magnet_constant_ends_nobody(kind):
-    """Who has not learned k takes it for a load, which is then in F_St; the position stays."""
+    """Who has not learned k takes it for a load, which is then in f_d; the position stays."""
     T = BEARING.sampling_time
     scenario = Scenario(duration=0.8, seed=4, reference=ambkit.Sine(amplitude=2e-4, frequency=8.0))
     n = round(scenario.duration / T) + 1

@@ -210,8 +210,8 @@ def test_an_experiment_keeps_within_its_limits_and_tells_the_sensitivity():
         record = ambkit.simulate(bearing, loop.replace(seed=seed, injection=signal)).record
         assert np.abs(record["iu"]).max() < 1.05 * 1.1
         assert np.abs(record["x"]).max() < 1.05 * 60e-6
-    assert max(found.to_dict()["greatest_current"] / 1.1,
-               found.to_dict()["greatest_displacement"] / 60e-6) > 0.8  # fmt: skip
+    assert max(found.to_dict()["maximum_current"] / 1.1,
+               found.to_dict()["maximum_displacement"] / 60e-6) > 0.8  # fmt: skip
     away = np.abs(found.excitation.frequencies - 50) * found.period
     assert away.min() > 1
     told = ambkit.assess_log(record, bearing, "linear")

@@ -258,8 +258,8 @@ def test_filters_of_a_mapping_have_each_run_to_themselves():
 
 
 def test_what_is_not_there_is_not_saved(tmp_path):
-    with pytest.raises(AmbkitError, match="whole needs one case"):
-        ambkit.compare(BEARING, ["linear"], case="all", whole=True)
+    with pytest.raises(AmbkitError, match="robustness needs one case"):
+        ambkit.compare(BEARING, ["linear"], case="all", robustness=True)
     study = ambkit.compare(BEARING, ["linear"], case="step", seeds=1)
     with pytest.raises(AmbkitError, match="nothing was tuned"):
         study.save_product("filters", tmp_path, {})

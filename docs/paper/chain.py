@@ -46,7 +46,7 @@ WAYS = {
     "told": ("estimate closed law", "true k, at the same instants"),
     "afresh": ("estimate wide box", "k learned, filter started afresh"),
 }
-FORCE = Axis(r"disturbance force $F_\mathrm{St}$", "N")
+FORCE = Axis(r"disturbance force $f_d$", "N")
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def chain(study: Study) -> Part:
                      "has to find velocity and force again, and the controller is fed with it."),
                 FigureBlock(_figure_swap(study, shown)),
                 Remark("What it buys",
-                       r"From the first swap on the error of $F_\mathrm{St}$ is "
+                       r"From the first swap on the error of $f_d$ is "
                        f"{force['wrong'].mean():.2f} N rms with the constant as described, "
                        f"{force['learned'].mean():.2f} N with what was learned in flight, and "
                        f"{force['told'].mean():.2f} N where it is told: {got_back.mean():.0f} % of "
@@ -252,9 +252,9 @@ def _table(results: dict[str, Array]) -> TableBlock:
     return TableBlock(
         id="chain_table",
         title="From the first swap on: errors, and the largest change in a sample",
-        headers=["filter", r"$F_\mathrm{St}$ [N rms]", "x [µm rms]", "k at the swaps [%]",
-                 "after a swap: x [µm]", r"$F_\mathrm{St}$ [N]", "elsewhere: x [µm]",
-                 r"$F_\mathrm{St}$ [N]", "stops touched"],
+        headers=["filter", r"$f_d$ [N rms]", "x [µm rms]", "k at the swaps [%]",
+                 "after a swap: x [µm]", r"$f_d$ [N]", "elsewhere: x [µm]",
+                 r"$f_d$ [N]", "stops touched"],
         rows=[
             [WAYS[way][1], entry(e[0], 3), entry(e[1], 2), entry(e[2], 1), entry(e[3], 1),
              entry(e[4], 2), entry(e[5], 1), entry(e[6], 2), f"{e[7].sum():.0f}"]

@@ -91,7 +91,7 @@ def errata(study: Study) -> Part:
          f"by {1e3 * np.sqrt(8e-5):.1f} mA."],
         ["Section E", r"$T$, $T_\mathrm{Sen}$, $K_\mathrm{Sen}$, $k_{ui}$, PID gains, size and "
                       r"time of the "
-         r"step, growth of $F_\mathrm{St}$", "not given", "Chosen here; marked so in the preset "
+         r"step, growth of $f_d$", "not given", "Chosen here; marked so in the preset "
                                                           "`zittau_axial`."],
     ]  # fmt: skip
     return Part(

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 STEPS = (0.1e-3, 0.3e-3, 0.5e-3)  # m
 LOAD = 3.0  # N
 
-# A first calculation, before there was any of this code (F_St at 0.5 mm).
+# A first calculation, before there was any of this code (f_d at 0.5 mm).
 EXPECTED_LINEAR, EXPECTED_CLOSED = 0.58, 0.33  # N
 
 
@@ -55,7 +55,7 @@ def gain(study: Study) -> Part:
                 _table(scores),
                 FigureBlock(_figure_bars(scores)),
                 Remark("In one sentence",
-                       r"At 0.5 mm the error of $F_\mathrm{St}$ falls from "
+                       r"At 0.5 mm the error of $f_d$ falls from "
                        f"{force['estimate linear']:.2f} N "
                        f"to {force['estimate adaptive']:.2f} N with the paper's 25 points, "
                        f"to {force['estimate wide box']:.2f} N with 25 rules spread to 0.8 mm, and "
@@ -102,7 +102,7 @@ def _table(scores: Mapping[float, Mapping[str, Score]]) -> TableBlock:
     return TableBlock(
         id="gain_table",
         title=f"Root mean square errors, mean and standard deviation over {SEEDS} seeds",
-        headers=["step", "filter", "x [µm]", "v [mm/s]", r"$F_\mathrm{St}$ [N]", "mean NIS"],
+        headers=["step", "filter", "x [µm]", "v [mm/s]", r"$f_d$ [N]", "mean NIS"],
         rows=[
             [f"{step * 1e3:g} mm", style_of(name).label, entry(score, "x", 1e6, 2),
              entry(score, "v", 1e3, 2), entry(score, "f_d", 1.0, 3), f"{score.mean('nis'):.3f}"]
@@ -118,7 +118,7 @@ def _figure_bars(scores: Mapping[float, Mapping[str, Score]]) -> Figure:
     categories = [f"{step * 1e3:g} mm" for step in scores]
     shown = {
         "x": Axis("position error", "µm rms", 1e6),
-        "f_d": Axis(r"error of $F_\mathrm{St}$", "N rms"),
+        "f_d": Axis(r"error of $f_d$", "N rms"),
     }
 
     def bars(signal: str) -> list[Bars]:
@@ -155,7 +155,7 @@ def _figure_force(study: Study) -> Figure:
         "a newton: it is the force that its constant stiffnesses miss. "
         f"{study.one_run}",
         panels=[
-            Panel(TIME, Axis(r"disturbance force $F_\mathrm{St}$", "N"), [
+            Panel(TIME, Axis(r"disturbance force $f_d$", "N"), [
                 Line(record.t, record["f_d"], signal="truth"),
                 *(Line(run.record.t, run.estimate.f_d, signal=name)
                   for name, run in runs.items() if run.estimate is not None),
@@ -170,7 +170,7 @@ def _reach(study: Study, seed: int) -> float:
 
 
 def _windows(study: Study) -> dict[str, dict[str, Array]]:
-    """F_St error at 0.5 mm by stretches of the run, for each seed [N]."""
+    """f_d error at 0.5 mm by stretches of the run, for each seed [N]."""
     stretches = {
         "whole run": (0.0, 1.0),
         "at 0.5 mm, before the load": (STEP_TIME + 0.05, LOAD_TIME),

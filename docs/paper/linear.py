@@ -33,7 +33,7 @@ def linear(study: Study) -> Part:
     band = 1.96 * np.sqrt(2 / len(record.t))  # of the mean of n chi-square values of one degree
 
     t = record.t
-    force = Axis(r"disturbance force $F_\mathrm{St}$", "N")
+    force = Axis(r"disturbance force $f_d$", "N")
     figure = Figure(
         id="linear_run",
         title="The linear Kalman filter in the loop, step of 0.1 mm and load of 3 N",
@@ -75,7 +75,7 @@ def linear(study: Study) -> Part:
             ["measurement noise $R$", "8.3e-5 mm² (9.1 µm rms)", "paper, read as mm²"],
             ["noise on the control signal", "8e-5 V² (8.9 mV rms)", "paper, read as V²"],
             [
-                r"growth of $F_\mathrm{St}$",
+                r"growth of $f_d$",
                 f"{study.noise.disturbance:g} N²/s (0.01 N² a sample)",
                 "chosen",
             ],

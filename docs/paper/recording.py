@@ -269,7 +269,7 @@ def _table(
         id="recording_table",
         title="Prediction of the measured position, 1 ms and 10 ms ahead",
         headers=["log", "predicted by", "1 ms [µm rms]", "10 ms [µm rms]", "mean NIS",
-                 "white lags", r"$F_\mathrm{St}$ [mN]", "its growth [N²/s]"],
+                 "white lags", r"$f_d$ [mN]", "its growth [N²/s]"],
         rows=rows,
         digits=".1f",
         row_heads=False,
@@ -334,7 +334,7 @@ def _figure_run(record: Record, evaluated: dict[str, tuple[float, Evaluation]]) 
                 *([Line(t, record["x_logged"], signal="logged")] if "x_logged" in record else []),
                 Line(t, some.x, signal="estimate adaptive"),
             ]),
-            Panel(TIME, Axis(r"disturbance force $F_\mathrm{St}$", "mN", 1e3), [
+            Panel(TIME, Axis(r"disturbance force $f_d$", "mN", 1e3), [
                 Line(t[late], e.f_d[late], signal=name, label=None)
                 for name, e in estimates.items()
             ]),

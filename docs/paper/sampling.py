@@ -169,7 +169,7 @@ def _table(errors: dict[str, Array]) -> TableBlock:
     return TableBlock(
         id="sampling_table",
         title=f"Root mean square errors, mean and standard deviation over {SEEDS} seeds",
-        headers=["sensor", "extended Kalman filter", "x [µm]", r"$F_\mathrm{St}$ [N]"],
+        headers=["sensor", "extended Kalman filter", "x [µm]", r"$f_d$ [N]"],
         rows=rows,
         caption="Step of 0.5 mm and load of 3 N, the controller fed by the measurement, so that "
         "all see the same records. The fast sensor: 20 µs, 0.5 µm.",

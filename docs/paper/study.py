@@ -31,7 +31,7 @@ SEEDS = 20
 
 STEP_TIME, LOAD_TIME, DURATION = 0.05, 0.25, 0.5  # s; the paper gives none of them
 
-# F_St as a random walk of 1e-2 N^2 a sample of 0.1 ms. The paper: "experimentally initialized".
+# f_d as a random walk of 1e-2 N^2 a sample of 0.1 ms. The paper: "experimentally initialized".
 DISTURBANCE = 100.0  # N^2/s
 
 # A textbook PID, as the paper gives none: all of the reference goes to kp.

@@ -117,7 +117,7 @@ class Sweep(Result):
                 Row("peak", "peak of |S|", item.peak, "|S|"),
                 Row("zone", "zone", zone_of(item.peak)),
                 *([] if item.model is None else [
-                    Row("deviation", "greatest deviation from the model", item.deviation, "%")]),
+                    Row("deviation", "maximum deviation from the model", item.deviation, "%")]),
                 Row("limited", "at a limit", item.limited),
             ], section=SWEPT, of=engineering(item.amplitude, "m", 4))  # fmt: skip
         if self.model is None:

@@ -108,7 +108,7 @@ class Injection(Result):
                 interval=expected.peak_interval()),
             Row("expected_error", "median half width of the 95 % interval",
                 float(np.median(self.error)), "%"),
-            Row("greatest_expected_error", "  maximum", float(np.max(self.error)), "%"),
+            Row("maximum_expected_error", "  maximum", float(np.max(self.error)), "%"),
         ]  # fmt: skip
 
     SECTIONS = {(): Section("Sensitivity of {0.name}: {0.excitation.kind}")}

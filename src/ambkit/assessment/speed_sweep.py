@@ -35,7 +35,7 @@ from ambkit.rotordynamics.separation_margins import Separation, separations
 
 COUNT = 41  #: Speeds, where nobody says how many.
 COARSE, NEAR = 250, 9  #: Points of a grid that finds a peak at one speed, and about each pole.
-GREATEST = ("greatest",)  #: Section of the greatest figures.
+MAXIMA = ("maxima",)  #: Section of the maxima.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,7 +135,7 @@ class OverSpeed(Result):
             Row("zone", "zone of ISO 14839-3", self.zone),
             Row("peak", "  peak of |S|, worst axis", peak, "|S|", below=ZONE_A,
                 at=At("peak_speed", at, "rpm")),
-            Row("greatest_singular_value", "  largest singular value of S",
+            Row("maximum_singular_value", "  largest singular value of S",
                 float(self.largest.max())),
             Row("displacement_share", "share of the clearance", far, "%",
                 below=capacity.ROOM[0][1], at=At("displacement_speed", there, "rpm")),
@@ -145,10 +145,10 @@ class OverSpeed(Result):
         if self.hottest is not None:
             kelvin, where = self.hottest
             worst_rows.append(
-                Row("greatest_coil_temperature", "coil temperature", kelvin, "degC",
+                Row("maximum_coil_temperature", "coil temperature", kelvin, "degC",
                     below=self.temperature_limit, at=At("temperature_speed", where, "rpm"))
             )  # fmt: skip
-        result = put(worst_rows, section=GREATEST, of=self.fed_by)
+        result = put(worst_rows, section=MAXIMA, of=self.fed_by)
         for speed, integral in self.integrals.items():
             result += put([
                 Row("integral", "integral", integral.integral, digits=9),
@@ -163,7 +163,7 @@ class OverSpeed(Result):
     def sections(self) -> dict[tuple[str, ...], Section]:
         end, own = units.rpm(float(self.speed[-1])), units.rpm(self.machine.speed)
         return {
-            GREATEST: Section(f"{self.machine.name}, a slow run-up from rest to {end}"),
+            MAXIMA: Section(f"{self.machine.name}, a slow run-up from rest to {end}"),
             ("bode",): Section("Check: Bode's integral of ln|det S|", across=True),
             ("critical_speeds",): Section(f"Separation of {own} from critical speeds", across=True),
         }

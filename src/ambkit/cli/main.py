@@ -6,6 +6,7 @@ themselves are the verbs (`ambkit.verbs`), which are imported where an interrupt
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -25,6 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             sys.unraisablehook = _heed_interrupts
             # Pictures go into files; matplotlib will not start with a window that it lacks.
             os.environ.pop("MPLBACKEND", None)
+            gc.set_threshold(100_000, 50, 100)  # to look for garbage took a tenth of a command
         from ambkit.base import progress
         from ambkit.cli import printing
 

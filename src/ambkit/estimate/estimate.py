@@ -120,7 +120,7 @@ class Estimate(Shown, frames.Framed):
 
     @property
     def f_d(self) -> Array:
-        """Disturbance force F_St [N], (n,)."""
+        """Disturbance force f_d [N], (n,)."""
         return self["f_d"]
 
     @property

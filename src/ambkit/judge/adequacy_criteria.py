@@ -103,7 +103,7 @@ def identity(filter: Estimator, plant: Any) -> Iterator[Finding]:
     """Yield how far the filter's machine is from the one that it is to fly on."""
     own = filter.machine
     if own == plant:
-        yield Finding("greatest difference of a parameter", 0.0, "1", PARAMETER_DIFFERENCE)
+        yield Finding("maximum difference of a parameter", 0.0, "1", PARAMETER_DIFFERENCE)
         return
     names = [([a.name for a in of.axes], [r.name for r in of.readings]) for of in (own, plant)]
     who = f"the filter is of {own.name} (fingerprint {_fingerprint(own)}), not of {plant.name}"
@@ -128,7 +128,7 @@ def identity(filter: Estimator, plant: Any) -> Iterator[Finding]:
     text = f"{who}: {', '.join(differ[:6])}" if differ else ""
     fatal = bool(differ)
     yield Finding(
-        "greatest difference of a parameter", worst, "1", PARAMETER_DIFFERENCE, text, fatal
+        "maximum difference of a parameter", worst, "1", PARAMETER_DIFFERENCE, text, fatal
     )
 
 

@@ -45,7 +45,7 @@ class Campbell(WhirlModes, Result):
                 Row("whirl", "whirl", whirl),
                 Row("forwards", "forward", bool(forwards), detail=True),
                 Row("standstill", "at standstill", float(first), "turns"),
-                Row("at_greatest_speed", f"at {self._end}", float(last), "turns"),
+                Row("at_maximum_speed", f"at {self._end}", float(last), "turns"),
             ], section=("modes",), of=str(k))  # fmt: skip
         return results + [row for separation in self._separations for row in separation.rows()]
 

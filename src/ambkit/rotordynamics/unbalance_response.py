@@ -51,7 +51,7 @@ class UnbalanceResponse(Result):
     @property
     def rows(self) -> list[Row]:
         return [
-            Row("greatest_amplitude", "greatest amplitude", float(of.max()), "m", of=axis.name,
+            Row("maximum_amplitude", "maximum amplitude", float(of.max()), "m", of=axis.name,
                 at=At("speed", float(self.speed[of.argmax()]), "rpm"))
             for axis, of in zip(self.machine.axes, self.amplitude.T, strict=True)
         ]  # fmt: skip

@@ -86,10 +86,10 @@ class Run(Result):
             Row("samples", "samples", len(record)),
             Row("duration", "duration", float(t[-1]), "s"),
             Row("seed", "noise seed", record.meta["seed"], detail=True),
-            Row("greatest_displacement", "greatest displacement", self._by_axis(
+            Row("maximum_displacement", "maximum displacement", self._by_axis(
                 {axis: np.abs(record[self.displacement(axis)]).max() for axis in self.axes}), "m"),
             Row("samples_at_the_stop", "  samples at the stop", self.samples_at_the_stop, at=touch),
-            Row("greatest_current", "greatest control current", self._by_axis(
+            Row("maximum_current", "maximum control current", self._by_axis(
                 {axis: np.abs(iu).max(initial=0.0) for axis, iu in self._currents.items()}), "A"),
             Row("samples_at_the_current_limit", "  samples at its limit", self._at_the_limit),
             Row("sequence", "lift-off and landing", ", ".join(modes) or None),

@@ -24,7 +24,7 @@ def compare(
     spread: words.Share | None = None,
     budget: int = 0,
     seeds: words.Seeds = 20,
-    whole: bool = False,
+    robustness: bool = False,
 ) -> Study | Benches:
     """Compare filters by error, consistency, delay and cost.
 
@@ -51,8 +51,8 @@ def compare(
         Evaluations to tune each filter; 0 keeps the default settings.
     seeds : int, range or str, optional
         Number of runs, each with its own noise; FIRST is the first random seed, else 0.
-    whole : bool, optional
-        Add the Cramer-Rao bound, and errors over step size and wrong magnet constant.
+    robustness : bool, optional
+        Add errors over the step size and a wrong magnet constant, with the Cramer-Rao bound.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def compare(
 
     Examples
     --------
-    $ ambkit compare zittau_axial --case paper --whole --plot matrix.png --out comparison.html
+    $ ambkit compare zittau_axial --case paper --robustness --plot matrix.png --out comparison.html
     $ ambkit compare my.toml --filter linear --filter extended --budget 40 --out filters=filters
     $ ambkit compare tum_mlps --case model --filter linear --filter extended
     """
@@ -76,7 +76,7 @@ def compare(
     with progress("learning") as done:
         return comparison.in_case(
             machine_argument(machine), filter, case, plant=plant, spread=spread, budget=budget,
-            seeds=seeds_in(seeds), whole=whole, source=machine, done=done,
+            seeds=seeds_in(seeds), robustness=robustness, source=machine, done=done,
         )  # fmt: skip
 
 

@@ -102,7 +102,7 @@ Done = Callable[[str], None]
 
 def in_case(
     machine: Machine, filter: Any, case: Any, *, plant: Any, spread: Any, budget: int, seeds: range,
-    whole: bool, source: Any, done: Done,
+    robustness: bool, source: Any, done: Done,
 ) -> Study | Benches:  # fmt: skip
     """Compare filters in a case, or in all of them."""
     of_type(str, Case, case=case)
@@ -115,11 +115,12 @@ def in_case(
         expand("")
     names = suited(names, machine)
     with arguments_of_the_user():
-        if case == "all" and whole:
-            raise AmbkitError("whole needs one case, not all")
+        if case == "all" and robustness:
+            raise AmbkitError("robustness needs one case, not all")
         result = compare_in_case(
-            machine, case, names, whole=whole, runs=len(seeds), budget=budget, seed=seeds.start,
-            spread=spread, plant=plant if is_class(plant) else true_magnet(plant, machine),
+            machine, case, names, robustness=robustness, runs=len(seeds), budget=budget,
+            seed=seeds.start, spread=spread,
+            plant=plant if is_class(plant) else true_magnet(plant, machine),
             custom=own, done=done,
             magnets={kind: experts(Path(file), machine) for kind, file in files.items()},
         )  # fmt: skip
@@ -173,7 +174,7 @@ def compare_in_case(
     *,
     spread: Given | None = None,
     plant: Any = None,
-    whole: bool = False,
+    robustness: bool = False,
     done: Callable[[str], None] = silent,
     runs: int = RUNS,
     budget: int = 0,
@@ -199,7 +200,7 @@ def compare_in_case(
     if case == "all":
         return across(machine, cases, kinds, **how)
     (chosen,) = cases.values()
-    return study(machine, chosen, kinds, whole=whole, **how)
+    return study(machine, chosen, kinds, robustness=robustness, **how)
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,7 @@ class Channel:
         """Return it as rows."""
         return put([
             Row("least", "minimum", self.least, self.unit),
-            Row("greatest", "maximum", self.greatest, self.unit),
+            Row("maximum", "maximum", self.greatest, self.unit),
             Row("mean", "mean", self.mean, self.unit),
             Row("noise", "noise rms", self.noise, self.unit, 3),
             Row("resolution", "resolution", self.resolution or None, self.unit, 3),

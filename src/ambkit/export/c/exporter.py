@@ -62,7 +62,7 @@ class CExport(Result):
             Row("rows", "rows", rows),
             Row("columns", "columns", columns),
             Row("force_bound", "bound on the deviation from the rules", self.table.bound, "N"),
-            Row("force_error", "  greatest observed", self.table.error, "N"),
+            Row("force_error", "  maximum observed", self.table.error, "N"),
         ], section=("table",))  # fmt: skip
 
     SECTIONS = {("table",): Section("Table of the expert")}

@@ -183,7 +183,7 @@ class Pil(Result):
             Row("unequal_frames", "  in the telemetry", self.unequal_frames, below=1),
             Row("selftest", "  in its self-test", self.selftest, below=1),
             Row("modes", "modes", modes, detail=True),
-            Row("worst", "greatest tracking error while levitated", self.worst, "m", 3),
+            Row("worst", "maximum tracking error while levitated", self.worst, "m", 3),
             Row("rms", "  rms", self.rms, "m", 3),
             Row("touched", "samples in contact while levitated", self.touched),
             Row("instructions", "instructions per step, median", self.instructions),

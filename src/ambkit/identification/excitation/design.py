@@ -81,8 +81,8 @@ class Limits:
         """Return how far a record of the experiment goes towards them."""
         current, far = (float(np.max(np.abs(record[name]))) for name in ("iu", "x"))
         return [
-            Row("greatest_current", "greatest control current", current, "A", below=self.current),
-            Row("greatest_displacement", "greatest displacement", far, "m",
+            Row("maximum_current", "maximum control current", current, "A", below=self.current),
+            Row("maximum_displacement", "maximum displacement", far, "m",
                 below=self.displacement),
         ]  # fmt: skip
 
@@ -137,7 +137,7 @@ class Design(Result):
             Row("duration", "duration", float(record.t[-1]), "s"),
             Row("samples", "  samples", len(record)),
             Row("band", "band", self.band, "Hz", 3),
-            Row("amplitude", "greatest reference", self.amplitude, "m"),
+            Row("amplitude", "maximum reference", self.amplitude, "m"),
             Row("crest_factor", "  crest factor", self.excitation.crest_factor, digits=3),
             *self.limits.rows(record),
         ]

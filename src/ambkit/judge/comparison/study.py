@@ -1,4 +1,4 @@
-"""A whole comparison: one case, how the errors grow with the step and a wrong k, and the limit."""
+"""A comparison: one case, how the errors grow with the step and a wrong k, and the limit."""
 
 from __future__ import annotations
 
@@ -187,7 +187,7 @@ def study(
     seed: int = 0,
     threads: int | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
-    whole: bool = True,
+    robustness: bool = True,
     done: Callable[[str], None] = lambda _text: None,
 ) -> Study:
     """Compare estimators in one case, and in rows of cases around it."""
@@ -202,7 +202,7 @@ def study(
     )  # fmt: skip
     first = next(t for t in benchmark.each_trial(case, machine, runs, seed) if not t.lost)
     known: dict[str, Any] = vars(main) | {"field": field, "first": first}
-    if not whole:
+    if not robustness:
         return Study(**known)
     tuned = {name: s.tuning for name, s in main.tuned.items() if s.tuning is not None}
 
@@ -255,7 +255,7 @@ def across(
             known[learns_from] = learned(case, machine, names, magnets)
         return study(
             machine, case, names, custom=custom, runs=runs, budget=budget, seed=seed,
-            magnets=known[learns_from], whole=False, done=done,
+            magnets=known[learns_from], robustness=False, done=done,
         )  # fmt: skip
 
     return Benches({name: compared(case) for name, case in cases.items()})
