@@ -92,6 +92,32 @@ def test_no_import_circle(graph):
     assert not sorted(left)
 
 
+# A method of a class that the registry of kinds knows, behind which is the registry: users save an
+# estimator by `kalman.save(path)`. No other binding may hide a circle or a way up.
+CIRCLES_BOUND_LATE = {("ambkit.estimate.estimator", "ambkit.estimate.filter_saving")}
+
+
+def test_late_bindings_hide_nothing(graph):
+    """What the root binds behind a method counts as an import of the module that has the method."""
+    bound = dict(
+        re.findall(r'PLACES\["(\w+)"\] = "([\w.]+):', (SOURCE / "__init__.py").read_text())
+    )
+    calls = {
+        ("ambkit." + ".".join(path.relative_to(SOURCE).with_suffix("").parts), name)
+        for path in SOURCE.rglob("*.py")
+        for name in re.findall(r'late_binding\.call\(\s*"(\w+)"', path.read_text())
+    }
+    assert {name for _, name in calls} == bound.keys()
+    edges = {(importer, f"ambkit.{bound[name]}") for importer, name in calls}
+    hidden = {
+        (importer, imported)
+        for importer, imported in edges
+        if floor_of(imported) < floor_of(importer)
+        or graph.find_shortest_chain(importer=imported, imported=importer)
+    }
+    assert hidden == CIRCLES_BOUND_LATE
+
+
 @pytest.mark.parametrize(
     ("source", "module"),
     [

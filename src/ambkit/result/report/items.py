@@ -28,7 +28,7 @@ from ambkit.result.report.markup import label_html
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-BUCKETS = 1000  #: Stretches a long line is cut into: about one for each column of pixels.
+BUCKETS = 700  #: Stretches a long line is cut into: about one for each column of pixels.
 
 _HATCHES = {style.DASH: "/", style.LONG: "/", style.DASH_DOT: "\\", style.DOT: "."}
 
