@@ -69,7 +69,7 @@ class Axis:
                 return [float(f"{value:.6g}") if math.isfinite(value) else None for value in scaled]
             ends = self.shown(np.array(self.limits)) if self.limits else scaled[np.isfinite(scaled)]
             span = np.ptp(ends) if ends.size else 0.0
-            scaled = np.round(scaled, 4 - math.floor(math.log10(span))) if span > 0 else scaled
+            scaled = np.round(scaled, 5 - math.floor(math.log10(span))) if span > 0 else scaled
         known: Any = np.where(np.isfinite(scaled), scaled, None)
         return list(known.tolist())
 
