@@ -177,6 +177,10 @@ def test_tuned_over_the_machines_it_is_gone_on_with_and_written(tmp_path):
     assert before.values["controller.kp"] == found.plan.scenario.controller.kp
     assert after.allowed
     assert after.error <= before.error
+    untuned, tuned = found.validation
+    assert (untuned.values, tuned.values) == (before.values, after.values)
+    assert tuned.error != after.error
+    assert "on validation machines, error of f_d" in found.finding
     json.dumps(found.to_dict())
     found.save(tmp_path / "filter.toml")
     again = ambkit.FilterFile.load(tmp_path / "filter.toml").make()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -33,6 +33,8 @@ from ambkit.simulation.scenario import Scenario
 
 EVALUATIONS = 60  #: Where nobody says it.
 QUANTILE = 0.95  #: Of the machines: so many are no worse than what is made small.
+
+VALIDATION = 1 << 32  #: Between the study's seed and that of the machines that judge.
 
 GAINS = {"controller.kp": "A/m", "controller.ki": "A/(m s)", "controller.kd": "A s/m"}
 """Gains that the search may change, and their units."""
@@ -70,6 +72,8 @@ class Robust(Result):
     taken: int  #: Which was taken: the one with the least error among those that are allowed.
     estimator: Estimator  #: Its filter, which knows the nominal bearing.
     controller: Control | None  #: Its controller; several axes have those of the scenario.
+    #: Untuned and tuned on as many other machines; empty of a grid.
+    validation: tuple[Tried, ...] = ()
 
     @cached_property
     def adequacy(self) -> list[Finding]:
@@ -85,14 +89,20 @@ class Robust(Result):
         return pareto([(item.error, item.peak) for item in self.tried])
 
     @property
+    def _ends(self) -> tuple[Tried, Tried]:
+        """The design without tuning, and the one that is taken."""
+        return self.tried[0], self.tried[self.taken]
+
+    @property
     def title(self) -> str:
         return f"{self.kind} for {self.plan.study.name}: {100 * self.quantile:g} % are no worse"
 
     @property
     def finding(self) -> str:
-        before, after = self.tried[0], self.tried[self.taken]
+        before, after = self.validation or self._ends
+        where = "on validation machines, " if self.validation else ""
         return (
-            f"{self.title}: error of f_d {engineering(before.error, 'N', 3)} untuned, "
+            f"{self.title}: {where}error of f_d {engineering(before.error, 'N', 3)} untuned, "
             f"{engineering(after.error, 'N', 3)} tuned; peak of |S| {before.peak:.3f} and "
             f"{after.peak:.3f}."
         )
@@ -100,12 +110,19 @@ class Robust(Result):
     @property
     def rows(self) -> list[Row]:
         results = []
-        for of, one in (("untuned", self.tried[0]), ("tuned", self.tried[self.taken])):
+        judged = self.validation or (None, None)
+        for of, one, other in zip(("untuned", "tuned"), self._ends, judged, strict=True):
+            validation = () if other is None else (
+                Row("validation.error", "error of f_d, validation machines", other.error, "N"),
+                Row("validation.peak", "peak of |S|, validation machines", other.peak, "|S|",
+                    below=self.max_sensitivity),
+            )  # fmt: skip
             results += put([
                 *(Row(item.name, item.name, float(one.values.get(item.name, item.default)),
                       item.unit) for item in self.free),
-                Row("error", "error of f_d", one.error, "N"),
+                Row("error", "error of f_d", one.error, "N"), *validation[:1],
                 Row("peak", "peak of |S|", one.peak, "|S|", below=self.max_sensitivity),
+                *validation[1:],
             ], section=("values",), of=of)  # fmt: skip
         best = [one for one, on in zip(self.tried, self.front, strict=True) if on]
         for place, one in enumerate(sorted(best, key=lambda entry: entry.peak), 1):
@@ -129,6 +146,7 @@ class Robust(Result):
             "quantile": self.quantile,
             "max_sensitivity": self.max_sensitivity,
             "taken": self.taken,
+            "validation": [one._asdict() | {"values": dict(one.values)} for one in self.validation],
             "bounds": {r.name: {"low": r.low, "high": r.high, "default": r.default,
                                 "unit": r.unit} for r in self.free},
             "tried": [item._asdict() | {"values": dict(item.values), "front": bool(on)}
@@ -137,7 +155,22 @@ class Robust(Result):
 
     @property
     def notes(self) -> list[str]:
-        return sentences(self.adequacy)
+        return [*sentences(self.adequacy), *self._overfitted()]
+
+    def _overfitted(self) -> Iterator[str]:
+        """Yield what does not hold on validation machines."""
+        if not self.validation:
+            return
+        before, after = self.validation
+        if not after.allowed:
+            yield (
+                f"on validation machines the peak of |S| is {after.peak:.3f}, not "
+                f"below {self.max_sensitivity:g}, or more of them touch their stops: take more runs"
+            )
+        if after.error > before.error:
+            yield (
+                "on validation machines the tuned filter is worse than the untuned: take more runs"
+            )
 
     def figures(self) -> list[Figure]:
         from ambkit.campaigns.figures import front_figure
@@ -193,7 +226,7 @@ def tune_robust(
                 )
                 for of in ranges
             }  # fmt: skip
-        result = task.tried(values)
+        result = task.evaluate(values)
         trial.set_constraint("peak", result.peak - max_sensitivity)
         trial.set_constraint("touched", result.touched - (1 - quantile))
         trial.set_user_attr("tried", [result.error, result.peak, result.touched, result.allowed])
@@ -215,7 +248,7 @@ def tune_robust(
     estimator, controller = task.design(trials[chosen_index].values)
     return Robust(
         plan, task.kind, quantile, max_sensitivity, ranges, trials, chosen_index, estimator,
-        controller,
+        controller, task.judged((trials[0].values, trials[chosen_index].values)),
     )  # fmt: skip
 
 
@@ -332,7 +365,16 @@ class _Task:
         gains = {name.partition(".")[2]: values[name] for name in values if name in GAINS}
         return estimator, self.plan.scenario.controller.model_copy(update=gains)
 
-    def tried(self, values: Mapping[str, float]) -> Tried:
+    def judged(self, several: Sequence[Mapping[str, float]]) -> tuple[Tried, ...]:
+        """Simulate as many other machines; a grid has none."""
+        study = self.plan.study
+        if study.sampling == "grid":
+            return ()
+        other = Plan(study.model_copy(update={"seed": (study.seed + VALIDATION) % 2**63}))
+        self.points, self.noise = other.points(0, other.runs), other.noise(0, other.runs)
+        return tuple(map(self.evaluate, several))
+
+    def evaluate(self, values: Mapping[str, float]) -> Tried:
         """Fly all machines with a controller and a filter."""
         estimator, controller = self.design(values)
         designed = self.plan.with_design(estimator, controller)
