@@ -1,4 +1,5 @@
 /* The filter in the loop as a linear system at the operating point, for the margins. */
+#include "ambkit/sampling.h"
 #include "axis.h"
 
 #define EXPORT(name) __attribute__((export_name(#name)))
@@ -54,4 +55,22 @@ EXPORT(linearised) double *linearised(const double *parameters, int kind, double
   to[24] = stiff.k_i;
   to[25] = stiff.k_s;
   return to;
+}
+
+#define ORDER 5 /* of the plant that the page samples */
+
+/* The plant's rates, row by row, for the page to write; `transition` puts their exponential there.
+ */
+EXPORT(rates) double *rates(void)
+{
+  static double A[ORDER * ORDER];
+  return A;
+}
+
+EXPORT(transition) int transition(double time)
+{
+  double Phi[ORDER * ORDER], work[AMB_SAMPLING_WORK(ORDER)];
+  const bool finite = amb_transition(ORDER, rates(), time, Phi, work);
+  amb_copy(ORDER * ORDER, Phi, rates());
+  return finite ? 1 : 0;
 }

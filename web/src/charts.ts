@@ -61,7 +61,11 @@ export class Chart {
   lines: Line[] = [];
   axes: Axes | null = null;
 
+  private readonly reading = document.createElement("div");
+
   constructor(readonly body: HTMLElement, private readonly sync: string | null = null) {
+    this.reading.className = "reading-at";
+    this.reading.setAttribute("aria-hidden", "true");
     new ResizeObserver(() => this.plot?.setSize(this.size())).observe(body);
   }
 
@@ -85,6 +89,25 @@ export class Chart {
 
   get canvas(): HTMLCanvasElement | undefined {
     return this.plot?.ctx.canvas;
+  }
+
+  /** The values under the cursor, beside it. */
+  private read(u: uPlot): void {
+    const at = u.cursor.idx, left = u.cursor.left ?? -1;
+    if (at === null || at === undefined || left < 0 || !u.over.matches(":hover")) return void this.reading.remove();
+    const axes = this.axes!, [name] = (axes.x?.label ?? "t [s]").split(" ["), unit = (axes.x?.label ?? "t [s]").match(/\[(.*)\]/)?.[1] ?? "";
+    const row = (tone: string, label: string, value: string) => {
+      const line = document.createElement("div"), mark = document.createElement("i"), text = document.createElement("b");
+      mark.style.background = tone ? `var(--${tone})` : "none";
+      text.textContent = value;
+      line.append(mark, label, text);
+      return line;
+    };
+    const lines = this.lines.map((line, j) => row(line.colour, line.label, digits(this.data[j + 1][at])));
+    this.reading.replaceChildren(row("", name, `${digits(this.data[0][at])} ${unit}`), ...lines);
+    const right = left > u.over.clientWidth / 2;
+    this.reading.style.cssText = right ? `right:${u.over.clientWidth - left + 12}px` : `left:${left + 12}px`;
+    if (!this.reading.isConnected || this.reading.parentElement !== u.over) u.over.append(this.reading);
   }
 
   private options(lines: Line[], bands: Band[]): uPlot.Options {
@@ -118,7 +141,7 @@ export class Chart {
         })),
       ],
       bands: bands.map((band) => ({ series: [band.upper, band.lower] as [number, number], fill: colour(band.colour) + "26" })),
-      hooks: { draw: [(u) => this.axes?.draw?.(u)] },
+      hooks: { draw: [(u) => this.axes?.draw?.(u)], setCursor: [(u) => this.read(u)] },
     };
   }
 }

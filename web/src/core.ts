@@ -14,6 +14,8 @@ export interface Exports {
   levitation(x: number, load: number): number;
   assumed(): number;
   linearised(parameters: number, kind: number, current: number, x: number): number;
+  rates(): number;
+  transition(time: number): number;
   live_set(kind: number, anew: number): number;
   live_step(n: number, reference: number, push: number, off: number): number;
 }
@@ -22,13 +24,13 @@ export type Parameters = Record<string, number>;
 
 /** The kinds of estimators in the order of web/core/axis.h. */
 export const KINDS = [
-  { name: "linear", label: "Linear Kalman filter" },
-  { name: "closed-law", label: "Adaptive Kalman filter, closed law" },
-  { name: "extended", label: "Extended Kalman filter" },
-  { name: "unscented", label: "Unscented Kalman filter" },
-  { name: "ud", label: "UD-factorised Kalman filter" },
-  { name: "low-pass", label: "Low-pass and derivative" },
-  { name: "adaptive", label: "Adaptive Kalman filter, fuzzy expert" },
+  { name: "linear", label: "Linear Kalman filter", short: "linear" },
+  { name: "closed-law", label: "Adaptive Kalman filter, closed law", short: "closed law" },
+  { name: "extended", label: "Extended Kalman filter", short: "extended" },
+  { name: "unscented", label: "Unscented Kalman filter", short: "unscented" },
+  { name: "ud", label: "UD-factorised Kalman filter", short: "UD" },
+  { name: "low-pass", label: "Low-pass and derivative", short: "low-pass" },
+  { name: "adaptive", label: "Adaptive Kalman filter, fuzzy expert", short: "fuzzy expert" },
 ] as const;
 
 /** The kind whose rules are learned in Python, machine by machine. */
@@ -163,6 +165,14 @@ export class Core {
     if (!at) return null;
     const all = [...this.reals(at, 26)];
     return { A: all.slice(0, 16), B: all.slice(16, 20), K: all.slice(20, 24), k_i: all[24], k_s: all[25] };
+  }
+
+  /** exp(A time) of a matrix of order 5. */
+  transition(A: number[][], time: number): number[][] {
+    this.reals(this.c.rates(), 25).set(A.flat());
+    this.c.transition(time);
+    const all = [...this.reals(this.c.rates(), 25)];
+    return A.map((_, i) => all.slice(5 * i, 5 * i + 5));
   }
 
   liveSet(kind: number, anew: boolean): boolean {

@@ -76,8 +76,10 @@ export class Files {
   /** Take a file by what it is; what is wrong with it is said. */
   take(name: string, text: string): void {
     try {
+      const table = name.endsWith(".csv") ? {} : parse(text);
+      if (this.app.mode === "rotor" && (name.endsWith(".csv") || table.kind !== undefined))
+        throw new Error("records and filters are of a machine with one axis; choose one first");
       if (name.endsWith(".csv")) return this.record(name, text);
-      const table = parse(text);
       if (table.kind !== undefined) return this.filter(name, table);
       this.machine(name, table, text);
     } catch (error) {

@@ -18,21 +18,6 @@ type Matrix = number[][];
 const product = (a: Matrix, b: Matrix): Matrix =>
   a.map((row) => b[0].map((_, j) => row.reduce((sum, value, k) => sum + value * b[k][j], 0)));
 
-/** exp(A t) by scaling, a Taylor series, and squaring. */
-export function exponential(A: Matrix, t: number): Matrix {
-  const n = A.length, size = Math.max(...A.map((row) => row.reduce((sum, value) => sum + Math.abs(value * t), 0)));
-  const halvings = Math.max(0, Math.ceil(Math.log2(Math.max(size, 1e-300))) + 4);
-  const small = A.map((row) => row.map((value) => (value * t) / 2 ** halvings));
-  let term: Matrix = A.map((_, i) => A.map((_, j) => (i === j ? 1 : 0)));
-  let sum = term.map((row) => [...row]);
-  for (let k = 1; k < 14; k++) {
-    term = product(term, small).map((row) => row.map((value) => value / k));
-    sum = sum.map((row, i) => row.map((value, j) => value + term[i][j]));
-  }
-  for (let k = 0; k < halvings; k++) sum = product(sum, sum);
-  return sum.slice(0, n);
-}
-
 /** Solve (z I - A) x = b for a small system. */
 export function resolve(A: Matrix, z: Complex, b: Complex[]): Complex[] {
   const n = A.length;
@@ -67,7 +52,7 @@ export function zone(of: Sensitivity): string {
 }
 
 /** The plant from the demanded current to position, velocity and reading, with what waits in the line. */
-function sampled(p: Parameters, k_i: number, k_s: number): { A: Matrix; b: number[] } {
+function sampled(core: Core, p: Parameters, k_i: number, k_s: number): { A: Matrix; b: number[] } {
   const lag = Math.max(p.lag, 1e-3 * p.T), lags = p.bandwidth > 0;
   const corner = Math.min(lags ? 2 * Math.PI * p.bandwidth : Infinity, 1e3 / p.T), drive = k_i / p.mass;
   // x, v, x_m, i, demanded: held
@@ -76,7 +61,7 @@ function sampled(p: Parameters, k_i: number, k_s: number): { A: Matrix; b: numbe
     [0, 0, 0, -corner, lags ? corner : 0], [0, 0, 0, 0, 0],
   ];
   const samples = p.delay / p.T, whole = Math.floor(samples + 1e-9), rest = Math.max(0, samples - whole);
-  const before = exponential(rates, rest * p.T), after = exponential(rates, (1 - rest) * p.T);
+  const before = core.transition(rates, rest * p.T), after = core.transition(rates, (1 - rest) * p.T);
   const held = 4 + whole + 1; // four states, then demands of the samples before
   const A: Matrix = Array.from({ length: held }, () => Array(held).fill(0));
   const b: number[] = Array(held).fill(0);
@@ -98,7 +83,7 @@ export function sensitivity(core: Core, p: Parameters, kind: number, x: number, 
   core.state(p);
   const iu = core.levitation(x, load), filter = core.linearised(kind, iu, x);
   if (!filter) return null;
-  const plant = sampled(p, filter.k_i, filter.k_s);
+  const plant = sampled(core, p, filter.k_i, filter.k_s);
   const own = Math.sqrt(Math.abs(filter.k_s) / p.mass) / (2 * Math.PI);
   const low = Math.min(own / 20, 0.1 / p.T), high = 0.5 / p.T;
   const f = Array.from({ length: points }, (_, k) => low * (high / low) ** (k / (points - 1)));

@@ -27,6 +27,11 @@ export function card(parent: HTMLElement, id: string, title: string, size = ""):
   return { element, body: part(".chart"), say: part(".say"), head: part(".head") };
 }
 
+/** For those who hear the page: a chart is its title and what is said of it. */
+export function describe(of: Card): void {
+  of.body.setAttribute("aria-label", `${of.head.querySelector("h2")!.textContent ?? ""}: ${of.say.textContent ?? ""}`);
+}
+
 const NIS_LIMITS = [0.7, 1.4], NIS_FAIR = [0.5, 2.2];
 
 /** Errors of a filter against the truth, from a fiftieth of the flight on, and how consistent it is. */
@@ -128,7 +133,7 @@ export class Panels {
   private overTime(t: Float64Array, flight: Flight): void {
     const { n, filters } = flight;
     // The first filter is drawn last, and lies above the others.
-    const lines = filters.map((of, j): Line => ({ label: KINDS[of.kind].label, colour: `f${j}`, width: 1.3 })).reverse();
+    const lines = filters.map((of, j): Line => ({ label: KINDS[of.kind].short, colour: `f${j}`, width: 1.3 })).reverse();
     const estimates = (j: number) => filters.map((of) => column(of, j, n)).reverse();
     const step = (axes: Partial<Axes> = {}): Axes => ({ unit: "x [mm]", scale: 1e3, ...axes });
     this.plots.response.show(t, [flight.y, flight.r, ...estimates(0), flight.x],
@@ -165,6 +170,7 @@ export class Panels {
     this.plots.spectrum.show(of_x.f, [of_y.amplitude, of_x.amplitude],
       [{ label: "reading", colour: "sensor", width: 1 }, { label: "truth", colour: "truth", width: 1.5 }], [],
       { unit: "amplitude [µm]", scale: 1e6, x: { label: "f [Hz]", log: true }, yLog: true });
+    for (const card of Object.values(this.cards)) describe(card);
     this.map.show(core, s, flight);
     this.map.point(flight.iu[n - 1], flight.x[n - 1]);
     const k = core.magnet(flight.iu[n - 1], flight.x[n - 1]);
@@ -209,7 +215,7 @@ function zones(u: { ctx: CanvasRenderingContext2D; bbox: { left: number; top: nu
     ctx.moveTo(bbox.left, y);
     ctx.lineTo(bbox.left + bbox.width, y);
     ctx.stroke();
-    ctx.fillText(name, bbox.left + 5 * by, y + 12 * by);
+    ctx.fillText(name, bbox.left + (6 + 14 * k) * by, y - 3 * by);
   }
   if (of.stable) {
     ctx.setLineDash([]);

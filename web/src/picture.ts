@@ -144,15 +144,15 @@ export class Picture {
   private labels(s: Settings): void {
     const svg = this.svg;
     const axis = add(svg, "g", { class: "axis" });
-    add(axis, "path", { d: `M314 ${MIDDLE + 62}V${MIDDLE - 62}m-5 9l5 -9l5 9` });
-    for (const way of [-1, 1]) add(axis, "path", { d: `M309 ${MIDDLE - way * REACH}h10` });
-    add(axis, "path", { d: `M309 ${MIDDLE}h10` });
-    add(axis, "text", { x: 314, y: MIDDLE - 70, "text-anchor": "middle" }, "+x");
-    add(axis, "text", { x: 323, y: MIDDLE + 4 }, "0");
+    add(axis, "path", { d: `M300 ${MIDDLE + 62}V${MIDDLE - 62}m-5 9l5 -9l5 9` });
+    for (const way of [-1, 1]) add(axis, "path", { d: `M295 ${MIDDLE - way * REACH}h10` });
+    add(axis, "path", { d: `M295 ${MIDDLE}h10` });
+    add(axis, "text", { x: 300, y: MIDDLE - 70, "text-anchor": "middle" }, "+x");
+    add(axis, "text", { x: 310, y: MIDDLE + 4 }, "0");
     add(axis, "text", { x: 34, y: MIDDLE - 70, "text-anchor": "middle" }, "+u");
     add(axis, "path", { d: `M34 ${MIDDLE - 4}V${MIDDLE - 62}m-5 9l5 -9l5 9` });
     add(axis, "text", { x: 34, y: MIDDLE + 14, "text-anchor": "middle" }, "pulls up");
-    add(axis, "text", { x: 323, y: MIDDLE - REACH + 4 }, shown(s.p.clearance, "m", 2));
+    add(axis, "text", { x: 310, y: MIDDLE - REACH + 4 }, shown(s.p.clearance, "m", 2));
     this.thread = add(svg, "path", { class: "thread", d: "" });
   }
 

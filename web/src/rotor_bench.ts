@@ -2,7 +2,7 @@
 
 import { aroundZero, Chart, colour, type Line } from "./charts";
 import type { Card } from "./panels";
-import { card } from "./panels";
+import { card, describe } from "./panels";
 import { slider } from "./knobs";
 import { orbits } from "./orbit";
 import { along, type Rotor, type RotorCore, type RotorFlight, type RotorLive } from "./rotor_core";
@@ -169,6 +169,7 @@ export class RotorBench {
     this.plots.currents.show(t, currents, lines, [], { unit: "i_u [A]", scale: 1 });
     this.cards.currents.say.textContent = `limit ±${shown(of.iu_max[0], "A")}`;
     this.lines(s[0], T);
+    Object.values(this.cards).forEach(describe);
   }
 
   private lines(signal: Float64Array, T: number): void {

@@ -1,4 +1,4 @@
-"""The workbench: a machine in a page that moves."""
+"""The workbench."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ if TYPE_CHECKING:
 def workbench(machine: Machine | None = None, *, open: bool = False) -> Workbench:
     """Show a machine that moves, with knobs, in the browser.
 
-    The page needs neither a server nor a network. It computes with the same C as ambkit: for the
-    same seed its numbers are those of `ambkit simulate`, to the last bit. In a notebook it appears
-    in the cell.
+    The page needs neither a server nor a network, and computes with the C of ambkit: for the same
+    seed its numbers are those of `ambkit simulate`, to the last bit. A notebook shows it.
 
     Parameters
     ----------

@@ -31,9 +31,8 @@ def left_out(machine: Machine) -> Iterator[str]:
     """Yield the keys of a machine that the page does not simulate."""
     stated = tomllib.loads(machine.to_toml())
     for table, value in stated.items():
-        keys = KNOWN.get(table, ())
         if table in KNOWN:
-            yield from (f"{table}.{key}" for key in value if key not in keys)
+            yield from (f"{table}.{key}" for key in value if key not in KNOWN[table])
         elif table not in KNOWN[""]:
             yield table
 
@@ -75,9 +74,8 @@ def expert_numbers(machine: Machine) -> list[float]:
     """Return the paper's expert of a machine as ``wb_expert`` has it."""
     rules: Any = learned_magnet("adaptive", machine)
     network = rules.in_core(core_module()).parameters
-    most = AMB_FUZZY_MAX_RULES
     of = [network[key] for key in ("centre_iu", "centre_x")]
     of += [network[key][part] for key in ("k_i", "k_s") for part in ("sharpness", "weight")]
-    rows = [[*map(float, row), *[0.0] * (most - len(row))] for row in of]
+    rows = [[*map(float, row), *[0.0] * (AMB_FUZZY_MAX_RULES - len(row))] for row in of]
     head = ("rules", "normalised", "per_ampere", "per_metre", "iu_min", "iu_max", "x_min", "x_max")
     return [*(float(network[key]) for key in head), *(value for row in rows for value in row)]

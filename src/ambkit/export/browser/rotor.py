@@ -53,7 +53,8 @@ def rotor_parameters(machine: Machine) -> dict[str, Any]:
         "corner": [part.get("corner", 0.0) for part in loop["amplifiers"]],
         "step": [part.get("step", 0.0) for part in loop["sensor_parts"]],
         "rings": [
-            [ring[key] for key in ("first", "second", "travel")] + _contact(ring["stop"])
+            [ring[key] for key in ("first", "second", "travel")]
+            + [ring["stop"][key] for key in ("stiffness", "damping")]
             for ring in loop["rings"]
         ],
         "pid": [list(pid)[:6] for pid in loop["pid"]],
@@ -69,11 +70,6 @@ def rotor_parameters(machine: Machine) -> dict[str, Any]:
         ],
         "discs": [place for place, _, _ in machine.unbalances()],
     }  # fmt: skip
-
-
-def _contact(stop: dict[str, float]) -> list[float]:
-    """Return stiffness and damping of a stop."""
-    return [stop["stiffness"], stop["damping"]]
 
 
 def _plain(value: Any) -> Any:
