@@ -234,6 +234,8 @@ def of_ones_own(bearing: ambkit.Machine) -> None:
 def whole_machine() -> None:
     """Four axes of a rotor."""
     assert ambkit.Bearing is ambkit.Machine  # its name before, for this release
+    assert_type(ambkit.workbench("zittau_axial").finding, str)
+    assert ambkit.magnet.__doc__  # solving takes half a minute
     machine = ambkit.Machine.preset("hindawi_2011")
     filter_ = ambkit.KalmanFilter(machine)
     run = ambkit.simulate(machine, ambkit.Scenario(duration=0.02), filter=filter_)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +12,6 @@ from ambkit.estimate.rebuild import Rebuild
 from ambkit.export.c import c_literals
 from ambkit.machine.force_laws import bias_forces_of
 from ambkit.models.model import Model
-
-if TYPE_CHECKING:
-    from ambkit.export.c.exported import Export
 
 SOURCES = ("src/rebuild.c", "src/sampling.c")
 TEMPLATES = {"{}_rebuild.h": "rebuild.h", "{}_rebuild.c": "rebuild.c"}
@@ -27,7 +24,7 @@ _TYPES: dict[str, Any] = {
 _IN_C = {np.uint8: "unsigned char", np.uint16: "unsigned short", np.uint32: "unsigned int"}
 
 
-def check(export: Export) -> None:
+def check(export: Any) -> None:
     """Refuse what cannot be made anew from parameters."""
     if export.controller is not None:
         raise AmbkitError("rebuild applies to filters only, not to controllers")
@@ -39,7 +36,7 @@ def check(export: Export) -> None:
         )
 
 
-def context(export: Export) -> dict[str, Any]:
+def context(export: Any) -> dict[str, Any]:
     """Return what the templates say of parameters and model."""
     engine = export.filter.engine
     of = Rebuild.of(
@@ -91,7 +88,7 @@ def _places(model: Model) -> dict[str, tuple[int, int]]:
     return places
 
 
-def _settings(export: Export, names: tuple[str, ...]) -> Any:
+def _settings(export: Any, names: tuple[str, ...]) -> Any:
     """Yield what follows from a parameter among the settings, as statements."""
     filter, machine = export.filter, export.filter.machine
     for name in ("gain", "lag"):

@@ -14,12 +14,11 @@ from ambkit.machine.law_choice import law_of
 
 if TYPE_CHECKING:
     from ambkit.machine.force_law import IsolatedAxis, Law
-    from ambkit.machine.machine import Machine
 
 ForceFunction = Callable[[Any, Any], Array]
 
 
-def refitted(machine: Machine, points: ForcePoints) -> Machine:
+def refitted(machine: Any, points: ForcePoints) -> Any:
     """Return the bearing with magnet constant and air gap as measured points have them."""
     # By least squares, beside a constant force that may be the load cell's zero.
     constant, gap = fitted_law(machine, points)[0]
