@@ -11,6 +11,8 @@ from ambkit.estimate.core_model import numbers
 from ambkit.estimate.rebuild import with_parameters
 from ambkit.export.c import export_c
 
+CLANG = shutil.which("clang-14") or shutil.which("clang")
+
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 
 PROGRAM = r"""
@@ -80,6 +82,30 @@ def changed(machine, seed):
     return with_parameters(machine, change), values
 
 
+IN_WASM = r"""
+#include "NAME_rebuild.h"
+
+static NAME_rebuilt other;
+static double room[UPPER_ROOM], parameters[UPPER_PARAMETERS];
+
+__attribute__((export_name("set"))) void set(int i, double value) { parameters[i] = value; }
+__attribute__((export_name("make"))) int make(void)
+{
+  return (int)NAME_rebuild(parameters, &other, room);
+}
+__attribute__((export_name("number"))) double number(int i) { return (double)other.numbers[i]; }
+"""
+
+IN_NODE = """
+const [file, count, ...values] = process.argv.slice(2);
+const compiled = new WebAssembly.Module(require("fs").readFileSync(file));
+const { set, make, number } = new WebAssembly.Instance(compiled, {}).exports;
+values.forEach((value, i) => set(i, Number(value)));
+if (make() !== 0) process.exit(3);
+const numbers = Float64Array.from({ length: Number(count) }, (_, i) => number(i));
+process.stdout.write(Buffer.from(numbers.buffer));
+"""
+
 LATE = ambkit.preset("zittau_axial").replace(amplifier__bandwidth="900 Hz", delay="0.15 ms")
 CASES = [
     pytest.param(LATE, "float64", id="one axis in double"),
@@ -114,6 +140,33 @@ def test_c_makes_anew_what_an_export_of_the_changed_machine_has(machine, precisi
     room = 1e-12 if precision == "float64" else 1e-5
     np.testing.assert_allclose(flown / size, right.mean / size, rtol=room, atol=room * 1e-2)
     assert np.abs(flown / size).max() > 1e-4
+
+
+@pytest.mark.long
+@pytest.mark.skipif(
+    None in (shutil.which("node"), CLANG), reason="there is no node or no clang for WebAssembly"
+)
+@pytest.mark.parametrize("preset", ["tum_mlps", "compressor"])
+def test_in_node_it_has_the_bits_of_python(preset, tmp_path):
+    machine, folder = ambkit.preset(preset), tmp_path / "c"
+    filter = ambkit.KalmanFilter(machine)
+    export_c(machine, filter, folder, rebuild=True, force=True)
+    text = IN_WASM.replace("NAME", machine.name).replace("UPPER", machine.name.upper())
+    (folder / "wasm.c").write_text(text)
+    sources = sorted(folder.glob("*.c")) + sorted(folder.glob("core/src/*.c"))
+    includes = [f"-I{folder / part}" for part in ("", "core/include", "core")]
+    command = [CLANG, "--target=wasm32-wasi", "-std=c99", "-O2", "-ffp-contract=off",
+               "-mexec-model=reactor", "-Wl,--gc-sections", *includes, *sources,
+               "-o", folder / "out.wasm"]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (folder / "run.cjs").write_text(IN_NODE)
+    other, values = changed(machine, 5)
+    expected = numbers(ambkit.KalmanFilter(other).model)
+    words = ["node", folder / "run.cjs", folder / "out.wasm", str(len(expected)), *map(repr, values)]
+    done = subprocess.run(words, capture_output=True)
+    assert (done.returncode, done.stderr) == (0, b"")
+    np.testing.assert_array_equal(np.frombuffer(done.stdout), expected)
 
 
 def test_what_has_other_means_is_refused(tmp_path):
