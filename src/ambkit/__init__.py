@@ -18,8 +18,8 @@ with open(os.path.splitext(__file__)[0] + ".pyi", encoding="utf-8") as _stub:
 _MODULE_OF = {name: module for module, name in _IMPORTS}
 
 # Files of estimators, behind methods of the estimators.
-late_binding.PLACES["load_estimator"] = "estimate.filter_saving:load"
-late_binding.PLACES["save_estimator"] = "estimate.filter_saving:save"
+late_binding.PLACES["load_filter"] = "estimate.filter_saving:load"
+late_binding.PLACES["save_filter"] = "estimate.filter_saving:save"
 
 __all__ = ["__version__", *sorted(_MODULE_OF)]
 

@@ -216,7 +216,7 @@ class Estimator(Described, Copyable):
         AmbkitError
             The file cannot be read, or what it says cannot be built.
         """
-        made: Estimator = late_binding.call("load_estimator", path, precision)
+        made: Estimator = late_binding.call("load_filter", path, precision)
         return made
 
     def save(
@@ -242,7 +242,7 @@ class Estimator(Described, Copyable):
         AmbkitError
             A file cannot be written; or it knows its magnet by what has no file.
         """
-        late_binding.call("save_estimator", self, path, machine, magnet)
+        late_binding.call("save_filter", self, path, machine, magnet)
 
     @property
     def states(self) -> tuple[Descriptor, ...]:

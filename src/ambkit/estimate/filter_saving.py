@@ -1,4 +1,4 @@
-"""An estimator written as a file, with what it needs beside it."""
+"""A filter written as a file, with what it needs beside it."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from ambkit.machine.magnets import MagnetModel, Precision
 
 
 def described(
-    estimator: Estimator,
+    filter: Estimator,
     machine: str | os.PathLike[str],
     magnet: str | os.PathLike[str] | Mapping[str, Path] | None = None,
 ) -> FilterFile:
-    """Return what makes an estimator, for a file."""
-    kind = kind_of(estimator)
+    """Return what makes a filter, for a file."""
+    kind = kind_of(filter)
     own = KINDS[kind].option_units
-    all_options = {**getattr(estimator, "inner", estimator).options, **estimator.options}
+    all_options = {**getattr(filter, "inner", filter).options, **filter.options}
     options = {name: written(value, own[name]) for name, value in all_options.items()
                if name in own and value is not None}  # fmt: skip
     limits = {name: v for name, v in all_options.items() if name in FilterFile.model_fields}
@@ -43,39 +43,39 @@ def described(
         of["magnets"] = {name: Reference.to(path) for name, path in magnet.items()}
     elif magnet is not None:
         of["magnet"] = Reference.to(magnet)
-    by_name = {state.name: state.unit for state in estimator.states}
+    by_name = {state.name: state.unit for state in filter.states}
     return FilterFile(
         kind=kind,
-        description=estimator.description,
-        sampling_time=estimator.machine.sampling_time,
-        noise=_assumed(estimator),
+        description=filter.description,
+        sampling_time=filter.machine.sampling_time,
+        noise=_assumed(filter),
         options=options,
-        start={name: written(std, by_name[name]) for name, std in estimator.start_std.items()},
-        inputs=estimator.inputs,
-        origin=dict(estimator.origin),
+        start={name: written(std, by_name[name]) for name, std in filter.start_std.items()},
+        inputs=filter.inputs,
+        origin=dict(filter.origin),
         **limits,
         **of,
     )
 
 
-def in_memory(estimator: Estimator) -> FilterFile:
-    """Return what makes an estimator but for its magnet, which is at hand; no file stays."""
+def in_memory(filter: Estimator) -> FilterFile:
+    """Return what makes a filter but for its magnet, which is at hand; no file stays."""
     with tempfile.TemporaryDirectory() as folder:
-        machine: str | Path | None = preset_of(estimator.machine)
+        machine: str | Path | None = preset_of(filter.machine)
         if machine is None:
-            estimator.machine.save(machine := Path(folder, "machine.toml"))
-        result = described(estimator, machine)
+            filter.machine.save(machine := Path(folder, "machine.toml"))
+        result = described(filter, machine)
         result.plant  # noqa: B018  read while its file is there
     return result
 
 
-def _assumed(estimator: Estimator) -> Assumed:
+def _assumed(filter: Estimator) -> Assumed:
     """Return what it assumes of the noise, that of a control signal in the signal's unit."""
-    results = {name: getattr(estimator.variances, name) for name in UNITS}
+    results = {name: getattr(filter.variances, name) for name in UNITS}
     for name, own in results.items():
         if isinstance(own, tuple) and len(set(own)) == 1:
             results[name] = own[0]
-    if estimator.machine.control_unit == "A":
+    if filter.machine.control_unit == "A":
         control_noise = results["control"]
         parts = control_noise if isinstance(control_noise, tuple) else (control_noise,)
         variances = tuple(InOther.of(value, "A^2") for value in parts)
@@ -98,18 +98,18 @@ class NoFile(AmbkitError):
 
 
 def load(path: str | os.PathLike[str], precision: Precision) -> Estimator:
-    """Return the estimator in a file."""
+    """Return the filter in a file."""
     return FilterFile.load(path).make(precision=precision)
 
 
 def save(
-    estimator: Estimator,
+    filter: Estimator,
     path: str | os.PathLike[str],
     machine: str | os.PathLike[str] | None = None,
     magnet: str | os.PathLike[str] | None = None,
 ) -> None:
-    """Write an estimator, and beside it what it needs and has no file yet."""
-    path, known, single = Path(path), estimator.machine, estimator.view.single
+    """Write a filter, and beside it what it needs and has no file yet."""
+    path, known, single = Path(path), filter.machine, filter.view.single
     if machine is None:
         machine = preset_of(known)
     if machine is None:
@@ -117,15 +117,13 @@ def save(
         known.save(machine)
     magnet_files: str | os.PathLike[str] | Mapping[str, Path] | None = magnet
     if magnet is not None and not single:  # one file, for all bearings
-        magnet_files = dict.fromkeys(
-            (item.name for item in estimator.machine.bearings), Path(magnet)
-        )
-    if magnet is None and not _asks_its_own(estimator):
+        magnet_files = dict.fromkeys((item.name for item in filter.machine.bearings), Path(magnet))
+    if magnet is None and not _asks_its_own(filter):
         magnet_files = (
-            _written_beside(path, estimator.magnet) if single
-            else _each_beside(path, estimator.machine, estimator.magnet)
+            _written_beside(path, filter.magnet) if single
+            else _each_beside(path, filter.machine, filter.magnet)
         )  # fmt: skip
-    described(estimator, machine, magnet_files).save(path)
+    described(filter, machine, magnet_files).save(path)
 
 
 def preset_of(known: Machine) -> str | None:
@@ -135,22 +133,22 @@ def preset_of(known: Machine) -> str | None:
     return known.name if unit_matches else None
 
 
-def _asks_its_own(estimator: Estimator) -> bool:
-    """Whether an estimator knows of its magnet what its kind does by itself."""
-    kind = kind_of(estimator)
+def _asks_its_own(filter: Estimator) -> bool:
+    """Whether a filter knows of its magnet what its kind does by itself."""
+    kind = kind_of(filter)
     if KINDS[kind].magnet is None and kind != "table":
         return False
-    made = KINDS[kind].make(estimator.machine, learned_magnet(kind, estimator.machine))
-    own, its = (_in_core(item, made) for item in (made, estimator))
+    made = KINDS[kind].make(filter.machine, learned_magnet(kind, filter.machine))
+    own, its = (_in_core(item, made) for item in (made, filter))
     return all(
         type(one) is type(other) and _alike(one.parameters, other.parameters)
         for one, other in zip(own, its, strict=True)
     )
 
 
-def _in_core(estimator: Estimator, made: Estimator) -> Sequence[Any]:
-    """Return the magnets of all axes in the core of another estimator."""
-    result = estimator.magnet.in_core(made.engine.core)
+def _in_core(filter: Estimator, made: Estimator) -> Sequence[Any]:
+    """Return the magnets of all axes in the core of another filter."""
+    result = filter.magnet.in_core(made.engine.core)
     return result if isinstance(result, list) else [result]
 
 
