@@ -163,7 +163,8 @@ def test_in_node_it_has_the_bits_of_python(preset, tmp_path):
     (folder / "run.cjs").write_text(IN_NODE)
     other, values = changed(machine, 5)
     expected = numbers(ambkit.KalmanFilter(other).model)
-    words = ["node", folder / "run.cjs", folder / "out.wasm", str(len(expected)), *map(repr, values)]
+    numbers_in = [str(len(expected)), *map(repr, values)]
+    words = ["node", folder / "run.cjs", folder / "out.wasm", *numbers_in]
     done = subprocess.run(words, capture_output=True)
     assert (done.returncode, done.stderr) == (0, b"")
     np.testing.assert_array_equal(np.frombuffer(done.stdout), expected)
