@@ -50,13 +50,19 @@ def test_a_damaged_file_is_one_line(tmp_path, name):
 
 @pytest.mark.parametrize(
     ("name", "module", "extra"),
-    [("a.h5", "h5py", "hdf5"), ("a.mat", "pymatreader", "mat"), ("a.mf4", "asammdf", "mdf")],
+    [
+        ("a.h5", "h5py", "hdf5"),
+        ("a.mat", "pymatreader", "mat"),
+        ("a.mf4", "asammdf", "mdf"),
+        ("a.xlsx", "openpyxl", "xlsx"),
+    ],
 )
 def test_a_missing_library_is_named_with_the_command_that_brings_it(
     tmp_path, monkeypatch, name, module, extra
 ):
     path = tmp_path / name
-    writer = {"a.h5": logs.hdf5, "a.mat": logs.mat73, "a.mf4": logs.mdf4}[name]
+    writer = {"a.h5": logs.hdf5, "a.mat": logs.mat73, "a.mf4": logs.mdf4,
+              "a.xlsx": lambda at, _: at.write_bytes(b"PK")}[name]  # fmt: skip
     writer(path, {"time": np.arange(3.0), "pos": np.arange(3.0)})
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(ExtraMissing, match=rf"a\..*pip install 'ambkit\[{extra}\]'"):
@@ -275,3 +281,29 @@ def test_names_in_a_comment_above_the_numbers_are_names(tmp_path, mark):
     log = read_log(tmp_path / "log.csv")
     assert {"t", "y", "u"} <= set(log.arrays)
     assert log.units["y"] == "mm"
+
+
+def test_a_sheet_of_excel_is_read_as_the_text_that_it_is(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["notes of the rig"])
+    sheet = book.create_sheet("run 7")
+    sheet.append(["Zeit [s]", "Weg W13 [mm]", "Strom [A]"])
+    rows = [(1e-3 * k, 0.1 + 0.2 * k, None if k == 3 else 1 / (k + 3)) for k in range(9)]
+    for row in rows:
+        sheet.append(row)
+    book.save(tmp_path / "log.xlsx")
+    log = read_log(tmp_path / "log.xlsx")
+    assert log.order == ("Zeit", "Weg W13", "Strom")
+    assert log.units == {"Zeit": "s", "Weg W13": "mm", "Strom": "A"}
+    columns = np.transpose(list(log.arrays.values()))
+    np.testing.assert_allclose(columns, np.array(rows, float), rtol=1e-15)  # Excel's 16 digits
+    assert "sheet run 7" in log.remarks
+    only_text = openpyxl.Workbook()
+    only_text.active.append(["a"])
+    only_text.save(tmp_path / "text.xlsx")
+    with pytest.raises(RecordError, match=r"text\.xlsx: no sheet has numbers"):
+        read_log(tmp_path / "text.xlsx")
+    (tmp_path / "cut.xlsx").write_bytes((tmp_path / "log.xlsx").read_bytes()[:900])
+    with pytest.raises(RecordError, match=r"cut\.xlsx: is damaged or cut short"):
+        read_log(tmp_path / "cut.xlsx")

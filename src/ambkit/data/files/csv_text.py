@@ -72,7 +72,7 @@ def read(path: str, request: Request) -> Log:
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
     text, encoding = _decode(content, path)
-    return _parse(text, path, request, [encoding] if encoding else [])
+    return parse(text, path, request, [encoding] if encoding else [])
 
 
 def _decode(content: bytes, name: str) -> tuple[str, str]:
@@ -106,7 +106,7 @@ class _Body(NamedTuple):
     stamps: Collection[str]  #: Of those that hold times as text.
 
 
-def _parse(text: str, name: str, request: Request, remarks: list[str]) -> Log:
+def parse(text: str, name: str, request: Request, remarks: list[str]) -> Log:
     """Read the columns of a text."""
     # Not str.splitlines: that also breaks at characters which a note may hold, U+0085 for one.
     text = _UNEVEN_LINE_ENDS.sub("\n", text) if "\r" in text else text

@@ -28,6 +28,7 @@ _READERS = {
     ".hdf5": "hdf5",
     ".mf4": "mdf",
     ".mdf": "mdf",
+    ".xlsx": "xlsx",
 }
 ENDINGS = tuple(_READERS)  #: Endings of the files that `read_log` reads.
 
