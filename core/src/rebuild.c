@@ -89,8 +89,13 @@ bool amb_rebuild_numbers(const amb_rebuild *of, const double parameters[], amb_r
   if (!amb_plan_sampled(&plan, room, N, &intensity[plan.noises * n])) {
     return false;
   }
+  bool finite = true;
   for (int i = 0; i < of->numbers; i++) {
+    const double number = room[of->from[i]];
+    finite = finite && (number >= -(double)AMB_REAL_MAX) && (number <= (double)AMB_REAL_MAX);
+  }
+  for (int i = 0; (i < of->numbers) && finite; i++) {
     numbers[i] = (amb_real)room[of->from[i]];
   }
-  return true;
+  return finite;
 }
