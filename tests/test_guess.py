@@ -332,3 +332,12 @@ def test_a_clock_without_jumps_goes_first(tmp_path):
     rows = np.column_stack([logged, t, np.sin(20 * t), np.cos(20 * t)])
     np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header="time,clock,y,u")
     assert names_of(guess(tmp_path / "log.csv"))["t"] == "clock"
+
+
+def test_a_position_without_noise_is_said_to_be_no_reading(tmp_path):
+    t = 1e-3 * np.arange(600)
+    noise = 0.01 * np.random.default_rng(2).normal(size=t.size)
+    for y, said in ((np.sin(20 * t), True), (np.sin(20 * t) + noise, False)):
+        rows = np.column_stack([t, y, np.cos(20 * t) + noise])
+        np.savetxt(tmp_path / "log.csv", rows, "%.15g", ",", comments="", header="t,y,u")
+        assert ("It has no noise" in guess(tmp_path / "log.csv")) == said

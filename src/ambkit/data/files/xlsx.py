@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from datetime import datetime
 from typing import Any
 
@@ -24,7 +25,8 @@ def read(path: str, request: Request) -> Log:
             if any(isinstance(cell, float) for row, _ in rows for cell in row):
                 remarks = [f"sheet {one_line(sheet.title)}"] if len(book.worksheets) > 1 else []
                 text = "".join(f"{line}\n" for _, line in rows)
-                return csv_text.parse(text, path, request, remarks)
+                log = csv_text.parse(text, path, request, [])
+                return replace(log, remarks=(*remarks, *log.remarks[1:]))  # of tabs there are none
     raise RecordError(f"{path}: no sheet has numbers")
 
 

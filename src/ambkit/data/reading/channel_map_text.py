@@ -7,13 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, interpolated
 from ambkit.base.escaping import toml_string
 from ambkit.base.units import factor
 from ambkit.data.files.log import FIRST, Log
 from ambkit.data.reading.clock import examine
+from ambkit.data.reading.derived_channels import rough, standardised
 from ambkit.data.reading.faults import noise
-from ambkit.data.reading.position_search import Rotor, WeightScale, weight_scale
+from ambkit.data.reading.position_search import (
+    NO_NOISE,
+    Rotor,
+    WeightScale,
+    in_steps,
+    weight_scale,
+)
 from ambkit.data.reading.signal_roles import Candidate, correlation, seen, slow
 from ambkit.data.signals import si_unit
 
@@ -157,6 +164,8 @@ class _Map:
             f"{there.min():.4g} to {there.max():.4g}{in_unit}, "
             f"noise {noise(candidate.values):.2g}{in_unit}."
         )
+        if role == "y" and _has_no_noise(candidate):
+            yield "# It has no noise: is it an estimate, or simulated? A filter needs the reading."
         if role == "y" and self.moves is not None:
             pole, step = self.moves.fit.pole, self._step()
             per = f"{pole / step:.3g} rad/s" if step > 0 else f"{pole:.3g} per sample"
@@ -267,6 +276,14 @@ def _chosen(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidat
             chosen[f"{'x' if role == 'y' else role}_logged"] = logged[0]
     order = ("t", "y", "u", "control", "r", "i", "v", "x_logged", "v_logged")
     return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
+
+
+def _has_no_noise(candidate: Candidate) -> bool:
+    """Whether a channel is too smooth for what a sensor showed."""
+    values = interpolated(seen(candidate.values))
+    if values.size < 100 or np.ptp(values) == 0 or in_steps(values):
+        return False
+    return rough(standardised(values[np.newaxis])[0]) < NO_NOISE
 
 
 def _jumps(clock: Candidate) -> int:
