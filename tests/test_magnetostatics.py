@@ -7,6 +7,12 @@ import ambkit
 from ambkit import AmbkitError
 from ambkit.machine.force_law import MU_0
 from ambkit.machine.magnetostatics.drawing import Drawing
+from ambkit.machine.magnetostatics.dynamic_stiffness import (
+    FREQUENCIES,
+    dynamic_stiffness,
+    dynamics_of,
+    half_order,
+)
 from ambkit.machine.magnetostatics.field import FieldSolver
 from ambkit.machine.magnetostatics.iron import GRADES, Iron
 from ambkit.machine.magnetostatics.layout import Layout, Region, rectangle
@@ -254,3 +260,24 @@ def test_solution_states_stiffness_limits_and_laws(tmp_path):
 def test_drawing_is_a_file_like_others(tmp_path):
     (tmp_path / "core.toml").write_text(text(U_CORE))
     assert isinstance(ambkit.load(tmp_path / "core.toml"), Drawing)
+
+
+@pytest.mark.long
+def test_solid_iron_lags_by_half_an_order(tmp_path):
+    """At five frequencies; and a machine takes the corner from its drawing."""
+    solid = IRON + 'conductivity = "4.5e6 S/m"\n'
+    stiffness, corner = dynamics_of(drawing(THRUST + POT, solid))
+    high = FREQUENCIES > 9
+    off = np.log(stiffness / half_order(FREQUENCIES, corner))[high]
+    assert high.sum() == 5
+    assert np.abs(off.real).max() < 0.07
+    assert np.abs(off.imag).max() < np.radians(4)
+    finer = dynamic_stiffness(drawing(THRUST + POT, solid), FREQUENCIES[[2, 5]])
+    assert finer == pytest.approx(stiffness[[2, 5]], rel=0.02)
+    poor = dynamic_stiffness(drawing(THRUST + POT, IRON + 'conductivity = "45 S/m"\n'))
+    assert np.abs(poor[:3] - 1).max() < 1e-3
+    (tmp_path / "t.toml").write_text(text(THRUST + POT, solid))
+    machine = ambkit.Machine.from_toml(
+        MACHINE + f'[magnet]\nforce_map = "{(tmp_path / "t.toml").as_posix()}"\n'
+    )
+    assert machine.magnet.eddy_current_corner == pytest.approx(corner)

@@ -93,8 +93,8 @@ class Magnet(LawKeys):
     force_map: FilePath | None = None
     """A file with the measured or computed force, points of iu, x and f_mag: the surface through
     them is the magnet, and the law only what goes on where there are none. Or a drawing (.toml),
-    whose field is solved; type, magnet_constant, air_gap and bias_current are then the drawing's
-    unless stated here."""
+    whose field is solved; type, magnet_constant, air_gap, bias_current and, of solid iron,
+    eddy_current_corner are then the drawing's unless stated here."""
     force_channels: FilePath | None = None
     """A TOML file that says which columns of the force map mean what, where it has other names."""
     force_scale: Annotated[float, Quantity("1", "1", above=0)] | None = None
@@ -120,6 +120,8 @@ class Magnet(LawKeys):
             stated = UNREADABLE
             with suppress(AmbkitError):  # which `_contradictions` states
                 stated = drawing_of(from_folder(data["force_map"], info))
+            if "eddy_current_lag" in data:
+                stated = {key: of for key, of in stated.items() if key != "eddy_current_corner"}
             data = stated | data
         if "magnet_constant" in data:
             return data

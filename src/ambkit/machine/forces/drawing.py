@@ -16,6 +16,7 @@ from ambkit.machine.force_law import IsolatedAxis
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.magnetostatics.drawing import Drawing
+from ambkit.machine.magnetostatics.dynamic_stiffness import conducts, dynamics_of
 from ambkit.machine.magnetostatics.magnet_map import Box, MagnetMap, map_of
 
 
@@ -54,7 +55,10 @@ def _read(path: str, _changed: int) -> Drawing:
 def stated(path: str) -> dict[str, Any]:
     """Return the keys of ``[magnet]`` that a drawing states."""
     drawing = load_drawing(path)
-    return {
+    lag = {}
+    if conducts(drawing):
+        lag["eddy_current_corner"] = engineering(dynamics_of(drawing)[1], "Hz", digits=None)
+    return lag | {
         "type": drawing.geometry.sides,
         "magnet_constant": engineering(drawing.magnet_constant, "N m^2/A^2", digits=None),
         "air_gap": engineering(drawing.geometry.air_gap, "m", digits=None),

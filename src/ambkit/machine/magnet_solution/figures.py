@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.base.units import figure
 from ambkit.machine.magnetostatics.drawing import Drawing
+from ambkit.machine.magnetostatics.dynamic_stiffness import FREQUENCIES, half_order
 from ambkit.machine.magnetostatics.field import FieldSolver, Solution
 from ambkit.machine.magnetostatics.magnet_map import MagnetMap
-from ambkit.result.report import Axis, Figure, Heatmap, Item, Line, Panel
+from ambkit.result.report import Axis, Figure, Heatmap, Item, Line, Panel, Points
 
 PIXELS = 300  #: Along the longer side of the field's picture.
 FLUX_LINES = 24
@@ -118,4 +120,24 @@ def map_figure(name: str, m: MagnetMap) -> Figure:
             [Heatmap(iu, x, force, Axis("force", "N"), diverging=m.two_sided)],
         )],
         panel_height=3.2,
+    )  # fmt: skip
+
+
+def dynamics_figure(name: str, stiffness: NDArray[np.complex128], corner: float) -> Figure:
+    """Show the current stiffness over frequency with solid iron, and the half order fitted."""
+    fine = np.geomspace(FREQUENCIES[0], FREQUENCIES[-1], 121)
+    fitted = half_order(fine, corner)
+    label = f"half order, corner {figure(corner, 'Hz')}"
+    frequency = Axis("frequency", "Hz", scale="log")
+    amplitude, phase = Axis("amplitude", scale="log"), Axis("phase", "deg", 180 / np.pi)
+    panels = [
+        Panel(frequency, axis, [
+            Line(fine, part(fitted), signal="series 1", label=label),
+            Points(FREQUENCIES, part(stiffness), signal="series 2", label="finite elements"),
+        ])
+        for axis, part in ((amplitude, np.abs), (phase, np.angle))
+    ]  # fmt: skip
+    return Figure(
+        id="eddy_currents", title=f"Eddy currents of {markdown(name)}",
+        caption="Current stiffness in parts of that at rest.", panels=panels,
     )  # fmt: skip

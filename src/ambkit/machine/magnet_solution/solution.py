@@ -8,15 +8,22 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.progress import progress
 from ambkit.base.units import figure
 from ambkit.machine.forces.drawing import points_of
 from ambkit.machine.forces.force_points import ForcePoints
-from ambkit.machine.magnet_solution.figures import field_figure, gap_figure, map_figure
+from ambkit.machine.magnet_solution.figures import (
+    dynamics_figure,
+    field_figure,
+    gap_figure,
+    map_figure,
+)
 from ambkit.machine.magnet_solution.fitted_laws import LawError, law_errors
 from ambkit.machine.magnetostatics.drawing import Drawing
+from ambkit.machine.magnetostatics.dynamic_stiffness import conducts, dynamics_of
 from ambkit.machine.magnetostatics.field import FieldSolver, Solution
 from ambkit.machine.magnetostatics.magnet_map import MagnetMap, map_of, points_between
 from ambkit.result.report import Figure
@@ -37,6 +44,8 @@ class MagnetSolution(Result):
     bias_field: Solution  #: With the bias current alone.
     coupling: float | None  #: Force across in parts of that along, the rotor displaced across.
     laws: Sequence[LawError]
+    dynamics: tuple[NDArray[np.complex128], float] | None = None
+    """Current stiffness over frequency in parts of that at rest, and its corner [Hz]."""
 
     TITLE = "Magnet {0.drawing.name}"
     SECTIONS = {
@@ -101,6 +110,9 @@ class MagnetSolution(Result):
             one.append(
                 Row("coupling", "force across, the rotor displaced across", self.coupling, "%")
             )
+        if self.dynamics is not None:
+            corner = self.dynamics[1]
+            one.append(Row("eddy_current_corner", "corner of the eddy currents", corner, "Hz"))
         results += put(one, section=("magnet",))
         for law in self.laws:
             errors = [Row("largest", "largest", law.largest, "N"), Row("rms", "rms", law.rms, "N")]
@@ -136,10 +148,12 @@ class MagnetSolution(Result):
 
     def figures(self) -> list[Figure]:
         drawing, solver = self.drawing, self.solver
+        more = [] if self.dynamics is None else [dynamics_figure(drawing.name, *self.dynamics)]
         return [
             field_figure(drawing, solver, self.field),
             gap_figure(drawing, solver, self.bias_field, self.field),
             map_figure(drawing.name, self.map),
+            *more,
         ]
 
 
@@ -157,9 +171,9 @@ def solve(drawing: Drawing) -> MagnetSolution:
             less = solver.at().solve((w.bias_current - w.limit) * layout.bias, bias.a)
             full = full._replace(force=full.force - less.force)
         coupling = _coupling(drawing, solver, full)
-    return MagnetSolution(
-        drawing, solved, solver, full, bias, coupling, law_errors(drawing, solved, between)
-    )
+    errors = law_errors(drawing, solved, between)
+    dynamics = dynamics_of(drawing) if conducts(drawing) else None
+    return MagnetSolution(drawing, solved, solver, full, bias, coupling, errors, dynamics)
 
 
 def _coupling(drawing: Drawing, solver: FieldSolver, full: Solution) -> float | None:

@@ -42,8 +42,8 @@ class Solution(NamedTuple):
 class FieldSolver:
     """The mesh of a layout and its materials."""
 
-    def __init__(self, layout: Layout, fineness: float = 1.0) -> None:
-        self.layout, self.mesh = layout, mesh_of(layout, fineness)
+    def __init__(self, layout: Layout, fineness: float = 1.0, skin: float | None = None) -> None:
+        self.layout, self.mesh = layout, mesh_of(layout, fineness, skin)
         regions, region = layout.regions, self.mesh.region
         of = [regions[number] if number >= 0 else layout.boundary for number in region]
         self.moves = np.array([r.moves for r in of])
@@ -158,20 +158,9 @@ class Position:
         s, e, free = self.solver, self.elements, self.solver.free
         source = np.asarray(currents, dtype=float) @ s.coils + self.magnets
         a = np.zeros(e.count) if start is None else start
-        factor = self.volume / self.radius**2
         value, gradient, state = self._energy(a, source)
         for _ in range(STEPS):
-            residual, matrix = source - self.stiffness @ a, self.stiffness
-            for (_, at), (nu, bend) in zip(s.iron, state, strict=True):
-                g, f = e.gradient[at], factor[at]
-                along = np.einsum("mqt,mqat->mqa", gradient[at], g, optimize=True)
-                residual -= e.vector(np.einsum("mq,mqa->ma", nu * f, along), at)
-                weight = bend * f / self.radius[at] ** 2
-                values = np.einsum(
-                    "mqat,mqbt->mab", g * (nu * f)[..., None, None], g, optimize=True
-                )
-                values += np.einsum("mqa,mqb->mab", along * weight[..., None], along, optimize=True)
-                matrix = matrix + e.matrix(values, at)
+            matrix, residual = self._linearised(a, gradient, state, source)
             step = np.zeros(e.count)
             step[free] = self._solved(matrix[free][:, free], residual[free])
             slope, share = float(residual @ step), 1.0
@@ -185,6 +174,45 @@ class Position:
                 return self._solution(a, -value, gradient)
         raise AmbkitError(f"the magnetic field does not converge in {STEPS} steps")
 
+    def _linearised(
+        self, a: Array, gradient: Array, state: list[tuple[Array, Array]], source: Array
+    ) -> tuple[sparse.csc_matrix, Array]:
+        """Return the tangent stiffness (n, n) and the residual (n,) at a potential."""
+        s, e = self.solver, self.elements
+        factor = self.volume / self.radius**2
+        matrix, residual = self.stiffness, source - self.stiffness @ a
+        for (_, at), (nu, bend) in zip(s.iron, state, strict=True):
+            g, f = e.gradient[at], factor[at]
+            along = np.einsum("mqt,mqat->mqa", gradient[at], g, optimize=True)
+            residual -= e.vector(np.einsum("mq,mqa->ma", nu * f, along), at)
+            weight = bend * f / self.radius[at] ** 2
+            values = np.einsum("mqat,mqbt->mab", g * (nu * f)[..., None, None], g, optimize=True)
+            values += np.einsum("mqa,mqb->mab", along * weight[..., None], along, optimize=True)
+            matrix = matrix + e.matrix(values, at)
+        return matrix, residual
+
+    def tangent(self, a: Array) -> tuple[sparse.csc_matrix, Array]:
+        """Return the tangent stiffness (n, n) and how the force follows the potential (n,)."""
+        # Of small changes about a potential; the force is that along the first direction.
+        source = np.zeros(self.elements.count)
+        _, gradient, state = self._energy(a, source)
+        g, strain, density = self._shell(gradient)
+        way = self.solver.layout.directions[0]
+        d = np.array([way.real, way.imag])
+        along, across = (g @ d)[..., None], (g * strain).sum(axis=2)[..., None]
+        change = density[..., None] * (strain * along + across * d - g * (strain @ d)[..., None])
+        between = np.flatnonzero(self.solver.air)
+        by_node = np.einsum("mqt,mqat->ma", change, self.elements.gradient[between])
+        force = self.elements.vector(by_node, between)
+        return self._linearised(a, gradient, state, source)[0], force
+
+    def _shell(self, gradient: Array) -> tuple[Array, Array, Array]:
+        """Return grad a, that of what follows the rotor, and reluctivity by volume, in air."""
+        s = self.solver
+        between = np.flatnonzero(s.air)
+        density = (self.volume / self.radius**2)[between] * s.reluctivity[between, None]
+        return gradient[between], self.elements.grad(s.follows)[between], density
+
     @staticmethod
     def _solved(matrix: sparse.csc_matrix, right: Array) -> Array:
         options = {"SymmetricMode": True}
@@ -194,10 +222,7 @@ class Position:
     def _solution(self, a: Array, coenergy: float, gradient: Array) -> Solution:
         s = self.solver
         B = s.sense * (gradient[..., 1] - 1j * gradient[..., 0]) / self.radius
-        between = np.flatnonzero(s.air)
-        strain = self.elements.grad(s.follows)[between]
-        g = gradient[between]
-        density = (self.volume / self.radius**2)[between] * s.reluctivity[between, None]
+        g, strain, density = self._shell(gradient)
         forces = []
         for direction in s.layout.directions:
             d = np.array([direction.real, direction.imag])

@@ -37,10 +37,13 @@ class Curve:
     # Between the points a monotone cubic (Fritsch and Butland 1984); beyond the last one the slope
     # of air.
 
-    def __init__(self, B: Array, H: Array, stacking: float = 1.0) -> None:
+    def __init__(
+        self, B: Array, H: Array, stacking: float = 1.0, conductivity: float = 0.0
+    ) -> None:
         from scipy.interpolate import PchipInterpolator
 
         self.stacking, self._end = stacking, float(B[-1])
+        self.conductivity = conductivity  #: [S/m]
         self._h = PchipInterpolator(B, H)
         self._slope, self._energy = self._h.derivative(), self._h.antiderivative()
         self._h_end, self._w_end = float(H[-1]), float(self._energy(B[-1]))
@@ -102,7 +105,7 @@ class Iron(Part):
             b, h = np.array(self.flux_density), np.array(self.field_strength)
             if b[0] > 0:
                 b, h = np.append(0.0, b), np.append(0.0, h)
-            return Curve(b, h, self.stacking_factor)
+            return Curve(b, h, self.stacking_factor, self.conductivity or 0.0)
         b = np.linspace(0.0, HIGHEST, 521)
         if self.material is not None:
             mu_i, most, c_a, c_b, n = GRADES[self.material]
@@ -113,4 +116,4 @@ class Iron(Part):
             c = saturation / (MU_0 * (mu_r - 1))
             p = 0.5 * (MU_0 * c + saturation - b)
             h = MU_0 * c * b / (p + np.sqrt(p**2 + MU_0 * c * b)) / MU_0
-        return Curve(b, h, self.stacking_factor)
+        return Curve(b, h, self.stacking_factor, self.conductivity or 0.0)

@@ -27,7 +27,6 @@ class Region(NamedTuple):
     turns: float = 0.0  #: Negative where they carry the current into the plane.
     remanence: complex = 0.0  #: Of a permanent magnet [T], with its direction.
     permeability: float = 1.0  #: Relative, of what is no iron.
-    conductivity: float = 0.0  #: [S/m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +22,7 @@ from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.field import FieldSolver
 
 NODES = (11, 7)  #: Currents and displacements of a map.
-VERSION = 1  #: Of what is computed; maps of others are solved anew.
+VERSION = 2  #: Of what is computed; maps of others are solved anew.
 
 
 class Box(NamedTuple):
@@ -92,17 +94,23 @@ def map_of(drawing: Drawing, box: Box | None = None, nodes: tuple[int, int] = NO
     one_sided = drawing.geometry.sides == "one-sided"
     low = -min(w.limit, w.bias_current) if one_sided else -w.limit
     box = Box(w.bias_current, low, w.limit, drawing.displacement_range) if box is None else box
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ambkit" / "magnets"
-    path = root / f"{drawing.key(box, nodes, VERSION)}.npz"
     about = drawing.geometry.air_gap, not one_sided
-    with suppress(OSError, ValueError, KeyError, EOFError), np.load(path) as kept:
-        return MagnetMap(*about, *(kept[f"arr_{n}"] for n in range(5)))
-    arrays = _solved(drawing, box, nodes)
+    arrays = kept(drawing.key(box, nodes, VERSION), lambda: _solved(drawing, box, nodes))
+    return MagnetMap(*about, *arrays)
+
+
+def kept(key: str, solve: Callable[[], tuple[Array, ...]]) -> tuple[Array, ...]:
+    """Return arrays from the user's cache, solved where they are not in it."""
+    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ambkit" / "magnets"
+    path = root / f"{key}.npz"
+    with suppress(OSError, ValueError, KeyError, EOFError, BadZipFile), np.load(path) as file:
+        return tuple(file[name] for name in file.files)
+    arrays = solve()
     with suppress(OSError, AmbkitError):
         files.make_folder(root)
-        with files.replacing(path) as temporary, temporary.open("wb") as file:
-            np.savez(file, *arrays)
-    return MagnetMap(*about, *arrays)
+        with files.replacing(path) as temporary, temporary.open("wb") as opened:
+            np.savez(opened, *arrays)
+    return arrays
 
 
 def _solved(drawing: Drawing, box: Box, nodes: tuple[int, int]) -> tuple[Array, ...]:

@@ -19,7 +19,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.machine.magnetostatics.layout import Layout, Points, contains, flat
 
 GRADE = 0.5  #: By how much triangles grow with the distance from the gap.
-IN_GAP, AT_CORNER = 1.5, 0.3  #: Edges in the gap, and at corners beside it, in widths of the gap.
+IN_GAP, AT_CORNER = 1.5, 0.1  #: Edges in the gap, and at corners beside it, in widths of the gap.
 LARGEST = 0.08  #: Longest edge, in parts of the whole section.
 SAMPLES = 400  #: Points along the section at which the width of the gap is measured.
 ROUNDS = 80
@@ -39,10 +39,11 @@ Size = Callable[[Points], Array]
 Circles = Sequence[tuple[complex, float]]
 
 
-def mesh_of(layout: Layout, fineness: float = 1.0) -> Mesh:
+def mesh_of(layout: Layout, fineness: float = 1.0, skin: float | None = None) -> Mesh:
     """Return the mesh of a layout; a greater fineness has shorter edges everywhere."""
+    # skin: length of edges at the surface of iron that conducts [m]
     points, edges = checked_outlines(layout)
-    size = _sizes(layout, fineness)
+    size = _sizes(layout, fineness, skin)
     points, edges = _refined(points, edges, layout.circles, size)
     triangles = Delaunay(flat(points)).simplices.astype(np.intp)
     corners = points[triangles]
@@ -101,7 +102,7 @@ def _refuse_crossings(
         raise AmbkitError(f"{keys[other]}: its outline crosses that of {keys[one]}")
 
 
-def _sizes(layout: Layout, fineness: float) -> Size:
+def _sizes(layout: Layout, fineness: float, skin: float | None) -> Size:
     """Return the length of edges by place: from the width of the gap, and corners beside it."""
     parts: dict[bool, list[Points]] = {True: [], False: []}
     corners = []
@@ -128,6 +129,8 @@ def _sizes(layout: Layout, fineness: float) -> Size:
         far, nearest = tree.query(flat(places))
         plain = IN_GAP * width[nearest] + GRADE * far
         fine = AT_CORNER * beside + GRADE * np.abs(places[:, None] - sharp)
+        if skin is not None:
+            plain = np.minimum(plain, skin + GRADE * far)
         least = np.minimum(np.minimum(plain, LARGEST * extent), fine.min(axis=1))
         return np.asarray(least / fineness)
 

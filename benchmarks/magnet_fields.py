@@ -1,0 +1,173 @@
+"""Magnet forces beside fourth-order elements of NGSolve, at three sizes of our mesh.
+
+    uv run --with ngsolve python -m benchmarks.magnet_fields
+
+The sections are meshed by Netgen with the rotor displaced in the geometry, and solved with fourth
+order on a mesh that is finer at the gap; the force is that of the stress on a shell of harmonic
+weight. Only the outlines and the magnetisation curve are common. Prints deviations of our force and
+flux linkage, and the order in which they fall from mesh to mesh, measured against our finest.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from ambkit.machine.magnetostatics.drawing import Drawing
+from ambkit.machine.magnetostatics.field import FieldSolver
+from ambkit.machine.magnetostatics.layout import flat
+
+FOLDER = Path(__file__).parents[1] / "examples" / "magnets"
+MU_0 = 4e-7 * np.pi
+POINTS = ((0.0, 0.0), (0.5, 0.3), (1.0, 0.5))
+"""Control current and displacement, in parts of bias current and air gap."""
+
+
+def refined(outline, circles, displacement=0.0):
+    """Return an outline whose steps along circles are halved three times."""
+    points = outline
+    for _ in range(3):
+        following = np.roll(points, -1)
+        middle = 0.5 * (points + following)
+        keep = np.zeros(len(points), dtype=bool)
+        for centre, radius in circles:
+            on = [
+                np.abs(np.abs(end - centre) - radius) < 1e-7 * radius for end in (points, following)
+            ]
+            arc = on[0] & on[1] & (np.abs(following - points) < 0.3 * radius)
+            out = middle[arc] - centre
+            middle[arc] = centre + radius * out / np.abs(out)
+            keep |= arc
+        points = np.concatenate([[p, m] if k else [p] for p, m, k in
+                                 zip(points, middle, keep, strict=True)])  # fmt: skip
+    return points + displacement
+
+
+def ngsolve_mesh(layout, displacement, gap):
+    """Return Netgen's mesh; regions are r0, r1, ..., and air around."""
+    import ngsolve as ng
+    from netgen import occ
+
+    def face(region):
+        shift = displacement if region.moves else 0.0
+        outline = refined(region.outline, layout.circles, shift)
+        if np.imag(np.conj(outline) * np.roll(outline, -1)).sum() < 0:
+            outline = outline[::-1]  # Netgen asks for anticlockwise ones
+        points = [(float(x), float(y)) for x, y in flat(outline)]
+        plane = occ.WorkPlane().MoveTo(*points[0])
+        for point in points[1:]:
+            plane = plane.LineTo(*point)
+        made = plane.Close().Face()
+        if region.coil < 0 and region is not layout.boundary:
+            made.edges.maxh = 2 * gap
+            if len(points) < 40:  # no arcs: its corners are sharp
+                made.vertices.maxh = gap / 6
+        return made
+
+    faces = [("air", face(layout.boundary))]
+    for number, region in enumerate(layout.regions):
+        new = face(region)
+        faces = [(name, old - new) for name, old in faces] + [(f"r{number}", new)]
+    for name, shape in faces:
+        shape.faces.name = name
+    glued = occ.Glue([shape for _, shape in faces])
+    extent = float(np.abs(layout.boundary.outline).max())
+    geometry = occ.OCCGeometry(glued, dim=2)
+    return ng.Mesh(geometry.GenerateMesh(maxh=0.08 * extent, grading=0.4))
+
+
+def reference(layout, drawing, currents, displacement):
+    """Return force and flux linkages by NGSolve."""
+    import ngsolve as ng
+
+    mesh = ngsolve_mesh(layout, displacement, drawing.geometry.air_gap)
+    iron, mu_r = drawing.iron.saturation, drawing.iron.relative_permeability
+    names = list(mesh.GetMaterials())
+    of = {f"r{n}": region for n, region in enumerate(layout.regions)}
+    solid = [n for n in names if n != "air" and of[n].iron is not None]
+    moving = [n for n in names if n != "air" and of[n].moves]
+    coils = [n for n in names if n != "air" and of[n].coil >= 0]
+    air = [n for n in names if n not in (*solid, *moving, *coils)]
+    space = ng.H1(mesh, order=4)
+    free = space.FreeDofs()
+    # The outer boundary: edges of one triangle only.
+    edges = {}
+    for element in mesh.Elements(ng.VOL):
+        for edge in element.edges:
+            edges[edge.nr] = edges.get(edge.nr, 0) + 1
+    for element in mesh.Elements(ng.BND):
+        if all(edges[edge.nr] == 1 for edge in element.edges):
+            for dof in space.GetDofNrs(element):
+                free[dof] = False
+    axial = layout.axisymmetric
+    r = ng.x if axial else ng.CoefficientFunction(1.0)
+    length = 2 * np.pi if axial else layout.depth
+    u, v = space.TnT()
+    b = ng.sqrt(ng.InnerProduct(ng.grad(u), ng.grad(u)) + 1e-20) / r
+    c = iron / (MU_0 * (mu_r - 1))
+    p = 0.5 * (MU_0 * c + iron - b)
+    law = c / (p + ng.sqrt(p * p + MU_0 * c * b))
+    nu = mesh.MaterialCF({n: 1.0 for n in solid}, default=0.0)
+    field = ng.BilinearForm(space)
+    load = ng.Parameter(0.0)
+    area = {
+        n: ng.Integrate(ng.CoefficientFunction(1.0), mesh, definedon=mesh.Materials(n))
+        for n in coils
+    }
+    J = mesh.MaterialCF({n: currents[of[n].coil] * of[n].turns / area[n] for n in coils}, default=0)
+    weight = (nu * law + (1 - nu) / MU_0) / r
+    field += weight * ng.InnerProduct(ng.grad(u), ng.grad(v)) * ng.dx(bonus_intorder=4)
+    field += -load * J * v * ng.dx
+    a = ng.GridFunction(space)
+    for share in (0.25, 0.5, 0.75, 1.0):
+        load.Set(share)
+        ng.solvers.Newton(field, a, freedofs=free, maxit=60, maxerr=1e-9, inverse="sparsecholesky",
+                          printing=False)  # fmt: skip
+    shell = ng.H1(mesh, order=2)
+    g, h = shell.TnT()
+    held = mesh.MaterialCF({n: 1e14 for n in (*solid, *moving, *coils)}, default=0.0)
+    one = mesh.MaterialCF({n: 1.0 for n in moving}, default=0.0)
+    matrix = ng.BilinearForm(ng.grad(g) * ng.grad(h) * ng.dx + held * g * h * ng.dx).Assemble()
+    right = ng.LinearForm(held * one * h * ng.dx).Assemble()
+    gamma = ng.GridFunction(shell)
+    gamma.vec.data = matrix.mat.Inverse(shell.FreeDofs(), "sparsecholesky") * right.vec
+    d = layout.directions[0]
+    d = ng.CoefficientFunction((d.real, d.imag))
+    ga, gg = ng.grad(a), ng.grad(gamma)
+    stress = (ga * gg) * (d * ga) - 0.5 * (ga * ga) * (d * gg)
+    force = ng.Integrate(length / MU_0 * stress / r, mesh, order=10,
+                         definedon=mesh.Materials("|".join(air)))  # fmt: skip
+    flux = np.zeros(layout.bias.size)
+    for n in coils:
+        mean = ng.Integrate(a, mesh, order=8, definedon=mesh.Materials(n)) / area[n]
+        flux[of[n].coil] += length * of[n].turns * mean
+    return force, flux, space.ndof
+
+
+def main(names):
+    """Print the comparison."""
+    for name in names:
+        drawing = Drawing.load(FOLDER / f"{name}.toml")
+        layout, bias, gap = drawing.layout, drawing.winding.bias_current, drawing.geometry.air_gap
+        solvers = {fineness: FieldSolver(layout, fineness) for fineness in (0.5, 1.0, 2.0)}
+        for iu, x in POINTS:
+            begin = time.perf_counter()
+            currents = bias * (layout.bias + iu * layout.control[0])
+            displacement = x * gap * layout.directions[0]
+            force, flux, dofs = reference(layout, drawing, currents, displacement)
+            took = time.perf_counter() - begin
+            ours = {f: s.at(displacement).solve(currents) for f, s in solvers.items()}
+            size = max(abs(force), 1e-3 * drawing.magnet_constant * (bias / gap) ** 2)
+            off = [(s.force[0] - force) / size for s in ours.values()]
+            linked = [np.abs(s.flux - flux).max() / np.abs(flux).max() for s in ours.values()]
+            print(
+                f"{name:>12} iu {iu:.1f} x {x:.1f}: F {force:9.3f} N of {dofs} unknowns "
+                f"({took:.0f} s); ours "
+                + " ".join(f"{100 * o:+.3f}" for o in off) + " %; flux "
+                + " ".join(f"{100 * o:.3f}" for o in linked) + " %", flush=True,
+            )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or [path.stem for path in sorted(FOLDER.glob("*.toml"))])
