@@ -1,8 +1,10 @@
 """Magnets from their drawings: error of the disturbance force by what a filter knows of the magnet.
 
-A 3 kg axis takes a step of 20 N; plant and last filter have the map of the drawing. The others know
-the law of ideal iron, the closed law with the map's k_i and k_s in the centre, and the expert
-trained on the map: python -m benchmarks.magnets [seeds]
+    uv run python -m benchmarks.magnets [SEEDS]
+
+A 3 kg axis stands 0.1 mm off the centre and takes a step of 20 N; plant and last filter have the
+map of the drawing. The others know the law of ideal iron, the closed law with the map's k_i and k_s
+in the centre, and the expert trained on the map.
 """
 
 import sys
@@ -51,7 +53,9 @@ def errors(name, seeds):
     ]  # fmt: skip
     rows = []
     for seed in range(seeds):
-        scenario = ambkit.scenario_for(mapped, load="20 N", duration="0.3 s", seed=seed)
+        scenario = ambkit.scenario_for(
+            mapped, step="0.1 mm", load="20 N", duration="0.4 s", seed=seed
+        )
         record = ambkit.simulate(mapped, scenario).record
         late = record.t > SETTLED
         rows.append([

@@ -58,7 +58,7 @@ def dynamic_stiffness(
         force[free] @ splu((K + 1j * w * M).tocsc(), "MMD_AT_PLUS_A").solve(source.astype(complex))
         for w in (0.0, *omega)
     ]
-    return np.array(response[1:]) / response[0]
+    return np.asarray(np.array(response[1:]) / response[0], dtype=np.complex128)
 
 
 def dynamics_of(drawing: Drawing) -> tuple[NDArray[np.complex128], float]:
