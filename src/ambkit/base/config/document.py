@@ -380,6 +380,11 @@ def _kind_of(field: FieldInfo, value: Any) -> type[BaseModel] | None:
     if isinstance(value, BaseModel):
         return type(value)
     by = field.discriminator
+    if isinstance(by, str):
+        named = value.get(by) if isinstance(value, dict) else None
+        return next(
+            (k for k in get_args(field.annotation) if k.model_fields[by].default == named), None
+        )
     tag = by.discriminator(value) if isinstance(by, Discriminator) and callable(
         by.discriminator) else None  # fmt: skip
     for kind in get_args(field.annotation):
