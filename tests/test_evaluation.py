@@ -5,6 +5,7 @@ import pytest
 
 import ambkit
 from ambkit.judge.comparison import rmse
+from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.judge.evaluation import evaluate, logged_predictions
 
 
@@ -145,3 +146,17 @@ def test_a_filter_of_a_file_is_not_said_to_be_tuned(bearing, record, tmp_path):
     assert not any("Tuned" in text for text in found.remarks)
     beside = ambkit.filter(measured, [file, "linear"], machine=bearing)
     assert any("s (linear), judged on the rest" in text for text in beside.remarks)
+
+
+def test_multiple_models_say_where_the_magnet_is_at_the_end_of_them(bearing):
+    quiet = bearing.replace(sensor__noise_variance="1 µm^2")
+    for factor, said in ((1.45, True), (1.0, False)):
+        m = quiet.magnet
+        true = quiet.replace(**m.with_constant(factor * m.magnet_constant))
+        (trial,) = trials(CASES["paper"], true, 1, 3)
+        measured = ambkit.Record(
+            trial.record.t, {of: trial.record[of] for of in "yu"}, {"y": "m", "u": "V"}
+        )
+        result = ambkit.filter(measured, "multiple-model", machine=quiet)
+        assert (result["multiple-model"].outermost == 1.3) == said
+        assert any("takes the outermost of its models" in text for text in result.remarks) == said

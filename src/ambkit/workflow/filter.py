@@ -34,6 +34,7 @@ from ambkit.workflow.tuning import (
 from ambkit.workflow.warnings import OutsideOperatingRange, outside_operating_range
 
 HORIZONS = (1, 10)  #: Steps ahead that are predicted.
+NEAR = 0.2  #: Of the distance of two models, within which an estimated scale is one of them.
 ESTIMATORS = ("estimators",)  #: Section of its rows.
 
 
@@ -86,6 +87,8 @@ class Filtered:
     smoothed: Estimate | None = None  #: Each sample estimated from the whole record, if asked for.
     #: By axis, where an expert is asked beyond its box in more than a hundredth of the samples.
     outside: Mapping[str, OutsideOperatingRange] = field(default_factory=dict)
+    #: Of multiple models, the outermost that it takes for true in most samples; else None.
+    outermost: float | None = None
     #: What it says of unbalance and runout at the end of the record.
     turning: Sequence[Harmonic] = ()
 
@@ -273,12 +276,25 @@ def filter(
         one = replace(
             one,
             outside=outside_operating_range(estimator, one.evaluation.estimate, record),
+            outermost=outermost_model(estimator, one.evaluation.estimate),
             turning=harmonics(estimator, until),
             smoothed=build(one.noise).smooth(record) if smooth else None,
         )
         results[name] = one
         done(one)
     return Filtering(machine, record, stretch, late, results)
+
+
+def outermost_model(filter: Any, estimate: Estimate) -> float | None:
+    """Return the outermost of multiple models, where that is the likeliest in most samples."""
+    scales = sorted(getattr(filter, "scales", ()))
+    if len(scales) < 2 or estimate.scale is None:
+        return None
+    for end, inner in ((scales[0], scales[1]), (scales[-1], scales[-2])):
+        near = np.abs(estimate.scale - end) < NEAR * abs(end - inner)
+        if near.mean(axis=0).max() > 0.5:
+            return float(end)
+    return None
 
 
 def in_flight(record: Record) -> tuple[float | None, float | None]:

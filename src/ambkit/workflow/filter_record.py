@@ -146,6 +146,12 @@ def _warnings(result: Filtering, samples: int) -> Iterator[str]:
                 "model does not hold over so long a time; the rotor is in contact or held in "
                 "part of the record, or is of another rig ('ambkit check' with --machine)"
             )
+        if one.outermost is not None:
+            yield (
+                f"{name}: takes the outermost of its models, {one.outermost:g} times the magnet "
+                "constant, for true: the magnet may be beyond them, and the stated errors are too "
+                "small then; give others by scales, or identify the magnet"
+            )
         for axis, outside in one.outside.items():
             yield _of_the_box(f"{name}, axis {axis}" if axis else name, outside)
 
