@@ -14,7 +14,7 @@ window.ask = {
     rotor.compute();
     const { flight } = rotor, plain = (of) => Array.from(of);
     return {
-      q: flight.q.map(plain), y: plain(flight.y), u: plain(flight.u), iu: plain(flight.iu),
+      mean: flight.filter ? plain(flight.filter.mean) : [], q: flight.q.map(plain), y: plain(flight.y), u: plain(flight.u), iu: plain(flight.iu),
       ...Object.fromEntries(Object.entries(rotor.signals()).map(([name, of]) => [name, plain(of)])),
     };
   },
@@ -22,9 +22,10 @@ window.ask = {
   rotorKnobs() {
     const { rotor } = workbench, out = {};
     workbench.pick(workbench.machines.find((one) => one.rotor));
+    const sum = (series) => series.reduce((all, value, k) => all + value * ((k % 7) + 1), 0);
     const look = () => {
       rotor.compute();
-      return rotor.flight.q[0].reduce((all, value, k) => all + value * ((k % 7) + 1), 0);
+      return { flight: sum(rotor.flight.q[0]), filter: sum(rotor.flight.filter.mean) };
     };
     for (const key of rotor.knobs) {
       const before = look(), slider = document.getElementById(`knob-${key}`);
@@ -32,7 +33,8 @@ window.ask = {
       slider.dispatchEvent(new Event("input"));
       const after = look();
       slider.dispatchEvent(new Event("dblclick"));
-      out[key] = { moves: before !== after, finite: Number.isFinite(after), back: look() === before };
+      const back = look().filter === before.filter, finite = Number.isFinite(after.filter);
+      out[key] = { moves: before.flight !== after.flight, filter: before.filter !== after.filter, finite, back };
     }
     return out;
   },

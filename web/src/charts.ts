@@ -28,6 +28,7 @@ export interface Axes {
   scale: number; // shown = value * scale
   x?: { label: string; log?: boolean };
   yLog?: boolean;
+  decades?: boolean; // no finer lines across
   range?(low: number, high: number): [number, number];
   draw?(u: uPlot): void;
 }
@@ -79,7 +80,7 @@ export class Chart {
     this.data = scaled.map((column, j) => (j === 0 || axes.scale === 1 ? column : column.map((value) => value * axes.scale)));
     this.lines = lines;
     this.axes = axes;
-    const shape = JSON.stringify([lines, bands, axes.unit, axes.x, axes.yLog, colour("ink"), colour("card")]);
+    const shape = JSON.stringify([lines, bands, axes.unit, axes.x, axes.yLog, axes.decades, colour("ink"), colour("card")]);
     if (!this.plot || shape !== this.shape) {
       this.plot?.destroy();
       this.shape = shape;
@@ -128,7 +129,7 @@ export class Chart {
       },
       axes: [
         { ...axis, size: 26, gap: 3, labelSize: 14, label: axes.x?.label ?? "t [s]", labelGap: -4, values: names, ...(axes.x?.log ? decades : {}) },
-        { ...axis, size: 48, gap: 4, labelSize: 14, label: axes.unit, labelGap: 0, values: names, ...(axes.yLog && !axes.draw ? decades : {}) },
+        { ...axis, size: 48, gap: 4, labelSize: 14, label: axes.unit, labelGap: 0, values: names, ...(axes.decades ? decades : {}) },
       ],
       series: [
         {},

@@ -169,7 +169,7 @@ export class Panels {
     const of_x = spectrum(flight.x, flight.T), of_y = spectrum(flight.y, flight.T);
     this.plots.spectrum.show(of_x.f, [of_y.amplitude, of_x.amplitude],
       [{ label: "reading", colour: "sensor", width: 1 }, { label: "truth", colour: "truth", width: 1.5 }], [],
-      { unit: "amplitude [µm]", scale: 1e6, x: { label: "f [Hz]", log: true }, yLog: true });
+      { unit: "amplitude [µm]", scale: 1e6, x: { label: "f [Hz]", log: true }, yLog: true, decades: true });
     for (const card of Object.values(this.cards)) describe(card);
     this.map.show(core, s, flight);
     this.map.point(flight.iu[n - 1], flight.x[n - 1]);

@@ -2,11 +2,11 @@
 
 import { aroundZero, Chart, colour, type Line } from "./charts";
 import type { Card } from "./panels";
-import { card, describe } from "./panels";
+import { card, describe, lamp } from "./panels";
 import { slider } from "./knobs";
 import { orbits } from "./orbit";
 import { along, type Rotor, type RotorCore, type RotorFlight, type RotorLive } from "./rotor_core";
-import { described, freshRotor, ROTOR_KNOBS, type RotorSettings } from "./rotor_knobs";
+import { described, filtering, freshRotor, ROTOR_KNOBS, type RotorSettings } from "./rotor_knobs";
 import { across, alongAxes, RotorPicture } from "./rotor_picture";
 import { spectrum } from "./spectrum";
 import { digits, shown } from "./units";
@@ -51,6 +51,8 @@ export class RotorBench {
     make("displacements", "Displacements along the axes");
     make("radius", "Orbit over time, or over speed");
     make("currents", "Control currents");
+    make("rotor-force", "Disturbance forces, as the filter sees them");
+    make("rotor-error", "Error of the first displacement");
     make("lines", "Spectrum of the first axis", "wide", null);
     this.picture = new RotorPicture(svg);
     this.pointer();
@@ -79,7 +81,10 @@ export class RotorBench {
         head.textContent = knob.group;
         box.append(head);
         this.panel.append(box);
-        if (knob.group === "Rotation") box.append(this.runUp());
+        if (knob.group === "Rotation") box.append(this.choice("run-up", "Over the flight", [["0", "at this speed"], ["1", "from rest up to it"]],
+          () => (this.settings.runUp ? 1 : 0), (value) => (this.settings.runUp = value > 0)));
+        if (knob.group === "Filter") box.append(this.choice("filter", "Over the readings", [["2", "extended"], ["1", "linear"], ["0", "none"]],
+          () => this.settings.filter, (value) => (this.settings.filter = value)));
       }
       const row = slider(knob, this.own, () => this.settings, () => this.change(false));
       box.append(row.row);
@@ -87,19 +92,19 @@ export class RotorBench {
     }
   }
 
-  private runUp(): HTMLElement {
+  private choice(id: string, text: string, options: string[][], now: () => number, set: (value: number) => void): HTMLElement {
     const row = document.createElement("div"), label = document.createElement("label"), select = document.createElement("select");
     row.className = "choice";
-    select.id = "choice-run-up";
+    select.id = `choice-${id}`;
     label.htmlFor = select.id;
-    label.textContent = "Over the flight";
-    select.append(new Option("at this speed", "no"), new Option("from rest up to it", "yes"));
+    label.textContent = text;
+    select.append(...options.map(([value, name]) => new Option(name, value)));
     select.addEventListener("change", () => {
-      this.settings.runUp = select.value === "yes";
+      set(Number(select.value));
       this.change(false);
     });
     row.append(label, select);
-    this.rows.push({ show: () => (select.value = this.settings.runUp ? "yes" : "no") });
+    this.rows.push({ show: () => (select.value = String(now())) });
     return row;
   }
 
@@ -133,14 +138,14 @@ export class RotorBench {
   compute(): void {
     const from = performance.now(), { load, speed } = this.signals();
     this.core.take(this.drawn, this.settings.seed, this.settings.noisy);
-    this.flight = this.core.fly(load, speed);
+    this.flight = this.core.fly(load, speed, filtering(this.machine, this.settings));
     const flown = performance.now() - from;
-    this.show(this.flight);
+    this.show(this.flight, load);
     this.took = performance.now() - from;
     this.said(`${this.machine.axes} axes over ${this.flight.n.toLocaleString("en")} samples in ${flown.toFixed(0)} ms, with all charts in ${this.took.toFixed(0)} ms`);
   }
 
-  private show(flight: RotorFlight): void {
+  private show(flight: RotorFlight, load: Float64Array): void {
     const of = this.drawn, { n, T } = flight, t = Float64Array.from({ length: n }, (_, k) => k * T);
     const s = of.names.map((_, f) => along(of, flight, f)), lines = of.names.map((name, f): Line => ({ label: name, colour: `f${f % 4}`, width: 1.2 }));
     this.plots.displacements.show(t, s, lines, [], { unit: "s [µm]", scale: 1e6, range: aroundZero });
@@ -168,14 +173,49 @@ export class RotorBench {
     const currents = of.names.map((_, f) => Float64Array.from({ length: n }, (_, k) => flight.iu[k * of.axes + f]));
     this.plots.currents.show(t, currents, lines, [], { unit: "i_u [A]", scale: 1 });
     this.cards.currents.say.textContent = `limit ±${shown(of.iu_max[0], "A")}`;
+    this.filtered(flight, t, s[0], load);
     this.lines(s[0], T);
     Object.values(this.cards).forEach(describe);
+  }
+
+  /** What the filter makes of the readings, against the truth. */
+  private filtered(flight: RotorFlight, t: Float64Array, s: Float64Array, load: Float64Array): void {
+    const of = this.drawn, { filter, n } = flight;
+    for (const id of ["rotor-force", "rotor-error"]) this.cards[id].element.hidden = !filter;
+    if (!filter) return;
+    const { mean, states, innovation, variance } = filter, first = this.machine.filter!.loads;
+    const column = (j: number) => Float64Array.from({ length: n }, (_, k) => mean[k * states + j]);
+    const forces = of.names.map((_, f) => column(first + f)), truth = Float64Array.from({ length: n }, (_, k) => load[k * of.axes]);
+    this.plots["rotor-force"].show(t, [...forces.reverse(), truth],
+      [...of.names.map((name, f): Line => ({ label: name, colour: `f${f % 4}`, width: 1.2 })).reverse(), { label: `${of.names[0]}, truth`, colour: "truth", width: 1.8, dash: [5, 3] }],
+      [], { unit: "f_d [N]", scale: 1, range: aroundZero });
+    const [start, at, value] = of.H, hat = new Float64Array(n), reading = new Float64Array(n);
+    for (let k = 0; k < n; k++) {
+      let sum = 0;
+      for (let j = start[0]; j < start[1]; j++) sum += value[j] * mean[k * states + at[j]];
+      hat[k] = sum - s[k];
+      reading[k] = flight.y[k * of.sensors] / of.gain[0] - s[k];
+    }
+    const from = Math.floor(n / 50), rms = (series: Float64Array) => Math.sqrt(series.slice(from).reduce((sum, one) => sum + one * one, 0) / (n - from));
+    const beside = of.sensors === of.axes && rms(reading) < 5 * Math.sqrt(of.var_y[0]); // a sensor elsewhere shows another place
+    this.plots["rotor-error"].show(t, beside ? [reading, hat] : [hat],
+      [...(beside ? [{ label: "reading", colour: "sensor", width: 1, faint: true }] : []), { label: "filter", colour: "f0", width: 1.3 }], [],
+      { unit: "error [µm]", scale: 1e6, range: aroundZero });
+    this.cards["rotor-error"].say.textContent = `filter ${shown(rms(hat), "m")}${beside ? `, raw sensor ${shown(rms(reading), "m")}` : ""} RMS`;
+    let sum = 0, taken = 0;
+    for (let k = from * of.sensors; k < n * of.sensors; k++) {
+      if (!(variance[k] > 0)) continue;
+      sum += innovation[k] ** 2 / variance[k];
+      taken++;
+    }
+    const nis = taken ? sum / taken : NaN, judged = lamp(nis);
+    this.cards["rotor-force"].say.innerHTML = `<i class="lamp ${judged.tone}"></i>NIS ${digits(nis)}, ${judged.text}`;
   }
 
   private lines(signal: Float64Array, T: number): void {
     const { f, amplitude } = spectrum(signal, T), once = this.settings.speed / (2 * Math.PI);
     this.plots.lines.show(f, [amplitude], [{ label: "A1", colour: "truth", width: 1.4 }], [], {
-      unit: "amplitude [µm]", scale: 1e6, x: { label: "f [Hz]", log: true }, yLog: true,
+      unit: "amplitude [µm]", scale: 1e6, x: { label: "f [Hz]", log: true }, yLog: true, decades: true,
       draw: (u) => {
         if (!(once > f[0])) return;
         const by = window.devicePixelRatio || 1, x = u.valToPos(once, "x", true);

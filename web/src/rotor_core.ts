@@ -1,5 +1,26 @@
 // A rotor on several bearings: its description goes to C as numbers one after the other.
 
+/** What a filter is made of: web/core/rotor/filter.c. */
+export interface RotorFilter {
+  names: string[];
+  values: number[];
+  pattern: number[];
+  plan: number[];
+  settings: Record<string, number[]>;
+  dwell: number;
+  std: number[];
+  start: number[];
+  loads: number; // the first state that is a disturbance force
+}
+
+/** Which filter is over the readings, with which parameters, and by what it takes the magnets too strong. */
+export interface Filtering {
+  kind: 0 | 1 | 2; // none, linear, extended
+  of: RotorFilter;
+  parameters: number[];
+  k: number;
+}
+
 type Rows = [number[], number[], number[]];
 
 /** What Python states of a rotor (src/ambkit/export/browser/rotor.py), in SI. */
@@ -15,6 +36,7 @@ export interface Rotor {
   speed: number; mass: number; names: string[];
   bearings: { name: string; place: number; angle: number; type: string }[];
   discs: number[];
+  filter: RotorFilter | null;
 }
 
 /** The numbers of a rotor in the order of web/core/rotor/rotor.c. */
@@ -40,6 +62,7 @@ export interface RotorFlight {
   u: Float64Array;
   speed: Float64Array; // n + 1
   atStop: Uint8Array;
+  filter: { states: number; mean: Float64Array; innovation: Float64Array; variance: Float64Array } | null;
 }
 
 /** A moment of the rotor under the hand, along its axes. */
@@ -58,7 +81,11 @@ interface Exports {
   description(): number;
   read(): void;
   series(which: number): number;
-  fly(samples: number): void;
+  fly(samples: number, kind: number, k: number): number;
+  filter_input(): number;
+  filter_parameters(): number;
+  read_filter(): void;
+  filter_history(which: number): number;
   live_push(): number;
   live_start(): void;
   live_step(n: number, speed: number, off: number): number;
@@ -91,18 +118,26 @@ export class RotorCore {
   }
 
   /** Fly with loads (n x axes) [N] at speeds (n + 1) [rad/s]. */
-  fly(load: Float64Array, speed: Float64Array): RotorFlight {
+  fly(load: Float64Array, speed: Float64Array, filtering: Filtering | null = null): RotorFlight {
     const { axes, sensors, positions, T } = this.of, n = load.length / axes;
     const at = (which: number, count: number) => this.reals(this.c.series(which), count);
     at(0, n * axes).fill(0);
     at(1, n * axes).set(load);
     at(2, n + 1).set(speed);
-    this.c.fly(n);
+    if (filtering) {
+      const { of } = filtering, all = [...of.pattern, ...of.plan, ...Object.values(of.settings).flat(), of.dwell, ...of.std, ...of.start];
+      this.reals(this.c.filter_input(), all.length).set(all);
+      this.c.read_filter();
+      this.reals(this.c.filter_parameters(), filtering.parameters.length).set(filtering.parameters);
+    }
+    const filtered = this.c.fly(n, filtering?.kind ?? 0, filtering?.k ?? 1) > 0, states = filtering?.of.std.length ?? 0;
+    const history = (which: number, count: number) => this.reals(this.c.filter_history(which), count);
     const columns = this.c.series(3);
     return {
       n, T, q: Array.from({ length: 2 * positions }, (_, j) => this.reals(columns + 8 * j * MOST_ROTOR_SAMPLES, n)),
       iu: at(4, n * axes), force: at(5, n * axes), y: at(6, n * sensors), u: at(7, n * axes), speed: at(2, n + 1),
       atStop: new Uint8Array(this.c.memory.buffer, this.c.series(8), n),
+      filter: filtered ? { states, mean: history(0, n * states), innovation: history(1, n * sensors), variance: history(2, n * sensors) } : null,
     };
   }
 

@@ -1,7 +1,7 @@
 // What can be set of a rotor, and the description that follows from it.
 
 import type { Knob } from "./knobs";
-import type { Rotor } from "./rotor_core";
+import type { Filtering, Rotor } from "./rotor_core";
 
 export interface RotorSettings {
   speed: number; // [rad/s]
@@ -16,6 +16,9 @@ export interface RotorSettings {
   noise: number;
   lag: number;
   delay: number; // [s]
+  filter: number; // 0 none, 1 linear, 2 extended
+  assumed: number; // of the magnets, by the filter over the true ones [1]
+  Q: number;
   push: number; // step of a force on the first axis, half-way [N]
   seed: number;
   noisy: boolean;
@@ -25,12 +28,12 @@ const G = 9.81;
 
 export function freshRotor(of: Rotor): RotorSettings {
   return {
-    speed: of.speed, runUp: false, unbalance: 1, mass: 1, gap: 1, bias: 1, kp: 1, ki: 1, kd: 1, noise: 1, lag: 1,
+    speed: of.speed, runUp: false, unbalance: 1, mass: 1, gap: 1, bias: 1, kp: 1, ki: 1, kd: 1, noise: 1, lag: 1, filter: 2, assumed: 1, Q: 1,
     delay: of.delay * of.T + of.delay_rest, push: Number((0.2 * of.mass * G).toPrecision(2)), seed: 1, noisy: true,
   };
 }
 
-function times(key: "unbalance" | "mass" | "gap" | "bias" | "kp" | "ki" | "kd" | "noise" | "lag", group: string, label: string, by: number, help = ""): Knob<RotorSettings> {
+function times(key: "unbalance" | "Q" | "mass" | "gap" | "bias" | "kp" | "ki" | "kd" | "noise" | "lag", group: string, label: string, by: number, help = ""): Knob<RotorSettings> {
   return {
     key, group, label: `${label} / own`, help, unit: "1", get: (s) => s[key], set: (s, value) => (s[key] = value),
     range: () => ({ from: 1 / by, to: by, log: true, zero: key === "unbalance" || key === "noise" }),
@@ -55,6 +58,13 @@ export const ROTOR_KNOBS = (of: Rotor): Knob<RotorSettings>[] => [
     key: "delay", group: "Sensors", label: "Dead time", help: "From the sample to the current that it asks for", unit: "s",
     get: (s) => s.delay, set: (s, value) => (s.delay = value), range: () => ({ from: 0, to: 6 * of.T, log: false }),
   },
+  ...(of.filter ? [
+    {
+      key: "assumed", group: "Filter", label: "Assumed k / true k", help: "How wrong the filter is about the magnets", unit: "1",
+      get: (s: RotorSettings) => s.assumed, set: (s: RotorSettings, value: number) => (s.assumed = value), range: () => ({ from: 0.5, to: 1.6, log: false }),
+    },
+    times("Q", "Filter", "Q", 1e4, "Assumed growth of the disturbance forces"),
+  ] : []),
   {
     key: "push", group: "Flight", label: "Disturbance force", help: "On the first axis, half-way through the flight", unit: "N",
     get: (s) => s.push, set: (s, value) => (s.push = value), range: (own) => ({ from: -4 * Math.abs(own.push), to: 4 * Math.abs(own.push), log: false }),
@@ -95,4 +105,17 @@ export function described(own: Rotor, s: RotorSettings): Rotor {
     integral: same ? own.integral : held,
     var_y: own.var_y.map((value) => value * s.noise * s.noise),
   };
+}
+
+/** The filter that goes with these settings: it knows of speed, mass, lag and noise, not of dead time and unbalance. */
+export function filtering(own: Rotor, s: RotorSettings): Filtering | null {
+  const of = own.filter;
+  if (!of || (s.filter !== 1 && s.filter !== 2)) return null;
+  const by: Record<string, number> = { mass: s.mass, transverse_inertia: s.mass, polar_inertia: s.mass };
+  const parameters = of.names.map((name, k) => (name === "speed" ? s.speed : name.startsWith("lag_") ? of.values[k] * s.lag : of.values[k] * (by[name] ?? 1)));
+  const scaled = (name: string, factor: number) => (factor === 1 ? of.settings[name] : of.settings[name].map((value) => value * factor));
+  const settings = {
+    ...of.settings, lag: scaled("lag", s.lag), f_0: scaled("f_0", s.mass), var_y: scaled("var_y", Math.max(s.noise, 0.02) ** 2), var_d: scaled("var_d", s.Q),
+  };
+  return { kind: s.filter, of: { ...of, settings }, parameters, k: s.assumed };
 }

@@ -1,11 +1,8 @@
 /* A rotor on several bearings under its PIDs, in the build with loops: a flight, and a rotor under
  * the hand. The page writes the description as numbers one after the other, in the order of `read`.
  */
-#include "noise_drawn.h"
+#include "rotor.h"
 
-#define EXPORT(name) __attribute__((export_name(#name)))
-#define MOST 10001 /* samples of a flight */
-#define WIDE 8     /* axes, sensors and positions at most */
 #define ENTRIES 256
 #define WIDEST (2 * WIDE + WIDE)
 
@@ -211,7 +208,9 @@ EXPORT(series) void *series(int which)
   return all[which];
 }
 
-EXPORT(fly) void fly(int samples)
+/* Fly under the PIDs, with a filter over the readings: 1 linear, 2 extended, 0 none. Returns
+ * whether there was one. */
+EXPORT(fly) int fly(int samples, int kind, double k_known)
 {
   const size_t n = (size_t)samples, p = (size_t)loop.plant.axes, m = (size_t)loop.plant.sensors;
   double *columns[WIDEST];
@@ -223,6 +222,8 @@ EXPORT(fly) void fly(int samples)
   for (int j = 0; j < WIDEST; j++)
     columns[j] = X[j];
   settle(&state);
+  amb_loop with = loop;
+  with.estimator = kind > 0 ? rotor_filter(kind > 1, k_known, law) : NULL;
   const amb_loop_input in = {.n = n,
                              .r = r,
                              .load = load,
@@ -236,8 +237,10 @@ EXPORT(fly) void fly(int samples)
                          .force = force,
                          .y = y,
                          .u = u,
+                         .estimate = rotor_filter_history(),
                          .at_stop = at_stop};
-  (void)amb_loop_run(&loop, &in, &state, NULL, &out);
+  (void)amb_loop_run(&with, &in, &state, rotor_filter_state(), &out);
+  return with.estimator != NULL ? 1 : 0;
 }
 
 /* ---- The rotor under the hand ---- */

@@ -8,6 +8,9 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
+from ambkit.estimate.core_model import arrays
+from ambkit.estimate.rebuild import Rebuild
+from ambkit.estimate.registry import KINDS
 from ambkit.machine.machine import Machine
 from ambkit.simulation.run import Loop
 from ambkit.simulation.scenario import Scenario
@@ -18,6 +21,12 @@ PLANT = (
     "iu_max", "reference", "position", "spread",
 )  # fmt: skip
 """Fields of a loop that the page has as they are."""
+
+SETTINGS = (
+    "K_sen", "lag", "travel", "k_ui", "iu_min", "iu_max", "f_0", "x_max", "cap", "var_u", "var_d",
+    "var_y", "step",
+)  # fmt: skip
+"""Settings of a filter, in the order of the page."""
 
 MOST = 8  #: Positions, axes and sensors of a machine in the page.
 
@@ -68,7 +77,38 @@ def rotor_parameters(machine: Machine) -> dict[str, Any]:
             {"name": b.name, "place": b.place, "angle": b.angle, "type": b.type}
             for b in machine.bearings
         ],
+        "filter": _filter_of(machine),
         "discs": [place for place, _, _ in machine.unbalances()],
+    }  # fmt: skip
+
+
+def _filter_of(machine: Machine) -> dict[str, Any] | None:
+    """Return what the page makes a Kalman filter of at any speed; None where the loop is late."""
+    kf = KINDS["extended"].make(machine)
+    rebuild, pattern = Rebuild.of(machine), arrays(kf.model)
+    if rebuild.fields["late"]:
+        return None
+    sparse = [pattern[name] for name in ("L", "b", "B_u", "h", "d", "c", "N", "rest")]
+    counts = ("states", "forces", "controls", "sensors", "noises")
+    of = rebuild.fields
+    lists = [[len(of[name]), *of[name]] for name in ("constant", "operation")]
+    terms = (of[name] for name in ("row", "column", "use", "value", "k_i", "intensity"))
+    settings = (kf._settings[name] for name in SETTINGS)
+    return {
+        "names": list(rebuild.names), "values": rebuild.values.tolist(),
+        "pattern": [
+            *(pattern[name] for name in counts),
+            *(item for start, column, _ in sparse for item in (*start, *column)), *pattern["role"],
+        ],
+        "plan": [
+            len(rebuild.names), *of["low"], *of["high"], *lists[0], *lists[1], *of["left"],
+            *of["right"], of["T"], len(of["row"]), *(item for part in terms for item in part),
+            len(of["from"]), *of["from"],
+        ],
+        "settings": {name: list(item) for name, item in zip(SETTINGS, settings, strict=True)},
+        "dwell": kf._settings["dwell"], "std": list(kf.default_std()),
+        "start": kf.equilibrium_state(0.0).tolist(),
+        "loads": [state.role for state in kf.states].index("disturbance force"),
     }  # fmt: skip
 
 
