@@ -14,8 +14,7 @@ from ambkit.export.pil import Pil
 from ambkit.export.stiffness_table import tabulate
 
 CORE_PRECISION: dict[str, Any] = {"float": "float32", "double": "float64"}
-OF_EXPORT = ("prefix", "loops", "editable", "scenario", "calibrated", "telemetry", "rebuild",
-             "force")  # fmt: skip
+OF_EXPORT = ("prefix", "loops", "editable", "scenario", "calibrated", "telemetry", "force")
 
 
 def made(

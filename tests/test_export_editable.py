@@ -7,12 +7,10 @@ from itertools import product
 import numpy as np
 import pytest
 from export_cases import BEARING, Filters, export, printed_by
-from exporting import export_c
-from machine_cases import machine
 from quick import quick
 
 import ambkit
-from ambkit import AmbkitError, FilterNoise, KalmanFilter
+from ambkit import FilterNoise, KalmanFilter
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 
@@ -98,11 +96,6 @@ def test_settings_that_cannot_be_are_told(tmp_path):
     made = export("linear", tmp_path / "c", prefix="f", editable=True)
     edited(made, gate="-1.0F")
     assert compiled(made, tmp_path).started == 64  # AMB_BAD_PARAMETER
-
-
-def test_of_another_model_nothing_is_editable(tmp_path):
-    with pytest.raises(AmbkitError, match="editable is for the paper's axis"):
-        export_c(machine(), None, tmp_path / "c", editable=True)
 
 
 @pytest.mark.parametrize("beyond", [-3.0, 0.0, 3.0])

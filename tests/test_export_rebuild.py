@@ -57,7 +57,7 @@ int main(int count, char **words)
 
 
 def built(machine, folder, filter):
-    export_c(machine, filter, folder, rebuild=True, force=True)
+    export_c(machine, filter, folder, editable=True, force=True)
     name = machine.name
     text = PROGRAM.replace("NAME", name).replace("UPPER", name.upper())
     (folder / "program.c").write_text(text)
@@ -150,7 +150,7 @@ def test_c_makes_anew_what_an_export_of_the_changed_machine_has(machine, precisi
 def test_in_node_it_has_the_bits_of_python(preset, tmp_path):
     machine, folder = ambkit.preset(preset), tmp_path / "c"
     filter = ambkit.KalmanFilter(machine)
-    export_c(machine, filter, folder, rebuild=True, force=True)
+    export_c(machine, filter, folder, editable=True, force=True)
     text = IN_WASM.replace("NAME", machine.name).replace("UPPER", machine.name.upper())
     (folder / "wasm.c").write_text(text)
     sources = sorted(folder.glob("*.c")) + sorted(folder.glob("core/src/*.c"))
@@ -168,9 +168,3 @@ def test_in_node_it_has_the_bits_of_python(preset, tmp_path):
     done = subprocess.run(words, capture_output=True)
     assert (done.returncode, done.stderr) == (0, b"")
     np.testing.assert_array_equal(np.frombuffer(done.stdout), expected)
-
-
-def test_what_has_other_means_is_refused(tmp_path):
-    axis = ambkit.preset("zittau_axial")
-    with pytest.raises(ambkit.AmbkitError, match="editable stores the parameters once"):
-        export_c(axis, ambkit.KalmanFilter(axis), tmp_path / "c", rebuild=True)

@@ -24,7 +24,6 @@ def export_c(
     editable: bool = False,
     calibration: bool = False,
     telemetry: bool = False,
-    rebuild: bool = False,
     force: bool = False,
 ) -> CExport:
     """Export a filter, or a controller with its filter, as C99.
@@ -49,13 +48,11 @@ def export_c(
     table_error : float or str, optional
         Replace the expert's rules by a table with at most this force error [N]; auto chooses it.
     editable : bool, optional
-        Store each parameter once, editable; derived numbers are computed at init.
+        Let physical parameters be changed: derived numbers are computed on the controller.
     calibration : bool, optional
         Make noise, gate, mass, k and controller gains adjustable at run time.
     telemetry : bool, optional
         Add a ring buffer with states, innovations and status of each sample.
-    rebuild : bool, optional
-        Add a module that makes the filter's constants anew where a physical parameter has changed.
     force : bool, optional
         Export even an inadequate filter.
 
@@ -82,7 +79,7 @@ def export_c(
     return c.export_c(
         *filter_to_export(machine, filter, precision, table_error), out, prefix=prefix,
         editable=editable, scenario=scenario_argument(controller), calibrated=calibration,
-        telemetry=telemetry, rebuild=rebuild, force=force,
+        telemetry=telemetry, force=force,
     )  # fmt: skip
 
 

@@ -84,7 +84,6 @@ def export_c(
     scenario: Scenario | None = None,
     calibrated: bool = False,
     telemetry: bool = False,
-    rebuild: bool = False,
     force: bool = False,
 ) -> CExport:
     """Write a folder of C99 that compiles alone: a filter that runs on a machine."""
@@ -94,6 +93,7 @@ def export_c(
     _check_counts(filter)
     wrong = require_adequate(filter, machine, scenario, force=force)
     precision, magnet = precision_of(filter), filter.magnet
+    built_in = filter.engine.built_in
     counted = precision == "float" and not editable and scenario is None
     spent = cost.of(filter) if counted else None
     controller: Controller | None = None
@@ -110,8 +110,8 @@ def export_c(
         facts = {"for": filter.description} | facts
     content = render.render(
         Export(
-            filter, name, facts, loops, editable, controller, scenario, calibrated,
-            framed=telemetry, rebuilt=rebuild,
+            filter, name, facts, loops, editable and built_in, controller, scenario, calibrated,
+            framed=telemetry, rebuilt=editable and not built_in,
         )
     )  # fmt: skip
     if wrong and calibrated:  # which an A2L file is made from later

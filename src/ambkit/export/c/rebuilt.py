@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.base.errors import AmbkitError
 from ambkit.estimate.core_model import NUMBERS, arrays
 from ambkit.estimate.rebuild import Rebuild
 from ambkit.export.c import c_literals
@@ -22,18 +21,6 @@ _TYPES: dict[str, Any] = {
     "from": np.uint32, "low": float, "high": float, "constant": float,
 }  # fmt: skip
 _IN_C = {np.uint8: "unsigned char", np.uint16: "unsigned short", np.uint32: "unsigned int"}
-
-
-def check(export: Any) -> None:
-    """Refuse what cannot be made anew from parameters."""
-    if export.controller is not None:
-        raise AmbkitError("rebuild applies to filters only, not to controllers")
-    engine = export.filter.engine
-    if engine.built_in or engine.as_printed:
-        raise AmbkitError(
-            "rebuild is for models computed by loops; for the paper's axis, editable stores the "
-            "parameters once"
-        )
 
 
 def context(export: Any) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ambkit.base import escaping
-from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.control.controller_states import bound_of, settling_of
 from ambkit.estimate.estimator import Estimator
@@ -52,13 +51,6 @@ class Content(NamedTuple):
 
 def render(export: Export) -> Content:
     """Write all texts."""
-    if export.editable and not export.filter.engine.built_in:
-        raise AmbkitError(
-            "editable is for the paper's axis: of other models C has the matrices, and not what "
-            "they were made from"
-        )
-    if export.rebuilt:
-        rebuilt.check(export)
     context = _context(export)
     described = {}
     if export.calibrated and export.controller is not None:
