@@ -87,7 +87,8 @@ class Radial(Geometry):
             window += [arc(bore, at - tip, at + tip)]
             window += [arc(root, at + foot, at + step - next_foot)]
             low = bore * math.cos(tip) + CLEAR * self.pole_height
-            high = root * math.cos(foot) - CLEAR * self.pole_height
+            high = math.sqrt(root**2 - (width / 2 + self.coil_width) ** 2)
+            high -= CLEAR * self.pole_height
             quadrant = number * 4 // self.poles
             for side in (1, -1):
                 near, far = side * width / 2, side * (width / 2 + self.coil_width)
