@@ -73,17 +73,13 @@ def computed_force(machine: IsolatedAxis) -> ComputedForce:
     if drawing.geometry.air_gap != m.air_gap:
         drawing = drawing.replace(geometry__air_gap=m.air_gap)
     box = Box(m.bias_current, machine.current_min, machine.current_max, machine.clearance)
-    result = ComputedForce(machine, _map(drawing, box))
+    key = drawing.key(box)
+    if key not in _FORCES:
+        if len(_FORCES) > 15:
+            _FORCES.pop(next(iter(_FORCES)))
+        _FORCES[key] = ComputedForce(machine, map_of(drawing, box))
+    result = _FORCES[key]
     return result if m.force_scale is None else result.scaled(m.force_scale)
 
 
-_MAPS: dict[str, MagnetMap] = {}  #: Those of this process, by what they depend on.
-
-
-def _map(drawing: Drawing, box: Box) -> MagnetMap:
-    key = drawing.key(box)
-    if key not in _MAPS:
-        if len(_MAPS) > 15:
-            _MAPS.pop(next(iter(_MAPS)))
-        _MAPS[key] = map_of(drawing, box)
-    return _MAPS[key]
+_FORCES: dict[str, ComputedForce] = {}  #: Those of this process, by what they depend on.
