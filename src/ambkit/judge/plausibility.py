@@ -62,7 +62,7 @@ def evaluate_record(record: Record, machine: Machine) -> Verdict:
     sensors = [reading.sensor for reading in machine.readings]
     coarse = any((s.quantisation or 0.0) ** 2 > COARSE * s.noise_variance for s in sensors)
     remarks = list(suspects(record.t, record.signals, record.units, coarse=coarse))
-    remarks += _cut_off(record, machine)
+    remarks += _cut_off(record, machine, coarse=coarse)
     if not machine.single:  # each axis moves by the forces on all
         signs = [] if problems else list(judge_signs(record, machine))
         return _verdict(problems, [(False, text) for text in remarks] + signs)
@@ -99,12 +99,13 @@ def _rate(record: Record, machine: Machine) -> Iterator[str]:
         )
 
 
-def _cut_off(record: Record, machine: Machine) -> Iterator[str]:
+def _cut_off(record: Record, machine: Machine, *, coarse: bool) -> Iterator[str]:
     """Yield which signals stand at the ends of their range, below the machine's limits."""
     for name in channels(machine):
         if name not in record or np.ptp(interpolated(record[name])) == 0:
             continue
-        kinds = ("saturated", "frozen") if name[0] == "y" else ("saturated",)
+        # A coarse sensor repeats its codes, near a rotor that is held still for long.
+        kinds = ("saturated", "frozen") if name[0] == "y" and not coarse else ("saturated",)
         stretches = [
             fault
             for fault in find(name, record[name], record.t, record.units[name])
