@@ -118,6 +118,7 @@ void bind_estimators(nb::module_ &m);
 void bind_scale_estimators(nb::module_ &m);
 void bind_learners(nb::module_ &m);
 void bind_rls(nb::module_ &m);
+void bind_isolation(nb::module_ &m);
 void bind_control(nb::module_ &m);
 void bind_loop(nb::module_ &m);
 void bind_batch(nb::module_ &m);

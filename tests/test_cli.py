@@ -30,7 +30,7 @@ from tests.test_coil import stepped
 
 COMMANDS = (
     "reproduce", "simulate", "excite", "read", "identify", "train", "filter", "compare",
-    "assess", "faults", "pil", "presets", "check",
+    "assess", "faults", "diagnose", "pil", "presets", "check",
 )  # fmt: skip
 
 

@@ -73,6 +73,8 @@ from ambkit.verbs.check import schema as schema
 from ambkit.verbs.compare import compare as compare
 from ambkit.verbs.compare import compare_steps as compare_steps
 from ambkit.verbs.design import design as design
+from ambkit.verbs.diagnose import diagnose as diagnose
+from ambkit.verbs.diagnose import diagnose_limits as diagnose_limits
 from ambkit.verbs.excite import excite as excite
 from ambkit.verbs.excite import excite_sensitivity as excite_sensitivity
 from ambkit.verbs.export import export_a2l as export_a2l

@@ -52,6 +52,8 @@ COMMANDS = {
         "assess speed": "assess:assess_speed",
         "assess log": "assess:assess_log",
         "faults": "faults:inject_faults",
+        "diagnose": "diagnose:diagnose",
+        "diagnose limits": "diagnose:diagnose_limits",
         "campaign": "campaign:campaign",
         "campaign run": "campaign:campaign",
         "campaign status": "campaign:campaign_status",

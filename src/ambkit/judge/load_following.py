@@ -104,14 +104,14 @@ def least_process_noise(make: Callable[[float], Estimator], result: float) -> fl
     return float(f"{math.exp(high):.3g}")
 
 
-def settling(estimator: Estimator) -> Estimator:
+def settling(kalman: Estimator) -> Estimator:
     """Return an estimator that settles to a gain: itself, its inner one, or the nearest kind."""
-    estimator = estimator.nominal
-    if tells(estimator):
-        return estimator
+    kalman = kalman.nominal
+    if tells(kalman):
+        return kalman
     return ExtendedKalmanFilter(
-        estimator.machine, estimator.magnet, noise=FilterNoise(*estimator.variances),
-        synchronous=estimator.options.get("synchronous", ()),
+        kalman.machine, kalman.magnet, noise=FilterNoise(*kalman.variances),
+        synchronous=kalman.options.get("synchronous", ()),
     )  # fmt: skip
 
 

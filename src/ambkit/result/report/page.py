@@ -144,7 +144,7 @@ def _figure(figure: Figure, names: Mapping[str, str], picture: bytes) -> dict[st
         (item.x.size for panel in figure.panels for item in panel.items if isinstance(item, Line)),
         default=0,
     )
-    shown = screen.described(figure)
+    described = screen.described(figure)
     return {
         "kind": "figure",
         "id": figure.id,
@@ -155,8 +155,8 @@ def _figure(figure: Figure, names: Mapping[str, str], picture: bytes) -> dict[st
         "alt": figure.description(),
         "svg": base64.b64encode(picture).decode(),
         "packed": _packed(picture),
-        "described": _packed(screen.to_json(shown).encode()),
-        "height": shown["layout"]["height"],
+        "described": _packed(screen.to_json(described).encode()),
+        "height": described["layout"]["height"],
         "wide": figure.columns > 1,
         "samples": f"{longest:,}" if longest > 4 * BUCKETS else "",
         "buckets": f"{BUCKETS:,}",

@@ -1,0 +1,281 @@
+"""Faults by name: each fault on random bearings, whether it is named, and false alarms.
+
+``python -m benchmarks.isolation faults [bearings] [first]`` simulates each fault on random bearings
+and compares what `ambkit diagnose` names with the truth, where Fisher's information says that it
+can be span; ``python -m benchmarks.isolation healthy [bearings] [first] [samples]`` counts false
+alarms of healthy ones. The plant of the first is written here, and shares nothing with the filter.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit import FilterNoise, Machine, Record
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.registry import KINDS
+from ambkit.judge.isolation.isolation import FaultIsolation, Searches
+from ambkit.machine.magnets import ConstantStiffness, own_time
+from ambkit.simulation.external_inputs import ExternalInputs
+from ambkit.simulation.run import simulate_run
+from ambkit.simulation.scenario import Scenario
+from ambkit.workflow.tuning import default_disturbance, tune_disturbance
+from benchmarks.sensors import drawn
+
+Array = NDArray[np.float64]
+
+SUBSTEPS = 6
+
+FAULTS: dict[str, float] = {
+    "magnet": -0.3, "upper coil": -0.5, "lower coil": -0.5, "amplifier": -0.3, "gap": 0.15,
+    "dead time": 3.0, "sensor gain": 0.3, "sensor offset": 0.1, "sensor lag": 5.0,
+    "line noise": 0.05, "mass": 0.3, "clock": 0.1, "load": 0.5,
+}  # fmt: skip
+"""Sizes; offset and hum over the clearance, lag in samples, load over what the magnet bears at a
+quarter of its current."""
+
+
+@dataclass(eq=False)
+class Plants:
+    """Bearings side by side, k of them, with a fault each from a sample on."""
+
+    machines: list[Machine]
+    sizes: dict[str, Array]  #: (k,) By the names of faults.
+    onset: int
+    moving: bool
+    walk: Array  #: (k,) Intensity of the load's random walk [N^2/s].
+
+    def __post_init__(self) -> None:
+        def of(get: Any) -> Array:
+            return np.array([get(m) for m in self.machines], float)
+
+        self.T, self.m, self.weight = (
+            of(lambda m: m.sampling_time), of(lambda m: m.rotor.mass), of(lambda m: m.weight)
+        )  # fmt: skip
+        self.k, self.s0, self.i0 = (
+            of(lambda m: m.magnet.magnet_constant), of(lambda m: m.magnet.air_gap),
+            of(lambda m: m.magnet.bias_current),
+        )  # fmt: skip
+        self.two = of(lambda m: m.magnet.type == "two-sided")
+        self.gain, self.c = of(lambda m: m.amplifier.gain), of(lambda m: m.clearance)
+        self.limit_low, self.limit = of(lambda m: m.current_min), of(lambda m: m.current_max)
+        self.var_u = of(lambda m: m.amplifier.noise_variance)
+        self.K, self.lag = of(lambda m: m.sensor.gain), of(lambda m: m.lag_of(m.sensor))
+        self.var_y = of(lambda m: m.sensor.noise_variance)
+        self.own = of(own_time)
+        k = [ConstantStiffness.of(m) for m in self.machines]
+        self.k_i, self.k_s = np.array([(s.k_i, s.k_s) for s in k]).T
+
+    def size(self, name: str, now: bool) -> Array:
+        """Size of a fault in a sample."""
+        none = np.zeros(len(self.machines))
+        return self.sizes.get(name, none) if now else none
+
+    def force(self, i: Array, x: Array, now: bool) -> Array:
+        """Force of the magnet on the rotor [N]."""
+        s0 = self.s0 * (1 + self.size("gap", now))
+        up = self.k * ((self.i0 + i) / np.maximum(s0 - x, 0.1 * s0)) ** 2
+        low = self.two * self.k * ((self.i0 - i) / np.maximum(s0 + x, 0.1 * s0)) ** 2
+        up, low = up * (1 + self.size("upper coil", now)), low * (1 + self.size("lower coil", now))
+        return (up - low) * (1 + self.size("magnet", now))
+
+    def run(self, samples: int, seed: int) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """Return y [m], u [V] and y without noise (samples, k), and who met a stop (k,)."""
+        draw = np.random.default_rng(seed)
+        k = len(self.machines)
+        x, v, x_m = np.zeros(k), np.zeros(k), np.zeros(k)
+        # A controller that knows x and v through noise, and finds loads by an integral.
+        w = 2.0 / self.own
+        hold = np.array([m.levitation_current for m in self.machines])
+        past = np.repeat(hold[None], 4, axis=0)
+        touched = np.zeros(k, bool)
+        Y, U, quiet = (np.empty((samples, k)) for _ in range(3))
+        integral, slow, before = np.zeros(k), np.zeros(k), np.zeros(k)
+        walk = np.zeros(k)
+        for n in range(samples):
+            now = n >= self.onset
+            shown = x_m * (1 + self.size("sensor gain", now))
+            shown = shown + self.size("sensor offset", now)
+            shown = shown + self.size("line noise", now) * np.sin(2 * np.pi * 50 * n * self.T + 1)
+            y = shown + np.sqrt(self.var_y) * draw.standard_normal(k)
+            r = 0.15 * self.c * np.sign(np.sin(2 * np.pi * n * self.T / (24 * self.own)))
+            e = y / self.K - r * self.moving
+            slow += 0.7 * (e - slow)
+            rate = (slow - before) / self.T
+            before = slow.copy()
+            integral += e * self.T
+            a = self.k_s * e + self.m * (w**2 * e + 1.6 * w * rate + 0.2 * w**3 * integral)
+            command = np.clip(hold - a / self.k_i, self.limit_low, self.limit)
+            u = command / self.gain
+            Y[n], U[n], quiet[n] = y, u, shown
+            past = np.concatenate([command[None], past[:-1]])
+            late = self.size("dead time", now)
+            i = np.where(late > 0, past[3], command)
+            i = i + self.gain * np.sqrt(self.var_u) * draw.standard_normal(k)
+            i = np.clip(i, self.limit_low, self.limit) * (1 + self.size("amplifier", now))
+            m = self.m * (1 + self.size("mass", now))
+            weight = self.weight * (1 + self.size("mass", now))
+            lag = self.lag + self.size("sensor lag", now)
+            h = self.T * (1 + self.size("clock", now)) / SUBSTEPS
+            walk = walk + np.sqrt(self.walk * self.T) * draw.standard_normal(k)
+            load = walk + self.size("load", now)
+            for _ in range(SUBSTEPS):
+                middle = x + v * h / 2
+                v = v + h / m * (self.force(i, middle, now) + weight + load)
+                new = middle + v * h / 2
+                slope = (new - x) / h
+                x_m = self.K * (x + slope * (h - lag)) + (
+                    x_m - self.K * (x - slope * lag)
+                ) * np.exp(-h / lag)
+                x = new
+            touched |= np.abs(x) > self.c
+            x = np.clip(x, -self.c, self.c)
+        return Y, U, quiet, touched
+
+
+def scaled(machine: Machine, name: str) -> float:
+    """Return the size of a fault of a bearing in SI."""
+    size = FAULTS[name]
+    if name in ("sensor offset", "line noise"):
+        return size * machine.clearance * machine.sensor.gain
+    if name == "sensor lag":
+        return size * machine.sampling_time
+    if name == "load":
+        return size * float(ConstantStiffness.of(machine).k_i) * machine.current_max / 4
+    return size
+
+
+def sound(seed: int) -> Machine | None:
+    """Return a random bearing that its loop can hold; None where it cannot."""
+    try:
+        machine = drawn(seed)
+        ok = (
+            abs(machine.levitation_current) < machine.current_max
+            and own_time(machine) > 8 * machine.sampling_time
+        )
+    except (AmbkitError, ValueError):
+        return None
+    return machine if ok else None
+
+
+def record_of(machine: Machine, y: Array, u: Array) -> Record:
+    """Return a record of one bearing."""
+    return Record(machine.sampling_time * np.arange(len(y)), {"y": y, "u": u}, {"y": "m", "u": "V"})
+
+
+def named(searches: Searches, k: int) -> set[str]:
+    """Return the names that a search says."""
+    return {s.name for s, now in zip(searches.signatures, searches.named[k], strict=True) if now}
+
+
+def main() -> None:
+    """Print one of the tables."""
+    what, *numbers = sys.argv[1:]
+    count, first, *rest = [*map(int, numbers), *(20, 0)[len(numbers) :]]
+    if what == "healthy":
+        healthy(count, first, rest[0] if rest else 33_000)
+        return
+    machines = [m for m in map(sound, range(first, first + count)) if m is not None]
+    for moving in (False, True):
+        print("moving" if moving else "at rest")
+        judge(machines, moving)
+
+
+def tuned(machine: Machine, record: Record) -> Any:
+    """Return the extended filter with the process noise that a healthy record makes most likely."""
+
+    def made(intensity: Any) -> Any:
+        return KINDS["extended"].make(machine, noise=FilterNoise(disturbance=intensity))
+
+    return made(tune_disturbance(machine, record, made).intensity)
+
+
+def walk_of(machine: Machine, seed: int) -> float:
+    """Draw the intensity of a load [N^2/s]."""
+    return float(
+        default_disturbance(machine) * 10 ** np.random.default_rng([seed, 7]).uniform(-7, -3)
+    )
+
+
+def judge(machines: list[Machine], moving: bool) -> None:
+    """Print how often each fault is named."""
+    walk = np.array([walk_of(m, k) for k, m in enumerate(machines)])
+    never = 1 << 30
+    Y0, U0, _, lost = Plants(machines, {}, never, moving, walk).run(4000, 0)
+    isolations = [
+        FaultIsolation(tuned(m, record_of(m, Y0[:, j], U0[:, j]))) for j, m in enumerate(machines)
+    ]
+    window = max(i.window for i in isolations)
+    onset, samples = window + 100, 2 * window + 100
+    for name in FAULTS:
+        sizes = np.array([scaled(m, name) for m in machines])
+        Y, U, quiet, touched = Plants(machines, {name: sizes}, onset, moving, walk).run(samples, 1)
+        counts = {"lost": 0, "n": 0, "can": 0, "alarm": 0, "right": 0, "wrong": 0, "other": 0}
+        confused: dict[str, int] = {}
+        for j, (machine, isolation) in enumerate(zip(machines, isolations, strict=True)):
+            names = [s.name for s in isolation.signatures]
+            if touched[j] or lost[j] or name not in names:
+                counts["lost"] += 1
+                continue
+            at = names.index(name)
+            stop = onset + isolation.span
+            start = stop - (stop // isolation.every) * isolation.every
+            s = isolation.run(record_of(machine, Y[start:stop, j], U[start:stop, j]))
+            counts["n"] += 1
+            hit = named(s, -1)
+            isolation.run(record_of(machine, quiet[start:stop, j], U[start:stop, j]))
+            can = bool(sizes[j] ** 2 >= isolation.least_sizes().named[at] ** 2)
+            counts["other"] += bool(hit) and not can
+            if not can:
+                continue
+            counts["can"] += 1
+            counts["alarm"] += bool(hit)
+            counts["right"] += hit == {name}
+            counts["wrong"] += bool(hit) and not s.possible[-1, at]
+            if hit != {name}:
+                key = "+".join(sorted(hit))
+                confused[key] = confused.get(key, 0) + 1
+        worst = sorted(confused.items(), key=lambda item: -item[1])[:4]
+        print(f"{name:14}", counts, worst, flush=True)
+
+
+def healthy(count: int, first: int, samples: int) -> None:
+    """Print false alarms."""
+    total, alarms, highest = 0, 0, []
+    for seed in range(first, first + count):
+        machine = sound(seed)
+        if machine is None:
+            continue
+        try:
+            T = machine.sampling_time
+            walk = np.random.default_rng([seed, 5]).normal(size=samples + 1)
+            load = np.cumsum(walk) * np.sqrt(walk_of(machine, seed) * T)
+            record = simulate_run(
+                machine, Scenario(duration=samples * T, seed=seed),
+                external_inputs=ExternalInputs(load),
+            ).record  # fmt: skip
+        except (AmbkitError, ValueError):
+            continue
+        if np.abs(record["x"]).max() > 0.99 * machine.clearance:
+            continue
+        kalman = tuned(machine, record.between(stop=record.t[min(8000, samples // 4)]))
+        s = FaultIsolation(kalman).run(record)
+        total += len(record)
+        bad = np.flatnonzero(s.alarms)
+        alarms += len(bad)
+        highest.append(float(s.likelihood.max()))
+        if len(bad):
+            print(seed, len(bad), named(s, bad[0]), s.likelihood[bad].max(), flush=True)
+    levels = np.quantile(highest, [0.5, 0.9, 1.0])
+    print(
+        f"{alarms} false alarms in {total} samples of {len(highest)} bearings; greatest l: "
+        f"median {levels[0]:.1f}, 90 % {levels[1]:.1f}, greatest {levels[2]:.1f}"
+    )
+
+
+if __name__ == "__main__":
+    main()

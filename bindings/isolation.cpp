@@ -1,0 +1,163 @@
+// Fault isolation beside a filter (ambkit/isolation.h).
+#include "estimator.h"
+
+#include <nanobind/stl/tuple.h>
+
+#include <tuple>
+
+extern "C" {
+#include "ambkit/isolation.h"
+}
+
+namespace
+{
+
+struct Isolation {
+  amb_isolation isolation{};
+  std::vector<amb_fault> faults;
+  std::vector<amb_fault_term> terms;
+  Kept kept;
+  std::vector<amb_real> ring, work;
+  amb_isolation_state state{};
+
+  void reset()
+  {
+    amb_isolation_reset(&isolation, &state);
+  }
+};
+
+void init_isolation(Isolation *self, const nb::dict &of)
+{
+  new (self) Isolation{};
+  amb_isolation &is = self->isolation;
+  const auto number = [&](const char *name) { return nb::cast<int>(of[name]); };
+  is.states = number("states");
+  is.forces = number("forces");
+  is.sensors = number("sensors");
+  is.columns = number("columns");
+  is.tones = number("tones");
+  is.forms = number("forms");
+  is.window = number("window");
+  is.spare = number("spare");
+  is.late = number("late");
+  is.lag = nb::cast<amb_real>(of["lag"]);
+  is.limit = nb::cast<amb_real>(of["limit"]);
+  is.margin = nb::cast<amb_real>(of["margin"]);
+  if (is.late < 1 || is.late > AMB_ISOLATION_LEAST || is.window <= AMB_ISOLATION_LEAST ||
+      is.spare < 0 || is.states < 1 || is.states > AMB_STATES)
+    throw std::invalid_argument("window, spare, late or states are out of range");
+  const auto n = static_cast<size_t>(is.states), p = static_cast<size_t>(is.forces);
+  const auto m = static_cast<size_t>(is.sensors);
+  is.A = self->kept.numbers(of, "A", n * n);
+  is.b = self->kept.numbers(of, "b", p * n);
+  is.H = self->kept.numbers(of, "H", m * n);
+  is.unit = self->kept.numbers(of, "unit", n);
+  is.K = self->kept.or_none(of, "K", m * n);
+  is.form = self->kept.numbers(of, "form", static_cast<size_t>(is.forms) * n);
+  is.turn = self->kept.numbers(of, "turn", static_cast<size_t>(is.tones) * 2);
+  const int signals = amb_isolation_row(&is) - is.sensors * (2 + is.states) - 1;
+  using Fault = std::tuple<int, int, bool>;
+  for (nb::handle one : nb::cast<nb::list>(of["faults"])) {
+    const auto [column, columns, load] = nb::cast<Fault>(one);
+    if (column < 0 || columns < 1 || columns > 2 || column + columns > is.columns)
+      throw std::invalid_argument("a fault has one or two of the columns");
+    self->faults.push_back({static_cast<unsigned short>(column),
+                            static_cast<unsigned short>(columns),
+                            static_cast<unsigned short>(load)});
+  }
+  using Term = std::tuple<int, int, int, amb_real>;
+  for (nb::handle one : nb::cast<nb::list>(of["terms"])) {
+    const auto [column, direction, signal, weight] = nb::cast<Term>(one);
+    if (column < 0 || column >= is.columns || direction < 0 ||
+        direction >= is.forces + is.sensors || signal < 0 || signal >= signals)
+      throw std::invalid_argument("a term has a column, direction or signal that is not there");
+    self->terms.push_back({static_cast<unsigned short>(column),
+                           static_cast<unsigned short>(direction),
+                           static_cast<unsigned short>(signal), weight});
+  }
+  is.faults = static_cast<int>(self->faults.size());
+  is.terms = static_cast<int>(self->terms.size());
+  is.fault = self->faults.data();
+  is.term = self->terms.data();
+  const auto rows = static_cast<size_t>(is.window + is.spare);
+  self->ring.resize(rows * static_cast<size_t>(amb_isolation_row(&is)));
+  self->work.resize(static_cast<size_t>(amb_isolation_work(&is)));
+  self->state.ring = self->ring.data();
+  self->state.work = self->work.data();
+  self->reset();
+}
+
+// Run the filter along a record, and search the window every `every` samples.
+Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u, size_t every)
+{
+  const Sizes of = filter.sizes();
+  const size_t n = samples_of(y, of.sensors, "y"), faults = self.faults.size();
+  same_length(n, samples_of(u, of.controls, "u"), "u");
+  if (self.isolation.states != static_cast<int>(of.states) ||
+      self.isolation.forces != static_cast<int>(of.forces) ||
+      self.isolation.sensors != static_cast<int>(of.sensors) || every < 1)
+    throw std::invalid_argument("the isolation is of another machine, or `every` is 0");
+  const size_t searches = n / every;
+  Fresh<amb_real> likelihood({searches, faults}), size({searches, faults, 2}),
+      variance({searches, faults, 2});
+  Fresh<int> since({searches, faults}), named({searches});
+  Fresh<unsigned char> flags({searches, faults});
+  {
+    nb::gil_scoped_release release;
+    self.reset();
+    std::vector<amb_isolation_result> result(faults);
+    size_t at = 0;
+    for (size_t k = 0; k < n; k++) {
+      const amb_real *before = (k > 0) ? u.data() + (k - 1) * of.controls : nullptr;
+      filter.result.status = amb_estimator_step(&filter.estimator, filter.state(),
+                                                y.data() + k * of.sensors, before, &filter.result);
+      amb_isolation_put(&self.isolation, &self.state, &filter.kf, filter.magnets.data(),
+                        &filter.base(), &filter.result);
+      if ((k + 1) % every != 0)
+        continue;
+      named.data[at] = amb_isolation_evaluate(&self.isolation, &self.state, result.data());
+      for (size_t j = 0; j < faults; j++) {
+        const amb_isolation_result &one = result[j];
+        likelihood.data[at * faults + j] = one.likelihood;
+        std::copy_n(one.size, 2, size.data + (at * faults + j) * 2);
+        std::copy_n(one.variance, 2, variance.data + (at * faults + j) * 2);
+        since.data[at * faults + j] = one.since;
+        flags.data[at * faults + j] = static_cast<unsigned char>(
+            (one.named ? 1 : 0) + (one.possible ? 2 : 0) + (one.before ? 4 : 0));
+      }
+      at++;
+    }
+  }
+  nb::dict out;
+  out["likelihood"] = likelihood.array;
+  out["size"] = size.array;
+  out["variance"] = variance.array;
+  out["since"] = since.array;
+  out["named"] = named.array;
+  out["flags"] = flags.array;
+  return out;
+}
+
+Out<amb_real> information(Isolation &self, int since, bool before)
+{
+  const auto c = static_cast<size_t>(self.isolation.columns);
+  Fresh<amb_real> matrix({c, c});
+  amb_isolation_information(&self.isolation, &self.state, since, before, matrix.data);
+  return matrix.array;
+}
+
+} // namespace
+
+void bind_isolation(nb::module_ &m)
+{
+  nb::class_<Isolation>(m, "Isolation", "Fault isolation beside a filter (ambkit/isolation.h).")
+      .def("__init__", &init_isolation, nb::arg("of"),
+           nb::sig("def __init__(self, of: dict[str, Any]) -> None"))
+      .def("run", &run, nb::arg("filter"), nb::arg("y"), nb::arg("u"), nb::arg("every"),
+           nb::sig("def run(self, filter: Any, y: Any, u: Any, every: int) -> dict[str, Any]"),
+           "Run a filter along a record, and search the window every so many samples.")
+      .def("information", &information, nb::arg("since"), nb::arg("before"),
+           nb::sig("def information(self, since: int, before: bool) -> Any"),
+           "Information of all columns on faults that began so many samples ago; `before`: beside "
+           "any error then.");
+}

@@ -1,0 +1,129 @@
+/* Fault isolation: which fault explains the innovations of a filter.
+ *
+ * A fault of size theta acts on the rotor along forces, on the measurements along sensors, or on
+ * both. It moves the filter's error, and so its innovations e (linearised at the operating point):
+ *
+ *   d  <- A d + sum over forces f of b_f (rho_f theta)              between two samples
+ *   e_r = H_r d + rho_r theta,   d <- d - K_r e_r                   sensors one after the other
+ *
+ * Each rho is a sum of signals of the running filter with fixed weights: the force of a magnet for
+ * its constant, the reading for the gain of a sensor, 1 for its offset. Faults are data: signals,
+ * directions and weights. Innovations are white with variance S where nothing is wrong, so a fault
+ * that begins at sample t has the log likelihood ratio (Willsky and Jones 1976)
+ *
+ *   l(t) = g(t)^2 / M(t),      g = sum of e s / S,  M = sum of s^2 / S,  s: innovation by theta = 1
+ *
+ * (twice that of the textbook). A sweep from the newest sample back has g and M of all faults and
+ * all t at once: with the information of (d, theta) in the samples from t on,
+ *
+ *   Z = sum of (de/dd)' (de/dd) / S,   Y = sum of (de/dd)' s / S,   z = sum of (de/dd)' e / S.
+ *
+ * A fault that was there before the window is tested too, with any d at its start. What l leaves of
+ * the innovations gives their scale, so that a filter with the wrong noise does not accuse.
+ *
+ * Put each sample in as it comes; evaluate in the background, as it takes some hundred times as
+ * long. In between at most `spare` samples may be put.
+ */
+#ifndef AMBKIT_ISOLATION_H
+#define AMBKIT_ISOLATION_H
+
+#include "ambkit/kalman.h"
+
+AMB_EXTERN_C_BEGIN
+
+/* Signals, one after the other: 1; of each force AMB_OF_FORCE, of each sensor AMB_OF_SENSOR; forms
+ * of the mean; cosine and sine of each tone. */
+#define AMB_OF_FORCE                                                                               \
+  5 /* F; k_i i; k_s s; k_i (i of `late` samples ago - i); depth in the stop [m] */
+#define AMB_OF_SENSOR 2 /* predicted reading; the same with more lag, less itself [m] */
+
+/* Least number of samples that a fault is judged by. */
+#define AMB_ISOLATION_LEAST 16
+
+typedef struct amb_fault_term {
+  unsigned short column;
+  unsigned short direction; /* forces, then sensors */
+  unsigned short signal;
+  amb_real weight;
+} amb_fault_term;
+
+typedef struct amb_fault {
+  unsigned short column; /* the first of one or two: a tone has two */
+  unsigned short columns;
+  unsigned short load; /* 1: no fault, but a disturbance force */
+} amb_fault;
+
+typedef struct amb_isolation {
+  int states; /* of the filter, its error in units in which they are alike */
+  int forces;
+  int sensors;
+  int columns;
+  int faults;
+  int terms;
+  int forms;
+  int tones;
+  int window;             /* samples that are searched */
+  int spare;              /* samples that may be put while they are searched */
+  int late;               /* samples of the late control, at most AMB_ISOLATION_LEAST */
+  amb_real lag;           /* share by which the reading with more lag follows in a sample [1] */
+  amb_real limit;         /* l of an alarm [1] */
+  amb_real margin;        /* by which l of a fault must exceed that of another to exclude it [1] */
+  const amb_real *A;      /* states x states, with the stiffness of the magnets */
+  const amb_real *b;      /* forces x states, by 1 N */
+  const amb_real *H;      /* sensors x states */
+  const amb_real *unit;   /* [states] those of the filter in one of these */
+  const amb_real *K;      /* sensors x states, a constant gain; NULL: by the covariance */
+  const amb_real *form;   /* forms x states */
+  const amb_real *turn;   /* tones x 2: cosine and sine of the angle in a sample */
+  const amb_fault *fault; /* [faults] */
+  const amb_fault_term *term; /* [terms] */
+} amb_isolation;
+
+/* The caller's memory: ring of (window + spare) x amb_isolation_row() numbers, and as many numbers
+ * of work as amb_isolation_work() says. */
+typedef struct amb_isolation_state {
+  amb_real *ring;
+  amb_real *work;
+  amb_real mean[AMB_STATES]; /* after the last sample */
+  amb_real lagged[AMB_SENSORS];
+  amb_real current[AMB_ISOLATION_LEAST + 1][AMB_FORCES];
+  int newest; /* row of the ring */
+  int filled; /* rows */
+  int seen;   /* samples since the start, up to AMB_ISOLATION_LEAST */
+} amb_isolation_state;
+
+/* What an evaluation says of a fault. */
+typedef struct amb_isolation_result {
+  amb_real likelihood;  /* l over the scale of the innovations [1] */
+  amb_real size[2];     /* of its columns, [unit of the fault] */
+  amb_real variance[2]; /* of that */
+  int since;            /* samples; the window where it was there before */
+  bool before;          /* whether it was there before the window */
+  bool possible;        /* whether it explains the innovations as well as what is named */
+  bool named;
+} amb_isolation_result;
+
+int amb_isolation_row(const amb_isolation *isolation);
+int amb_isolation_work(const amb_isolation *isolation);
+
+/* Forget all samples. */
+void amb_isolation_reset(const amb_isolation *isolation, amb_isolation_state *state);
+
+/* After a step of the filter: the state that it left, and its result. */
+void amb_isolation_put(const amb_isolation *isolation, amb_isolation_state *state,
+                       const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
+                       const amb_kalman_state *filter, const amb_kalman_result *result);
+
+/* Search the window. Writes a result for each fault, and returns how many are named: none, one or
+ * two. They are faults for sure where no load is possible besides. */
+int amb_isolation_evaluate(const amb_isolation *isolation, amb_isolation_state *state,
+                           amb_isolation_result result[]);
+
+/* Information of all columns [columns x columns] of faults that began `since` samples ago, at most
+ * the window; `before`: beside any error of the filter at that time. */
+void amb_isolation_information(const amb_isolation *isolation, amb_isolation_state *state,
+                               int since, bool before, amb_real information[]);
+
+AMB_EXTERN_C_END
+
+#endif

@@ -1,0 +1,643 @@
+#include "ambkit/isolation.h"
+#include "ambkit/root.h"
+#include "kalman_step.h"
+
+/* Parts of the memory for a sweep. */
+typedef struct sweep {
+  amb_real *z;        /* states */
+  amb_real *Z;        /* states x states */
+  amb_real *Y;        /* columns x states */
+  amb_real *g;        /* columns */
+  amb_real *M;        /* columns x columns; without `all` its diagonal, and pairs of one fault */
+  amb_real *rho;      /* columns */
+  amb_real *y;        /* columns */
+  amb_real *diagonal; /* columns: diagonal of M before */
+  amb_real *t;        /* states */
+  amb_real *AZ;       /* states x states */
+  amb_real energy;
+  bool all;
+} sweep;
+
+#define MOST_COLUMNS 4 /* of two faults */
+
+/* Health of a reading that says nothing. */
+#define MISSING (AMB_MISSING | AMB_FROZEN | AMB_BAD_VARIANCE)
+
+/* Share of a column that is left beside others, below which they are the same. */
+#define SAME AMB_C(1e-4)
+
+/* What a linearised fault explains is right to so many parts: of two faults that differ by less
+ * neither is excluded; and the second one of two must explain so much more. */
+#define LIKE AMB_C(0.05)
+#define SECOND AMB_C(0.1)
+
+int amb_isolation_row(const amb_isolation *iso)
+{
+  return 1 + (AMB_OF_FORCE * iso->forces) + (AMB_OF_SENSOR * iso->sensors) + iso->forms +
+         (2 * iso->tones) + (iso->sensors * (2 + iso->states)) + 1;
+}
+
+int amb_isolation_work(const amb_isolation *iso)
+{
+  const int n = iso->states;
+  const int c = iso->columns;
+  return (2 * n) + (2 * n * n) + (c * n) + (4 * c) + (c * c);
+}
+
+static sweep begin(const amb_isolation *iso, const amb_isolation_state *state, bool all)
+{
+  const int n = iso->states;
+  const int c = iso->columns;
+  sweep w;
+  w.z = state->work;
+  w.Z = w.z + n;
+  w.Y = w.Z + (n * n);
+  w.g = w.Y + (c * n);
+  w.M = w.g + c;
+  w.rho = w.M + (c * c);
+  w.y = w.rho + c;
+  w.diagonal = w.y + c;
+  w.t = w.diagonal + c;
+  w.AZ = w.t + n;
+  w.energy = AMB_C(0.0);
+  w.all = all;
+  amb_clear(amb_isolation_work(iso), state->work);
+  return w;
+}
+
+static amb_real dot(int n, const amb_real a[], const amb_real b[])
+{
+  amb_real sum = AMB_C(0.0);
+  for (int i = 0; i < n; i++) {
+    sum += a[i] * b[i];
+  }
+  return sum;
+}
+
+void amb_isolation_reset(const amb_isolation *iso, amb_isolation_state *state)
+{
+  state->newest = iso->window + iso->spare - 1;
+  state->filled = 0;
+  state->seen = 0;
+  amb_clear(AMB_STATES, state->mean);
+  amb_clear(AMB_SENSORS, state->lagged);
+  for (int k = 0; k <= AMB_ISOLATION_LEAST; k++) {
+    amb_clear(AMB_FORCES, state->current[k]);
+  }
+}
+
+/* Signals of a force at the currents that acted; they belong to the mean before. */
+static void put_forces(const amb_isolation *iso, amb_isolation_state *state, const amb_kalman *kf,
+                       const amb_magnet magnet[AMB_FORCES], const amb_real last_u[AMB_CONTROLS],
+                       amb_real *row)
+{
+  const amb_kalman_settings *set = &kf->set;
+  amb_real iu[AMB_CONTROLS];
+  for (int c = 0; c < amb_controls(&kf->model); c++) {
+    iu[c] = amb_clamp(set->k_ui[c] * last_u[c], set->iu_min[c], set->iu_max[c]);
+  }
+  for (int k = AMB_ISOLATION_LEAST; k > 0; k--) {
+    amb_copy(iso->forces, state->current[k - 1], state->current[k]);
+  }
+  for (int f = 0; f < iso->forces; f++) {
+    amb_stiffness k;
+    amb_stiffness late;
+    const amb_real i = amb_model_current(&kf->model, f, state->mean, iu);
+    const amb_real s = amb_model_displacement(&kf->model, f, state->mean);
+    const amb_real free = amb_clamp(s, -kf->set.x_max[f], kf->set.x_max[f]);
+    amb_real *to = row + (AMB_OF_FORCE * f);
+    to[0] = amb_step_force(kf, magnet, f, i, s, &k);
+    to[1] = k.k_i * i;
+    to[2] = k.k_s * s;
+    state->current[0][f] = i;
+    to[3] = amb_step_force(kf, magnet, f, state->current[iso->late][f], s, &late) - to[0];
+    to[4] = s - free;
+  }
+}
+
+/* Signals of the sensors come from the prediction: the mean has taken the innovation in. */
+static void put_measurements(const amb_isolation *iso, amb_isolation_state *state,
+                             const amb_kalman_state *filter, const amb_kalman_result *result,
+                             amb_real *signal, amb_real *measured)
+{
+  for (int r = 0; r < iso->sensors; r++) {
+    const bool missing = (result->health[r] & MISSING) != 0U;
+    const amb_real e = missing ? AMB_C(0.0) : result->innovation[r];
+    const amb_real predicted = missing ? state->lagged[r] : (filter->sensor[r].last_y - e);
+    signal[AMB_OF_SENSOR * r] = predicted;
+    state->lagged[r] += iso->lag * (predicted - state->lagged[r]);
+    signal[(AMB_OF_SENSOR * r) + 1] = state->lagged[r] - predicted;
+    measured[2 * r] = e;
+    measured[(2 * r) + 1] = missing ? AMB_C(0.0) : result->variance[r];
+  }
+}
+
+/* Gains of the sensors, each after those before it, by the covariance after the last one: that
+ * before a sensor is the one after it and K K' S. */
+static void put_gains(const amb_isolation *iso, const amb_kalman *kf,
+                      const amb_kalman_state *filter, const amb_kalman_result *result,
+                      amb_real *gains)
+{
+  const int n = iso->states;
+  for (int r = iso->sensors - 1; r >= 0; r--) {
+    const amb_real R = amb_step_noise(kf, r, filter->mean) + kf->rounding[r];
+    amb_real *K = gains + (r * n);
+    amb_real with_y[AMB_STATES];
+    amb_model_shown_with(&kf->model, r, filter->cov, with_y);
+    for (int i = 0; i < n; i++) {
+      K[i] = with_y[i] / iso->unit[i];
+    }
+    for (int q = r + 1; q < iso->sensors; q++) {
+      const amb_real *later = gains + (q * n);
+      const amb_real share = result->variance[q] * dot(n, iso->H + (r * n), later);
+      for (int i = 0; i < n; i++) {
+        K[i] += share * later[i];
+      }
+    }
+    const bool used = (result->health[r] & (MISSING | AMB_OUTLIER | AMB_RESTARTED)) == 0U;
+    for (int i = 0; i < n; i++) {
+      K[i] = !used ? AMB_C(0.0) : ((iso->K != NULL) ? iso->K[(r * n) + i] : (K[i] / R));
+    }
+  }
+}
+
+/* Cosine and sine of the tones, each turned on from the row before. */
+static void put_tones(const amb_isolation *iso, const amb_real *before, amb_real *tone)
+{
+  for (int k = 0; k < iso->tones; k++) {
+    const amb_real c = (before == NULL) ? AMB_C(1.0) : before[2 * k];
+    const amb_real s = (before == NULL) ? AMB_C(0.0) : before[(2 * k) + 1];
+    const amb_real *turn = iso->turn + (2 * k);
+    const amb_real real = (c * turn[0]) - (s * turn[1]);
+    const amb_real imaginary = (s * turn[0]) + (c * turn[1]);
+    const amb_real longer = AMB_C(1.5) - (AMB_C(0.5) * ((real * real) + (imaginary * imaginary)));
+    tone[2 * k] = real * longer; /* rounding changes no length */
+    tone[(2 * k) + 1] = imaginary * longer;
+  }
+}
+
+void amb_isolation_put(const amb_isolation *iso, amb_isolation_state *state, const amb_kalman *kf,
+                       const amb_magnet magnet[AMB_FORCES], const amb_kalman_state *filter,
+                       const amb_kalman_result *result)
+{
+  const amb_real *mean = filter->mean;
+  const int n = amb_states(&kf->model);
+  const int rows = iso->window + iso->spare;
+  const int size = amb_isolation_row(iso);
+  const int sensors = 1 + (AMB_OF_FORCE * iso->forces);
+  const int forms = sensors + (AMB_OF_SENSOR * iso->sensors);
+  const int tones = forms + iso->forms;
+  const amb_real *before =
+      (state->filled > 0) ? (state->ring + (state->newest * size) + tones) : NULL;
+  state->newest = (state->newest + 1) % rows;
+  amb_real *row = state->ring + (state->newest * size);
+  amb_real *measured = row + tones + (2 * iso->tones);
+  row[0] = AMB_C(1.0);
+  put_forces(iso, state, kf, magnet, filter->last_u, row + 1);
+  put_measurements(iso, state, filter, result, row + sensors, measured);
+  put_gains(iso, kf, filter, result, measured + (2 * iso->sensors));
+  const bool afresh = (result->status & (AMB_RESTARTED | AMB_BAD_VARIANCE)) != 0U;
+  row[size - 1] = afresh ? AMB_C(1.0) : AMB_C(0.0);
+  for (int k = 0; k < iso->forms; k++) {
+    row[forms + k] = dot(n, iso->form + (k * n), mean);
+  }
+  put_tones(iso, before, row + tones);
+  amb_copy(n, mean, state->mean);
+  if (state->seen < AMB_ISOLATION_LEAST) {
+    state->seen++; /* signals of the past are none yet */
+    state->filled = 1;
+  } else {
+    state->filled = (state->filled < rows) ? (state->filled + 1) : rows;
+  }
+}
+
+/* What each fault does along a direction in a sample. */
+static void regress(const amb_isolation *iso, const amb_real *row, int direction, amb_real rho[])
+{
+  amb_clear(iso->columns, rho);
+  for (int k = 0; k < iso->terms; k++) {
+    const amb_fault_term *term = &iso->term[k];
+    if (term->direction == direction) {
+      rho[term->column] += term->weight * row[term->signal];
+    }
+  }
+}
+
+/* M += a rho rho' + rho y' + y rho', g += s rho. */
+static void learn(const amb_isolation *iso, sweep *w, amb_real a, amb_real s)
+{
+  const int c = iso->columns;
+  for (int j = 0; j < c; j++) {
+    w->g[j] += s * w->rho[j];
+    const int last = w->all ? (c - 1) : ((j + 1 < c) ? (j + 1) : j);
+    for (int l = j; l <= last; l++) {
+      w->M[(j * c) + l] +=
+          (a * w->rho[j] * w->rho[l]) + (w->rho[j] * w->y[l]) + (w->y[j] * w->rho[l]);
+    }
+  }
+}
+
+/* Back before the measurements of a sample. */
+static void back_over_update(const amb_isolation *iso, const amb_real *row, sweep *w)
+{
+  const int n = iso->states;
+  const int m = iso->sensors;
+  const amb_real *measured = row + amb_isolation_row(iso) - 1 - (m * (2 + n));
+  for (int r = m - 1; r >= 0; r--) {
+    const amb_real *H = iso->H + (r * n);
+    const amb_real *K = measured + (2 * m) + (r * n);
+    const amb_real S = measured[(2 * r) + 1];
+    if (S > AMB_C(0.0)) { /* measured */
+      w->energy += measured[2 * r] * measured[2 * r] / S;
+      for (int i = 0; i < n; i++) {
+        w->t[i] = dot(n, w->Z + (i * n), K);
+      }
+      const amb_real s = (measured[2 * r] / S) - dot(n, K, w->z);
+      const amb_real weight = (AMB_C(1.0) / S) + dot(n, K, w->t);
+      regress(iso, row, iso->forces + r, w->rho);
+      for (int j = 0; j < iso->columns; j++) {
+        w->y[j] = -dot(n, K, w->Y + (j * n));
+      }
+      learn(iso, w, weight, s);
+      for (int j = 0; j < iso->columns; j++) {
+        const amb_real along = (weight * w->rho[j]) + w->y[j];
+        for (int i = 0; i < n; i++) {
+          w->Y[(j * n) + i] += (H[i] * along) - (w->t[i] * w->rho[j]);
+        }
+      }
+      for (int i = 0; i < n; i++) {
+        w->z[i] += H[i] * s;
+        for (int l = 0; l < n; l++) {
+          w->Z[(i * n) + l] += (weight * H[i] * H[l]) - (w->t[i] * H[l]) - (H[i] * w->t[l]);
+        }
+      }
+    }
+  }
+}
+
+/* x <- A' x, by way of `room`. */
+static void carry(int n, const amb_real *A, amb_real x[], amb_real room[])
+{
+  amb_clear(n, room);
+  for (int i = 0; i < n; i++) {
+    for (int l = 0; l < n; l++) {
+      room[l] += A[(i * n) + l] * x[i];
+    }
+  }
+  amb_copy(n, room, x);
+}
+
+/* Back to the sample before, by the forces that acted in between. */
+static void back_over_prediction(const amb_isolation *iso, const amb_real *row, sweep *w)
+{
+  const int n = iso->states;
+  for (int f = 0; f < iso->forces; f++) {
+    const amb_real *b = iso->b + (f * n);
+    for (int i = 0; i < n; i++) {
+      w->t[i] = dot(n, w->Z + (i * n), b);
+    }
+    regress(iso, row, f, w->rho);
+    for (int j = 0; j < iso->columns; j++) {
+      w->y[j] = dot(n, b, w->Y + (j * n));
+    }
+    learn(iso, w, dot(n, b, w->t), dot(n, b, w->z));
+    for (int j = 0; j < iso->columns; j++) {
+      for (int i = 0; i < n; i++) {
+        w->Y[(j * n) + i] += w->t[i] * w->rho[j];
+      }
+    }
+  }
+  carry(n, iso->A, w->z, w->t);
+  for (int j = 0; j < iso->columns; j++) {
+    carry(n, iso->A, w->Y + (j * n), w->t);
+  }
+  for (int i = 0; i < n; i++) { /* Z is symmetric: rows of Z A */
+    carry(n, iso->A, w->Z + (i * n), w->t);
+  }
+  for (int i = 0; i < n; i++) {
+    for (int l = 0; l < n; l++) {
+      w->AZ[(i * n) + l] = w->Z[(l * n) + i];
+    }
+  }
+  for (int i = 0; i < n; i++) {
+    carry(n, iso->A, w->AZ + (i * n), w->t);
+  }
+  for (int i = 0; i < n; i++) { /* what rounding makes unsymmetric would grow with the plant */
+    for (int l = i; l < n; l++) {
+      w->Z[(i * n) + l] = w->AZ[(i * n) + l];
+      w->Z[(l * n) + i] = w->AZ[(i * n) + l];
+    }
+  }
+}
+
+/* Columns of which hardly anything is left are nothing but rounding. */
+static void forget_rounding(const amb_isolation *iso, sweep *w)
+{
+  const int c = iso->columns;
+  for (int j = 0; j < c; j++) {
+    if (!(w->M[(j * c) + j] > (AMB_ROOT_EPSILON * w->diagonal[j]))) {
+      w->g[j] = AMB_C(0.0);
+      for (int l = 0; l < c; l++) {
+        w->M[(j * c) + l] = AMB_C(0.0);
+        w->M[(l * c) + j] = AMB_C(0.0);
+      }
+    }
+  }
+}
+
+/* What is in the window but for an error of any size at its start: that is eliminated from g and M
+ * by columns of Z, and those of Z that the samples do not show are none. Returns what that error
+ * explains. */
+static amb_real eliminate_start(const amb_isolation *iso, sweep *w)
+{
+  const int n = iso->states;
+  const int c = iso->columns;
+  amb_real explains = AMB_C(0.0);
+  for (int j = 0; j < c; j++) {
+    w->diagonal[j] = w->M[(j * c) + j];
+  }
+  for (int k = 0; k < n; k++) {
+    w->t[k] = w->Z[(k * n) + k];
+  }
+  for (int k = 0; k < n; k++) {
+    const amb_real pivot = w->Z[(k * n) + k];
+    if (pivot > (AMB_ROOT_EPSILON * w->t[k])) {
+      for (int j = 0; j < c; j++) {
+        w->rho[j] = w->Y[(j * n) + k];
+        w->y[j] = AMB_C(0.0);
+      }
+      explains += (w->z[k] * w->z[k]) / pivot;
+      learn(iso, w, AMB_C(-1.0) / pivot, -w->z[k] / pivot);
+      for (int i = k + 1; i < n; i++) {
+        const amb_real share = w->Z[(k * n) + i] / pivot;
+        for (int l = k + 1; l < n; l++) {
+          w->Z[(i * n) + l] -= share * w->Z[(k * n) + l];
+        }
+        for (int j = 0; j < c; j++) {
+          w->Y[(j * n) + i] -= share * w->rho[j];
+        }
+        w->z[i] -= share * w->z[k];
+      }
+    }
+  }
+  forget_rounding(iso, w);
+  return explains;
+}
+
+/* The filter started afresh: later samples know nothing of the error before. */
+static void back_over_restart(const amb_isolation *iso, sweep *w)
+{
+  const int n = iso->states;
+  (void)eliminate_start(iso, w);
+  amb_clear(n, w->z);
+  amb_clear(n * n, w->Z);
+  amb_clear(iso->columns * n, w->Y);
+}
+
+/* Back over sample `ago` before the newest. */
+static void back(const amb_isolation *iso, const amb_isolation_state *state, int newest, int ago,
+                 sweep *w)
+{
+  const int rows = iso->window + iso->spare;
+  const int place = (newest + rows - ago) % rows;
+  const amb_real *row = state->ring + (place * amb_isolation_row(iso));
+  if (row[amb_isolation_row(iso) - 1] > AMB_C(0.0)) {
+    back_over_restart(iso, w);
+  }
+  back_over_update(iso, row, w);
+  back_over_prediction(iso, row, w);
+}
+
+static amb_real entry(const amb_isolation *iso, const sweep *w, int j, int l)
+{
+  return (j <= l) ? w->M[(j * iso->columns) + l] : w->M[(l * iso->columns) + j];
+}
+
+/* l of some columns together; their sizes and variances where wanted. A column that is the same as
+ * those before it explains nothing more. */
+static amb_real explained(const amb_isolation *iso, const sweep *w, int count, const int column[],
+                          amb_real size[], amb_real variance[])
+{
+  amb_real L[MOST_COLUMNS][MOST_COLUMNS]; /* unit lower triangle */
+  amb_real D[MOST_COLUMNS];
+  amb_real v[MOST_COLUMNS];
+  amb_real sum = AMB_C(0.0);
+  for (int i = 0; i < count; i++) {
+    D[i] = entry(iso, w, column[i], column[i]);
+    v[i] = w->g[column[i]];
+    const amb_real own = SAME * D[i];
+    for (int k = 0; k < i; k++) {
+      amb_real m = entry(iso, w, column[i], column[k]);
+      for (int l = 0; l < k; l++) {
+        m -= L[i][l] * L[k][l] * D[l];
+      }
+      L[i][k] = (D[k] > AMB_C(0.0)) ? (m / D[k]) : AMB_C(0.0);
+      D[i] -= L[i][k] * L[i][k] * D[k];
+      v[i] -= L[i][k] * v[k];
+    }
+    D[i] = ((D[i] > own) && (D[i] > AMB_C(0.0))) ? D[i] : AMB_C(0.0);
+    sum += (D[i] > AMB_C(0.0)) ? ((v[i] * v[i]) / D[i]) : AMB_C(0.0);
+  }
+  if ((size != NULL) && (variance != NULL)) {
+    for (int i = count - 1; i >= 0; i--) {
+      amb_real inverse[MOST_COLUMNS] = {AMB_C(0.0)}; /* row i of L' to the minus one */
+      size[i] = (D[i] > AMB_C(0.0)) ? (v[i] / D[i]) : AMB_C(0.0);
+      variance[i] = AMB_C(0.0);
+      for (int l = i + 1; l < count; l++) {
+        size[i] -= L[l][i] * size[l];
+      }
+      inverse[i] = AMB_C(1.0);
+      for (int l = i; l < count; l++) {
+        for (int k = i; k < l; k++) {
+          inverse[l] -= L[l][k] * inverse[k];
+        }
+        variance[i] += (D[l] > AMB_C(0.0)) ? ((inverse[l] * inverse[l]) / D[l]) : AMB_C(0.0);
+      }
+    }
+  }
+  return sum;
+}
+
+/* Columns of one fault, or of two. */
+static int columns_of(const amb_isolation *iso, int j, int l, int column[MOST_COLUMNS])
+{
+  int count = 0;
+  for (int k = 0; k < (int)iso->fault[j].columns; k++) {
+    column[count] = (int)iso->fault[j].column + k;
+    count++;
+  }
+  for (int k = 0; (l >= 0) && (k < (int)iso->fault[l].columns); k++) {
+    column[count] = (int)iso->fault[l].column + k;
+    count++;
+  }
+  return count;
+}
+
+static amb_real likelihood(const amb_isolation *iso, const sweep *w, int j, int l)
+{
+  int column[MOST_COLUMNS];
+  return explained(iso, w, columns_of(iso, j, l, column), column, NULL, NULL);
+}
+
+/* Keep the best likelihood of each fault. */
+static void keep_best(const amb_isolation *iso, const sweep *w, int since, bool before,
+                      amb_isolation_result result[])
+{
+  for (int j = 0; j < iso->faults; j++) {
+    const amb_real l = likelihood(iso, w, j, -1);
+    if (l > result[j].likelihood) {
+      result[j].likelihood = l;
+      result[j].since = since;
+      result[j].before = before;
+    }
+  }
+}
+
+static int samples_in(const amb_isolation *iso, const amb_isolation_state *state)
+{
+  const int filled = state->filled - 1; /* the first has no past */
+  return (filled < iso->window) ? filled : iso->window;
+}
+
+/* The sweep to where a fault began, with all of M. */
+static sweep to_begin(const amb_isolation *iso, const amb_isolation_state *state, int newest,
+                      int since, bool before)
+{
+  sweep w = begin(iso, state, true);
+  for (int ago = 0; ago < since; ago++) {
+    back(iso, state, newest, ago, &w);
+  }
+  if (before) {
+    (void)eliminate_start(iso, &w);
+  }
+  return w;
+}
+
+static void write_sizes(const amb_isolation *iso, const sweep *w, int j, int l,
+                        amb_isolation_result result[])
+{
+  int column[MOST_COLUMNS];
+  amb_real size[MOST_COLUMNS];
+  amb_real variance[MOST_COLUMNS];
+  const int count = columns_of(iso, j, l, column);
+  (void)explained(iso, w, count, column, size, variance);
+  for (int k = 0; k < count; k++) {
+    const int own = (int)iso->fault[j].columns;
+    amb_isolation_result *of = (k < own) ? &result[j] : &result[l];
+    of->size[(k < own) ? k : (k - own)] = size[k];
+    of->variance[(k < own) ? k : (k - own)] = variance[k];
+  }
+}
+
+/* Name the two that explain most together, where they explain more than one; which else could. */
+static int name_two(const amb_isolation *iso, const sweep *w, amb_real scale, int first,
+                    amb_isolation_result result[])
+{
+  amb_real most = AMB_C(0.0);
+  int one = -1;
+  int other = -1;
+  for (int j = 0; j < iso->faults; j++) {
+    for (int l = j + 1; l < iso->faults; l++) {
+      const amb_real both = likelihood(iso, w, j, l);
+      if (both > most) {
+        most = both;
+        one = j;
+        other = l;
+      }
+    }
+  }
+  const amb_real single = likelihood(iso, w, first, -1);
+  if ((one < 0) || ((most - single) < amb_at_least(iso->limit * scale, SECOND * most))) {
+    return 1;
+  }
+  const amb_real margin = amb_at_least(iso->margin * scale, LIKE * most);
+  for (int j = 0; j < iso->faults; j++) {
+    bool possible = false;
+    for (int l = 0; l < iso->faults; l++) {
+      possible = possible || ((l != j) && ((most - likelihood(iso, w, j, l)) < margin));
+    }
+    result[j].possible = possible;
+    result[j].named = (j == one) || (j == other);
+  }
+  write_sizes(iso, w, one, other, result);
+  return 2;
+}
+
+static void forget(const amb_isolation *iso, amb_isolation_result result[])
+{
+  static const amb_isolation_result none;
+  for (int j = 0; j < iso->faults; j++) {
+    result[j] = none;
+  }
+}
+
+static int likeliest(const amb_isolation *iso, const amb_isolation_result result[])
+{
+  int first = 0;
+  for (int j = 1; j < iso->faults; j++) {
+    first = (result[j].likelihood > result[first].likelihood) ? j : first;
+  }
+  return first;
+}
+
+int amb_isolation_evaluate(const amb_isolation *iso, amb_isolation_state *state,
+                           amb_isolation_result result[])
+{
+  const int newest = state->newest;
+  const int samples = samples_in(iso, state);
+  forget(iso, result);
+  if (samples < AMB_ISOLATION_LEAST) {
+    return 0;
+  }
+  sweep w = begin(iso, state, false);
+  for (int ago = 0; ago < samples; ago++) {
+    back(iso, state, newest, ago, &w);
+    if ((ago + 1) >= AMB_ISOLATION_LEAST) {
+      keep_best(iso, &w, ago + 1, false, result);
+    }
+  }
+  const amb_real energy = w.energy;
+  const amb_real start = eliminate_start(iso, &w);
+  amb_real known = AMB_C(0.0);
+  int first = likeliest(iso, result);
+  if ((start - (amb_real)iso->states) > (result[first].likelihood - iso->margin)) {
+    known = start; /* something before the window explains as much as what began in it */
+    forget(iso, result);
+    keep_best(iso, &w, samples, true, result);
+    first = likeliest(iso, result);
+  }
+  const amb_real most = result[first].likelihood;
+  const amb_real left = (energy - known - most) / (amb_real)(samples * iso->sensors);
+  const amb_real scale = amb_at_least(left, AMB_C(1.0));
+  int named = 0;
+  if (most >= (iso->limit * scale)) {
+    const amb_real margin = amb_at_least(iso->margin * scale, LIKE * most);
+    for (int j = 0; j < iso->faults; j++) {
+      result[j].possible = (most - result[j].likelihood) < margin;
+    }
+    result[first].named = true;
+    w = to_begin(iso, state, newest, result[first].since, result[first].before);
+    for (int j = 0; j < iso->faults; j++) {
+      write_sizes(iso, &w, j, -1, result);
+    }
+    named = name_two(iso, &w, scale, first, result);
+  }
+  for (int j = 0; j < iso->faults; j++) {
+    result[j].likelihood /= scale;
+    result[j].variance[0] *= scale;
+    result[j].variance[1] *= scale;
+  }
+  return named;
+}
+
+void amb_isolation_information(const amb_isolation *iso, amb_isolation_state *state, int since,
+                               bool before, amb_real information[])
+{
+  const int samples = samples_in(iso, state);
+  const sweep w = to_begin(iso, state, state->newest, (since < samples) ? since : samples, before);
+  for (int j = 0; j < iso->columns; j++) {
+    for (int l = 0; l < iso->columns; l++) {
+      information[(j * iso->columns) + l] = entry(iso, &w, j, l);
+    }
+  }
+}

@@ -1,0 +1,1 @@
+"""Fault isolation: which fault explains the innovations of a filter."""

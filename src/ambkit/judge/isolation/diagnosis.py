@@ -1,0 +1,214 @@
+"""What fault isolation says of a record, and which faults of a machine it can tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ambkit.base.units import figure
+from ambkit.judge.isolation.isolation import SEARCHES, LeastSizes, Searches
+from ambkit.judge.isolation.signatures import Signature
+from ambkit.result.report import Axis, Figure, Line, Panel, Rule
+from ambkit.result.result import Result
+from ambkit.result.row import Row, Section, put
+
+FEW = 6  #: Curves of a picture.
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Result):
+    """Which faults explain the innovations of a filter along a record."""
+
+    name: str  #: Of machine and filter.
+    searches: Searches
+    limit: float  #: Likelihood ratio of an alarm.
+    sampling_time: float
+    remarks: Sequence[str] = field(default=())
+
+    @cached_property
+    def certain(self) -> bool:
+        """Whether there is a fault; otherwise a disturbance force explains the record."""
+        return bool(self.searches.alarms.any())
+
+    @cached_property
+    def decisive(self) -> int | None:
+        """The search that names the first fault: the last one whose window has its beginning."""
+        s = self.searches
+        named = np.flatnonzero(s.alarms if self.certain else s.named.any(axis=1))
+        if not named.size:
+            return None
+        later = named[named < named[0] + SEARCHES - 1]
+        return int(later[-1])
+
+    @property
+    def faults(self) -> list[str]:
+        """Names of the faults; empty where there is none for sure."""
+        return self._named if self.certain else []
+
+    @property
+    def _named(self) -> list[str]:
+        return [] if self.decisive is None else self._names(self.searches.named[self.decisive])
+
+    @property
+    def alternatives(self) -> list[str]:
+        """Names of what else explains the record as well."""
+        if self.decisive is None:
+            return []
+        other = self.searches.possible[self.decisive] & ~self.searches.named[self.decisive]
+        return self._names(other)
+
+    def _names(self, mask: Any) -> list[str]:
+        return [s.name for s, now in zip(self.searches.signatures, mask, strict=True) if now]
+
+    @property
+    def title(self) -> str:
+        return f"{self.name}, {len(self.searches.t)} searches"
+
+    @property
+    def finding(self) -> str:
+        if self.decisive is None:
+            return f"{self.title}: no fault."
+        k = self.decisive
+        since = self._since(k, int(np.flatnonzero(self.searches.named[k])[0]))
+        other = f"; as likely: {', '.join(self.alternatives)}" if self.alternatives else ""
+        remark = "" if self.certain else "; a disturbance force explains it"
+        return f"{self.title}: {' and '.join(self._named)}, {since}{other}{remark}."
+
+    def _since(self, k: int, j: int) -> str:
+        t = float(self.searches.t[k])
+        start = t - float(self.searches.since[k, j]) * self.sampling_time
+        before = "before" if self.searches.before[k, j] else "since"
+        return f"{before} {figure(max(start, 0.0), 's', 4)}"
+
+    @property
+    def rows(self) -> list[Row]:
+        k = self.decisive
+        result: list[Row] = []
+        for j, signature in enumerate(self.searches.signatures):
+            result += put(self._row(k, j, signature), section=("faults",), of=signature.name)
+        return result
+
+    def _row(self, k: int | None, j: int, signature: Signature) -> list[Row]:
+        s = self.searches
+        at = int(np.argmax(s.likelihood[:, j])) if k is None else k
+        size = float(np.linalg.norm(s.size[at, j])) if len(signature.columns) > 1 else None
+        size = float(s.size[at, j, 0]) if size is None else size
+        raised = k is not None and s.likelihood[at, j] >= self.limit
+        named, possible = bool(s.named[at, j]), bool(s.possible[at, j])
+        verdict = "named" if named else "possible" if possible else "–"
+        return [
+            Row("likelihood", "likelihood ratio", float(s.likelihood[at, j]), digits=3),
+            Row("size", "size", size if raised else None, signature.unit, 3,
+                error=float(s.std[at, j].max()) if raised else None),
+            Row("since", "begin", self._since(at, j) if raised else None),
+            Row("verdict", "verdict", None if k is None else verdict),
+            Row("about", "what is off", signature.about),
+        ]  # fmt: skip
+
+    SECTIONS = {("faults",): Section("Faults", across=True)}
+
+    @property
+    def notes(self) -> Sequence[str]:
+        return self.remarks
+
+    @property
+    def series(self) -> dict[str, Any]:
+        return {
+            "named": self.faults, "as_likely": self.alternatives,
+            "limit": self.limit, "t": self.searches.t.tolist(),
+            "likelihood": {
+                s.name: self.searches.likelihood[:, j].tolist()
+                for j, s in enumerate(self.searches.signatures)
+            },
+        }  # fmt: skip
+
+    def figures(self) -> list[Figure]:
+        s = self.searches
+        order = np.argsort(-s.likelihood.max(axis=0), kind="stable")[:FEW]
+        lines = [Line(s.t, s.likelihood[:, j], label=s.signatures[j].name) for j in sorted(order)]
+        panel = Panel(
+            Axis("time", "s"), Axis("likelihood ratio", scale="log"),
+            [*lines, Rule(self.limit, text="alarm")],
+        )  # fmt: skip
+        return [
+            Figure(
+                id="diagnosis",
+                title=f"{self.name}: faults",
+                caption="How much better each fault explains the last innovations than none does: "
+                "twice the logarithm of the likelihood ratio.",
+                panels=[panel],
+            )
+        ]
+
+
+@dataclass(frozen=True, repr=False)
+class Distinction(Result):
+    """Which faults of a machine can be distinguished, and from which size on."""
+
+    name: str  #: Of machine and filter.
+    signatures: tuple[Signature, ...]
+    operations: dict[str, LeastSizes]  #: By what the machine does.
+    window: float  #: [s]
+
+    @property
+    def title(self) -> str:
+        return f"{self.name}, within {figure(self.window, 's', 3)}"
+
+    @property
+    def finding(self) -> str:
+        of = [
+            f"{sum(self._can(sizes))} of {len(self.signatures)} {operation}"
+            for operation, sizes in self.operations.items()
+        ]
+        return f"{self.title}: faults that can be named: {', '.join(of)}."
+
+    def _can(self, sizes: LeastSizes) -> list[bool]:
+        return [
+            bool(least <= signature.most)
+            for least, signature in zip(sizes.named, self.signatures, strict=True)
+        ]
+
+    @property
+    def rows(self) -> list[Row]:
+        result: list[Row] = []
+        for operation, sizes in self.operations.items():
+            for j, signature in enumerate(self.signatures):
+                rows = self._row(sizes, j, signature)
+                result += put(rows, section=(operation,), of=signature.name)
+        return result
+
+    def _row(self, sizes: LeastSizes, j: int, signature: Signature) -> list[Row]:
+        alarm, named = float(sizes.detected[j]), float(sizes.named[j])
+        alike = [
+            other.name
+            for k, other in enumerate(self.signatures)
+            if k != j and not sizes.apart[j, k] <= signature.most
+        ]
+        seen = alarm <= signature.most
+        like = None if not seen else ", ".join(alike) or "none"
+        unit = "%" if signature.unit == "1" else signature.unit
+        return [
+            Row("alarm", "alarm from", alarm if seen else None, unit, 2),
+            Row("named", "named from", named if named <= signature.most else None,
+                unit, 2),
+            Row("alike", "confused with", like),
+            Row("about", "what is off", signature.about, detail=True),
+        ]  # fmt: skip
+
+    @property
+    def sections(self) -> dict[tuple[str, ...], Section]:
+        return {
+            (operation,): Section(f"Least sizes {operation}", across=True)
+            for operation in self.operations
+        }
+
+    @property
+    def series(self) -> dict[str, Any]:
+        return {"window": self.window}
+
+    def figures(self) -> list[Figure]:
+        return []

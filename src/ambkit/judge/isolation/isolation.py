@@ -1,0 +1,179 @@
+"""Fault isolation beside a filter, and what it cannot tell apart."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.arrays import Array
+from ambkit.base.errors import AmbkitError
+from ambkit.control.linear.steady_state_filter import tangents_known
+from ambkit.data.record import Record
+from ambkit.judge.isolation.signatures import LAG_BY, LATE_BY, Signature, signatures_of, tones_of
+from ambkit.judge.load_following import operating_point
+from ambkit.machine.machine import Machine
+
+WINDOW = 0.08  #: Length of the window [s].
+LONGEST = 1024  #: Samples of the window at most.
+SEARCHES = 4  #: Of a window.
+LIMIT, MARGIN = 40.0, 16.0
+"""Log likelihood ratios (times two): of an alarm, and between what is named and what is not."""
+
+NINE_IN_TEN = 1.65
+"""Standard deviations that 19 in 20 are above: nine in ten pass two limits at once."""
+LIKE = 0.05  #: Share by which what two faults explain must differ, LIKE of ``isolation.c``.
+
+
+@dataclass(frozen=True, eq=False)
+class Searches:
+    """What the searches along a record say, n of them, of k faults."""
+
+    t: Array  #: (n,) Times [s].
+    signatures: tuple[Signature, ...]  #: (k,)
+    likelihood: Array  #: (n, k) Twice the log likelihood ratio against no fault [1].
+    size: Array  #: (n, k, 2) [unit of the fault]
+    std: Array  #: (n, k, 2) Standard deviation of that.
+    since: NDArray[np.intp]  #: (n, k) Samples.
+    named: NDArray[np.bool_]  #: (n, k)
+    possible: NDArray[np.bool_]  #: (n, k) Whether it explains the record as well.
+    before: NDArray[np.bool_]  #: (n, k) Whether it was there before the window.
+
+    @property
+    def alarms(self) -> NDArray[np.bool_]:
+        """Whether a fault is named, and no disturbance force explains it (n,)."""
+        load = np.array([signature.load for signature in self.signatures])
+        fault = np.asarray((self.named & ~load).any(axis=1))
+        return np.asarray(fault & ~self._only_load(load), bool)
+
+    def _only_load(self, load: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether a single fault is named that a disturbance force explains too (n,)."""
+        single = self.named.sum(axis=1) == 1
+        return np.asarray(single & (self.possible & load).any(axis=1))
+
+
+class LeastSizes(NamedTuple):
+    """The least sizes of k faults that can be span, in the units of the faults."""
+
+    detected: Array  #: (k,) That raise an alarm.
+    apart: Array  #: (k, k) That exclude each other fault.
+
+    @property
+    def named(self) -> Array:
+        """That are named, and no other (k,)."""
+        return np.asarray(np.maximum(self.detected, self.apart.max(axis=1)), float)
+
+
+def _least(M: Array) -> float:
+    """Return the information in the worst direction of one or two columns."""
+    return float(np.linalg.eigvalsh(M)[0])
+
+
+def _left(M: Array, own: NDArray[np.intp], other: NDArray[np.intp]) -> float:
+    """Return the information of a fault beside another one."""
+    of_other = M[np.ix_(other, other)]
+    if not _least(of_other) > 0:
+        return _least(M[np.ix_(own, own)])
+    across = M[np.ix_(own, other)]
+    return _least(M[np.ix_(own, own)] - across @ np.linalg.solve(of_other, across.T))
+
+
+def window_of(machine: Machine) -> int:
+    """Return the samples that are searched."""
+    return min(LONGEST, max(64, round(WINDOW / machine.sampling_time)))
+
+
+class FaultIsolation:
+    """Fault isolation beside a filter."""
+
+    def __init__(self, kalman: Any, *, limit: float = LIMIT, margin: float = MARGIN):
+        if not kalman.by_model or not hasattr(kalman.core, "covariance"):
+            raise AmbkitError(f"{kalman.name}: no model of the machine to isolate faults by")
+        self.kalman, self.limit, self.margin = kalman, limit, margin
+        self.signatures = tuple(signatures_of(kalman.view, kalman.magnet))
+        self.window = window_of(kalman.machine)
+        self.every = self.window // SEARCHES
+        self.core = kalman.engine.core.Isolation(self.constants)
+
+    @cached_property
+    def constants(self) -> dict[str, Any]:
+        """What the core is made of."""
+        kalman = self.kalman
+        A, b, H, units, K = _error_model(kalman)
+        tones = np.array(tones_of(kalman.view)) * kalman.machine.sampling_time
+        columns = [column for signature in self.signatures for column in signature.columns]
+        first = np.cumsum([0, *(len(signature.columns) for signature in self.signatures)])
+        form = kalman.model.r
+        return {
+            "states": len(A), "forces": len(b), "sensors": len(H), "columns": len(columns),
+            "tones": len(tones), "forms": len(form), "window": self.window, "spare": self.every,
+            "late": LATE_BY,
+            "lag": -math.expm1(-1 / LAG_BY), "limit": self.limit, "margin": self.margin,
+            "A": A.ravel().tolist(), "b": b.ravel().tolist(), "H": H.ravel().tolist(),
+            "unit": units.tolist(), "K": None if K is None else K.ravel().tolist(),
+            "form": form.ravel().tolist(),
+            "turn": np.column_stack([np.cos(tones), np.sin(tones)]).ravel().tolist(),
+            "faults": [
+                (int(at), len(signature.columns), signature.load)
+                for at, signature in zip(first, self.signatures, strict=False)
+            ],
+            "terms": [(k, *term) for k, column in enumerate(columns) for term in column],
+        }  # fmt: skip
+
+    def run(self, record: Record) -> Searches:
+        """Run the filter along a record, and search every quarter of a window."""
+        y, u = self.kalman._start(record)
+        result = self.core.run(self.kalman.core, y, u, self.every)
+        searches = np.arange(1, len(result["named"]) + 1) * self.every - 1
+        flags = result["flags"]
+        return Searches(
+            record.t[searches], self.signatures, np.asarray(result["likelihood"], float),
+            np.asarray(result["size"], float),
+            np.sqrt(np.maximum(np.asarray(result["variance"], float), 0.0)),
+            np.asarray(result["since"], int), (flags & 1) > 0, (flags & 2) > 0, (flags & 4) > 0,
+        )  # fmt: skip
+
+    def least_sizes(self) -> LeastSizes:
+        """Return the least sizes of faults that the last search of the last run can tell."""
+        # By Fisher's information: nine in ten pass the limit and the margin to each other fault.
+        M, k = self.information(self.span), len(self.signatures)
+        first = np.cumsum([0, *(len(s.columns) for s in self.signatures)])
+        of = [np.arange(first[j], first[j + 1]) for j in range(k)]
+        seen = np.sqrt(self.limit) + NINE_IN_TEN
+        apart = np.sqrt(self.margin) + NINE_IN_TEN
+        detected, separated = np.full(k, np.inf), np.full((k, k), np.inf)
+        for j in range(k):
+            own = _least(M[np.ix_(of[j], of[j])])
+            detected[j] = seen / np.sqrt(own) if own > 0 else np.inf
+            for other in range(k):
+                if other == j or not own > 0:
+                    continue
+                left = _left(M, of[j], of[other])
+                if left > LIKE * own:
+                    separated[j, other] = apart / np.sqrt(left)
+        np.fill_diagonal(separated, 0.0)
+        return LeastSizes(detected, separated)
+
+    @property
+    def span(self) -> int:
+        """Samples of a fault by which a search knows it: one begins in each quarter of a window."""
+        return self.window - self.every
+
+    def information(self, since: int, *, before: bool = False) -> Array:
+        """Information of all columns (k, k) on faults that began so many samples ago."""
+        return np.asarray(self.core.information(since, before), float)
+
+
+def _error_model(kalman: Any) -> tuple[Array, Array, Array, Array, Array | None]:
+    """Return A, b, H of the filter's error, the units of its states, and a constant gain."""
+    point = operating_point(kalman.machine)
+    model = kalman.linear_model(*tangents_known(kalman.magnet, "tangent", point))
+    units = np.array(kalman.default_std())
+    gain = getattr(kalman, "gain", None)
+    constant = kalman.steady == "constant" and gain is not None
+    K = (np.asarray(gain) / units)[None] if constant else None
+    return model.A * units / units[:, None], model.E.T / units, model.H * units, units, K

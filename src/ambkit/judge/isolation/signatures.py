@@ -1,0 +1,170 @@
+"""Faults that are distinguished, each by the forces and readings that a fault of size 1 adds.
+
+A fault is data for ``core/include/ambkit/isolation.h``: signals of the running filter, where they
+act, and their weights. What a coil, a magnet or a mass adds to the force is its derivative by the
+parameter; so a new fault is one line of `_of_axis`, `_of_reading` or `_in_motion`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from ambkit.data.signals import signal
+from ambkit.estimate.machine_model import View
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import magnet_of, own_time
+
+OF_FORCE, OF_SENSOR = 5, 2  #: Signals of each, AMB_OF_FORCE and AMB_OF_SENSOR.
+FORCE, BY_CURRENT, BY_PLACE, LATE, DEPTH = range(OF_FORCE)
+READING, LAGGED = range(OF_SENSOR)
+LATE_BY, LAG_BY = 3, 5
+"""Samples by which control and reading are late whose signatures are tested: the derivative by a
+delay would answer to noise of a sample, which a delay does not carry on."""
+LINE = 50.0  #: Frequency of the mains [Hz].
+
+
+class Term(NamedTuple):
+    """A signal that acts with a weight along a force or on a reading."""
+
+    direction: int
+    signal: int
+    weight: float
+
+
+@dataclass(frozen=True)
+class Signature:
+    """A fault: what one of size 1 adds."""
+
+    name: str
+    about: str
+    unit: str  #: Of its size; 1: relative.
+    columns: tuple[tuple[Term, ...], ...]  #: Two of an oscillation.
+    most: float  #: A size that is as bad as can be.
+    load: bool = False  #: A disturbance force, which is no fault.
+
+
+class Places:
+    """Where signals and directions of a filter's machine stand."""
+
+    def __init__(self, view: View) -> None:
+        self.machine = view.machine
+        self.forces, self.sensors = len(self.machine.axes), len(self.machine.readings)
+        self._readings = 1 + OF_FORCE * self.forces
+        self._forms = self._readings + OF_SENSOR * self.sensors
+        self._tones = self._forms + self.forces
+
+    def of_force(self, f: int, what: int) -> int:
+        """Signal of a force."""
+        return 1 + OF_FORCE * f + what
+
+    def of_reading(self, r: int, what: int) -> int:
+        """Signal of a reading."""
+        return self._readings + OF_SENSOR * r + what
+
+    def load(self, f: int) -> int:
+        """Estimated disturbance force along an axis."""
+        return self._forms + f
+
+    def tone(self, k: int) -> tuple[int, int]:
+        """Cosine and sine of a tone."""
+        return self._tones + 2 * k, self._tones + 2 * k + 1
+
+
+def tones_of(view: View) -> list[float]:
+    """Return the frequencies [rad/s] that are looked for: the mains, and the rotation."""
+    speed = view.speed
+    return [math.tau * LINE, *([speed] if speed else [])]
+
+
+def signatures_of(view: View, magnet: Any) -> list[Signature]:
+    """Return all faults of a filter's machine."""
+    places = Places(view)
+    machine, isolated = places.machine, view.isolated
+    result: list[Signature] = []
+    for f, (axis, of) in enumerate(zip(machine.axes, isolated, strict=True)):
+        result += _of_axis(places, f, axis, of)
+    for r, reading in enumerate(machine.readings):
+        result += _of_reading(places, r, reading, view.limits[r], own_time(isolated[0]))
+    return result + list(_in_motion(places, view, magnet))
+
+
+def _of_axis(places: Places, f: int, axis: Any, of: Machine) -> Iterator[Signature]:
+    force, current, place, late, depth = (places.of_force(f, k) for k in range(OF_FORCE))
+    law = magnet_of(of)
+    k_i, bias = float(law.tangent(0.0, 0.0)[0]), float(law.bias_force)
+    most = abs(k_i) * of.current_max
+
+    def fault(
+        name: str, about: str, unit: str, size: float, *terms: tuple[int, float]
+    ) -> Signature:
+        columns = (tuple(Term(f, at, weight) for at, weight in terms),)
+        return Signature(signal(name, axis.name), about, unit, columns, size, name == "load")
+
+    yield fault("load", "step of disturbance force, weight or bias current", "N", most, (0, 1.0))
+    yield fault("magnet", "magnet constant", "1", 1.0, (force, 1.0), (0, bias))
+    if of.magnet.type == "two-sided":
+        pull = k_i * of.magnet.bias_current / 4
+        yield fault("upper coil", "coil towards +x", "1", 1.0, (force, 0.5), (0, pull))
+        yield fault("lower coil", "coil towards -x", "1", 1.0, (force, 0.5), (0, -pull))
+    yield fault("amplifier", "gain of the amplifier", "1", 1.0, (current, 1.0))
+    yield fault("gap", "air gap", "1", 1.0, (0, -2 * bias), (current, -2.0), (place, -3.0))
+    yield fault("dead time", "delay of the control", "samples", 10.0, (late, 1 / LATE_BY))
+    stiffness = most / of.clearance
+    yield fault("contact", "stiffness of a contact", "N/m", 100 * stiffness, (depth, -1.0))
+
+
+def _of_reading(
+    places: Places, r: int, reading: Any, limit: float, own: float
+) -> Iterator[Signature]:
+    read, lagged = (places.of_reading(r, k) for k in range(OF_SENSOR))
+    along, T = places.forces + r, places.machine.sampling_time
+
+    def fault(
+        name: str, about: str, unit: str, size: float, *signals: tuple[int, float]
+    ) -> Signature:
+        columns = tuple((Term(along, at, weight),) for at, weight in signals)
+        return Signature(signal(name, reading.name), about, unit, columns, size)
+
+    yield fault("sensor gain", "gain of the sensor", "1", 1.0, (read, 1.0))
+    yield fault("sensor offset", "zero of the sensor", "m", limit, (0, 1.0))
+    yield fault("sensor lag", "lag of the sensor", "s", own, (lagged, 1 / (LAG_BY * T)))
+    tone = [(k, 1.0) for k in places.tone(0)]
+    yield fault("line noise", f"noise at {LINE:g} Hz", "m", limit, *tone)
+
+
+def _in_motion(places: Places, view: View, magnet: Any) -> Iterator[Signature]:
+    known = view.known_forces(magnet, weight=True)
+    biases = [float(magnet_of(of).bias_force) for of in view.isolated]
+    magnets: list[Term] = []
+    weights: list[Term] = []
+    for f, bias in enumerate(biases):
+        magnets += [Term(f, places.of_force(f, FORCE), 1.0), Term(f, places.load(f), 1.0),
+                    Term(f, 0, bias)]  # fmt: skip
+        weights.append(Term(f, 0, float(known[f]) - bias))
+    mass = tuple(term._replace(weight=-term.weight) for term in magnets)
+    yield Signature("mass", "mass of the rotor", "1", (mass,), 1.0)
+    clock = tuple(term._replace(weight=2 * term.weight) for term in [*magnets, *weights])
+    yield Signature("clock", "sampling time", "1", (clock,), 1.0)
+    if places.machine.rotor.type != "mass" and places.machine.speed:
+        yield from _unbalances(places, view)
+
+
+def _unbalances(places: Places, view: View) -> Iterator[Signature]:
+    cosine, sine = places.tone(1)
+    axes = list(enumerate(places.machine.axes))
+    for bearing in places.machine.bearings:
+        radial = [
+            (f, axis.line.cosine, axis.line.sine)
+            for f, axis in axes if axis.bearing is bearing and not axis.line.axial
+        ]  # fmt: skip
+        if not radial:
+            continue
+        x = tuple(term for f, c, s in radial for term in (Term(f, cosine, c), Term(f, sine, s)))
+        y = tuple(term for f, c, s in radial for term in (Term(f, cosine, s), Term(f, sine, -c)))
+        of = view.isolated[radial[0][0]]
+        most = abs(float(magnet_of(of).tangent(0.0, 0.0)[0])) * of.current_max
+        name = signal("unbalance", bearing.name)
+        yield Signature(name, "force of an unbalance", "N", (x, y), most)
