@@ -359,6 +359,21 @@ class Rls:
         Regressors (samples, n) and outputs (samples); theta and excitation after each.
         """
 
+class Isolation:
+    """Fault isolation beside a filter (ambkit/isolation.h)."""
+
+    def __init__(self, of: dict[str, Any]) -> None: ...
+
+    def run(self, filter: Any, y: Any, u: Any, every: int) -> dict[str, Any]:
+        """
+        Run a filter along a record, and search the window every so many samples.
+        """
+
+    def information(self, since: int, before: bool) -> Any:
+        """
+        Information of all columns on faults that began so many samples ago; `before`: beside any error then.
+        """
+
 class Control:
     """The whole controller (ambkit/control.h)."""
 
