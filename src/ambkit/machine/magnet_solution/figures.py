@@ -87,18 +87,19 @@ def gap_figure(
     layout = drawing.layout
     chosen = solver.in_gap
     places = solver.at().elements.places[chosen].mean(axis=1)
+    if layout.axisymmetric and layout.bias.size > 1:  # of two gaps, where the currents add
+        chosen, places = chosen[places.imag > 0], places[places.imag > 0]
     if len(layout.directions) > 1:
         along, axis = np.angle(places), Axis("angle", "deg", 180 / np.pi)
     elif layout.axisymmetric:
         along, axis = places.real, Axis("radius", "mm", 1e3)
     else:
         along, axis = places.imag, Axis("place along the gap", "mm", 1e3)
-    order = np.argsort(along)
     items: list[Item] = [
-        Line(along[order], np.abs(of.B[chosen]).mean(axis=1)[order], signal=signal, label=name)
+        Points(along, np.abs(of.B[chosen]).mean(axis=1), signal=signal, label=name)
         for of, signal, name in (
-            (bias_field, "series 1", "bias current"),
-            (field, "series 2", "greatest control current"),
+            (bias_field, "place", "bias current"),
+            (field, "mode", "greatest control current"),
         )
     ]
     return Figure(
