@@ -395,6 +395,7 @@ void bind_flags(nb::module_ &m)
   m.attr("INCONSISTENT") = AMB_INCONSISTENT;
   m.attr("NOISE_LIMIT") = AMB_NOISE_LIMIT;
   m.attr("RESTARTED") = AMB_RESTARTED;
+  m.attr("CONTACT") = AMB_CONTACT;
 }
 
 } // namespace

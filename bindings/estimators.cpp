@@ -9,6 +9,7 @@
 
 extern "C" {
 #include "ambkit/adaptive_noise.h"
+#include "ambkit/contact.h"
 #include "ambkit/low_pass.h"
 #include "ambkit/observer.h"
 #include "ambkit/ud.h"
@@ -197,6 +198,94 @@ struct Unscented : Estimator {
   }
 };
 
+struct Contact : Estimator {
+  amb_contact own{};
+  Contact(nb::object asked, nb::object model, const Places &first, const Places &second,
+          const Vector &clearance, const Vector &stiffness, const Vector &damping,
+          const Vector &stiffest, const Vector &most_damped, const Matrix &displacement,
+          const Matrix &velocity, amb_real scatter, nb::kwargs settings)
+      : Estimator(amb_contact_methods, asked, model, settings)
+  {
+    const Sizes of = sizes();
+    const size_t rings = first.size();
+    if (rings > of.forces)
+      throw std::invalid_argument("there are more stops than magnets");
+    own.rings = static_cast<int>(rings);
+    axes(own.first, first, rings, "first");
+    axes(own.second, second, rings, "second");
+    fill(own.clearance, clearance, rings, "clearance");
+    fill(own.stiffness, stiffness, rings, "stiffness");
+    fill(own.damping, damping, rings, "damping");
+    fill(own.stiffest, stiffest, rings, "stiffest");
+    fill(own.most_damped, most_damped, rings, "most_damped");
+    rows(own.displacement, displacement, "displacement");
+    rows(own.velocity, velocity, "velocity");
+    own.scatter = scatter;
+    estimator.own = &own;
+  }
+  nb::dict more() const override
+  {
+    const Sizes of = sizes();
+    nb::dict d;
+    d["rings"] = own.rings;
+    d["first"] = places(own.first, of.forces);
+    d["second"] = places(own.second, of.forces);
+    d["clearance"] = shown({own.clearance, own.clearance + of.forces}, {of.forces});
+    d["stiffness"] = shown({own.stiffness, own.stiffness + of.forces}, {of.forces});
+    d["damping"] = shown({own.damping, own.damping + of.forces}, {of.forces});
+    d["stiffest"] = shown({own.stiffest, own.stiffest + of.forces}, {of.forces});
+    d["most_damped"] = shown({own.most_damped, own.most_damped + of.forces}, {of.forces});
+    d["displacement"] = of_axes(own.displacement);
+    d["velocity"] = of_axes(own.velocity);
+    d["scatter"] = own.scatter;
+    return d;
+  }
+  // Along the axes (n, forces), of means (n, states).
+  nb::object contact_forces(const Matrix &means) const
+  {
+    const Sizes of = sizes();
+    same_length(of.states, means.shape(1), "means");
+    Fresh<amb_real> forces({means.shape(0), of.forces});
+    for (size_t k = 0; k < means.shape(0); k++)
+      amb_contact_forces(estimator.kf, &own, means.data() + k * of.states,
+                         forces.data + k * of.forces);
+    return nb::cast(forces.array);
+  }
+
+private:
+  void axes(unsigned short *to, const Places &from, size_t rings, const char *name)
+  {
+    same_length(rings, from.size(), name);
+    for (size_t r = 0; r < rings; r++) {
+      if (from.data()[r] >= sizes().forces)
+        throw std::invalid_argument(std::string(name) + ": there is no such axis");
+      to[r] = from.data()[r];
+    }
+  }
+  void rows(amb_real to[][AMB_STATES], const Matrix &from, const char *name)
+  {
+    const Sizes of = sizes();
+    same_length(of.forces, from.shape(0), name);
+    same_length(of.states, from.shape(1), name);
+    for (size_t f = 0; f < of.forces; f++)
+      std::copy_n(from.data() + f * of.states, of.states, to[f]);
+  }
+  nb::object of_axes(const amb_real from[][AMB_STATES]) const
+  {
+    const Sizes of = sizes();
+    Fresh<amb_real> copy({of.forces, of.states});
+    for (size_t f = 0; f < of.forces; f++)
+      std::copy_n(from[f], of.states, copy.data + f * of.states);
+    return nb::cast(copy.array);
+  }
+  static nb::object places(const unsigned short *from, size_t n)
+  {
+    Fresh<unsigned short> copy({n});
+    std::copy_n(from, n, copy.data);
+    return nb::cast(copy.array);
+  }
+};
+
 struct AdaptiveNoise : Estimator {
   amb_adaptive_noise own;
   AdaptiveNoise(nb::object around, bool measurement, bool disturbance, amb_real share,
@@ -296,6 +385,20 @@ void bind_estimators(nb::module_ &m)
            nb::arg("model"), nb::arg("reach"), nb::arg("curvature"), nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, reach: float, "
                    "curvature: float, **settings: Any) -> None"));
+  nb::class_<Contact, Estimator>(m, "Contact", "Extended filter with stops (ambkit/contact.h).")
+      .def(nb::init<nb::object, nb::object, const Places &, const Places &, const Vector &,
+                    const Vector &, const Vector &, const Vector &, const Vector &, const Matrix &,
+                    const Matrix &, amb_real, nb::kwargs>(),
+           nb::arg("magnet"), nb::arg("model"), nb::arg("first"), nb::arg("second"),
+           nb::arg("clearance"), nb::arg("stiffness"), nb::arg("damping"), nb::arg("stiffest"),
+           nb::arg("most_damped"), nb::arg("displacement"), nb::arg("velocity"), nb::arg("scatter"),
+           nb::arg("settings"),
+           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, "
+                   "second: Any, clearance: Any, stiffness: Any, damping: Any, stiffest: Any, "
+                   "most_damped: Any, displacement: Any, velocity: Any, scatter: float, "
+                   "**settings: Any) -> None"))
+      .def("contact_forces", &Contact::contact_forces, nb::arg("means"),
+           "Contact forces along the axes (n, forces) [N] at means of the states (n, states).");
   nb::class_<AdaptiveNoise, Estimator>(m, "AdaptiveNoise",
                                        "Noise found online (ambkit/adaptive_noise.h).")
       .def(nb::init<nb::object, bool, bool, amb_real, amb_real, amb_real, unsigned int>(),

@@ -71,8 +71,17 @@ def magnets() -> dict[str, MagnetModel | None]:
     return {name: given.get(name) for name in KINDS if name != UNMEASURED}
 
 
-def case(kind: str, magnet: MagnetModel | None, folder: Path, bearing: Machine = BEARING) -> Case:
+def bearing_of(kind: str) -> Machine:
+    """Return what a kind is measured on; its rotor may lie on a stop where the filter knows one."""
+    stop = {"stiffness": 1e8, "damping": 0.3}
+    return BEARING.replace(stop=stop) if kind == "contact" else BEARING
+
+
+def case(
+    kind: str, magnet: MagnetModel | None, folder: Path, bearing: Machine | None = None
+) -> Case:
     """Export, build and run one filter; `folder` takes what is made."""
+    bearing = bearing or bearing_of(kind)
     estimator = KINDS[kind].make(bearing, magnet, precision="float32")
     export = export_c(bearing, estimator, folder / "export", prefix="filter").folder
     firmware = harness.build(export, folder / "build")

@@ -60,9 +60,10 @@ def prove(
         What it is stored under; what was left; and all that the script said.
     """
     of_core: Precision = "float32" if precision == "float" else "float64"
-    filter = KINDS[kind].make(measure.BEARING, measure.magnets()[kind], precision=of_core)
+    bearing = measure.bearing_of(kind)
+    filter = KINDS[kind].make(bearing, measure.magnets()[kind], precision=of_core)
     scenario = None if control is None else Scenario(controller=control)
-    made = export_c(measure.BEARING, filter, folder, prefix="filter", scenario=scenario)
+    made = export_c(bearing, filter, folder, prefix="filter", scenario=scenario)
     done = subprocess.run(
         ["sh", str(made.folder / "proof" / "prove.sh")], capture_output=True, text=True
     )

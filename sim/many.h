@@ -53,7 +53,7 @@ typedef enum amb_figure {
   AMB_FIGURES
 } amb_figure;
 
-#define AMB_FLAGS 12 /* of ambkit/status.h */
+#define AMB_FLAGS 13 /* of ambkit/status.h */
 
 /* The samples over which figures of an axis are taken, by their numbers. */
 typedef struct amb_windows {

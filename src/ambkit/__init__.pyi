@@ -15,6 +15,7 @@ from ambkit.estimate.augmented import AugmentedKalmanFilter as AugmentedKalmanFi
 from ambkit.estimate.augmented import MultipleModelFilter as MultipleModelFilter
 from ambkit.estimate.batch import run_many as run_many
 from ambkit.estimate.constant_velocity import ConstantVelocity as ConstantVelocity
+from ambkit.estimate.contact import ContactKalmanFilter as ContactKalmanFilter
 from ambkit.estimate.estimate import Estimate as Estimate
 from ambkit.estimate.estimate import Status as Status
 from ambkit.estimate.estimator import Estimator as Estimator

@@ -118,6 +118,8 @@ NOISE_LIMIT: int = 1024
 
 RESTARTED: int = 2048
 
+CONTACT: int = 4096
+
 class Estimator:
     """One of the family (ambkit/estimator.h)."""
 
@@ -251,6 +253,16 @@ class Unscented(Estimator):
     """Unscented filter (ambkit/unscented.h)."""
 
     def __init__(self, magnet: Magnet | list[Magnet], model: Model, reach: float, curvature: float, **settings: Any) -> None: ...
+
+class Contact(Estimator):
+    """Extended filter with stops (ambkit/contact.h)."""
+
+    def __init__(self, magnet: object, model: object, first: Annotated[NDArray[numpy.uint16], dict(shape=(None,), order='C', device='cpu', writable=False)], second: Annotated[NDArray[numpy.uint16], dict(shape=(None,), order='C', device='cpu', writable=False)], clearance: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], stiffness: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], damping: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], stiffest: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], most_damped: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], displacement: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], velocity: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], scatter: float, **settings) -> None: ...
+
+    def contact_forces(self, means: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> object:
+        """
+        Contact forces along the axes (n, forces) [N] at means of the states (n, states).
+        """
 
 class AdaptiveNoise(Estimator):
     """Noise found online (ambkit/adaptive_noise.h)."""
@@ -417,7 +429,7 @@ class Plan:
 
 def fly(plans: Sequence[Plan], which: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], numbers: Annotated[NDArray[numpy.uint64], dict(shape=(None,), order='C', device='cpu', writable=False)], *, instructions: str | None = None, threads: int = 1) -> tuple[NDArray[numpy.float64], NDArray[numpy.int64]]:
     """
-    Runs (runs,) of plans with these numbers: figures (runs, 20), counts of flags (runs, 12).
+    Runs (runs,) of plans with these numbers: figures (runs, 20), counts of flags (runs, 13).
     """
 
 def normal_noise(seed: int, run: int, stream: int, n: int) -> NDArray[numpy.float64]:

@@ -20,6 +20,7 @@ typedef unsigned int amb_status;
 #define AMB_NOISE_LIMIT 1024U /* the noise found online is at the end of its range */
 #define AMB_RESTARTED                                                                              \
   2048U /* started afresh: from this measurement after too many outliers, or from nothing */
+#define AMB_CONTACT 4096U /* the rotor was predicted in contact with a touch-down bearing */
 
 /* Of a measurement: it was left out; or nothing can be learned from its innovation. */
 #define AMB_UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER)

@@ -251,6 +251,10 @@ KINDS = {
             ratios=("alpha", "beta", "kappa"),
         ),
         Kind(
+            "contact", "extended Kalman filter, contact with stops",
+            "contact.ContactKalmanFilter", InCore("Contact"), laws_of, ratios=("scatter",),
+        ),
+        Kind(
             "linear-adaptive-noise", "linear Kalman filter, R found online",
             "kalman.KalmanFilter", _ADAPTIVE_NOISE, constants_of, (*NOISE, MEMORY),
             {"method": "sage-husa", "adapts": "measurement"},

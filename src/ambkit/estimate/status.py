@@ -19,3 +19,4 @@ class Status(IntFlag):
     INCONSISTENT = 512  #: too many innovations larger than expected: model or noise is wrong
     NOISE_LIMIT = 1024  #: the noise found online is at the end of its range
     RESTARTED = 2048  #: started afresh: from this measurement, or with nothing known
+    CONTACT = 4096  #: the rotor was predicted in contact with a touch-down bearing

@@ -1,0 +1,48 @@
+/* Extended Kalman filter of a rotor that may lie on its touch-down bearings: `own` is an
+ * amb_contact.
+ *
+ * A ring about two axes, or a stop along one, pushes back at the depth d = |s| - clearance with
+ *
+ *   N = K d^1.5 (1 + 3/2 damping d'),  never a pull    (Hunt & Crossley 1975)
+ *
+ * Each sample decides between two hypotheses: the rotor is free, or it is in contact, where its
+ * mean displacement s over the sample is beyond the clearance. In contact N is held over the sample
+ * as the forces of the magnets are, so that the model stays exact between samples, and its tangent
+ * w along the contact enters the transition A with u, what a newton there leaves in the states:
+ *
+ *   A <- A - u w',   P+ = A P A' + growth + (scatter N)^2 u u'
+ *
+ * A sample resolves stiffnesses up to mass / T^2, of the mass that the contact moves; there the
+ * tangent goes on straight, and damping is held to mass / T: in two samples the contact is at rest.
+ */
+#ifndef AMBKIT_CONTACT_H
+#define AMBKIT_CONTACT_H
+
+#include "ambkit/estimator.h"
+
+AMB_EXTERN_C_BEGIN
+
+typedef struct amb_contact {
+  int rings;                         /* 0 to AMB_FORCES */
+  unsigned short first[AMB_FORCES];  /* of a ring: its axis ... */
+  unsigned short second[AMB_FORCES]; /* ... and the one across; again the first: a stop along it */
+  amb_real clearance[AMB_FORCES];    /* [m], > 0 */
+  amb_real stiffness[AMB_FORCES];    /* K [N/m^1.5], > 0 */
+  amb_real damping[AMB_FORCES];      /* [s/m], >= 0 */
+  amb_real stiffest[AMB_FORCES];     /* mass / T^2 [N/m], > 0 */
+  amb_real most_damped[AMB_FORCES];  /* mass / T [N s/m], > 0 */
+  amb_real displacement[AMB_FORCES][AMB_STATES]; /* of each axis, its mean over the sample ... */
+  amb_real velocity[AMB_FORCES][AMB_STATES];     /* ... and its rate, by the states */
+  amb_real scatter; /* of the contact force, as a share of it [1], >= 0 */
+} amb_contact;
+
+/* Contact forces along the axes [N] at a mean of the states; 0 where the rotor is free. Returns
+ * AMB_CONTACT or AMB_OK. */
+amb_status amb_contact_forces(const amb_kalman *kf, const amb_contact *own,
+                              const amb_real mean[AMB_STATES], amb_real F[AMB_FORCES]);
+
+extern const amb_estimator_methods amb_contact_methods;
+
+AMB_EXTERN_C_END
+
+#endif

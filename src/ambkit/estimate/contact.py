@@ -1,0 +1,102 @@
+"""Extended Kalman filter of a rotor that may lie on its touch-down bearings."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate.core_model import Engine
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.estimator import Estimator
+from ambkit.machine.force_laws import laws_of
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import MagnetModel
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+
+
+class ContactKalmanFilter(Estimator):
+    """Extended Kalman filter with two hypotheses: the rotor is free, or lies on a stop.
+
+    In contact the force of the stop acts, and stiffens the model; a step says
+    :attr:`Status.CONTACT` (``core/include/ambkit/contact.h``). Stops are those of the machine's key
+    ``stop``; at a bearing without it the filter is the extended one.
+
+    Parameters
+    ----------
+    bearing : Machine
+        What is filtered.
+    magnet : optional
+        What the filter knows of its magnet; by default the closed law.
+    scatter : float
+        Standard deviation of the contact force that a sample leaves open, as a share of it [1].
+    **options
+        As for :class:`KalmanFilter`.
+
+    Raises
+    ------
+    ValueError
+        The scatter is negative or not finite.
+
+    References
+    ----------
+    Hunt & Crossley, Coefficient of restitution interpreted as damping in vibroimpact, 1975.
+    """
+
+    name = "extended Kalman filter, contact with stops"
+    steady = "tangent"
+
+    def __init__(
+        self,
+        bearing: Machine,
+        magnet: MagnetModel | None = None,
+        *,
+        scatter: float = 0.3,
+        **options: Any,
+    ) -> None:
+        if not (math.isfinite(scatter) and scatter >= 0):
+            raise ValueError(f"scatter must be 0 or more, got {scatter!r}")
+        self._scatter = scatter
+        super().__init__(bearing, magnet or laws_of(bearing), **options)
+
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        T, dtype = self.machine.sampling_time, self.precision
+        place, velocity = self.view.along_axes(engine.states)
+        displacement = place + T / 2 * velocity
+        mobility = np.einsum("fn,nf->f", velocity, engine.model.b) / T  # of each axis [1/kg]
+        rings, at = [], 0
+        for bearing in self.machine.bearings:
+            axes = (at, at + (bearing.type == "radial"))
+            at = axes[1] + 1
+            if bearing.stop is not None:
+                mass = 1 / mobility[list(axes)].max()
+                stop = (bearing.clearance, bearing.stop.stiffness, bearing.stop.damping)
+                rings.append((*axes, *stop, mass / T**2, mass / T))
+        table = np.array(rings, float).reshape(-1, 7)
+        first, second = (np.ascontiguousarray(table[:, k], np.uint16) for k in (0, 1))
+        numbers = (np.ascontiguousarray(table[:, k], dtype) for k in range(2, 7))
+        return engine.core.Contact(
+            magnet, engine.model_of_core, first, second, *numbers,
+            *(np.ascontiguousarray(rows, dtype) for rows in (displacement, velocity)),
+            self._scatter, **settings,
+        )  # fmt: skip
+
+    def contact_forces(self, estimate: Estimate) -> NDArray[np.floating[Any]]:
+        """Return the forces of the stops on the rotor.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            Of a run of this filter, n samples.
+
+        Returns
+        -------
+        ndarray (n, p)
+            Along each axis, 0 where the rotor is free [N].
+        """
+        means = np.column_stack([estimate[state.name] for state in self.states])
+        return np.asarray(self.core.contact_forces(np.ascontiguousarray(means, self.precision)))
