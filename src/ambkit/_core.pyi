@@ -257,7 +257,7 @@ class Unscented(Estimator):
 class Contact(Estimator):
     """Extended filter with stops (ambkit/contact.h)."""
 
-    def __init__(self, magnet: object, model: object, first: Annotated[NDArray[numpy.uint16], dict(shape=(None,), order='C', device='cpu', writable=False)], second: Annotated[NDArray[numpy.uint16], dict(shape=(None,), order='C', device='cpu', writable=False)], clearance: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], stiffness: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], damping: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], stiffest: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], most_damped: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], displacement: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], velocity: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], scatter: float, **settings) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, second: Any, clearance: Any, stiffness: Any, damping: Any, stiffest: Any, most_damped: Any, displacement: Any, velocity: Any, scatter: float, **settings: Any) -> None: ...
 
     def contact_forces(self, means: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> object:
         """
