@@ -200,11 +200,11 @@ struct Unscented : Estimator {
 
 struct Contact : Estimator {
   amb_contact own{};
-  Contact(nb::object asked, nb::object model, const Places &first, const Places &second,
+  Contact(nb::object magnets, nb::object model, const Places &first, const Places &second,
           const Vector &clearance, const Vector &stiffness, const Vector &damping,
           const Vector &stiffest, const Vector &most_damped, const Matrix &displacement,
           const Matrix &velocity, amb_real scatter, nb::kwargs settings)
-      : Estimator(amb_contact_methods, asked, model, settings)
+      : Estimator(amb_contact_methods, magnets, model, settings)
   {
     const Sizes of = sizes();
     const size_t rings = first.size();
@@ -228,13 +228,13 @@ struct Contact : Estimator {
     const Sizes of = sizes();
     nb::dict d;
     d["rings"] = own.rings;
-    d["first"] = places(own.first, of.forces);
-    d["second"] = places(own.second, of.forces);
-    d["clearance"] = shown({own.clearance, own.clearance + of.forces}, {of.forces});
-    d["stiffness"] = shown({own.stiffness, own.stiffness + of.forces}, {of.forces});
-    d["damping"] = shown({own.damping, own.damping + of.forces}, {of.forces});
-    d["stiffest"] = shown({own.stiffest, own.stiffest + of.forces}, {of.forces});
-    d["most_damped"] = shown({own.most_damped, own.most_damped + of.forces}, {of.forces});
+    d["first"] = copied(own.first, of.forces);
+    d["second"] = copied(own.second, of.forces);
+    d["clearance"] = copied(own.clearance, of.forces);
+    d["stiffness"] = copied(own.stiffness, of.forces);
+    d["damping"] = copied(own.damping, of.forces);
+    d["stiffest"] = copied(own.stiffest, of.forces);
+    d["most_damped"] = copied(own.most_damped, of.forces);
     d["displacement"] = of_axes(own.displacement);
     d["velocity"] = of_axes(own.velocity);
     d["scatter"] = own.scatter;
@@ -278,9 +278,9 @@ private:
       std::copy_n(from[f], of.states, copy.data + f * of.states);
     return nb::cast(copy.array);
   }
-  static nb::object places(const unsigned short *from, size_t n)
+  template <typename T> static nb::object copied(const T *from, size_t n)
   {
-    Fresh<unsigned short> copy({n});
+    Fresh<T> copy({n});
     std::copy_n(from, n, copy.data);
     return nb::cast(copy.array);
   }

@@ -102,10 +102,10 @@ static bool add_contact(const amb_plant *plant, const amb_real s[], const amb_re
       const bool two = ring->second >= 0;
       amb_real inward = way[0] * velocity(plant, ring->first, X);
       inward += two ? way[1] * velocity(plant, ring->second, X) : 0;
-      const amb_real push = amb_parts_push(ring->stop, depth, inward);
-      F[ring->first] -= push * way[0];
+      const amb_real force = amb_parts_push(ring->stop, depth, inward);
+      F[ring->first] -= force * way[0];
       if (two)
-        F[ring->second] -= push * way[1];
+        F[ring->second] -= force * way[1];
       any = any || (ring->stop->stiffness > 0);
     }
   }

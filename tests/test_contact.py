@@ -19,16 +19,16 @@ SENSOR = {"sensor__noise_variance": "33.6 um^2"}  # 5.8 um
 AXIS = Machine.preset("zittau_axial").replace(
     **SENSOR, stop={"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"}
 )
-WANDER = 1500.0  # of the load, so that it presses the rotor on a stop a third of the time [N^2/s]
-NOISE = FilterNoise(disturbance=WANDER)
+INTENSITY = 1500.0  # presses the rotor on a stop a third of the time [N^2/s]
+NOISE = FilterNoise(disturbance=INTENSITY)
 SETTLED = 200  # samples
 
 
 def pressed(machine, seed, duration=0.5):
-    """A flight with a load that wanders as the filters assume."""
+    """A run under a random walk of the disturbance force, as the filters assume."""
     T = machine.sampling_time
     n = round(duration / T) + 1
-    steps = np.random.default_rng(1000 + seed).normal(0, np.sqrt(WANDER * T), n)
+    steps = np.random.default_rng(1000 + seed).normal(0, np.sqrt(INTENSITY * T), n)
     load = ambkit.Recorded.of(T * np.arange(n), np.cumsum(steps))
     return ambkit.simulate(machine, Scenario(duration=duration, seed=seed, disturbance=load)).record
 
@@ -260,11 +260,11 @@ def test_on_touchdowns_it_is_as_good_as_it_says_and_better_than_its_sensor(name,
 
 @pytest.mark.parametrize("name", ["tum_mlps", "ufu_rig"])
 def test_a_spinning_rotor_that_drops_is_levitated_again(name):
-    """By the estimate: from its touch-down bearings up, against loads that throw it back."""
+    """By the estimate: from its touch-down bearings up, in contact first."""
     machine = stopped(name, speed=200.0)
     kf = KINDS["contact"].make(machine)
-    flight = Scenario(duration=0.4, start="landed", feedback="estimate", seed=1)
-    run = simulate_run(machine, flight, estimator=kf)
+    scenario = Scenario(duration=0.4, start="landed", feedback="estimate", seed=1)
+    run = simulate_run(machine, scenario, estimator=kf)
     record, estimate = run.record, run.estimate
     place, _ = kf.view.along_axes(kf.states)
     means = np.column_stack([estimate[state.name] for state in kf.states])
@@ -272,7 +272,7 @@ def test_a_spinning_rotor_that_drops_is_levitated_again(name):
     assert in_contact(estimate)[:20].any()
     assert not in_contact(estimate)[-200:].any()
     assert np.sqrt(np.mean(error[SETTLED:] ** 2)) < 1e-6
-    dropped = simulate_run(machine, flight.replace(start="levitated", off=0.1), estimator=kf)
+    dropped = simulate_run(machine, scenario.replace(start="levitated", off=0.1), estimator=kf)
     assert in_contact(dropped.estimate)[-400:].any()
     assert np.isfinite(dropped.estimate.innovation).all()
 

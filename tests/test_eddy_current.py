@@ -191,7 +191,7 @@ def test_margins_are_those_of_python_control():
 
 
 def test_it_is_identified():
-    """Of a loop that is moved, from a start 2.5 times too short; nothing else pushes it."""
+    """Of a loop that is moved, from a start 2.5 times too short; no other force acts."""
     truth = LATE.replace(**QUIET)
     record = ambkit.simulate(truth, MOVED.replace(seed=3)).record
     start = truth.replace(magnet__eddy_current_lag=0.12e-3)
@@ -290,7 +290,7 @@ def test_against_iron_of_half_an_order_the_filter_is_right_about_its_force():
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["zittau_axial", "ufu_rig", "tum_mlps"])
 def test_with_solid_iron_filters_are_as_sure_as_they_say(name):
-    """One axis and several, over 20 seeds, with a load that wanders as the filter assumes."""
+    """One axis and several, over 20 seeds, with a random walk of the disturbance force."""
     machine = Machine.preset(name)
     iron = {"eddy_current_corner": 200.0}
     solid = machine.model_copy(update={"bearings": tuple(

@@ -60,7 +60,7 @@ AMB_INLINE bool touch(int n, const amb_contact *own, int ring, const amb_real me
   return at->force > AMB_C(0.0);
 }
 
-AMB_INLINE void push(const touching *at, amb_real F[AMB_FORCES])
+AMB_INLINE void add_force(const touching *at, amb_real F[AMB_FORCES])
 {
   for (int a = 0; a < at->axes; a++) {
     F[at->axis[a]] -= at->force * at->way[a];
@@ -76,7 +76,7 @@ amb_status amb_contact_forces(const amb_kalman *kf, const amb_contact *own,
     touching at;
     if (touch(amb_states(&kf->model), own, ring, mean, &at)) {
       status = AMB_CONTACT;
-      push(&at, F);
+      add_force(&at, F);
     }
   }
   return status;
@@ -178,7 +178,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   const int count = touched(kf, own, s, at);
   for (int ring = 0; ring < count; ring++) {
     status |= AMB_CONTACT;
-    push(&at[ring], F);
+    add_force(&at[ring], F);
   }
   const amb_status predicted = amb_step_predict_with(kf, s, F, result->stiffness, iu);
   if ((predicted == AMB_OK) && (count > 0)) {

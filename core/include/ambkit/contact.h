@@ -1,7 +1,7 @@
 /* Extended Kalman filter of a rotor that may lie on its touch-down bearings: `own` is an
  * amb_contact.
  *
- * A ring about two axes, or a stop along one, pushes back at the depth d = |s| - clearance with
+ * A ring about two axes, or a stop along one, has at the depth d = |s| - clearance the force
  *
  *   N = K d^1.5 (1 + 3/2 damping d'),  never a pull    (Hunt & Crossley 1975)
  *

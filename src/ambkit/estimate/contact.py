@@ -31,7 +31,7 @@ class ContactKalmanFilter(Estimator):
     bearing : Machine
         What is filtered.
     magnet : optional
-        What the filter knows of its magnet; by default the closed law.
+        The law of its magnet; the closed one by default.
     scatter : float
         Standard deviation of the contact force that a sample leaves open, as a share of it [1].
     **options

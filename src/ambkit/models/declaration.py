@@ -100,7 +100,7 @@ class Plan:
         self.pushes[state] = row(place)
 
     def act_by(self, force: str, *states: str) -> None:
-        """Let states [N] that follow a magnet's force push in its place; what rides does not."""
+        """Let states [N] that follow a magnet's force act in its place; what rides does not."""
         place = self.pushes.pop(force)
         self.pushes |= dict.fromkeys(states, place)
         for rider in [rider for rider, of in self.riders.items() if of == force]:
