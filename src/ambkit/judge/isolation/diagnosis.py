@@ -16,7 +16,8 @@ from ambkit.result.report import Axis, Figure, Line, Panel, Rule
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
-FEW = 6  #: Curves of a picture.
+FEW = 4  #: Curves of a picture.
+LEAST = 1.0  #: Likelihood ratio at its lower edge.
 
 
 @dataclass(frozen=True, repr=False)
@@ -129,10 +130,15 @@ class Diagnosis(Result):
     def figures(self) -> list[Figure]:
         s = self.searches
         order = np.argsort(-s.likelihood.max(axis=0), kind="stable")[:FEW]
-        lines = [Line(s.t, s.likelihood[:, j], label=s.signatures[j].name) for j in sorted(order)]
+        lines = [
+            Line(s.t, np.maximum(s.likelihood[:, j], LEAST), signal=f"series {place}",
+                 label=s.signatures[j].name)
+            for place, j in enumerate(order, 1)
+        ]  # fmt: skip
+        top = 2 * max(self.limit, float(s.likelihood.max(initial=0.0)))
         panel = Panel(
-            Axis("time", "s"), Axis("likelihood ratio", scale="log"),
-            [*lines, Rule(self.limit, text="alarm")],
+            Axis("time", "s"), Axis("likelihood ratio", scale="log", limits=(LEAST, top)),
+            [*lines, Rule(self.limit, signal="limit", label="alarm")],
         )  # fmt: skip
         return [
             Figure(
