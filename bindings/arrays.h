@@ -119,6 +119,7 @@ void bind_scale_estimators(nb::module_ &m);
 void bind_learners(nb::module_ &m);
 void bind_rls(nb::module_ &m);
 void bind_isolation(nb::module_ &m);
+void bind_angle(nb::module_ &m);
 void bind_control(nb::module_ &m);
 void bind_loop(nb::module_ &m);
 void bind_batch(nb::module_ &m);

@@ -237,11 +237,11 @@ Named run(Estimator &self, const Samples &y, const Samples &u, bool covariance,
 #if defined(AMB_MODEL_LOOPS)
 
 // A whole record in which the rotor's speed changes: between samples it grows evenly.
-Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Vector &speed,
-                  Model &model, bool covariance)
+Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Samples &speed,
+                  Model &model, bool covariance, bool heard)
 {
   const amb_kalman_input in = input_of(self, y, u);
-  same_length(in.n, speed.size(), "speed");
+  same_length(in.n, samples_of(speed, heard ? HEARD : 1, "speed"), "speed");
   if (!model.turns())
     throw std::invalid_argument("the model knows one speed only");
   const size_t m = self.sizes().sensors, c = self.sizes().controls;
@@ -250,7 +250,9 @@ Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Vec
     nb::gil_scoped_release release;
     for (size_t k = 0; k < in.n; k++) {
       const amb_real *acted = k > 0 ? in.u + (k - 1) * c : nullptr;
-      if (k > 0)
+      if (k > 0 && heard)
+        self.turn_by(model, self.state(), speed.data() + k * HEARD);
+      else if (k > 0)
         self.turn(model, speed.data()[k - 1], speed.data()[k]);
       (void)amb_estimator_step(&self.estimator, self.state(), in.y + k * m, acted, &self.result);
       amb_estimator_note(&self.estimator, self.state(), &self.result, k, &history.to);
@@ -460,8 +462,10 @@ void bind_estimator(nb::module_ &m)
       "An estimator and its model as they were before they turned.");
   m.def("run_turning", &run_turning, nb::arg("estimator"), nb::arg("y"), nb::arg("u"),
         nb::arg("speed"), nb::arg("model"), nb::kw_only(), nb::arg("covariance") = false,
+        nb::arg("heard") = false,
         nb::sig("def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, "
-                "*, covariance: bool = False) -> dict[str, Any]"),
-        "A whole record while the speed of rotation changes (n,) [rad/s], of its own model.");
+                "*, covariance: bool = False, heard: bool = False) -> dict[str, Any]"),
+        "A whole record while the speed of rotation changes (n,) [rad/s], or by what is heard of "
+        "it (n, 8), of its own model.");
 #endif
 }

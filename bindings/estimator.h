@@ -3,10 +3,12 @@
 
 #include "magnets.h"
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <initializer_list>
 #include <memory>
+#include <vector>
 
 extern "C" {
 #include "ambkit/estimator_run.h"
@@ -14,6 +16,9 @@ extern "C" {
 #include "ambkit/turning.h"
 #endif
 }
+
+// What is heard of the rotation at a sample: the fields of amb_rotation, and the speed there.
+constexpr size_t HEARD = 8;
 
 // The model of a machine (ambkit/model.h), and in the build for any model the memory of its arrays.
 struct Model {
@@ -28,6 +33,9 @@ struct Model {
              const Places &grown, const Matrix &by_growth);
   void turn(amb_real speed, amb_real growth);
   void stand(const Vector &still);
+  // The states that turn with the rotor, and the error of its speed (ambkit/turning.h).
+  void synchronous(const nb::dict &arguments);
+  void by(amb_kalman &kf, amb_kalman_state &state, const amb_real heard[]);
   bool turns() const
   {
     return turning.nodes > 0;
@@ -35,6 +43,9 @@ struct Model {
 
 private:
   amb_turning turning{};
+  amb_speed_error error{-1, 0, 0, nullptr, nullptr};
+  std::vector<amb_synchronous> pairs;
+  std::vector<amb_real> starts;
   std::vector<unsigned short> kept_which, kept_grown;
   std::vector<amb_real> kept_at, kept_by_growth;
   std::vector<std::vector<unsigned short>> places;
@@ -192,10 +203,19 @@ struct Estimator {
     model.turn((before + after) / 2, (after - before) / kf.set.T);
     amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
   }
+  // The same by what is heard of the rotation within a sample: HEARD numbers.
+  void turn_by(Model &model, void *of, const amb_real heard[])
+  {
+    if (usual.empty())
+      usual.assign(kf.set.var_d, kf.set.var_d + sizes().noises);
+    model.by(kf, *static_cast<amb_kalman_state *>(of), heard);
+  }
   // The same at the speed that it was made for, to the last bit, wherever it has been since.
   void stand(Model &model, const Vector &still)
   {
     model.stand(still);
+    std::copy(usual.begin(), usual.end(), kf.set.var_d);
+    usual.clear();
     amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
   }
 #endif
@@ -210,6 +230,9 @@ struct Estimator {
   void must_be_single(const char *who) const;
 
 private:
+#if defined(AMB_MODEL_LOOPS)
+  std::vector<amb_real> usual; // var_d of the settings, while the angle says some of it
+#endif
   nb::object keeps, keeps_too; // the magnets' owners and the model's, or the estimator inside
   std::vector<std::max_align_t> memory;
 };

@@ -325,6 +325,7 @@ ClosedLoop::ClosedLoop(const nb::dict &loop, Arguments &named)
   in.r = r.data();
   in.load = series(named.take("load"), n, p, "load");
   in.speed = series(named.take("speed"), n + 1, 1, "speed");
+  in.heard = series(named.take("heard"), n, HEARD, "heard");
   in.base = series(named.take("base"), n, 3, "base");
   in.scale = series(named.take("scale"), n, 1, "scale");
   in.fly = series(named.take("fly"), n, 1, "fly");
@@ -349,6 +350,7 @@ void ClosedLoop::set_model(Model *model)
     throw std::invalid_argument("a model that turns needs a speed");
   turning = {estimator, model};
   of.loop.turn = &Turning::turn;
+  of.loop.turn_by = &Turning::turn_by;
   of.loop.model = &turning;
 #else
   (void)model; // a single axis does not turn

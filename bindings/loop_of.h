@@ -165,6 +165,11 @@ private:
       const auto &both = *static_cast<Turning *>(self);
       both.estimator->turn(*both.model, before, after);
     }
+    static void turn_by(void *self, void *state, const amb_real heard[])
+    {
+      const auto &both = *static_cast<Turning *>(self);
+      both.estimator->turn_by(*both.model, state, heard);
+    }
   } turning{};
 #endif
 };

@@ -123,6 +123,37 @@ void Model::turn(amb_real speed, amb_real growth)
   amb_turning_to(&turning, speed, growth, numbers.data());
 }
 
+void Model::synchronous(const nb::dict &arguments)
+{
+  const auto within = [](int at, int count) {
+    if (at < 0 || at >= count)
+      throw std::invalid_argument("a synchronous state is none of the model's");
+    return at;
+  };
+  error = {within(nb::cast<int>(arguments["state"]), model.states),
+           within(nb::cast<int>(arguments["noise"]), model.noises), 0, nullptr, nullptr};
+  starts = nb::cast<std::vector<amb_real>>(arguments["std"]);
+  same_length(static_cast<size_t>(model.states), starts.size(), "std");
+  pairs.clear();
+  for (const auto item : nb::cast<nb::list>(arguments["pair"])) {
+    const auto pair = nb::cast<nb::dict>(item);
+    pairs.push_back({within(nb::cast<int>(pair["state"]), model.states - 1),
+                     within(nb::cast<int>(pair["noise"]), model.noises),
+                     nb::cast<amb_real>(pair["order"]), nb::cast<amb_real>(pair["power"]),
+                     nb::cast<amb_real>(pair["usual"]), nb::cast<amb_real>(pair["afresh"])});
+  }
+  error.pairs = static_cast<int>(pairs.size());
+  error.pair = pairs.data();
+  error.std = starts.data();
+}
+
+void Model::by(amb_kalman &kf, amb_kalman_state &state, const amb_real heard[])
+{
+  const amb_rotation rotation = {heard[0], heard[1],     heard[2],     heard[3],
+                                 heard[4], heard[5] > 0, heard[6] > 0, heard[7]};
+  amb_rotate(&turning, &error, &kf, &state, numbers.data(), &rotation);
+}
+
 void Model::stand(const Vector &still)
 {
   same_length(numbers.size(), still.size(), "still");
@@ -145,6 +176,9 @@ void bind_model(nb::module_ &m)
                    "grown: Any, by_growth: Any) -> None"),
            "The numbers that a speed changes, at speeds one after the other, and what they gain "
            "there by its growth (ambkit/turning.h); then the model can turn.")
+      .def("synchronous", &Model::synchronous, nb::arg("arguments"),
+           nb::sig("def synchronous(self, arguments: dict[str, Any]) -> None"),
+           "The states that turn with the rotor, and the error of its speed.")
       .def("turn", &Model::turn, nb::arg("speed"), nb::arg("growth"),
            "Take the numbers of a speed [rad/s] that grows [rad/s^2].");
   m.attr("MOST_STATES") = AMB_STATES;

@@ -14,6 +14,7 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
   bind_learners(m);
   bind_rls(m);
   bind_isolation(m);
+  bind_angle(m);
   bind_control(m);
   bind_loop(m);
   bind_batch(m);

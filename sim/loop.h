@@ -20,6 +20,10 @@ typedef struct amb_own {
   void *plant;
 } amb_own;
 
+/* What is heard of the rotation at a sample: the fields of amb_rotation within the sample before
+ * (ambkit/turning.h), and last the speed there. */
+#define AMB_HEARD 8
+
 typedef struct amb_loop {
   amb_plant plant;
   amb_real T;             /* sampling time [s] */
@@ -35,6 +39,8 @@ typedef struct amb_loop {
                                * Where it is off, magnets have no current, not even the bias. */
   void (*turn)(void *model, amb_real before, amb_real after); /* tells the estimator's model the
                                                                  speeds of two samples, or NULL */
+  void (*turn_by)(void *model, void *estimator, const amb_real heard[]); /* or what is heard, to
+                                                                            its state */
   void *model;
   amb_own own;
 } amb_loop;
@@ -62,6 +68,7 @@ typedef struct amb_loop_sample {
   const amb_real *noise_y; /* [sensors]: on the measurements [m] */
   const amb_real *base;    /* [3]: accelerations of the foundation [m/s^2]; NULL: it stands still */
   const amb_real *speed;   /* [2]: of rotation, here and at the next [rad/s]; NULL: an axis's */
+  const amb_real *heard;   /* [AMB_HEARD]: what estimator and controllers know of it; NULL: all */
   amb_real scale;          /* of the magnets' forces, bias and all [1] */
   bool off;                /* magnets have no current, the bias neither */
   bool fly;                /* what `control` is told */
@@ -99,7 +106,8 @@ typedef struct amb_loop_input {
   const amb_loop_faults *faults; /* NULL: none */
   const amb_real *fly;           /* n: whether it is to fly, 1 or 0, for `control`; NULL: it is */
   const amb_real *speed;         /* n + 1: of rotation [rad/s]; NULL: an axis's */
-  const amb_real *base; /* n x 3: accelerations of the foundation [m/s^2]; NULL: it stands still */
+  const amb_real *heard; /* n x AMB_HEARD: what estimator and controllers know of it; NULL: all */
+  const amb_real *base;  /* n x 3: accelerations of the foundation [m/s^2]; NULL: it stands still */
   size_t off; /* the magnets have no current from this sample on; n: they have throughout */
 } amb_loop_input;
 

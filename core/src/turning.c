@@ -6,6 +6,10 @@
 
 /* Gain scheduling over the speed of rotation: the model between the speeds it was sampled at. */
 
+/* Deviations of a start by which positions and loads are off that were estimated without the pairs.
+ */
+#define WIDER AMB_C(3.0)
+
 /* Lagrange's cubics of the nodes 0, 1, 2, 3 at x. */
 static void weigh(amb_real x, amb_real w[4])
 {
@@ -91,6 +95,150 @@ void amb_turning_step(const amb_turning *turning, amb_kalman *kf, amb_real numbe
 {
   amb_turning_to(turning, (before + after) / AMB_C(2.0), (after - before) / kf->set.T, numbers);
   amb_model_growth(&kf->model, kf->set.var_d, kf->growth);
+}
+
+/* An entry of L, whose values stand first among the numbers. */
+static amb_real *entry(const amb_model *model, amb_real numbers[], int row, int column)
+{
+  amb_real *result = NULL;
+  for (int k = model->L.start[row]; k < (int)model->L.start[row + 1]; k++) {
+    if ((int)model->L.column[k] == column) {
+      result = &numbers[k];
+    }
+  }
+  return result;
+}
+
+/* A state that does not follow from any before. */
+static void clear_row(const amb_model *model, amb_real numbers[], int row)
+{
+  for (int k = model->L.start[row]; k < (int)model->L.start[row + 1]; k++) {
+    numbers[k] = AMB_C(0.0);
+  }
+}
+
+/* A pair whose mean is taken back by what the column of the error `at` adds. */
+static void rotate_pair(const amb_model *model, amb_real numbers[], amb_real mean[], int i,
+                        amb_real angle_by_error, int at)
+{
+  amb_real *by_error[2] = {entry(model, numbers, i, at), entry(model, numbers, i + 1, at)};
+  if ((by_error[0] == NULL) || (by_error[1] == NULL)) {
+    return;
+  }
+  *by_error[0] = AMB_C(0.0);
+  *by_error[1] = AMB_C(0.0);
+  const amb_real x = amb_sparse_times(&model->L, numbers, i, mean);
+  const amb_real y = amb_sparse_times(&model->L, numbers, i + 1, mean);
+  const amb_real back = angle_by_error * mean[at];
+  const amb_real rotated = mean[i] + (back * mean[i + 1]);
+  mean[i + 1] -= back * mean[i];
+  mean[i] = rotated;
+  *by_error[0] = -angle_by_error * y;
+  *by_error[1] = angle_by_error * x;
+}
+
+/* What an error of 1 rad/s changes in another state within a sample, by the speed's power. */
+static amb_real force_by_error(const amb_model *model, const amb_speed_error *error,
+                               amb_real numbers[], const amb_real mean[], int i, amb_real speed)
+{
+  amb_real sum = AMB_C(0.0);
+  for (int k = 0; k < error->pairs; k++) {
+    const amb_synchronous *pair = &error->pair[k];
+    for (int j = pair->state; (j < (pair->state + 2)) && (pair->power > AMB_C(0.0)); j++) {
+      const amb_real *value = entry(model, numbers, i, j);
+      sum += (value == NULL) ? AMB_C(0.0) : (pair->power * (*value * mean[j]));
+    }
+  }
+  return (amb_magnitude(speed) > AMB_C(0.0)) ? (sum / speed) : AMB_C(0.0);
+}
+
+/* Velocities and positions, which unbalance moves: taken back is what the column adds to them. */
+static void force_states(const amb_model *model, const amb_speed_error *error, amb_real numbers[],
+                         amb_real mean[], amb_real speed)
+{
+  const int at = error->state;
+  for (int i = 0; i < amb_states(model); i++) {
+    const amb_role role = amb_model_role(model, i);
+    amb_real *by_error = entry(model, numbers, i, at);
+    if ((by_error != NULL) && ((role == AMB_POSITION) || (role == AMB_VELOCITY))) {
+      *by_error = force_by_error(model, error, numbers, mean, i, speed);
+      mean[i] -= *by_error * mean[at];
+    }
+  }
+}
+
+/* What a change of the error does to a pair that is not known: its action on other states changes
+ * by power / speed of itself, which is of second order and no entry of L. */
+static amb_real by_change(const amb_synchronous *pair, const amb_kalman *kf,
+                          const amb_kalman_state *state, const amb_rotation *rotation)
+{
+  const int n = amb_states(&kf->model);
+  const int i = pair->state;
+  const amb_real speed = amb_magnitude(rotation->speed);
+  const amb_real both = state->cov[amb_entry(n, i, i)] + state->cov[amb_entry(n, i + 1, i + 1)];
+  const bool turns = (speed > AMB_C(0.0)) && !rotation->lost && !rotation->afresh;
+  const amb_real share = turns ? (pair->power / speed) : AMB_C(0.0);
+  const amb_real most = AMB_C(1.0);
+  return amb_at_most((share * share) * rotation->change, most) * (both / AMB_C(2.0));
+}
+
+/* A pair within a sample: beside the angle it turns by the error, unless the angle is lost. */
+static void follow(const amb_synchronous *pair, const amb_speed_error *error, amb_kalman *kf,
+                   amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation)
+{
+  amb_real *mean = state->mean;
+  const amb_real usual = pair->usual + by_change(pair, kf, state, rotation);
+  const amb_real by_error = rotation->lost ? AMB_C(0.0) : (pair->order * kf->set.T);
+  kf->set.var_d[pair->noise] = rotation->afresh ? pair->afresh : usual;
+  rotate_pair(&kf->model, numbers, mean, pair->state, by_error, error->state);
+  if (rotation->afresh) {
+    clear_row(&kf->model, numbers, pair->state);
+    clear_row(&kf->model, numbers, pair->state + 1);
+  }
+}
+
+/* Positions and loads that were estimated without the pairs, whose share they have, and velocities.
+ */
+static void widen_others(const amb_model *model, const amb_real std[], amb_real speed,
+                         amb_real process_noise[])
+{
+  const int n = amb_states(model);
+  int next = amb_first(model, AMB_VELOCITY);
+  for (int i = 0; i < n; i++) {
+    const amb_role role = amb_model_role(model, i);
+    const amb_real variance = (WIDER * std[i]) * (WIDER * std[i]);
+    if ((role == AMB_POSITION) || (role == AMB_LOAD)) {
+      process_noise[amb_entry(n, i, i)] += variance;
+    }
+    if ((role == AMB_POSITION) && (next >= 0) && (next < n)) {
+      process_noise[amb_entry(n, next, next)] += (speed * speed) * variance;
+      next++;
+    }
+  }
+}
+
+void amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
+                amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation)
+{
+  const int at = error->state;
+  const amb_real known =
+      ((at < 0) || rotation->lost || rotation->afresh) ? AMB_C(0.0) : state->mean[at];
+  const amb_real speed = rotation->speed + known;
+  amb_turning_to(nodes, speed, rotation->acceleration, numbers);
+  amb_real *own = (at < 0) ? NULL : entry(&kf->model, numbers, at, at);
+  if (own != NULL) {
+    *own = rotation->kept;
+    kf->set.var_d[error->noise] = rotation->noise;
+    state->mean[at] = known;
+    force_states(&kf->model, error, numbers, state->mean, rotation->lost ? AMB_C(0.0) : speed);
+    for (int k = 0; k < error->pairs; k++) {
+      follow(&error->pair[k], error, kf, state, numbers, rotation);
+    }
+  }
+  amb_model_growth(&kf->model, kf->set.var_d, kf->growth);
+  if (rotation->afresh && (error->std != NULL)) {
+    widen_others(&kf->model, error->std, rotation->now, kf->growth);
+  }
 }
 
 #endif

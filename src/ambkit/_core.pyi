@@ -386,6 +386,11 @@ class Isolation:
         Information of all columns on faults that began so many samples ago; `before`: beside any error then.
         """
 
+def run_angle(settings: dict[str, Any], readings: Any) -> dict[str, Any]:
+    """
+    The rotor's angle along readings (n,) of its sensor, see ambkit/angle.h.
+    """
+
 class Control:
     """The whole controller (ambkit/control.h)."""
 
@@ -401,7 +406,7 @@ class LoopState:
 
     def __init__(self) -> None: ...
 
-def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: Estimator | None = None, model: Model | None = None, control: Control | None = None, speed: Any = None, base: Any = None, off: int | None = None, scale: Any = None, faults: dict[str, Any] | None = None, beside: bool = False, fly: Any = None, state: LoopState | None = None, start: Any = None, own_controller: Any = None, own_plant: Any = None) -> dict[str, Any]:
+def simulate(loop: dict[str, Any], *, r: Any, load: Any, noise_u: Any, noise_y: Any, place: Any, current: Any, integral: Any, hovers: bool = True, estimator: Estimator | None = None, model: Model | None = None, control: Control | None = None, speed: Any = None, heard: Any = None, base: Any = None, off: int | None = None, scale: Any = None, faults: dict[str, Any] | None = None, beside: bool = False, fly: Any = None, state: LoopState | None = None, start: Any = None, own_controller: Any = None, own_plant: Any = None) -> dict[str, Any]:
     """
     A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty one at first, the next call goes on where this one ends. The start, of all states of the plant, is in place of rest.
     """

@@ -9,6 +9,7 @@
 #ifndef AMBKIT_TURNING_H
 #define AMBKIT_TURNING_H
 
+#include "ambkit/angle.h"
 #include "ambkit/kalman.h"
 
 AMB_EXTERN_C_BEGIN
@@ -47,6 +48,34 @@ void amb_turning_point(const amb_turning *turning, const amb_kalman *from, amb_k
 /* The filter's model while the rotor gets from one speed to another within a sample [rad/s]. */
 void amb_turning_step(const amb_turning *turning, amb_kalman *kf, amb_real numbers[],
                       amb_real before, amb_real after);
+
+/* A pair of states that turns with the rotor: unbalance in a plane, or a sensor's runout. */
+typedef struct amb_synchronous {
+  int state;       /* the first of the two */
+  int noise;       /* their random walk, among the model's noises */
+  amb_real order;  /* how often a turn */
+  amb_real power;  /* of the speed, by which it acts on other states: 2 of unbalance, 0 of runout */
+  amb_real usual;  /* variance of the walk in a sample ... */
+  amb_real afresh; /* ... and their own where they begin afresh */
+} amb_synchronous;
+
+/* The speed of a rotor whose angle is estimated (ambkit/angle.h), with its error as a state. */
+typedef struct amb_speed_error {
+  int state; /* -1: the model has none */
+  int noise; /* what comes to it in a sample */
+  int pairs;
+  const amb_synchronous *pair;
+  const amb_real *std; /* [states]: at the start */
+} amb_speed_error;
+
+/* The filter's model for a sample of this rotation. The speed is corrected by its estimated error
+ * d, and the pairs Z turn by n T d beside the known angle: the column of L for d is the derivative
+ * n T J L Z, and by the force of unbalance 2 / speed L Z; what d has done already is taken back.
+ * Where the angle is known again, error and pairs begin afresh, and the others are no surer than at
+ * a start.
+ */
+void amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
+                amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation);
 
 AMB_EXTERN_C_END
 

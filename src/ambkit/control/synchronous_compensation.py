@@ -21,9 +21,10 @@ from ambkit.base.units import rpm
 from ambkit.control.linear.linear_controller import ControlLaw
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine import geometry
+from ambkit.machine.angle_sensor import SLOWEST
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.models.parts.synchronous import SLOWEST, unbalance_planes
+from ambkit.models.parts.synchronous import unbalance_planes
 from ambkit.models.plant import Plant
 
 NODES, RIGID = 129, 33  #: Speeds of the table, of a flexible rotor and of a rigid one.

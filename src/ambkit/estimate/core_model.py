@@ -18,8 +18,13 @@ from ambkit.models.declaration import Part, Plan
 from ambkit.models.machine_parts import compose, machine_parts, paper_pattern, printed, sampled
 from ambkit.models.model import ENUMERATORS, ROLES, Model, compressed_rows
 from ambkit.models.parts import SYNCHRONOUS
+from ambkit.models.parts.speed_error import NAME
 
 NODE = 0.02  #: Radians a sample between the speeds at which a model that turns is computed.
+VAGUE = 3.0
+"""At the start unbalance and runout are anywhere within so many times what is expected: in a run-up
+the speeds tell them, and not the start."""
+
 GROWTH = 1e3  #: Growth of the speed by which the part of unbalance across is found [rad/s^2].
 
 
@@ -115,6 +120,30 @@ class Engine:
         }  # fmt: skip
         self.model_of_core.nodes(nodes.lowest, nodes.step, **node_arrays)
         self.turned = True
+
+    def synchronous_states(self) -> dict[str, Any] | None:
+        """Return the states that turn with the rotor (``amb_speed_error``); None without its error.
+
+        What each pair walks by in a sample is its own noise; where the angle is known again it is
+        anywhere as at the start.
+        """
+        states, noises = ([at.name for at in of] for of in (self.states, self.noises))
+        if NAME not in states:
+            return None
+        parts, noise, synchronous = self._made_of
+        pairs = []
+        for part in parts(self.machine, noise=noise, synchronous=synchronous):
+            if hasattr(part, "rotating"):
+                first, _, order = part.rotating
+                at, walk = states.index(first), noises.index(first.rsplit("_", 1)[0])
+                vague = (VAGUE * self.states[at].size) ** 2
+                pairs.append({
+                    "state": at, "noise": walk, "order": float(order),
+                    "power": 2.0 if self.states[at].role == "unbalance" else 0.0,
+                    "usual": self.noises[walk].size ** 2,
+                    "afresh": vague,
+                })  # fmt: skip
+        return {"state": states.index(NAME), "noise": noises.index(NAME), "pair": pairs}
 
     def nodes(self, min_speed: float, max_speed: float) -> Nodes:
         """Return the model at the speeds between which it takes any other; see `let_turn`."""

@@ -19,6 +19,7 @@ from ambkit.base.pickling import Copyable
 from ambkit.base.quantity_arguments import of_type
 from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.data.record import Record
+from ambkit.estimate.angle import AngleEstimate, readings_of
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.linear_model import LinearModel
@@ -496,7 +497,8 @@ class Estimator(Described, Copyable):
         record : Record
             With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1. Of a machine
             with ``y_NAME`` of each reading and ``u_NAME`` of each axis, and where it is not the
-            machine's own with the ``speed`` of rotation [rad/s].
+            machine's own with the ``speed`` of rotation [rad/s]; of one with ``[angle]`` with the
+            readings of that sensor, see `estimate_angle`.
         covariance : bool
             Keep the covariances, 10 numbers a sample.
 
@@ -506,14 +508,45 @@ class Estimator(Described, Copyable):
             Where the record's sampling time is not the bearing's.
         """
         y, u = self._start(record)
-        speed = self.turning(dict(record.signals).get("speed"), len(y))
+        heard = None
+        if self.machine.angle is not None and self.view.speed is not None:
+            heard = self.hear(readings_of(self.machine, record))
+        speed = heard
+        if heard is None:
+            speed = self.turning(dict(record.signals).get("speed"), len(y))
         if speed is None:
             history = self.core.run(y, u, covariance=covariance)
         else:
             of = self.engine.model_of_core
             turn = self.engine.core.run_turning
-            history = turn(self.core, y, u, speed, of, covariance=covariance)
+            options: dict[str, Any] = {"covariance": covariance, "heard": heard is not None}
+            history = turn(self.core, y, u, speed, of, **options)
         return self._estimated(record.t, history, self.name)
+
+    def hear(self, readings: ArrayLike) -> NDArray[Any]:
+        """Let the model of a machine follow the readings of its angle's sensor.
+
+        Parameters
+        ----------
+        readings : array_like (n,)
+            Of pulses the time since one came [s], of an encoder [rad], of a speed signal [rad/s],
+            as `AngleEstimate.of` takes them.
+
+        Returns
+        -------
+        ndarray (n, 8)
+            What the filter hears of the rotation at each sample, the fields of ``amb_rotation``
+            (``core/include/ambkit/angle.h``) [their SI units].
+        """
+        angle = AngleEstimate.of(self.machine, readings, precision=self.precision)
+        assert self.machine.angle is not None  # else there is no estimate
+        self.engine.stand(self.core)  # nothing is left of a speed that it followed before
+        self.engine.let_turn(*self.machine.angle.range(self.machine.speed))
+        if (synchronous := self.engine.synchronous_states()) is not None:
+            std = [float(item) for item in self.default_std()]
+            self.engine.model_of_core.synchronous(synchronous | {"std": std})
+        self.engine.model_of_core.turn(float(angle.heard[0, 0]), 0.0)
+        return angle.heard
 
     def turning(self, speed: NDArray[np.float64] | None, n: int) -> NDArray[Any] | None:
         """Let the model of a machine follow the speed of its rotor.

@@ -14,6 +14,7 @@ from ambkit.base.config.quantities import InOther
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
+from ambkit.estimate.core_model import VAGUE
 from ambkit.estimate.noise_model import FilterNoise, Variances, check_variances, dwell
 from ambkit.machine import geometry
 from ambkit.machine.force_laws import bias_forces_of, isolated_axes, models_of, weights_of
@@ -22,10 +23,6 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, own_time
 from ambkit.machine.parts import GRAVITY
 from ambkit.models.model import Descriptor
-
-VAGUE = 3.0
-"""At the start unbalance and runout are anywhere within so many times what is expected: in a run-up
-the speeds tell them, and not the start."""
 
 
 class View:

@@ -31,6 +31,7 @@ from ambkit.machine.accessories import (
     delay_contradictions,
     eddy_current_contradictions,
 )
+from ambkit.machine.angle_sensor import AngleSensor
 from ambkit.machine.components import (
     AnyRotor,
     MassRotor,
@@ -103,8 +104,10 @@ class Machine(Shown, Document):
     """The position sensors."""
     unbalance: tuple[Unbalance, ...] = ()
     """Unbalance, by its planes."""
+    angle: AngleSensor | None = None
+    """Sensor of the rotor's angle or speed; without it the filter knows the speed exactly."""
 
-    unwritten = ("unbalance",)
+    unwritten = ("unbalance", "angle")
 
     if TYPE_CHECKING:  # in either form
 

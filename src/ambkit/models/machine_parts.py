@@ -13,7 +13,7 @@ import numpy as np
 from ambkit.machine.machine import Machine
 from ambkit.models.declaration import Part, Plan
 from ambkit.models.model import ONE, Model
-from ambkit.models.parts import PARTS, SENSOR_NOISE, SYNCHRONOUS
+from ambkit.models.parts import PARTS, ROTATION, SENSOR_NOISE, SYNCHRONOUS
 from ambkit.models.parts.delay import Delay
 from ambkit.models.parts.typical_sizes import Typical
 from ambkit.models.sampling import Sampling
@@ -54,6 +54,8 @@ def machine_parts(
     parts: list[Part] = [part for kind in kinds for part in kind.of(machine, sizes)]
     for name in (item for item in SYNCHRONOUS if item in synchronous):
         parts += SYNCHRONOUS[name].of(machine, speeding)
+    for kind in ROTATION if synchronous else ():
+        parts += kind.of(machine, [part for part in parts if hasattr(part, "rotating")])
     for kind in SENSOR_NOISE if noise else ():
         parts += kind.of(machine, sizes)
     return parts

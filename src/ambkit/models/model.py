@@ -25,6 +25,7 @@ POSITION, VELOCITY, SHOWN, LOAD, KNOWN, NOISE = ENUMERATORS = (
 ROLES = {
     "position": POSITION, "velocity": VELOCITY, "sensor": SHOWN, "disturbance force": LOAD,
     "noise": NOISE, "noise in quadrature": NOISE, "unbalance": NOISE, "runout": NOISE,
+    "speed error": NOISE,
     "bending": NOISE, "bending velocity": NOISE, "lagged force": NOISE,
     "current": KNOWN, "past control": KNOWN,
 }  # fmt: skip

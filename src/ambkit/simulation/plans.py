@@ -143,6 +143,7 @@ class Plans:
         estimator, speed = planned.estimator, planned.scenario.speed
         if estimator is not None:
             stands = speed is None and estimator.view.speed in (None, planned.machine.speed)
+            stands = stands and estimator.machine.angle is None
             if not (stands and estimator.side_by_side):
                 estimator = copied(estimator)
         return Loop(
@@ -197,11 +198,13 @@ class Plans:
         estimator, machine, stds = loop.estimator, loop.machine, loop.white_noise
         if estimator is not None and loop.calls_python:
             estimator.reset(loop.start)
-        arguments = loop.arguments(slice(0, len(loop.series[0])))
         series: Any = (None, None)
-        if stds is None:
+        own = stds is None or machine.angle is not None  # of each run: what is drawn in Python
+        if own:
             loop.scenario = loop.scenario.model_copy(update={"run": planned.key[1]})
+        if stds is None:
             series = loop.noise
+        arguments = loop.arguments(slice(0, len(loop.series[0])))
         std_u, std_y = stds or ([0.0] * len(machine.axes), [0.0] * len(machine.readings))
         plan = loop.core.Plan(
             **arguments,
@@ -211,5 +214,5 @@ class Plans:
             seed=planned.key[0], std_u=std_u, std_y=std_y, noise_u=series[0], noise_y=series[1],
             windows=self._windows(loop),
         )  # fmt: skip
-        general = stds is not None and arguments.get("model") is None and not loop.calls_python
+        general = not own and arguments.get("model") is None and not loop.calls_python
         return plan, general

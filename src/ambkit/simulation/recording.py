@@ -166,6 +166,9 @@ def recorded(
     signals |= {name: (out["X"][k], unit) for name, (k, unit) in form.states.items()}
     if "speed" in series:
         signals["speed"] = series["speed"], "rad/s"
+    if "angle" in series and machine.angle is not None:
+        name, unit = machine.angle.channel
+        signals[name] = series["angle"], unit
     if moved is None:
         signals = {name: signals[name] for name in UNITS}
     for name, _ in by_axis(scenario, "injection", axes[0]):

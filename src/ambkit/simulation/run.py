@@ -30,6 +30,7 @@ from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.simulation.external_inputs import ExternalInputs, Faults, OwnPlant, columns, series_of
 from ambkit.simulation.fields import InLoops, StraightLine
 from ambkit.simulation.recording import drawn, recorded, white
+from ambkit.simulation.rotation import angle_readings
 from ambkit.simulation.scenario import (
     AXES,
     Scenario,
@@ -149,6 +150,7 @@ class Loop:
         }
         self._goes: Any = None  # the loop's state, between two stretches
         self._turns: tuple[Any, Any] = None, None  # an estimator, and its model that turns
+        self._heard: NDArray[Any] | None = None  # what that one hears of the rotation
         self._at = 0
 
     def _impose(self, magnet: MagnetModel | None) -> None:
@@ -199,6 +201,13 @@ class Loop:
                 f"speed: {fastest:.6g} rad/s turns half a revolution within a sample, or more; "
                 f"must be less than {math.pi / machine.sampling_time:.6g} rad/s"
             )
+        if machine.angle is not None:
+            low, high = machine.angle.range(machine.speed)
+            if self._speed.min() < low or self._speed.max() > high:
+                raise AmbkitError(
+                    f"speed: {self._speed.min():.6g} to {self._speed.max():.6g} rad/s is beyond "
+                    f"the {low:.6g} to {high:.6g} rad/s of [angle]; see max_speed and reverses"
+                )
         self._base = _of_base(machine, scenario, t)
         return InLoops(machine, scenario, self.estimator, at, load, fastest, controllers)
 
@@ -221,6 +230,13 @@ class Loop:
         if self.external_inputs.readings is not None:
             noise_y = noise_y + self.external_inputs.readings
         return noise_u, noise_y
+
+    @cached_property
+    def readings(self) -> Array | None:
+        """The readings of the angle's sensor (n,); None where there is none."""
+        if self.machine.angle is None or self._speed is None:
+            return None
+        return angle_readings(self.machine, self.scenario, self._speed[:-1])
 
     @property
     def white_noise(self) -> tuple[list[float], list[float]] | None:
@@ -287,7 +303,11 @@ class Loop:
         if self._speed is None or self._base is None:
             return {}
         if (estimator := self.estimator) is not None and self._turns[0] is not estimator:
-            follows = estimator.turning(self._speed, self._speed.size)
+            follows = self._heard = None
+            if self.readings is not None and estimator.machine.angle is not None:
+                follows = self._heard = estimator.hear(self.readings)
+            else:
+                follows = estimator.turning(self._speed, self._speed.size)
             self._turns = estimator, None if follows is None else estimator.engine.model_of_core
         off = self._t.size
         if self.scenario.off is not None:
@@ -295,6 +315,7 @@ class Loop:
         return {
             "speed": self._speed[here.start : here.stop + 1].astype(self.precision),
             "base": self._base[here].astype(self.precision), "model": self._turns[1], "off": off,
+            "heard": None if self._heard is None else self._heard[here],
         }  # fmt: skip
 
     def _stretch(self, until: float | None) -> slice:
@@ -348,6 +369,8 @@ class Loop:
         series["injected"] = self._injected[here]
         if self._speed is not None and self._base is not None:
             series |= {"speed": self._speed[here], "base": self._base[here]}
+        if self.readings is not None:
+            series["angle"] = self.readings[here]
         record = recorded(self._form, t, out, series, here.start)
         usable = out["usable"].astype(bool) if "usable" in out else None
         estimate = None if estimator is None else estimator._estimated(t, out["estimate"])

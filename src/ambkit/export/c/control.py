@@ -193,7 +193,7 @@ def _levitated(controller: Controller, scenario: Scenario, precision: CPrecision
         "y": listed(tested.y),
         "r": listed(tested.r),
         "u": c_literals.array(tested.u.ravel(), precision),
-        "speed": c_literals.array(tested.speed, precision),
+        "speed": listed(tested.speed),
         "status": c_literals.array(tested.status, precision),
         "mean": c_literals.array(tested.mean.ravel(), precision),
         "taken_with": c_literals.array(tested.transfer_currents, precision),

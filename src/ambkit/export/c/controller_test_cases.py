@@ -39,7 +39,7 @@ class Vectors(NamedTuple):
     y: Array  # (N, readings), as the rig has them
     r: Array  # (N, axes) [m]
     u: Array  # (N, axes): what the controllers gave [V]
-    speed: Array  # (N,) [rad/s]
+    speed: Array  # (N,) [rad/s]; or readings of the angle's sensor
     mode: NDArray[np.uint8]  # (N,): what they were doing
     fly: Bools  # (N,): whether they were told to fly
     status: NDArray[np.uint16]  # (N,): flags of filter and controllers
@@ -52,9 +52,11 @@ class Vectors(NamedTuple):
     saturated: int  # samples in which a current was at its limit
 
 
-def speeds_of(machine: Machine, scenario: Scenario) -> tuple[float, float] | None:
+def speeds_of(machine: Machine, scenario: Scenario | None) -> tuple[float, float] | None:
     """The slowest and the fastest rotation of a flight [rad/s]; None at the machine's own."""
-    if scenario.speed is None:
+    if machine.angle is not None:
+        return machine.angle.range(machine.speed)
+    if scenario is None or scenario.speed is None:
         return None
     n = max(2, round(scenario.duration / machine.sampling_time) + 1)
     speed = scenario.speed.sample(machine.sampling_time * np.arange(n + 1, dtype=float))
@@ -100,7 +102,8 @@ def vectors(controller: Controller, scenario: Scenario) -> Vectors:
         assert run.estimate is not None
         assert run.usable is not None
         mode = record["mode"].astype(np.uint8)
-        fly, speed = case.fly > 0, record["speed"]
+        fly = case.fly > 0
+        speed = record["speed" if machine.angle is None else machine.angle.channel[0]]
         part = (y, r, u, speed, mode, fly, run.status, run.usable, run.estimate.mean)
         part = _as_read(controller, part)
         parts.append((*part, _snapshots(controller, part, None, turns=turns)))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
+from ambkit.estimate.angle import angle_settings
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core_sources
 from ambkit.export.c import (
@@ -20,7 +21,8 @@ from ambkit.export.c import (
     model,
     rebuilt,
 )
-from ambkit.export.c.c_literals import Constants, CPrecision, Crc, Kind
+from ambkit.export.c.c_literals import Constants, CPrecision, Crc, Kind, Name
+from ambkit.machine.angle_sensor import SENSORS
 from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
@@ -91,7 +93,7 @@ class Export:
     @cached_property
     def speeds(self) -> tuple[float, float] | None:
         """The speeds that its model follows."""
-        if self.scenario is None or not self.several:
+        if not self.several:
             return None
         return controller_test_cases.speeds_of(self.filter.machine, self.scenario)
 
@@ -148,6 +150,7 @@ class Export:
             inner = getattr(self.filter, "inner", None)
             needed += [] if inner is None else [f"src/{c_literals.called(inner).source}.c"]
         needed += self.of_model.sources
+        needed += [] if self.filter.machine.angle is None else ["src/angle.c"]
         needed += control.SOURCES if self.controller is not None else ()
         needed += calibration.SOURCES if self.calibrated else ()
         needed += ["src/telemetry.c"] if self.framed else []
@@ -223,6 +226,25 @@ def magnets_of(filter: Estimator) -> list[Magnet]:
     return held if isinstance(held, list) else [held]
 
 
+def hearing(export: Export) -> dict[str, dict[str, Any]]:
+    """Return the structs of the angle's sensor by their names in C; none without one."""
+    filter = export.filter
+    if filter.machine.angle is None or export.speeds is None:
+        return {}
+    settings = angle_settings(filter.machine)
+    kind = Name(f"AMB_ANGLE_{SENSORS[settings['sensor']].upper()}")
+    error = filter.engine.synchronous_states() or {"state": -1, "noise": 0, "pair": []}
+    pairs = error.pop("pair")
+    error |= {
+        "pairs": len(pairs), "pair": Name("synchronous" if pairs else "NULL"),
+        "std": Name(f"{export.name}_std"),
+    }  # fmt: skip
+    result = {
+        f"{export.name}_angle": settings | {"sensor": kind}, f"{export.name}_speed_error": error
+    }  # fmt: skip
+    return result | {f"synchronous[{k}]": pair for k, pair in enumerate(pairs)}
+
+
 def crc(export: Export) -> Crc:
     """Return the CRC of the data file, with its names."""
     filter, name, constants = export.filter, export.name, Constants(export.precision)
@@ -234,6 +256,8 @@ def crc(export: Export) -> Crc:
         constants.array(f"&{name}_mass", np.array([filter.machine.rotor.mass]))
     if export.of_model.turning is not None:
         constants.fields(f"{name}_turning", export.of_model.turning, arrays=False)
+        for key, fields in hearing(export).items():
+            constants.fields(key, fields, arrays=False)
     constants.array(f"{name}_std", np.asarray(filter.default_std()))
     if export.several:
         for key, values in export.start.items():

@@ -229,6 +229,7 @@ def _numbers(export: Export) -> dict[str, Any]:
         "magnet_methods": magnet["methods"],
         "arrays": c_literals.declared(export.arrays, precision),
         "turning": _turning(export.of_model, export.speeds, precision),
+        "hearing": _hearing(export),
         "speed_own": c_literals.number(machine.speed, precision) if several else "",
         "mass": "" if several else c_literals.number(machine.rotor.mass, precision),
         "own": "" if export.in_core is None else c_literals.own(filter, precision),
@@ -245,6 +246,27 @@ def _turning(
     text = c_literals.struct(fields, precision)
     ends = dict(zip(("slowest", "fastest"), (f"{speed:.6g}" for speed in speeds), strict=True))
     return {"numbers": fields["numbers"], "text": text} | ends
+
+
+def _hearing(export: Export) -> dict[str, Any] | None:
+    """Return what the files say of the angle's sensor."""
+    angle = export.filter.machine.angle
+    structs = exported.hearing(export)
+    if angle is None or not structs:
+        return None
+    readings = {
+        "pulses": "the time since a pulse came within the last sample [s]",
+        "encoder": "the angle of the encoder [rad]", "speed": "the measured speed [rad/s]",
+    }  # fmt: skip
+    settings, error, *pairs = (c_literals.struct(at, export.precision) for at in structs.values())
+    limits = [f"{speed:.6g}" for speed in export.speeds or ()]
+    return {
+        "range": limits,
+        "angle": settings,
+        "error": error,
+        "pairs": pairs,
+        "reading": readings[angle.type],
+    }
 
 
 def _assumed(filter: Estimator) -> dict[str, str]:

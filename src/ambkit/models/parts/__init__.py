@@ -11,6 +11,7 @@ from ambkit.models.parts.line_noise import Hum
 from ambkit.models.parts.magnet import MagnetPlace
 from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor
+from ambkit.models.parts.speed_error import SpeedError
 from ambkit.models.parts.synchronous import SynchronousForce, SynchronousRunout
 
 BEHIND_MAGNETS: tuple[Any, ...] = (EddyCurrents, SolidIron)
@@ -20,6 +21,8 @@ PARTS = (Rotor, MagnetPlace, Disturbance, Sensor, Amplifier, Delay, *BEHIND_MAGN
 """In the order of their states; each takes what concerns it from a machine (``of``)."""
 
 SENSOR_NOISE: tuple[Any, ...] = (ColouredNoise, Hum)  #: Coloured; a filter may leave it out.
+
+ROTATION: tuple[Any, ...] = (SpeedError,)  #: Where synchronous states follow a measured angle.
 
 SYNCHRONOUS: dict[str, Any] = {"unbalance": SynchronousForce, "runout": SynchronousRunout}
 """What turns with the rotor and can be among the states, by name."""

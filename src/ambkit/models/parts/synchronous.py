@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ambkit.data.signals import signal
+from ambkit.machine.angle_sensor import SLOWEST
 from ambkit.machine.geometry import Line
 from ambkit.models.declaration import Place, Plan, place, row
 
 GRADE = 6.3e-3  #: Expected balance quality grade of a rotor [m/s] (ISO 21940-11).
 RUNOUT = 3e-6  #: Runout that is expected where none is described [m].
-SLOWEST = 100.0  #: Speed from which on that is expected [rad/s].
 MEMORY = 1e5  #: Time in which both may change by as much as they are expected to be [s].
 
 
@@ -47,9 +47,14 @@ class SynchronousForce:
             for k, z in enumerate(planes, 1)
         ]  # fmt: skip
 
+    @property
+    def rotating(self) -> tuple[str, str, int]:
+        """Both states, and how often they turn a revolution."""
+        return f"{self.name}_x", f"{self.name}_y", 1
+
     def declare(self, plan: Plan) -> None:
         """Add both states, where they push, and their noise."""
-        x, y = f"{self.name}_x", f"{self.name}_y"
+        x, y, _ = self.rotating
         for state, along, beside, way in (
             (x, self.along_x, self.along_y, -1.0), (y, self.along_y, self.along_x, 1.0)
         ):  # fmt: skip
@@ -103,9 +108,14 @@ class SynchronousRunout:
                 parts.append(cls(size, walk_std, machine.speed, order, name, seen))
         return parts
 
+    @property
+    def rotating(self) -> tuple[str, str, int]:
+        """Both states, and how often they turn a revolution."""
+        return f"{self.name}_c", f"{self.name}_s", self.order
+
     def declare(self, plan: Plan) -> None:
         """Add both states, their share of the readings, and their noise."""
-        c, s = f"{self.name}_c", f"{self.name}_s"
+        c, s, _ = self.rotating
         for state in (c, s):
             plan.state(state, "m", self.size, "runout")
         _turn(plan, c, s, self.order * self.speed)

@@ -1,0 +1,143 @@
+"""The rotor's angle from the readings of its sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import IntFlag
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.base.arrays import Array
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.data.record import Record
+from ambkit.machine.angle_sensor import SENSORS
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import Precision, core_module
+
+
+class AngleStatus(IntFlag):
+    """What a step has to say of the angle."""
+
+    OUTLIER = 1  #: A reading far from its prediction was left out.
+    LOST = 2  #: The angle is not known to a sixth of the marks' distance.
+    ASSUMED = 4  #: The direction is that of before: pulses do not tell it.
+    RESTARTED = 8  #: Started afresh from the last readings.
+
+
+@dataclass(frozen=True, eq=False)
+class AngleEstimate:
+    """Angle and speed of a rotor along a record, with their variances.
+
+    Examples
+    --------
+    >>> machine = Machine.preset("ufu_rig").replace(angle={"type": "speed"})
+    >>> estimate = AngleEstimate.of(machine, np.full(2000, 300.0))
+    >>> round(float(estimate.speed[-1]))
+    300
+    """
+
+    t: Array  #: Times of the samples (n,) [s].
+    angle: Array  #: From the first mark, from x towards y (n,) [rad], from -pi to pi.
+    speed: Array  #: Of rotation (n,) [rad/s].
+    acceleration: Array  #: Of rotation (n,) [rad/s^2].
+    angle_variance: Array  #: Of the angle (n,) [rad^2].
+    speed_variance: Array  #: Of the speed (n,) [rad^2/s^2].
+    status: NDArray[np.uint8]  #: Sums of `AngleStatus` (n,).
+    heard: NDArray[Any]  #: What a filter hears (n, 8): the fields of ``amb_rotation``.
+
+    @classmethod
+    def of(
+        cls, machine: Machine, readings: ArrayLike, *, precision: Precision = "float64"
+    ) -> AngleEstimate:
+        """Estimate the angle from readings of the machine's sensor.
+
+        Parameters
+        ----------
+        machine : Machine
+            With ``[angle]``.
+        readings : array_like (n,)
+            Of pulses the time since one came within the last sample [s], of an encoder the angle
+            [rad], of a speed signal the speed [rad/s]; NaN where there is none.
+        precision : {"float64", "float32"}
+            What the core computes in.
+
+        Raises
+        ------
+        AmbkitError
+            The machine has no sensor of its angle.
+        """
+        values = np.ascontiguousarray(readings, precision)
+        out = core_module(precision).run_angle(angle_settings(machine), values)
+        mean, variance, speed_variance = (
+            np.asarray(out[name], float) for name in ("mean", "variance", "speed_variance")
+        )
+        t = machine.sampling_time * np.arange(len(values), dtype=float)
+        angle, speed, acceleration = mean.T
+        status, heard = np.asarray(out["status"]), np.asarray(out["heard"])
+        return cls(t, angle, speed, acceleration, variance, speed_variance, status, heard)
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Where the angle is not known (n,)."""
+        return np.asarray((self.status & AngleStatus.LOST) > 0)
+
+
+def angle_settings(machine: Machine) -> dict[str, Any]:
+    """Return the core's settings of the angle's sensor (``core/include/ambkit/angle.h``)."""
+    sensor = machine.angle
+    if sensor is None:
+        raise AmbkitError(f"{machine.name} has no sensor of its angle: [angle] is missing")
+    return {
+        "sensor": SENSORS.index(sensor.type),
+        "per_turn": float(sensor.per_turn),
+        "T": machine.sampling_time,
+        "noise": sensor.speed_noise if sensor.type == "speed" else sensor.angle_noise,
+        "latency": sensor.latency,
+        "latency_error": sensor.latency_error,
+        "gain_error": sensor.gain_error,
+        "acceleration": sensor.acceleration,
+        "max_speed": max(map(abs, sensor.range(machine.speed))),
+        "reverses": sensor.reverses,
+        "backwards": machine.speed < 0,
+    }
+
+
+def readings_of(machine: Machine, record: Record) -> Array:
+    """Return the readings of the angle's sensor in a record (n,)."""
+    assert machine.angle is not None  # who asks has one
+    name, unit = machine.angle.channel
+    signals = dict(record.signals)
+    if name == "speed_reading" and name not in signals and "speed" in signals:
+        name = "speed"  # of a rig's log, which has no other
+    if name not in signals:
+        raise RecordError(
+            f"the record has no {name} [{unit}], which {machine.name} has by [angle]; without "
+            "[angle] its speed is known exactly"
+        )
+    return np.asarray(signals[name], float)
+
+
+def estimate_angle(
+    machine: Machine, record: Record, *, precision: Precision = "float64"
+) -> AngleEstimate:
+    """Estimate angle and speed of the rotor along a record.
+
+    Parameters
+    ----------
+    machine : Machine
+        With ``[angle]``.
+    record : Record
+        With ``pulse`` [s], ``angle_reading`` [rad] or ``speed_reading`` [rad/s], by the sensor.
+    precision : {"float64", "float32"}
+        What the core computes in.
+
+    Raises
+    ------
+    AmbkitError
+        The machine has no sensor of its angle, or the record no readings of it.
+    """
+    angle_settings(machine)
+    estimate = AngleEstimate.of(machine, readings_of(machine, record), precision=precision)
+    return replace(estimate, t=np.asarray(record.t))
