@@ -498,7 +498,7 @@ class Estimator(Described, Copyable):
             With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1. Of a machine
             with ``y_NAME`` of each reading and ``u_NAME`` of each axis, and where it is not the
             machine's own with the ``speed`` of rotation [rad/s]; of one with ``[angle]`` with the
-            readings of that sensor, see `estimate_angle`.
+            readings of that sensor, see ``estimate_angle``.
         covariance : bool
             Keep the covariances, 10 numbers a sample.
 
@@ -530,7 +530,7 @@ class Estimator(Described, Copyable):
         ----------
         readings : array_like (n,)
             Of pulses the time since one came [s], of an encoder [rad], of a speed signal [rad/s],
-            as `AngleEstimate.of` takes them.
+            as ``AngleEstimate.of`` takes them.
 
         Returns
         -------
