@@ -259,6 +259,26 @@ def test_the_slow_force_does_not_feel_the_error_of_the_angle(name, speed):
         assert found == pytest.approx(-drawn, abs=1e-4)
 
 
+@pytest.mark.parametrize("seed", [1, 6])  # the angle stays known; it is lost and found again
+def test_the_slow_force_survives_zero_speed(seed):
+    """By a pulse a turn, where unbalance hardly acts and its share of the speed has no limit."""
+    service = 3000 * np.pi / 30
+    sensor = PULSES | {"acceleration": "80 rad/s^2"}
+    rig = Machine.preset("ufu_rig")
+    amount = 0.1 * 9.81 * rig.rotor.mass / service**2
+    plane = {"place": rig.unbalance[0].place, "amount": amount, "angle": 0.6}
+    rig = rig.replace(speed=service, angle=sensor, unbalance=[plane])
+    clean = rig.replace(unbalance=[], angle=None)
+    ramp = Constant(value=service) + Ramp(slope=-service)
+    flight = Scenario(duration=1.3, seed=seed, speed=ramp)
+    ours, estimate = slow_error(rig, simulate(rig, flight).record, *BOTH)
+    usual, _ = slow_error(clean, simulate(clean, flight).record)
+    assert ours < 1.2 * usual
+    sizes = ExtendedKalmanFilter(rig, synchronous=BOTH).default_std()
+    most = sizes[estimate.names.index("U1_x")]
+    assert estimate.std("U1_x").max() < 1.01 * most
+
+
 def test_controllers_hear_the_angle():
     """Force-free control on a pulse a turn; the rotor goes round about its axis of inertia."""
     dirty, _ = spoilt(PULSES | {"reverses": False})

@@ -6,10 +6,6 @@
 
 /* Gain scheduling over the speed of rotation: the model between the speeds it was sampled at. */
 
-/* Deviations of a start by which positions and loads are off that were estimated without the pairs.
- */
-#define WIDER AMB_C(3.0)
-
 /* Lagrange's cubics of the nodes 0, 1, 2, 3 at x. */
 static void weigh(amb_real x, amb_real w[4])
 {
@@ -137,9 +133,16 @@ static void rotate_pair(const amb_model *model, amb_real numbers[], amb_real mea
   *by_error[1] = angle_by_error * x;
 }
 
+/* Half the relative change of speed^2 + |growth|, by which unbalance acts, for each rad/s. */
+static amb_real share_of(amb_real speed, amb_real growth)
+{
+  const amb_real all = (speed * speed) + amb_magnitude(growth);
+  return (all > AMB_C(0.0)) ? (speed / all) : AMB_C(0.0);
+}
+
 /* What an error of 1 rad/s changes in another state within a sample, by the speed's power. */
 static amb_real force_by_error(const amb_model *model, const amb_speed_error *error,
-                               amb_real numbers[], const amb_real mean[], int i, amb_real speed)
+                               amb_real numbers[], const amb_real mean[], int i, amb_real share)
 {
   amb_real sum = AMB_C(0.0);
   for (int k = 0; k < error->pairs; k++) {
@@ -149,37 +152,39 @@ static amb_real force_by_error(const amb_model *model, const amb_speed_error *er
       sum += (value == NULL) ? AMB_C(0.0) : (pair->power * (*value * mean[j]));
     }
   }
-  return (amb_magnitude(speed) > AMB_C(0.0)) ? (sum / speed) : AMB_C(0.0);
+  return share * sum;
 }
 
 /* Velocities and positions, which unbalance moves: taken back is what the column adds to them. */
 static void force_states(const amb_model *model, const amb_speed_error *error, amb_real numbers[],
-                         amb_real mean[], amb_real speed)
+                         amb_real mean[], amb_real share)
 {
   const int at = error->state;
   for (int i = 0; i < amb_states(model); i++) {
     const amb_role role = amb_model_role(model, i);
     amb_real *by_error = entry(model, numbers, i, at);
     if ((by_error != NULL) && ((role == AMB_POSITION) || (role == AMB_VELOCITY))) {
-      *by_error = force_by_error(model, error, numbers, mean, i, speed);
+      *by_error = force_by_error(model, error, numbers, mean, i, share);
       mean[i] -= *by_error * mean[at];
     }
   }
 }
 
 /* What a change of the error does to a pair that is not known: its action on other states changes
- * by power / speed of itself, which is of second order and no entry of L. */
+ * by a share of itself, which is of second order and no entry of L. The pair's variance does not
+ * exceed that of a start. */
 static amb_real by_change(const amb_synchronous *pair, const amb_kalman *kf,
                           const amb_kalman_state *state, const amb_rotation *rotation)
 {
   const int n = amb_states(&kf->model);
   const int i = pair->state;
-  const amb_real speed = amb_magnitude(rotation->speed);
   const amb_real both = state->cov[amb_entry(n, i, i)] + state->cov[amb_entry(n, i + 1, i + 1)];
-  const bool turns = (speed > AMB_C(0.0)) && !rotation->lost && !rotation->afresh;
-  const amb_real share = turns ? (pair->power / speed) : AMB_C(0.0);
-  const amb_real most = AMB_C(1.0);
-  return amb_at_most((share * share) * rotation->change, most) * (both / AMB_C(2.0));
+  const amb_real mean = both / AMB_C(2.0);
+  const bool known = !rotation->lost && !rotation->afresh;
+  const amb_real share =
+      known ? (pair->power * share_of(rotation->speed, rotation->acceleration)) : AMB_C(0.0);
+  const amb_real most = amb_at_least(pair->afresh - mean, AMB_C(0.0));
+  return amb_at_most(((share * share) * rotation->change) * mean, most);
 }
 
 /* A pair within a sample: beside the angle it turns by the error, unless the angle is lost. */
@@ -197,26 +202,6 @@ static void follow(const amb_synchronous *pair, const amb_speed_error *error, am
   }
 }
 
-/* Positions and loads that were estimated without the pairs, whose share they have, and velocities.
- */
-static void widen_others(const amb_model *model, const amb_real std[], amb_real speed,
-                         amb_real process_noise[])
-{
-  const int n = amb_states(model);
-  int next = amb_first(model, AMB_VELOCITY);
-  for (int i = 0; i < n; i++) {
-    const amb_role role = amb_model_role(model, i);
-    const amb_real variance = (WIDER * std[i]) * (WIDER * std[i]);
-    if ((role == AMB_POSITION) || (role == AMB_LOAD)) {
-      process_noise[amb_entry(n, i, i)] += variance;
-    }
-    if ((role == AMB_POSITION) && (next >= 0) && (next < n)) {
-      process_noise[amb_entry(n, next, next)] += (speed * speed) * variance;
-      next++;
-    }
-  }
-}
-
 void amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
                 amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation)
 {
@@ -230,15 +215,13 @@ void amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalm
     *own = rotation->kept;
     kf->set.var_d[error->noise] = rotation->noise;
     state->mean[at] = known;
-    force_states(&kf->model, error, numbers, state->mean, rotation->lost ? AMB_C(0.0) : speed);
+    force_states(&kf->model, error, numbers, state->mean,
+                 rotation->lost ? AMB_C(0.0) : share_of(speed, rotation->acceleration));
     for (int k = 0; k < error->pairs; k++) {
       follow(&error->pair[k], error, kf, state, numbers, rotation);
     }
   }
   amb_model_growth(&kf->model, kf->set.var_d, kf->growth);
-  if (rotation->afresh && (error->std != NULL)) {
-    widen_others(&kf->model, error->std, rotation->now, kf->growth);
-  }
 }
 
 #endif
