@@ -169,7 +169,7 @@ type = "lqg"
     machine = ambkit.preset(name)
     for control, peak in zip(("decentralised", "lqg"), found[1:3], strict=True):
         loop = LoopOf(machine, Control(type=control, feedback="estimate"))
-        assert peak == pytest.approx(loop.peak(ambkit.KalmanFilter(machine)), rel=1e-6)
+        assert peak == pytest.approx(loop.peak(ambkit.ExtendedKalmanFilter(machine)), rel=1e-6)
     assert len({f"{peak:.3f}" for peak in found}) == 3
     assert found[2] == found[3]
 
@@ -191,7 +191,7 @@ def test_peaks_are_those_that_assess_finds(feedback, control):
     plan = Plan(Study.from_toml(f'{text}control = {{ type = "{control}" }}\n'))
     (drawn,) = plan.machines(plan.points(0, 1), plan.noise(0, 1), 0)
     machine = ambkit.Machine.preset("tum_mlps")
-    fed = ambkit.KalmanFilter(machine) if feedback == "estimate" else None
+    fed = ambkit.ExtendedKalmanFilter(machine) if feedback == "estimate" else None
     expected = LoopOf(machine, Control(type=control)).peak(fed)
     assert peak_of(drawn.planned) == pytest.approx(expected, rel=1e-6)
 

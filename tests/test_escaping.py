@@ -140,6 +140,7 @@ def export_controllers(out, text):
     update = {"name": text, "description": text, "source": text}
     machine = Machine.preset("hindawi_2011").model_copy(update=update)
     export_c(machine, None, out / "machine", prefix="flt", scenario=Scenario(duration=0.05))
+    export_c(machine, None, out / "editable", prefix="flt", editable=True)
 
 
 def wave(text):

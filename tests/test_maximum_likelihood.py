@@ -490,8 +490,11 @@ def test_delay_of_the_plant_is_found_on_a_record_of_the_simulator():
 
 
 def test_every_parameter_moves_the_model():
-    model = replace(TRUTH, current_lag=1e-4).replace(magnet__eddy_current_lag=1e-4)
-    for parameter in PARAMETERS.values():
+    lagging = replace(TRUTH, current_lag=1e-4)
+    laminated = lagging.replace(magnet__eddy_current_lag=1e-4)
+    solid = lagging.replace(magnet__eddy_current_corner=100.0)
+    for name, parameter in PARAMETERS.items():
+        model = solid if name == "eddy_current_corner" else laminated
         moved = Coordinates(model, [parameter]).model_at(np.array([0.01]))
         assert parameter.of(moved) != parameter.of(model)
 

@@ -9,7 +9,7 @@ import pytest
 from quick import quick
 
 import ambkit
-from ambkit import KalmanFilter, Machine, Scenario, campbell, simulate
+from ambkit import ExtendedKalmanFilter, KalmanFilter, Machine, Scenario, campbell, simulate
 from ambkit.control.control import Control
 from ambkit.control.default_control import default_control
 from ambkit.control.linear.linear_plant import unbalance_columns
@@ -342,7 +342,7 @@ def test_a_run_is_judged_by_the_controllers_that_fly_in_it(one_mode, assessment)
     run = simulate(one_mode, Scenario(duration=0.01, controller=controller))
     told = [row.value for row in run.rows if row.key == "critical_speed"]
     of = LoopOf(one_mode, controller)
-    own = separations(one_mode, loop=of, fed_by=KalmanFilter(one_mode))
+    own = separations(one_mode, loop=of, fed_by=ExtendedKalmanFilter(one_mode))
     assert told == [each.critical.speed for each in own]
     assert told != [each.critical.speed for each in assessment.separations]
 

@@ -59,7 +59,7 @@ def test_a_run_without_estimator_shows_none(run, bearing):
 def test_current_limits_are_shown_where_they_matter(run, bearing):
     weak = bearing.replace(amplifier__current_limit=0.6)
     still = ambkit.simulate(bearing, ambkit.Scenario(duration=0.02, noise=False))
-    near = simulation_figure(replace(run, plant=weak))
+    near = simulation_figure(replace(run, machine=weak))
     assert "limit" in {text for text, _ in near.legend()}
     assert "limit" not in {text for text, _ in simulation_figure(still).legend()}
 

@@ -117,15 +117,15 @@ def candidate_of_kind(
                 scale = noise[key] / defaults[f"noise.{key}"]
                 noise[key] = tuple(scale * variance for variance in item)
         rest = {key: value for key, value in values.items() if "noise." not in key}
-        try:
-            return kind.make(machine, magnet, noise=FilterNoise(**noise), **rest)
-        except ValueError as error:  # not every kind is of several axes
-            raise AmbkitError(str(error)) from error
+        return kind.make(machine, magnet, noise=FilterNoise(**noise), **rest)
 
     free = {t.name: t for t in kind.tunable}
     if not whole and {"noise.control", "noise.disturbance"} <= free.keys():
         free.pop("noise.measurement", None)
-    defaults = {name: tunable.default(machine) for name, tunable in free.items()}
+    try:
+        defaults = {name: tunable.default(machine) for name, tunable in free.items()}
+    except ValueError as error:  # not every kind takes several axes
+        raise AmbkitError(str(error)) from error
     ranges = tuple(
         Range(t.name, t.unit, at, at / 10**t.decades, at * 10**t.decades)
         for t, at in zip(free.values(), defaults.values(), strict=True)
