@@ -109,6 +109,7 @@ def estimates(bearing: ambkit.Machine, expert: ambkit.Expert, record: ambkit.Rec
         ambkit.SteadyStateKalmanFilter(bearing),
         ambkit.AdaptiveKalmanFilter(bearing, expert),
         ambkit.ExtendedKalmanFilter(bearing),
+        ambkit.ContactKalmanFilter(bearing),
         ambkit.UDKalmanFilter(bearing),
         ambkit.UnscentedKalmanFilter(bearing),
         ambkit.AugmentedKalmanFilter(bearing),
@@ -236,6 +237,9 @@ def whole_machine() -> None:
     assert ambkit.Bearing is ambkit.Machine  # its name before, for this release
     assert_type(ambkit.workbench("zittau_axial").finding, str)
     assert ambkit.magnet.__doc__  # solving takes half a minute
+    assert ambkit.diagnose.__doc__  # it wants a log without its fault first
+    limits: ambkit.Result = ambkit.diagnose_limits("zittau_axial")
+    assert limits.finding
     machine = ambkit.Machine.preset("hindawi_2011")
     filter_ = ambkit.KalmanFilter(machine)
     run = ambkit.simulate(machine, ambkit.Scenario(duration=0.02), filter=filter_)

@@ -122,11 +122,9 @@ class Engine:
         self.turned = True
 
     def synchronous_states(self) -> dict[str, Any] | None:
-        """Return the states that turn with the rotor (``amb_speed_error``); None without its error.
-
-        What each pair walks by in a sample is its own noise; where the angle is known again it is
-        anywhere as at the start.
-        """
+        """Return the states that turn with the rotor (``amb_speed_error``), or None."""
+        # What each pair walks by in a sample is its own noise; where the angle is known again it is
+        # anywhere as at the start.
         states, noises = ([at.name for at in of] for of in (self.states, self.noises))
         if NAME not in states:
             return None

@@ -22,14 +22,12 @@ def angles(speed: Array, T: float) -> Array:
 
 
 def angle_readings(machine: Machine, scenario: Scenario, speed: Array) -> Array:
-    """Return the readings of the angle's sensor at samples (n,); NaN where there is none.
-
-    The errors of latency and gain are drawn once for the run.
-    """
+    """Return the readings of the angle's sensor at samples (n,); NaN where there is none."""
     sensor, T = machine.angle, machine.sampling_time
     assert sensor is not None  # who asks has one
     stream = Stream(scenario.seed, scenario.run, OWN)
     on = 1.0 if scenario.noise else 0.0
+    # The errors of latency and gain are drawn once for the run.
     late, gain = on * stream.normal(1.0, 2) * (sensor.latency_error, sensor.gain_error)
     white = on * stream.next().normal(1.0, len(speed))
     t, angle = T * np.arange(len(speed), dtype=float), angles(speed, T)
