@@ -129,7 +129,7 @@ export class Chart {
       },
       axes: [
         { ...axis, size: 26, gap: 3, labelSize: 14, label: axes.x?.label ?? "t [s]", labelGap: -4, values: names, ...(axes.x?.log ? decades : {}) },
-        { ...axis, size: 48, gap: 4, labelSize: 14, label: axes.unit, labelGap: 0, values: names, ...(axes.decades ? decades : {}) },
+        { ...axis, size: 48, gap: 4, labelSize: 14, label: axes.unit, labelGap: 0, values: axes.decades ? powers : names, ...(axes.decades ? decades : {}) },
       ],
       series: [
         {},
@@ -150,6 +150,11 @@ export class Chart {
 /** Ticks as somebody would write them; a logarithmic axis leaves some out. */
 function names(_u: uPlot, ticks: (number | null)[]): string[] {
   return ticks.map((value) => (value === null ? "" : digits(value)));
+}
+
+/** Decades, short enough for the axis however small. */
+function powers(_u: uPlot, ticks: (number | null)[]): string[] {
+  return ticks.map((value) => (value === null ? "" : value < 0.01 ? `1e${Math.round(Math.log10(value))}` : digits(value)));
 }
 
 /** A range about zero, symmetric, in which single outliers do not decide. */
