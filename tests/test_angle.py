@@ -19,6 +19,7 @@ from ambkit import (
 )
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.estimate.angle import AngleEstimate, AngleStatus, angle_settings, estimate_angle
+from ambkit.judge.signs import sign_test
 from ambkit.simulation.rotation import angle_readings, angles
 from ambkit.simulation.waveforms import Constant, Ramp
 
@@ -279,6 +280,18 @@ def test_the_slow_force_survives_zero_speed(seed):
     assert estimate.std("U1_x").max() < 1.01 * most
 
 
+def test_signs_are_judged_by_the_speed_that_is_estimated():
+    """A filter of means has no pulses."""
+    dirty, _ = spoilt(PULSES | {"reverses": False})
+    record = simulate(dirty, Scenario(duration=0.5, seed=2)).record
+    right = sign_test(record, dirty)
+    reversed_x = dict(record.signals) | {"y_La1": -record["y_La1"]}
+    wrong = sign_test(Record(record.t, reversed_x, dict(record.units)), dirty)
+    assert not right.wrong
+    assert wrong.wrong
+    assert wrong.channel == "y_La1"
+
+
 def test_controllers_hear_the_angle():
     """Force-free control on a pulse a turn; the rotor goes round about its axis of inertia."""
     dirty, _ = spoilt(PULSES | {"reverses": False})
@@ -355,6 +368,19 @@ int main(void)
   return 0;
 }}
 """
+
+
+@compiled
+@pytest.mark.long
+def test_the_exported_controller_hears_it(tmp_path):
+    """Its slow flights stay within the speeds that the sensor follows."""
+    rig = Machine.preset("ufu_rig").replace(angle=PULSES)
+    law = Scenario(controller={"unbalance": "force-free"})
+    export_c(rig, None, tmp_path, kind="linear", prefix="f", precision="double",
+             synchronous=("unbalance",), scenario=law)  # fmt: skip
+    printed = printed_by(tmp_path)
+    assert "f with its controllers" in printed
+    assert printed.count("equal to the last bit") == 2
 
 
 @compiled

@@ -75,6 +75,29 @@ def test_a_corner_of_eddy_currents_moves_the_plant_in_place_of_a_lag():
     assert not np.array_equal(*moved)
 
 
+@pytest.mark.parametrize(
+    ("kind", "key", "value"),
+    [
+        ("pulses", "per_turn", 3), ("pulses", "angle_noise", 0.02), ("pulses", "latency", 1.1e-3),
+        ("pulses", "latency_error", 2e-4), ("pulses", "acceleration", 110.0),
+        ("pulses", "max_speed", 900.0), ("pulses", "reverses", True), ("encoder", "per_turn", 3),
+        ("encoder", "angle_noise", 0.02), ("speed", "speed_noise", 0.2),
+        ("speed", "gain_error", 0.02),
+    ],
+)  # fmt: skip
+def test_each_key_of_the_angle_moves_the_plant_or_its_estimate(kind, key, value):
+    usual = {"type": kind, "per_turn": 2, "latency": 1e-3, "latency_error": 1e-4}
+    usual |= {"gain_error": 0.01} if kind == "speed" else {}
+    rotor = ambkit.Machine.preset("tum_mlps").replace(speed=600.0, unbalance=[])
+    results = []
+    for sensor in (usual, usual | {key: value}):
+        machine = rotor.replace(angle=sensor)
+        record = ambkit.simulate(machine, Scenario(duration=0.05)).record
+        estimate = ambkit.estimate_angle(machine, record)
+        results.append(np.column_stack([estimate.angle, estimate.angle_variance, estimate.status]))
+    assert not np.array_equal(*results)
+
+
 # ---- keys that nothing reads ----
 
 FILES = [

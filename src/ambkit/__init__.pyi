@@ -11,6 +11,9 @@ from ambkit.control.user_controller import ControllerProtocol as ControllerProto
 from ambkit.data.record import Record as Record
 from ambkit.data.telemetry import read_telemetry as read_telemetry
 from ambkit.estimate.adaptive_noise import AdaptiveNoise as AdaptiveNoise
+from ambkit.estimate.angle import AngleEstimate as AngleEstimate
+from ambkit.estimate.angle import AngleStatus as AngleStatus
+from ambkit.estimate.angle import estimate_angle as estimate_angle
 from ambkit.estimate.augmented import AugmentedKalmanFilter as AugmentedKalmanFilter
 from ambkit.estimate.augmented import MultipleModelFilter as MultipleModelFilter
 from ambkit.estimate.batch import run_many as run_many

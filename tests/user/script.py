@@ -250,6 +250,11 @@ def whole_machine() -> None:
     assert_type(over.farthest, tuple[float, float])
     assert_type(ambkit.waterfall(run.record, "s_A1", window=0.01).amplitude, Array)
     assert_type(ambkit.unbalance_response(machine, 500.0, count=3).amplitude, Array)
+    heard = machine.replace(angle={"type": "speed"})
+    angle = ambkit.estimate_angle(heard, run.record)
+    assert isinstance(angle, ambkit.AngleEstimate)
+    assert_type(angle.speed, Array)
+    assert not any(angle.status & ambkit.AngleStatus.RESTARTED)
     bending = ambkit.mode_shapes(ambkit.Machine.preset("ufu_flexible"))
     assert_type(bending.to_dict(), dict[str, Any])
 

@@ -30,6 +30,24 @@ class AngleStatus(IntFlag):
 class AngleEstimate:
     """Angle and speed of a rotor along a record, with their variances.
 
+    Attributes
+    ----------
+    t : ndarray (n,)
+        Time [s].
+    angle : ndarray (n,)
+        From the first mark, from x towards y [rad], from -pi to pi.
+    speed : ndarray (n,)
+        Of rotation [rad/s].
+    acceleration : ndarray (n,)
+        Of rotation [rad/s^2].
+    angle_variance, speed_variance : ndarray (n,)
+        Of the angle [rad^2] and of the speed [rad^2/s^2].
+    status : ndarray of uint8 (n,)
+        Flags of :class:`AngleStatus` [1].
+    heard : ndarray (n, 8)
+        What a filter follows, the fields of ``amb_rotation`` in ``core/include/ambkit/angle.h``
+        [their SI units].
+
     Examples
     --------
     >>> machine = Machine.preset("ufu_rig").replace(angle={"type": "speed"})
@@ -38,14 +56,14 @@ class AngleEstimate:
     300
     """
 
-    t: Array  #: Times of the samples (n,) [s].
-    angle: Array  #: From the first mark, from x towards y (n,) [rad], from -pi to pi.
-    speed: Array  #: Of rotation (n,) [rad/s].
-    acceleration: Array  #: Of rotation (n,) [rad/s^2].
-    angle_variance: Array  #: Of the angle (n,) [rad^2].
-    speed_variance: Array  #: Of the speed (n,) [rad^2/s^2].
-    status: NDArray[np.uint8]  #: Sums of `AngleStatus` (n,).
-    heard: NDArray[Any]  #: What a filter hears (n, 8): the fields of ``amb_rotation``.
+    t: Array
+    angle: Array
+    speed: Array
+    acceleration: Array
+    angle_variance: Array
+    speed_variance: Array
+    status: NDArray[np.uint8]
+    heard: NDArray[Any]
 
     @classmethod
     def of(

@@ -20,6 +20,7 @@ from ambkit.base.errors import ConfigError
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
+from ambkit.estimate.angle import estimate_angle
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.machine.force_laws import isolated_axes
@@ -96,21 +97,24 @@ class _Prediction:
         rigid = machine.bending is None
         block = _BLOCK * min(map(own_time, isolated_axes(machine))) / machine.sampling_time
         block = min(block, len(record) / _FEWEST) if rigid else 1
-        self.filters, k = _filters(machine, max(1, round(block)))
+        at_known_speed = machine.model_copy(update={"angle": None})
+        self.filters, k = _filters(at_known_speed, max(1, round(block)))
         # Positions are means around the instant at which the control signal's begins to act.
         columns = {
             name: block_means(record[name], k) if name[0] == "y"
             else block_means(interpolated(record[name]), k, k // 2)
             for name in names
         }  # fmt: skip
-        if "speed" in record:
+        if machine.angle is not None:
+            columns["speed"] = block_means(estimate_angle(machine, record).speed, k)
+        elif "speed" in record:
             columns["speed"] = block_means(interpolated(record["speed"]), k)
         self.n = min(map(len, columns.values()))
         last = _RIGID if rigid else _BENDING
         self.columns = {name: values[: self.n][-last:] for name, values in columns.items()}
         self.n = min(self.n, last)
         self.t = self.filters[0].machine.sampling_time * np.arange(self.n)
-        self.units = {name: record.units[name] for name in columns}
+        self.units = {name: record.units.get(name, "rad/s") for name in columns}
 
     def best(self, reversed_channel: str = "") -> float:
         """Return the log likelihood with a channel reversed, by the noise that fits best."""

@@ -265,11 +265,12 @@ def _event_scenario(
     return Scenario(
         duration=LIFTED * T - machine.sampling_time, start="landed",
         controller=scenario.controller, reference=tuple(references), disturbance=tuple(loads),
-        seed=scenario.seed, speed=_speed(machine, scenario, sign), sequence=scenario.sequence,
+        seed=scenario.seed, speed=_speed(machine, scenario, sign, LIFTED * T),
+        sequence=scenario.sequence,
     )  # fmt: skip
 
 
-def _speed(machine: Machine, scenario: Scenario, sign: float) -> Sum | None:
+def _speed(machine: Machine, scenario: Scenario, sign: float, duration: float) -> Sum | None:
     """Return a speed that grows over two nodes of the model, or falls, within those of a flight."""
     speeds = speeds_of(machine, scenario)
     if speeds is None:
@@ -277,7 +278,7 @@ def _speed(machine: Machine, scenario: Scenario, sign: float) -> Sum | None:
     low, high = speeds
     by = min(2 * NODE / machine.sampling_time, high - low)
     first = low + 0.3 * (high - low - by) if sign > 0 else high - 0.1 * (high - low - by)
-    ramp = Ramp(slope=sign * by / (LIFTED * machine.sampling_time))
+    ramp = Ramp(slope=sign * by / duration)
     return Sum(parts=(Constant(value=first), ramp))
 
 
