@@ -118,7 +118,7 @@ export class Chart {
     const decades = { filter: whole, grid: { ...axis.grid, filter: whole }, ticks: { ...axis.ticks, filter: whole } };
     return {
       ...this.size(),
-      padding: [8, 10, 0, 0],
+      padding: [8, 18, 0, 0],
       legend: { show: false },
       cursor: {
         ...(this.sync ? { sync: { key: this.sync } } : {}), points: { show: false }, drag: { x: true, y: false },
