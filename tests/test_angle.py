@@ -8,6 +8,7 @@ import pytest
 from export_cases import COMPILER, SAME_BITS, command, compiled, flight_files, printed_by
 from exporting import export_c
 
+import ambkit
 from ambkit import (
     ConfigError,
     ExtendedKalmanFilter,
@@ -278,6 +279,15 @@ def test_the_slow_force_survives_zero_speed(seed):
     sizes = ExtendedKalmanFilter(rig, synchronous=BOTH).default_std()
     most = sizes[estimate.names.index("U1_x")]
     assert estimate.std("U1_x").max() < 1.01 * most
+
+
+def test_filtering_reports_where_the_angle_is_lost():
+    dirty, _ = spoilt(PULSES | {"reverses": False})
+    record = simulate(dirty, Scenario(duration=0.3, seed=2)).record
+    lost = estimate_angle(dirty, record).lost
+    found = ambkit.filter(record, "linear+unbalance", machine=dirty).remarks
+    (said,) = [text for text in found if "angle" in text]
+    assert f"last at {record.t[lost][-1]:.4g} s" in said
 
 
 def test_signs_are_judged_by_the_speed_that_is_estimated():

@@ -17,13 +17,16 @@ from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.quantity_arguments import in_si, names_in
 from ambkit.base.units import figure, percent
 from ambkit.data.channel_map import ChannelMap
+from ambkit.data.record import Record
 from ambkit.data.signals import each_of
+from ambkit.estimate.angle import estimate_angle
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.named import FromFile, factories
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.machine.machine import Machine
 from ambkit.workflow.filter import Filtered, Filtering, filter
 from ambkit.workflow.warnings import OutsideOperatingRange, missing_control
 
@@ -75,7 +78,7 @@ def filtered(
     }  # fmt: skip
     for name, one in result.estimators.items():
         remarks += [*_of_tuning(one), *(f"{name}: {text}" for text in sentences(adequacy[name]))]
-    remarks += _warnings(result, len(log))
+    remarks += [*_of_angle(plant, log), *_warnings(result, len(log))]
     source = str(record) if isinstance(record, str | os.PathLike) else ""
     return replace(result, source=source, adequacy=adequacy, remarks=remarks)
 
@@ -104,6 +107,15 @@ def _channels(files: Mapping[str, FilterFile], channels: Any) -> ChannelMap | No
         if inputs[name] != inputs[first]:
             raise AmbkitError(f"{first} and {name} read other inputs: filter by one at a time")
     return known.with_inputs(inputs[first])
+
+
+def _of_angle(machine: Machine, record: Record) -> Iterator[str]:
+    """Yield for how long the rotor's angle is not known."""
+    if machine.angle is not None and (lost := estimate_angle(machine, record).lost).any():
+        yield (
+            f"the rotor's angle is lost in {percent(lost.mean())} of the samples, last at "
+            f"{record.t[lost][-1]:.4g} s: unbalance and runout begin anew after it"
+        )
 
 
 def _of_tuning(one: Filtered) -> Iterator[str]:
