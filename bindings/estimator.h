@@ -43,8 +43,9 @@ struct Model {
 
 private:
   amb_turning turning{};
-  amb_speed_error error{-1, 0, 0, nullptr};
+  amb_speed_error error{-1, 0, 0, nullptr, nullptr};
   std::vector<amb_synchronous> pairs;
+  std::vector<amb_real> starts;
   std::vector<unsigned short> kept_which, kept_grown;
   std::vector<amb_real> kept_at, kept_by_growth;
   std::vector<std::vector<unsigned short>> places;

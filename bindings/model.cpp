@@ -131,7 +131,9 @@ void Model::synchronous(const nb::dict &arguments)
     return at;
   };
   error = {within(nb::cast<int>(arguments["state"]), model.states),
-           within(nb::cast<int>(arguments["noise"]), model.noises), 0, nullptr};
+           within(nb::cast<int>(arguments["noise"]), model.noises), 0, nullptr, nullptr};
+  starts = nb::cast<std::vector<amb_real>>(arguments["std"]);
+  same_length(static_cast<size_t>(model.states), starts.size(), "std");
   pairs.clear();
   for (const auto item : nb::cast<nb::list>(arguments["pair"])) {
     const auto pair = nb::cast<nb::dict>(item);
@@ -142,6 +144,7 @@ void Model::synchronous(const nb::dict &arguments)
   }
   error.pairs = static_cast<int>(pairs.size());
   error.pair = pairs.data();
+  error.std = starts.data();
 }
 
 void Model::by(amb_kalman &kf, amb_kalman_state &state, const amb_real heard[])

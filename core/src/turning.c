@@ -202,6 +202,26 @@ static void follow(const amb_synchronous *pair, const amb_speed_error *error, am
   }
 }
 
+/* Positions and loads that were estimated without the pairs, whose share they have, and velocities.
+ */
+static void widen_others(const amb_model *model, const amb_real std[], amb_real speed,
+                         amb_real process_noise[])
+{
+  const int n = amb_states(model);
+  int next = amb_first(model, AMB_VELOCITY);
+  for (int i = 0; i < n; i++) {
+    const amb_role role = amb_model_role(model, i);
+    const amb_real variance = std[i] * std[i];
+    if ((role == AMB_POSITION) || (role == AMB_LOAD)) {
+      process_noise[amb_entry(n, i, i)] += variance;
+    }
+    if ((role == AMB_POSITION) && (next >= 0) && (next < n)) {
+      process_noise[amb_entry(n, next, next)] += (speed * speed) * variance;
+      next++;
+    }
+  }
+}
+
 void amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
                 amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation)
 {
@@ -222,6 +242,9 @@ void amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalm
     }
   }
   amb_model_growth(&kf->model, kf->set.var_d, kf->growth);
+  if (rotation->afresh && (error->std != NULL)) {
+    widen_others(&kf->model, error->std, rotation->now, kf->growth);
+  }
 }
 
 #endif

@@ -65,13 +65,14 @@ typedef struct amb_speed_error {
   int noise; /* what comes to it in a sample */
   int pairs;
   const amb_synchronous *pair;
+  const amb_real *std; /* [states]: at the start */
 } amb_speed_error;
 
 /* The filter's model for a sample of this rotation. The speed is corrected by its estimated error
  * d, and the pairs Z turn by n T d beside the known angle: the column of L for d is the derivative
  * n T J L Z, and by the force of unbalance 2 speed / (speed^2 + |growth|) L Z, which is no pole at
  * zero; what d has done already is taken back. Where the angle is known again, error and pairs
- * begin afresh.
+ * begin afresh, and the others are no surer than at a start: they were estimated without the pairs.
  */
 void amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
                 amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation);

@@ -543,7 +543,8 @@ class Estimator(Described, Copyable):
         self.engine.stand(self.core)  # nothing is left of a speed that it followed before
         self.engine.let_turn(*self.machine.angle.range(self.machine.speed))
         if (synchronous := self.engine.synchronous_states()) is not None:
-            self.engine.model_of_core.synchronous(synchronous)
+            std = [float(item) for item in self.default_std()]
+            self.engine.model_of_core.synchronous(synchronous | {"std": std})
         self.engine.model_of_core.turn(float(angle.heard[0, 0]), 0.0)
         return angle.heard
 

@@ -235,7 +235,10 @@ def hearing(export: Export) -> dict[str, dict[str, Any]]:
     kind = Name(f"AMB_ANGLE_{SENSORS[settings['sensor']].upper()}")
     error = filter.engine.synchronous_states() or {"state": -1, "noise": 0, "pair": []}
     pairs = error.pop("pair")
-    error |= {"pairs": len(pairs), "pair": Name("synchronous" if pairs else "NULL")}
+    error |= {
+        "pairs": len(pairs), "pair": Name("synchronous" if pairs else "NULL"),
+        "std": Name(f"{export.name}_std"),
+    }  # fmt: skip
     result = {
         f"{export.name}_angle": settings | {"sensor": kind}, f"{export.name}_speed_error": error
     }  # fmt: skip
