@@ -23,6 +23,8 @@ from ambkit.estimate.angle import AngleEstimate, AngleStatus, angle_settings, es
 from ambkit.judge.signs import sign_test
 from ambkit.simulation.rotation import angle_readings, angles
 from ambkit.simulation.waveforms import Constant, Ramp
+from benchmarks.angle import PULSES as LATE_PULSES
+from benchmarks.angle import flown
 
 T, TURN = 1e-4, 2 * np.pi
 JITTER = 0.01 * TURN
@@ -279,6 +281,16 @@ def test_the_slow_force_survives_zero_speed(seed):
     sizes = ExtendedKalmanFilter(rig, synchronous=BOTH).default_std()
     most = sizes[estimate.names.index("U1_x")]
     assert estimate.std("U1_x").max() < 1.01 * most
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("flight", [("tum_mlps", "steady"), ("ufu_rig", "through zero")])
+def test_unbalance_stays_within_its_stated_errors(flight):
+    """With runout too, which a steady speed hardly separates from it."""
+    name, speed = flight
+    run = flown(name, LATE_PULSES, speed, 0)
+    assert run.within
+    assert run.ratio < 1.15
 
 
 def test_filtering_reports_where_the_angle_is_lost():
