@@ -136,8 +136,8 @@ static void rotate_pair(const amb_model *model, amb_real numbers[], amb_real mea
 /* Half the relative change of speed^2 + |growth|, by which unbalance acts, for each rad/s. */
 static amb_real share_of(amb_real speed, amb_real growth)
 {
-  const amb_real all = (speed * speed) + amb_magnitude(growth);
-  return (all > AMB_C(0.0)) ? (speed / all) : AMB_C(0.0);
+  const amb_real total = (speed * speed) + amb_magnitude(growth);
+  return (total > AMB_C(0.0)) ? (speed / total) : AMB_C(0.0);
 }
 
 /* What an error of 1 rad/s changes in another state within a sample, by the speed's power. */
