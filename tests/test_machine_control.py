@@ -56,7 +56,10 @@ def test_a_rotor_follows_its_reference_and_carries_a_load(name, kind, feedback):
         reference=(Reference(axis=first, position=Step(amplitude=2e-5, time=0.1)),),
         disturbance=(Disturbance(axis=third, force=Step(amplitude=5.0, time=0.5)),),
     )  # fmt: skip
-    run = simulate_run(machine, flight)
+    # A regulator has no integral of its own: its filter's model is that of its design, whose error
+    # is in the disturbance force. With the law known to the filter 5 % of the reference are left.
+    linear = KalmanFilter(machine) if (kind, feedback) == ("lqg", "estimate") else None
+    run = simulate_run(machine, flight, estimator=linear)
     s = displacements(run)
     assert run.record.meta["stop_touched"] == 0
     at_last = s[:, run.record.t > 1.0].mean(axis=1)  # it turns round that place
