@@ -221,9 +221,7 @@ def test_init_is_all_there_is_to_do_at_power_on(exported, tmp_path, kind):
     settling = int(re.search(r"_SETTLING (\d+)U", header)[1])
     flies.step(float("nan"), 0.0)
     assert not flies.feed_back
-    for k in range(
-        3 * settling
-    ):  # the rotor lies on the stop, until an observer has found its load
+    for k in range(3 * settling):  # the rotor lies on the stop; an observer takes that long
         flies.step(-0.8e-3 + 1e-6 * (k % 3), -1.5)
         if k == 0:
             assert flies.estimates[0] == pytest.approx(-0.8e-3, rel=1e-3)
