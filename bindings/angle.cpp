@@ -29,24 +29,27 @@ Named run_angle(const nb::dict &arguments, const Vector &readings)
   const size_t n = readings.size();
   Fresh<amb_real> mean({n, 3}), variance({n}), speed_variance({n}), heard({n, 8});
   Fresh<unsigned char> status({n});
-  amb_angle_state state{};
-  amb_angle_reset(&set, &state);
-  for (size_t k = 0; k < n; k++) {
-    amb_rotation at{};
-    status.data[k] =
-        static_cast<unsigned char>(amb_angle_follow(&set, &state, readings.data()[k], &at));
-    const amb_real row[] = {at.speed,
-                            at.acceleration,
-                            at.kept,
-                            at.noise,
-                            at.change,
-                            amb_real(at.lost ? 1 : 0),
-                            amb_real(at.afresh ? 1 : 0),
-                            at.now};
-    std::copy_n(row, 8, heard.data + 8 * k);
-    std::copy_n(state.mean, 3, mean.data + 3 * k);
-    variance.data[k] = amb_angle_variance(&set, &state);
-    speed_variance.data[k] = amb_angle_speed_variance(&set, &state);
+  {
+    nb::gil_scoped_release release;
+    amb_angle_state state{};
+    amb_angle_reset(&set, &state);
+    for (size_t k = 0; k < n; k++) {
+      amb_rotation at{};
+      status.data[k] =
+          static_cast<unsigned char>(amb_angle_follow(&set, &state, readings.data()[k], &at));
+      const amb_real row[] = {at.speed,
+                              at.acceleration,
+                              at.kept,
+                              at.noise,
+                              at.change,
+                              amb_real(at.lost ? 1 : 0),
+                              amb_real(at.afresh ? 1 : 0),
+                              at.now};
+      std::copy_n(row, 8, heard.data + 8 * k);
+      std::copy_n(state.mean, 3, mean.data + 3 * k);
+      variance.data[k] = amb_angle_variance(&set, &state);
+      speed_variance.data[k] = amb_angle_speed_variance(&set, &state);
+    }
   }
   nb::dict out;
   out["mean"] = mean.array;

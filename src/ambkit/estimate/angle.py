@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.record import Record
-from ambkit.machine.angle_sensor import SENSORS
+from ambkit.machine.angle_sensor import SENSORS, AngleSensor
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
 
@@ -102,11 +102,16 @@ class AngleEstimate:
         return np.asarray((self.status & AngleStatus.LOST) > 0)
 
 
+def _sensor_of(machine: Machine) -> AngleSensor:
+    """Return the sensor of a machine's angle; raise AmbkitError where there is none."""
+    if machine.angle is None:
+        raise AmbkitError(f"{machine.name} has no sensor of its angle: [angle] is missing")
+    return machine.angle
+
+
 def angle_settings(machine: Machine) -> dict[str, Any]:
     """Return the core's settings of the angle's sensor (``core/include/ambkit/angle.h``)."""
-    sensor = machine.angle
-    if sensor is None:
-        raise AmbkitError(f"{machine.name} has no sensor of its angle: [angle] is missing")
+    sensor = _sensor_of(machine)
     return {
         "sensor": SENSORS.index(sensor.type),
         "per_turn": float(sensor.per_turn),
@@ -124,8 +129,7 @@ def angle_settings(machine: Machine) -> dict[str, Any]:
 
 def readings_of(machine: Machine, record: Record) -> Array:
     """Return the readings of the angle's sensor in a record (n,)."""
-    assert machine.angle is not None  # who asks has one
-    name, unit = machine.angle.channel
+    name, unit = _sensor_of(machine).channel
     signals = dict(record.signals)
     if name == "speed_reading" and name not in signals and "speed" in signals:
         name = "speed"  # of a rig's log, which has no other
@@ -156,6 +160,5 @@ def estimate_angle(
     AmbkitError
         The machine has no sensor of its angle, or the record no readings of it.
     """
-    angle_settings(machine)
     estimate = AngleEstimate.of(machine, readings_of(machine, record), precision=precision)
     return replace(estimate, t=np.asarray(record.t))

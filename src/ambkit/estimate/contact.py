@@ -28,7 +28,7 @@ class ContactKalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Machine
+    machine : Machine
         What is filtered.
     magnet : optional
         The law of its magnet; the closed one by default.
@@ -52,7 +52,7 @@ class ContactKalmanFilter(Estimator):
 
     def __init__(
         self,
-        bearing: Machine,
+        machine: Machine,
         magnet: MagnetModel | None = None,
         *,
         scatter: float = 0.3,
@@ -61,7 +61,7 @@ class ContactKalmanFilter(Estimator):
         if not (math.isfinite(scatter) and scatter >= 0):
             raise ValueError(f"scatter must be 0 or more, got {scatter!r}")
         self._scatter = scatter
-        super().__init__(bearing, magnet or laws_of(bearing), **options)
+        super().__init__(machine, magnet or laws_of(machine), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         T, dtype = self.machine.sampling_time, self.precision

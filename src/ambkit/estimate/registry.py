@@ -282,6 +282,11 @@ def kind_called(name: str) -> Kind:
     return KINDS[name]
 
 
+def default_filter(machine: Machine) -> Estimator:
+    """Return the filter of a machine for which none is named."""
+    return KINDS[DEFAULT].make(machine)
+
+
 def check_named(name: str) -> None:
     """Refuse what is neither a kind, ``"all"`` of them, a filter's file, nor a user's class."""
     is_kind = name == "all" or name.partition("@")[0].partition("+")[0] in KINDS

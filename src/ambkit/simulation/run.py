@@ -24,7 +24,7 @@ from ambkit.control.pid import PID
 from ambkit.control.user_controller import OwnController
 from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.registry import DEFAULT, kind_called
+from ambkit.estimate.registry import default_filter
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.simulation.external_inputs import ExternalInputs, Faults, OwnPlant, columns, series_of
@@ -135,7 +135,7 @@ class Loop:
             self._fly = self.scenario.sequence.fly(self._t)
         fed = self.scenario.feedback == "estimate"
         if estimator is None and (fed or self.scenario.sequence is not None):
-            estimator = kind_called(DEFAULT).make(machine)
+            estimator = default_filter(machine)
         self.estimator = estimator
         self._impose(magnet)
         self._form = self._formed(magnet, controllers)

@@ -59,7 +59,7 @@ def _filter(filter: Any, plant: Machine, log: Record) -> tuple[Any, list[str]]:
 
 
 def distinguished(machine: Any, filter: Any) -> Distinction:
-    """Return what can be span apart, on simulated runs of a healthy machine."""
+    """Return what can be distinguished, on simulated runs of a healthy machine."""
     plant = machine_argument(machine)
     isolation = None
     sizes = {}

@@ -23,7 +23,7 @@ from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.named import filter_of
-from ambkit.estimate.registry import DEFAULT, kind_called
+from ambkit.estimate.registry import default_filter
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.loop.loop_of import LoopOf
@@ -187,9 +187,7 @@ def _separations(
     scenario = settled_scenario(machine, scenario)
     if scenario.controller.custom or scenario.plant:  # of code, from which no poles follow
         return Separations(0.0)
-    fed_by = (
-        filter or kind_called(DEFAULT).make(machine) if scenario.feedback == "estimate" else None
-    )
+    fed_by = filter or default_filter(machine) if scenario.feedback == "estimate" else None
     return separations(machine, speed, LoopOf(machine, scenario.controller), fed_by)
 
 

@@ -57,7 +57,7 @@ class Searches:
 
 
 class LeastSizes(NamedTuple):
-    """The least sizes of k faults that can be span, in the units of the faults."""
+    """The least sizes of k faults that can be detected and named, in the units of the faults."""
 
     detected: Array  #: (k,) That raise an alarm.
     apart: Array  #: (k, k) That exclude each other fault.
