@@ -1,13 +1,10 @@
 """Is the identification unbiased, and are its intervals honest? Records whose truth is known.
 
-``python -m benchmarks.identification [slow|fast|coloured|quiet] [seeds] [records] [first]``
+``python -m benchmarks.identification [slow|fast|coloured] [seeds] [records] [first]``
 simulates closed loops with a slow sensor, a fast one or one whose noise has colour, with delay,
 offsets and noise side by side, identifies from some records of a second at a time, and prints bias
-and coverage. ``quiet`` is a ball that hardly moves below one magnet, whose current is measured with
-noise (`benchmarks.quiet_rig`): one record of 8 seconds at a time; ``slope [seeds] [first]`` is the
-slope of its likelihood at the truth. The search begins at the truth, which saves two thirds of the
-time; that it ends at the same place from a start that is far off is tested in
-``tests/test_maximum_likelihood.py``.
+and coverage. The search begins at the truth, which saves two thirds of the time; that it ends at
+the same place from a start that is far off is tested in ``tests/test_maximum_likelihood.py``.
 """
 
 from __future__ import annotations
@@ -312,27 +309,13 @@ def _in_its_errors(off: Array) -> float:
     return float(off.mean() / (off.std(ddof=1) / math.sqrt(off.size)))
 
 
-def main() -> None:
-    """Print the study as a table."""
-    asked = [int(argument) for argument in sys.argv[2:]]
-    which = sys.argv[1] if len(sys.argv) > 1 else "slow"
-    if which == "slope":
-        from benchmarks import quiet_rig
-
-        for name, row in quiet_rig.slopes(*asked).items():
-            print(f"{name:18}{row['slope']:+8.3f} of its error{row['in_errors']:+8.2f} s.e.")
-        return
+def print_table(table: dict[str, dict[str, float]]) -> None:
+    """Print a row for each parameter of a study."""
     heads = (
         "found", "mean error", "its s.e.", "in s.e.", "own unit", "95 % hold", "s.e.",
         "scatter/s.e.", "beyond luck",
     )  # fmt: skip
     print(f"{'parameter':18}" + "".join(f"{head:>13}" for head in heads))
-    if which == "quiet":
-        from benchmarks import quiet_rig
-
-        table = quiet_rig.study(*asked[:1], *asked[2:])  # of one record each
-    else:
-        table = study(TRUTHS[which], *asked)
     for name, row in table.items():
         figures = (
             f"{row['found']:g}",
@@ -351,4 +334,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    truth = TRUTHS[sys.argv[1] if len(sys.argv) > 1 else "slow"]
+    print_table(study(truth, *(int(argument) for argument in sys.argv[2:])))

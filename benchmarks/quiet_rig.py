@@ -3,13 +3,15 @@
 A ball hardly moves below one magnet, held by a regulator through a coil of 28 ms. What is logged
 is the position, the control signal, and the current as a sensor shows it, with 6.3 mA of noise;
 what flows moves by no more in the time in which
-the ball would fall. Run by ``python -m benchmarks.identification quiet``; ``slope`` instead of
-``quiet`` asks the same of the likelihood's slope at the truth, at a tenth of the time.
+the ball would fall. ``python -m benchmarks.quiet_rig [seeds] [first]`` identifies
+from one record of 8 s a seed; ``python -m benchmarks.quiet_rig slope [seeds] [first]`` judges the
+likelihood's slope at the truth instead, at a tenth of the time.
 """
 
 from __future__ import annotations
 
 import math
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -22,6 +24,7 @@ from ambkit.identification.maximum_likelihood.likelihood import Data
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
 from ambkit.machine.magnets import own_time
+from benchmarks.identification import judged, print_table
 
 Array = NDArray[np.float64]
 
@@ -148,8 +151,6 @@ def identified(record: Record, *, use_control: bool = True) -> MaximumLikelihood
 
 def study(seeds: int = 200, first: int = 0, threads: int = 1) -> dict[str, dict[str, float]]:
     """Identify from records of many seeds, and judge the errors, as `identification.study` does."""
-    from benchmarks.identification import judged
-
     records = quiet_loops(seeds, first=first)
     truths = [TRUTH.replace(current_offset=record.meta["offset"]) for record in records]
     with ThreadPoolExecutor(threads) as pool:
@@ -197,3 +198,12 @@ def slopes(seeds: int = 400, first: int = 0) -> dict[str, dict[str, float]]:
         p.name: {"slope": float(mean), "in_errors": float(mean / one)}
         for p, mean, one in zip(named(SLOPES), slope.mean(axis=0), error, strict=True)
     }
+
+
+if __name__ == "__main__":
+    asked = [int(argument) for argument in sys.argv[1:] if argument != "slope"]
+    if "slope" in sys.argv[1:]:
+        for name, row in slopes(*asked).items():
+            print(f"{name:18}{row['slope']:+8.3f} of its error{row['in_errors']:+8.2f} s.e.")
+    else:
+        print_table(study(*asked))

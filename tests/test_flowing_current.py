@@ -139,7 +139,7 @@ def test_an_unknown_coil_is_in_the_errors(records):
 
 @pytest.mark.study
 def test_over_seeds_nothing_is_biased_and_the_errors_hold():
-    """``python -m benchmarks.identification quiet`` runs the 200 of docs/explanation/rig.md."""
+    """``python -m benchmarks.quiet_rig`` runs the 200 of docs/explanation/rig.md."""
     table = quiet_rig.study(12, first=1000)
     for name in ("magnet_constant", "air_gap", "delay", "current_offset"):
         assert abs(table[name]["bias"]) < 3.5, name
