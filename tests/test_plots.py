@@ -9,6 +9,7 @@ import pytest
 
 import ambkit
 from ambkit.data import recordings
+from ambkit.estimate.registry import KINDS
 from ambkit.fuzzy.expert_card import training_figure
 from ambkit.fuzzy.rule_selection import with_surface
 from ambkit.identification.forces.lift_off import fit_lift_off, lift_off_figure, load_points
@@ -17,7 +18,7 @@ from ambkit.judge.comparison.seeds import comparison_figure
 from ambkit.judge.evaluation import evaluate, filter_figure
 from ambkit.machine.forces.force_points import load_force_points
 from ambkit.result.report import Band, Bars, Heatmap, Line, Note, Points, style
-from ambkit.result.report.style import SIGNALS
+from ambkit.result.report.style import OF_KINDS, SIGNALS
 from ambkit.result.signal_styles import looks
 from ambkit.simulation.run_figure import simulation_figure
 from ambkit.workflow.training import measured_force
@@ -267,3 +268,7 @@ def test_a_dense_force_map_leaves_room_to_read_how_well_it_is_known(tmp_path):
     assert len(surface.levels) <= 6
     (marks,) = (item for item in known.items if isinstance(item, Points))
     assert SIGNALS[marks.signal].size < SIGNALS["measurement"].size / 2
+
+
+def test_each_kind_of_filter_has_a_look_of_its_own():
+    assert len(set(OF_KINDS)) >= len(KINDS)

@@ -115,6 +115,8 @@ OF_KINDS = (
     Style("", BLUE, DOT, 1.4, "circle", hollow=True, layer=4),
     Style("", GREEN, DOT, 1.4, "triangle", hollow=True, layer=4),
     Style("", GREY, DASH, 1.2, "cross", layer=3),
+    Style("", VERMILION, LONG, 1.2, "triangle down", hollow=True, layer=4),
+    Style("", OCHRE, DOT, 1.2, "triangle down", layer=5),
 )
 """Looks of the kinds of estimators, in their order."""
 
