@@ -6,6 +6,7 @@ import pytest
 import ambkit
 from ambkit import AmbkitError
 from ambkit.machine.force_law import MU_0
+from ambkit.machine.magnet_solution.solution import solve
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.dynamic_stiffness import (
     FREQUENCIES,
@@ -17,6 +18,7 @@ from ambkit.machine.magnetostatics.field import FieldSolver
 from ambkit.machine.magnetostatics.iron import GRADES, Iron
 from ambkit.machine.magnetostatics.layout import Layout, Region, rectangle
 from ambkit.machine.magnetostatics.magnet_map import map_of, points_between
+from ambkit.machine.magnetostatics.two_axis_map import TwoAxisMap, terms, two_axis_map
 
 WINDING = '[winding]\nturns = 100\nbias_current = "3 A"\n'
 IRON = '[iron]\nsaturation = "1.8 T"\nrelative_permeability = 2000\n'
@@ -165,6 +167,43 @@ def test_half_of_a_radial_map_is_the_other_half():
         for sign in (1, -1)
     )
     assert near == pytest.approx(-far, rel=1e-3)
+
+
+def test_map_of_both_axes_has_one_energy_and_the_symmetry_of_a_ring():
+    random = np.random.default_rng(2)
+    ranges = np.array([3.0, 3.0, 2e-4, 2e-4])
+    m = TwoAxisMap(ranges, random.normal(size=len(terms(10))), np.zeros(70), 0.0)
+    place = 0.6 * ranges[:, None] * random.uniform(-1, 1, (4, 5))
+    for axis, value in enumerate([*m.flux_at(place), *m.force_at(place)]):
+        step = 1e-6 * ranges[axis] * np.eye(4)[:, axis : axis + 1]
+        slope = (m.derivative(place + step) - m.derivative(place - step)) / (2 * step[axis])
+        assert value == pytest.approx(slope, rel=1e-5)
+    turned = np.array([-place[1], place[0], -place[3], place[2]])
+    along, across = m.force_at(place)
+    assert m.force_at(turned) == pytest.approx(np.array([-across, along]))
+    k_i, k_s = m.stiffness_at(place)
+    assert k_s[0, 1] == pytest.approx(k_s[1, 0])  # of one energy
+    assert np.abs(k_i[0, 1]).min() > 0
+
+
+@pytest.mark.long
+def test_map_of_both_axes_is_the_field():
+    """Anywhere in the box, in the centre, and for the flux linkage of every coil."""
+    made = drawing(GEOMETRIES["four poles"])
+    m, layout, solver = two_axis_map(made), made.layout, FieldSolver(made.layout, 0.6)
+    random = np.random.default_rng(3)
+    off = []
+    for place in (m.ranges * random.uniform(-1, 1, (8, 4))).tolist():
+        currents = 3 * layout.bias + np.array(place[:2]) @ layout.control
+        s = solver.at(complex(*place[2:])).solve(currents)
+        off.append(np.abs(m.force_at(place) - s.force).max())
+        assert m.linkages_at(place) == pytest.approx(s.flux, abs=2e-3 * np.abs(s.flux).max())
+    assert max(off) < 1.0  # of 500 N
+    k_s = m.stiffness_at(np.zeros(4))[1]
+    ends = [solver.at(5e-6j * sign).solve(3 * layout.bias).force[1] for sign in (1, -1)]
+    assert k_s[1, 1] == pytest.approx((ends[0] - ends[1]) / 1e-5, rel=1e-3)
+    with pytest.raises(AmbkitError, match="has one axis"):
+        solve(drawing(U_CORE), both_axes=True)
 
 
 def test_curves_rise_and_their_energy_is_the_integral():

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from ambkit.machine.magnet_solution.solution import MagnetSolution
 
 
-def magnet(drawing: Drawing) -> MagnetSolution:
+def magnet(drawing: Drawing, both_axes: bool = False) -> MagnetSolution:
     """Solve the field of a magnet from its drawing.
 
     Nonlinear finite elements give the force over control current and displacement, flux linkage,
@@ -21,6 +21,8 @@ def magnet(drawing: Drawing) -> MagnetSolution:
     ----------
     drawing : str or path
         TOML file with [geometry], [winding] and [iron].
+    both_axes : bool
+        Solve a radial bearing over the currents and displacements of both axes, too.
 
     Returns
     -------
@@ -40,4 +42,4 @@ def magnet(drawing: Drawing) -> MagnetSolution:
     from ambkit.machine.forces.drawing import load_drawing
     from ambkit.machine.magnet_solution.solution import solve
 
-    return solve(load_drawing(drawing))
+    return solve(load_drawing(drawing), both_axes)

@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
+from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import progress
 from ambkit.base.units import figure
 from ambkit.machine.forces.drawing import points_of
 from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.magnet_solution.both_axes import SECTION, both_axes_figure, both_axes_rows
 from ambkit.machine.magnet_solution.figures import (
     dynamics_figure,
     field_figure,
@@ -26,6 +28,7 @@ from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.dynamic_stiffness import conducts, dynamics_of
 from ambkit.machine.magnetostatics.field import FieldSolver, Solution
 from ambkit.machine.magnetostatics.magnet_map import MagnetMap, map_of, points_between
+from ambkit.machine.magnetostatics.two_axis_map import TwoAxisMap, two_axis_map
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
@@ -46,11 +49,13 @@ class MagnetSolution(Result):
     laws: Sequence[LawError]
     dynamics: tuple[NDArray[np.complex128], float] | None = None
     """Current stiffness over frequency in parts of that at rest, and its corner [Hz]."""
+    both_axes: TwoAxisMap | None = None
 
     TITLE = "Magnet {0.drawing.name}"
     SECTIONS = {
         ("stiffness",): Section("Stiffness in the centre", across=True),
         ("magnet",): Section("Magnet"),
+        SECTION: Section("Both axes"),
         ("laws",): Section("Errors of force laws between the points of the map", across=True),
         ("solution",): Section("Solution"),
     }
@@ -125,7 +130,7 @@ class MagnetSolution(Result):
             Row("points", "points of the map", len(self.map)),
             Row("triangles", "triangles", len(self.solver.mesh.triangles)),
         ], section=("solution",))  # fmt: skip
-        return results
+        return results + (both_axes_rows(self.both_axes) if self.both_axes is not None else [])
 
     @property
     def notes(self) -> list[str]:
@@ -149,6 +154,8 @@ class MagnetSolution(Result):
     def figures(self) -> list[Figure]:
         drawing, solver = self.drawing, self.solver
         more = [] if self.dynamics is None else [dynamics_figure(drawing.name, *self.dynamics)]
+        if self.both_axes is not None:
+            more.append(both_axes_figure(drawing.name, self.both_axes))
         return [
             field_figure(drawing, solver, self.field),
             gap_figure(drawing, solver, self.bias_field, self.field),
@@ -157,9 +164,11 @@ class MagnetSolution(Result):
         ]
 
 
-def solve(drawing: Drawing) -> MagnetSolution:
+def solve(drawing: Drawing, both_axes: bool = False) -> MagnetSolution:
     """Return what follows from a drawing."""
     layout, w = drawing.layout, drawing.winding
+    if both_axes and len(layout.directions) < 2:
+        raise AmbkitError(f"both_axes: a {drawing.geometry.type} magnet has one axis")
     solved = map_of(drawing)
     with progress("checking the map between its points"):
         between = points_between(drawing, solved, w.bias_current)
@@ -173,7 +182,8 @@ def solve(drawing: Drawing) -> MagnetSolution:
         coupling = _coupling(drawing, solver, full)
     errors = law_errors(drawing, solved, between)
     dynamics = dynamics_of(drawing) if conducts(drawing) else None
-    return MagnetSolution(drawing, solved, solver, full, bias, coupling, errors, dynamics)
+    axes = two_axis_map(drawing) if both_axes else None
+    return MagnetSolution(drawing, solved, solver, full, bias, coupling, errors, dynamics, axes)
 
 
 def _coupling(drawing: Drawing, solver: FieldSolver, full: Solution) -> float | None:
