@@ -1,11 +1,14 @@
 """The magnet from its drawing: the field against theory, the map, and the machine that takes it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import ambkit
 from ambkit import AmbkitError
 from ambkit.machine.force_law import MU_0
+from ambkit.machine.forces.map_laws import law_errors, preferred
 from ambkit.machine.magnet_solution.solution import solve
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.dynamic_stiffness import (
@@ -17,7 +20,8 @@ from ambkit.machine.magnetostatics.dynamic_stiffness import (
 from ambkit.machine.magnetostatics.field import FieldSolver
 from ambkit.machine.magnetostatics.iron import GRADES, Iron
 from ambkit.machine.magnetostatics.layout import Layout, Region, rectangle
-from ambkit.machine.magnetostatics.magnet_map import map_of, points_between
+from ambkit.machine.magnetostatics.magnet_map import Box, MagnetMap, map_of
+from ambkit.machine.magnetostatics.tolerances import map_near
 from ambkit.machine.magnetostatics.two_axis_map import TwoAxisMap, terms, two_axis_map
 
 WINDING = '[winding]\nturns = 100\nbias_current = "3 A"\n'
@@ -150,10 +154,63 @@ def test_each_geometry_pulls_as_its_formula_says_roughly():
 def test_map_is_consistent_and_right_between_its_points():
     made = drawing(U_CORE)
     result = map_of(made)
-    iu, x, force = points_between(made, result, 3.0, count=4)
-    assert np.abs(result.force_at(iu, x) - force).max() < 1.5e-3 * np.abs(result.force).max()
-    assert result.loop_work() < 1e-3
+    size = np.abs(result.force).max()
+    assert result.off(result.force_at)[0] < 5e-4 * size
+    assert result.inconsistency < 3e-4
+    layout, (iu, x, force) = made.layout, result.left_out[:, 1]  # of both cores, solved again
+    at = FieldSolver(layout).at
+    near, far = (
+        at(sign * x * layout.directions[0]).solve((3 + sign * iu) * layout.bias).force[0]
+        for sign in (1, -1)
+    )
+    assert near - far == pytest.approx(force, abs=1e-7 * size)
+    iu, x = (np.linspace(axis[0], axis[-1], 401) for axis in (result.current, result.displacement))
+    legs = [
+        np.trapezoid(result.force_at(iu[-1], x), x), -np.trapezoid(result.force_at(iu[0], x), x),
+        np.trapezoid(result.flux_at(iu, x[0]), iu), -np.trapezoid(result.flux_at(iu, x[-1]), iu),
+    ]  # fmt: skip
+    assert abs(sum(legs)) < 2e-5 * np.abs(legs).max()
     assert np.allclose(result.force, -result.force[::-1, ::-1], atol=1e-9 * result.force.max())
+
+
+def _map_of_law(force, flux):
+    """Return a map whose points are those of a law."""
+    current, x = np.linspace(-3, 3, 11), 0.25e-3 * np.linspace(-1, 1, 7)
+    between = np.array([[-2.1, 0.3, 1.4], [-0.21e-3, 0.1e-3, 0.07e-3]])
+    left_out = np.vstack([between, force(*between)])
+    grid = np.meshgrid(current, x)
+    return MagnetMap(0.5e-3, True, current, x, force(*grid), flux(*grid), left_out)
+
+
+def test_points_left_out_prefer_the_law_that_they_follow():
+    """Ideal iron prefers the closed law, the magnet of a drawing its map."""
+    k, s0, i0 = 5e-6, 0.5e-3, 3.0
+    about = SimpleNamespace(
+        type="two-sided", bias_current=i0, magnet_constant=2 * k, air_gap=1.3 * s0
+    )
+    ideal = _map_of_law(
+        lambda i, x: k * (((i0 + i) / (s0 - x)) ** 2 - ((i0 - i) / (s0 + x)) ** 2),
+        lambda i, x: 2 * k * ((i0 + i) / (s0 - x) - (i0 - i) / (s0 + x)),
+    )
+    assert ideal.inconsistency < 1e-9
+    best = preferred(law_errors(about, ideal))
+    assert best.key == "closed"
+    assert best.law.machine.magnet.air_gap == pytest.approx(s0)
+    assert preferred(law_errors(about, map_of(drawing(U_CORE)))).key == "map"
+
+
+@pytest.mark.long
+def test_map_within_tolerances_is_that_of_the_other_drawing():
+    """Of numbers a little off the drawing's, one by one and together; far off it is solved."""
+    made, box = drawing(U_CORE), Box(3.0, -3.0, 3.0, 0.25e-3)
+    off = {"geometry.air_gap": 0.52e-3, "geometry.leg_width": 9.7e-3, "iron.saturation": 1.74}
+    for changes, most in [({key: of}, 1.5e-3) for key, of in off.items()] + [(off, 4e-3)]:
+        true, near = map_of(made.replace(**changes), box), map_near(made, changes, box)
+        size = np.abs(true.force).max()
+        assert 10 * most < np.abs(map_of(made, box).force - true.force).max() / size
+        assert np.abs(near.force - true.force).max() < most * size
+    far = {"iron.saturation": 1.4, "winding.turns": 120}
+    assert np.array_equal(map_near(made, far, box).force, map_of(made.replace(**far), box).force)
 
 
 @pytest.mark.long
@@ -261,6 +318,23 @@ def test_machine_takes_a_drawing(tmp_path):
     assert np.abs(magnet.force(iu, x) - result.force_at(iu, x)).max() < 3e-4 * size
     run = ambkit.simulate(machine, ambkit.scenario_for(machine, load="20 N", duration="0.1 s"))
     assert np.abs(run.record["x"]).max() < 0.1e-3
+
+
+def test_machine_may_differ_from_its_drawing(tmp_path):
+    (tmp_path / "core.toml").write_text(text(U_CORE))
+    own = MACHINE + '[magnet]\nforce_map = "core.toml"\ndrawing.iron.saturation = "1.74 T"\n'
+    (tmp_path / "m.toml").write_text(own)
+    machine = ambkit.Machine.load(tmp_path / "m.toml")
+    nominal = machine.replace(magnet__drawing={})
+    less, more = (float(ambkit.magnet_of(m).force(3.0, 0.2e-3)) for m in (machine, nominal))
+    assert 0.93 < less / more < 0.98
+    machine.save(tmp_path / "again.toml")
+    assert ambkit.Machine.load(tmp_path / "again.toml") == machine
+    (tmp_path / "m.toml").write_text(own.replace("1.74 T", "1.74 A"))
+    with pytest.raises(
+        AmbkitError, match=r"m\.toml:8: magnet\.drawing\.iron\.saturation: .*A cannot be converted"
+    ):
+        ambkit.Machine.load(tmp_path / "m.toml")
 
 
 def test_machine_with_a_faulty_drawing_names_its_line(tmp_path):

@@ -10,7 +10,9 @@ from pydantic import BaseModel
 from ambkit.base.config.document import updated
 from ambkit.base.config.problems import fields_of, names_of, quantity_of, unknown_key
 from ambkit.base.config.quantities import InOther, Quantity, SignalIn
+from ambkit.base.config.toml_text import flattened
 from ambkit.base.errors import AmbkitError
+from ambkit.machine.forces.drawing import drawing_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.parts import Magnet, magnet_constant
 from ambkit.machine.short_form import TABLES, long_key
@@ -41,6 +43,9 @@ def key_in(model: BaseModel, key: str) -> Key:
         if isinstance(here, tuple):
             here = _part(here, step, key)
             continue
+        if _in_drawing(here, step):
+            here = drawing_of(here.force_map, dict(here.drawing))
+            continue
         fields = fields_of(type(here)) if isinstance(here, BaseModel) else {}
         if step not in fields:
             known = TABLES[""] if here is model and _is_short(model) else list(fields)
@@ -64,10 +69,17 @@ def by_places(model: BaseModel, key: str) -> str:
         if isinstance(here, tuple):
             at = next(at for at, item in enumerate(here) if step in _called(item, at))
             here, step = here[at], str(at)
+        elif _in_drawing(here, step):
+            here = drawing_of(here.force_map, dict(here.drawing))
         else:
             here = _value(here, step)
         steps.append(step)
     return ".".join(steps)
+
+
+def _in_drawing(part: Any, step: str) -> bool:
+    """Whether the next keys are those of a magnet's drawing."""
+    return step == "drawing" and isinstance(part, Magnet) and part.has_drawing
 
 
 def _steps(model: BaseModel, key: str) -> list[str]:
@@ -136,6 +148,9 @@ def _magnet(magnet: Magnet, values: dict[str, Any]) -> Magnet:
     """Return a magnet with other values: its coil and its constant stay one."""
     # The constant follows turns and area, and where the constant is what varies, the coil is left
     # out.
+    if "drawing" in values:
+        other = dict(magnet.drawing) | flattened(values["drawing"])
+        values["drawing"] = tuple(other.items())
     if "magnet_constant" in values:
         new = magnet.with_constant(values.pop("magnet_constant"))
         values |= {key.removeprefix("magnet__"): value for key, value in new.items()}

@@ -7,10 +7,13 @@ from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
+    BeforeValidator,
     ConfigDict,
     Field,
+    PlainSerializer,
     SerializerFunctionWrapHandler,
     ValidationInfo,
+    WithJsonSchema,
     model_serializer,
     model_validator,
 )
@@ -18,6 +21,7 @@ from pydantic import (
 from ambkit.base.config import Part, Read, read_unchecked
 from ambkit.base.config.quantities import InOther, Quantity
 from ambkit.base.config.text_types import FilePath, from_folder
+from ambkit.base.config.toml_text import flattened
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine.accessories import ColouredNoise, Hum, Runout
@@ -32,13 +36,6 @@ UNREADABLE = {
     "type": "two-sided", "magnet_constant": "1 N m^2/A^2", "air_gap": "1 m", "bias_current": "1 A",
 }  # fmt: skip
 """What stands for the keys of a drawing that is wrong: that is stated, they are no mistake."""
-
-
-def drawing_of(path: str) -> dict[str, Any]:
-    """Return the keys of ``[magnet]`` that a drawing states."""
-    from ambkit.machine.forces.drawing import stated
-
-    return stated(path)
 
 
 def magnet_constant(turns: float, pole_area: float, pole_angle: float = 0.0) -> float:
@@ -64,6 +61,21 @@ FILES = ("force_map", "force_channels")
 """What names a file."""
 
 
+def _pairs(tables: Any) -> tuple[tuple[str, Any], ...]:
+    return tuple(flattened(tables).items()) if isinstance(tables, dict) else tables
+
+
+def _tables(pairs: tuple[tuple[str, Any], ...]) -> dict[str, Any]:
+    result: dict[str, Any] = {}
+    for key, value in pairs:
+        *tables, name = key.split(".")
+        at = result
+        for table in tables:
+            at = at.setdefault(table, {})
+        at[name] = value
+    return result
+
+
 class Magnet(LawKeys):
     """The electromagnets of one axis, and the law of their force."""
 
@@ -74,6 +86,7 @@ class Magnet(LawKeys):
     # (`ambkit.SaturatingLaw`).
 
     model_config = ConfigDict(json_schema_extra=_constant_or_coil)
+    unwritten = ("drawing",)
 
     type: Literal["two-sided", "one-sided"]
     """Pulls both ways, or one way with gravity as the counter-force."""
@@ -95,6 +108,12 @@ class Magnet(LawKeys):
     them is the magnet, and the law only what goes on where there are none. Or a drawing (.toml),
     whose field is solved; type, magnet_constant, air_gap, bias_current and, of solid iron,
     eddy_current_corner are then the drawing's unless stated here."""
+    drawing: Annotated[
+        tuple[tuple[str, Any], ...], BeforeValidator(_pairs), PlainSerializer(_tables),
+        WithJsonSchema({"type": "object"}),
+    ] = ()  # fmt: skip
+    """Values that differ from the drawing's, by its keys, as ``drawing.iron.saturation = "1.7 T"``;
+    its gap and bias current are air_gap and bias_current."""
     force_channels: FilePath | None = None
     """A TOML file that says which columns of the force map mean what, where it has other names."""
     force_scale: Annotated[float, Quantity("1", "1", above=0)] | None = None
@@ -117,9 +136,12 @@ class Magnet(LawKeys):
         if not isinstance(data, dict):
             return data
         if str(data.get("force_map", "")).endswith(".toml"):
+            from ambkit.machine.forces.drawing import stated_by
+
             stated = UNREADABLE
             with suppress(AmbkitError):  # which `_contradictions` states
-                stated = drawing_of(from_folder(data["force_map"], info))
+                changes = dict(_pairs(data.get("drawing", ())))
+                stated = stated_by(from_folder(data["force_map"], info), changes)
             if "eddy_current_lag" in data:
                 stated = {key: of for key, of in stated.items() if key != "eddy_current_corner"}
             data = stated | data
@@ -140,10 +162,15 @@ class Magnet(LawKeys):
         return data
 
     def tables(self) -> dict[str, Any]:
-        values = super().tables()
+        values = super().tables() | {"drawing": _tables(self.drawing)}
         if self.turns is not None:
             del values["magnet_constant"]
         return values
+
+    @property
+    def has_drawing(self) -> bool:
+        """Whether the force map is a drawing."""
+        return str(self.force_map).endswith(".toml")
 
     def with_constant(self, constant: float) -> dict[str, float | None]:
         """Return what :meth:`Machine.replace` is to change for another magnet constant."""
@@ -182,24 +209,36 @@ class Magnet(LawKeys):
             yield iron[0], "needs turns and pole_area instead of magnet_constant"
         if read("eddy_current_lag") is not None and read("eddy_current_corner") is not None:
             yield "eddy_current_corner", "goes without eddy_current_lag: iron is laminated or solid"
-        path, channels = read("force_map"), read("force_channels")
-        for key in ("force_channels", "force_scale"):
-            if read(key) is not None and path is None:
-                yield key, "is of a force_map, and there is none"
-        if isinstance(path, str) and (channels is None or isinstance(channels, str)):
-            from ambkit.machine.forces.force_map import points_of
-
-            try:
-                if path.endswith(".toml"):
-                    drawing_of(path)
-                else:
-                    points_of(path, channels)
-            except AmbkitError as error:
-                yield "force_map", str(error)
+        yield from _force_map_contradictions(read)
         coil = _coil_constant(read)
         if abs(coil - constant) > 1e-9 * constant:
             value_text = engineering(coil, "N m^2/A^2")
             yield "magnet_constant", f"turns and pole_area give {value_text}; give one or the other"
+
+
+def _force_map_contradictions(read: Read) -> Iterator[tuple[str, str]]:
+    path, channels = read("force_map"), read("force_channels")
+    for key in ("force_channels", "force_scale"):
+        if read(key) is not None and path is None:
+            yield key, "is of a force_map, and there is none"
+    if isinstance(path, str) and (channels is None or isinstance(channels, str)):
+        from ambkit.machine.forces.drawing import drawing_of
+        from ambkit.machine.forces.force_map import points_of
+
+        key, changes = "force_map", dict(read("drawing"))
+        try:
+            if path.endswith(".toml"):
+                drawing_of(path, {})
+                for name, value in changes.items():
+                    key = f"drawing.{name}"
+                    drawing_of(path, {name: value})
+                drawing_of(path, changes)
+            else:
+                points_of(path, channels)
+        except AmbkitError as error:
+            yield key, str(error)
+    if read("drawing") and not str(path).endswith(".toml"):
+        yield "drawing", "is of a drawing as force_map, and there is none"
 
 
 def _coil_constant(read: Read) -> float:

@@ -6,7 +6,7 @@ import json
 import re
 import sys
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -234,3 +234,12 @@ def _next(text: str, place: int) -> int:
     """Return where the next value begins, or what holds it ends."""
     match = _SPACE.match(text, place)
     return match.end() if match else place
+
+
+def flattened(tree: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Return nested tables as one, by dotted keys."""
+    result: dict[str, Any] = {}
+    for key, value in tree.items():
+        name = f"{before}{key}"
+        result |= flattened(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
+    return result

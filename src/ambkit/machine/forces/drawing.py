@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,16 +14,18 @@ from numpy.typing import ArrayLike
 from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
-from ambkit.machine.force_law import IsolatedAxis
+from ambkit.machine.force_law import IsolatedAxis, Law
 from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.forces.map_laws import law_errors, preferred
 from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.dynamic_stiffness import conducts, dynamics_of
-from ambkit.machine.magnetostatics.magnet_map import Box, MagnetMap, map_of
+from ambkit.machine.magnetostatics.magnet_map import Box, MagnetMap
+from ambkit.machine.magnetostatics.tolerances import map_near, value_in
 
 
 class ComputedForce(PatchedForce):
-    """The splines between the points of a drawing's map."""
+    """The map of a drawing."""
 
     def __init__(self, machine: IsolatedAxis, result: MagnetMap) -> None:
         self.machine, self.map = machine, result
@@ -52,9 +56,9 @@ def _read(path: str, _changed: int) -> Drawing:
     return drawing
 
 
-def stated(path: str) -> dict[str, Any]:
-    """Return the keys of ``[magnet]`` that a drawing states."""
-    drawing = load_drawing(path)
+def stated_by(path: str, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys of ``[magnet]`` that a drawing with some changes states."""
+    drawing = drawing_of(path, changes)
     lag = {}
     if conducts(drawing):
         lag["eddy_current_corner"] = engineering(dynamics_of(drawing)[1], "Hz", digits=None)
@@ -66,20 +70,57 @@ def stated(path: str) -> dict[str, Any]:
     }
 
 
-def computed_force(machine: IsolatedAxis) -> ComputedForce:
-    """Return the force of a drawing with the gap and bias current of a machine."""
+def drawing_of(path: str, changes: Mapping[str, Any]) -> Drawing:
+    """Return the drawing in a file with other values at some dotted keys."""
+    drawing = load_drawing(path)
+    if not changes:
+        return drawing
+    made = drawing.replace(**changes)
+    made.check(path)
+    return made
+
+
+def computed_force(machine: IsolatedAxis) -> Law:
+    """Return the force of a drawing with the tolerances of a machine, by the law it prefers."""
     m = machine.magnet
-    drawing = load_drawing(m.force_map)
-    if drawing.geometry.air_gap != m.air_gap:
-        drawing = drawing.replace(geometry__air_gap=m.air_gap)
-    box = Box(m.bias_current, machine.current_min, machine.current_max, machine.clearance)
-    key = drawing.key(box)
-    if key not in _FORCES:
-        if len(_FORCES) > 15:
-            _FORCES.pop(next(iter(_FORCES)))
-        _FORCES[key] = ComputedForce(machine, map_of(drawing, box))
-    result = _FORCES[key]
-    return result if m.force_scale is None else result.scaled(m.force_scale)
+    drawing, own = load_drawing(m.force_map), dict(m.drawing)
+    other = drawing.replace(**own) if own else drawing  # in SI
+    changes = {key: value_in(other, key) for key in own} | {
+        "geometry.air_gap": m.air_gap, "winding.bias_current": m.bias_current,
+    }  # fmt: skip
+    ends = machine.current_min, machine.current_max, machine.clearance
+    scale = 1.0 if m.force_scale is None else m.force_scale
+    return _force(drawing, m.type, m.magnet_constant, tuple(changes.items()), ends, scale)
 
 
-_FORCES: dict[str, ComputedForce] = {}  #: Those of this process, by what they depend on.
+@lru_cache(maxsize=16)
+def _force(
+    drawing: Drawing, sides: str, constant: float, changes: tuple[tuple[str, Any], ...],
+    ends: tuple[float, float, float], scale: float,
+) -> Law:  # fmt: skip
+    of = dict(changes)
+    gap, bias = of["geometry.air_gap"], of["winding.bias_current"]
+    magnet = SimpleNamespace(
+        type=sides, magnet_constant=constant / scale, air_gap=gap, bias_current=bias
+    )
+    solved = map_near(drawing, of, _box(drawing, *ends))
+    best = preferred(law_errors(magnet, solved)) if solved.left_out.size else None
+    if best is not None and best.law is not None:
+        best.law.machine.magnet.magnet_constant *= scale
+        return best.law
+    low, high, clearance = ends
+    machine = SimpleNamespace(magnet=magnet, current_min=low, current_max=high, clearance=clearance)
+    result = ComputedForce(cast("IsolatedAxis", machine), solved)
+    return result if scale == 1.0 else result.scaled(scale)
+
+
+def _box(drawing: Drawing, low: float, high: float, clearance: float) -> Box:
+    """Return the box of a map that covers a machine's ranges, one for all that differ little."""
+    bias, gap = drawing.winding.bias_current, drawing.geometry.air_gap
+
+    def steps(value: float, step: float) -> float:
+        return step * float(np.ceil(value / step - 1e-9))
+
+    far = steps(clearance, gap / 20)
+    far = far if far < 0.95 * gap else clearance
+    return Box(bias, -steps(-low, bias / 10), steps(high, bias / 10), far)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from ambkit.base.progress import progress
 from ambkit.base.units import figure
 from ambkit.machine.forces.drawing import points_of
 from ambkit.machine.forces.force_points import ForcePoints
+from ambkit.machine.forces.map_laws import LawError, law_errors, preferred
 from ambkit.machine.magnet_solution.both_axes import SECTION, both_axes_figure, both_axes_rows
 from ambkit.machine.magnet_solution.figures import (
     dynamics_figure,
@@ -23,11 +24,10 @@ from ambkit.machine.magnet_solution.figures import (
     gap_figure,
     map_figure,
 )
-from ambkit.machine.magnet_solution.fitted_laws import LawError, law_errors
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.dynamic_stiffness import conducts, dynamics_of
 from ambkit.machine.magnetostatics.field import FieldSolver, Solution
-from ambkit.machine.magnetostatics.magnet_map import MagnetMap, map_of, points_between
+from ambkit.machine.magnetostatics.magnet_map import MagnetMap, map_of
 from ambkit.machine.magnetostatics.two_axis_map import TwoAxisMap, two_axis_map
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
@@ -46,7 +46,7 @@ class MagnetSolution(Result):
     field: Solution  #: With bias and greatest control current, the rotor in the centre.
     bias_field: Solution  #: With the bias current alone.
     coupling: float | None  #: Force across in parts of that along, the rotor displaced across.
-    laws: Sequence[LawError]
+    laws: list[LawError]
     dynamics: tuple[NDArray[np.complex128], float] | None = None
     """Current stiffness over frequency in parts of that at rest, and its corner [Hz]."""
     both_axes: TwoAxisMap | None = None
@@ -56,7 +56,7 @@ class MagnetSolution(Result):
         ("stiffness",): Section("Stiffness in the centre", across=True),
         ("magnet",): Section("Magnet"),
         SECTION: Section("Both axes"),
-        ("laws",): Section("Errors of force laws between the points of the map", across=True),
+        ("laws",): Section("Errors of force laws at points left out", across=True),
         ("solution",): Section("Solution"),
     }
 
@@ -119,14 +119,17 @@ class MagnetSolution(Result):
             corner = self.dynamics[1]
             one.append(Row("eddy_current_corner", "corner of the eddy currents", corner, "Hz"))
         results += put(one, section=("magnet",))
+        best = preferred(self.laws)
         for law in self.laws:
-            errors = [Row("largest", "largest", law.largest, "N"), Row("rms", "rms", law.rms, "N")]
+            errors = [Row("largest", "largest", law.largest, "N"), Row("rms", "rms", law.rms, "N"),
+                      Row("mark", "", "taken" if law is best else "")]  # fmt: skip
             results += put(errors, section=("laws",), of=law.name)
         largest = float(np.abs(self.map.force).max())
         results += put([
             Row("error", "error between points, of the greatest force",
                 self.laws[-1].largest / largest, "%"),
-            Row("loop_work", "work of a closed loop, of its leg", self.map.loop_work(), "%"),
+            Row("inconsistency", "field beside one energy, of the greatest",
+                self.map.inconsistency, "%"),
             Row("points", "points of the map", len(self.map)),
             Row("triangles", "triangles", len(self.solver.mesh.triangles)),
         ], section=("solution",))  # fmt: skip
@@ -170,8 +173,7 @@ def solve(drawing: Drawing, both_axes: bool = False) -> MagnetSolution:
     if both_axes and len(layout.directions) < 2:
         raise AmbkitError(f"both_axes: a {drawing.geometry.type} magnet has one axis")
     solved = map_of(drawing)
-    with progress("checking the map between its points"):
-        between = points_between(drawing, solved, w.bias_current)
+    with progress("solving the fields of the pictures"):
         solver = FieldSolver(layout)
         bias = solver.at().solve(w.bias_current * layout.bias)
         most = w.bias_current * layout.bias + w.limit * layout.control[0]
@@ -180,7 +182,11 @@ def solve(drawing: Drawing, both_axes: bool = False) -> MagnetSolution:
             less = solver.at().solve((w.bias_current - w.limit) * layout.bias, bias.a)
             full = full._replace(force=full.force - less.force)
         coupling = _coupling(drawing, solver, full)
-    errors = law_errors(drawing, solved, between)
+    about = SimpleNamespace(
+        type=drawing.geometry.sides, bias_current=w.bias_current,
+        magnet_constant=drawing.magnet_constant, air_gap=drawing.geometry.air_gap,
+    )  # fmt: skip
+    errors = law_errors(about, solved)
     dynamics = dynamics_of(drawing) if conducts(drawing) else None
     axes = two_axis_map(drawing) if both_axes else None
     return MagnetSolution(drawing, solved, solver, full, bias, coupling, errors, dynamics, axes)

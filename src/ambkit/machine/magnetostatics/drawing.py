@@ -23,8 +23,8 @@ from ambkit.machine.magnetostatics.mesh import checked_outlines
 class Winding(Part):
     """The coils and their currents."""
 
-    turns: Annotated[int, Field(gt=0, le=1_000_000, strict=True)]
-    """Turns of one coil."""
+    turns: Annotated[float, Field(gt=0, le=1e6)]
+    """Turns of one coil, or the mean of coils that differ."""
     bias_current: Annotated[float, Quantity("A", "3 A", above=0)]
     """Bias current [A]."""
     control_limit: Annotated[float, Quantity("A", "3 A", above=0)] | None = None

@@ -1,4 +1,7 @@
-"""Force and flux linkage over currents and displacements, solved once for each drawing."""
+"""Force and flux linkage over currents and displacements, solved once for each drawing.
+
+Both are derivatives of one coenergy, a spline fitted to both: no closed loop does work.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +21,12 @@ from ambkit.base import files
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import progress
+from ambkit.base.threads import one_thread
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.field import FieldSolver
 
 NODES = (11, 7)  #: Currents and displacements of a map.
-VERSION = 2  #: Of what is computed; maps of others are solved anew.
+VERSION = 3  #: Of what is computed; maps of others are solved anew.
 
 
 class Box(NamedTuple):
@@ -36,67 +40,94 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MagnetMap:
-    """The map of one axis of a magnet, with bicubic splines between its points."""
+    """The map of one axis of a magnet, with a spline of the coenergy between its points."""
 
-    # The splines go through force and flux linkage times what would make them polynomials if the
-    # iron were ideal.
+    # Of the coenergy times what would make it a polynomial if the iron were ideal.
 
     gap: float  #: [m]
     two_sided: bool
     current: Array  #: (n,) Control current [A].
     displacement: Array  #: (m,) [m]
     force: Array  #: (m, n) [N]
-    across: Array  #: (m, n) Force along the other axis [N]; 0 where there is none.
     flux: Array  #: (m, n) Flux linkage that works on the control current [Vs].
+    left_out: Array  #: (3, k) Current, displacement and force of points that are not fitted.
 
     def __len__(self) -> int:
         return self.force.size
 
-    def _weight(self, x: Array, power: int) -> Array:
-        weight = (1 - x / self.gap) ** power
-        return weight * (1 + x / self.gap) ** power if self.two_sided else weight
+    def weight(self, x: Array) -> tuple[Array, Array]:
+        """Return by what the coenergy is multiplied, and its slope [1/m], at displacements [m]."""
+        u = x / self.gap
+        return (1 - u**2, -2 * u / self.gap) if self.two_sided else (1 - u, -1 / self.gap + 0 * u)
 
     @cached_property
-    def _splines(self) -> tuple[Any, Any]:
-        from scipy.interpolate import RectBivariateSpline
+    def _spline(self) -> tuple[Any, float]:
+        """The weighted coenergy over (current, displacement), and how far points are off it."""
+        from scipy.interpolate import NdBSpline
 
-        rows = self.displacement[:, None]
-        return (
-            RectBivariateSpline(
-                self.displacement, self.current, self.force * self._weight(rows, 2)
-            ),
-            RectBivariateSpline(self.displacement, self.current, self.flux * self._weight(rows, 1)),
-        )
+        axes = self.current, self.displacement
+        knots, orders = zip(*(_knots(axis) for axis in axes), strict=True)
+        sides = [len(t) - k - 1 for t, k in zip(knots, orders, strict=True)]
+        terms = np.eye(sides[0] * sides[1]).reshape(*sides, -1)
+        places = np.stack([at.ravel() for at in np.meshgrid(*axes)], axis=1)
+        force, flux = self._slopes(NdBSpline(knots, terms, orders), places)
+        sizes = [np.abs(of).max() for of in (self.force, self.flux)]
+        rows = np.vstack([force / sizes[0], flux / sizes[1]])
+        right = np.concatenate([self.force.ravel() / sizes[0], self.flux.ravel() / sizes[1]])
+        with one_thread():
+            coefficients = np.linalg.lstsq(rows, right, rcond=1e-12)[0]
+        error = float(np.abs(rows @ coefficients - right).max())
+        return NdBSpline(knots, coefficients.reshape(sides), orders), error
+
+    @property
+    def inconsistency(self) -> float:
+        """How far points are from derivatives of one energy, in parts of the largest."""
+        return self._spline[1]
+
+    def _slopes(self, spline: Any, places: Array) -> tuple[Array, Array]:
+        """Return force and flux linkage of a weighted coenergy at places (n, 2)."""
+        w, slope = self.weight(places[:, 1])
+        by_x, by_i, value = (spline(places, nu=nu).T for nu in ((0, 1), (1, 0), (0, 0)))
+        return ((by_x - value * slope / w) / w).T, (by_i / w).T
+
+    def _at(self, iu: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
+        iu, x = np.broadcast_arrays(np.asarray(iu, float), np.asarray(x, float))
+        places = np.stack([iu.ravel(), x.ravel()], axis=1)
+        force, flux = self._slopes(self._spline[0], places)
+        return force.reshape(iu.shape), flux.reshape(iu.shape)
 
     def force_at(self, iu: ArrayLike, x: ArrayLike) -> Array:
         """Return the force [N] at places (iu [A], x [m]), of shapes that broadcast."""
-        iu, x = np.broadcast_arrays(np.asarray(iu, float), np.asarray(x, float))
-        return np.asarray(self._splines[0].ev(x, iu) / self._weight(x, 2))
+        return self._at(iu, x)[0]
 
     def flux_at(self, iu: ArrayLike, x: ArrayLike) -> Array:
         """Return the flux linkage [Vs] at places (iu [A], x [m]), of shapes that broadcast."""
-        iu, x = np.broadcast_arrays(np.asarray(iu, float), np.asarray(x, float))
-        return np.asarray(self._splines[1].ev(x, iu) / self._weight(x, 1))
+        return self._at(iu, x)[1]
 
-    def loop_work(self) -> float:
-        """Return the work of a loop around the map, in parts of that of its largest leg."""
-        iu, x = (np.linspace(axis[0], axis[-1], 401) for axis in (self.current, self.displacement))
-        legs = [
-            np.trapezoid(self.force_at(iu[-1], x), x), -np.trapezoid(self.force_at(iu[0], x), x),
-            np.trapezoid(self.flux_at(iu, x[0]), iu), -np.trapezoid(self.flux_at(iu, x[-1]), iu),
-        ]  # fmt: skip
-        return float(abs(sum(legs)) / np.abs(legs).max())
+    def off(self, force: Callable[[Array, Array], Array]) -> tuple[float, float]:
+        """Return the largest and the rms error [N] of a force at the points left out."""
+        off = force(*self.left_out[:2]) - self.left_out[2]
+        return float(np.abs(off).max()), float(np.sqrt(np.mean(off**2)))
 
 
-def map_of(drawing: Drawing, box: Box | None = None, nodes: tuple[int, int] = NODES) -> MagnetMap:
+def _knots(nodes: Array) -> tuple[Array, int]:
+    """Return the knots of a spline with one coefficient more than nodes, and its order."""
+    order = min(len(nodes), 5 if len(nodes) > 8 else 7)
+    inner = np.linspace(nodes[0], nodes[-1], len(nodes) - order + 2)
+    return np.concatenate([[nodes[0]] * order, inner, [nodes[-1]] * order]), order
+
+
+def map_of(
+    drawing: Drawing, box: Box | None = None, nodes: tuple[int, int] = NODES, fineness: float = 1.0
+) -> MagnetMap:
     """Return the map of a drawing, from the cache where it was solved before."""
     w = drawing.winding
     one_sided = drawing.geometry.sides == "one-sided"
     low = -min(w.limit, w.bias_current) if one_sided else -w.limit
     box = Box(w.bias_current, low, w.limit, drawing.displacement_range) if box is None else box
     about = drawing.geometry.air_gap, not one_sided
-    arrays = kept(drawing.key(box, nodes, VERSION), lambda: _solved(drawing, box, nodes))
-    return MagnetMap(*about, *arrays)
+    key = drawing.key(box, nodes, fineness, VERSION)
+    return MagnetMap(*about, *kept(key, lambda: _solved(drawing, box, nodes, fineness)))
 
 
 def kept(key: str, solve: Callable[[], tuple[Array, ...]]) -> tuple[Array, ...]:
@@ -113,50 +144,40 @@ def kept(key: str, solve: Callable[[], tuple[Array, ...]]) -> tuple[Array, ...]:
     return arrays
 
 
-def _solved(drawing: Drawing, box: Box, nodes: tuple[int, int]) -> tuple[Array, ...]:
+def _solved(
+    drawing: Drawing, box: Box, nodes: tuple[int, int], fineness: float
+) -> tuple[Array, ...]:
     """Solve the points of a map; half of them where the others follow by symmetry."""
+    layout = drawing.layout
     current = np.linspace(box.low, box.high, nodes[0])
     displacement = -box.displacement_range * np.cos(np.pi * np.arange(nodes[1]) / (nodes[1] - 1))
     displacement[nodes[1] // 2] *= nodes[1] % 2 == 0  # the middle is 0
-    opposed = drawing.layout.opposed
-    mirrored = drawing.geometry.sides == "two-sided" and not opposed and -box.low == box.high
+    mirrored = drawing.geometry.sides == "two-sided" and not layout.opposed and -box.low == box.high
     begin = nodes[0] // 2 if mirrored else 0
-    result = np.zeros((3, nodes[1], nodes[0]))
-    with progress("solving the magnetic field", nodes[1] * (nodes[0] - begin)) as done:
-        solver = FieldSolver(drawing.layout)
-        for row, x in enumerate(displacement):
+    between = 0.5 * (current[1:] + current[:-1])
+    left_out = [
+        (float(between[(3 * row + 1) % len(between)]), float(x))
+        for row, x in enumerate(0.5 * (displacement[1:] + displacement[:-1]))
+    ]
+    solver, result = FieldSolver(layout, fineness), np.zeros((2, nodes[1], nodes[0]))
+    count = nodes[1] * (nodes[0] - begin) + len(left_out)
+    with progress("solving the magnetic field", count) as done:
+
+        def point(iu: float, x: float, start: Array | None = None) -> tuple[Array, Array]:
+            done()
+            at = solver.at(x * layout.directions[0])
+            s = at.solve(box.bias * layout.bias + iu * layout.control[0], start)
+            return np.array([s.force[0], layout.control[0] @ s.flux]), s.a
+
+        for row, x in enumerate(displacement.tolist()):
             start = None
             for column in range(begin, nodes[0]):
-                iu = float(current[column])
-                force, flux, start = _point(solver, box.bias, iu, float(x), start)
-                result[:, row, column] = force[0], force[-1] if len(force) > 1 else 0.0, flux
-                done()
-    if opposed:  # the same core behind the rotor, with the other current and displacement
-        result = result + np.array([-1, 1, -1])[:, None, None] * result[:, ::-1, ::-1]
+                result[:, row, column], start = point(float(current[column]), x, start)
+        forces = np.array([point(*at)[0][0] for at in left_out])
+        if layout.opposed:  # the same core behind the rotor, with the other current and place
+            forces -= np.array([point(-iu, -x)[0][0] for iu, x in left_out])
+    if layout.opposed:
+        result = result - result[:, ::-1, ::-1]
     if mirrored:
         result[:, :, :begin] = -result[:, ::-1, : -begin - 1 : -1]
-    return current, displacement, *result
-
-
-def _point(
-    solver: FieldSolver, bias: float, iu: float, x: float, start: Array | None
-) -> tuple[Array, float, Array]:
-    layout = solver.layout
-    currents = bias * layout.bias + iu * layout.control[0]
-    s = solver.at(x * layout.directions[0]).solve(currents, start)
-    return s.force, float(layout.control[0] @ s.flux), s.a
-
-
-def points_between(drawing: Drawing, result: MagnetMap, bias: float, count: int = 8) -> Array:
-    """Return currents, displacements and forces (3, count) solved between the points of a map."""
-    random = np.random.default_rng(1)
-    axes = result.current, result.displacement
-    middles = [np.resize(random.permutation(0.5 * (a[1:] + a[:-1])), count) for a in axes]
-    at = list(zip(*(m.tolist() for m in middles), strict=True))
-    solver, forces = FieldSolver(drawing.layout), []
-    for iu, x in at:
-        force = _point(solver, bias, iu, x, None)[0][0]
-        if drawing.layout.opposed:
-            force -= _point(solver, bias, -iu, -x, None)[0][0]
-        forces.append(float(force))
-    return np.array([*zip(*at, strict=True), forces])
+    return current, displacement, *result, np.array([*zip(*left_out, strict=True), forces])

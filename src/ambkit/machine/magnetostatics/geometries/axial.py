@@ -27,7 +27,7 @@ class Pot(Geometry):
     back_iron: Annotated[float, Quantity("m", "10 mm", above=0)]
     """Axial thickness of the back iron [m]."""
 
-    def _constant(self, turns: int, inside: float, inner: float, end: float = math.inf) -> float:
+    def _constant(self, turns: float, inside: float, inner: float, end: float = math.inf) -> float:
         slot = inner + self.slot_width
         outer = min(slot + self.outer_pole, end)
         areas = (math.pi * (end**2 - begin**2) for begin, end in ((inside, inner), (slot, outer)))
@@ -83,7 +83,7 @@ class Thrust(Pot):
                 f"ends before the outer pole, which begins at {engineering(2 * slot, 'm')}",
             )
 
-    def magnet_constant(self, turns: int) -> float:
+    def magnet_constant(self, turns: float) -> float:
         inside = self.core_bore / 2
         return self._constant(turns, inside, inside + self.inner_pole, self.disc_diameter / 2)
 
@@ -121,7 +121,7 @@ class Ball(Pot):
 
     sides: ClassVar[Literal["one-sided"]] = "one-sided"
 
-    def magnet_constant(self, turns: int) -> float:
+    def magnet_constant(self, turns: float) -> float:
         return self._constant(turns, 0.0, self.inner_diameter / 2)
 
     def layout(self, windings: Windings) -> Layout:

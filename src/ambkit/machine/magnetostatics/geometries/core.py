@@ -92,7 +92,7 @@ class ECore(Core):
     middle_width: Annotated[float, Quantity("m", "20 mm", above=0)]
     """Width of the middle leg [m]."""
 
-    def magnet_constant(self, turns: int) -> float:
+    def magnet_constant(self, turns: float) -> float:
         length = self.stack_length
         return two_poles(turns, self.middle_width * length, 2 * self.leg_width * length)
 
@@ -110,7 +110,7 @@ class UCore(Core):
 
     window_share = 0.5
 
-    def magnet_constant(self, turns: int) -> float:
+    def magnet_constant(self, turns: float) -> float:
         return two_poles(2 * turns, *2 * [self.leg_width * self.stack_length])
 
     def layout(self, windings: Windings) -> Layout:

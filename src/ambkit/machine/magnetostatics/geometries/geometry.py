@@ -16,7 +16,7 @@ CLEAR = 0.04  #: Of a pole's height, between a winding and the iron around.
 class Windings(NamedTuple):
     """What a section is filled with."""
 
-    turns: int  #: Of one coil.
+    turns: float  #: Of one coil.
     iron: Curve
     rotor_iron: Curve
 
@@ -31,11 +31,11 @@ class Geometry(Part):
         """Return the section."""
         raise NotImplementedError
 
-    def magnet_constant(self, turns: int) -> float:
+    def magnet_constant(self, turns: float) -> float:
         """Return k of ideal iron without fringes [N m^2/A^2], as `ClosedLaw` takes it."""
         raise NotImplementedError
 
 
-def two_poles(turns: int, first: float, second: float) -> float:
+def two_poles(turns: float, first: float, second: float) -> float:
     """Return k of a coil whose flux crosses two gaps in series with these areas [m^2]."""
     return MU_0 * turns**2 / 2 / (1 / first + 1 / second)

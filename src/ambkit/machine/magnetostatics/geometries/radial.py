@@ -68,7 +68,7 @@ class Radial(Geometry):
                 yield "coil_width", f"windings of neighbouring poles overlap; at most {most} fits"
                 return
 
-    def magnet_constant(self, turns: int) -> float:
+    def magnet_constant(self, turns: float) -> float:
         quadrant = _poles(self.poles, self.pole_width)[: self.poles // 4]
         pull = sum(width * math.cos(at) for at, _, width in quadrant)
         return MU_0 * turns**2 / 2 * self.stack_length * pull
