@@ -14,10 +14,13 @@ import ambkit
 from ambkit import Machine, Record, Scenario, Sine, simulate
 from ambkit.base.errors import AmbkitError
 from ambkit.data import recordings
+from ambkit.estimate.constant_velocity import tune
+from ambkit.estimate.errors import rms
 from ambkit.identification.corpus.corpus import identify_corpus
 from ambkit.identification.corpus.pooling import pool
-from ambkit.identification.corpus.prediction import ORDER, Baselines, Prediction, predict
+from ambkit.identification.corpus.prediction import Prediction, in_the_mean, predict
 from ambkit.identification.corpus.segmentation import cut, flights
+from ambkit.identification.maximum_likelihood.baselines import AHEAD, Baselines, Layout, _parts
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
 
@@ -99,11 +102,15 @@ def test_good_is_what_no_baseline_knows_more_of():
     errors = {
         "error": {1: 18e-6, 10: 21e-6}, "without_later_controls": {1: 18e-6, 10: 23e-6},
         "held": {1: 24e-6, 10: 30e-6}, "without_a_magnet": {1: 19e-6, 10: 28e-6},
-        "arx": {1: 19e-6, 10: 27e-6},
+        "arx": {1: 19e-6, 10: 27e-6}, "subspace": {1: 19e-6, 10: 26e-6},
     }  # fmt: skip
-    well = Prediction("log", 10_000, **errors, floor=17e-6, nis=1.05, white=0.5, left=0.01)
+    well = Prediction(
+        "log", 10_000, **errors, chosen={}, floor=17e-6, nis=1.05, white=0.5, left=0.01
+    )
     assert well.good  # whiteness alone does not count: in a long log little shows
+    assert well.best == "without_later_controls"
     for worse in ({"nis": 1.4}, {"nis": 0.7}, {"left": 0.2}, {"arx": {1: 19e-6, 10: 20e-6}},
+                  {"subspace": {1: 19e-6, 10: 20e-6}},
                   {"held": {1: 17e-6, 10: 30e-6}}):  # fmt: skip
         assert not replace(well, **worse).good
 
@@ -111,13 +118,15 @@ def test_good_is_what_no_baseline_knows_more_of():
 def test_a_filter_that_knows_the_truth_loses_to_no_model_that_knows_as_much():
     """Given later controls it does: as they answer to the motion, they lead it astray."""
     quiet = {str(n): flown(n, duration=4.0).between(0.5, None) for n in range(4)}
-    others = Baselines.together([Baselines.of([quiet[name]]) for name in "123"])
+    others = Baselines.joint(Baselines.of([[quiet[name]] for name in "123"]))
+    naive = in_the_mean([tune(quiet[name]["y"], BALL.sampling_time) for name in "123"])
     truth = LoopModel(BALL, disturbance_noise=1e-8, substeps=1)
-    told = predict("0", [quiet["0"]], truth, others)
+    told = predict("0", [quiet["0"]], truth, others, naive)
     assert told.without_later_controls[1] == pytest.approx(told.error[1], rel=1e-3)
-    assert told.without_later_controls[10] < told.arx[10]
+    assert told.best == "without_later_controls"
+    assert told.arx[10] < 1.05 * told.without_later_controls[10]  # with 270 weights, hardly worse
     assert told.without_later_controls[10] < told.error[10]
-    late = predict("0", [quiet["0"]], truth.replace(delay=-0.4e-3, line=True), others)
+    late = predict("0", [quiet["0"]], truth.replace(delay=-0.4e-3, line=True), others, naive)
     assert late.without_later_controls[10] == pytest.approx(
         told.without_later_controls[10], rel=0.15
     )
@@ -187,12 +196,31 @@ def test_an_arx_model_finds_one_and_knows_only_the_past():
     for k in range(2, n):
         y[k] = 1.6 * y[k - 1] - 0.7 * y[k - 2] + 0.5 * u[k - 1] + e[k]
     record = Record(1e-3 * np.arange(n), {"y": y, "u": u})
-    one = Baselines.of([record])
-    miss = y[1:] - one.arx(record, 1)
-    assert np.isnan(miss[: ORDER - 1]).all()
-    assert np.nanstd(miss) == pytest.approx(0.1, rel=0.03)
+    others = Baselines.joint(Baselines.of([[part] for part in _parts(record)]))
     later = Record(record.t, {"y": y, "u": np.where(np.arange(n) > 2000, 9.0, u)})
-    assert one.arx(later, 1)[2000] == one.arx(record, 1)[2000]  # from 2000 to 2001
+    model = LoopModel(BALL)
+    for kind in ("arx", "subspace"):
+        miss, known = (others.predictions(model, one)[kind][1] for one in (record, later))
+        assert np.isnan(miss[: others.layout.lags - 1]).all()
+        assert np.nanstd(y[1:] - miss) == pytest.approx(0.1, rel=0.04)
+        assert known[2000] == miss[2000]  # from 2000 to 2001
+
+
+def test_where_offsets_differ_between_logs_the_baselines_are_of_changes():
+    """Else those of the other logs would be off wherever a converter has another zero."""
+    logs = [flown(seed) for seed in range(3)]
+    moved = [with_changed(log, u=log["u"] + 0.2 * k) for k, log in enumerate(logs)]
+    same, off = (Baselines.joint(Baselines.of([[log] for log in of])) for of in (logs, moved))
+    assert not any(choice.levels for by in off.chosen.values() for choice in by.values())
+    model = LoopModel(BALL)
+    for one, other in zip(
+        *(
+            of.predictions(model, log)["arx"].values()
+            for of, log in ((same, logs[2]), (off, moved[2]))
+        ),
+        strict=True,
+    ):
+        assert rms(other - one) < 5e-6
 
 
 def test_what_is_no_corpus_is_refused():
@@ -268,15 +296,12 @@ def test_spikes_and_missing_samples_of_logs_spoil_nothing():
     assert np.abs(off).max() < 1.0
 
 
-def test_normal_equations_are_of_the_samples_that_miss_nothing():
+def test_a_missing_position_is_the_one_before_and_no_target():
     record = flown(1, duration=0.5)
-    y = record["y"].copy()
+    y, layout = record["y"].copy(), Layout(("y", "u"), 30)
     y[200:203] = np.nan
-    one = Baselines.of([with_changed(record, y=y)]).normal[1]
-    parts = [
-        Record(record.t[part], {name: record[name][part] for name in ("y", "u")})
-        for part in (slice(None, 200), slice(203, None))
-    ]
-    np.testing.assert_allclose(
-        one, Baselines.of(parts).normal[1], rtol=1e-9, atol=1e-12 * np.abs(one).max()
-    )
+    products = layout.products(with_changed(record, y=y))
+    count = layout.past - 1
+    whole = layout.products(record)
+    lost = whole[count, count] - products[count, count]
+    assert lost == 3 * (1 + len(AHEAD)) - 2  # samples 199 to 202, 190 to 192, and 200 to 202 again

@@ -23,6 +23,7 @@ from ambkit.estimate.noise_model import FilterNoise
 from ambkit.identification.forces.force_map import ForceMap, force_map
 from ambkit.identification.maximum_likelihood import figures as plots
 from ambkit.identification.maximum_likelihood.axis_model import AxisModel, axis_record
+from ambkit.identification.maximum_likelihood.baselines import FROM_THE_PAST, errors_from_the_past
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
@@ -69,7 +70,9 @@ class Identified(Result):
         others = all_of_type(Record, records=list(records))
         check_disjoint(others, self.records)
         others = records_of(self.likelihood.model, others)
-        return replace(self, validation=validations(self.likelihood, others), on_others=True)
+        return replace(
+            self, validation=validations(self.likelihood, self.records, others), on_others=True
+        )
 
     @cached_property
     def filter(self) -> Estimator:
@@ -187,6 +190,9 @@ class Identified(Result):
                 Row("error", "error, rms", check.error[k], "m", 3),
                 Row("without_a_magnet", "  filter without a magnet", check.without_a_magnet[k],
                     "m", 3),
+                *(Row(f"{kind}.{ahead}", f"  from the past, {ahead}: {name}", by[ahead], "m", 3)
+                  for kind, (name, _) in FROM_THE_PAST.items()
+                  for by in [check.from_the_past.get(kind, {})] for ahead in by),
                 Row("white", "white lags of the residuals", check.residual.share_within, "%"),
                 Row("free_of_control", "lags independent of u", check.cross.share_within, "%"),
                 Row("nis", "mean NIS", check.nis, digits=3),
@@ -299,14 +305,20 @@ def check_disjoint(others: Sequence[Record], records: Sequence[Record]) -> None:
 
 
 def validations(
-    result: MaximumLikelihood, records: Sequence[Record], names: Sequence[str] | None = None
-) -> list[Validation]:
+    result: MaximumLikelihood, fitted_to: Sequence[Record], records: Sequence[Record],
+    names: Sequence[str] | None = None,
+) -> list[Validation]:  # fmt: skip
     """Validate what was found on each of some records."""
     names = names or [f"record {number}" for number in range(1, len(records) + 1)]
-    return [
-        validate(result.model, record, start=result.start, settling=result.settling, name=name)
-        for name, record in zip(names, records, strict=True)
-    ]
+    model, checks = result.model, []
+    for name, record in zip(names, records, strict=True):
+        check = validate(model, record, start=result.start, settling=result.settling, name=name)
+        if not isinstance(model, AxisModel):
+            settling = round(result.settling / record.sampling_time)
+            past = errors_from_the_past(model, fitted_to, record, settling)
+            check = replace(check, from_the_past=past)
+        checks.append(check)
+    return checks
 
 
 def _noise_as_data(noise: Noise | str) -> dict[str, Any]:

@@ -97,7 +97,7 @@ def identify(
             f"the most likely parameters are not physical ({error}): is the rotor in contact, or "
             "are the records of another machine?"
         ) from None
-    checks = validations(result, others or records, names)
+    checks = validations(result, records, others or records, names)
     forces = None
     if map_forces:
         forces = force_map(result.model, records, nodes=nodes, settling=result.settling, note=note)

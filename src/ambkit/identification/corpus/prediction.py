@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from statistics import fmean
 
 import numpy as np
 
 from ambkit.base.arrays import Array
 from ambkit.data.record import Record
-from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
+from ambkit.estimate.constant_velocity import ConstantVelocityFilter
 from ambkit.estimate.errors import rms, whiteness
+from ambkit.identification.maximum_likelihood.baselines import AHEAD, FROM_THE_PAST, Baselines
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.validation import (
     AS_GOOD,
@@ -22,90 +24,6 @@ from ambkit.identification.maximum_likelihood.validation import (
 from ambkit.machine.magnets import own_time
 from ambkit.result.row import Row
 
-ORDER = 30  #: Past samples of each signal.
-AHEAD = (1, 10)  #: Samples ahead that are predicted.
-
-SPARE = 2
-"""Controls more than these that are expected: one between whose two a line goes, one of a delay
-below zero."""
-
-
-def regressors(record: Record, ahead: int) -> tuple[Array, Array]:
-    """Return regressors (m, 2 ORDER) and the last positions (m,), of samples from ORDER - 1 on."""
-    # Past positions less the last one, controls, and a constant.
-    windows = np.lib.stride_tricks.sliding_window_view
-    y, u = (windows(record[name], ORDER)[: len(record) - ORDER + 1 - ahead] for name in ("y", "u"))
-    last = y[:, -1]
-    return np.column_stack([y[:, :-1] - last[:, None], u, np.ones(len(last))]), last
-
-
-def _products(rows: Array, targets: Array) -> Array:
-    """Return what a record adds to normal equations, of the samples that miss nothing."""
-    # rows (n, p); targets (n,), (n, q); returns (p, p + q)
-    both = np.column_stack([rows, targets])
-    finite_rows = np.isfinite(both).all(axis=1)
-    if not finite_rows.all():
-        both = both[finite_rows]
-    return np.asarray(both[:, : rows.shape[1]].T @ both)
-
-
-def _solved(normal: Array) -> Array:
-    """Solve normal equations of regressors of very different sizes."""
-    # normal (p, p + q); returns (p, q)
-    p = len(normal)
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    left, right = normal[:, :p] / np.outer(scale, scale), normal[:, p:] / scale[:, None]
-    weights, *_ = np.linalg.lstsq(left, right, rcond=1e-12)
-    return np.asarray(weights / scale[:, None])
-
-
-@dataclass(frozen=True, eq=False)
-class Baselines:
-    """What predicts without knowing a magnet, fitted to some logs."""
-
-    naive: ConstantVelocityFilter  #: Tuned by the likelihood.
-    normal: Mapping[int, Array]  #: Samples ahead, and the normal equations of an ARX model.
-    controls: Array  #: Normal equations of the controls that are to be expected.
-
-    @classmethod
-    def of(cls, records: Sequence[Record]) -> Baselines:
-        """Fit them to the flights of one log."""
-        normal = {
-            k: np.sum([
-                _products(rows, record["y"][ORDER - 1 + k :] - last)
-                for record in records for rows, last in [regressors(record, k)]
-            ], axis=0)
-            for k in AHEAD
-        }  # fmt: skip
-        ahead = AHEAD[-1] + SPARE
-        controls = [
-            _products(
-                np.column_stack(regressors(record, ahead)),
-                np.lib.stride_tricks.sliding_window_view(record["u"][ORDER:], ahead),
-            )
-            for record in records
-        ]
-        naive = tune([record["y"] for record in records], records[0].sampling_time)
-        return cls(naive, normal, np.sum(controls, axis=0))
-
-    @classmethod
-    def together(cls, several: Sequence[Baselines]) -> Baselines:
-        """Return those of several logs: one ARX model, and what they tune to in the mean."""
-        q, R = (
-            math.exp(float(np.mean([math.log(getattr(one.naive, name)) for one in several])))
-            for name in ("q", "R")
-        )
-        normal = {k: np.sum([one.normal[k] for one in several], axis=0) for k in AHEAD}
-        controls = np.sum([one.controls for one in several], axis=0)
-        return cls(ConstantVelocityFilter(several[0].naive.T, q, R), normal, controls)
-
-    def arx(self, record: Record, ahead: int) -> Array:
-        """Return predictions of ``y[k + ahead]`` from sample k on [m], NaN for the first ones."""
-        rows, last = regressors(record, ahead)
-        result = np.full(len(record) - ahead, np.nan)
-        result[ORDER - 1 :] = last + rows @ _solved(self.normal[ahead])[:, 0]
-        return result
-
 
 @dataclass(frozen=True)
 class Prediction:
@@ -114,13 +32,15 @@ class Prediction:
     name: str  #: Of the log.
     samples: int  #: Measurements that count.
     #: RMS errors [m] by samples ahead: of the model, with the controls since and with those that
-    #: the past lets expect; of the last measurement, held; of the constant-velocity filter and of
-    #: the ARX model, which are fitted to the other logs as well.
+    #: the past lets expect; of the last measurement, held; of the constant-velocity filter, the ARX
+    #: model and the joint process of all signals, which are fitted to the other logs as well.
     error: Mapping[int, float]
     without_later_controls: Mapping[int, float]
     held: Mapping[int, float]
     without_a_magnet: Mapping[int, float]
     arx: Mapping[int, float]
+    subspace: Mapping[int, float]
+    chosen: Mapping[str, Mapping[int, str]]  #: What the ARX model and the process are made of.
     floor: float  #: Noise of the measurement itself, as the model has it along this log, rms [m].
     nis: float  #: Mean normalised innovation squared; 1 where the noise is right.
     #: Share of 50 lags at which the residuals correlate no more than white ones would.
@@ -131,15 +51,21 @@ class Prediction:
     def good(self) -> bool:
         """Whether the model passes all checks on this log."""
         # No baseline predicts it better, its noise is what the model expects, and hardly anything
-        # of what is left could be predicted. The ARX model knows no later control, so it is held
-        # against the model without these.
+        # of what is left could be predicted. ARX model and process know no later control, so they
+        # are held against the model without these.
         known = (
             (self.error, self.held),
             (self.error, self.without_a_magnet),
             (self.without_later_controls, self.arx),
+            (self.without_later_controls, self.subspace),
         )
         beaten = all(own[k] <= AS_GOOD * other[k] for k in AHEAD for own, other in known)
         return beaten and is_consistent(self.nis) and is_explained(self.left)
+
+    @property
+    def best(self) -> str:
+        """Which of those that know the past only predicts best at the longest horizon."""
+        return min(PAST_ONLY, key=lambda kind: getattr(self, kind)[AHEAD[-1]])
 
     def rows(self) -> list[Row]:
         """Return the figures as rows."""
@@ -148,6 +74,9 @@ class Prediction:
             *(Row(f"{key}.{k}", f"{words} {k}", value, "m", 3)
               for k in AHEAD for key, (words, _, _) in KINDS.items()
               for value in [getattr(self, key)[k]]),
+            Row("best", f"best of the past {AHEAD[-1]}", PAST_ONLY[self.best]),
+            *(Row(f"{kind}_model.{k}", f"{KINDS[kind][0]} {k}, chosen", text, detail=True)
+              for kind, by in self.chosen.items() for k, text in by.items()),
             Row("noise_floor", "noise floor", self.floor, "m", 3, detail=True),
             Row("nis", "NIS", self.nis, digits=3),
             Row("white_share", "white lags", self.white, "%"),
@@ -159,18 +88,36 @@ class Prediction:
 KINDS = {
     "error": ("error", "estimate", "model of the others"),
     "without_later_controls": ("past only", "series 3", "model, without later controls"),
-    "arx": ("ARX", "series 1", "ARX"),
+    "arx": ("ARX", "another", "ARX"),
+    "subspace": ("subspace", "series 4", "subspace model"),
     "without_a_magnet": ("velocity", "series 2", "without a magnet"),
     "held": ("held", "constant", "last measurement held"),
 }
 """Of each kind of prediction: name in a table, style and label in a picture."""
 
+PAST_ONLY = {
+    **{kind: name for kind, (name, _) in FROM_THE_PAST.items()},
+    "without_a_magnet": "velocity", "held": "held",
+}  # fmt: skip
+"""Who predicts from the past alone, and what a table calls it."""
+
+
+def in_the_mean(several: Sequence[ConstantVelocityFilter]) -> ConstantVelocityFilter:
+    """Return the filter between those that several logs are tuned to."""
+    q, R = (math.exp(fmean(math.log(getattr(one, name)) for one in several)) for name in ("q", "R"))
+    return ConstantVelocityFilter(several[0].T, q, R)
+
 
 def predict(
-    name: str, records: Sequence[Record], model: LoopModel, others: Baselines
+    name: str,
+    records: Sequence[Record],
+    model: LoopModel,
+    others: Baselines,
+    naive: ConstantVelocityFilter,
 ) -> Prediction:
     """Predict a log by a model that has not seen it, beside what knows no magnet."""
-    first = max(round(own_time(model.isolated) / records[0].sampling_time) * 4, ORDER)
+    lags = others.layout.lags
+    first = max(round(own_time(model.isolated) / records[0].sampling_time) * 4, lags)
     misses: dict[str, dict[int, list[Array]]] = {kind: {k: [] for k in AHEAD} for kind in KINDS}
     residuals, squares, variances, controls = [], [], [], []
     for record in records:
@@ -182,19 +129,14 @@ def predict(
         squares.append((e**2 / S)[used])
         share = 1 + model.isolated.sensor.position_noise * (y - model.position_offset)
         variances.append(model.isolated.sensor.noise_variance * np.clip(share, 1 / 8, 8)[used] ** 2)
-        rows, u_part = np.column_stack(regressors(record, 0)), slice(ORDER - 1, 2 * ORDER - 1)
-        # The last controls and those to be expected (m, ORDER + ahead) [V].
-        windows = np.column_stack([rows[:, u_part], rows @ _solved(others.controls)])
-        for k in AHEAD:
-            target = y[k:]
-            uncontrolled = np.full(target.size, np.nan)
-            uncontrolled[ORDER - 1 :] = model.predict_with(record, k, windows, ORDER)[: -k or None]
-            for kind, guess in (
-                ("error", model.predict(record, k)), ("without_later_controls", uncontrolled),
-                ("held", y[:-k]), ("without_a_magnet", others.naive.predict(y, k)),
-                ("arx", others.arx(record, k)),
-            ):  # fmt: skip
-                misses[kind][k].append((target - guess)[first:])
+        guesses = others.predictions(model, record) | {
+            "error": {k: model.predict(record, k) for k in AHEAD},
+            "held": {k: y[:-k] for k in AHEAD},
+            "without_a_magnet": {k: naive.predict(y, k) for k in AHEAD},
+        }
+        for kind, by in guesses.items():
+            for k, guess in by.items():
+                misses[kind][k].append((y[k:] - guess)[first:])
     errors = {
         kind: {k: rms(np.concatenate(parts)) for k, parts in by.items()}
         for kind, by in misses.items()
@@ -202,6 +144,8 @@ def predict(
     residual = np.concatenate(residuals)
     return Prediction(
         name, residual.size, **errors,
+        chosen={kind: {k: str(choice) for k, choice in by.items()}
+                for kind, by in others.chosen.items()},
         floor=rms(np.sqrt(np.concatenate(variances))),
         nis=float(np.mean(np.concatenate(squares))),
         white=whiteness(residual).share_within,

@@ -12,10 +12,22 @@ import numpy as np
 from ambkit.base.escaping import label, markdown
 from ambkit.base.units import engineering, interval, typeset
 from ambkit.data.record import Record
+from ambkit.identification.maximum_likelihood.baselines import FROM_THE_PAST
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import NOISES
 from ambkit.identification.maximum_likelihood.validation import Validation
-from ambkit.result.report import Axis, Cells, Figure, Intervals, Item, Line, Panel, Points, Rule
+from ambkit.result.report import (
+    Axis,
+    Bars,
+    Cells,
+    Figure,
+    Intervals,
+    Item,
+    Line,
+    Panel,
+    Points,
+    Rule,
+)
 
 RECORDS = ("record 1", "record 2", "record 3", "record 4")
 LAG = Axis("lag", "samples")
@@ -29,8 +41,8 @@ def identified_figure(result: Any, checks: Sequence[Validation]) -> Figure:
     """Show all that matters in one picture: estimates, residuals, predictions."""
     estimates = estimates_figure(result).panels
     # The two panels of the residuals belong beside each other.
-    rest = [*residual_figure(checks).panels, *fit_figure(checks).panels]
-    panels = [*estimates, *(rest if len(estimates) % 2 == 0 else [rest[-1], *rest[:-1]])]
+    fit, beside = fit_figure(checks).panels, len(estimates) % 2
+    panels = [*estimates, *fit[:beside], *residual_figure(checks).panels, *fit[beside:]]
     return Figure(
         id="identified",
         title=f"Identification of {markdown(result.isolated.name)}",
@@ -144,12 +156,23 @@ def fit_figure(checks: Sequence[Validation]) -> Figure:
         Axis("samples ahead", scale="log"), Axis("fit", "%", limits=limits), items,
         title="prediction",
     )  # fmt: skip
+    names = tuple(label(check.name) for check in checks)
+    ahead_past = max((k for check in checks for k in check.from_the_past.get("arx", ())), default=0)
+    bars: list[Item] = [
+        Bars(names, np.array([check.from_the_past.get(kind, {}).get(ahead_past, math.nan)
+                              for check in checks]), signal=signal, label=text)
+        for kind, (text, signal) in FROM_THE_PAST.items()
+    ]  # fmt: skip
+    past = Panel(
+        Axis("record"), Axis("error, rms", "µm", 1e6), bars,
+        title=f"from the past alone, {ahead_past} samples ahead",
+    )  # fmt: skip
     return Figure(
         id="fit",
         title="Prediction: fit against the number of samples ahead",
         caption="100 % is perfect; 0 % is no better than the mean. One colour per record; dashed: "
         "initial model; dotted: last measurement held.",
-        panels=[panel],
+        panels=[panel, past] if ahead_past else [panel],
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from ambkit.data.reading.faults import spike_free
 from ambkit.data.record import Record
 from ambkit.estimate.constant_velocity import tune
 from ambkit.estimate.errors import LAGS, Whiteness, prediction_error, whiteness
+from ambkit.identification.maximum_likelihood.baselines import FROM_THE_PAST
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
 HORIZONS = (1, 2, 5, 10, 20, 50)  #: Steps ahead, where the user does not say.
@@ -51,6 +52,9 @@ class Validation:
     without_a_magnet: Mapping[int, float]
     #: Share of the residuals' variance that their past and the control signal's predict.
     left: float
+    #: RMS errors [m] of what predicts from the past alone, see `errors_from_the_past`; empty of a
+    #: short record, and of an axis among others.
+    from_the_past: Mapping[str, Mapping[int, float]] = field(default_factory=dict)
 
     @property
     def farthest(self) -> int:
@@ -71,7 +75,14 @@ class Validation:
             and is_consistent(self.nis)
             and is_explained(self.left)
             and not self.gain < 0
+            and not self.better
         )
+
+    @property
+    def better(self) -> list[str]:
+        """Baselines that predict better at the longest horizon from what the model knows too."""
+        by = {FROM_THE_PAST[kind][0]: of[max(of)] for kind, of in self.from_the_past.items()}
+        return [name for name, error in by.items() if by["model"] > AS_GOOD * error]
 
     @property
     def verdict(self) -> str:
@@ -82,6 +93,8 @@ class Validation:
                 self.fit[k] <= self.held[k],
             "A filter without a magnet predicts better.":
                 self.error[k] > AS_GOOD * self.without_a_magnet[k],
+            f"From the past alone, {' and '.join(self.better)} predicted better.":
+                bool(self.better),
             f"The initial model was more likely, by {-self.gain:.3f} per sample: the identified "
             "parameters do not hold here.": self.gain < 0,
             "The residuals are not white: some motion is unexplained, or the noise is "
@@ -100,6 +113,7 @@ class Validation:
         """Return the figures as plain data, ready for JSON."""
         by_horizon = {
             "fit_percent": self.fit, "held_percent": self.held, "start_percent": self.of_start,
+            **{f"rms_error_{kind}": by for kind, by in self.from_the_past.items()},
             "rms_error": self.error, "rms_error_without_a_magnet": self.without_a_magnet,
         }  # fmt: skip
         return {
