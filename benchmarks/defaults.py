@@ -4,7 +4,7 @@
 95 % bound of the NEES, and the error of the position over the raw sensor's and over that of a
 constant-velocity filter tuned by truth; last, of some, with their own process noise tuned alike.
 The disturbance force is the random walk that filters assume. The kind of a machine for which none
-is named, ``ambkit.estimate.registry.DEFAULT``, is the one that fails least.
+is named, ``ambkit.estimate.DEFAULT``, is the one that fails least.
 """
 
 from __future__ import annotations

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from ambkit import FilterNoise, Machine
-from ambkit.estimate.registry import DEFAULT, KINDS
+from ambkit.estimate import DEFAULT
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.default_study import CONSISTENT, score_defaults
 from benchmarks.defaults import TUNED, random_machine, scores
 from benchmarks.sensors import drawn

@@ -363,7 +363,9 @@ unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *st
   const amb_real known = state->cov[3];
   const amb_real hidden = considered(set, state);
   const unsigned int flags = amb_angle_step(set, state, reading);
-  const bool lost = (flags & AMB_ANGLE_LOST) != 0U;
+  /* What turns with the rotor is followed by the speed and its error, whatever the angle is from a
+   * mark: it is lost where a turn is. */
+  const bool lost = (set->sensor != AMB_ANGLE_SPEED) && (state->cov[0] >= square(TURN));
   const bool afresh = state->waits && state->followed && !lost;
   /* A reading leaves as much of the error as of its variance; what none shows grows with the speed.
    */
@@ -375,7 +377,7 @@ unsigned int amb_angle_follow(const amb_angle_settings *set, amb_angle_state *st
   rotation->change = rotation->noise + (square(AMB_C(1.0) - rotation->kept) * (known + hidden));
   rotation->lost = lost;
   rotation->afresh = afresh;
-  rotation->now = lost ? AMB_C(0.0) : state->mean[1];
+  rotation->now = ((flags & AMB_ANGLE_LOST) != 0U) ? AMB_C(0.0) : state->mean[1];
   state->waits = lost || (state->waits && !state->followed);
   state->followed = true; /* of the first sample nothing is predicted */
   return flags;

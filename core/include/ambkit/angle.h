@@ -58,7 +58,7 @@ typedef struct amb_angle_state {
   bool assumed;          /* whether it may turn the other way now */
   amb_real predicted;    /* variance of the speed before the last reading [rad^2/s^2] */
   bool followed;         /* whether one follows it already ... */
-  bool waits;            /* ... and has not heard of an angle since it was lost */
+  bool waits;            /* ... and nothing is known of the angle since */
 } amb_angle_state;
 
 /* The rotation at a sample, for a filter (ambkit/turning.h) and controllers. */
@@ -68,8 +68,8 @@ typedef struct amb_rotation {
   amb_real kept;         /* of the speed's error before: the share that is left [1], ... */
   amb_real noise;        /* ... and the variance of what came to it [rad^2/s^2] */
   amb_real change;       /* variance of the error's change [rad^2/s^2] */
-  bool lost;             /* the angle is not known: nothing can be learned by it */
-  bool afresh;  /* the angle is known again: what was learned by another one is of no use */
+  bool lost;    /* nothing is known of the angle, not to a turn: nothing can be learned by it */
+  bool afresh;  /* it is known again after that: what was learned before is of no use */
   amb_real now; /* speed at the sample, 0 where the angle is lost [rad/s] */
 } amb_rotation;
 

@@ -25,11 +25,12 @@ from ambkit.data.channel_map import ChannelMap, inputs_of
 from ambkit.data.input_scaling import Inputs
 from ambkit.data.reading import load_with_gaps
 from ambkit.data.record import Record
+from ambkit.estimate import DEFAULT
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile, filter_file_for
 from ambkit.estimate.filter_saving import in_memory
 from ambkit.estimate.named import AT, PLUS, FromFile, FromKind, experts, factories
-from ambkit.estimate.registry import DEFAULT, FILTER_SUFFIX, KINDS, kind_called, learned_magnet
+from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, kind_called, learned_magnet
 from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.plausibility import evaluate_record, off_rate

@@ -19,8 +19,8 @@ from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.signals import displacement as displacement_of
 from ambkit.data.signals import signal
+from ambkit.estimate import DEFAULT
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.estimate.registry import DEFAULT
 from ambkit.identification.excitation.design import Limits, check_band
 from ambkit.identification.excitation.excitation_figure import panels_within
 from ambkit.identification.excitation.signals import Excitation, sparse_multisine

@@ -43,6 +43,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import Vary
 from ambkit.campaigns.study_tables import Correlated, Passes, Recorded, Stop
 from ambkit.control.control import Control
+from ambkit.estimate import DEFAULT
 from ambkit.machine import presets
 from ambkit.simulation.scenario import Scenario
 
@@ -86,7 +87,7 @@ class Study(Document):
     """What it is to find out."""
     machine: MachineName
     """The nominal machine: a preset, or a file. Controllers and estimator know it and no other."""
-    estimator: EstimatorName = "extended"
+    estimator: EstimatorName = DEFAULT
     """In the loop, or beside it where the controller is fed by the measurement: a kind, a filter's
     file, or none."""
     synchronous: tuple[Literal["unbalance", "runout"], ...] = ()

@@ -3,3 +3,7 @@
 The mathematics is C. Whether an estimate is consistent with its own innovations is told here too:
 it needs nothing but the estimate.
 """
+
+DEFAULT = "extended"
+"""The kind of a machine for which none is named, as its law is known: what
+``python -m benchmarks.defaults`` picks."""

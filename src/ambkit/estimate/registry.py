@@ -17,6 +17,7 @@ from typing import Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK
+from ambkit.estimate import DEFAULT
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.force_law import MagnetModel
 from ambkit.machine.force_laws import Bank, bank_of, constants_of, laws_of
@@ -267,10 +268,6 @@ KINDS = {
     )
 }  # fmt: skip
 """All kinds, from the simplest on."""
-
-DEFAULT = "extended"
-"""The kind of a machine for which none is named, as its law is known: what
-``python -m benchmarks.defaults`` picks."""
 
 FILTER_SUFFIX = ".toml"  #: Of a filter's file, which may stand wherever an estimator is named.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ambkit.estimate import DEFAULT
 from ambkit.verbs.words import Channels, Filter, Machine, Record, Window
 
 if TYPE_CHECKING:
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
 def diagnose(
     record: Record,
-    filter: Filter = "extended",
+    filter: Filter = DEFAULT,
     *,
     machine: Machine | None = None,
     channels: Channels | None = None,
@@ -58,7 +59,7 @@ def diagnose(
     return diagnosed(record, filter, machine, channels, window)
 
 
-def diagnose_limits(machine: Machine, filter: Filter = "extended") -> Distinction:
+def diagnose_limits(machine: Machine, filter: Filter = DEFAULT) -> Distinction:
     """List which faults of a machine can be distinguished, and from which size on.
 
     By Fisher's information of the faults in simulated runs, at rest and with steps of a tenth of

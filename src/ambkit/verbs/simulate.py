@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ambkit.estimate import DEFAULT
 from ambkit.verbs import words
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 def simulate(
     machine: words.Machine,
     scenario: words.Scenario | None = None,
-    filter: words.LoopFilter = "extended",
+    filter: words.LoopFilter = DEFAULT,
     *,
     plant: words.TruePlant | None = None,
     duration: words.Time | None = None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.progress import progress
 from ambkit.base.quantity_arguments import seeds_in
+from ambkit.estimate import DEFAULT
 from ambkit.verbs import words
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 def tune(
     machine: words.Machine,
     records: words.Records = (),
-    filter: words.Filter = "extended",
+    filter: words.Filter = DEFAULT,
     *,
     controller: words.Controller | None = None,
     channels: words.Channels | None = None,
@@ -95,7 +96,7 @@ def tune(
 def tune_trade_off(
     machine: words.Machine,
     records: words.Records = (),
-    filter: words.Filter = "extended",
+    filter: words.Filter = DEFAULT,
     *,
     peaks: Sequence[float] = (1.7, 2.0, 2.5),
     controller: words.Controller | None = None,

@@ -114,7 +114,7 @@ def _of_angle(machine: Machine, record: Record) -> Iterator[str]:
     if machine.angle is not None and (lost := estimate_angle(machine, record).lost).any():
         yield (
             f"the rotor's angle is lost in {percent(lost.mean())} of the samples, last at "
-            f"{record.t[lost][-1]:.4g} s: unbalance and runout begin anew after it"
+            f"{record.t[lost][-1]:.4g} s: unbalance control is off there"
         )
 
 

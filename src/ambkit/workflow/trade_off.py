@@ -14,6 +14,7 @@ from ambkit.base.quantity_arguments import of_type
 from ambkit.base.units import engineering
 from ambkit.control.pid import PID
 from ambkit.data.record import Record
+from ambkit.estimate import DEFAULT
 from ambkit.judge.loop.loop_of import ZONE_A, OutOfReachError, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
@@ -123,7 +124,7 @@ def trade_off(
     machine: Machine,
     peak_limits: Sequence[float],
     records: Record | Sequence[Record] = (),
-    kind: str = "extended",
+    kind: str = DEFAULT,
     *,
     controller: PID | None = None,
     magnet: MagnetModel | None = None,

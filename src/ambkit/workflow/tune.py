@@ -19,6 +19,7 @@ from ambkit.control.linear.steady_state_filter import tells
 from ambkit.control.pid import PID
 from ambkit.data.input_scaling import Inputs
 from ambkit.data.record import Record
+from ambkit.estimate import DEFAULT
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_saving import made_by, origin_of
 from ambkit.estimate.registry import kind_called, learned_magnet
@@ -213,7 +214,7 @@ class Tuned(Result):
 def tune(
     machine: Machine,
     records: Record | Sequence[Record] = (),
-    kind: str = "extended",
+    kind: str = DEFAULT,
     *,
     validate: Sequence[Record] = (),
     max_sensitivity: float | None = None,

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate import DEFAULT
 from ambkit.estimate.constant_velocity import usual_acceleration
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import DEFAULT, KINDS, learned_magnet
+from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.comparison.cases import CASES, Case, Trial, trials
 from ambkit.judge.comparison.comparison import raw_error
 from ambkit.judge.comparison.criteria import evaluate_run
