@@ -202,9 +202,26 @@ void LoopOf::set_rings()
       throw std::invalid_argument("a ring is about axes that are not there");
     stops.push_back(parts_of(nb::cast<nb::dict>(ring["stop"])));
     rings.push_back({first, second, nb::cast<amb_real>(ring["travel"]), &stops.back()});
+    if (second >= 0 && ring.contains("coupling"))
+      couple(first, second, nb::cast<nb::dict>(ring["coupling"]));
   }
+  at.couplings = static_cast<int>(couplings.size());
+  at.coupling = couplings.data();
   at.rings = static_cast<int>(rings.size());
   at.ring = rings.data();
+}
+
+void LoopOf::couple(int first, int second, const nb::dict &fields)
+{
+  ints.push_back(nb::cast<std::vector<int>>(fields["degrees"]));
+  const std::vector<int> &degrees = ints.back();
+  for (const int degree : degrees)
+    if (degree < 0 || degree >= AMB_COUPLING_DEGREES)
+      throw std::invalid_argument("a coupling's degree is out of range");
+  const size_t terms = degrees.size() / 4;
+  couplings.push_back({first, second, static_cast<int>(terms), degrees.data(),
+                       reals.numbers(fields, "energy", terms),
+                       nb::cast<amb_real>(fields["current"]), nb::cast<amb_real>(fields["place"])});
 }
 
 void LoopOf::set_controllers(Estimator *estimator)

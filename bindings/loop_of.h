@@ -47,6 +47,7 @@ private:
   void set_plant();
   void set_magnets(size_t p);
   void set_rings();
+  void couple(int first, int second, const nb::dict &fields);
   void set_controllers(Estimator *estimator);
   amb_real number(const char *name) const;
   int count(const char *name) const;
@@ -63,6 +64,7 @@ private:
   std::vector<amb_parts> amplifiers, sensor_parts;
   std::list<amb_parts> stops;
   std::vector<amb_ring> rings;
+  std::vector<amb_coupling> couplings;
   Law law;
 };
 

@@ -60,6 +60,22 @@ static amb_real pull(const amb_plant *plant, const amb_acts *acts, int f, const 
   return acts->scale * force + (acts->scale - 1) * plant->bias[f];
 }
 
+/* In place of those of axes that share their iron, with the demanded currents iu. */
+static void pull_coupled(const amb_plant *plant, const amb_acts *acts, const amb_real X[],
+                         const amb_real iu[], const amb_real s[], amb_real F[])
+{
+  for (int k = 0; (k < plant->couplings) && !acts->off; k++) {
+    const amb_coupling *both = &plant->coupling[k];
+    const int a = both->first, b = both->second;
+    const amb_real i[2] = {current(plant, a, X, iu[a]), current(plant, b, X, iu[b])};
+    const amb_real at[2] = {within(plant, a, s[a]), within(plant, b, s[b])};
+    amb_real force[2];
+    amb_coupling_force(both, i, at, force);
+    F[a] = acts->scale * force[0] - plant->bias[a];
+    F[b] = acts->scale * force[1] - plant->bias[b];
+  }
+}
+
 /* Rates of the currents of axis f. */
 static void flow(const amb_going *of, int f, const amb_real X[], amb_real s, amb_real d[])
 {
@@ -182,14 +198,16 @@ AMB_INLINE void amb_stage(const amb_pattern *p, const amb_going *of, const amb_r
       F[f] = plant->magnet[f].methods->force(plant->magnet[f].self, iu, at);
     else
       F[f] = pull(plant, of->acts, f, X, iu, at);
-    if (!p->plain) {
+  }
+  if (!p->own)
+    pull_coupled(plant, of->acts, X, of->demanded, s, F);
+  if (!p->plain) {
+    for (int f = 0; f < p->axes; f++) {
       const amb_real force = F[f];
-      flow(of, f, X, at, d);
+      flow(of, f, X, p->own ? s[f] : within(plant, f, s[f]), d);
       amb_parts_follow(&plant->amplifier[f], X, force, d);
       F[f] = amb_parts_behind(&plant->amplifier[f], X, force);
     }
-  }
-  if (!p->plain) {
     if (add_contact(plant, s, X, F))
       *of->met = true;
     for (int k = 0; k < q; k++)
@@ -518,7 +536,17 @@ amb_acting amb_plant_acting(const amb_plant *plant, const amb_plant_state *state
   }
   const amb_real s = within(plant, f, amb_plant_along(plant, f, X));
   const amb_parts *parts = &plant->amplifier[f];
-  const amb_real force = pull(plant, acts, f, X, iu, s);
+  amb_real force = pull(plant, acts, f, X, iu, s);
+  if (plant->couplings > 0) {
+    amb_real all[AMB_PLANT_AXES], demanded[AMB_PLANT_AXES], F[AMB_PLANT_AXES];
+    for (int k = 0; k < plant->axes; k++) {
+      all[k] = amb_plant_along(plant, k, X);
+      demanded[k] = amb_plant_from_now(plant, state, k, acts->demanded[k]);
+    }
+    F[f] = force;
+    pull_coupled(plant, acts, X, demanded, all, F);
+    force = F[f];
+  }
   amb_acting acting = {.iu = current(plant, f, X, iu), .force = amb_parts_behind(parts, X, force)};
   if (parts->voltage > 0) {
     const amb_real v = velocity(plant, f, X), scale = acts->scale;

@@ -13,6 +13,7 @@
 #include "ambkit/closed.h"
 #include "ambkit/model.h"
 #include "ambkit/sparse.h"
+#include "coupling.h"
 #include "parts.h"
 
 #define AMB_PLANT_STATES (AMB_STATES + AMB_FORCES + AMB_BEHIND_MOST)
@@ -43,8 +44,10 @@ typedef struct amb_plant {
   const amb_magnet *coil;   /* [axes]: pull of one coil of a pair over that of its bias current
                              * at 0, for currents that differ; without methods the magnet gets
                              * the mean of both control currents */
-  const amb_real *bias;     /* [axes]: bias forces [N] */
-  const amb_real *farthest; /* [axes]: no magnet finds the rotor farther away [m] */
+  int couplings;
+  const amb_coupling *coupling; /* in place of the magnets of their two axes */
+  const amb_real *bias;         /* [axes]: bias forces [N] */
+  const amb_real *farthest;     /* [axes]: no magnet finds the rotor farther away [m] */
   const int *current; /* [axes]: state of the control current, or -1: the demanded one at once */
   const int *second;  /* [axes]: state of the other coil's, or -1 */
   const int *shows;   /* [sensors]: state of the reading */

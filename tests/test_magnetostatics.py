@@ -23,6 +23,7 @@ from ambkit.machine.magnetostatics.layout import Layout, Region, rectangle
 from ambkit.machine.magnetostatics.magnet_map import Box, MagnetMap, map_of
 from ambkit.machine.magnetostatics.tolerances import map_near
 from ambkit.machine.magnetostatics.two_axis_map import TwoAxisMap, terms, two_axis_map
+from ambkit.models.plant import Plant, coupling_of
 
 WINDING = '[winding]\nturns = 100\nbias_current = "3 A"\n'
 IRON = '[iron]\nsaturation = "1.8 T"\nrelative_permeability = 2000\n'
@@ -335,6 +336,31 @@ def test_machine_may_differ_from_its_drawing(tmp_path):
         AmbkitError, match=r"m\.toml:8: magnet\.drawing\.iron\.saturation: .*A cannot be converted"
     ):
         ambkit.Machine.load(tmp_path / "m.toml")
+
+
+def test_plant_couples_axes_that_share_their_iron(monkeypatch):
+    """The C of a coupling is the map's force, at the currents and displacements of the run."""
+    machine = ambkit.preset("tum_mlps")
+    k = ambkit.ConstantStiffness.of(machine.isolated_axis("A1"))
+    i, s = ranges = np.array([2.5, 0.35e-3])
+    energy = {
+        (1, 0, 1, 0): k.k_i * i * s, (0, 0, 2, 0): k.k_s * s**2 / 4,
+        (1, 0, 1, 2): 0.2 * k.k_i * i * s, (1, 1, 1, 1): -0.1 * k.k_i * i * s,
+    }  # fmt: skip
+    coefficients = np.array([energy.get(tuple(of[[1, 0, 3, 2]]), energy.get(tuple(of), 0.0))
+                             for of in terms(10)])  # fmt: skip
+    both = TwoAxisMap(np.repeat(ranges, 2), coefficients, np.zeros(1), 0.0)
+    monkeypatch.setattr("ambkit.models.plant.computed_force_of_both", lambda _machine: both)
+    coupling, rings = coupling_of(machine), Plant._rings
+    monkeypatch.setattr(Plant, "_rings", lambda self: [of | coupling for of in rings(self)])
+    run = ambkit.simulate(
+        machine, ambkit.scenario_for(machine, step="50 µm", load="20 N", duration="0.1 s")
+    ).record
+    place = np.stack([run[f"{of}_A{n}"] for of in ("iu", "s") for n in (1, 2)])
+    forces = np.stack([run[f"f_mag_A{n}"] for n in (1, 2)])
+    size = np.abs(forces).max()
+    assert np.abs(forces - both.force_at(place)).max() < 1e-9 * size
+    assert np.abs(forces[0] - k.k_i * place[0] - k.k_s * place[2]).max() > 0.02 * size
 
 
 def test_machine_with_a_faulty_drawing_names_its_line(tmp_path):

@@ -157,6 +157,8 @@ class PlacedBearing(Part):
         yield from coil_contradictions(read)
         if read("type") == "radial" and read("magnet.type") == "one-sided":
             yield "magnet.type", 'must be "two-sided" in a radial bearing; is "one-sided"'
+        if read("type") == "thrust" and read("magnet.both_axes") is True:
+            yield "magnet.both_axes", "is of a radial bearing"
         if read("type") == "thrust" and abs(read("angle") or 0.0) > 0:
             yield "angle", "is of a radial bearing; a thrust bearing has its axis along the shaft"
 

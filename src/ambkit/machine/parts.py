@@ -86,7 +86,7 @@ class Magnet(LawKeys):
     # (`ambkit.SaturatingLaw`).
 
     model_config = ConfigDict(json_schema_extra=_constant_or_coil)
-    unwritten = ("drawing",)
+    unwritten = ("drawing", "both_axes")
 
     type: Literal["two-sided", "one-sided"]
     """Pulls both ways, or one way with gravity as the counter-force."""
@@ -114,6 +114,9 @@ class Magnet(LawKeys):
     ] = ()  # fmt: skip
     """Values that differ from the drawing's, by its keys, as ``drawing.iron.saturation = "1.7 T"``;
     its gap and bias current are air_gap and bias_current."""
+    both_axes: bool = False
+    """Of a radial bearing's drawing: the plant has the force over currents and displacements of
+    both axes, which share their iron; filters keep to one axis each."""
     force_channels: FilePath | None = None
     """A TOML file that says which columns of the force map mean what, where it has other names."""
     force_scale: Annotated[float, Quantity("1", "1", above=0)] | None = None
@@ -237,8 +240,9 @@ def _force_map_contradictions(read: Read) -> Iterator[tuple[str, str]]:
                 points_of(path, channels)
         except AmbkitError as error:
             yield key, str(error)
-    if read("drawing") and not str(path).endswith(".toml"):
-        yield "drawing", "is of a drawing as force_map, and there is none"
+    for key in ("drawing", "both_axes"):
+        if read(key) and not str(path).endswith(".toml"):
+            yield key, "is of a drawing as force_map, and there is none"
 
 
 def _coil_constant(read: Read) -> float:

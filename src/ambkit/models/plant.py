@@ -11,7 +11,9 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.data.signals import signal
 from ambkit.machine import geometry
+from ambkit.machine.force_law import IsolatedAxis
 from ambkit.machine.force_laws import weights_of
+from ambkit.machine.forces.drawing import computed_force_of_both
 from ambkit.machine.loading import levitation_current
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
@@ -157,7 +159,16 @@ class Plant:
                 stop = bearing.stop.model_dump()
             rings.append(
                 {"first": at, "second": at + 1 if two else -1, "travel": bearing.clearance,
-                 "stop": stop}
+                 "stop": stop, **(coupling_of(isolated) if bearing.magnet.both_axes else {})}
             )  # fmt: skip
             at += 2 if two else 1
         return rings
+
+
+def coupling_of(machine: IsolatedAxis) -> dict[str, Any]:
+    """Return the coenergy of two axes that share their iron."""
+    both = computed_force_of_both(machine)
+    degrees, energy = both.energy_terms
+    fields = {"degrees": degrees.ravel().tolist(), "energy": energy.tolist(),
+              "current": both.ranges[0], "place": both.ranges[2]}  # fmt: skip
+    return {"coupling": fields}

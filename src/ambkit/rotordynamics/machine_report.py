@@ -16,6 +16,7 @@ from ambkit.judge.modal_reduction import reduction
 from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.machine.components import PlacedBearing, PlacedSensor
 from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.forces.drawing import computed_force_of_both
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.placement_checks import NODE
@@ -47,7 +48,7 @@ def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
         f"{engineering(machine.speed * 30 / math.pi, '1')} rpm",
         f"{len(model.states)} states",
     ]
-    remarks = [Remark(_of_the_poles(machine)), *of_bending(machine)]
+    remarks = [Remark(_of_the_poles(machine)), *of_bending(machine), *of_shared_iron(machine)]
     if machine.speed:
         remarks.append(Remark(default_control(machine).summary))
         remarks.append(Remark(separations(machine).sentence()))
@@ -80,6 +81,19 @@ def _of_the_poles(machine: Machine) -> str:
         f"unstable poles without control: {text}; effective mass and unstable pole of the isolated "
         f"axes: {bearings}; inertial coupling {100 * share:.0f} %"
     )
+
+
+def of_shared_iron(machine: Machine) -> Iterator[Remark]:
+    """Yield what filters neglect where the axes of a bearing share their iron."""
+    for at, bearing in enumerate(machine.bearings):
+        if bearing.magnet.both_axes:
+            axis = next(a.name for a in machine.axes if a.bearing is bearing)
+            force = computed_force_of_both(machine.isolated_axis(axis)).coupling
+            yield Remark(
+                f"{bearing.name}: filters neglect that its axes are coupled: a force changes "
+                f"by up to {engineering(force, 'N')} with the other axis",
+                ("bearing", at, "magnet", "both_axes"),
+            )
 
 
 def of_bending(machine: Machine) -> Iterator[Remark]:

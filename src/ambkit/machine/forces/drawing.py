@@ -22,6 +22,7 @@ from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.dynamic_stiffness import conducts, dynamics_of
 from ambkit.machine.magnetostatics.magnet_map import Box, MagnetMap
 from ambkit.machine.magnetostatics.tolerances import map_near, value_in
+from ambkit.machine.magnetostatics.two_axis_map import TwoAxisMap, two_axis_map
 
 
 class ComputedForce(PatchedForce):
@@ -83,14 +84,33 @@ def drawing_of(path: str, changes: Mapping[str, Any]) -> Drawing:
 def computed_force(machine: IsolatedAxis) -> Law:
     """Return the force of a drawing with the tolerances of a machine, by the law it prefers."""
     m = machine.magnet
-    drawing, own = load_drawing(m.force_map), dict(m.drawing)
-    other = drawing.replace(**own) if own else drawing  # in SI
-    changes = {key: value_in(other, key) for key in own} | {
-        "geometry.air_gap": m.air_gap, "winding.bias_current": m.bias_current,
-    }  # fmt: skip
+    drawing, changes = load_drawing(m.force_map), _changes(m)
     ends = machine.current_min, machine.current_max, machine.clearance
     scale = 1.0 if m.force_scale is None else m.force_scale
     return _force(drawing, m.type, m.magnet_constant, tuple(changes.items()), ends, scale)
+
+
+def computed_force_of_both(machine: IsolatedAxis) -> TwoAxisMap:
+    """Return the force of a drawing over both axes with the tolerances of a machine."""
+    m = machine.magnet
+    drawing = load_drawing(m.force_map)
+    if len(drawing.layout.directions) < 2:
+        raise AmbkitError(
+            f"{m.force_map}: both_axes: a {drawing.geometry.type} magnet has one axis"
+        )
+    ends = machine.current_min, machine.current_max, machine.clearance
+    box = _box(drawing, *ends)._replace(bias=m.bias_current)
+    result = two_axis_map(drawing.replace(**_changes(m)), box)
+    return result if m.force_scale is None else result.scaled(m.force_scale)
+
+
+def _changes(magnet: Any) -> dict[str, Any]:
+    """Return the values that a machine's drawing has otherwise than the file, in SI."""
+    drawing, own = load_drawing(magnet.force_map), dict(magnet.drawing)
+    other = drawing.replace(**own) if own else drawing
+    return {key: value_in(other, key) for key in own} | {
+        "geometry.air_gap": magnet.air_gap, "winding.bias_current": magnet.bias_current,
+    }  # fmt: skip
 
 
 @lru_cache(maxsize=16)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.machine.magnetostatics.two_axis_map import POINTS, TwoAxisMap
 from ambkit.result.report import Axis, Figure, Heatmap, Panel
@@ -35,9 +34,7 @@ def both_axes_rows(m: TwoAxisMap) -> list[Row]:
             Row("inductance_yx", "inductance, +y by current of x", float(slope[1]), "H"),
         ]  # fmt: skip
         rows += put(values, section=SECTION, of=of)
-    across = m.force_at(_corners(m))[0] - m.force_at(_corners(m) * _ALONG)[0]
-    change = float(np.abs(across).max())
-    rows += put([Row("coupling_force", "greatest change of a force by the other axis", change,
+    rows += put([Row("coupling_force", "greatest change of a force by the other axis", m.coupling,
                      "N")], section=("magnet",))  # fmt: skip
     error = Row(
         "both_axes_error", f"error of both axes, beside {POINTS} points fitted", m.error, "N"
@@ -46,11 +43,6 @@ def both_axes_rows(m: TwoAxisMap) -> list[Row]:
 
 
 _ALONG = np.array([1.0, 0.0, 1.0, 0.0])[:, None]
-
-
-def _corners(m: TwoAxisMap) -> Array:
-    """Return places (4, n) all over the box."""
-    return np.stack(np.meshgrid(*(r * np.linspace(-1, 1, 7) for r in m.ranges))).reshape(4, -1)
 
 
 def both_axes_figure(name: str, m: TwoAxisMap) -> Figure:

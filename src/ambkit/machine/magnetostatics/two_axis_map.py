@@ -9,7 +9,7 @@ polynomial of degree 10 has 155 terms.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -72,6 +72,20 @@ class TwoAxisMap:
         sums = [_products(w, degrees, [0] * 4) @ self.sums for w in (u, u[SWAPPED])]
         added, less = np.reshape(sums, (2, *at.shape[1:])), self.flux_at(at)
         return np.asarray(0.5 * np.concatenate([added + less, added - less]))
+
+    def scaled(self, factor: float) -> TwoAxisMap:
+        """Return the same for forces so many times as large."""
+        return replace(
+            self, coefficients=factor * self.coefficients, sums=factor * self.sums,
+            error=factor * self.error,
+        )  # fmt: skip
+
+    @cached_property
+    def coupling(self) -> float:
+        """Greatest change of a force by the other axis [N]."""
+        box = np.stack(np.meshgrid(*(r * np.linspace(-1, 1, 7) for r in self.ranges)))
+        single = box * np.array([1.0, 0.0, 1.0, 0.0]).reshape(4, 1, 1, 1, 1)
+        return float(np.abs(self.force_at(box)[0] - self.force_at(single)[0]).max())
 
     def stiffness_at(self, place: ArrayLike) -> tuple[Array, Array]:
         """Return k_i [N/A] and k_s [N/m] (2, 2, ...): force by current and by displacement."""
