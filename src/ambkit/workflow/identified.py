@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from ambkit.identification.maximum_likelihood.baselines import FROM_THE_PAST, er
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
+from ambkit.identification.maximum_likelihood.structure import Structure
 from ambkit.identification.maximum_likelihood.validation import Validation, validate
 from ambkit.identification.noise import Noise, StandstillNoise
 from ambkit.judge.adequacy import judge_adequacy, sentences
@@ -61,6 +62,7 @@ class Identified(Result):
     #: (Noise or str) Noise at rest by signal, or why it cannot be seen; empty without such a
     #: record.
     rest: StandstillNoise
+    structure: Structure = field(default_factory=Structure)  #: Whether the model lacks one.
     forces: ForceMap | None = None  #: Force at the nodes of a grid, if asked for.
     inputs: Inputs | None = None  #: What the controller reads of the log.
     source: str = ""  #: Names of the records' files.
@@ -70,9 +72,8 @@ class Identified(Result):
         others = all_of_type(Record, records=list(records))
         check_disjoint(others, self.records)
         others = records_of(self.likelihood.model, others)
-        return replace(
-            self, validation=validations(self.likelihood, self.records, others), on_others=True
-        )
+        checks = validations(self.likelihood, self.records, others, suspect=self.structure.suspect)
+        return replace(self, validation=checks, on_others=True)
 
     @cached_property
     def filter(self) -> Estimator:
@@ -162,7 +163,9 @@ class Identified(Result):
     @property
     def finding(self) -> str:
         on = "" if self.on_others else " Not validated on other records."
-        return f"{self.likelihood.finding}{on}"
+        suspect = self.structure.suspect
+        wrong = f" The structure of its model is suspect: {suspect}." if suspect else ""
+        return f"{self.likelihood.finding}{wrong}{on}"
 
     @cached_property
     def rows(self) -> list[Row]:
@@ -179,7 +182,7 @@ class Identified(Result):
                     Row("standard_deviation", "noise, rms", noise.standard_deviation, noise.unit),
                     Row("colour", "colour", noise.colour),
                 ], section=("rest",), of=name)  # fmt: skip
-        result += self._at_operating_points()
+        result += [*self.structure.rows(), *self._at_operating_points()]
         for check in self.validation:
             k = check.farthest
             result += put([
@@ -222,13 +225,15 @@ class Identified(Result):
             ("k_i",): Section("k_i at operating points, by the identified law"),
             ("k_s",): Section("k_s at operating points, by the identified law"),
             ("rest",): Section("At rest", across=True),
+            ("structure",): Section("Structure of the model"),
             ("fits",): Section("Validation"),
         }
 
     @property
     def notes(self) -> list[str]:
         where = "" if self.on_others else ", the identification record"
-        notes = [*self.likelihood.notes, *(f"{sentence}." for sentence in self.of_the_zeros)]
+        notes = [*self.structure.notes, *self.likelihood.notes]
+        notes += [f"{sentence}." for sentence in self.of_the_zeros]
         problems = {name: why for name, why in self.rest.items() if isinstance(why, str)}
         notes += [f"{name} at rest: {why}" for name, why in problems.items()]
         notes += [f"{check.name}{where}: {check.verdict}" for check in self.validation]
@@ -306,13 +311,14 @@ def check_disjoint(others: Sequence[Record], records: Sequence[Record]) -> None:
 
 def validations(
     result: MaximumLikelihood, fitted_to: Sequence[Record], records: Sequence[Record],
-    names: Sequence[str] | None = None,
+    names: Sequence[str] | None = None, suspect: str = "",
 ) -> list[Validation]:  # fmt: skip
     """Validate what was found on each of some records."""
     names = names or [f"record {number}" for number in range(1, len(records) + 1)]
     model, checks = result.model, []
     for name, record in zip(names, records, strict=True):
         check = validate(model, record, start=result.start, settling=result.settling, name=name)
+        check = replace(check, suspect=suspect)
         if not isinstance(model, AxisModel):
             settling = round(result.settling / record.sampling_time)
             past = errors_from_the_past(model, fitted_to, record, settling)

@@ -53,7 +53,7 @@ class AxisModel(LoopModel):
             synchronous=("unbalance",) if machine.turns else (),
         )
 
-    def _run(
+    def run(
         self, record: Record, kalman: Estimator | None = None
     ) -> tuple[dict[str, Any], Array, Estimator]:
         kalman, own = kalman or self.kalman(), self.reading

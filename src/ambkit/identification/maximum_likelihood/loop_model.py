@@ -167,7 +167,7 @@ class LoopModel:
 
     def innovations(self, record: Record, kalman: Estimator | None = None) -> Innovations:
         """Run the filter along a record."""
-        out, _, _ = self._run(record, kalman)
+        out, _, _ = self.run(record, kalman)
         return self._at_samples(out["innovation"], out["variance"], out["status"])
 
     def _at_samples(self, innovation: Array, variance: Array, status: Any) -> Innovations:
@@ -176,14 +176,14 @@ class LoopModel:
 
     def states(self, record: Record) -> dict[str, Array]:
         """Return the filtered states along a record by their names, (n,) each, SI."""
-        out, _, kalman = self._run(record)
+        out, _, kalman = self.run(record)
         means = out["mean"][:: self.substeps]
         return {state.name: means[:, k] for k, state in enumerate(kalman.states)}
 
     def predict(self, record: Record, ahead: int) -> Array:
         """Predict the measurement some samples after each one, with the control signals since."""
         # returns (n - ahead,)
-        out, u, kalman = self._run(record)
+        out, u, kalman = self.run(record)
         steps = ahead * self.substeps
         fine = kalman.core.forecast(np.ascontiguousarray(out["mean"]), u, steps)[:, self.reading]
         n = len(record) - ahead
@@ -193,7 +193,7 @@ class LoopModel:
     def predict_with(self, record: Record, ahead: int, controls: Array, past: int) -> Array:
         """Predict the measurement some samples after each one, with controls of one's own."""
         # controls (m, past + f) [V]; returns (m,) [m]
-        out, _, kalman = self._run(record)
+        out, _, kalman = self.run(record)
         count, every, steps = len(controls), self.substeps, ahead * self.substeps
         first = (past - 1) * every
         acting = self._delayed_control(controls.ravel()).reshape(count, -1)[
@@ -234,28 +234,28 @@ class LoopModel:
         seen = lfilter([1 - keep], [1.0, -keep], last - last[0])
         return np.asarray(-0.5 * part * (1 - part) * h * h * stiffness * b.sensor.gain * seen)
 
-    def _run(
+    def run(
         self, record: Record, kalman: Estimator | None = None
     ) -> tuple[dict[str, Any], Array, Estimator]:
         """Run the filter with its finer steps; between two samples no measurement comes."""
         h = self.isolated.sampling_time / self.substeps
         kalman = kalman or self.kalman()
-        y, u = self._signals(record)
-        kalman.reset(*self._start(kalman, y, record["u"][:1]))
+        y, u = self.acting_signals(record)
+        kalman.reset(*self.begin(kalman, y, record["u"][:1]))
         missing = ~np.isfinite(record["u"])
         if not missing.any():
             return kalman.core.run(y, u), u, kalman
         unknown = delayed(np.repeat(missing, self.substeps).astype(float), self.delay / h) > 0
         return run_with_gaps(kalman, self.isolated, y, u, unknown, record["u"], h), u, kalman
 
-    def _signals(self, record: Record) -> tuple[Array, Array]:
+    def acting_signals(self, record: Record) -> tuple[Array, Array]:
         """Return what the filter measures at its steps [m], and the control that acts [V]."""
         u = self._delayed_control(record["u"])
         y = np.full(u.size, np.nan)
         y[:: self.substeps] = record["y"] - self.position_offset - self.offset_error(record["u"])
         return y, u
 
-    def _start(self, kalman: Estimator, y: Array, u: Array) -> tuple[Array, list[float]]:
+    def begin(self, kalman: Estimator, y: Array, u: Array) -> tuple[Array, list[float]]:
         """Return mean and standard deviations of a filter at rest at its first measurement [m]."""
         # A current that is a state of it starts where the record has it, with twice the variance of
         # later, as only what follows tells of it. Were it unknown, the first measurements would
@@ -372,10 +372,10 @@ def innovations(filters: Sequence[Filter], record: Record) -> list[Innovations]:
 
 def _side_by_side(filters: Sequence[Filter], record: Record) -> Iterator[Innovations]:
     """Yield the innovations of filters with one measurement and the same states."""
-    signals = [model._signals(record) for model, _ in filters]
+    signals = [model.acting_signals(record) for model, _ in filters]
     y, u = (np.array(rows) for rows in zip(*signals, strict=True))
     starts = [
-        model._start(kalman, seen, record["u"][:1])
+        model.begin(kalman, seen, record["u"][:1])
         for (model, kalman), seen in zip(filters, y, strict=True)
     ]
     mean, std = (np.array(rows) for rows in zip(*starts, strict=True))

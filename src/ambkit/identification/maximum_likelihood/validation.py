@@ -55,6 +55,7 @@ class Validation:
     #: RMS errors [m] of what predicts from the past alone, see `errors_from_the_past`; empty of a
     #: short record, and of an axis among others.
     from_the_past: Mapping[str, Mapping[int, float]] = field(default_factory=dict)
+    suspect: str = ""  #: What the model's structure lacks, by the records of its identification.
 
     @property
     def farthest(self) -> int:
@@ -65,9 +66,10 @@ class Validation:
     def good(self) -> bool:
         """Whether the model passes all checks on this record."""
         # It predicts better than the last measurement and than a filter without a magnet, its
-        # noise is what it expects, hardly anything of what it leaves could be predicted, and the
-        # start was not more likely. That residuals fail a test of whiteness does not count by
-        # itself: in a long record the test finds what is of no importance.
+        # noise is what it expects, hardly anything of what it leaves could be predicted, the start
+        # was not more likely, and no test of its structure fails. That residuals fail a test of
+        # whiteness does not count by itself: in a long record the test finds what is of no
+        # importance.
         k = self.farthest
         return (
             self.fit[k] > self.held[k]
@@ -76,6 +78,7 @@ class Validation:
             and is_explained(self.left)
             and not self.gain < 0
             and not self.better
+            and not self.suspect
         )
 
     @property
@@ -89,6 +92,7 @@ class Validation:
         """What the figures say against the model, in sentences."""
         k, more = self.farthest, "larger" if self.nis > 1 else "smaller"
         objections = {
+            f"The structure of the model is suspect: {self.suspect}.": bool(self.suspect),
             "The model predicts no better than the last measurement held.":
                 self.fit[k] <= self.held[k],
             "A filter without a magnet predicts better.":

@@ -1,0 +1,332 @@
+"""Whether an identified model lacks a structure: tests of alternatives, and a verdict.
+
+Process noise explains what a plant does otherwise than its model: NIS stays at 1. But the
+innovations then depend on what the model lacks. Each alternative is a model with one parameter
+more, zero so far. Its score statistic (Rao 1948) needs no search: it is twice the gain of log
+likelihood to second order, when all other parameters adapt.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ambkit.base.arrays import Array
+from ambkit.base.units import engineering
+from ambkit.data.reading.faults import without_spikes
+from ambkit.data.record import Record
+from ambkit.estimate.batch import run_many
+from ambkit.identification.maximum_likelihood.alternatives import (
+    KINDS,
+    Alternative,
+    Kind,
+    Motion,
+    alternatives,
+    change,
+    jump,
+)
+from ambkit.identification.maximum_likelihood.likelihood import Data, between_blocks
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import OFFSETS, Parameter, named, usual
+from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
+from ambkit.identification.maximum_likelihood.search import maximise
+from ambkit.machine.magnets import own_time
+from ambkit.result.row import Row, put
+
+FAR_OFFSET = 0.5  #: Of the clearance, from which on an offset of the position is implausible.
+FAR_CURRENT = 4.0  #: The same of the current, in standard deviations of what is known of it.
+FAR_LAG = 2.0  #: Times the lag of a described sensor, by which it is hardly longer.
+LIKELY = 4.0  #: Twice a loss of log likelihood that leaves a model about as likely.
+MOST = 4  #: Structures that are named.
+SMALL = 1e-4  #: Of the bias current and of the sensor's noise: what a response is divided from.
+JUMPS = ("load jump", "sensor jump")
+SETTLED = 20.0  #: The plant's time constants after which a jump is no news.
+LONGEST = 100_000  #: Samples of a record that are tested, its first ones.
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A structure that the records have and the model lacks."""
+
+    kind: Kind
+    where: str
+    size: float  #: In the unit of the kind.
+    error: float  #: Its standard error.
+    statistic: float  #: Twice the gain of log likelihood.
+    limit: float  #: That chance exceeds rarely.
+
+    @property
+    def text(self) -> str:
+        """What is so, and what to do, in a sentence."""
+        [size] = [row.shown(row.value, 2) for row in self.rows() if row.key == "size"]
+        sentence = self.kind.statement.format(size=size, where=self.where)
+        return f"{sentence}: {self.kind.advice}." if self.kind.advice else f"{sentence}."
+
+    def rows(self) -> list[Row]:
+        """Return the figures as rows."""
+        return [
+            Row("size", "size", self.size, self.kind.unit, 2, error=self.error),
+            Row("statistic", "score statistic", self.statistic, digits=2),
+            Row("limit", "limit of chance", self.limit, digits=2),
+        ]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What the tests of a model's structure say."""
+
+    departures: Sequence[Departure] = field(default=())
+    remarks: Sequence[str] = field(default=())  #: Implausible values, in sentences.
+
+    @property
+    def suspect(self) -> str:
+        """Names of what is wrong; empty where nothing is."""
+        names = [item.kind.name for item in self.departures if not item.kind.innocent]
+        return ", ".join([*names, *(["implausible offsets"] if self.remarks else [])])
+
+    @property
+    def notes(self) -> list[str]:
+        """The departures, in sentences."""
+        return [*(item.text for item in self.departures), *self.remarks]
+
+    def rows(self) -> list[Row]:
+        """Return the verdict and the figures behind it as rows."""
+        rows = [Row("verdict", "verdict", self.suspect or "no departure", of="structure")]
+        for item in self.departures:
+            rows += put(item.rows(), of=item.kind.name)
+        return put(rows, section=("structure",))
+
+
+@dataclass(frozen=True, eq=False)
+class _Tests:
+    """Normalised residuals of n samples, and how they change with p parameters and c structures."""
+
+    r: Array  #: (n,)
+    by_parameters: Array  #: (p, n)
+    scores: Array  #: (p, n)
+    information: Array  #: (p, p) And the pull (p,) of what is known beforehand.
+    pull: Array
+    kinds: list[Alternative]
+    by_structures: Array  #: (c, n)
+    limits: Array  #: (c,)
+
+
+def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
+    """Test the structure of an identified model on its records."""
+    start, model, parameters = result.start, result.model, result.parameters
+    settling = result.settling
+    records, _ = without_spikes([_first(r) for r in records if np.isfinite(r["u"]).all()])
+    if not records:
+        return Structure()
+    data = Data(records, settling)
+    remarks = list(_implausible(model))
+    if remarks:
+        # Offsets that run away imitate a wrong force law, and hide which.
+        rest = [p for p in parameters if p.name not in OFFSETS]
+        model = maximise(data, start, rest).model
+        lags = []
+    else:
+        lags = [*_wrong_lag(data, start, model, parameters)]
+    return Structure(lags + _select(_tests(model, records, settling), model), remarks)
+
+
+def _implausible(model: LoopModel) -> Iterator[str]:
+    """Yield what no offset of a log can be, in sentences."""
+    b = model.isolated
+    if abs(model.position_offset) > FAR_OFFSET * b.clearance:
+        offset, room = (engineering(v, "m", 2) for v in (model.position_offset, b.clearance))
+        yield (
+            f"The position offset of {offset} is implausible at a clearance of {room}: the force "
+            "law is not that of the machine, or the zero of y is elsewhere."
+        )
+    value, std = model.known.get("current_offset", (model.current_offset, math.inf))
+    if abs(model.current_offset - value) > FAR_CURRENT * std:
+        offset, bias = (
+            engineering(v, "A", 2) for v in (model.current_offset, b.magnet.bias_current)
+        )
+        yield (
+            f"The current offset of {offset} is implausible at a bias current of {bias}: the force "
+            "law is not that of the machine, or u has another zero or gain."
+        )
+
+
+def _wrong_lag(
+    data: Data, start: LoopModel, model: LoopModel, parameters: Sequence[Parameter]
+) -> Iterator[Departure]:
+    """Yield a lag of the current that was taken for one of the sensor."""
+    # In the loop both are alike, but for the disturbance force: it acts after the one and before
+    # the other.
+    identified, described = (one.isolated.sensor.lag for one in (model, start))
+    longer = identified - described
+    names = {p.name for p in parameters}
+    slow = longer > max(FAR_LAG * described, start.isolated.sampling_time)
+    if not slow or "sensor_lag" not in names or model.current_lag > 0:
+        return
+    swapped = [p for p in parameters if p.name != "sensor_lag"] + named(["current_lag"])
+    other = maximise(data, model.replace(sensor__lag=described, current_lag=longer), swapped)
+    gain = 2 * (other.value - data.log_likelihood(model))
+    if gain > -LIKELY:
+        where = engineering(other.model.current_lag, "s", 2)
+        yield Departure(KINDS["lag"], where, 1.0, 0.0, gain, -LIKELY)
+
+
+def _first(record: Record) -> Record:
+    """Return the first samples of a record."""
+    if len(record) <= LONGEST:
+        return record
+    signals = {name: record[name][:LONGEST] for name in record}
+    return replace(record, t=record.t[:LONGEST], signals=signals)
+
+
+def _tests(model: LoopModel, records: Sequence[Record], settling: float) -> _Tests:
+    """Run the filter with each alternative along all records."""
+    parameters = named(usual(model))
+    likelihood = Data(records, settling).likelihood(model, parameters)
+    e, S, by_e, by_S, used = likelihood.slopes(np.zeros(len(parameters)), rough=True)
+    r = e / np.sqrt(S)
+    pull, known = likelihood.priors(model)
+    own = own_time(model.isolated) / model.isolated.sampling_time
+    everything: list[tuple[list[Alternative], Array]] = []
+    edges = np.cumsum([0, *(len(record) for record in records)])
+    for record, first, last in zip(records, edges[:-1], edges[1:], strict=True):
+        here = used[first:last]
+        motion = Motion.of(model, record)
+        at = np.count_nonzero(used[:first])
+        scale = 1 / np.sqrt(S[at : at + np.count_nonzero(here)])
+        mine = r[at : at + scale.size]
+        places = np.flatnonzero(here)
+        if not places.size:
+            continue
+        half = places.size // 2
+        middle = [jump(motion, kind, int(places[half])) for kind in JUMPS]
+        of_middle = _responses(motion, record, middle)[:, here] * scale
+        kinds = list(alternatives(motion))
+        for kind, response in zip(JUMPS, of_middle, strict=True):
+            shape = response[half : half + round(SETTLED * own)]
+            sample = int(places[_likeliest(mine, shape)])
+            kinds.append(jump(motion, kind, sample))
+            if kind == "load jump":
+                kinds.append(change(motion, sample))
+        by_e_here = _responses(motion, record, kinds)[:, here] * scale
+        everything.append((kinds, by_e_here))
+    return _Tests(
+        r=r,
+        by_parameters=by_e,
+        scores=-(by_e * r + 0.5 * by_S * (1 - r**2)),
+        information=by_e @ by_e.T + 0.5 * by_S @ by_S.T + known + 1e-9 * np.eye(len(pull)),
+        pull=pull,
+        **_of_all_records(everything),
+    )
+
+
+def _of_all_records(parts: Sequence[tuple[list[Alternative], Array]]) -> dict[str, Any]:
+    """Join records: what lasts is common to all, what begins somewhere is of one."""
+    n = sum(responses.shape[1] for _, responses in parts)
+    kinds, rows, at = [], [], 0
+    common: dict[tuple[str, str, float], int] = {}
+    for of_record, responses in parts:
+        columns = slice(at, at + responses.shape[1])
+        at = columns.stop
+        for one, response in zip(of_record, responses, strict=True):
+            lasts = one.kind.name not in (*JUMPS, "change")
+            key = one.kind.name, one.where, one.scale
+            if lasts and key in common:
+                rows[common[key]][columns] = response
+                continue
+            common[key] = len(rows)
+            kinds.append(one)
+            rows.append(np.zeros(n))
+            rows[-1][columns] = response
+    # Bayes's criterion for a choice among many (Chen and Chen 2008): each sample is a place where
+    # something may jump.
+    places = [n if one.kind.name in JUMPS else len(kinds) for one in kinds]
+    limits = math.log(n) + 2 * np.log(places)
+    return {"kinds": kinds, "by_structures": np.array(rows), "limits": limits}
+
+
+def _likeliest(r: Array, shape: Array) -> int:
+    """Return the sample at which a response of some shape is likeliest to begin."""
+    from scipy.signal import fftconvolve
+
+    length, n = shape.size, r.size
+    correlation = fftconvolve(r, shape[::-1])[length - 1 :][:n]
+    energy = np.cumsum(shape**2)[np.minimum(n - np.arange(n), length) - 1]
+    enough = energy > 0.5 * energy[0]
+    gain = np.where(enough, correlation**2 / np.where(enough, energy, 1.0), 0.0)
+    return int(np.argmax(gain))
+
+
+def _responses(motion: Motion, record: Record, kinds: Sequence[Alternative]) -> Array:
+    """Derivatives (c, samples) of the innovations [m] by the factors of alternatives."""
+    model, b = motion.model, motion.model.isolated
+    y, u = model.acting_signals(record)
+    kalman = model.kalman()
+    start = model.begin(kalman, y, record["u"][:1])
+    k_i = float(np.median(np.abs(motion.k_i)))
+    of_force = SMALL * b.magnet.bias_current * k_i
+    of_reading = SMALL * math.sqrt(b.sensor.noise_variance)
+    rows, steps = [(y, u)], []
+    for one in kinds:
+        size = float(np.sqrt(np.mean(one.signal**2))) or 1.0
+        if one.kind.of_reading:
+            steps.append(of_reading / size)
+            rows.append((y - steps[-1] * one.signal, u))
+        else:
+            steps.append(of_force / size)
+            rows.append((y, u + steps[-1] * one.signal / (motion.k_i * b.amplifier.gain)))
+    ys, us = (np.array(side) for side in zip(*rows, strict=True))
+    out = run_many(kalman, ys, us, start=start, history=("innovation",))
+    assert out.innovation is not None
+    e = out.innovation[:, :: model.substeps]
+    return np.nan_to_num((e[1:] - e[0]) / np.array(steps)[:, None])
+
+
+def _select(tests: _Tests, model: LoopModel) -> list[Departure]:
+    """Take the clearest structure in, one after the other, while it is beyond chance."""
+    result: list[Departure] = []
+    taken: list[int] = []
+    names = np.array([one.kind.name for one in tests.kinds])
+    d, r = tests.by_structures, tests.r
+    p = len(tests.information)
+    signs = np.array([one.kind.sign for one in tests.kinds])
+    while len(result) < MOST:
+        J = np.vstack([tests.by_parameters, d[taken]])
+        information = J @ J.T
+        information[:p, :p] = tests.information
+        score = np.concatenate([tests.scores.sum(axis=1) + tests.pull, -d[taken] @ r])
+        along = np.linalg.solve(information, J @ d.T).T  # (c, p + taken)
+        left = d - along @ J
+        own = np.sum(d * d, axis=1)
+        precision = np.maximum(own - np.sum(along * (d @ J.T), axis=1), 1e-9 * own + 1e-300)
+        slope = -d @ r - along @ score
+        size = slope / precision
+        plain = slope**2 / precision
+        possible = (plain > tests.limits) & (signs * size >= 0)
+        possible &= ~np.isin(names, names[taken])
+        best, statistic = -1, 0.0
+        for c in np.flatnonzero(possible):
+            # Colour of the noise makes scores alike within a block (White 1982).
+            scores = left[c] * (r + left[c] * size[c])
+            robust = float(between_blocks(scores[None], model.isolated)[0, 0])
+            value = float(slope[c] ** 2 / max(precision[c], robust))
+            if value > max(statistic, tests.limits[c]):
+                best, statistic = int(c), value
+        if best < 0:
+            return result
+        taken.append(best)
+        one = tests.kinds[best]
+        result.append(
+            Departure(
+                one.kind,
+                one.where,
+                float(size[best] * one.scale),
+                float(abs(size[best] * one.scale)) / math.sqrt(statistic),
+                statistic,
+                float(tests.limits[best]),
+            )
+        )
+    return result

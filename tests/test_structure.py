@@ -1,0 +1,78 @@
+"""Structures that a description lacks are named by `identify`, and right plants are not accused."""
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.identification.maximum_likelihood.alternatives import play
+from ambkit.identification.maximum_likelihood.parameters import usual
+from ambkit.identification.maximum_likelihood.structure import examine
+from ambkit.workflow.identify import starting_model
+from benchmarks.wrong_plants import MACHINES, NAMES, WRONG, Case, simulate
+
+QUICK = ("hysteresis", "payload", "")
+
+
+def examined(case, record):
+    start = starting_model(MACHINES[case.machine][0])
+    found = maximum_likelihood(record, start, usual(start), improve_start=False, profile=False)
+    return examine(found, [record])
+
+
+def test_wrong_structures_are_named_and_a_right_one_is_not():
+    cases = [Case("slow axis", wrong, 7) for wrong in QUICK]
+    for case, record in zip(cases, simulate(cases, 4000), strict=True):
+        structure = examined(case, record)
+        [verdict] = [row.value for row in structure.rows() if row.key == "verdict"]
+        if not case.wrong:
+            assert structure.suspect == ""
+            assert verdict == "no departure"
+            continue
+        assert set(structure.suspect.split(", ")) & NAMES.get(case.wrong, {case.wrong}), case
+        assert verdict == structure.suspect
+        if case.wrong == "hysteresis":  # 0.12 A wide: 4 % of the bias current to either side
+            [size] = [d.size for d in structure.departures if d.kind.name == "hysteresis"]
+            assert 0.06 < size < 0.24
+            assert any("hysteresis over the current" in text for text in structure.notes)
+        if case.wrong == "payload":
+            [change] = [d for d in structure.departures if d.kind.name == "change"]
+            assert change.where.startswith(("0.5", "500 ms", "499", "501"))
+            assert -0.45 < change.size < -0.12  # 1/1.25 - 1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("machine", ["coarse spindle", "ball"])
+def test_most_of_nine_wrong_plants_are_named(machine):
+    cases = [Case(machine, wrong, 8) for wrong in WRONG] + [Case(machine, "", s) for s in (9, 10)]
+    missed, accused = [], []
+    for case, record in zip(cases, simulate(cases), strict=True):
+        names = set(examined(case, record).suspect.split(", ")) - {""}
+        if not case.wrong and names:
+            accused.append((case, names))
+        elif case.wrong and not names & NAMES.get(case.wrong, {case.wrong}):
+            missed.append((case, names))
+    assert not accused
+    assert len(missed) <= 1, missed
+
+
+def test_a_wrong_structure_is_not_called_good():
+    case = Case("slow axis", "friction", 7)
+    [record] = simulate([case], 2800)
+    found = ambkit.identify(
+        MACHINES[case.machine][0], record,
+        free=["magnet_constant", "delay", "measurement_noise", "disturbance_noise"],
+    )  # fmt: skip
+    assert "friction" in found.structure.suspect
+    assert not found.validation[0].good
+    assert "The structure of the model is suspect: " in found.validation[0].verdict
+    assert f"suspect: {found.structure.suspect}." in found.finding
+    assert found.to_dict()["structure"]["structure"]["verdict"] == found.structure.suspect
+    assert any(note.startswith("Friction of ") for note in found.notes)
+    half = record.between(0.3, 0.7)
+    assert not found.validate(half).validation[0].good
+
+
+def test_play_follows_its_input_by_half_its_width():
+    i = np.array([0.0, 1.0, 0.9, 0.2, -1.0, -0.5])
+    np.testing.assert_allclose(play(i, 0.3), [0.0, 0.7, 0.7, 0.5, -0.7, -0.7])
