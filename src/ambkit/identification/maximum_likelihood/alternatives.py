@@ -122,7 +122,7 @@ class Motion:
     @cached_property
     def t(self) -> Array:
         """Time from the start of the record [s]."""
-        return self.step * np.arange(self.i.size)
+        return np.asarray(self.step * np.arange(self.i.size), np.float64)
 
     @cached_property
     def force(self) -> Array:
@@ -141,7 +141,7 @@ class Motion:
 
     def after(self, sample: int) -> Array:
         """Return 1 from a sample on, and 0 before."""
-        return np.where(np.arange(self.i.size) >= sample * self.model.substeps, 1.0, 0.0)
+        return np.asarray(np.arange(self.i.size) >= sample * self.model.substeps, np.float64)
 
 
 def alternatives(motion: Motion) -> Iterator[Alternative]:

@@ -62,7 +62,7 @@ class Departure:
     @property
     def text(self) -> str:
         """What is so, and what to do, in a sentence."""
-        [size] = [row.shown(row.value, 2) for row in self.rows() if row.key == "size"]
+        size = Row("size", "size", self.size, self.kind.unit, 2).text()
         sentence = self.kind.statement.format(size=size, where=self.where)
         return f"{sentence}: {self.kind.advice}." if self.kind.advice else f"{sentence}."
 
@@ -226,7 +226,9 @@ def _tests(model: LoopModel, records: Sequence[Record], settling: float) -> _Tes
 def _of_all_records(parts: Sequence[tuple[list[Alternative], Array]]) -> dict[str, Any]:
     """Join records: what lasts is common to all, what begins somewhere is of one."""
     n = sum(responses.shape[1] for _, responses in parts)
-    kinds, rows, at = [], [], 0
+    kinds: list[Alternative] = []
+    rows: list[Array] = []
+    at = 0
     common: dict[tuple[str, str, float], int] = {}
     for of_record, responses in parts:
         columns = slice(at, at + responses.shape[1])
@@ -282,7 +284,7 @@ def _responses(motion: Motion, record: Record, kinds: Sequence[Alternative]) -> 
     out = run_many(kalman, ys, us, start=start, history=("innovation",))
     assert out.innovation is not None
     e = out.innovation[:, :: model.substeps]
-    return np.nan_to_num((e[1:] - e[0]) / np.array(steps)[:, None])
+    return np.asarray(np.nan_to_num((e[1:] - e[0]) / np.array(steps)[:, None]))
 
 
 def _select(tests: _Tests, model: LoopModel) -> list[Departure]:
