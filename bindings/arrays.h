@@ -113,6 +113,7 @@ inline Out<amb_real> shown(const std::vector<amb_real> &a, std::initializer_list
 void bind_magnets(nb::module_ &m);
 void bind_model(nb::module_ &m);
 void bind_sampling(nb::module_ &m);
+void bind_settings(nb::module_ &m);
 void bind_estimator(nb::module_ &m);
 void bind_estimators(nb::module_ &m);
 void bind_scale_estimators(nb::module_ &m);

@@ -8,6 +8,7 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
   bind_magnets(m);
   bind_model(m);
   bind_sampling(m);
+  bind_settings(m);
   bind_estimator(m);
   bind_estimators(m);
   bind_scale_estimators(m);

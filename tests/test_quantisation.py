@@ -9,11 +9,12 @@ import pytest
 from quick import quick
 
 import ambkit
-from ambkit.estimate.noise_model import FilterNoise, dwell
+from ambkit.estimate.machine_model import View
+from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.observer import unstable_pole
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
-from ambkit.machine.magnets import own_time
+from ambkit.machine.magnets import core_module, own_time
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Scenario
@@ -289,7 +290,9 @@ def soonest(bearing, ratio):
     It must have stayed, with 1 - 1/dwell a sample, and the noise must have left it in its step.
     """
     within = math.sqrt(-math.expm1(-(ratio**2) / (2 * math.pi)))
-    return math.log(IMPROBABLE) / math.log(within * (1 - 1 / dwell([bearing])))
+    return math.log(IMPROBABLE) / math.log(
+        within * (1 - 1 / core_module().dwell(View(bearing).seen_by))
+    )
 
 
 @pytest.mark.parametrize(("ratio", "own_times"), [(2.5, 1.5), (3, 2.5), (4, 6)])

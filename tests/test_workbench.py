@@ -50,7 +50,7 @@ def test_the_page_is_small_and_loads_nothing():
 
 
 def data_of(page):
-    return json.loads(re.search(r'id="machines">(.*?)</script>', page, re.DOTALL)[1])
+    return json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])["machines"]
 
 
 def test_the_command_writes_the_page_with_the_machine(tmp_path, capsys):
@@ -75,9 +75,10 @@ def test_a_hostile_name_stays_a_name(tmp_path):
 
 
 def test_machines_that_the_page_cannot_show_are_refused():
-    for name in ("ufu_flexible", "compressor"):
-        with pytest.raises(ambkit.AmbkitError, match=f"{name} (bends|is another|has more)"):
-            _ = workbench_of(Machine.preset(name)).text
+    machine = Machine.preset("tum_mlps_flexible")
+    machine = machine.replace(delay=2 * machine.sampling_time)
+    with pytest.raises(ambkit.AmbkitError, match=r"up to 48 states of the filter; tum_\w+ has 52"):
+        _ = workbench_of(machine).text
 
 
 def test_what_the_page_leaves_out_is_named():
@@ -92,18 +93,24 @@ CASES = [
     ("zittau_axial", "linear closed-law extended unscented", "measurement", "levitated", 1.0, None),
     ("zittau_axial", "extended ud linear low-pass", "estimate", "levitated", 0.8, 500.0),
     ("zittau_axial", "adaptive closed-law", "estimate", "levitated", 1.0, None),
-    ("late", "closed-law extended linear", "measurement", "levitated", 1.2, None),
+    ("late", "closed-law extended linear ud", "measurement", "levitated", 1.2, None),
+    ("two late", "extended linear unscented low-pass", "estimate", "levitated", 1.0, None),
+    ("slow", "linear adaptive extended", "estimate", "levitated", 1.0, None),
     ("inteco_ml", "extended closed-law linear", "estimate", "levitated", 1.0, None),
     ("zittau_axial", "linear unscented", "estimate", "released", 1.0, None),
     ("inteco_ml", "extended", "measurement", "landed", 1.0, None),
 ]
 
 
+LATE = {
+    "late": {"delay": "0.13 ms", "amplifier__bandwidth": "900 Hz", "sensor__quantisation": "2 um"},
+    "two late": {"delay": "0.2 ms"},
+    "slow": {"amplifier__bandwidth": "700 Hz"},
+}  #: Machines whose filters have states for currents.
+
+
 def machine_called(name):
-    if name != "late":
-        return Machine.preset(name)
-    changes = {"delay": "0.13 ms", "amplifier__bandwidth": "900 Hz", "sensor__quantisation": "2 um"}
-    return Machine.preset("zittau_axial").replace(**changes)
+    return Machine.preset("zittau_axial" if name in LATE else name).replace(**LATE.get(name, {}))
 
 
 def flown(case):
@@ -117,10 +124,7 @@ def flown(case):
         seed=7, start=start,
     ).fed(feedback)  # fmt: skip
     scenario = settled_scenario(machine, scenario)
-    known = machine.replace(
-        magnet__magnet_constant=wrong * machine.magnet.magnet_constant,
-        amplifier__bandwidth=None, delay=None,
-    )  # fmt: skip
+    known = machine.replace(magnet__magnet_constant=wrong * machine.magnet.magnet_constant)
     noise = FilterNoise(disturbance=Q)
     filters = [KINDS[k].make(known, learned_magnet(k, machine), noise=noise) for k in kinds]
     run = simulate_run(machine, scenario, estimator=filters[0])
@@ -187,12 +191,14 @@ def test_numbers_in_chromium_are_those_of_python(page, case):
 
 @pytest.mark.long
 @pytest.mark.parametrize("case", [*CASES[:2], CASES[3]], ids=lambda case: f"{case[0]}-{case[2]}")
-def test_numbers_in_node_are_those_of_python(case):
+def test_numbers_in_node_are_those_of_python(case, tmp_path):
     node = shutil.which("node")
     if not node:
         pytest.skip("no node here")
     record, estimates, asked = flown(case)
-    command = [node, str(Path(__file__).with_name("workbench_node.js")), str(PAGE)]
+    workbench_of(None).save(tmp_path / "bench.html")
+    script = Path(__file__).with_name("workbench_node.js")
+    command = [node, str(script), str(tmp_path / "bench.html")]
     run = subprocess.run(command, input=json.dumps(asked).encode(), capture_output=True, check=True)
     same_numbers(record, estimates, json.loads(run.stdout))
 
@@ -230,7 +236,7 @@ def test_a_rotor_flies_as_in_python(page, tmp_path, name, settings):
     run = loop.run()
     record = run.record
     if kf is not None and not settings.get("runUp"):  # its model has one speed
-        mean = np.reshape(told["mean"], (n, len(kf.states)))
+        mean = np.reshape(told["mean"][0], (n, len(kf.states)))
         assert np.array_equal(mean, run.estimate.mean)
     for k, position in enumerate(machine.positions):
         assert np.array_equal(told["q"][k], record[f"q_{position}"]), position
@@ -244,7 +250,7 @@ def test_a_rotor_flies_as_in_python(page, tmp_path, name, settings):
 @pytest.mark.long
 def test_each_knob_of_a_rotor_moves_it(page):
     for key, of in page.evaluate("ask.rotorKnobs()").items():
-        moves = key not in ("assumed", "Q")
+        moves = key not in ("assumed", "R", "Q")
         assert of == {"moves": moves, "filter": True, "finite": True, "back": True}, key
     page.evaluate("workbench.rotor.turn('speed', 3000)")
     link, before = page.url, page.evaluate("JSON.stringify(workbench.rotor.settings)")
@@ -272,7 +278,7 @@ def test_the_sensitivity_is_that_of_the_margins(page, name):
         P = system.response(f)[:, 0, 0]
         (peak,) = _peaks(machine, [gains], f, P, E.response(f) if fed else None)
         assert told["stable"]
-        assert told["peak"] == pytest.approx(float(peak), rel=1e-6)
+        assert told["peak"] == pytest.approx(float(peak), rel=2e-4)  # of the plant's substeps
 
 
 # ---- Knobs, links, files ----
@@ -437,6 +443,31 @@ def test_a_notebook_shows_it_in_a_frame(page):
     frame = page.frame_locator("iframe")
     frame.locator("html[data-ready]").wait_for(state="attached")
     frame.locator("#status:has-text('samples')").wait_for()
+
+
+WIDGET = """([script, page]) => import("data:text/javascript," + encodeURIComponent(script)).then(({default: of}) => {
+  const set = { page, settings: "" }, asked = {};
+  window.model = {
+    get: (name) => set[name], set: (name, value) => (set[name] = value), save_changes() {},
+    on: (name, heard) => (asked[name] = heard), off() {}, change: (value) => ((set.settings = value), asked["change:settings"]()),
+  };
+  of.render({ model: window.model, el: document.body });
+})"""  #: What anywidget does with the script of a widget.
+
+
+@pytest.mark.long
+def test_a_widget_tells_python_what_is_set_and_takes_it(page):
+    pytest.importorskip("anywidget")
+    widget = workbench_of(None).widget
+    assert "application/vnd.jupyter.widget-view+json" in workbench_of(None)._repr_mimebundle_()[0]
+    page.goto("about:blank")
+    page.evaluate(WIDGET, [widget._esm, widget.page])
+    page.wait_for_function("model.get('settings') === 'machine=zittau_axial'")
+    page.evaluate("model.change('machine=zittau_axial&p.kp=2500')")
+    frame = page.frame_locator("iframe")
+    frame.locator("button.value:has-text('2500 A/m')").wait_for()
+    frame.locator("#knob-kd").fill("700")
+    page.wait_for_function("model.get('settings').includes('p.kp=2500&p.kd=')")
 
 
 @pytest.mark.long

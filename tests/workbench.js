@@ -3,6 +3,7 @@ window.ask = {
   fly(asked) {
     const { core } = workbench, series = (name) => Float64Array.from(asked[name]);
     const flight = core.fly(asked.p, series("r"), series("f_d"), asked.kinds);
+    if (!flight) return null;
     const plain = (of, names) => Object.fromEntries(names.map((name) => [name, Array.from(of[name])]));
     const filters = flight.filters.map((of) => plain(of, ["mean", "innovation", "variance"]));
     return { ...plain(flight, ["x", "v", "y", "u", "iu"]), filters };
@@ -14,7 +15,7 @@ window.ask = {
     rotor.compute();
     const { flight } = rotor, plain = (of) => Array.from(of);
     return {
-      mean: flight.filter ? plain(flight.filter.mean) : [], q: flight.q.map(plain), y: plain(flight.y), u: plain(flight.u), iu: plain(flight.iu),
+      mean: flight.filters.map((one) => plain(one.mean)), q: flight.q.map(plain), y: plain(flight.y), u: plain(flight.u), iu: plain(flight.iu),
       ...Object.fromEntries(Object.entries(rotor.signals()).map(([name, of]) => [name, plain(of)])),
     };
   },
@@ -25,7 +26,7 @@ window.ask = {
     const sum = (series) => series.reduce((all, value, k) => all + value * ((k % 7) + 1), 0);
     const look = () => {
       rotor.compute();
-      return { flight: sum(rotor.flight.q[0]), filter: sum(rotor.flight.filter.mean) };
+      return { flight: sum(rotor.flight.q[0]), filter: sum(rotor.flight.filters[1].mean) };
     };
     for (const key of rotor.knobs) {
       const before = look(), slider = document.getElementById(`knob-${key}`);
@@ -43,6 +44,7 @@ window.ask = {
     const machine = workbench.machines.find((one) => one.name === name), p = { ...machine.axis, feedback };
     workbench.choose({ ...workbench.settings, machine, p, reference: 0, kinds: [0] });
     workbench.compute();
+    workbench.panels.later.finish();
     return workbench.panels.margin;
   },
 

@@ -16,11 +16,9 @@ mkdir -p build
 
 flags=(--target=wasm32-wasi -std=c99 -O2 -ffp-contract=off -fno-math-errno -ffunction-sections -fdata-sections
   -fno-ident -DNDEBUG -DAMB_DOUBLE -DAMB_NO_VECTORS -I../core/include -I../core -I../sim)
-link=(-mexec-model=reactor -Wl,--gc-sections -Wl,--strip-all -Wl,-z,stack-size=262144)
+link=(-mexec-model=reactor -Wl,--gc-sections -Wl,--strip-all -Wl,-z,stack-size=524288)
 
-"$CLANG" "${flags[@]}" "${link[@]}" -Icore core/*.c ../core/src/*.c ../sim/*.c \
-  -o build/axis.wasm
-"$CLANG" "${flags[@]}" -DAMB_MODEL_LOOPS "${link[@]}" core/rotor/*.c ../core/src/*.c ../sim/*.c -o build/rotor.wasm
+"$CLANG" "${flags[@]}" -DAMB_MODEL_LOOPS "${link[@]}" core/*.c ../core/src/*.c ../sim/*.c -o build/core.wasm
 node_modules/.bin/tsc --noEmit -p .
 node bundle.mjs "$("$CLANG" --version | head -1)" >build/page.html
 if [ "${1:-}" = --check ]; then

@@ -47,8 +47,7 @@ async function bundle(clang) {
     C: hash([...files("../core", [".c", ".h"]), ...files("../sim", [".c", ".h"])]),
     TOOLS: tools,
     STYLE: style.outputFiles[0].text,
-    WASM: readFileSync("build/axis.wasm").toString("base64"),
-    ROTOR: readFileSync("build/rotor.wasm").toString("base64"),
+    WASM: readFileSync("build/core.wasm").toString("base64"),
     SCRIPT: script.outputFiles[0].text.replaceAll("</script", "<\\/script"),
   };
   const page = readFileSync("src/page.html", "utf8");

@@ -92,6 +92,22 @@ def rebuild(fields: dict[str, Any], parameters: list[float]) -> Any:
     The numbers of a model, by the fields of amb_rebuild, from its parameters.
     """
 
+def intensity(view: dict[str, Any]) -> list[float]:
+    """Process noise intensities of the axes of a machine [N^2/s]."""
+
+def dwell(view: dict[str, Any]) -> float:
+    """
+    Samples for which a rotor at rest stays within a very coarse step of its sensor.
+    """
+
+def caps_and_start(view: dict[str, Any], role: list[int], index: list[int], size: list[float], vague: list[float], var_y: list[float]) -> tuple[list[float], list[float]]:
+    """
+    The most that each state can be, and its standard deviation at the start.
+    """
+
+def corners(view: dict[str, Any], var_y: float, intensity: float) -> list[float]:
+    """Corner frequencies of the low-pass filters of an axis [rad/s]."""
+
 OK: int = 0
 
 MISSING: int = 1

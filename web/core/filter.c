@@ -1,99 +1,88 @@
-/* From the machine's parameters to a filter: what Python's `View` and kinds state, in C. */
-#include "axis.h"
+/* Filters of a machine: settings that nobody states follow from it (sim/settings.h). */
+#include "ambkit/phi.h"
+#include "bench.h"
 #include <math.h>
 
-#define GRAVITY 9.81
-#define SHORTEST_LAG 1e-3 /* of a sample */
+static bench_expert known_expert;
 
-amb_law wb_law(const wb_parameters *p, double scale)
+EXPORT(expert) double *expert(void)
 {
-  const amb_law law = {.k = p->k * scale,
-                       .s0 = p->s0,
-                       .i0 = p->i0,
-                       .two_sided = p->two_sided > 0,
-                       .ampere = p->i0 / 1.5,
-                       .metre = p->s0 / 2};
-  return law;
+  return (double *)&known_expert;
 }
 
-double wb_bias_force(const amb_law *law)
+/* What the filter knows of its magnets. */
+static void set_magnets(const bench_known *known, int kind, bench_filter *filter)
 {
-  return law->two_sided ? 0.0 : -amb_law_magnet.force(law, -law->i0, 0.0);
+  const bench_expert *e = &known_expert;
+  for (int f = 0; f < known->view.axes; f++) {
+    filter->law[f] = known->law[f];
+    filter->constant[f] = amb_law_magnet.tangent(&known->law[f], 0.0, 0.0);
+    filter->magnet[f] = (amb_magnet){&amb_law_magnet, &filter->law[f]};
+    if ((kind == LINEAR) || (kind == LOW_PASS))
+      filter->magnet[f] = (amb_magnet){&amb_constant_magnet, &filter->constant[f]};
+  }
+  if (kind != ADAPTIVE)
+    return;
+  filter->fuzzy = (amb_fuzzy){.rules = (int)e->rules,
+                              .normalised = e->normalised > 0,
+                              .per_ampere = e->per_ampere,
+                              .per_metre = e->per_metre,
+                              .iu_min = e->iu_min,
+                              .iu_max = e->iu_max,
+                              .x_min = e->x_min,
+                              .x_max = e->x_max,
+                              .centre_iu = e->centre_iu,
+                              .centre_x = e->centre_x,
+                              .k_i = {e->sharpness_k_i, e->weight_k_i},
+                              .k_s = {e->sharpness_k_s, e->weight_k_s}};
+  filter->magnet[0] = (amb_magnet){&amb_fuzzy_magnet, &filter->fuzzy};
+  if ((known->scale < 1) || (known->scale > 1)) {
+    filter->scaled = (amb_scaled){filter->magnet[0], known->scale};
+    filter->magnet[0] = (amb_magnet){&amb_scaled_magnet, &filter->scaled};
+  }
 }
 
-double wb_weight(const wb_parameters *p)
+/* The view with what the filter takes the magnets for. */
+static amb_view view_of(const bench_known *known, const bench_filter *filter, double k_i[],
+                        double stiffness[])
 {
-  return p->gravity * p->mass * GRAVITY;
+  amb_view view = known->view;
+  for (int f = 0; f < view.axes; f++) {
+    k_i[f] = filter->constant[f].k_i;
+    stiffness[f] = amb_magnitude(filter->constant[f].k_s);
+  }
+  view.k_i = k_i;
+  view.stiffness = stiffness;
+  return view;
 }
 
-double wb_least_current(const wb_parameters *p)
+static amb_kalman_settings settings_of(const bench_known *known, const bench_model *model,
+                                       const amb_view *view)
 {
-  const bool both = (p->two_sided > 0) || (p->current_limit < p->i0);
-  return both ? -p->current_limit : -p->i0;
-}
-
-double wb_lag(const wb_parameters *p)
-{
-  return p->lag > SHORTEST_LAG * p->T ? p->lag : SHORTEST_LAG * p->T;
-}
-
-/* sqrt(m/|k_s|), in which the rotor falls away by e [s]. */
-static double own_time(const wb_parameters *p, const amb_law *law)
-{
-  return sqrt(p->mass / amb_magnitude(amb_law_magnet.tangent(law, 0.0, 0.0).k_s));
-}
-
-/* Growth of the load's variance by default [N^2/s]. */
-static double usual_intensity(const wb_parameters *p, const amb_law *law)
-{
-  const double T = p->T, R = (p->step * p->step / 12 + p->noise_y) / (p->K_sen * p->K_sen);
-  const double by_lag = 1 / (1.5 * T + p->lag), by_pole = 8 / own_time(p, law);
-  const double w = by_lag > by_pole ? by_lag : by_pole;
-  const double by_current = amb_law_magnet.tangent(law, 0.0, 0.0).k_i * p->gain;
-  const double inertia = p->mass * (w * w), twice = 2 * (p->mass * GRAVITY);
-  const double known = R * (inertia * inertia) + p->noise_u * (by_current * by_current);
-  const double most = twice * twice, least = known * T * (w * w);
-  return most < least ? most : least;
-}
-
-static amb_kalman_settings settings_of(const wb_parameters *p, const amb_law *law)
-{
-  const double T = p->T, travel = p->clearance, fast = 0.1 * (travel / T);
-  const double Q = p->filter_Q > 0 ? p->filter_Q : usual_intensity(p, law);
-  const double half = 0.5 * own_time(p, law) / T;
-  const amb_kalman_settings set = {
-      .T = T,
-      .K_sen = {p->K_sen},
-      .lag = {wb_lag(p)},
-      .travel = {travel},
-      .k_ui = {p->gain},
-      .iu_min = {wb_least_current(p)},
-      .iu_max = {p->current_limit},
-      .f_0 = {wb_weight(p) + wb_bias_force(law)},
-      .x_max = {travel},
-      .cap = {travel, fast, p->mass * (0.1 * (travel / T) / T),
-              3 * amb_magnitude(p->K_sen) * travel},
-      .var_u = {p->noise_u},
-      .var_d = {T * Q},
-      .var_y = {p->filter_R > 0 ? p->filter_R : p->noise_y},
-      .rise = {0},
-      .step = {p->step},
-      .dwell = half > 10.0 ? half : 10.0,
-      .gate = 8.0,
-      .frozen_limit = 10U,
-      .outlier_limit = 3U,
-  };
+  const int p = view->axes, m = view->sensors;
+  amb_kalman_settings set = {.T = view->T,
+                             .dwell = amb_view_dwell(view),
+                             .gate = model->gate,
+                             .frozen_limit = model->frozen_limit,
+                             .outlier_limit = model->outlier_limit};
+  amb_copy(m, view->K_sen, set.K_sen);
+  amb_copy(m, known->lag, set.lag);
+  amb_copy(m, view->range, set.travel);
+  amb_copy(m, view->step, set.step);
+  amb_copy(p, view->k_ui, set.k_ui);
+  amb_copy(p, known->iu_min, set.iu_min);
+  amb_copy(p, known->iu_max, set.iu_max);
+  amb_copy(p, known->f_0, set.f_0);
+  amb_copy(p, view->clearance, set.x_max);
+  amb_copy(p, view->var_u, set.var_u);
+  for (int f = 0; f < p; f++)
+    set.var_d[f] =
+        view->T * (known->Q > 0 ? known->Q : known->Q_times * amb_view_intensity(view, f));
+  amb_copy(model->model.noises - model->loads, model->others, set.var_d + model->loads);
+  for (int r = 0; r < m; r++)
+    set.var_y[r] = known->R > 0 ? known->R : known->R_times * view->var_y[r];
+  amb_view_caps(view, &model->states, set.cap);
   return set;
-}
-
-static void start_std(const wb_parameters *p, const wb_filter *filter, amb_real std[AMB_STATES])
-{
-  const double sigma = 3 * sqrt(filter->kf.set.var_y[0] + p->step * p->step / 12);
-  const double spread = sqrt(sigma * sigma) / amb_magnitude(p->K_sen);
-  std[0] = sqrt(spread * spread);
-  std[1] = 0.1 * p->clearance / own_time(p, &filter->law);
-  std[2] = p->mass * GRAVITY;
-  std[3] = sigma;
 }
 
 /* 1 - exp(-w T) of a corner w. */
@@ -102,87 +91,47 @@ static double share(double w, double T)
   return w * T * amb_phi1(w * T);
 }
 
-/* The corners of the low-pass filters, of least error by noise that passes and by lag. */
-static void low_pass(const wb_parameters *p, wb_filter *filter)
+static void set_low_pass(const amb_view *view, bench_filter *filter)
 {
-  const double pole = 1 / own_time(p, &filter->law), m = p->mass;
-  const double R = p->step * p->step / 12 + filter->kf.set.var_y[0];
-  const double noise = R / (p->K_sen * p->K_sen) * p->T, Q = filter->kf.set.var_d[0] / p->T;
-  const double motion = 0.1 * p->clearance * pole, turn = motion * pole;
-  const double x = pow(4 * (motion * motion) / noise, 1.0 / 3);
-  const double v = pow(2 * (turn * turn) / (noise * x), 1.0 / 4);
-  const double f = pow(Q / (2 * (m * m) * noise * x * (v * v)), 1.0 / 3);
-  filter->low_pass.m = m;
-  filter->low_pass.position = share(x, p->T);
-  filter->low_pass.velocity = share(v, p->T);
-  filter->low_pass.force = share(f > 0 ? f : pole, p->T);
+  double corner[3];
+  const amb_kalman_settings *set = &filter->kf.set;
+  amb_view_corners(view, set->var_y[0], set->var_d[0] / view->T, corner);
+  filter->low_pass.m = view->mass[0];
+  filter->low_pass.position = share(corner[0], view->T);
+  filter->low_pass.velocity = share(corner[1], view->T);
+  filter->low_pass.force = share(corner[2], view->T);
 }
 
-wb_expert *wb_known_expert(void)
+bool bench_filter_of(const bench_known *known, const bench_model *model, int kind,
+                     bench_filter *filter)
 {
-  static wb_expert expert;
-  return &expert;
-}
-
-__attribute__((export_name("expert"))) double *expert(void)
-{
-  return (double *)wb_known_expert();
-}
-
-/* What the filter knows of its magnet. */
-static void set_magnet(const wb_parameters *p, int kind, wb_filter *filter)
-{
-  const wb_expert *e = wb_known_expert();
-  if ((kind == WB_LINEAR) || (kind == WB_LOW_PASS))
-    filter->magnet = (amb_magnet){&amb_constant_magnet, &filter->constant};
-  else if (kind == WB_ADAPTIVE) {
-    filter->fuzzy = (amb_fuzzy){.rules = (int)e->rules,
-                                .normalised = e->normalised > 0,
-                                .per_ampere = e->per_ampere,
-                                .per_metre = e->per_metre,
-                                .iu_min = e->iu_min,
-                                .iu_max = e->iu_max,
-                                .x_min = e->x_min,
-                                .x_max = e->x_max,
-                                .centre_iu = e->centre_iu,
-                                .centre_x = e->centre_x,
-                                .k_i = {e->sharpness_k_i, e->weight_k_i},
-                                .k_s = {e->sharpness_k_s, e->weight_k_s}};
-    filter->magnet = (amb_magnet){&amb_fuzzy_magnet, &filter->fuzzy};
-    if ((p->filter_k < 1) || (p->filter_k > 1)) {
-      filter->scaled = (amb_scaled){filter->magnet, p->filter_k};
-      filter->magnet = (amb_magnet){&amb_scaled_magnet, &filter->scaled};
-    }
-  } else
-    filter->magnet = (amb_magnet){&amb_law_magnet, &filter->law};
-}
-
-bool wb_make_filter(const wb_parameters *p, int kind, wb_filter *filter)
-{
-  static const amb_estimator_methods *const methods[WB_KINDS] = {
+  static const amb_estimator_methods *const methods[KINDS] = {
       &amb_kalman_methods, &amb_kalman_methods,   &amb_extended_methods, &amb_unscented_methods,
       &amb_ud_methods,     &amb_low_pass_methods, &amb_kalman_methods};
-  amb_model model;
-  if ((kind == WB_ADAPTIVE) && !(wb_known_expert()->rules > 0))
+  double k_i[WIDE], stiffness[WIDE];
+  if ((model == NULL) || (kind < 0) || (kind >= KINDS) ||
+      ((kind == ADAPTIVE) && !(known_expert.rules > 0)))
     return false;
-  filter->law = wb_law(p, p->filter_k);
-  const amb_kalman_settings set = settings_of(p, &filter->law);
-  amb_model_init(&model, p->T, p->mass, p->K_sen, wb_lag(p));
-  filter->constant = amb_law_magnet.tangent(&filter->law, 0.0, 0.0);
-  set_magnet(p, kind, filter);
-  filter->unscented.reach = sqrt(3.0);
-  filter->unscented.curvature = 2.0;
-  filter->estimator.methods = methods[kind];
-  filter->estimator.kf = &filter->kf;
-  filter->estimator.magnet = &filter->magnet;
-  filter->estimator.own = NULL;
-  if (kind == WB_UNSCENTED)
+  set_magnets(known, kind, filter);
+  const amb_view view = view_of(known, filter, k_i, stiffness);
+  const amb_kalman_settings set = settings_of(known, model, &view);
+  filter->unscented = (amb_unscented){.reach = sqrt(3.0), .curvature = 2.0};
+  filter->estimator =
+      (amb_estimator){.methods = methods[kind], .kf = &filter->kf, .magnet = filter->magnet};
+  if (kind == UNSCENTED)
     filter->estimator.own = &filter->unscented;
-  if (kind == WB_LOW_PASS)
+  if (kind == LOW_PASS)
     filter->estimator.own = &filter->low_pass;
-  if (amb_kalman_init(&filter->kf, &model, &set) != AMB_OK)
+  if (amb_kalman_init(&filter->kf, &model->model, &set) != AMB_OK)
     return false;
-  low_pass(p, filter);
-  start_std(p, filter, filter->std);
+  if (kind == LOW_PASS)
+    set_low_pass(&view, filter);
+  filter->states = model->states;
+  amb_view_start(&view, &model->states, filter->kf.set.var_y, filter->std);
   return true;
+}
+
+void bench_start(bench_filter *filter, const amb_real mean[])
+{
+  (void)filter->estimator.methods->reset(&filter->estimator, &filter->state, mean, filter->std);
 }

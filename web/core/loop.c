@@ -4,6 +4,40 @@
 #define PI 3.141592653589793
 #define EPSILON_4 8.881784197001252e-16 /* 4 2^-52 */
 
+#define SHORTEST_LAG 1e-3 /* of a sample */
+
+amb_law axis_law(const axis_parameters *p, double scale)
+{
+  const amb_law law = {.k = p->k * scale,
+                       .s0 = p->s0,
+                       .i0 = p->i0,
+                       .two_sided = p->two_sided > 0,
+                       .ampere = p->i0 / 1.5,
+                       .metre = p->s0 / 2};
+  return law;
+}
+
+double axis_bias_force(const amb_law *law)
+{
+  return law->two_sided ? 0.0 : -amb_law_magnet.force(law, -law->i0, 0.0);
+}
+
+double axis_weight(const axis_parameters *p)
+{
+  return p->gravity * p->mass * AMB_GRAVITY;
+}
+
+double axis_least_current(const axis_parameters *p)
+{
+  const bool both = (p->two_sided > 0) || (p->current_limit < p->i0);
+  return both ? -p->current_limit : -p->i0;
+}
+
+double axis_lag(const axis_parameters *p)
+{
+  return p->lag > SHORTEST_LAG * p->T ? p->lag : SHORTEST_LAG * p->T;
+}
+
 /* Brent's root (1973, ch. 4), step by step as Python's `base.root` has it: the same bits. */
 static double secant(double a, double f_a, double x, double f, double c, double f_c)
 {
@@ -18,9 +52,9 @@ static bool opposite(double a, double b)
   return (a < 0 && b > 0) || (a > 0 && b < 0);
 }
 
-typedef double (*wb_function)(const void *self, double at);
+typedef double (*function)(const void *self, double at);
 
-static double root(wb_function f, const void *self, double low, double high, double tolerance)
+static double root(function f, const void *self, double low, double high, double tolerance)
 {
   double last = low, at = high, f_last = f(self, low), f_at = f(self, high);
   double far = low, f_far = f_last, before = 0, step = 0;
@@ -57,28 +91,34 @@ static double root(wb_function f, const void *self, double low, double high, dou
   return at;
 }
 
-typedef struct wb_held {
-  amb_law law;
-  double x, balance;
-} wb_held;
+typedef struct held {
+  const amb_magnet *magnet;
+  double x, force;
+} held;
 
 static double net_force(const void *self, double iu)
 {
-  const wb_held *held = (const wb_held *)self;
-  return amb_law_magnet.force(&held->law, iu, held->x) + held->balance;
+  const held *of = (const held *)self;
+  return of->magnet->methods->force(of->magnet->self, iu, of->x) + of->force;
 }
 
-double wb_levitation_current(const wb_parameters *p, double x, double load)
+double bench_levitation(const amb_magnet *magnet, double x, double force, double low, double high)
 {
-  wb_held held = {.law = wb_law(p, 1.0), .x = x};
-  held.balance = wb_weight(p) + wb_bias_force(&held.law) + load;
-  const double low = wb_least_current(p), high = p->current_limit;
-  const double at_low = net_force(&held, low), at_high = net_force(&held, high);
+  const held of = {magnet, x, force};
+  const double at_low = net_force(&of, low), at_high = net_force(&of, high);
   if (at_low * at_high > 0)
     return amb_magnitude(at_low) < amb_magnitude(at_high) ? low : high;
   if (!((at_low < 0) || (at_low > 0)))
     return low;
-  return root(net_force, &held, low, high, 1e-15 * (high - low));
+  return root(net_force, &of, low, high, 1e-15 * (high - low));
+}
+
+double axis_levitation_current(const axis_parameters *p, double x, double load)
+{
+  const amb_law law = axis_law(p, 1.0);
+  const amb_magnet magnet = {&amb_law_magnet, &law};
+  return bench_levitation(&magnet, x, axis_weight(p) + axis_bias_force(&law) + load,
+                          axis_least_current(p), p->current_limit);
 }
 
 static int at_least(int least, double needed)
@@ -88,20 +128,20 @@ static int at_least(int least, double needed)
   return up > least ? up : least;
 }
 
-static void make_plant(const wb_parameters *p, wb_loop *l)
+static void make_plant(const axis_parameters *p, axis_loop *l)
 {
   amb_plant *plant = &l->loop.plant;
   const bool lags = p->bandwidth > 0;
   const double slow = 2 * PI * p->bandwidth, fast = 1 / (1e-3 * p->T);
-  l->law = wb_law(p, 1.0);
+  l->law = axis_law(p, 1.0);
   l->magnet = (amb_magnet){&amb_law_magnet, &l->law};
   l->coil = (amb_magnet){NULL, NULL};
-  l->bias = wb_bias_force(&l->law);
+  l->bias = axis_bias_force(&l->law);
   l->mass = p->mass;
-  l->g = wb_weight(p) + l->bias;
+  l->g = axis_weight(p) + l->bias;
   l->farthest = p->clearance;
   l->gain = p->K_sen;
-  l->lag = wb_lag(p);
+  l->lag = axis_lag(p);
   l->amplifier = (amb_parts){.corner = lags ? (slow < fast ? slow : fast) : 0};
   l->sensor = (amb_parts){.step = p->step};
   l->stop = (amb_parts){0};
@@ -139,9 +179,9 @@ static void make_plant(const wb_parameters *p, wb_loop *l)
   plant->substeps = at_least(at_least(4, 2 * p->T / l->lag), 4 * p->T * l->amplifier.corner);
 }
 
-void wb_make_loop(const wb_parameters *p, const wb_filter *fed, wb_loop *l)
+void axis_make_loop(const axis_parameters *p, const bench_filter *fed, axis_loop *l)
 {
-  const double low = wb_least_current(p), high = p->current_limit;
+  const double low = axis_least_current(p), high = p->current_limit;
   make_plant(p, l);
   l->k_ui = p->gain;
   l->iu_min = low;
@@ -161,11 +201,11 @@ void wb_make_loop(const wb_parameters *p, const wb_filter *fed, wb_loop *l)
                           .weight = p->weight,
                           .iu_min = low,
                           .iu_max = high};
-  const bool levitated = p->start < WB_LANDED;
+  const bool levitated = p->start < LANDED;
   const double at = levitated ? p->reference : 0.0;
-  const double down = wb_weight(p) > 0 ? p->clearance : -p->clearance;
-  const double held = levitated ? wb_levitation_current(p, at, p->load) : 0.0;
-  l->place = levitated ? at : (p->start > WB_LANDED ? 0.0 : down);
+  const double down = axis_weight(p) > 0 ? p->clearance : -p->clearance;
+  const double held = levitated ? axis_levitation_current(p, at, p->load) : 0.0;
+  l->place = levitated ? at : (p->start > LANDED ? 0.0 : down);
   l->held = amb_clamp(held, low, high);
   l->integral = held + (1 - p->weight) * p->kp * at;
 }

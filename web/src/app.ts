@@ -1,13 +1,13 @@
 // The page: what is set, what follows from it, and where it is shown.
 
-import { KINDS, type Core, type Flight, type Live, type Parameters } from "./core";
+import { ADAPTIVE, KINDS, type Core, type Flight, type Live, type Parameters } from "./core";
 import { FilterTable } from "./filters";
 import { Files } from "./files";
 import { Guide } from "./guide";
 import { fromSlider, KNOBS, slider } from "./knobs";
 import { Motion } from "./live";
 import { address, recall, remember } from "./memory";
-import { Panels } from "./panels";
+import { figures, Panels } from "./panels";
 import { fresh, fromHash, parameters, signals, STARTS, toHash, type Machine, type Settings } from "./state";
 import type { Columns } from "./record";
 import { RotorBench } from "./rotor_bench";
@@ -38,7 +38,14 @@ export class App {
     const theme = recall("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
     document.documentElement.classList.toggle("dark", theme === "dark");
     this.panels = new Panels(get("charts"));
-    this.table = new FilterTable(get("filters"), () => this.settings, () => this.changed(true));
+    this.table = new FilterTable(get("filters"), {
+      kinds: () => this.settings.kinds,
+      known: () => KINDS.map((_, kind) => kind).filter((kind) => kind !== ADAPTIVE || this.settings.machine.expert),
+      set: (kinds) => {
+        this.settings.kinds = kinds;
+        this.changed(true);
+      },
+    });
     this.motion = new Motion(live, document.querySelector<SVGSVGElement>("#picture")!, get<HTMLCanvasElement>("strip"), (now) => {
       this.panels.map.point(now.iu, now.x);
       this.readings(now);
@@ -53,6 +60,9 @@ export class App {
     this.restore(location.hash);
     window.addEventListener("hashchange", () => {
       if (location.hash !== `#${this.hash}`) this.restore(location.hash);
+    });
+    window.addEventListener("message", ({ source, data }: MessageEvent<{ workbench?: unknown } | null>) => {
+      if (source === parent && parent !== window && typeof data?.workbench === "string" && data.workbench !== this.hash) this.restore(data.workbench);
     });
     get("charts").addEventListener("redraw", () => this.compute());
   }
@@ -195,7 +205,7 @@ export class App {
     const flown = performance.now();
     if (!this.flight) return this.say("These settings are not possible: no filter can be made of them.", true);
     this.panels.show(this.core, this.settings, p, this.flight);
-    this.table.show(this.flight);
+    this.table.show(this.flight.filters.map((of) => figures(this.flight!, of)));
     this.took = performance.now() - from;
     this.guide?.watch();
     this.say(`${this.settings.kinds.length} filters over ${this.flight.n.toLocaleString("en")} samples in ${(flown - from).toFixed(0)} ms, with all charts in ${this.took.toFixed(0)} ms`);
@@ -206,14 +216,14 @@ export class App {
     const { core, settings } = this, n = of.y.length, p: Parameters = { ...this.parameters(), T: of.T };
     const filters = core.filter(p, of.y, of.u, settings.kinds);
     if (!filters) return this.say(`${name}: no filter can be made of these settings for it`, true);
-    const first = filters[0], state = (j: number) => Float64Array.from({ length: n }, (_, k) => first.mean[4 * k + j]);
+    const first = filters[0], state = (j: number) => Float64Array.from({ length: n }, (_, k) => first.mean[first.states * k + j]);
     const iu = of.u.map((value) => value * p.gain);
     this.flight = {
       n, T: of.T, r: new Float64Array(n), load: of.f_d ?? state(2), x: of.x ?? state(0), v: state(1), iu,
-      force: iu.map((current, k) => core.magnet(current, first.mean[4 * k]).force), y: of.y, u: of.u, atStop: new Uint8Array(n), filters,
+      force: iu.map((current, k) => core.magnet(current, first.mean[first.states * k]).force), y: of.y, u: of.u, atStop: new Uint8Array(n), filters,
     };
     this.panels.show(core, settings, p, this.flight);
-    this.table.show(this.flight);
+    this.table.show(this.flight.filters.map((of) => figures(this.flight!, of)));
     this.say(`${name}: ${n.toLocaleString("en")} samples${of.x ? "" : "; without truth, errors are against the first filter"}. Turn a knob to fly again.`);
   }
 

@@ -13,9 +13,12 @@ export interface Exports {
   magnet_at(current: number, x: number): number;
   levitation(x: number, load: number): number;
   assumed(): number;
-  linearised(parameters: number, kind: number, current: number, x: number): number;
-  rates(): number;
-  transition(time: number): number;
+  model_input(): number;
+  read_model(): void;
+  set_share(share: number): void;
+  frequencies(answered: number): number;
+  sensitivity(kind: number): number;
+  gains(points: number): void;
   live_set(kind: number, anew: number): number;
   live_step(n: number, reference: number, push: number, off: number): number;
 }
@@ -40,8 +43,9 @@ export const MOST_SAMPLES = 20001;
 
 export interface History {
   kind: number;
-  mean: Float64Array; // n x 4
-  cov: Float64Array; // n x 10
+  states: number; // x, v, f_d, x_m, and what is late: current, past controls
+  mean: Float64Array; // n x states
+  cov: Float64Array; // n x triangle, of the first filter
   innovation: Float64Array;
   variance: Float64Array;
   k_i: Float64Array;
@@ -77,21 +81,30 @@ export interface Live {
   samples: number;
 }
 
+/** An instance of the C, with memory of its own. */
+export async function instance<T>(wasm: BufferSource): Promise<T> {
+  const nothing = new Proxy({}, { get: () => () => 0 });
+  const made = await WebAssembly.instantiate(wasm, { wasi_snapshot_preview1: nothing });
+  (made.instance.exports as { _initialize?(): void })._initialize?.();
+  return made.instance.exports as T;
+}
+
+/** Samples of dead time that filters know in the page, each without and with a bandwidth of the amplifier. */
+const MOST_PAST = 3;
+
 export class Core {
   readonly names: string[];
   private readonly memory: WebAssembly.Memory;
+  private model = -1;
 
-  private constructor(private readonly c: Exports) {
+  private constructor(private readonly c: Exports, private readonly models: number[][]) {
     this.memory = c.memory;
-    c._initialize?.();
     const bytes = new Uint8Array(this.memory.buffer, c.names());
     this.names = new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0))).trim().split(" ");
   }
 
-  static async of(wasm: BufferSource): Promise<Core> {
-    const nothing = new Proxy({}, { get: () => () => 0 });
-    const { instance } = await WebAssembly.instantiate(wasm, { wasi_snapshot_preview1: nothing });
-    return new Core(instance.exports as unknown as Exports);
+  static async of(wasm: BufferSource, models: number[][]): Promise<Core> {
+    return new Core(await instance<Exports>(wasm), models);
   }
 
   private reals(at: number, n: number): Float64Array {
@@ -101,6 +114,18 @@ export class Core {
   state(parameters: Parameters): void {
     const to = this.reals(this.c.parameters(), this.names.length);
     this.names.forEach((name, k) => (to[k] = parameters[name] ?? 0));
+    this.lag(parameters);
+  }
+
+  /** Filters know of dead time and bandwidth: their model has the states for it. */
+  private lag({ delay, T, bandwidth }: Parameters): void {
+    const samples = delay / T, past = Math.ceil(samples - 1e-9), model = 2 * Math.min(past, MOST_PAST) + (bandwidth > 0 ? 1 : 0);
+    if (model !== this.model) {
+      this.reals(this.c.model_input(), this.models[model].length).set(this.models[model]);
+      this.c.read_model();
+      this.model = model;
+    }
+    this.c.set_share(Math.min(samples - (past - 1), 1));
   }
 
   /** The rules of the machine's expert; without any there is no adaptive filter with one. */
@@ -116,12 +141,13 @@ export class Core {
     const at = (which: number) => this.reals(this.c.series(which), n);
     at(0).set(r);
     at(1).set(load);
-    if (!this.c.fly(kinds[0])) return null;
+    const states = this.c.fly(kinds[0]);
+    if (!states) return null;
     for (let j = 1; j < kinds.length; j++) if (!this.c.estimate(j, kinds[j])) return null;
     return {
       n, T: parameters.T, r: at(0), load: at(1), x: at(4), v: at(5), iu: at(7), force: at(8),
       y: at(9), u: at(10), atStop: new Uint8Array(this.memory.buffer, this.c.series(11), n),
-      filters: this.histories(kinds, n),
+      filters: this.histories(kinds, n, states),
     };
   }
 
@@ -130,15 +156,15 @@ export class Core {
     this.state({ ...parameters, samples: y.length });
     this.reals(this.c.series(9), y.length).set(y);
     this.reals(this.c.series(10), y.length).set(u);
-    for (let j = 0; j < kinds.length; j++) if (!this.c.estimate(j, kinds[j])) return null;
-    return this.histories(kinds, y.length);
+    const states = kinds.map((kind, j) => this.c.estimate(j, kind));
+    return states.every((n) => n > 0) ? this.histories(kinds, y.length, states[0]) : null;
   }
 
-  private histories(kinds: number[], n: number): History[] {
+  private histories(kinds: number[], n: number, states: number): History[] {
     return kinds.map((kind, j) => {
       const at = (which: number, width: number) => this.reals(this.c.history(j, which), n * width);
       return {
-        kind, mean: at(0, 4), cov: at(1, 10), innovation: at(2, 1), variance: at(3, 1),
+        kind, states, mean: at(0, states), cov: at(1, (states * (states + 1)) / 2), innovation: at(2, 1), variance: at(3, 1),
         k_i: at(4, 1), k_s: at(5, 1),
       };
     });
@@ -160,19 +186,17 @@ export class Core {
     return { R, Q };
   }
 
-  linearised(kind: number, iu: number, x: number): { A: number[]; B: number[]; K: number[]; k_i: number; k_s: number } | null {
-    const at = this.c.linearised(this.c.parameters(), kind, iu, x);
-    if (!at) return null;
-    const all = [...this.reals(at, 26)];
-    return { A: all.slice(0, 16), B: all.slice(16, 20), K: all.slice(20, 24), k_i: all[24], k_s: all[25] };
+  /** Give the loop that is stated a small pulse: whether it is stable; null: no filter can be made. */
+  sensitivity(kind: number): boolean | null {
+    const stable = this.c.sensitivity(kind);
+    return stable < 0 ? null : stable > 0;
   }
 
-  /** exp(A time) of a matrix of order 5. */
-  transition(A: number[][], time: number): number[][] {
-    this.reals(this.c.rates(), 25).set(A.flat());
-    this.c.transition(time);
-    const all = [...this.reals(this.c.rates(), 25)];
-    return A.map((_, i) => all.slice(5 * i, 5 * i + 5));
+  /** |S| by its answer, at frequencies f [Hz]. */
+  gains(f: number[]): number[] {
+    this.reals(this.c.frequencies(0), f.length).set(f);
+    this.c.gains(f.length);
+    return [...this.reals(this.c.frequencies(1), f.length)];
   }
 
   liveSet(kind: number, anew: boolean): boolean {

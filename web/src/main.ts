@@ -13,9 +13,9 @@ function bytes(base64: string): Uint8Array<ArrayBuffer> {
 
 async function start(): Promise<void> {
   const text = (id: string) => document.getElementById(id)!.textContent ?? "";
-  const [one, many] = [bytes(text("wasm")), bytes(text("wasm-rotor"))];
-  const rotors = [await RotorCore.of(many), await RotorCore.of(many)];
-  const app = new App(await Core.of(one), await Core.of(one), rotors[0], rotors[1], JSON.parse(text("machines")) as Machine[]);
+  const wasm = bytes(text("wasm")), data = JSON.parse(text("data")) as { machines: Machine[]; models: number[][] };
+  const core = async () => Core.of(wasm, data.models), rotor = async () => RotorCore.of(wasm);
+  const app = new App(await core(), await core(), await rotor(), await rotor(), data.machines);
   (window as unknown as { workbench: App }).workbench = app;
   document.documentElement.dataset.ready = "yes";
 }

@@ -23,4 +23,5 @@ export function address(hash: string): void {
   } catch {
     // a frame without an address
   }
+  if (parent !== window) parent.postMessage({ workbench: hash }, "*"); // a widget of a notebook keeps it
 }

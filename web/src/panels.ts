@@ -3,7 +3,7 @@
 import { aroundZero, Chart, colour, type Axes, type Band, type Line } from "./charts";
 import { KINDS, type Core, type Flight, type History } from "./core";
 import { StiffnessMap } from "./map";
-import { sensitivity, zone, ZONES, type Sensitivity } from "./margins";
+import { Later, sensitivity, zone, ZONES, type Sensitivity } from "./margins";
 import { spectrum } from "./spectrum";
 import type { Settings } from "./state";
 import { digits, shown } from "./units";
@@ -32,6 +32,7 @@ export function describe(of: Card): void {
   of.body.setAttribute("aria-label", `${of.head.querySelector("h2")!.textContent ?? ""}: ${of.say.textContent ?? ""}`);
 }
 
+export const NIS_FROM = 50; // figures are of all but the first of so many parts
 const NIS_LIMITS = [0.7, 1.4], NIS_FAIR = [0.5, 2.2];
 
 /** Errors of a filter against the truth, from a fiftieth of the flight on, and how consistent it is. */
@@ -43,12 +44,13 @@ export interface Figures {
 }
 
 export function figures(flight: Flight, of: History): Figures {
-  const from = Math.floor(flight.n / 50), sums = [0, 0, 0, 0];
+  const from = Math.floor(flight.n / NIS_FROM), sums = [0, 0, 0, 0];
   let taken = 0;
   for (let k = from; k < flight.n; k++) {
-    sums[0] += (of.mean[4 * k] - flight.x[k]) ** 2;
-    sums[1] += (of.mean[4 * k + 1] - flight.v[k]) ** 2;
-    sums[2] += (of.mean[4 * k + 2] - flight.load[k]) ** 2;
+    const at = of.states * k;
+    sums[0] += (of.mean[at] - flight.x[k]) ** 2;
+    sums[1] += (of.mean[at + 1] - flight.v[k]) ** 2;
+    sums[2] += (of.mean[at + 2] - flight.load[k]) ** 2;
     if (of.variance[k] > 0) {
       sums[3] += of.innovation[k] ** 2 / of.variance[k];
       taken++;
@@ -68,14 +70,14 @@ export function lamp(nis: number): { tone: string; text: string } {
 
 function column(of: History, j: number, n: number): Float64Array {
   const to = new Float64Array(n);
-  for (let k = 0; k < n; k++) to[k] = of.mean[4 * k + j];
+  for (let k = 0; k < n; k++) to[k] = of.mean[of.states * k + j];
   return to;
 }
 
-/** mean + share * standard deviation of state j, whose variance is entry `at` of the triangle. */
-function edge(of: History, j: number, at: number, n: number, share: number): Float64Array {
-  const to = new Float64Array(n);
-  for (let k = 0; k < n; k++) to[k] = of.mean[4 * k + j] + share * Math.sqrt(Math.max(0, of.cov[10 * k + at]));
+/** mean + share * standard deviation of state j. */
+function edge(of: History, j: number, n: number, share: number): Float64Array {
+  const to = new Float64Array(n), { states } = of, pairs = (states * (states + 1)) / 2, at = j * states - (j * (j - 1)) / 2;
+  for (let k = 0; k < n; k++) to[k] = of.mean[states * k + j] + share * Math.sqrt(Math.max(0, of.cov[pairs * k + at]));
   return to;
 }
 
@@ -83,7 +85,8 @@ export class Panels {
   readonly cards: Record<string, Card> = {};
   private readonly plots: Record<string, Chart> = {};
   readonly map: StiffnessMap;
-  margin: Sensitivity | null = null;
+  margin: Sensitivity | null = null; // with the filter in the loop
+  readonly later = new Later();
 
   constructor(parent: HTMLElement) {
     const make = (id: string, title: string, size = "", sync: string | null = "time") => {
@@ -143,7 +146,7 @@ export class Panels {
     const touched = flight.atStop.some((at) => at > 0);
     this.cards.response.say.textContent = touched ? "touches a stop" : `overshoot ${Number.isFinite(over) ? digits(100 * over, 2) : "–"} %, ends at ${shown(last, "m")}`;
     const first = filters[0], bands: Band[] = [{ upper: 1, lower: 2, colour: "f0" }];
-    this.plots.force.show(t, [edge(first, 2, 7, n, 2), edge(first, 2, 7, n, -2), ...estimates(2), flight.load],
+    this.plots.force.show(t, [edge(first, 2, n, 2), edge(first, 2, n, -2), ...estimates(2), flight.load],
       [{ label: "+2σ", colour: "f0", width: 0.5, faint: true }, { label: "−2σ", colour: "f0", width: 0.5, faint: true }, ...lines,
         { label: "truth", colour: "truth", width: 1.8, dash: [5, 3] }],
       bands, { unit: "f_d [N]", scale: 1, range: robust(flight) });
@@ -156,16 +159,7 @@ export class Panels {
   }
 
   private others(core: Core, s: Settings, parameters: Record<string, number>, flight: Flight, n: number): void {
-    const at = Math.min(Math.max(s.reference, -s.p.clearance), s.p.clearance);
-    this.margin = sensitivity(core, parameters, s.kinds[0], at, 0);
-    const of = this.margin;
-    if (of) {
-      this.plots.sensitivity.show(of.f, [of.S], [{ label: "|S|", colour: "truth", width: 1.8 }], [], {
-        unit: "|S|", scale: 1, x: { label: "f [Hz]", log: true }, yLog: true, draw: (u) => zones(u, of),
-      });
-      const name = zone(of);
-      this.cards.sensitivity.say.textContent = of.stable ? `peak ${digits(of.peak)} at ${shown(of.at, "Hz")}, zone ${name}` : "unstable";
-    }
+    this.margins(core, s, parameters);
     const of_x = spectrum(flight.x, flight.T), of_y = spectrum(flight.y, flight.T);
     this.plots.spectrum.show(of_x.f, [of_y.amplitude, of_x.amplitude],
       [{ label: "reading", colour: "sensor", width: 1 }, { label: "truth", colour: "truth", width: 1.5 }], [],
@@ -176,6 +170,40 @@ export class Panels {
     const k = core.magnet(flight.iu[n - 1], flight.x[n - 1]);
     this.cards.map.say.textContent = `k_i ${digits(k.k_i)} N/A, k_s ${digits(k.k_s * 1e-3)} N/mm`;
   }
+
+  /** The sensitivity of the loop; fed by a filter, with each of them in its place. */
+  private margins(core: Core, s: Settings, parameters: Record<string, number>): void {
+    const reference = Math.min(Math.max(s.reference, -s.p.clearance), s.p.clearance), p = { ...parameters, reference, load: 0, start: 0 };
+    const kinds = s.p.feedback > 0 ? s.kinds : s.kinds.slice(0, 1), all: [string, Sensitivity | null][] = [];
+    const work = kinds.map((kind) => () => all.push([s.p.feedback > 0 ? KINDS[kind].short : "fed by the sensor", sensitivity(core, p, kind)]));
+    this.later.start([...work, () => {
+      this.margin = all[0][1];
+      showSensitivity(this.plots.sensitivity, this.cards.sensitivity, all);
+    }]);
+  }
+}
+
+/** |S| of loops with their zones, the first of them as it flies. */
+export function showSensitivity(plot: Chart, card: Card, all: [string, Sensitivity | null][]): void {
+  const first = all[0][1], drawn = all.flatMap(([name, of], j) => (of ? [{ name, of, j }] : [])).reverse();
+  if (!first) return void (card.say.textContent = "no filter can be made of these settings");
+  plot.show(first.f, drawn.map(({ of }) => (of === first ? of.S : resampled(of, first.f))), drawn.map(({ name, j }): Line => ({ label: name, colour: all.length > 1 ? `f${j % 4}` : "truth", width: j ? 1.3 : 1.8 })), [], {
+    unit: "|S|", scale: 1, x: { label: "f [Hz]", log: true }, yLog: true, draw: (u) => zones(u, first),
+  });
+  const worse = all.flatMap(([name, of]) => (of && of !== first && zone(of) !== zone(first) ? [`${name} ${of.stable ? digits(of.peak, 3) : "unstable"}`] : []));
+  const own = first.stable ? `peak ${digits(first.peak)} at ${shown(first.at, "Hz")}, zone ${zone(first)}` : "unstable";
+  card.say.textContent = [own, ...worse].join("; ");
+  describe(card);
+}
+
+/** |S| of a loop at the frequencies of another, by lines between its own. */
+function resampled(of: Sensitivity, f: number[]): number[] {
+  let k = 0;
+  return f.map((at) => {
+    while (k < of.f.length - 2 && of.f[k + 1] < at) k++;
+    const share = Math.min(Math.max((at - of.f[k]) / (of.f[k + 1] - of.f[k]), 0), 1);
+    return of.S[k] + share * (of.S[k + 1] - of.S[k]);
+  });
 }
 
 /** Of the reference step, by what of its height the rotor goes beyond it. */
@@ -190,7 +218,7 @@ export function overshoot(flight: Flight): number {
 /** A range of forces about the truth in which the start of a filter does not decide. */
 function robust(flight: Flight): (low: number, high: number) => [number, number] {
   const values: number[] = [], from = Math.floor(flight.n / 12);
-  for (const of of flight.filters) for (let k = from; k < flight.n; k += 7) values.push(of.mean[4 * k + 2]);
+  for (const of of flight.filters) for (let k = from; k < flight.n; k += 7) values.push(of.mean[of.states * k + 2]);
   values.sort((a, b) => a - b);
   const low = Math.min(values[Math.floor(values.length * 0.01)], ...[0, flight.load[flight.n - 1]]);
   const high = Math.max(values[Math.floor(values.length * 0.99)], ...[0, flight.load[flight.n - 1]]);

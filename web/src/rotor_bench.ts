@@ -2,12 +2,15 @@
 
 import { aroundZero, Chart, colour, type Line } from "./charts";
 import type { Card } from "./panels";
-import { card, describe, lamp } from "./panels";
+import { card, describe, lamp, NIS_FROM, showSensitivity, type Figures } from "./panels";
 import { slider } from "./knobs";
 import { orbits } from "./orbit";
-import { along, type Rotor, type RotorCore, type RotorFlight, type RotorLive } from "./rotor_core";
-import { described, filtering, freshRotor, ROTOR_KNOBS, type RotorSettings } from "./rotor_knobs";
-import { across, alongAxes, RotorPicture } from "./rotor_picture";
+import { FilterTable } from "./filters";
+import { KINDS } from "./core";
+import { Later, type Sensitivity } from "./margins";
+import { along, estimated, type Rotor, type RotorCore, type RotorFlight, type RotorHistory, type RotorLive } from "./rotor_core";
+import { assumed, described, freshRotor, kindsOf, ROTOR_KINDS, ROTOR_KNOBS, type RotorSettings } from "./rotor_knobs";
+import { across, alongAxes, axesOf, radials, RotorPicture } from "./rotor_picture";
 import { spectrum } from "./spectrum";
 import { digits, shown } from "./units";
 
@@ -29,6 +32,9 @@ export class RotorBench {
   private readonly plots: Record<string, Chart> = {};
   private readonly canvas = document.createElement("canvas");
   private readonly rows: { show(): void }[] = [];
+  private readonly table: FilterTable;
+  readonly later = new Later();
+  margins: [string, Sensitivity | null][] = []; // of each axis, or of each filter that could feed the controllers
   private readonly picture: RotorPicture;
   private last = 0;
   private due = 0;
@@ -44,15 +50,28 @@ export class RotorBench {
       this.cards[id].element.dataset.for = "rotor";
       this.plots[id] = new Chart(this.cards[id].body, sync);
     };
+    const filters = document.createElement("div");
+    filters.className = "card wide filters";
+    filters.dataset.for = "rotor";
+    charts.append(filters);
+    this.table = new FilterTable(filters, {
+      kinds: () => kindsOf(this.settings), known: () => ROTOR_KINDS,
+      set: (kinds) => {
+        this.settings.filters = kinds.map((kind) => KINDS[kind].name).join(",");
+        this.change(false);
+      },
+    });
     this.cards.orbits = card(charts, "orbits", "Orbits, last fifth of the flight");
     this.cards.orbits.element.dataset.for = "rotor";
     this.canvas.className = "map";
     this.cards.orbits.body.append(this.canvas);
     make("displacements", "Displacements along the axes");
     make("radius", "Orbit over time, or over speed");
-    make("currents", "Control currents");
-    make("rotor-force", "Disturbance forces, as the filter sees them");
+    make("rotor-force", "Disturbance force of the first axis, ±2σ");
     make("rotor-error", "Error of the first displacement");
+    make("rotor-innovation", "Innovations of the first sensor, ±2√S");
+    make("currents", "Control currents");
+    make("rotor-sensitivity", "Sensitivity", "", null);
     make("lines", "Spectrum of the first axis", "wide", null);
     this.picture = new RotorPicture(svg);
     this.pointer();
@@ -83,8 +102,10 @@ export class RotorBench {
         this.panel.append(box);
         if (knob.group === "Rotation") box.append(this.choice("run-up", "Over the flight", [["0", "at this speed"], ["1", "from rest up to it"]],
           () => (this.settings.runUp ? 1 : 0), (value) => (this.settings.runUp = value > 0)));
-        if (knob.group === "Filter") box.append(this.choice("filter", "Over the readings", [["2", "extended"], ["1", "linear"], ["0", "none"]],
-          () => this.settings.filter, (value) => (this.settings.filter = value)));
+        if (knob.group === "Controllers") box.append(this.choice("fed", "Fed by", [["0", "sensors"], ["1", "first filter"]],
+          () => this.settings.feedback, (value) => (this.settings.feedback = value)));
+        if (knob.group === "Flight") box.append(this.choice("noise", "Noise", [["1", "on"], ["0", "off"]],
+          () => (this.settings.noisy ? 1 : 0), (value) => (this.settings.noisy = value > 0)));
       }
       const row = slider(knob, this.own, () => this.settings, () => this.change(false));
       box.append(row.row);
@@ -111,11 +132,9 @@ export class RotorBench {
   /** Settings have changed; `anew`: the rotor under the hand begins in the middle. */
   change(anew: boolean): void {
     this.drawn = described(this.machine, this.settings);
-    this.live.take(this.drawn, this.settings.seed, this.settings.noisy);
-    if (anew) {
-      this.live.start();
-      this.picture.build(this.drawn);
-    }
+    this.take(this.live);
+    this.live.start(kindsOf(this.settings)[0], anew);
+    if (anew) this.picture.build(this.drawn);
     this.rows.forEach((row) => row.show());
     this.changed();
     if (this.late) return;
@@ -124,6 +143,11 @@ export class RotorBench {
       this.late = false;
       if (this.active) this.compute();
     });
+  }
+
+  private take(core: RotorCore): void {
+    const { settings } = this;
+    core.take(this.drawn, settings.feedback > 0, assumed(this.machine, settings), settings.seed, settings.noisy);
   }
 
   /** Loads and speeds of the flight. */
@@ -137,12 +161,14 @@ export class RotorBench {
 
   compute(): void {
     const from = performance.now(), { load, speed } = this.signals();
-    this.core.take(this.drawn, this.settings.seed, this.settings.noisy);
-    this.flight = this.core.fly(load, speed, filtering(this.machine, this.settings));
+    this.take(this.core);
+    this.flight = this.core.fly(load, speed, kindsOf(this.settings));
     const flown = performance.now() - from;
+    if (!this.flight) return this.said("These settings are not possible: no filter can be made of them.");
     this.show(this.flight, load);
+    this.sensitivities();
     this.took = performance.now() - from;
-    this.said(`${this.machine.axes} axes over ${this.flight.n.toLocaleString("en")} samples in ${flown.toFixed(0)} ms, with all charts in ${this.took.toFixed(0)} ms`);
+    this.said(`${this.machine.axes} axes and ${this.flight.filters.length} filters over ${this.flight.n.toLocaleString("en")} samples in ${flown.toFixed(0)} ms, with all charts in ${this.took.toFixed(0)} ms`);
   }
 
   private show(flight: RotorFlight, load: Float64Array): void {
@@ -152,10 +178,10 @@ export class RotorBench {
     const touched = flight.atStop.some((at) => at > 0);
     this.cards.displacements.say.innerHTML = of.names.map((_, f) => `<i class="lamp" style="background:var(--f${f % 4})"></i><span></span>`).join(" ");
     this.cards.displacements.say.querySelectorAll("span").forEach((span, f) => (span.textContent = of.names[f]));
-    const paths = of.bearings.slice(0, 2).map((bearing, k) => {
-      const a = bearing.angle, first = s[2 * k], second = s[2 * k + 1];
+    const paths = radials(of).slice(0, 2).map((k) => {
+      const bearing = of.bearings[k], a = bearing.angle, [at] = axesOf(of, k), first = s[at], second = s[at + 1];
       return {
-        name: `bearing ${bearing.name}`, travel: of.rings[k][2],
+        name: `bearing ${bearing.name}`, travel: of.filter.view.clearance[at],
         up: first.map((value, i) => Math.cos(a) * value - Math.sin(a) * second[i]),
         right: first.map((value, i) => Math.sin(a) * value + Math.cos(a) * second[i]),
       };
@@ -178,38 +204,75 @@ export class RotorBench {
     Object.values(this.cards).forEach(describe);
   }
 
-  /** What the filter makes of the readings, against the truth. */
+  /** What filters make of the readings, against the truth. */
   private filtered(flight: RotorFlight, t: Float64Array, s: Float64Array, load: Float64Array): void {
-    const of = this.drawn, { filter, n } = flight;
-    for (const id of ["rotor-force", "rotor-error"]) this.cards[id].element.hidden = !filter;
-    if (!filter) return;
-    const { mean, states, innovation, variance } = filter, first = this.machine.filter!.loads;
-    const column = (j: number) => Float64Array.from({ length: n }, (_, k) => mean[k * states + j]);
-    const forces = of.names.map((_, f) => column(first + f)), truth = Float64Array.from({ length: n }, (_, k) => load[k * of.axes]);
-    this.plots["rotor-force"].show(t, [...forces.reverse(), truth],
-      [...of.names.map((name, f): Line => ({ label: name, colour: `f${f % 4}`, width: 1.2 })).reverse(), { label: `${of.names[0]}, truth`, colour: "truth", width: 1.8, dash: [5, 3] }],
-      [], { unit: "f_d [N]", scale: 1, range: aroundZero });
-    const [start, at, value] = of.H, hat = new Float64Array(n), reading = new Float64Array(n);
-    for (let k = 0; k < n; k++) {
-      let sum = 0;
-      for (let j = start[0]; j < start[1]; j++) sum += value[j] * mean[k * states + at[j]];
-      hat[k] = sum - s[k];
-      reading[k] = flight.y[k * of.sensors] / of.gain[0] - s[k];
-    }
-    const from = Math.floor(n / 50), rms = (series: Float64Array) => Math.sqrt(series.slice(from).reduce((sum, one) => sum + one * one, 0) / (n - from));
+    const of = this.drawn, { filters, n } = flight;
+    for (const id of ["rotor-force", "rotor-error", "rotor-innovation"]) this.cards[id].element.hidden = !filters.length;
+    if (!filters.length) return;
+    const lines = filters.map((one, j): Line => ({ label: KINDS[one.kind].short, colour: `f${j}`, width: 1.3 })).reverse();
+    const unit = (j: number) => Array.from({ length: filters[0].states }, (_, i) => (i === j ? 1 : 0)), force = unit(of.filter.loads);
+    const truth = Float64Array.from({ length: n }, (_, k) => load[k * of.axes]), forces = filters.map((one) => estimated(force, one, n)).reverse();
+    const band = this.band(filters[0], forces[forces.length - 1]);
+    this.plots["rotor-force"].show(t, [...band, ...forces, truth],
+      [...band.map((): Line => ({ label: "2σ", colour: "f0", width: 0.5, faint: true })), ...lines, { label: "truth", colour: "truth", width: 1.8, dash: [5, 3] }],
+      band.length ? [{ upper: 1, lower: 2, colour: "f0" }] : [], { unit: "f_d [N]", scale: 1, range: settled([...forces, truth]) });
+    const hats = filters.map((one) => estimated(of.filter.along[0], one, n).map((value, k) => value - s[k])).reverse();
+    const reading = s.map((value, k) => flight.y[k * of.sensors] / of.gain[0] - value);
     const beside = of.sensors === of.axes && rms(reading) < 5 * Math.sqrt(of.var_y[0]); // a sensor elsewhere shows another place
-    this.plots["rotor-error"].show(t, beside ? [reading, hat] : [hat],
-      [...(beside ? [{ label: "reading", colour: "sensor", width: 1, faint: true }] : []), { label: "filter", colour: "f0", width: 1.3 }], [],
-      { unit: "error [µm]", scale: 1e6, range: aroundZero });
-    this.cards["rotor-error"].say.textContent = `filter ${shown(rms(hat), "m")}${beside ? `, raw sensor ${shown(rms(reading), "m")}` : ""} RMS`;
+    this.plots["rotor-error"].show(t, beside ? [reading, ...hats] : hats, [...(beside ? [{ label: "reading", colour: "sensor", width: 1, faint: true }] : []), ...lines], [],
+      { unit: "error [µm]", scale: 1e6, range: settled([...(beside ? [reading] : []), ...hats], 1e6) });
+    this.cards["rotor-error"].say.textContent = beside ? `raw sensor ${shown(rms(reading), "m")} RMS` : "";
+    const all = filters.map((one) => this.figures(flight, one, load)), judged = lamp(all[0].nis);
+    this.table.show(all);
+    this.cards["rotor-innovation"].say.innerHTML = `<i class="lamp ${judged.tone}"></i>NIS ${digits(all[0].nis)}, ${judged.text}`;
+    this.cards["rotor-force"].say.textContent = `truth steps to ${shown(truth[n - 1], "N")}`;
+    const first = (series: Float64Array) => Float64Array.from({ length: n }, (_, k) => series[k * of.sensors]), S = first(filters[0].variance);
+    this.plots["rotor-innovation"].show(t, [first(filters[0].innovation), ...[1, -1].map((side) => S.map((one) => side * 2 * Math.sqrt(one)))],
+      [{ label: "innovation", colour: "f0", width: 1 }, { label: "+2√S", colour: "accent", width: 1 }, { label: "−2√S", colour: "accent", width: 1 }],
+      [], { unit: "e [µm]", scale: 1e6 });
+  }
+
+  /** Two standard deviations about the first disturbance force. */
+  private band(of: RotorHistory, force: Float64Array): Float64Array[] {
+    const { cov, states } = of, j = this.drawn.filter.loads, pairs = (states * (states + 1)) / 2, at = j * states - (j * (j - 1)) / 2;
+    if (!cov) return [];
+    return [1, -1].map((side) => force.map((value, k) => value + side * 2 * Math.sqrt(Math.max(0, cov[k * pairs + at]))));
+  }
+
+  /** Root mean squares over all axes, and NIS over all sensors. */
+  private figures(flight: RotorFlight, one: RotorHistory, load: Float64Array): Figures {
+    const of = this.drawn, { n } = flight, square = (error: Float64Array) => rms(error) ** 2, sums = { x: 0, v: 0, f_d: 0 };
+    for (let f = 0; f < of.axes; f++) {
+      const s = along(of, flight, f), v = along(of, flight, f, true);
+      sums.x += square(estimated(of.filter.along[f], one, n).map((value, k) => value - s[k]));
+      sums.v += square(estimated(of.filter.moving[f], one, n).map((value, k) => value - v[k]));
+      sums.f_d += square(Float64Array.from({ length: n }, (_, k) => one.mean[k * one.states + of.filter.loads + f] - load[k * of.axes + f]));
+    }
     let sum = 0, taken = 0;
-    for (let k = from * of.sensors; k < n * of.sensors; k++) {
-      if (!(variance[k] > 0)) continue;
-      sum += innovation[k] ** 2 / variance[k];
+    for (let k = Math.floor(n / NIS_FROM) * of.sensors; k < n * of.sensors; k++) {
+      if (!(one.variance[k] > 0)) continue;
+      sum += one.innovation[k] ** 2 / one.variance[k];
       taken++;
     }
-    const nis = taken ? sum / taken : NaN, judged = lamp(nis);
-    this.cards["rotor-force"].say.innerHTML = `<i class="lamp ${judged.tone}"></i>NIS ${digits(nis)}, ${judged.text}`;
+    const mean = (of_all: number) => Math.sqrt(of_all / of.axes);
+    return { x: mean(sums.x), v: mean(sums.v), f_d: mean(sums.f_d), nis: taken ? sum / taken : NaN };
+  }
+
+  /** |S| of each axis; fed by a filter, of the worst axis with each filter in the loop. */
+  private sensitivities(): void {
+    const of = this.drawn, { speed, feedback } = this.settings, kinds = kindsOf(this.settings), all: [string, Sensitivity | null][] = [];
+    const axes = of.names.map((_, f) => f), one = (kind: number, f: number) => this.core.sensitivity(f, kind, speed);
+    const loops = feedback > 0 ? kinds : axes.map(() => kinds[0]);
+    const work = loops.flatMap((kind, j) => (feedback > 0 ? axes : [j]).map((f, k) => () => {
+      const found = one(kind, f);
+      if (k === 0) all.push([feedback > 0 ? KINDS[kind].short : of.names[f], found]);
+      else all[j][1] = worse(all[j][1], found);
+    }));
+    this.later.start([() => this.take(this.core), ...work, () => {
+      this.margins = all;
+      const worst = feedback > 0 ? all : [...all].sort((a, b) => (b[1]?.peak ?? 0) - (a[1]?.peak ?? 0));
+      showSensitivity(this.plots["rotor-sensitivity"], this.cards["rotor-sensitivity"], worst);
+    }]);
   }
 
   private lines(signal: Float64Array, T: number): void {
@@ -253,12 +316,8 @@ export class RotorBench {
 
   /** A knock upwards or downwards at both bearings. */
   hit(way: number): void {
-    const of = this.drawn, push = of.names.map(() => 0), force = (way * 1.5 * of.mass * 9.81) / of.bearings.length;
-    of.bearings.forEach((_, k) => {
-      const [first, second] = alongAxes(of, k, force, 0);
-      push[2 * k] = first;
-      push[2 * k + 1] = second;
-    });
+    const of = this.drawn, push = of.names.map(() => 0), at = radials(of), force = (way * 1.5 * of.mass * 9.81) / at.length;
+    at.forEach((k) => alongAxes(of, k, force, 0).forEach((value, j) => (push[axesOf(of, k)[j]] = value)));
     this.knock = { push, samples: Math.max(1, Math.round(KNOCK / of.T)) };
   }
 
@@ -266,16 +325,15 @@ export class RotorBench {
     const of = this.drawn, push = of.names.map(() => 0);
     if (this.knock.samples > 0) return this.knock.push;
     if (!this.grabbed || !this.now) return push;
-    const { bearing, up, right } = this.grabbed, [x, y] = across(of, bearing, this.now.s), [k, s0, i0] = of.magnets[2 * bearing];
-    const spring = (4 * k * i0 * i0) / s0 ** 3, [first, second] = alongAxes(of, bearing, spring * (up - x), spring * (right - y));
-    push[2 * bearing] = first;
-    push[2 * bearing + 1] = second;
+    const { bearing, up, right } = this.grabbed, [x, y] = across(of, bearing, this.now.s), at = axesOf(of, bearing), [k, s0, i0] = of.magnets[at[0]];
+    const spring = (4 * k * i0 * i0) / s0 ** 3;
+    alongAxes(of, bearing, spring * (up - x), spring * (right - y)).forEach((value, j) => (push[at[j]] = value));
     return push;
   }
 
   again(): void {
     this.off = false;
-    this.live.start();
+    this.live.start(kindsOf(this.settings)[0], true);
     this.picture.clear();
   }
 
@@ -331,7 +389,27 @@ export class RotorBench {
       const known = own[key as keyof RotorSettings];
       if (typeof known === "number" && text !== "" && Number.isFinite(Number(text))) out[key] = Number(text);
       if (typeof known === "boolean") out[key] = text === "true";
+      if (typeof known === "string" && kindsOf({ ...own, [key]: text }).length) out[key] = text;
     }
     return out as Partial<RotorSettings>;
   }
+}
+
+/** Of two axes the one whose peak is higher. */
+function worse(a: Sensitivity | null, b: Sensitivity | null): Sensitivity | null {
+  return a && b ? (b.peak > a.peak ? b : a) : null;
+}
+
+function rms(series: Float64Array): number {
+  const from = Math.floor(series.length / NIS_FROM);
+  let sum = 0;
+  for (let k = from; k < series.length; k++) sum += series[k] ** 2;
+  return Math.sqrt(sum / (series.length - from));
+}
+
+/** A range about what is drawn once a filter has started. */
+function settled(all: Float64Array[], scale = 1): (low: number, high: number) => [number, number] {
+  let most = 0;
+  for (const series of all) for (let k = Math.floor(series.length / 12); k < series.length; k++) most = Math.max(most, Math.abs(series[k]));
+  return () => aroundZero(-scale * most, scale * most);
 }

@@ -1,7 +1,9 @@
 // What can be set of a rotor, and the description that follows from it.
 
 import type { Knob } from "./knobs";
-import type { Filtering, Rotor } from "./rotor_core";
+import { KINDS } from "./core";
+import type { Assumed, Controllers, Rotor } from "./rotor_core";
+import { FILTERS } from "./state";
 
 export interface RotorSettings {
   speed: number; // [rad/s]
@@ -16,8 +18,11 @@ export interface RotorSettings {
   noise: number;
   lag: number;
   delay: number; // [s]
-  filter: number; // 0 none, 1 linear, 2 extended
+  step: number; // quantisation of all sensors [m]
+  feedback: number; // 1: controllers are fed by the first filter, 0: by the sensors
+  filters: string; // names of the kinds, with commas; the first is in the loop
   assumed: number; // of the magnets, by the filter over the true ones [1]
+  R: number;
   Q: number;
   push: number; // step of a force on the first axis, half-way [N]
   seed: number;
@@ -28,12 +33,13 @@ const G = 9.81;
 
 export function freshRotor(of: Rotor): RotorSettings {
   return {
-    speed: of.speed, runUp: false, unbalance: 1, mass: 1, gap: 1, bias: 1, kp: 1, ki: 1, kd: 1, noise: 1, lag: 1, filter: 2, assumed: 1, Q: 1,
+    speed: of.speed, runUp: false, unbalance: 1, mass: 1, gap: 1, bias: 1, kp: 1, ki: 1, kd: 1, noise: 1, lag: 1, step: of.step[0], feedback: 0,
+    filters: "extended,linear", assumed: 1, R: 1, Q: 1,
     delay: of.delay * of.T + of.delay_rest, push: Number((0.2 * of.mass * G).toPrecision(2)), seed: 1, noisy: true,
   };
 }
 
-function times(key: "unbalance" | "Q" | "mass" | "gap" | "bias" | "kp" | "ki" | "kd" | "noise" | "lag", group: string, label: string, by: number, help = ""): Knob<RotorSettings> {
+function times(key: "unbalance" | "Q" | "R" | "mass" | "gap" | "bias" | "kp" | "ki" | "kd" | "noise" | "lag", group: string, label: string, by: number, help = ""): Knob<RotorSettings> {
   return {
     key, group, label: `${label} / own`, help, unit: "1", get: (s) => s[key], set: (s, value) => (s[key] = value),
     range: () => ({ from: 1 / by, to: by, log: true, zero: key === "unbalance" || key === "noise" }),
@@ -55,16 +61,19 @@ export const ROTOR_KNOBS = (of: Rotor): Knob<RotorSettings>[] => [
   times("noise", "Sensors", "Sensor noise", 50, "Standard deviation"),
   times("lag", "Sensors", "Sensor lag", 20),
   {
+    key: "step", group: "Sensors", label: "Quantisation", help: "Smallest step of the readings", unit: "m", get: (s) => s.step, set: (s, value) => (s.step = value),
+    range: () => ({ from: 1e-2 * Math.sqrt(of.var_y[0]), to: 100 * Math.sqrt(of.var_y[0]), log: true, zero: true }),
+  },
+  {
     key: "delay", group: "Sensors", label: "Dead time", help: "From the sample to the current that it asks for", unit: "s",
     get: (s) => s.delay, set: (s, value) => (s.delay = value), range: () => ({ from: 0, to: 6 * of.T, log: false }),
   },
-  ...(of.filter ? [
-    {
-      key: "assumed", group: "Filter", label: "Assumed k / true k", help: "How wrong the filter is about the magnets", unit: "1",
-      get: (s: RotorSettings) => s.assumed, set: (s: RotorSettings, value: number) => (s.assumed = value), range: () => ({ from: 0.5, to: 1.6, log: false }),
-    },
-    times("Q", "Filter", "Q", 1e4, "Assumed growth of the disturbance forces"),
-  ] : []),
+  {
+    key: "assumed", group: "Filters", label: "Assumed k / true k", help: "How wrong the filters are about the magnets", unit: "1",
+    get: (s: RotorSettings) => s.assumed, set: (s: RotorSettings, value: number) => (s.assumed = value), range: () => ({ from: 0.5, to: 1.6, log: false }),
+  },
+  times("R", "Filters", "R", 1e3, "Assumed variance of the measurements"),
+  times("Q", "Filters", "Q", 1e4, "Assumed growth of the disturbance forces"),
   {
     key: "push", group: "Flight", label: "Disturbance force", help: "On the first axis, half-way through the flight", unit: "N",
     get: (s) => s.push, set: (s, value) => (s.push = value), range: (own) => ({ from: -4 * Math.abs(own.push), to: 4 * Math.abs(own.push), log: false }),
@@ -88,34 +97,45 @@ export function described(own: Rotor, s: RotorSettings): Rotor {
   const held = same ? own.held : own.magnets.map((magnet, f) => holds(magnets[f], (s.mass * own.held[f] * 4 * magnet[0] * magnet[2]) / magnet[1] ** 2));
   const rows = (of: [number[], number[], number[]]): [number[], number[], number[]] => [of[0], of[1], of[2].map((value) => value / s.mass)];
   const samples = s.delay / own.T, whole = Math.floor(samples + 1e-9), delayed = s.delay !== own.delay * own.T + own.delay_rest;
-  const lag = own.lag.map((value) => value * s.lag);
+  const lag = scaled(own.lag, s.lag), step = s.step === own.step[0] ? own.step : own.step.map(() => s.step);
+  const controllers = (of: Controllers): Controllers => ({
+    ...of, pid: of.pid.map(([kp, ki, kd, ...rest]) => [kp * s.kp, ki * s.ki, kd * s.kd, ...rest]), integral: same ? of.integral : held,
+  });
+  const { view } = own.filter, var_y = scaled(own.var_y, s.noise * s.noise);
   return {
-    ...own, magnets, held,
+    ...own, magnets, held, lag, step, var_y,
     B: s.mass === 1 ? own.B : rows(own.B),
-    cosine: own.cosine.map((value) => (value * s.unbalance) / s.mass),
-    sine: own.sine.map((value) => (value * s.unbalance) / s.mass),
+    cosine: scaled(own.cosine, s.unbalance / s.mass),
+    sine: scaled(own.sine, s.unbalance / s.mass),
     farthest: s.gap === 1 ? own.farthest : own.farthest.map((far, f) => {
-      const clearance = own.rings[f >> 1]?.[2] ?? far;
+      const clearance = view.clearance[f] ?? far;
       return clearance + 0.9 * Math.max(0, magnets[f][1] - clearance);
     }),
-    lag, substeps: Math.max(own.substeps, Math.ceil((2 * own.T) / Math.min(...lag))),
+    substeps: Math.max(own.substeps, Math.ceil((2 * own.T) / Math.min(...lag))),
     delay: delayed ? whole : own.delay,
     delay_rest: delayed ? Math.max(0, samples - whole) * own.T : own.delay_rest,
-    pid: own.pid.map(([kp, ki, kd, ...rest]) => [kp * s.kp, ki * s.ki, kd * s.kd, ...rest]),
-    integral: same ? own.integral : held,
-    var_y: own.var_y.map((value) => value * s.noise * s.noise),
+    controllers: { measurement: controllers(own.controllers.measurement), estimate: controllers(own.controllers.estimate) },
+    filter: {
+      ...own.filter, lag: scaled(own.filter.lag, s.lag), f_0: scaled(own.filter.f_0, s.mass),
+      view: { ...view, mass: scaled(view.mass, s.mass), lag: scaled(view.lag, s.lag), step, var_y: scaled(own.var_y, Math.max(s.noise, 0.02) ** 2) },
+    },
   };
 }
 
-/** The filter that goes with these settings: it knows of speed, mass, lag and noise, not of dead time and unbalance. */
-export function filtering(own: Rotor, s: RotorSettings): Filtering | null {
-  const of = own.filter;
-  if (!of || (s.filter !== 1 && s.filter !== 2)) return null;
-  const by: Record<string, number> = { mass: s.mass, transverse_inertia: s.mass, polar_inertia: s.mass };
-  const parameters = of.names.map((name, k) => (name === "speed" ? s.speed : name.startsWith("lag_") ? of.values[k] * s.lag : of.values[k] * (by[name] ?? 1)));
-  const scaled = (name: string, factor: number) => (factor === 1 ? of.settings[name] : of.settings[name].map((value) => value * factor));
-  const settings = {
-    ...of.settings, lag: scaled("lag", s.lag), f_0: scaled("f_0", s.mass), var_y: scaled("var_y", Math.max(s.noise, 0.02) ** 2), var_d: scaled("var_d", s.Q),
-  };
-  return { kind: s.filter, of: { ...of, settings }, parameters, k: s.assumed };
+function scaled(of: number[], by: number): number[] {
+  return by === 1 ? of : of.map((value) => value * by);
+}
+
+/** What filters know with these settings: speed, mass, lag and noise; a dead time other than the machine's own, and unbalance, not. */
+export function assumed(own: Rotor, s: RotorSettings): Assumed {
+  const { names, values } = own.filter, by: Record<string, number> = { mass: s.mass, transverse_inertia: s.mass, polar_inertia: s.mass };
+  const parameters = names.map((name, k) => (name === "speed" ? s.speed : name.startsWith("lag_") ? values[k] * s.lag : values[k] * (by[name] ?? 1)));
+  return { parameters, k: s.assumed, R: s.R, Q: s.Q };
+}
+
+/** The kinds that a rotor can have, and those that are set. */
+export const ROTOR_KINDS = [0, 1, 2, 3, 4];
+
+export function kindsOf(s: RotorSettings): number[] {
+  return s.filters.split(",").map((name) => KINDS.findIndex((kind) => kind.name === name)).filter((kind) => ROTOR_KINDS.includes(kind)).slice(0, FILTERS);
 }

@@ -28,9 +28,21 @@ interface End {
   points: [number, number][];
 }
 
-/** Upwards (x) and across (y) at a bearing, of numbers along its two axes. */
+/** The axes of a bearing: two of a radial one, else one. */
+export function axesOf(of: Rotor, bearing: number): number[] {
+  const count = (k: number) => (of.bearings[k].type === "radial" ? 2 : 1);
+  let first = 0;
+  for (let k = 0; k < bearing; k++) first += count(k);
+  return Array.from({ length: count(bearing) }, (_, j) => first + j);
+}
+
+export function radials(of: Rotor): number[] {
+  return of.bearings.map((_, k) => k).filter((k) => of.bearings[k].type === "radial");
+}
+
+/** Upwards (x) and across (y) at a radial bearing, of numbers along its two axes. */
 export function across(of: Rotor, bearing: number, along: number[]): [number, number] {
-  const a = of.bearings[bearing].angle, [first, second] = [along[2 * bearing], along[2 * bearing + 1]];
+  const a = of.bearings[bearing].angle, [first, second] = axesOf(of, bearing).map((f) => along[f]);
   return [Math.cos(a) * first - Math.sin(a) * second, Math.sin(a) * first + Math.cos(a) * second];
 }
 
@@ -43,7 +55,10 @@ export function alongAxes(of: Rotor, bearing: number, up: number, right: number)
 export class RotorPicture {
   private ends: End[] = [];
   private shaft!: SVGElement;
+  private line!: SVGElement;
+  private discs: SVGElement[] = [];
   private disc!: SVGElement;
+  private thrust: SVGElement | null = null;
   private coils: Style[][] = [];
   private words!: SVGElement;
   private scale = 1;
@@ -58,24 +73,29 @@ export class RotorPicture {
     svg.replaceChildren();
     svg.setAttribute("viewBox", "0 0 360 420");
     add(svg, "title", {}, "A rotor on two magnetic bearings, from the side and from its end at each bearing");
-    const places = of.bearings.map((bearing) => bearing.place), all = [...places, ...of.discs];
-    const low = Math.min(...all), high = Math.max(...all), room = 0.16 * (high - low);
-    this.z = (place) => 24 + ((place - low + room) / (high - low + 2 * room)) * 312;
+    const low = of.stations[0], high = of.stations[of.stations.length - 1];
+    this.z = (place) => 20 + ((place - low) / (high - low)) * 320;
     const defs = add(svg, "defs", {}), steel = add(defs, "linearGradient", { id: "steel", x2: "0", y2: "1" });
     for (const [at, tone] of [["0%", 2], ["35%", 1], ["100%", 2]]) add(steel, "stop", { offset: at, class: `steel-${tone}` });
-    this.coils = [];
-    for (const bearing of of.bearings) this.magnets(this.z(bearing.place));
+    const round = radials(of);
+    this.coils = round.map((k) => this.magnets(this.z(of.bearings[k].place)));
     this.shaft = add(svg, "g", { class: "rotor" });
-    add(this.shaft, "rect", { x: 14, y: -7, width: 332, height: 14, rx: 4, fill: "url(#steel)" });
-    for (const place of of.discs) add(this.shaft, "rect", { x: this.z(place) - 9, y: -34, width: 18, height: 68, rx: 3, fill: "url(#steel)" });
-    this.disc = add(this.shaft, "rect", { x: this.z(of.discs[0] ?? 0) - 9, y: 0, width: 18, height: 4, class: "mark" });
-    add(svg, "text", { x: 12, y: 20 }, "from the side, x up");
-    this.ends = of.bearings.slice(0, 2).map((bearing, k) => this.end(k, bearing.name, k === 0 ? 96 : 264));
+    add(this.shaft, "polyline", { class: "shaft-edge", points: "" });
+    this.line = add(this.shaft, "polyline", { class: "shaft", points: "" });
+    this.discs = of.discs.map((place) => {
+      const disc = add(this.shaft, "g", {});
+      add(disc, "rect", { x: this.z(place) - 9, y: -34, width: 18, height: 68, rx: 3, fill: "url(#steel)" });
+      return disc;
+    });
+    this.disc = add(this.discs[0] ?? this.shaft, "rect", { x: this.z(of.discs[0] ?? 0) - 9, y: 0, width: 18, height: 4, class: "mark" });
+    this.thrust = of.bearings.some((bearing) => bearing.type === "thrust") ? add(svg, "path", { class: "line accent", d: "" }) : null;
+    add(svg, "text", { x: 12, y: 20 }, of.modes.length ? `from the side, x up; bends at ${of.modes.slice(0, 3).map((f) => shown(f, "Hz")).join(", ")}${of.modes.length > 3 ? " ..." : ""}` : "from the side, x up");
+    this.ends = round.slice(0, 2).map((k, j) => this.end(k, of.bearings[k].name, round.length < 2 ? 180 : j === 0 ? 96 : 264));
     this.words = add(svg, "text", { x: 180, y: 408, "text-anchor": "middle" });
-    this.scale = VIEW / (of.rings[0]?.[2] ?? 1e-4);
+    this.scale = VIEW / of.filter.view.clearance[0];
   }
 
-  private magnets(z: number): void {
+  private magnets(z: number): Style[] {
     const pair: Style[] = [];
     for (const way of [-1, 1]) {
       const face = SIDE + way * 20;
@@ -84,7 +104,7 @@ export class RotorPicture {
       for (const side of [-24, 6]) add(coil, "rect", { x: z + side, y: Math.min(face + way * 4, face + way * 20), width: 18, height: 16, rx: 3 });
       pair.push(coil);
     }
-    this.coils.push(pair);
+    return pair;
   }
 
   private end(bearing: number, name: string, x: number): End {
@@ -120,7 +140,7 @@ export class RotorPicture {
       if (end.points.length > TRAIL) end.points.shift();
     });
     const far = Math.max(...this.ends.flatMap((end) => end.points.map(([up, right]) => Math.hypot(up, right))), 1e-9);
-    const wanted = Math.min((0.62 * VIEW) / far, (30 * VIEW) / (of.rings[0]?.[2] ?? far));
+    const wanted = Math.min((0.62 * VIEW) / far, (30 * VIEW) / of.filter.view.clearance[0]);
     this.scale *= (wanted / this.scale) ** 0.08;
     const strongest = Math.max(...of.magnets.map(([, , i0]) => i0)), weight = of.mass * 9.81;
     this.ends.forEach((end, k) => {
@@ -130,7 +150,7 @@ export class RotorPicture {
       end.mark.setAttribute("cx", (7 * now.sine).toFixed(2));
       end.mark.setAttribute("cy", (-7 * now.cosine).toFixed(2));
       end.trail.setAttribute("points", end.points.map(px).join(" "));
-      const radius = of.rings[end.bearing][2] * this.scale;
+      const radius = of.filter.view.clearance[axesOf(of, end.bearing)[0]] * this.scale;
       end.stop.setAttribute("r", Math.min(radius, 400).toFixed(1));
       end.stop.setAttribute("visibility", radius < VIEW + 13 ? "visible" : "hidden");
       const arrow = (element: SVGElement, force: [number, number]) => {
@@ -140,15 +160,32 @@ export class RotorPicture {
       arrow(end.force, across(of, end.bearing, off ? now.force.map(() => 0) : now.force));
       arrow(end.hand, across(of, end.bearing, push));
     });
-    const [a, b] = where.map(([up]) => up), [zA, zB] = of.bearings.map((bearing) => this.z(bearing.place));
-    const slope = ((b - a) * this.scale * 0.55) / (zB - zA), level = SIDE - a * this.scale * 0.55;
-    this.shaft.setAttribute("transform", `translate(0 ${level.toFixed(2)}) rotate(${((-Math.atan(slope) * 180) / Math.PI).toFixed(3)} ${zA} 0)`);
+    this.bend(now);
     this.disc.setAttribute("y", (30 * now.cosine - 2).toFixed(2));
     this.disc.setAttribute("visibility", now.sine > 0 ? "visible" : "hidden");
-    this.coils.forEach((pair, k) => {
-      const [up] = across(of, k, now.iu), i0 = of.magnets[2 * k][2];
-      pair.forEach((coil, j) => coil.style.setProperty("--glow", off ? "0" : Math.max(0, Math.min(1, (i0 + (j === 0 ? up : -up)) / (2 * strongest))).toFixed(3)));
+    radials(of).forEach((k, j) => {
+      const [up] = across(of, k, now.iu), i0 = of.magnets[axesOf(of, k)[0]][2];
+      this.coils[j].forEach((coil, side) => coil.style.setProperty("--glow", off ? "0" : Math.max(0, Math.min(1, (i0 + (side === 0 ? up : -up)) / (2 * strongest))).toFixed(3)));
     });
+    if (this.thrust) {
+      const k = of.bearings.findIndex((bearing) => bearing.type === "thrust"), [f] = axesOf(of, k);
+      const length = (60 * now.s[f]) / of.filter.view.clearance[f], x = this.z(of.bearings[k].place || of.stations[0]);
+      this.thrust.setAttribute("d", `M${x} 142v18M${x} 151h${length.toFixed(1)}`);
+    }
     this.words.textContent = `the views are ${shown(VIEW / this.scale, "m", 2)} from the middle to the rim`;
+  }
+
+  /** The shaft as it lies and bends, in the scale of the views. */
+  private bend(now: RotorLive): void {
+    const { of } = this, by = 0.55 * this.scale, height = (row: number[]) => SIDE - by * row.reduce((sum, share, j) => sum + share * now.q[j], 0);
+    const heights = of.shape.x.map(height), points = heights.map((y, k) => `${this.z(of.stations[k]).toFixed(1)},${y.toFixed(2)}`).join(" ");
+    this.line.setAttribute("points", points);
+    this.line.previousElementSibling!.setAttribute("points", points);
+    const step = (of.stations[of.stations.length - 1] - of.stations[0]) / (of.stations.length - 1);
+    this.discs.forEach((disc, k) => {
+      const at = Math.min(Math.max((of.discs[k] - of.stations[0]) / step, 0), of.stations.length - 1.001), i = Math.floor(at), share = at - i;
+      const y = heights[i] * (1 - share) + heights[i + 1] * share, slope = (heights[i + 1] - heights[i]) / (this.z(of.stations[i + 1]) - this.z(of.stations[i]));
+      disc.setAttribute("transform", `translate(0 ${y.toFixed(2)}) rotate(${((Math.atan(slope) * 180) / Math.PI).toFixed(3)} ${this.z(of.discs[k]).toFixed(1)} 0)`);
+    });
   }
 }

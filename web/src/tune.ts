@@ -25,7 +25,7 @@ export function tuned(core: Core, p: Parameters, kind: number): { gains: Partial
   for (const ratio of RATIOS) {
     for (const damping of DAMPINGS) {
       const tried = gains(p, k_i, k_s, ratio, damping);
-      const peak = sensitivity(core, { ...p, ...tried } as Parameters, kind, 0, 0, 60)?.peak ?? Infinity;
+      const peak = sensitivity(core, { ...p, ...tried, reference: 0, load: 0, start: 0 } as Parameters, kind, 60)?.peak ?? Infinity;
       if (peak < best.peak) best = { gains: tried, peak };
     }
     if (best.peak <= PEAK) break;

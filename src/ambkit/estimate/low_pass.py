@@ -10,15 +10,12 @@ import numpy as np
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.observer import unstable_pole
-from ambkit.machine.magnets import MagnetModel
+from ambkit.machine.magnets import MagnetModel, core_module
 from ambkit.models.linear import LinearSystem, Signal
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.machine.machine import Machine
-
-USUAL_VELOCITY = 0.1  #: Of a rotor, root mean square, in clearances by the unstable pole.
 
 
 class LowPass(Estimator):
@@ -74,17 +71,9 @@ class LowPass(Estimator):
 
     def _usual_corners(self) -> dict[str, float]:
         """Return the corners of least error [rad/s]: of noise that passes, and of lag."""
-        # Of noise of density R T a corner x lets x R T/2 through, a slower one v behind it x v^2
-        # times as much of its derivative, and f behind both x v^2 f^2 of the second. A motion of
-        # velocity u lags by u/x, its acceleration a by a/v, and a force of intensity q by q/(2 f).
-        m, pole = self.machine.rotor.mass, unstable_pole(self.machine)
-        (R,) = self.view.steps**2 / 12 + self.variances.measurement
-        noise = R / self.machine.sensor.gain**2 * self.machine.sampling_time
-        motion = USUAL_VELOCITY * self.machine.clearance * pole
-        x = (4 * motion**2 / noise) ** (1 / 3)
-        v = (2 * (motion * pole) ** 2 / (noise * x)) ** (1 / 4)
-        f = (self.variances.disturbance / (2 * m**2 * noise * x * v**2)) ** (1 / 3)
-        return {"position": x, "velocity": v, "force": f or pole}
+        R, Q = self.variances.measurement, self.variances.disturbance
+        corners = core_module().corners(self.view.seen_by, R, Q)
+        return dict(zip(("position", "velocity", "force"), corners, strict=True))
 
     def linear_system(self) -> LinearSystem:
         """Return position and velocity of ``core/src/low_pass.c``; its force is beside them."""

@@ -15,14 +15,18 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.core_model import VAGUE
-from ambkit.estimate.noise_model import FilterNoise, Variances, check_variances, dwell
+from ambkit.estimate.noise_model import FilterNoise, Variances, check_variances
 from ambkit.machine import geometry
 from ambkit.machine.force_laws import bias_forces_of, isolated_axes, models_of, weights_of
 from ambkit.machine.loading import levitation_current
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import ConstantStiffness, MagnetModel, own_time
-from ambkit.machine.parts import GRAVITY
-from ambkit.models.model import Descriptor
+from ambkit.machine.magnets import (
+    ConstantStiffness,
+    MagnetModel,
+    core_module,
+    typical_stiffness,
+)
+from ambkit.models.model import ENUMERATORS, ROLES, Descriptor
 
 
 class View:
@@ -111,27 +115,10 @@ class View:
         full = Variances(
             self._each(noise.measurement, readings, lambda item: item.sensor.noise_variance),
             self._each(noise.control, axes, lambda axis: axis.amplifier.noise_variance),
-            self._each(noise.disturbance, axes, self._usual_intensity),
+            self._each(noise.disturbance, axes, None),
         )
         check_variances(full)
         return full
-
-    def _usual_intensity(self, axis: Machine) -> float:
-        """Return the process noise intensity of an axis by default [N^2/s]."""
-        # A filter of bandwidth w takes the force from positions with R every T, with a noise of
-        # R T (m w^3)^2, and from what the amplifier's noise leaves of it: of a random walk of this
-        # intensity it has that bandwidth. Beyond one over the sensor's lag and 1.5 T it would only
-        # undo the lag, and make more of the noise than the measurement has; up to eight times the
-        # unstable pole it is needed.
-        sensors = [reading.sensor for reading in self.machine.readings]
-        variances = self.steps**2 / 12 + [sensor.noise_variance for sensor in sensors]
-        T, R = axis.sampling_time, float(np.min(variances / self.gains**2))
-        lag = min(sensor.lag for sensor in sensors)
-        max_bandwidth = max(1 / (1.5 * T + lag), 8 / own_time(axis))
-        amplifier, k_i = axis.amplifier, ConstantStiffness.of(axis).k_i
-        by_control = amplifier.noise_variance * (k_i * amplifier.gain) ** 2
-        known = R * (axis.rotor.mass * max_bandwidth**2) ** 2 + by_control
-        return float(min((2 * (axis.rotor.mass * GRAVITY)) ** 2, known * T * max_bandwidth**2))
 
     def count_of(self, noise: FilterNoise) -> Iterator[tuple[str, str]]:
         """Yield which variances of a noise are too few or too many, by their keys."""
@@ -145,10 +132,12 @@ class View:
         if self.machine.control_unit == "V" and any(isinstance(v, InOther) for v in control):
             yield "noise.control", "is in A^2; the control signal is in V"
 
-    def _each(self, variances: Any, items: Sequence[Any], usual: Callable[[Any], float]) -> Any:
+    def _each(
+        self, variances: Any, items: Sequence[Any], usual: Callable[[Any], float] | None
+    ) -> Any:
         """Return the variances that a noise states for readings or axes, or the usual ones."""
         if variances is None:
-            variances = tuple(map(usual, items))
+            variances = tuple(map(usual, items) if usual else core_module().intensity(self.seen_by))
         return self.plain(variances if isinstance(variances, tuple) else (variances,) * len(items))
 
     def plain(self, values: Sequence[Any]) -> Any:
@@ -183,39 +172,65 @@ class View:
             "var_y": several(variances.measurement),
             "rise": [reading.sensor.position_noise for reading in self.machine.readings],
             "step": self.steps.tolist(),
-            "dwell": dwell(self.isolated),
+            "dwell": core_module().dwell(self.seen_by),
+        }
+
+    @cached_property
+    def seen_by(self) -> dict[str, Any]:
+        """What the settings that nobody states follow from: ``amb_view`` (``sim/settings.h``)."""
+        machine, axes, sensors = self.machine, self.isolated, self.machine.readings
+        return {
+            "T": machine.sampling_time,
+            "mass": [axis.rotor.mass for axis in axes],
+            "clearance": [axis.clearance for axis in axes],
+            "stiffness": list(map(typical_stiffness, axes)),
+            "k_i": [ConstantStiffness.of(axis).k_i for axis in axes],
+            "k_ui": [axis.amplifier.gain for axis in axes],
+            "current_limit": [axis.amplifier.current_limit for axis in axes],
+            "var_u": [axis.amplifier.noise_variance for axis in axes],
+            "K_sen": self.gains.tolist(),
+            "lag": [r.sensor.lag for r in sensors],
+            "step": self.steps.tolist(),
+            "var_y": [r.sensor.noise_variance for r in sensors],
+            "range": self.travel_seen.tolist(),
+            "run_out": [0.0] * len(sensors),
+            "travel": self.travel.tolist(),
+            "seen": self.seen[: self.rigid].ravel().tolist(),
+            "bent": [0.0] * self.rigid,
         }
 
     def caps(self, states: Sequence[Descriptor]) -> list[float]:
         """Return the most that each state can be (``ambkit/envelope.h``)."""
-        T = self.machine.sampling_time
-        fast = 0.1 * (self.travel / T)
-        by_role = {
-            "position": self.travel,
-            "velocity": fast,
-            "disturbance force": np.array(
-                [b.rotor.mass * (0.1 * (b.clearance / T) / T) for b in self.isolated]
-            ),
-            "sensor": 3 * np.abs(self.gains) * self.travel_seen,
-        }
-        return self._by_role(states, by_role, 10.0, [30 * state.size for state in states])
+        none = [0.0] * len(self.gains)
+        return list(core_module().caps_and_start(self.seen_by, *self.sized(states), none)[0])
 
     def start_std(self, variances: Variances, states: Sequence[Descriptor]) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see `Estimator.reset`."""
-        sigma = 3 * np.sqrt(np.array(several(variances.measurement)) + self.steps**2 / 12)
-        quickest = min(own_time(b) for b in self.isolated)
-        seen = self.seen[: self.rigid]
-        bent = np.array([state.size for state in states if state.role == "bending"])
-        bending_variance = (seen @ self.C[:, self.rigid :]) ** 2 @ bent**2
-        spread = np.sqrt(sigma**2 + self._run_out(states)) / np.abs(self.gains)
-        by_role = {
-            "position": np.sqrt(((seen * spread) ** 2).sum(axis=1) + bending_variance),
-            "velocity": 0.1 * self.travel / quickest,
-            "disturbance force": np.array([b.rotor.mass * GRAVITY for b in self.isolated]),
-            "sensor": sigma,
-        }
-        others = [(VAGUE if s.role in ("unbalance", "runout") else 1.0) * s.size for s in states]
-        return tuple(self._by_role(states, by_role, 1.0, others))
+        by_states = {"run_out": self._run_out(states), "bent": self.bent(states)}
+        seen_by = self.seen_by | {name: item.tolist() for name, item in by_states.items()}
+        var_y = several(variances.measurement)
+        return tuple(core_module().caps_and_start(seen_by, *self.sized(states), var_y)[1])
+
+    def bent(self, states: Sequence[Descriptor]) -> Array:
+        """Return the variances of the rigid coordinates by bending, as readings show it (q,)."""
+        sizes = np.array([state.size for state in states if state.role == "bending"])
+        return np.asarray((self.seen[: self.rigid] @ self.C[:, self.rigid :]) ** 2 @ sizes**2)
+
+    def sized(self, states: Sequence[Descriptor]) -> tuple[list[Any], ...]:
+        """Return states as ``amb_view_states`` has them: roles, of what they are, their sizes."""
+        seen: dict[str, int] = {}
+        indices = []
+        for state in states:
+            k = seen[state.role] = seen.get(state.role, -1) + 1
+            own = state.role in ("position", "velocity", "disturbance force", "sensor")
+            known = state.role in ("current", "past control")
+            indices.append(k if own else self.axis_of(state) if known else -1)
+        return (
+            [ENUMERATORS.index(ROLES[state.role]) for state in states],
+            indices,
+            [state.size for state in states],
+            [VAGUE if state.role in ("unbalance", "runout") else 1.0 for state in states],
+        )
 
     def _run_out(self, states: Sequence[Descriptor]) -> Array:
         """Return what runout adds to the readings' variance, where it is among the states [m^2]."""
@@ -228,26 +243,6 @@ class View:
                 seen = [r.sensor.name == sensor for r in self.machine.readings]
                 result[seen] += (VAGUE * self.gains[seen] * state.size) ** 2
         return result
-
-    def _by_role(
-        self, states: Sequence[Descriptor], by_role: dict[str, Array], currents: float,
-        others: Sequence[float],
-    ) -> list[float]:  # fmt: skip
-        """Return a number for each state, the k-th of a role its k-th; currents by their limits."""
-        seen: dict[str, int] = {}
-        results = []
-        for state, other in zip(states, others, strict=True):
-            k = seen.get(state.role, 0)
-            seen[state.role] = k + 1
-            if state.role in by_role:
-                results.append(float(by_role[state.role][k]))
-            elif state.role in ("current", "past control"):
-                results.append(
-                    currents * self.isolated[self.axis_of(state)].amplifier.current_limit
-                )
-            else:
-                results.append(other)
-        return results
 
     def axis_of(self, state: Descriptor) -> int:
         """Return which axis a current or a past control is of."""

@@ -11,8 +11,6 @@ from typing import Any, NamedTuple
 from ambkit.base import units
 from ambkit.base.config.quantities import InOther
 from ambkit.base.quantity_arguments import Given, in_si
-from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import own_time
 from ambkit.models.model import Descriptor
 
 COARSE, VERY_COARSE = 4.0, 121.0
@@ -91,12 +89,6 @@ class Variances(NamedTuple):
         """The variances of a model's noises: the load's in a sample [N^2], the others' own."""
         _, *others = noises
         return [T * self.disturbance, *(noise.size**2 for noise in others)]
-
-
-def dwell(axes: Sequence[Machine]) -> float:
-    """Return for how many samples a rotor at rest stays within a very coarse step of its sensor."""
-    # Half the time in which the fastest axis falls away by e.
-    return max(10.0, min(0.5 * own_time(axis) / axis.sampling_time for axis in axes))
 
 
 def with_rounding(

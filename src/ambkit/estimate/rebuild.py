@@ -36,16 +36,17 @@ class Rebuild(NamedTuple):
     @classmethod
     def of(
         cls, machine: Machine, *, parts: Callable[..., Any] = machine_parts, noise: bool = True,
-        synchronous: Sequence[str] = (),
+        synchronous: Sequence[str] = (), timed: bool = False,
     ) -> Rebuild:  # fmt: skip
-        """Return that of the model that an engine has of a machine."""
+        """Return that of the model that an engine has of a machine; `timed`: at any T."""
         formulas, values = Formulas(), list[float]()
 
         def recorded(name: str, value: float, low: float, high: float) -> float:
             values.append(value)
             return formulas.parameter(name, value, low, high)
 
-        plan = Plan(machine.sampling_time)
+        T = machine.sampling_time
+        plan = Plan(recorded("T", T, 0.0, math.inf) if timed else T)
         changed = with_parameters(machine, recorded)
         for part in parts(changed, noise=noise, synchronous=synchronous):
             plan.add(part)

@@ -19,7 +19,7 @@ def workbench(machine: Machine | None = None, *, open: bool = False) -> Workbenc
     Parameters
     ----------
     machine : Machine, str or path, optional
-        Preset name or TOML file: one axis, or a rigid rotor on radial bearings. By default presets.
+        Preset name or TOML file: one axis, or a rotor, rigid or bending. By default presets.
     open : bool, optional
         Open it in the browser.
 
@@ -31,7 +31,7 @@ def workbench(machine: Machine | None = None, *, open: bool = False) -> Workbenc
     Raises
     ------
     AmbkitError
-        The machine cannot be read, or is neither.
+        The machine cannot be read, or is larger than the page takes.
 
     Examples
     --------

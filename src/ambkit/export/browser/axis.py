@@ -32,7 +32,7 @@ def left_out(machine: Machine) -> Iterator[str]:
     stated = tomllib.loads(machine.to_toml())
     for table, value in stated.items():
         if table in KNOWN:
-            yield from (f"{table}.{key}" for key in value if key not in KNOWN[table])
+            yield from (f"{table}.{key}" for key in value if value[key] and key not in KNOWN[table])
         elif table not in KNOWN[""]:
             yield table
 

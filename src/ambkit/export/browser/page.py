@@ -15,8 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from ambkit.base import files
+from ambkit.base.errors import AmbkitError
 from ambkit.export.browser.axis import axis_parameters, expert_numbers, left_out
+from ambkit.export.browser.model import axis_models
 from ambkit.export.browser.rotor import rotor_parameters
+from ambkit.export.browser.widget import has_widgets, widget_of
 from ambkit.machine.machine import Machine
 
 PRESETS = ("zittau_axial", "inteco_ml", "hindawi_2011", "heart_pump")
@@ -24,7 +27,7 @@ PRESETS = ("zittau_axial", "inteco_ml", "hindawi_2011", "heart_pump")
 
 PAGE = Path(__file__).with_name("page.html")  #: As `web/build.sh` writes it.
 
-_DATA = re.compile(r'(<script type="application/json" id="machines">).*?(</script>)', re.DOTALL)
+_DATA = re.compile(r'(<script type="application/json" id="data">).*?(</script>)', re.DOTALL)
 
 
 def _as_data(machine: Machine) -> dict[str, Any]:
@@ -54,7 +57,7 @@ class Workbench:
     @cached_property
     def text(self) -> str:
         """The page."""
-        data = json.dumps([_as_data(machine) for machine in self.machines])
+        data = json.dumps(self.to_dict())
         # Within a script nothing ends it but these; JSON has other words for them.
         for sign in "<>&\u2028\u2029":
             data = data.replace(sign, f"\\u{ord(sign):04x}")
@@ -62,8 +65,9 @@ class Workbench:
         return _DATA.sub(lambda match: match[1] + data + match[2], page, count=1)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the machines as the page has them."""
-        return {"machines": [_as_data(machine) for machine in self.machines]}
+        """Return the machines as the page has them, and the models of an axis's filters."""
+        machines = [_as_data(machine) for machine in self.machines]
+        return {"machines": machines, "models": axis_models()}
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the page."""
@@ -74,6 +78,22 @@ class Workbench:
         path = Path(tempfile.mkdtemp(prefix="ambkit-")) / "workbench.html"
         self.save(path)
         webbrowser.open(path.as_uri())
+
+    @cached_property
+    def widget(self) -> Any:
+        """As a widget of a notebook, whose ``settings`` say what is set and can be set.
+
+        Needs ``pip install ambkit[notebook]``.
+        """
+        if not has_widgets():
+            raise AmbkitError("the widget needs anywidget: pip install 'ambkit[notebook]'")
+        return widget_of(self.text)
+
+    def _repr_mimebundle_(self, **options: Any) -> Any:
+        """Return the widget where there are any, else the page in a frame."""
+        if has_widgets():
+            return self.widget._repr_mimebundle_(**options)
+        return {"text/plain": self.finding, "text/html": self._repr_html_()}
 
     def _repr_html_(self) -> str:
         """Return the page in a frame of a notebook."""

@@ -1,73 +1,85 @@
-"""A rotor on several bearings as the page has it: what ``web/core/rotor/rotor.c`` reads."""
+"""A rotor on several bearings as the page has it: what ``web/core/rotor.c`` reads."""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.control.control import Control
-from ambkit.estimate.core_model import arrays
+from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.rebuild import Rebuild
 from ambkit.estimate.registry import KINDS
+from ambkit.export.browser.model import model_numbers
+from ambkit.machine import geometry
 from ambkit.machine.machine import Machine
 from ambkit.simulation.run import Loop
 from ambkit.simulation.scenario import Scenario
 
+Feedback = Literal["measurement", "estimate"]
+
 PLANT = (
     "positions", "axes", "sensors", "states", "T", "delay", "delay_rest", "substeps", "H", "B", "C",
     "A", "spin", "g", "bias", "farthest", "gain", "lag", "current", "shows", "k_ui", "iu_min",
-    "iu_max", "reference", "position", "spread",
+    "iu_max",
 )  # fmt: skip
 """Fields of a loop that the page has as they are."""
 
-SETTINGS = (
-    "K_sen", "lag", "travel", "k_ui", "iu_min", "iu_max", "f_0", "x_max", "cap", "var_u", "var_d",
-    "var_y", "step",
-)  # fmt: skip
-"""Settings of a filter, in the order of the page."""
+CONTROLLERS = ("reference", "position", "velocity", "spread")  #: And what depends on what they see.
 
-MOST = 8  #: Positions, axes and sensors of a machine in the page.
+VIEW = (
+    "mass", "clearance", "k_ui", "current_limit", "var_u", "K_sen", "lag", "step", "var_y", "range",
+    "run_out", "travel", "seen", "bent",
+)  # fmt: skip
+"""What the page has of ``amb_view`` (``sim/settings.h``), in its order."""
+
+MOST = {"axes": 10, "sensors": 10, "positions": 24, "states of the filter": 48}
+"""Of a machine in the page (``web/core/bench.h``)."""
+
+STATIONS = 33  #: Along the shaft, where it is drawn.
 
 
 def rotor_parameters(machine: Machine) -> dict[str, Any]:
-    """Return a machine under one PID an axis, fed by the sensors, in SI."""
-    if machine.bending is not None:
-        raise AmbkitError(f"machine: the workbench shows rigid rotors; {machine.name} bends")
-    controller = Control(type="decentralised", feedback="measurement")
-    scenario = Scenario(duration=2 * machine.sampling_time, controller=controller)
-    arguments = Loop(machine, scenario).arguments(slice(0, 2))
+    """Return a machine under one PID an axis, in SI."""
+    kf = KINDS["extended"].make(machine)
+    loops = {feedback: _arguments(machine, feedback, kf) for feedback in get_args(Feedback)}
+    arguments = loops["measurement"]
     loop = arguments["loop"]
-    if max(loop[name] for name in ("positions", "axes", "sensors")) > MOST:
-        raise AmbkitError(
-            f"machine: the workbench shows up to {MOST} axes; {machine.name} has more"
-        )
-    radial = all(bearing.type == "radial" for bearing in machine.bearings)
-    if len(machine.bearings) < 2 or not radial or any(map(len, loop["behind"])):
-        raise AmbkitError(
-            "machine: the workbench shows rotors on radial bearings without eddy currents; "
-            f"{machine.name} is another"
-        )
+    counts = {name: loop.get(name, len(kf.states)) for name in MOST}
+    for name, count in counts.items():
+        if count > MOST[name]:
+            limit = f"machine: the workbench shows up to {MOST[name]} {name}"
+            raise AmbkitError(f"{limit}; {machine.name} has {count}")
     zero = [0.0] * loop["positions"]
     laws = [machine.isolated_axis(axis.name).magnet for axis in machine.axes]
-    places = ("place", "integral")
     return {
         **{name: _plain(loop[name]) for name in PLANT},
-        "cosine": loop.get("cosine", zero), "sine": loop.get("sine", zero),
+        "cosine": _plain(loop.get("cosine", zero)), "sine": _plain(loop.get("sine", zero)),
         "magnets": [
             [m.magnet_constant, m.air_gap, m.bias_current, float(m.type == "two-sided")]
             for m in laws
         ],
         "corner": [part.get("corner", 0.0) for part in loop["amplifiers"]],
+        "behind": [
+            _behind(part, at) for part, at in zip(loop["amplifiers"], loop["behind"], strict=True)
+        ],
         "step": [part.get("step", 0.0) for part in loop["sensor_parts"]],
         "rings": [
             [ring[key] for key in ("first", "second", "travel")]
             + [ring["stop"][key] for key in ("stiffness", "damping")]
             for ring in loop["rings"]
         ],
-        "pid": [list(pid)[:6] for pid in loop["pid"]],
-        **{name: _plain(arguments[name]) for name in places}, "held": _plain(arguments["current"]),
+        "place": _plain(arguments["place"]), "held": _plain(arguments["current"]),
+        "controllers": {
+            feedback: {
+                "pid": [list(pid)[:6] for pid in item["loop"]["pid"]],
+                "integral": _plain(item["integral"]),
+                **{name: _plain(item["loop"][name]) for name in CONTROLLERS},
+            }
+            for feedback, item in loops.items()
+        },
         "var_u": [float(axis.bearing.amplifier.noise_variance) for axis in machine.axes],
         "var_y": [reading.sensor.noise_variance for reading in machine.readings],
         "speed": machine.speed,
@@ -77,38 +89,58 @@ def rotor_parameters(machine: Machine) -> dict[str, Any]:
             {"name": b.name, "place": b.place, "angle": b.angle, "type": b.type}
             for b in machine.bearings
         ],
-        "filter": _filter_of(machine),
+        "filter": _filter_of(machine, kf, loop["position"]),
         "discs": [place for place, _, _ in machine.unbalances()],
+        **_shape(machine),
     }  # fmt: skip
 
 
-def _filter_of(machine: Machine) -> dict[str, Any] | None:
-    """Return what the page makes a Kalman filter of at any speed; None where the loop is late."""
-    kf = KINDS["extended"].make(machine)
-    rebuild, pattern = Rebuild.of(machine), arrays(kf.model)
-    if rebuild.fields["late"]:
-        return None
-    sparse = [pattern[name] for name in ("L", "b", "B_u", "h", "d", "c", "N", "rest")]
-    counts = ("states", "forces", "controls", "sensors", "noises")
-    of = rebuild.fields
-    lists = [[len(of[name]), *of[name]] for name in ("constant", "operation")]
-    terms = (of[name] for name in ("row", "column", "use", "value", "k_i", "intensity"))
-    settings = (kf._settings[name] for name in SETTINGS)
+def _arguments(machine: Machine, feedback: Feedback, kf: Estimator) -> dict[str, Any]:
+    """Return what a loop is made of whose controllers see readings or estimates."""
+    controller = Control(type="decentralised", feedback=feedback)
+    scenario = Scenario(duration=2 * machine.sampling_time, controller=controller)
+    estimator = kf if feedback == "estimate" else None
+    return Loop(machine, scenario, estimator=estimator).arguments(slice(0, 2))
+
+
+def _behind(part: dict[str, Any], at: list[int]) -> list[float]:
+    """Return the linear states between a magnet's force and the rotor, as numbers in a row."""
+    if not at:
+        return [0]
+    parts = [np.ravel(part[f"behind_{name}"]).tolist() for name in ("A", "b", "c", "d", "rest")]
+    return [len(at), *at, *(item for row in parts for item in row)]
+
+
+def _shape(machine: Machine) -> dict[str, Any]:
+    """Return how the shaft moves at stations along it: rows over the coordinates, x and y."""
+    places = [bearing.place for bearing in machine.bearings if bearing.type == "radial"]
+    places += [place for place, _, _ in machine.unbalances()]
+    bending = machine.bending
+    low, high = (min(places), max(places)) if bending is None else bending.ends
+    room = 0.16 * (high - low) if bending is None else 0.0
+    stations = np.linspace(low - room, high + room, STATIONS)
+    lines = [machine.line(z, angle) for angle in (0.0, math.pi / 2) for z in stations]
+    rows = geometry.matrix(lines, machine.positions)
+    across = {"x": rows[:STATIONS].tolist(), "y": rows[STATIONS:].tolist()}
+    modes = [] if bending is None else (bending.frequency / (2 * math.pi)).tolist()
+    return {"stations": stations.tolist(), "shape": across, "modes": modes}
+
+
+def _filter_of(machine: Machine, kf: Estimator, along_axes: Any) -> dict[str, Any]:
+    """Return what the page makes filters of, whatever the speed."""
+    rebuild = Rebuild.of(machine)
+    constant, by_reading = kf.view.start_form(kf.states, kf.levitation_current)
+    displayed, view = np.reshape(along_axes, (len(machine.axes), -1)), kf.view.seen_by
+    bent = kf.view.bent(kf.states)
     return {
         "names": list(rebuild.names), "values": rebuild.values.tolist(),
-        "pattern": [
-            *(pattern[name] for name in counts),
-            *(item for start, column, _ in sparse for item in (*start, *column)), *pattern["role"],
-        ],
-        "plan": [
-            len(rebuild.names), *of["low"], *of["high"], *lists[0], *lists[1], *of["left"],
-            *of["right"], of["T"], len(of["row"]), *(item for part in terms for item in part),
-            len(of["from"]), *of["from"],
-        ],
-        "settings": {name: list(item) for name, item in zip(SETTINGS, settings, strict=True)},
-        "dwell": kf._settings["dwell"], "std": list(kf.default_std()),
-        "start": kf.equilibrium_state(0.0).tolist(),
+        "model": model_numbers(kf, rebuild),
+        "view": {name: view[name] for name in VIEW} | {"bent": bent.tolist()},
+        "lag": kf._settings["lag"], "f_0": kf._settings["f_0"],
+        "rest": constant.tolist(), "by_reading": by_reading.tolist(),
+        "displayed": displayed.tolist(), "added": np.linalg.pinv(displayed).tolist(),
         "loads": [state.role for state in kf.states].index("disturbance force"),
+        **dict(zip(("along", "moving"), _plain(kf.view.along_axes(kf.states)), strict=True)),
     }  # fmt: skip
 
 

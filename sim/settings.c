@@ -1,0 +1,186 @@
+#include "settings.h"
+#include <math.h>
+
+static double larger_of(double a, double b)
+{
+  return (a > b) ? a : b;
+}
+
+static double smaller_of(double a, double b)
+{
+  return (a < b) ? a : b;
+}
+
+static double magnitude_of(double a)
+{
+  return (a < 0.0) ? -a : a;
+}
+
+static double square_of(double a)
+{
+  return a * a;
+}
+
+/* In which an uncontrolled rotor falls away by e along an axis [s]. */
+static double own_time(const amb_view *of, int axis)
+{
+  return sqrt(of->mass[axis] / of->stiffness[axis]);
+}
+
+static double quickest(const amb_view *of)
+{
+  double least = own_time(of, 0);
+  for (int f = 1; f < of->axes; f++) {
+    least = smaller_of(own_time(of, f), least);
+  }
+  return least;
+}
+
+static double rounded(const amb_view *of, int sensor, double var_y)
+{
+  return ((of->step[sensor] * of->step[sensor]) / 12.0) + var_y;
+}
+
+/* A filter of bandwidth w takes the force from positions with R every T, with a noise of
+ * R T (m w^3)^2, and from what the amplifier's noise leaves of it: of a random walk of this
+ * intensity it has that bandwidth. Beyond one over the sensor's lag and 1.5 T it would only undo
+ * the lag, and make more of the noise than the measurement has; up to eight times the unstable
+ * pole it is needed. Never more than a random walk by twice the weight in a second. */
+double amb_view_intensity(const amb_view *of, int axis)
+{
+  double R = rounded(of, 0, of->var_y[0]) / square_of(of->K_sen[0]);
+  double lag = of->lag[0];
+  for (int r = 1; r < of->sensors; r++) {
+    R = smaller_of(rounded(of, r, of->var_y[r]) / square_of(of->K_sen[r]), R);
+    lag = smaller_of(of->lag[r], lag);
+  }
+  const double m = of->mass[axis];
+  const double w = larger_of(1.0 / ((1.5 * of->T) + lag), 8.0 / own_time(of, axis));
+  const double by_control = of->var_u[axis] * square_of(of->k_i[axis] * of->k_ui[axis]);
+  const double known = (R * square_of(m * (w * w))) + by_control;
+  return smaller_of(square_of(2.0 * (m * AMB_GRAVITY)), known * of->T * (w * w));
+}
+
+/* Half the time in which the fastest axis falls away by e. */
+double amb_view_dwell(const amb_view *of)
+{
+  double least = 0.5 * own_time(of, 0) / of->T;
+  for (int f = 1; f < of->axes; f++) {
+    least = smaller_of(0.5 * own_time(of, f) / of->T, least);
+  }
+  return larger_of(10.0, least);
+}
+
+static double cap_of(const amb_view *of, amb_role role, int k)
+{
+  double cap = 0.0;
+  switch (role) {
+  case AMB_POSITION:
+    cap = of->travel[k];
+    break;
+  case AMB_VELOCITY:
+    cap = 0.1 * (of->travel[k] / of->T);
+    break;
+  case AMB_LOAD:
+    cap = of->mass[k] * (0.1 * (of->clearance[k] / of->T) / of->T);
+    break;
+  case AMB_SHOWN:
+    cap = 3.0 * magnitude_of(of->K_sen[k]) * of->range[k];
+    break;
+  default:
+    cap = 10.0 * of->current_limit[k];
+    break;
+  }
+  return cap;
+}
+
+void amb_view_caps(const amb_view *of, const amb_view_states *states, double cap[])
+{
+  for (int i = 0; i < states->states; i++) {
+    const int k = states->index[i];
+    cap[i] = (k < 0) ? (30.0 * states->size[i]) : cap_of(of, (amb_role)states->role[i], k);
+  }
+}
+
+/* Three standard deviations of a reading [m times gain]. */
+static double sigma_of(const amb_view *of, int sensor, const double var_y[])
+{
+  return 3.0 * sqrt(var_y[sensor] + ((of->step[sensor] * of->step[sensor]) / 12.0));
+}
+
+static double start_of(const amb_view *of, amb_role role, int k, const double var_y[])
+{
+  double std = 0.0;
+  switch (role) {
+  case AMB_POSITION: {
+    double sum = 0.0;
+    for (int r = 0; r < of->sensors; r++) {
+      const double sigma = sigma_of(of, r, var_y);
+      const double spread = sqrt((sigma * sigma) + of->run_out[r]) / magnitude_of(of->K_sen[r]);
+      sum += square_of(of->seen[(k * of->sensors) + r] * spread);
+    }
+    std = sqrt(sum + of->bent[k]);
+    break;
+  }
+  case AMB_VELOCITY:
+    std = 0.1 * of->travel[k] / quickest(of);
+    break;
+  case AMB_LOAD:
+    std = of->mass[k] * AMB_GRAVITY;
+    break;
+  case AMB_SHOWN:
+    std = sigma_of(of, k, var_y);
+    break;
+  default:
+    std = of->current_limit[k];
+    break;
+  }
+  return std;
+}
+
+void amb_view_start(const amb_view *of, const amb_view_states *states, const double var_y[],
+                    double std[])
+{
+  for (int i = 0; i < states->states; i++) {
+    const int k = states->index[i];
+    std[i] = (k < 0) ? (states->vague[i] * states->size[i])
+                     : start_of(of, (amb_role)states->role[i], k, var_y);
+  }
+}
+
+/* The cube root of a > 0, by Newton's steps from below twice of it. */
+static double cube_root(double a)
+{
+  double scale = 1.0;
+  double rest = smaller_of(a, 1e300);
+  while (rest >= 8.0) {
+    rest *= 0.125;
+    scale *= 2.0;
+  }
+  while (rest < 1.0) {
+    rest *= 8.0;
+    scale *= 0.5;
+  }
+  double x = 1.5;
+  for (int k = 0; k < 8; k++) {
+    x -= ((x * x * x) - rest) / (3.0 * (x * x));
+  }
+  return scale * x;
+}
+
+/* Of noise of density R T a corner x lets x R T/2 through, a slower one v behind it x v^2 times as
+ * much of its derivative, and f behind both x v^2 f^2 of the second. A motion of velocity u lags by
+ * u/x, its acceleration a by a/v, and a force of intensity q by q/(2 f). Each is where both have
+ * the least sum; a rotor's usual motion is a tenth of its clearance by the unstable pole. */
+void amb_view_corners(const amb_view *of, double var_y, double intensity, double corner[3])
+{
+  const double pole = 1.0 / own_time(of, 0);
+  const double noise = rounded(of, 0, var_y) / square_of(of->K_sen[0]) * of->T;
+  const double motion = 0.1 * of->clearance[0] * pole;
+  const double x = cube_root(4.0 * square_of(motion) / noise);
+  const double v = sqrt(sqrt(2.0 * square_of(motion * pole) / (noise * x)));
+  const double by_force = 2.0 * square_of(of->mass[0]) * noise * x * (v * v);
+  corner[0] = x;
+  corner[1] = v;
+  corner[2] = (intensity > 0.0) ? cube_root(intensity / by_force) : pole;
+}
