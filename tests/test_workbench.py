@@ -445,14 +445,16 @@ def test_a_notebook_shows_it_in_a_frame(page):
     frame.locator("#status:has-text('samples')").wait_for()
 
 
-WIDGET = """([script, page]) => import("data:text/javascript," + encodeURIComponent(script)).then(({default: of}) => {
+WIDGET = """async ([script, page]) => {
+  const { default: of } = await import("data:text/javascript," + encodeURIComponent(script));
   const set = { page, settings: "" }, asked = {};
   window.model = {
     get: (name) => set[name], set: (name, value) => (set[name] = value), save_changes() {},
-    on: (name, heard) => (asked[name] = heard), off() {}, change: (value) => ((set.settings = value), asked["change:settings"]()),
+    on: (name, heard) => (asked[name] = heard), off() {},
+    change: (value) => ((set.settings = value), asked["change:settings"]()),
   };
   of.render({ model: window.model, el: document.body });
-})"""  #: What anywidget does with the script of a widget.
+}"""  #: What anywidget does with the script of a widget.
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""The workbench as a widget of a notebook: settings go both ways (``pip install ambkit[notebook]``)."""
+"""The workbench as a widget of a notebook: what is set in it goes both ways."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _kind() -> Any:
     import anywidget
     import traitlets
 
-    class WorkbenchWidget(anywidget.AnyWidget):  # type: ignore[misc]
+    class WorkbenchWidget(anywidget.AnyWidget):
         """The page, and what is set in it as the part of a link behind ``#``."""
 
         _esm = SCRIPT
