@@ -17,7 +17,7 @@ from ambkit.data import recordings
 from ambkit.estimate.constant_velocity import tune
 from ambkit.estimate.errors import rms
 from ambkit.identification.corpus.corpus import identify_corpus
-from ambkit.identification.corpus.pooling import pool
+from ambkit.identification.corpus.pooling import deviation, pool
 from ambkit.identification.corpus.prediction import Prediction, in_the_mean, predict
 from ambkit.identification.corpus.segmentation import cut, flights
 from ambkit.identification.maximum_likelihood.baselines import AHEAD, Baselines, Layout, _parts
@@ -161,6 +161,21 @@ def test_logs_that_agree_halve_the_error_of_each_when_four_are_pooled():
     pooled = pool(logs)
     np.testing.assert_allclose(pooled.values, [2.0, 1.5e-3], rtol=1e-9)
     np.testing.assert_allclose(pooled.errors, [0.025, 0.5e-4], rtol=0.01)
+
+
+def test_the_log_that_is_off_is_named_and_no_other():
+    """Truth: logs scatter by 0.1, each is known to 0.05; the last has 2.5 times the magnet."""
+    parameters, rng = named(["magnet_constant", "delay"]), np.random.default_rng(2)
+    logs = [SimpleNamespace(
+        parameters=parameters, errors=np.array([0.05, 1e-4]), covariance=np.diag([0.05**2, 1e-8]),
+        values=np.array([k * np.exp(0.11 * rng.standard_normal()),
+                         1e-3 + 1e-4 * rng.standard_normal()]),
+    ) for k in (1, 1, 1, 1, 2.5)]  # fmt: skip
+    off = [deviation(one, pool([x for x in logs if x is not one]), len(logs)) for one in logs]
+    assert [one.far for one in off] == [False] * 4 + [True]
+    assert off[-1].parameter.name == "magnet_constant"
+    assert np.exp(off[-1].difference) == pytest.approx(2.5, rel=0.25)
+    assert deviation(logs[-1], pool(logs[:2]), 3) is None  # the scatter is not known
 
 
 @pytest.mark.long

@@ -17,7 +17,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.constant_velocity import tune
 from ambkit.estimate.errors import rms
 from ambkit.identification.corpus.magnet_strength import StrengthLoss, strength_loss
-from ambkit.identification.corpus.pooling import Pooled, pool
+from ambkit.identification.corpus.pooling import Deviation, Pooled, deviation, pool
 from ambkit.identification.corpus.prediction import (
     KINDS,
     PAST_ONLY,
@@ -57,6 +57,7 @@ class Corpus(Result):
     stretches: Mapping[str, Sequence[Stretch]]  #: How each log was cut.
     left_out: Mapping[str, str]  #: Logs that nothing is identified from, and why.
     spikes: Mapping[str, str]  #: Logs whose positions have spikes, and how many were left out.
+    deviations: Mapping[str, Deviation]  #: Of logs that are enough to know a scatter.
     #: How much weaker a one-sided magnet is in flight than it was described, and at what amplitude.
     strength_loss: StrengthLoss | None = None
 
@@ -85,9 +86,13 @@ class Corpus(Result):
     @property
     def finding(self) -> str:
         good = sum(prediction.good for prediction in self.predictions)
+        off = [
+            f" {name} differs from the others."
+            for name, one in self.deviations.items() if one.far
+        ]  # fmt: skip
         return (
             f"{good} of {len(self.predictions)} logs of {self.model.isolated.name} are predicted "
-            f"well by a model of the others. {self._better_baselines}"
+            f"well by a model of the others. {self._better_baselines}{''.join(off)}"
         )
 
     @property
@@ -109,7 +114,11 @@ class Corpus(Result):
     def rows(self) -> list[Row]:
         p, result = self.pooled, []
         for prediction in self.predictions:
-            result += put(prediction.rows(), section=("predictions",), of=prediction.name)
+            off = self.deviations.get(prediction.name)
+            far = None if off is None else abs(off.ratio) / off.limit
+            deviating = Row("deviation", "deviation / limit", far, digits=3, below=1.0)
+            rows = [*prediction.rows(), deviating]
+            result += put(rows, section=("predictions",), of=prediction.name)
         for k, one in enumerate(p.parameters):
             name, value = one.name.replace("_", " "), float(p.values[k])
             error, scatter = (float(of[k]) for of in (p.errors, p.scatter))
@@ -146,6 +155,8 @@ class Corpus(Result):
             "magnet. All are fitted to the other logs. Predictable: share of the "
             "residuals that their past predicts. Good: no baseline with the same information is "
             "better, NIS is near 1, and little is predictable.",
+            *(f"{name} differs from the others: {_difference(one)}."
+              for name, one in self.deviations.items() if one.far),
             *(f"{said[0].upper()}{said[1:]}." for said in weaker),
             *(f"A line at {figure(h.frequency, 'Hz')} in the position, of "
               f"{figure(h.amplitude, 'm', 2)}, in more than half of the logs."
@@ -168,6 +179,17 @@ class Corpus(Result):
 
     def figures(self) -> list[Figure]:
         return [corpus_figure(self)]
+
+
+def _difference(of: Deviation) -> str:
+    """Return in which parameter a log differs, and by how much, in words."""
+    by = f"{math.expm1(of.difference):+.1%}" if of.parameter.positive else engineering(
+        of.difference, of.parameter.unit, 2
+    )  # fmt: skip
+    return (
+        f"{of.parameter.name.replace('_', ' ')} by {by}, {abs(of.ratio):.1f} standard deviations "
+        f"where chance has {of.limit:.1f}"
+    )
 
 
 def _scale(of: Parameter, value: float) -> float:
@@ -231,22 +253,26 @@ def identify_corpus(
     fitted = Baselines.of(parts)
     naive = [tune([one["y"] for one in part], part[0].sampling_time) for part in parts]
 
-    def by_the_others(name: str) -> Prediction:
+    def by_the_others(name: str) -> tuple[Prediction, Deviation | None]:
         own = names.index(name)
         note(f"predicting {own + 1} of {len(names)}: {name}")
         rest = [k for k in range(len(names)) if k != own]
-        _, model = _together([likelihoods[names[k]] for k in rest], start)
-        return predict(
+        others, model = _together([likelihoods[names[k]] for k in rest], start)
+        prediction = predict(
             name, parts[own], model, Baselines.joint([fitted[k] for k in rest]),
             in_the_mean([naive[k] for k in rest]),
         )  # fmt: skip
+        return prediction, deviation(likelihoods[name], others, len(names))
 
     with ThreadPoolExecutor(THREADS) as workers:
-        predicted = list(workers.map(by_the_others, names))
+        predicted, off = zip(*workers.map(by_the_others, names), strict=True)
     joint, model = _together(list(likelihoods.values()), start)
     note("the magnet in flight and as described")
     weaker = strength_loss(flight_records, likelihoods, start, THREADS)
-    return Corpus(start, model, joint, likelihoods, predicted, stretches, left_out, spikes, weaker)
+    deviations = {name: one for name, one in zip(names, off, strict=True) if one}
+    return Corpus(
+        start, model, joint, likelihoods, predicted, stretches, left_out, spikes, deviations, weaker
+    )
 
 
 def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[Pooled, LoopModel]:

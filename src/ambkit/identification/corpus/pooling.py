@@ -7,6 +7,7 @@ and mu with an error that has the scatter in it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,6 +18,7 @@ from ambkit.identification.maximum_likelihood.parameters import OFFSETS, PARAMET
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 
 LEAST_SCATTER = 1e-4  #: Between logs, in the coordinates: below it they are as good as equal.
+CHANCE = 0.01  #: That any log of a homogeneous corpus is called off.
 FEWEST = 3  #: Logs from which on a scatter between them can be told.
 
 COORDINATE = {"delay": 1e-3, "position_noise": 100.0}
@@ -72,6 +74,47 @@ def pool(results: Sequence[MaximumLikelihood]) -> Pooled:
         size * np.sqrt(np.diag(covariance)),
         np.where(scatter > 2 * LEAST_SCATTER, size * scatter, 0.0), parts, log_errors,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """By how much a log is off the others, in the parameter in which it is most."""
+
+    parameter: Parameter
+    difference: float  #: Of the logarithm for a positive parameter, otherwise SI.
+    ratio: float  #: In standard deviations of the difference that is to be expected.
+    limit: float  #: Which one of `CHANCE` homogeneous corpora exceeds.
+
+    @property
+    def far(self) -> bool:
+        """Whether the log is another rig's, or of another state of it."""
+        return abs(self.ratio) > self.limit
+
+
+def deviation(one: MaximumLikelihood, others: Pooled, logs: int) -> Deviation | None:
+    """Return where a log is most off the others, if they are enough to know their scatter."""
+    # The expected difference has the log's own error, that of the others' mean, and their scatter,
+    # which is itself an estimate: Student's t, its degrees of freedom after Satterthwaite (1946).
+    from scipy.stats import t
+
+    if logs - 1 < FEWEST:
+        return None
+    most: Deviation | None = None
+    shared = [p for p in others.parameters if p in one.parameters]
+    for p in shared:
+        at, k = one.parameters.index(p), others.parameters.index(p)
+        value, mean = float(one.values[at]), float(others.values[k])
+        known = float(one.errors[at]) ** 2 + float(others.errors[k]) ** 2
+        scatter = float(others.scatter[k]) ** 2
+        # An estimate of nothing does not tell a scatter as large as the errors from none.
+        unsure = max(scatter, known)
+        freedom = (logs - 2) * ((known + unsure) / unsure) ** 2
+        difference = math.log(value / mean) if p.positive else value - mean
+        limit = float(t.isf(CHANCE / (2 * logs * len(shared)), freedom))
+        ratio = difference / math.sqrt(known + scatter)
+        if most is None or abs(ratio) / limit > abs(most.ratio) / most.limit:
+            most = Deviation(p, difference, ratio, limit)
+    return most
 
 
 def _weight(J: Array, scatter: Array) -> Array:
