@@ -15,7 +15,7 @@ from ambkit.machine.magnetostatics.dynamic_stiffness import (
     FREQUENCIES,
     dynamic_stiffness,
     dynamics_of,
-    half_order,
+    lag,
 )
 from ambkit.machine.magnetostatics.field import FieldSolver
 from ambkit.machine.magnetostatics.iron import GRADES, Iron
@@ -321,6 +321,7 @@ def test_machine_takes_a_drawing(tmp_path):
     assert np.abs(run.record["x"]).max() < 0.1e-3
 
 
+@pytest.mark.long
 def test_machine_may_differ_from_its_drawing(tmp_path):
     (tmp_path / "core.toml").write_text(text(U_CORE))
     own = MACHINE + '[magnet]\nforce_map = "core.toml"\ndrawing.iron.saturation = "1.74 T"\n'
@@ -400,18 +401,46 @@ def test_drawing_is_a_file_like_others(tmp_path):
 
 
 @pytest.mark.long
+def test_sheets_lose_what_theory_says_and_lag(tmp_path):
+    """At low frequency sigma d^2 (dB/dt)^2 / 12 in each volume; hysteresis as stated."""
+    sheets = 'conductivity = "2e6 S/m"\nlamination = "0.5 mm"\nhysteresis_loss = "2 W/kg"\n'
+    made = drawing(U_CORE, IRON + sheets)
+    dynamics, layout = dynamics_of(made), made.layout
+    position = FieldSolver(layout).at()
+    iron = np.concatenate([at for _, at in position.solver.iron])
+    step, bias = 1e-3, 3 * layout.bias
+    more, less = (position.solve(bias + sign * step * layout.control[0]).B for sign in (1, -1))
+    square = (np.abs((more - less) / (2 * step)) ** 2 * position.volume)[iron].sum()
+    for at in (2, 4):
+        omega = 2 * np.pi * FREQUENCIES[at]
+        eddy = 2 * 2e6 * 0.5e-3**2 * omega**2 * square / 24  # of two cores
+        hysteresis = 2 * 7650 * 2 * FREQUENCIES[at] / 50 * square / 1.5**2
+        assert dynamics.eddy_loss[at] == pytest.approx(eddy, rel=5e-3)
+        assert dynamics.hysteresis[at] == pytest.approx(hysteresis, rel=5e-3)
+    first = lag(FREQUENCIES, dynamics.corner, 1.0)
+    assert dynamics.stiffness == pytest.approx(first, abs=3e-3)
+    assert np.degrees(np.angle(dynamics.stiffness[-1])) < -1.5
+    (tmp_path / "core.toml").write_text(text(U_CORE, IRON + sheets))
+    machine = ambkit.Machine.from_toml(
+        MACHINE + f'[magnet]\nforce_map = "{(tmp_path / "core.toml").as_posix()}"\n'
+    )
+    assert machine.magnet.eddy_current_lag == pytest.approx(1 / (2 * np.pi * dynamics.corner))
+
+
+@pytest.mark.long
 def test_solid_iron_lags_by_half_an_order(tmp_path):
     """At five frequencies; and a machine takes the corner from its drawing."""
     solid = IRON + 'conductivity = "4.5e6 S/m"\n'
-    stiffness, corner = dynamics_of(drawing(THRUST + POT, solid))
+    dynamics = dynamics_of(drawing(THRUST + POT, solid))
+    stiffness, corner = dynamics.stiffness, dynamics.corner
     high = FREQUENCIES > 9
-    off = np.log(stiffness / half_order(FREQUENCIES, corner))[high]
+    off = np.log(stiffness / lag(FREQUENCIES, corner))[high]
     assert high.sum() == 5
     assert np.abs(off.real).max() < 0.07
     assert np.abs(off.imag).max() < np.radians(4)
-    finer = dynamic_stiffness(drawing(THRUST + POT, solid), FREQUENCIES[[2, 5]])
+    finer = dynamic_stiffness(drawing(THRUST + POT, solid), FREQUENCIES[[2, 5]])[0]
     assert finer == pytest.approx(stiffness[[2, 5]], rel=0.02)
-    poor = dynamic_stiffness(drawing(THRUST + POT, IRON + 'conductivity = "45 S/m"\n'))
+    poor = dynamic_stiffness(drawing(THRUST + POT, IRON + 'conductivity = "45 S/m"\n'))[0]
     assert np.abs(poor[:3] - 1).max() < 1e-3
     (tmp_path / "t.toml").write_text(text(THRUST + POT, solid))
     machine = ambkit.Machine.from_toml(

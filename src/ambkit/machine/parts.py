@@ -106,8 +106,8 @@ class Magnet(LawKeys):
     force_map: FilePath | None = None
     """A file with the measured or computed force, points of iu, x and f_mag: the surface through
     them is the magnet, and the law only what goes on where there are none. Or a drawing (.toml),
-    whose field is solved; type, magnet_constant, air_gap, bias_current and, of solid iron,
-    eddy_current_corner are then the drawing's unless stated here."""
+    whose field is solved; type, magnet_constant, air_gap, bias_current and, of iron that conducts,
+    eddy_current_corner or _lag are then the drawing's unless stated here."""
     drawing: Annotated[
         tuple[tuple[str, Any], ...], BeforeValidator(_pairs), PlainSerializer(_tables),
         WithJsonSchema({"type": "object"}),
@@ -145,8 +145,8 @@ class Magnet(LawKeys):
             with suppress(AmbkitError):  # which `_contradictions` states
                 changes = dict(_pairs(data.get("drawing", ())))
                 stated = stated_by(from_folder(data["force_map"], info), changes)
-            if "eddy_current_lag" in data:
-                stated = {key: of for key, of in stated.items() if key != "eddy_current_corner"}
+            if "eddy_current_lag" in data or "eddy_current_corner" in data:
+                stated = {key: of for key, of in stated.items() if "eddy_current" not in key}
             data = stated | data
         if "magnet_constant" in data:
             return data

@@ -62,7 +62,12 @@ def stated_by(path: str, changes: Mapping[str, Any]) -> dict[str, Any]:
     drawing = drawing_of(path, changes)
     lag = {}
     if conducts(drawing):
-        lag["eddy_current_corner"] = engineering(dynamics_of(drawing)[1], "Hz", digits=None)
+        dynamics = dynamics_of(drawing)
+        if dynamics.laminated:
+            seconds = float(1 / (2 * np.pi * dynamics.corner))
+            lag["eddy_current_lag"] = engineering(seconds, "s", digits=None)
+        else:
+            lag["eddy_current_corner"] = engineering(dynamics.corner, "Hz", digits=None)
     return lag | {
         "type": drawing.geometry.sides,
         "magnet_constant": engineering(drawing.magnet_constant, "N m^2/A^2", digits=None),

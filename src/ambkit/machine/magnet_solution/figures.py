@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.base.units import figure
 from ambkit.machine.magnetostatics.drawing import Drawing
-from ambkit.machine.magnetostatics.dynamic_stiffness import FREQUENCIES, half_order
+from ambkit.machine.magnetostatics.dynamic_stiffness import FREQUENCIES, Dynamics, lag
 from ambkit.machine.magnetostatics.field import FieldSolver, Solution
 from ambkit.machine.magnetostatics.magnet_map import MagnetMap
 from ambkit.result.report import Axis, Figure, Heatmap, Item, Line, Panel, Points
@@ -124,11 +123,13 @@ def map_figure(name: str, m: MagnetMap) -> Figure:
     )  # fmt: skip
 
 
-def dynamics_figure(name: str, stiffness: NDArray[np.complex128], corner: float) -> Figure:
-    """Show the current stiffness over frequency with solid iron, and the half order fitted."""
+def dynamics_figure(name: str, dynamics: Dynamics) -> Figure:
+    """Show the current stiffness over frequency with eddy currents, and the lag fitted."""
+    stiffness, corner = dynamics.stiffness, dynamics.corner
     fine = np.geomspace(FREQUENCIES[0], FREQUENCIES[-1], 121)
-    fitted = half_order(fine, corner)
-    label = f"half order, corner {figure(corner, 'Hz')}"
+    fitted = lag(fine, corner, dynamics.order)
+    order = "first" if dynamics.laminated else "half"
+    label = f"{order} order, corner {figure(corner, 'Hz')}"
     frequency = Axis("frequency", "Hz", scale="log")
     amplitude, phase = Axis("amplitude", scale="log"), Axis("phase", "deg", 180 / np.pi)
     panels = [

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
@@ -25,7 +24,12 @@ from ambkit.machine.magnet_solution.figures import (
     map_figure,
 )
 from ambkit.machine.magnetostatics.drawing import Drawing
-from ambkit.machine.magnetostatics.dynamic_stiffness import conducts, dynamics_of
+from ambkit.machine.magnetostatics.dynamic_stiffness import (
+    REPORTED,
+    Dynamics,
+    conducts,
+    dynamics_of,
+)
 from ambkit.machine.magnetostatics.field import FieldSolver, Solution
 from ambkit.machine.magnetostatics.magnet_map import MagnetMap, map_of
 from ambkit.machine.magnetostatics.two_axis_map import TwoAxisMap, two_axis_map
@@ -47,8 +51,7 @@ class MagnetSolution(Result):
     bias_field: Solution  #: With the bias current alone.
     coupling: float | None  #: Force across in parts of that along, the rotor displaced across.
     laws: list[LawError]
-    dynamics: tuple[NDArray[np.complex128], float] | None = None
-    """Current stiffness over frequency in parts of that at rest, and its corner [Hz]."""
+    dynamics: Dynamics | None = None
     both_axes: TwoAxisMap | None = None
 
     TITLE = "Magnet {0.drawing.name}"
@@ -116,8 +119,7 @@ class MagnetSolution(Result):
                 Row("coupling", "force across, the rotor displaced across", self.coupling, "%")
             )
         if self.dynamics is not None:
-            corner = self.dynamics[1]
-            one.append(Row("eddy_current_corner", "corner of the eddy currents", corner, "Hz"))
+            one += _rows_of(self.dynamics)
         results += put(one, section=("magnet",))
         best = preferred(self.laws)
         for law in self.laws:
@@ -156,7 +158,7 @@ class MagnetSolution(Result):
 
     def figures(self) -> list[Figure]:
         drawing, solver = self.drawing, self.solver
-        more = [] if self.dynamics is None else [dynamics_figure(drawing.name, *self.dynamics)]
+        more = [] if self.dynamics is None else [dynamics_figure(drawing.name, self.dynamics)]
         if self.both_axes is not None:
             more.append(both_axes_figure(drawing.name, self.both_axes))
         return [
@@ -190,6 +192,24 @@ def solve(drawing: Drawing, both_axes: bool = False) -> MagnetSolution:
     dynamics = dynamics_of(drawing) if conducts(drawing) else None
     axes = two_axis_map(drawing) if both_axes else None
     return MagnetSolution(drawing, solved, solver, full, bias, coupling, errors, dynamics, axes)
+
+
+def _rows_of(dynamics: Dynamics) -> list[Row]:
+    """Return the lag of the force and the losses."""
+    corner = dynamics.corner
+    rows = [
+        Row("eddy_current_lag", "lag by eddy currents in sheets", 1 / (2 * np.pi * corner), "s")
+        if dynamics.laminated
+        else Row("eddy_current_corner", "corner of the eddy currents", corner, "Hz")
+    ]
+    for frequency, at in REPORTED.items():
+        of = f"of 1 A of control current at {figure(float(frequency), 'Hz')}"
+        losses = {"eddy_current": dynamics.eddy_loss, "hysteresis": dynamics.hysteresis}
+        for key, loss in losses.items():
+            if loss[at] > 0:
+                name = f"{key.replace('_', '-')} loss {of}"
+                rows.append(Row(f"{key}_loss_{frequency}", name, float(loss[at]), "W"))
+    return rows
 
 
 def _coupling(drawing: Drawing, solver: FieldSolver, full: Solution) -> float | None:

@@ -1,23 +1,27 @@
-"""Eddy currents in solid iron: the force over frequency, and the half order that follows it.
+"""Eddy currents and losses of iron: force and flux linkage over frequency, and the lag like them.
 
-Small changes about the bias field of a body of revolution: (K + j w M) a = currents, with the
-tangent stiffness K of the magnetostatic field and the conductivity matrix M. Solid poles make
-``1 / (1 + sqrt(s / corner))`` of it (Zhu, Knospe and Maslen, Analytic model for a nonlaminated
-cylindrical magnetic actuator including eddy currents, IEEE Trans. Magn. 41, 2005).
+Small changes about the bias field: (K + j w M) a = currents, with the tangent stiffness K of the
+magnetostatic field and the conductivity matrix M of solid iron in a body of revolution. Solid poles
+make ``1 / (1 + sqrt(s / corner))`` of it (Zhu, Knospe and Maslen, Analytic model for a nonlaminated
+cylindrical magnetic actuator including eddy currents, IEEE Trans. Magn. 41, 2005). In sheets of
+thickness d the reluctivity grows by ``z coth z``, ``z = (1 + j) d / (2 depth)``, by the skin depth
+(Stoll, The Analysis of Eddy Currents, 1974); that is about ``1 / (1 + s / corner)``.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.sparse.linalg import splu
 
 from ambkit.base.arrays import Array
 from ambkit.base.progress import progress
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.elements import N
-from ambkit.machine.magnetostatics.field import FieldSolver
+from ambkit.machine.magnetostatics.field import FieldSolver, Skin
+from ambkit.machine.magnetostatics.iron import Curve
 from ambkit.machine.magnetostatics.magnet_map import VERSION, kept
 
 FREQUENCIES = np.geomspace(1.0, 1000.0, 7)
@@ -26,64 +30,119 @@ FREQUENCIES = np.geomspace(1.0, 1000.0, 7)
 IN_SKIN = 1.5  #: Length of edges at the surface of iron, in skin depths at the highest frequency.
 
 
+REPORTED = {100: 4, 1000: 6}  #: Frequencies of losses [Hz], by their places.
+DENSITY = 7650.0  #: Of iron [kg/m^3].
+
+
+class Dynamics(NamedTuple):
+    """Small changes by control current at `FREQUENCIES`."""
+
+    stiffness: NDArray[np.complex128]  #: Of the force, in parts of that at rest.
+    flux: NDArray[np.complex128]  #: Flux linkage [H].
+    hysteresis: Array  #: Loss [W/A^2].
+    laminated: bool
+
+    @property
+    def order(self) -> float:
+        """Of the lag."""
+        return 1.0 if self.laminated else 0.5
+
+    @property
+    def corner(self) -> float:
+        """Corner of the lag that is nearest [Hz]."""
+        return fitted_corner(FREQUENCIES, self.stiffness, self.order)
+
+    @property
+    def eddy_loss(self) -> Array:
+        """Loss of eddy currents (n,) [W/A^2], of the current's amplitude."""
+        return np.asarray(-np.pi * FREQUENCIES * self.flux.imag)
+
+
 def conducts(drawing: Drawing) -> bool:
-    """Whether eddy currents flow in circles in a drawing's iron."""
+    """Whether a drawing's iron has eddy currents that are followed: in circles, or in sheets."""
     curves = [r.iron for r in drawing.layout.regions if r.iron is not None]
-    return drawing.layout.axisymmetric and any(curve.conductivity for curve in curves)
+    circles = drawing.layout.axisymmetric
+    return any(curve.conductivity and (circles or curve.lamination) for curve in curves)
+
+
+def _skin(omega: float) -> Skin:
+    """Return by what sheets are worse than their static reluctivity at an angular frequency."""
+
+    def factor(curve: Curve, slope: Array) -> NDArray[np.complex128]:
+        if not curve.lamination or omega == 0:
+            return np.ones(slope.shape, complex)
+        z = (1 + 1j) * 0.5 * curve.lamination * np.sqrt(0.5 * omega * curve.conductivity / slope)
+        return np.asarray(z / np.tanh(z))
+
+    return factor
 
 
 def dynamic_stiffness(
     drawing: Drawing, frequencies: Array = FREQUENCIES, fineness: float = 1.0
-) -> NDArray[np.complex128]:
-    """Return the current stiffness at frequencies (n,) [Hz], in parts of that at rest."""
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], Array]:
+    """Return force in parts of that at rest, flux linkage and hysteresis loss as of `Dynamics`."""
     layout = drawing.layout
     curves = [r.iron for r in layout.regions if r.iron is not None and r.iron.conductivity]
+    solid = [curve for curve in curves if not curve.lamination]
     omega = 2 * np.pi * frequencies
-    rise = np.array([curve.at(np.linspace(0.05, 1.0, 20))[1].min() for curve in curves])
-    depth = np.sqrt(2 * rise / (omega.max() * np.array([c.conductivity for c in curves]))).min()
-    solver = FieldSolver(layout, 1.0, IN_SKIN * float(depth) / fineness)
+    skin = None
+    if solid:
+        rise = np.array([curve.at(np.linspace(0.05, 1.0, 20))[1].min() for curve in solid])
+        conductivity = np.array([curve.conductivity for curve in solid])
+        depth = np.sqrt(2 * rise / (omega.max() * conductivity)).min()
+        skin = IN_SKIN * float(depth) / fineness
+    solver = FieldSolver(layout, 1.0, skin)
     position = solver.at()
     base = position.solve(drawing.winding.bias_current * layout.bias)
-    stiffness, force = position.tangent(base.a)
-    e = position.elements
-    sigma = np.zeros(len(e.triangles))
+    e, volume = position.elements, position.volume
+    sigma, hysteresis = np.zeros(len(e.triangles)), np.zeros(len(e.triangles))
     for curve, at in solver.iron:
-        sigma[at] = curve.conductivity
+        sigma[at] = 0.0 if curve.lamination else curve.conductivity
+        hysteresis[at] = DENSITY * curve.hysteresis * curve.stacking / (50 * 1.5**2)
     density = solver.length * sigma[:, None] * e.weight / position.radius
     mass = e.matrix(np.einsum("mq,qa,qb->mab", density, N, N, optimize=True))
-    free = solver.free
-    K, M = (matrix.tocsc()[free][:, free] for matrix in (stiffness, mass))
-    source = (layout.control[0] @ solver.coils)[free]
-    response = [
-        force[free] @ splu((K + 1j * w * M).tocsc(), "MMD_AT_PLUS_A").solve(source.astype(complex))
-        for w in (0.0, *omega)
-    ]
-    return np.asarray(np.array(response[1:]) / response[0], dtype=np.complex128)
+    free, source = solver.free, layout.control[0] @ solver.coils
+    sides = 2 if layout.opposed else 1
+    solved, loss = [], []
+    for w in (0.0, *omega):
+        tangent, force = position.tangent(base.a, _skin(w))
+        matrix = (tangent + 1j * w * mass).tocsc()[free][:, free]
+        a = np.zeros(e.count, complex)
+        a[free] = position.solved(matrix, source[free].astype(complex))
+        squares = (np.abs(e.grad(a)) ** 2).sum(axis=2) / position.radius**2
+        solved.append([force @ a, sides * source @ a])
+        loss.append(sides * w / (2 * np.pi) * float((hysteresis[:, None] * volume * squares).sum()))
+    pulled, flux = np.array(solved, dtype=np.complex128).T
+    return pulled[1:] / pulled[0], flux[1:], np.array(loss[1:])
 
 
-def dynamics_of(drawing: Drawing) -> tuple[NDArray[np.complex128], float]:
-    """Return the dynamic stiffness at `FREQUENCIES` and its corner [Hz], solved once."""
+def dynamics_of(drawing: Drawing) -> Dynamics:
+    """Return the dynamics at `FREQUENCIES`, solved once."""
 
     def solve() -> tuple[Array, ...]:
         with progress("solving the eddy currents"):
-            ratio = dynamic_stiffness(drawing, FREQUENCIES, 0.5)
-        return ratio.real, ratio.imag
+            stiffness, flux, loss = dynamic_stiffness(drawing, FREQUENCIES, 0.5)
+        return stiffness.real, stiffness.imag, flux.real, flux.imag, loss
 
-    real, imag = kept(drawing.key("dynamics", drawing.winding.bias_current, VERSION), solve)
-    return real + 1j * imag, fitted_corner(FREQUENCIES, real + 1j * imag)
-
-
-def half_order(frequencies: Array, corner: float) -> NDArray[np.complex128]:
-    """Return ``1 / (1 + sqrt(j f / corner))``, all in hertz."""
-    return np.asarray(1 / (1 + np.sqrt(1j * frequencies / corner)))
+    parts = kept(drawing.key("dynamics", drawing.winding.bias_current, VERSION), solve)
+    curves = [r.iron for r in drawing.layout.regions if r.iron is not None and r.iron.conductivity]
+    laminated = all(curve.lamination for curve in curves)
+    return Dynamics(parts[0] + 1j * parts[1], parts[2] + 1j * parts[3], parts[4], laminated)
 
 
-def fitted_corner(frequencies: Array, stiffness: NDArray[np.complex128]) -> float:
-    """Return the corner [Hz] whose half order is nearest to a dynamic stiffness."""
+def lag(frequencies: Array, corner: float, order: float = 0.5) -> NDArray[np.complex128]:
+    """Return ``1 / (1 + (j f / corner)^order)``, all in hertz."""
+    return np.asarray(1 / (1 + (1j * frequencies / corner) ** order))
+
+
+def fitted_corner(
+    frequencies: Array, stiffness: NDArray[np.complex128], order: float = 0.5
+) -> float:
+    """Return the corner [Hz] whose lag is nearest to a dynamic stiffness."""
 
     def off(log_corner: float) -> float:
-        ratio = stiffness / half_order(frequencies, float(np.exp(log_corner)))
+        ratio = stiffness / lag(frequencies, float(np.exp(log_corner)), order)
         return float(np.sum(np.abs(np.log(ratio)) ** 2))
 
-    ends = np.log([1e-3 * frequencies[0], 1e3 * frequencies[-1]])
+    ends = np.log([1e-3 * frequencies[0], 1e4 * frequencies[-1]])
     return float(np.exp(minimize_scalar(off, bounds=tuple(ends), method="bounded").x))

@@ -8,8 +8,9 @@ linkage are exact derivatives of one discrete energy (Coulomb and Meunier, IEEE 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +22,17 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.force_law import MU_0
 from ambkit.machine.magnetostatics.elements import Elements
+from ambkit.machine.magnetostatics.iron import Curve
 from ambkit.machine.magnetostatics.layout import Layout, Points, flat
 from ambkit.machine.magnetostatics.mesh import mesh_of
 
 PRECISION = 1e-9  #: Newton ends where a step changes the energy by less than this part of it.
 STEPS = 60  #: Of Newton, at most.
 LEAST_B = 1e-9  #: Flux density of which permeability is asked at least [T].
+
+
+Skin = Callable[[Curve, Array], NDArray[np.complex128]]
+"""By what the differential reluctivity (m, q) [m/H] of iron is greater in a changing field."""
 
 
 class Solution(NamedTuple):
@@ -162,7 +168,7 @@ class Position:
         for _ in range(STEPS):
             matrix, residual = self._linearised(a, gradient, state, source)
             step = np.zeros(e.count)
-            step[free] = self._solved(matrix[free][:, free], residual[free])
+            step[free] = self.solved(matrix[free][:, free], residual[free])
             slope, share = float(residual @ step), 1.0
             while True:
                 new, gradient, state = self._energy(a + share * step, source)
@@ -175,23 +181,28 @@ class Position:
         raise AmbkitError(f"the magnetic field does not converge in {STEPS} steps")
 
     def _linearised(
-        self, a: Array, gradient: Array, state: list[tuple[Array, Array]], source: Array
-    ) -> tuple[sparse.csc_matrix, Array]:
+        self, a: Array, gradient: Array, state: list[tuple[Array, Array]], source: Array,
+        skin: Skin | None = None,
+    ) -> tuple[sparse.csc_matrix, Array]:  # fmt: skip
         """Return the tangent stiffness (n, n) and the residual (n,) at a potential."""
         s, e = self.solver, self.elements
         factor = self.volume / self.radius**2
         matrix, residual = self.stiffness, source - self.stiffness @ a
-        for (_, at), (nu, bend) in zip(s.iron, state, strict=True):
-            g, f = e.gradient[at], factor[at]
+        for (curve, at), (nu, bend) in zip(s.iron, state, strict=True):
+            g = e.gradient[at]
+            f: NDArray[Any] = factor[at]
             along = np.einsum("mqt,mqat->mqa", gradient[at], g, optimize=True)
             residual -= e.vector(np.einsum("mq,mqa->ma", nu * f, along), at)
-            weight = bend * f / self.radius[at] ** 2
+            weight = bend / self.radius[at] ** 2
+            if skin is not None:
+                f = f * skin(curve, nu + weight * (gradient[at] ** 2).sum(axis=2))
+            weight = weight * f
             values = np.einsum("mqat,mqbt->mab", g * (nu * f)[..., None, None], g, optimize=True)
             values += np.einsum("mqa,mqb->mab", along * weight[..., None], along, optimize=True)
             matrix = matrix + e.matrix(values, at)
         return matrix, residual
 
-    def tangent(self, a: Array) -> tuple[sparse.csc_matrix, Array]:
+    def tangent(self, a: Array, skin: Skin | None = None) -> tuple[sparse.csc_matrix, Array]:
         """Return the tangent stiffness (n, n) and how the force follows the potential (n,)."""
         # Of small changes about a potential; the force is that along the first direction.
         source = np.zeros(self.elements.count)
@@ -204,7 +215,7 @@ class Position:
         between = np.flatnonzero(self.solver.air)
         by_node = np.einsum("mqt,mqat->ma", change, self.elements.gradient[between])
         force = self.elements.vector(by_node, between)
-        return self._linearised(a, gradient, state, source)[0], force
+        return self._linearised(a, gradient, state, source, skin)[0], force
 
     def _shell(self, gradient: Array) -> tuple[Array, Array, Array]:
         """Return grad a, that of what follows the rotor, and reluctivity by volume, in air."""
@@ -214,7 +225,8 @@ class Position:
         return gradient[between], self.elements.grad(s.follows)[between], density
 
     @staticmethod
-    def _solved(matrix: sparse.csc_matrix, right: Array) -> Array:
+    def solved(matrix: sparse.csc_matrix, right: NDArray[Any]) -> NDArray[Any]:
+        """Return the solution of a symmetric system."""
         options = {"SymmetricMode": True}
         factors = splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
         return np.asarray(factors.solve(right))

@@ -37,13 +37,13 @@ class Curve:
     # Between the points a monotone cubic (Fritsch and Butland 1984); beyond the last one the slope
     # of air.
 
-    def __init__(
-        self, B: Array, H: Array, stacking: float = 1.0, conductivity: float = 0.0
-    ) -> None:
+    def __init__(self, B: Array, H: Array, iron: Iron | None = None) -> None:
         from scipy.interpolate import PchipInterpolator
 
-        self.stacking, self._end = stacking, float(B[-1])
-        self.conductivity = conductivity  #: [S/m]
+        self.stacking, self._end = 1.0 if iron is None else iron.stacking_factor, float(B[-1])
+        self.conductivity = (iron and iron.conductivity) or 0.0  #: [S/m]
+        self.lamination = (iron and iron.lamination) or 0.0  #: Thickness of sheets [m]; 0: solid.
+        self.hysteresis = (iron and iron.hysteresis_loss) or 0.0  #: [W/kg]
         self._h = PchipInterpolator(B, H)
         self._slope, self._energy = self._h.derivative(), self._h.antiderivative()
         self._h_end, self._w_end = float(H[-1]), float(self._energy(B[-1]))
@@ -79,7 +79,11 @@ class Iron(Part):
     stacking_factor: Annotated[float, Quantity("1", "0.97", above=0, at_most=1)] = 1.0
     """Share of the stack that is iron [1]."""
     conductivity: Annotated[float, Quantity("S/m", "4.5e6 S/m", above=0)] | None = None
-    """Electrical conductivity of solid iron [S/m], for its eddy currents; none without."""
+    """Electrical conductivity of the iron [S/m], for its eddy currents; none without."""
+    lamination: Annotated[float, Quantity("m", "0.35 mm", above=0)] | None = None
+    """Thickness of the sheets [m]; solid without."""
+    hysteresis_loss: Annotated[float, Quantity("W/kg", "2 W/kg", above=0)] | None = None
+    """Of 1.5 T at 50 Hz [W/kg]; by frequency and the square of flux density (Steinmetz)."""
 
     unwritten = ("flux_density", "field_strength", "stacking_factor")
 
@@ -91,6 +95,8 @@ class Iron(Part):
             yield "material", f"the curve is given by one of {ways} field_strength"
         if (read("saturation") is None) != (read("relative_permeability") is None):
             yield "saturation", "goes with relative_permeability"
+        if read("lamination") is not None and read("conductivity") is None:
+            yield "lamination", "goes with conductivity"
         if isinstance(b, tuple) and isinstance(h, tuple) and b != h:
             if len(b) != len(h):
                 yield "field_strength", f"must have a value for each of {len(b)} flux densities"
@@ -105,7 +111,7 @@ class Iron(Part):
             b, h = np.array(self.flux_density), np.array(self.field_strength)
             if b[0] > 0:
                 b, h = np.append(0.0, b), np.append(0.0, h)
-            return Curve(b, h, self.stacking_factor, self.conductivity or 0.0)
+            return Curve(b, h, self)
         b = np.linspace(0.0, HIGHEST, 521)
         if self.material is not None:
             mu_i, most, c_a, c_b, n = GRADES[self.material]
@@ -116,4 +122,4 @@ class Iron(Part):
             c = saturation / (MU_0 * (mu_r - 1))
             p = 0.5 * (MU_0 * c + saturation - b)
             h = MU_0 * c * b / (p + np.sqrt(p**2 + MU_0 * c * b)) / MU_0
-        return Curve(b, h, self.stacking_factor, self.conductivity or 0.0)
+        return Curve(b, h, self)
