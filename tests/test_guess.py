@@ -8,10 +8,12 @@ import pytest
 from scipy.io import savemat
 from scipy.signal import lfilter
 
+import ambkit
 from ambkit.base.errors import RecordError
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading.derived_channels import (
     filters_of_others,
+    is_filtered,
     is_formula,
     raw_counterparts,
     same_numbers,
@@ -22,7 +24,7 @@ from ambkit.data.reading.levitation_test import bands
 from ambkit.data.reading.position_search import rotor
 from ambkit.data.reading.propose import guess
 from ambkit.data.reading.reader import read
-from tests import disguises
+from tests import disguises, voltages
 from tests.headers import HEADERS
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
@@ -102,6 +104,61 @@ def test_of_200_other_rigs_none_is_silently_wrong(tmp_path):
     found = [told_of_another_rig(tmp_path / "log.mat", seed) for seed in range(1000, 1200)]
     assert {*found} <= {"right", "refused"}
     assert found.count("right") >= 60
+
+
+def told_of_voltages(path, count, seed):
+    """Say what the guess makes of disguised logs without a current."""
+    for rows, rng in voltages.logs(count, seed):
+        hidden = disguises.disguise(rows, rng, cut=rows.shape[1])
+        savemat(path, {"a": hidden.rows})
+        try:
+            signals = ChannelMap.from_toml(guess(path)).signals
+        except RecordError as error:
+            yield "refused" if "refused: nothing in it floats" in str(error) else str(error)
+            continue
+        y, u = signals["y"], signals["u"]
+        flips = hidden.signs[y.row] * hidden.signs[u.row] < 0
+        places = [hidden.order[signals[name].row] for name in "tyu"]
+        right = places == [0, 1, 2] and (y.sign * u.sign < 0) == flips
+        yield "right" if right else f"wrong: {places}"
+
+
+@pytest.mark.parametrize(("count", "seed", "least"), [
+    (6, 0, 4), pytest.param(48, 1, 36, marks=pytest.mark.study),
+])  # fmt: skip
+def test_rotors_that_a_voltage_drives_are_understood(tmp_path, count, seed, least):
+    found = list(told_of_voltages(tmp_path / "log.mat", count, seed))
+    assert {*found} <= {"right", "refused"}
+    assert found.count("right") >= least
+
+
+@needs_rig
+def test_a_machine_is_proposed_from_the_gap_and_the_pole(tmp_path):
+    ball = ambkit.preset("inteco_ml")
+    text = guess(RIG / "multisteps_stairs-PID_gain_scheduling-KF.mat")
+    lines = text[text.index("# A machine file to begin with") :].splitlines()[1:]
+    (tmp_path / "rig.toml").write_text("\n".join(line.lstrip("# ") for line in lines))
+    proposed = ambkit.load(tmp_path / "rig.toml")
+    assert proposed.magnet.air_gap == pytest.approx(ball.magnet.air_gap, rel=0.3)
+    assert proposed.magnet.bias_current == pytest.approx(ball.magnet.bias_current, rel=0.1)
+    assert proposed.levitation_current == pytest.approx(0, abs=1e-3)
+
+
+def test_a_position_that_was_filtered_is_named_and_none_that_was_not():
+    for name in ("of the paper", "one magnet"):
+        channels = disguises.simulated(name)
+        assert is_filtered(channels["x_estimated"])
+        assert not is_filtered(channels["y"])
+
+
+def test_what_drives_a_measured_current_is_the_control(tmp_path):
+    t = 1e-3 * np.arange(4000)
+    duty = 0.4 + 0.1 * np.sign(np.sin(20 * t)) + 0.01 * np.random.default_rng(0).normal(size=t.size)
+    current = lfilter([0.04], [1, -0.96], 2.7 * duty)
+    for scale, channel in ((1.0, "control"), (2.7, "u")):
+        table = np.column_stack([t, np.sin(3 * t), scale * duty, current])
+        np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,z,U1,I1", comments="")
+        assert ChannelMap.from_toml(guess(tmp_path / "log.csv")).signals[channel].column == "U1"
 
 
 def simple(n=6000):

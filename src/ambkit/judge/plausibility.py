@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array, block_means, interpolated
 from ambkit.base.units import engineering, percent
+from ambkit.data.reading.channel_statistics import LOOKED_AT
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import find, noise
 from ambkit.data.reading.plausibility import longest_run, suspects
 from ambkit.data.reading.position_search import NO_NOISE, in_steps, rotor
-from ambkit.data.reading.signal_roles import LOOKED_AT
 from ambkit.data.record import Record
 from ambkit.estimate.noise_model import COARSE
 from ambkit.judge.signs import channels, judge_signs

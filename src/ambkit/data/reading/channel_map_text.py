@@ -11,8 +11,9 @@ from ambkit.base.arrays import Array, interpolated
 from ambkit.base.escaping import toml_string
 from ambkit.base.units import factor
 from ambkit.data.files.log import FIRST, Log
+from ambkit.data.reading.channel_statistics import correlation, seen, slow
 from ambkit.data.reading.clock import examine
-from ambkit.data.reading.derived_channels import rough, standardised
+from ambkit.data.reading.derived_channels import is_filtered, rough, standardised
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import (
     NO_NOISE,
@@ -21,7 +22,7 @@ from ambkit.data.reading.position_search import (
     in_steps,
     weight_scale,
 )
-from ambkit.data.reading.signal_roles import Candidate, correlation, seen, slow
+from ambkit.data.reading.signal_roles import Candidate
 from ambkit.data.signals import si_unit
 
 _OF_Y = {
@@ -106,6 +107,11 @@ class _Map:
         if self.u is None:
             yield "# Nothing looks like a control signal; a filter needs u."
         yield from self._rest()
+        if self.weight is not None and self.y is not None and self.u is not None:
+            yield ""
+            yield "# A machine file to begin with, by gravity, of a rotor below one magnet:"
+            hiss, most = noise(self.y.values), float(abs(seen(self.u.values)).max())
+            yield from (f"#   {line}" for line in self.weight.machine(hiss, most, self._step()))
 
     def _time(self, clock: str) -> Iterator[str]:
         yield ""
@@ -166,6 +172,11 @@ class _Map:
         )
         if role == "y" and _has_no_noise(candidate):
             yield "# It has no noise: is it an estimate, or simulated? A filter needs the reading."
+        elif role == "y" and is_filtered(interpolated(candidate.values)):
+            yield (
+                "# Its noise falls towards high frequencies: is it an estimate, or filtered? A "
+                "filter needs the reading."
+            )
         if role == "y" and self.moves is not None:
             pole, step = self.moves.fit.pole, self._step()
             per = f"{pole / step:.3g} rad/s" if step > 0 else f"{pole:.3g} per sample"

@@ -21,6 +21,11 @@ EXACT = 1e-5  #: Part of a channel's changes that is left, where it is a filter 
 LOOKED_AT = 4000  #: Samples in which a filter is looked for.
 STEADY = 2.0  #: Ratio of the gains from an estimate to its original over all bands.
 
+BANDS = ((0.85, 1.0), (0.5, 0.65))  #: Of the fastest frequency: a filter leaves less in the first.
+FALLS = 0.8  #: Ratio of the noise's power in these below which it was filtered; raw ones: 0.88 up.
+LEAST_SAMPLES = 2000  #: From which on the ratio is known to 10 %.
+COARSE = 0.3  #: Share of samples that repeat the one before, of a converter that is too coarse.
+
 
 def same_numbers(channels: Array) -> dict[int, int]:
     """Find channels that hold another one's numbers, shifted and scaled perhaps."""
@@ -77,6 +82,21 @@ def is_white(values: Array) -> bool:
     # Its fourth differences then have 70 times its variance, its second ones 6 times.
     second, fourth = (float(np.median(abs(np.diff(values, order)))) for order in (2, 4))
     return second > 0 and abs(np.log(fourth**2 / second**2 * 6 / 70)) < WHITE
+
+
+def is_filtered(values: Array) -> bool:
+    """Whether the noise of a channel (n,) falls towards the fastest frequencies."""
+    # Power in two bands, of second differences: slow motion is not in them, and their own spectrum
+    # is known. A converter whose steps are coarser than the noise does not tell.
+    bent = np.diff(values, 2)
+    size = np.median(abs(bent))
+    if bent.size < LEAST_SAMPLES or np.mean(np.diff(values) == 0) > COARSE:
+        return False
+    power = abs(np.fft.rfft(np.clip(bent, -6 * size, 6 * size) * np.hanning(bent.size))) ** 2
+    at = np.linspace(0, 1, power.size)
+    power[1:] /= np.sin(np.pi * at[1:] / 2) ** 4
+    fast, slower = (power[(low < at) & (at < high)].mean() for low, high in BANDS)
+    return bool(fast < FALLS * slower)
 
 
 def rough(values: Array) -> float:

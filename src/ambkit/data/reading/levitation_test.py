@@ -46,6 +46,7 @@ class LevitationFit:
     box: int  #: Length of the kernel's box in that band [samples].
     evidence: float  #: Sum of these shares over all bands that agree.
     sure: bool  #: Whether three neighbouring bands tell the same; else it is two, and more loosely.
+    voltage: bool = False  #: Whether the control is a voltage, which the current lags behind.
 
 
 @dataclass(frozen=True)
@@ -234,8 +235,8 @@ def _fit(
     m = len(aa)
     z, x = [i, j, m + i, m + j], [i, j]
     try:
-        estimate, spread = _two_stages(zz, zb, z, x, m + i)
-        free, _ = _two_stages(zz, zb, z, [i, j, 2 * m + i], m + i)
+        estimate, spread = two_stages(zz, zb, z, x, m + i)
+        free, _ = two_stages(zz, zb, z, [i, j, 2 * m + i], m + i)
     except np.linalg.LinAlgError:
         return -1.0, 0.0, 0.0, 0.0
     a, b = estimate
@@ -249,7 +250,7 @@ def _fit(
         return float(a), float(b), float(abs(a) / error[0]), float(abs(b) / error[1])
 
 
-def _two_stages(zz: Array, zb: Array, z: list[int], x: list[int], y: int) -> tuple[Array, Array]:
+def two_stages(zz: Array, zb: Array, z: list[int], x: list[int], y: int) -> tuple[Array, Array]:
     """Regress y on x with instruments z, all columns: coefficients, and their unscaled errors."""
     cross = zb[np.ix_(z, x)]
     weighed = np.linalg.solve(zz[np.ix_(z, z)], zb[np.ix_(z, [*x, y])])

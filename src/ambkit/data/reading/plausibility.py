@@ -9,11 +9,11 @@ import numpy as np
 
 from ambkit.base.arrays import Array, Bools, stretches
 from ambkit.base.units import engineering
+from ambkit.data.reading.channel_statistics import slow
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.derived_channels import OFTEN, is_formula
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import NO_NOISE, in_steps
-from ambkit.data.reading.signal_roles import slow
 from ambkit.data.signals import TRUTH
 
 NEAR = 0.02  #: Part of a position's range within which of its ends a rotor lies on a stop.

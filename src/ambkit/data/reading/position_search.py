@@ -17,6 +17,7 @@ from ambkit.data.reading import derived_channels as derived
 from ambkit.data.reading import levitation_test as levitation
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.levitation_test import Band, LevitationFit
+from ambkit.data.reading.voltage_test import voltage_fits
 
 REPEATS = 0.6  #: Share of different values below which a channel is a converter's.
 
@@ -71,7 +72,17 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
     # channels (m, n)
     unit = derived.standardised(channels)
     listed = list(levitation.bands(unit))
-    return _Search(channels, unit, listed, (position, control)).rotor() if listed else None
+    if not listed:
+        return None
+    search = _Search(channels, unit, listed, (position, control))
+    result = search.rotor()
+    if result is not None and result.fit.sure:
+        return result
+    by_voltage = search.driven_by_voltage()
+    if result is None or by_voltage is None:
+        return result or by_voltage
+    same = (result.position, result.control) == (by_voltage.position, by_voltage.control)
+    return result if same else None  # neither is sure
 
 
 class _Search:
@@ -140,6 +151,32 @@ class _Search:
             positions[0], controls[0], best, float(gain),
             tuple(positions[1:]), tuple(controls[1:]), tuple(others.items()),
         )  # fmt: skip
+
+    def driven_by_voltage(self) -> Rotor | None:
+        """Return the position and the voltage that drives its coil; None where it is vague."""
+        free = [k for k in range(len(self.unit)) if k not in self.rates]
+        rawest = sorted(free, key=lambda k: not self.raw[k])
+        position, control = self.known
+        fits = [
+            f for f in voltage_fits(self.unit, rawest[:12])
+            if position in (None, f.position) and control in (None, f.control)
+        ]  # fmt: skip
+        places = sorted({f.position for f in fits})
+        fits = [f for f in fits if not self.swift[f.position, places].any()]
+        if not fits:
+            return None
+        best = fits[0]
+        close = levitation.turning(self.bands[-1])[best.position] > RELATED
+        y = max((k for k in free if close[k] and k != best.control), key=lambda k: (
+            k in self.known, self.raw[k], self.hiss[k]))  # fmt: skip
+        rivals = [f.evidence for f in fits if not close[f.position] or f.control != best.control]
+        is_fitted = any((f.position, f.control) == (y, best.control) for f in fits)
+        if not is_fitted or max(rivals, default=0.0) > best.evidence / 2:
+            return None  # the rawest may be another quantity
+        gain = best.gain * gains(self.bands, best.position)[y]
+        gain *= self.channels[y].std() / self.channels[best.control].std()
+        others = tuple(f.position for f in fits if f.position != y)
+        return Rotor(y, best.control, best, float(gain), tuple(dict.fromkeys(others)), (), ())
 
     def _fits(self) -> tuple[list[LevitationFit], list[LevitationFit], list[LevitationFit], float]:
         """Return all fits, those to choose from, those of plain regression, and what is close."""
@@ -305,6 +342,7 @@ class WeightScale:
     scale: float  #: Metres per unit of the logged position.
     zero: float  #: The logged position at which that gap would be 0.
     unit: str  #: The usual unit next to the scale.
+    current: float  #: That carries the rotor there [A].
 
     def describe(self, label: str, unit: str) -> Iterator[str]:
         """Say it in lines."""
@@ -319,6 +357,23 @@ class WeightScale:
                 "it off"
             )
 
+    def machine(self, noise: float, most: float, step: float) -> Iterator[str]:
+        """Write the machine file of such a rotor of 1 kg."""
+        # noise [logged units], most current [A], step [s]; k from the balance m g = k (i/s)^2.
+        constant = G * self.gap**2 / self.current**2
+        yield from (
+            'name = "rig"', f'sampling_time = "{1e3 * step:.4g} ms"',
+            "[magnet]", 'type = "one-sided"',
+            f'magnet_constant = "{1e6 * constant:.4g} N mm^2/A^2"  # times the mass in kg',
+            f'air_gap = "{1e3 * self.gap:.4g} mm"', f'bias_current = "{self.current:.4g} A"',
+            "[rotor]", 'mass = "1 kg"  # weigh it', 'gravity = "-x"',
+            f'clearance = "{0.8e3 * self.gap:.3g} mm"  # a guess',
+            "[amplifier]", 'gain = "1 A/V"', 'noise_variance = "1 mV^2"  # a guess',
+            f'current_limit = "{max(most - self.current, self.current):.3g} A"',
+            "[sensor]", "gain = 1", f'lag = "{1e2 * step:.2g} ms"  # a guess',
+            f'noise_variance = "{1e12 * (noise * self.scale) ** 2:.3g} um^2"',
+        )  # fmt: skip
+
 
 def weight_scale(moves: Rotor, position: Array, current: Array, step: float) -> WeightScale | None:
     """Tell the gap and the scale of a hanging rotor; None where the current falls below zero."""
@@ -332,4 +387,4 @@ def weight_scale(moves: Rotor, position: Array, current: Array, step: float) -> 
     gap, scale = 2 * G / a, 2 * G / (b * usual)
     unit = min(UNITS, key=lambda name: abs(np.log(scale / UNITS[name])))
     away = gap / scale * (1 if moves.turned else -1)
-    return WeightScale(gap, scale, float(np.median(position)) - away, unit)
+    return WeightScale(gap, scale, float(np.median(position)) - away, unit, usual)

@@ -12,8 +12,9 @@ from ambkit.base.errors import RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.tables import read_log
 from ambkit.data.reading.channel_map_text import ProposedMap, toml_lines
+from ambkit.data.reading.channel_statistics import correlation, seen
 from ambkit.data.reading.plausibility import standstill
-from ambkit.data.reading.signal_roles import Candidate, candidates, correlation, find_roles, seen
+from ambkit.data.reading.signal_roles import Candidate, candidates, find_roles
 
 RATE = 0.7  #: Correlation with a channel's difference from which on another one is its rate.
 

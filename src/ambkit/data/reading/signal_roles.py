@@ -13,10 +13,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ambkit.base.arrays import Array, block_means, interpolated
+from ambkit.base.arrays import Array, interpolated
 from ambkit.base.errors import RecordError
 from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log
+from ambkit.data.reading.channel_statistics import LOOKED_AT, correlation, seen, slow
 from ambkit.data.reading.derived_channels import same_numbers
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import Rotor, in_steps, rotor
@@ -147,7 +148,8 @@ def _own_part(label: str) -> str:
 
 
 COMPARED = 40  #: Channels that are compared, each with each.
-LOOKED_AT = 50_000  #: Samples that the statistics are made of.
+FOLLOWS = 0.7  #: Correlation of slow parts from which on a current follows a control signal.
+SAME_UNIT = 1.25  #: Ratio within which the two are counted in one unit: a demanded current.
 EVEN = 0.2  #: Part of the usual step by which the steps of a time without a name differ at most.
 
 
@@ -163,6 +165,7 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
             candidate.why.append(f"is {candidate.values[0]:g} all the time")
             candidate.role = "-"
     moves = _find_rotor(results)
+    _find_stage(results)
     _settle_references(results, letters)
     y = next((c for c in results if c.role == "y" and not c.estimated), None)
     if y is not None:
@@ -183,6 +186,21 @@ def _doubtful_references(results: list[Candidate]) -> list[Candidate]:
         candidate.role = ""
         candidate.why.pop()
     return letters
+
+
+def _find_stage(results: list[Candidate]) -> None:
+    """See whether a control signal drives the current that was measured, in other units."""
+    u, i = (next((c for c in results if c.role == role and not c.estimated), None) for role in "ui")
+    if u is None or i is None or u.drives or u.values.shape != i.values.shape or u.unit == "A":
+        return
+    command, current = slow(u.values), slow(i.values)
+    likeness = correlation(command, current)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = [of(current) / of(command) for of in (np.nanmean, np.nanstd)]
+    in_one_unit = any(1 / SAME_UNIT < ratio < SAME_UNIT for ratio in ratios)
+    ratio, u.drives = ratios[0], likeness > FOLLOWS and not in_one_unit
+    if u.drives:
+        u.why.append(f"drives {i.label}, {ratio:.3g} A per unit: a duty or a voltage")
 
 
 def _settle_references(results: list[Candidate], letters: Sequence[Candidate]) -> None:
@@ -304,14 +322,17 @@ def _compared(
 def _name_rotor(moves: Rotor, channels: Sequence[Candidate]) -> None:
     """Give the channels of a rotor their roles, and say why."""
     position, mover = channels[moves.position], channels[moves.control]
+    kind, role = "current", "i"
     how = f"{100 * moves.fit.explained:.0f} % of its acceleration explained"
     how += "" if moves.fit.sure else ", in two bands of frequency only: look twice"
+    if moves.fit.voltage:
+        kind, role, how = "voltage", "u", "third order, its current lags behind"
     if not position.role:
         position.role = "y"
         position.why.append(f"moves as a floating rotor does, with {mover.label}: {how}")
     if not mover.role:
-        mover.role = "i"
-        mover.why.append(f"moves {position.label} as the current of a floating rotor does")
+        mover.role, mover.drives = role, moves.fit.voltage
+        mover.why.append(f"moves {position.label} as the {kind} of a floating rotor does")
     for rows_of, first, role in (
         (moves.positions, position, "y"), (moves.controls, mover, mover.role),
     ):  # fmt: skip
@@ -370,26 +391,3 @@ def _find_velocity(open_: Sequence[Candidate], y: Candidate) -> None:
     for n, (_, likeness, candidate) in enumerate(rated):
         candidate.role, candidate.estimated = "v", n > 0
         candidate.why.append(f"difference of {y.label} (correlation {likeness:.2f})")
-
-
-def seen(values: Array) -> Array:
-    """Return the finite samples (n,), at most `LOOKED_AT` of them; a zero if there is none."""
-    there = values[np.isfinite(values)][:LOOKED_AT]
-    return there if there.size else np.zeros(1)
-
-
-def slow(values: Array) -> Array:
-    """Return means of 20 samples each, which are hardly noise any more."""
-    return block_means(values, 20) if values.size >= 400 else values
-
-
-def correlation(a: Array, b: Array) -> float:
-    """Correlation without the first tenth, where a rig is often still starting; 0 if undefined."""
-    first = a.size // 10
-    a, b = a[first : first + LOOKED_AT], b[first : first + LOOKED_AT]
-    there = np.isfinite(a) & np.isfinite(b)
-    if np.count_nonzero(there) < 3:
-        return 0.0
-    a, b = a[there] - a[there].mean(), b[there] - b[there].mean()
-    scale = float(np.sqrt((a @ a) * (b @ b)))
-    return float(a @ b) / scale if scale > 0 else 0.0

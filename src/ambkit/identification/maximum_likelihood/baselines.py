@@ -23,8 +23,8 @@ from ambkit.estimate.errors import rms
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
 AHEAD = (1, 10)  #: Samples ahead that are predicted.
-LAGS = (30, 60, 90)  #: Past samples of each signal that are tried.
-STATES = (4, 6, 8, 12, 16, 24, 32)  #: Of the joint process, that are tried.
+LAGS = (30, 60, 90)  #: Past samples of each signal, to choose from.
+STATES = (4, 6, 8, 12, 16, 24, 32)  #: Of the joint process, to choose from.
 
 FROM_THE_PAST = {
     "without_later_controls": ("model", "series 3"), "arx": ("ARX", "another"),

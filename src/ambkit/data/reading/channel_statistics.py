@@ -1,0 +1,32 @@
+"""Statistics of a channel of a log that do not mind noise, gaps and its length."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ambkit.base.arrays import Array, block_means
+
+LOOKED_AT = 50_000  #: Samples that the statistics are made of.
+
+
+def seen(values: Array) -> Array:
+    """Return the finite samples (n,), at most `LOOKED_AT` of them; a zero if there is none."""
+    there = values[np.isfinite(values)][:LOOKED_AT]
+    return there if there.size else np.zeros(1)
+
+
+def slow(values: Array) -> Array:
+    """Return means of 20 samples each, which are hardly noise any more."""
+    return block_means(values, 20) if values.size >= 400 else values
+
+
+def correlation(a: Array, b: Array) -> float:
+    """Correlation without the first tenth, where a rig is often still starting; 0 if undefined."""
+    first = a.size // 10
+    a, b = a[first : first + LOOKED_AT], b[first : first + LOOKED_AT]
+    there = np.isfinite(a) & np.isfinite(b)
+    if np.count_nonzero(there) < 3:
+        return 0.0
+    a, b = a[there] - a[there].mean(), b[there] - b[there].mean()
+    scale = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / scale if scale > 0 else 0.0
