@@ -1,13 +1,17 @@
 """Structures that a description lacks are named by `identify`, and right plants are not accused."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import ambkit
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.alternatives import play
-from ambkit.identification.maximum_likelihood.parameters import usual
+from ambkit.identification.maximum_likelihood.parameters import named, usual
 from ambkit.identification.maximum_likelihood.structure import examine
+from ambkit.machine.force_laws import with_axis
+from ambkit.workflow.identified import records_of
 from ambkit.workflow.identify import starting_model
 from benchmarks.wrong_plants import MACHINES, NAMES, WRONG, Case, simulate
 
@@ -71,6 +75,27 @@ def test_a_wrong_structure_is_not_called_good():
     assert any(note.startswith("Friction of ") for note in found.notes)
     half = record.between(0.3, 0.7)
     assert not found.validate(half).validation[0].good
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [({}, ""), ({"sensor__cubic": -5e6}, "sensor cubic"), ({"amplifier__bandwidth": 300}, "lag")],
+)
+def test_an_axis_among_others_is_tested_by_the_same_text(changes, name):
+    """The fit is left out: the model is the description."""
+    machine, n = ambkit.preset("tum_mlps"), 2500
+    plant = with_axis(machine, "A1", machine.isolated_axis("A1").replace(**changes))
+    T, random = machine.sampling_time, np.random.default_rng(0)
+    places = ambkit.Sequence(times=0.01 * np.arange(40), values=random.uniform(-5e-5, 5e-5, 40))
+    record = ambkit.simulate(
+        plant, ambkit.Scenario(duration=n * T, reference=places, seed=1)
+    ).record
+    start = starting_model(machine, "A1")
+    described = SimpleNamespace(
+        start=start, model=start, parameters=named(usual(start)), settling=0.05
+    )
+    assert examine(described, records_of(start, [record])).suspect == name
 
 
 def test_play_follows_its_input_by_half_its_width():

@@ -24,7 +24,7 @@ from ambkit.identification.maximum_likelihood.axis_model import AxisModel
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named, usual
-from ambkit.identification.maximum_likelihood.structure import Structure, examine
+from ambkit.identification.maximum_likelihood.structure import examine
 from ambkit.identification.noise import Noise, StandstillNoise, standstill_noise
 from ambkit.identification.online import comparison
 from ambkit.judge.adequacy import judge_adequacy, sentences
@@ -98,10 +98,8 @@ def identify(
             f"the most likely parameters are not physical ({error}): is the rotor in contact, or "
             "are the records of another machine?"
         ) from None
-    structure = Structure()
-    if machine.single:
-        note("testing the structure")
-        structure = examine(result, records)
+    note("testing the structure")
+    structure = examine(result, records)
     checks = validations(result, records, others or records, names, structure.suspect)
     forces = None
     if map_forces:

@@ -108,8 +108,17 @@ class Motion:
         """Run the filter along a record."""
         out, u, kalman = model.run(record)
         every, gain = model.substeps, model.isolated.sensor.gain
-        at = [[s.name for s in kalman.states].index(name) for name in ("x", "v", "f_d")]
-        x, v, f_d = out["mean"].T[at]
+        mean, own = out["mean"], model.number
+        if kalman.machine.single:
+            at = [[s.name for s in kalman.states].index(name) for name in ("x", "v", "f_d")]
+            x, v, f_d = mean.T[at]
+        else:
+            x, v = (mean @ rows[own] for rows in kalman.view.along_axes(kalman.states))
+            # What the other axes do to this one is in it too: only its mean is taken off.
+            u = u[:, own]
+            iu = model.isolated.amplifier.gain * u
+            force = magnet_of(model.isolated).force(iu, x)
+            f_d = np.full(x.size, -float(force.mean()) - model.isolated.weight)
         y = record["y"] - model.position_offset - out["innovation"][::every]
         seen = np.where(np.isfinite(y), y, gain * x[::every])
         return cls(model, model.isolated.amplifier.gain * u, x, v, f_d, np.repeat(seen, every))

@@ -57,20 +57,31 @@ class AxisModel(LoopModel):
         self, record: Record, kalman: Estimator | None = None
     ) -> tuple[dict[str, Any], Array, Estimator]:
         kalman, own = kalman or self.kalman(), self.reading
+        y, u = self.acting_signals(record)
+        kalman.reset(*self.begin(kalman, y, record["u"][:1]))
+        out = kalman.core.run(y, u)
+        one = {name: out[name][:, own] for name in ("innovation", "variance")}
+        return out | one | {"status": out["health"][:, own]}, u, kalman
+
+    def acting_signals(self, record: Record) -> tuple[Array, Array]:
         u = np.column_stack([self._of_axis(axis.name, record) for axis in self.machine.axes])
         y = np.full((len(u), len(self.machine.readings)), np.nan)
         for k, reading in enumerate(self.machine.readings):
             y[:: self.substeps, k] = record[signal("y", reading.name)]
-        y[:: self.substeps, own] = (
+        y[:: self.substeps, self.reading] = (
             record["y"] - self.position_offset - self.offset_error(record["u"])
         )
+        return y, u
+
+    def begin(self, kalman: Estimator, y: Array, _u: Array) -> tuple[Array, list[float]]:
         std = dict(zip((s.name for s in kalman.states), kalman.default_std(), strict=True))
         if np.isfinite(self.load_std):
             std |= {name: self.load_std for name in std if name.startswith("f_d")}
-        kalman.reset(kalman.initial_state(y[:: self.substeps]), list(std.values()))
-        out = kalman.core.run(y, u)
-        one = {name: out[name][:, own] for name in ("innovation", "variance")}
-        return out | one | {"status": out["health"][:, own]}, u, kalman
+        return kalman.initial_state(y[:: self.substeps]), list(std.values())
+
+    @property
+    def number(self) -> int:
+        return [axis.name for axis in self.machine.axes].index(self.axis)
 
     def _of_axis(self, axis: str, record: Record) -> Array:
         """Return what acts at the filter's steps of an axis's control signal [V]."""

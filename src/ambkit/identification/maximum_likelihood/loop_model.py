@@ -306,6 +306,11 @@ class LoopModel:
         std = abs(b.amplifier.gain) * math.sqrt(b.amplifier.noise_variance)
         return float(left / std) if std > 0 else math.copysign(math.inf, left)
 
+    @property
+    def number(self) -> int:
+        """The number of its axis among those of the filter."""
+        return 0
+
     def replace(self, **changes: object) -> LoopModel:
         """Return the model with other values; ``magnet__air_gap=...`` goes to the bearing."""
         own = {name: value for name, value in changes.items() if "__" not in name}

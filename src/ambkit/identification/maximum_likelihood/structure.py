@@ -272,19 +272,33 @@ def _responses(motion: Motion, record: Record, kinds: Sequence[Alternative]) -> 
     of_force = SMALL * b.magnet.bias_current * k_i
     of_reading = SMALL * math.sqrt(b.sensor.noise_variance)
     rows, steps = [(y, u)], []
+    reads, acts = (_column(signal, k) for signal, k in ((y, model.reading), (u, model.number)))
     for one in kinds:
         size = float(np.sqrt(np.mean(one.signal**2))) or 1.0
         if one.kind.of_reading:
             steps.append(of_reading / size)
-            rows.append((y - steps[-1] * one.signal, u))
+            rows.append((y - np.multiply.outer(steps[-1] * one.signal, reads), u))
         else:
             steps.append(of_force / size)
-            rows.append((y, u + steps[-1] * one.signal / (motion.k_i * b.amplifier.gain)))
-    ys, us = (np.array(side) for side in zip(*rows, strict=True))
-    out = run_many(kalman, ys, us, start=start, history=("innovation",))
-    assert out.innovation is not None
-    e = out.innovation[:, :: model.substeps]
+            volts = steps[-1] * one.signal / (motion.k_i * b.amplifier.gain)
+            rows.append((y, u + np.multiply.outer(volts, acts)))
+    if kalman.machine.single:
+        ys, us = (np.array(side) for side in zip(*rows, strict=True))
+        e = run_many(kalman, ys, us, start=start, history=("innovation",)).innovation
+        assert e is not None
+    else:
+        runs = []
+        for reading, control in rows:
+            kalman.reset(*start)
+            runs.append(kalman.core.run(reading, control)["innovation"][:, model.reading])
+        e = np.array(runs)
+    e = e[:, :: model.substeps]
     return np.asarray(np.nan_to_num((e[1:] - e[0]) / np.array(steps)[:, None]))
+
+
+def _column(signal: Array, number: int) -> Array:
+    """Return what puts a signal into its place among several: 1 there, else 0."""
+    return np.eye(signal.shape[1])[number] if signal.ndim > 1 else np.array(1.0)
 
 
 def _select(tests: _Tests, model: LoopModel) -> list[Departure]:
