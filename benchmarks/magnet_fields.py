@@ -1,11 +1,11 @@
 """Magnet forces beside fourth-order elements of NGSolve, at three sizes of our mesh.
 
-    uv run --with ngsolve python -m benchmarks.magnet_fields
+    uv run --with ngsolve python -m benchmarks.magnet_fields docs/images/magnet_convergence.png
 
 The sections are meshed by Netgen with the rotor displaced in the geometry, and solved with fourth
 order on a mesh that is finer at the gap; the force is that of the stress on a shell of harmonic
 weight. Only the outlines and the magnetisation curve are common. Prints deviations of our force and
-flux linkage, and the order in which they fall from mesh to mesh, measured against our finest.
+flux linkage, and the order in which the differences of our meshes fall.
 """
 
 import sys
@@ -20,6 +20,7 @@ from ambkit.machine.magnetostatics.layout import flat
 
 FOLDER = Path(__file__).parents[1] / "examples" / "magnets"
 MU_0 = 4e-7 * np.pi
+FINENESS = 0.5, 1.0, 2.0  #: Of our meshes.
 POINTS = ((0.0, 0.0), (0.5, 0.3), (1.0, 0.5))
 """Control current and displacement, in parts of bias current and air gap."""
 
@@ -88,7 +89,8 @@ def reference(layout, drawing, currents, displacement):
     solid = [n for n in names if n != "air" and of[n].iron is not None]
     moving = [n for n in names if n != "air" and of[n].moves]
     coils = [n for n in names if n != "air" and of[n].coil >= 0]
-    air = [n for n in names if n not in (*solid, *moving, *coils)]
+    magnets = {n: of[n] for n in names if n != "air" and of[n].remanence}
+    air = [n for n in names if n not in (*solid, *moving, *coils, *magnets)]
     space = ng.H1(mesh, order=4)
     free = space.FreeDofs()
     # The outer boundary: edges of one triangle only.
@@ -116,9 +118,17 @@ def reference(layout, drawing, currents, displacement):
         for n in coils
     }
     J = mesh.MaterialCF({n: currents[of[n].coil] * of[n].turns / area[n] for n in coils}, default=0)
-    weight = (nu * law + (1 - nu) / MU_0) / r
+    recoil = mesh.MaterialCF({n: m.permeability for n, m in magnets.items()}, default=1.0)
+    weight = (nu * law + (1 - nu) / (MU_0 * recoil)) / r
     field += weight * ng.InnerProduct(ng.grad(u), ng.grad(v)) * ng.dx(bonus_intorder=4)
     field += -load * J * v * ng.dx
+    sense = -1 if axial else 1
+    remanence = [
+        mesh.MaterialCF({n: sense * part(m.remanence) for n, m in magnets.items()}, default=0.0)
+        for part in (np.real, np.imag)
+    ]
+    flow = remanence[0] * ng.grad(v)[1] - remanence[1] * ng.grad(v)[0]
+    field += -load / (MU_0 * recoil) * flow * ng.dx
     a = ng.GridFunction(space)
     for share in (0.25, 0.5, 0.75, 1.0):
         load.Set(share)
@@ -126,7 +136,7 @@ def reference(layout, drawing, currents, displacement):
                           printing=False)  # fmt: skip
     shell = ng.H1(mesh, order=2)
     g, h = shell.TnT()
-    held = mesh.MaterialCF({n: 1e14 for n in (*solid, *moving, *coils)}, default=0.0)
+    held = mesh.MaterialCF({n: 1e14 for n in (*solid, *moving, *coils, *magnets)}, default=0.0)
     one = mesh.MaterialCF({n: 1.0 for n in moving}, default=0.0)
     matrix = ng.BilinearForm(ng.grad(g) * ng.grad(h) * ng.dx + held * g * h * ng.dx).Assemble()
     right = ng.LinearForm(held * one * h * ng.dx).Assemble()
@@ -145,29 +155,65 @@ def reference(layout, drawing, currents, displacement):
     return force, flux, space.ndof
 
 
-def main(names):
-    """Print the comparison."""
-    for name in names:
-        drawing = Drawing.load(FOLDER / f"{name}.toml")
-        layout, bias, gap = drawing.layout, drawing.winding.bias_current, drawing.geometry.air_gap
-        solvers = {fineness: FieldSolver(layout, fineness) for fineness in (0.5, 1.0, 2.0)}
-        for iu, x in POINTS:
-            begin = time.perf_counter()
-            currents = bias * (layout.bias + iu * layout.control[0])
-            displacement = x * gap * layout.directions[0]
-            force, flux, dofs = reference(layout, drawing, currents, displacement)
-            took = time.perf_counter() - begin
-            ours = {f: s.at(displacement).solve(currents) for f, s in solvers.items()}
-            size = max(abs(force), 1e-3 * drawing.magnet_constant * (bias / gap) ** 2)
-            off = [(s.force[0] - force) / size for s in ours.values()]
-            linked = [np.abs(s.flux - flux).max() / np.abs(flux).max() for s in ours.values()]
-            print(
-                f"{name:>12} iu {iu:.1f} x {x:.1f}: F {force:9.3f} N of {dofs} unknowns "
-                f"({took:.0f} s); ours "
-                + " ".join(f"{100 * o:+.3f}" for o in off) + " %; flux "
-                + " ".join(f"{100 * o:.3f}" for o in linked) + " %", flush=True,
-            )  # fmt: skip
+def compared(name):
+    """Print deviations of force and flux linkage of a drawing; return the forces' (points, 3)."""
+    drawing = Drawing.load(FOLDER / f"{name}.toml")
+    layout, bias, gap = drawing.layout, drawing.bias_current, drawing.geometry.air_gap
+    solvers = {fineness: FieldSolver(layout, fineness) for fineness in FINENESS}
+    off = []
+    for iu, x in POINTS:
+        begin = time.perf_counter()
+        currents = bias * (layout.bias + iu * layout.control[0])
+        displacement = x * gap * layout.directions[0]
+        force, flux, dofs = reference(layout, drawing, currents, displacement)
+        took = time.perf_counter() - begin
+        ours = [solver.at(displacement).solve(currents) for solver in solvers.values()]
+        size = max(abs(force), 1e-3 * drawing.magnet_constant * (bias / gap) ** 2)
+        off.append([(s.force[0] - force) / size for s in ours])
+        linked = [np.abs(s.flux - flux).max() / np.abs(flux).max() for s in ours]
+        print(
+            f"{name:>13} iu {iu:.1f} x {x:.1f}: F {force:9.3f} N of {dofs} unknowns "
+            f"({took:.0f} s); ours "
+            + " ".join(f"{100 * o:+.3f}" for o in off[-1])
+            + " %; flux "
+            + " ".join(f"{100 * o:.3f}" for o in linked)
+            + " %",
+            flush=True,
+        )
+    return np.array(off)
+
+
+def figure(path, deviations):
+    """Draw the force's deviation over the length of edges, and the line of second order."""
+    from matplotlib.figure import Figure
+
+    lengths = 1 / np.array(FINENESS)
+    sheet = Figure(figsize=(5.6, 3.8), layout="constrained")
+    axes = sheet.subplots()
+    for number, (name, off) in enumerate(deviations.items()):
+        worst = 100 * np.abs(off[1:]).max(axis=0)  # of the points with a force
+        axes.loglog(lengths, worst, "osv^D*Px"[number % 9] + "-", label=name.replace("_", " "))
+    axes.loglog(lengths, 0.05 * lengths**2, "k--", label="second order")
+    axes.set_xticks(lengths, [f"{length:g}" for length in lengths], minor=False)
+    axes.minorticks_off()
+    axes.set_xlabel("length of edges, in parts of the usual mesh")
+    axes.set_ylabel("deviation of the force [%]")
+    axes.legend(fontsize=8, ncols=2)
+    sheet.savefig(path, dpi=150)
+
+
+def main(arguments):
+    """Print the comparison of drawings by name, of all without; FILE.png is drawn with it."""
+    names = [name for name in arguments if not name.endswith(".png")]
+    plane = [path.stem for path in sorted(FOLDER.glob("*.toml"))]
+    deviations = {}
+    for name in names or [name for name in plane if name != "homopolar"]:  # not of one section
+        deviations[name] = off = compared(name)
+        steps = np.abs(np.diff(off[1:], axis=1)).mean(axis=0)
+        print(f"{name:>13} observed order {np.log2(steps[0] / steps[1]):.1f}", flush=True)
+    for path in {*arguments} - {*names}:
+        figure(path, deviations)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or [path.stem for path in sorted(FOLDER.glob("*.toml"))])
+    main(sys.argv[1:])

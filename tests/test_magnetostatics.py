@@ -62,6 +62,42 @@ back_iron = "10 mm"
 coil_width = "4 mm"
 stack_length = "30 mm"
 """
+MAGNET = """
+[geometry.magnet]
+thickness = "1 mm"
+remanence = "1.2 T"
+coercivity = "900 kA/m"
+"""
+HYBRID_RADIAL = (
+    RADIAL.replace("poles = 8\n", 'magnet_pole_width = "9 mm"\n').replace("radial", "hybrid-radial")
+    + MAGNET
+)
+HOMOPOLAR = RADIAL.replace("poles = 8\n", 'plane_distance = "25 mm"\n').replace(
+    "radial", "homopolar"
+)
+HYBRID_THRUST = (
+    """type = "hybrid-thrust"
+air_gap = "0.5 mm"
+shaft_diameter = "30 mm"
+disc_diameter = "66 mm"
+disc_thickness = "12 mm"
+core_bore = "40 mm"
+pole_width = "10 mm"
+slot_depth = "15 mm"
+radial_gap = "1 mm"
+shoe_thickness = "4 mm"
+magnet_height = "10 mm"
+back_iron = "8 mm"
+"""
+    + MAGNET
+)
+BIASED = {
+    "hybrid radial": HYBRID_RADIAL,
+    "hybrid thrust": HYBRID_THRUST,
+    "homopolar": HOMOPOLAR + 'magnet_area = "700 mm^2"\n' + MAGNET,
+    "homopolar coil": HOMOPOLAR + "bias_turns = 60\n",
+}
+"""Those whose bias is made by permanent magnets, or by a coil of its own."""
 GEOMETRIES = {
     "e-core": E_CORE,
     "u-core": U_CORE,
@@ -82,7 +118,8 @@ sensor = {gain = 1, lag = "0.05 ms", noise_variance = "1 µm^2"}
 
 
 def text(geometry, iron=IRON):
-    return f'name = "magnet"\n\n[geometry]\n{geometry}\n{WINDING}\n{iron}'
+    winding = WINDING.replace('bias_current = "3 A"\n', "") if MAGNET in geometry else WINDING
+    return f'name = "magnet"\n\n[geometry]\n{geometry}\n{winding}\n{iron}'
 
 
 def drawing(geometry, iron=IRON):
@@ -123,6 +160,46 @@ def test_narrow_gap_between_ideal_iron_is_its_reluctance(geometry):
     assert result.force[0] == pytest.approx(ideal, rel=0.02)
     leakage = result.flux[0] / (2 * ideal * made.geometry.air_gap)
     assert 1 < leakage < 1.12  # across the window
+
+
+@pytest.mark.parametrize("name", [
+    "hybrid thrust", *(pytest.param(n, marks=pytest.mark.long)
+                       for n in ("hybrid radial", "homopolar", "homopolar coil")),
+])  # fmt: skip
+def test_bias_of_magnets_or_a_coil_of_its_own(name):
+    """In a narrow gap between ideal iron that of the reluctances; force and flux of one energy."""
+    ideal = Iron(saturation=50.0, relative_permeability=1e5)
+    made = drawing(BIASED[name].replace('air_gap = "0.5 mm"', 'air_gap = "0.1 mm"'))
+    layout = made.replace(iron=ideal).layout
+    solver, gap, way = FieldSolver(layout, 0.5), made.geometry.air_gap, layout.directions[0]
+    bias, (at, on) = made.bias_current * layout.bias, (0.02 * gap, 0.05 * made.bias_current)
+    k_i = solver.at().solve(bias + on * layout.control[0]).force[0] / on
+    k_s = solver.at(at * way).solve(bias).force[0] / at
+    stiffness = 4 * made.magnet_constant * made.bias_current / gap**2
+    leakage = 0.13 if name.startswith("hybrid") else 0.08  # of the magnet, across the slots
+    assert k_i == pytest.approx(stiffness, rel=leakage)
+    assert k_s == pytest.approx(stiffness * made.bias_current / gap, rel=2 * leakage)
+    layout = made.layout
+    current, place, step = bias + 0.3 * on * layout.control[0], 10 * at * way, 1e-9
+    solver = FieldSolver(layout, 0.5)
+    result = solver.at(place).solve(current)
+    ends = [solver.at(place + h * way).solve(current, result.a).coenergy for h in (-step, step)]
+    assert result.force[0] == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-5)
+    step = 1e-4
+    ends = [solver.at(place).solve(current + h * layout.control[0], result.a).coenergy
+            for h in (-step, step)]  # fmt: skip
+    assert layout.control[0] @ result.flux == pytest.approx((ends[1] - ends[0]) / (2 * step), 1e-5)
+
+
+def test_homopolar_bias_flux_is_that_of_its_magnetic_circuit():
+    """The drop of the axial circuit and that of both gaps are the magnet's."""
+    narrow = BIASED["homopolar"].replace('air_gap = "0.5 mm"', 'air_gap = "0.1 mm"')
+    made = drawing(narrow, IRON.replace("2000", "100000").replace("1.8", "50"))
+    axial = made.layout.axial
+    per_length = FieldSolver(made.layout, 0.5).at().solve(np.zeros(4)).a[-1]
+    drop = axial.mmf - axial.reluctance * per_length * axial.length
+    flux = MU_0 * 4 * made.geometry.pole_width * drop / (2 * made.geometry.air_gap)
+    assert 1 < per_length / flux < 1.12  # poles have sides
 
 
 def test_brooks_coil_in_air_has_its_inductance():
@@ -288,6 +365,22 @@ def test_curves_rise_and_their_energy_is_the_integral():
             6,
             "geometry.disc_diameter: ends before",
         ),
+        (HYBRID_THRUST.replace('"66 mm"', '"55 mm"'), 7, "geometry.disc_diameter: ends before"),
+        (
+            HYBRID_THRUST.replace('"10 mm"\nback', '"14 mm"\nback'),
+            14,
+            "geometry.magnet_height: must",
+        ),
+        (HYBRID_RADIAL.replace('"1 mm"', '"30 mm"'), 16, "geometry.magnet.thickness: must be less"),
+        (
+            HYBRID_RADIAL.replace('"900 k', '"9 M'),
+            18,
+            "geometry.magnet.coercivity: must be at most",
+        ),
+        (HOMOPOLAR, 3, "geometry.magnet: the bias is made by one of"),
+        (BIASED["homopolar"].replace('"700 mm^2"', '"0 mm^2"'), 14, "geometry.magnet_area: "),
+        (RADIAL.replace("= 8", "= 2"), 5, "geometry.poles: "),
+        (RADIAL.replace('"22 mm"', '"0.1 mm"'), 10, "geometry.pole_height: leaves no room"),
         (THRUST.replace('"36 mm"', '"20 mm"') + POT, 8, "geometry.core_bore: must be greater"),
     ],
 )
@@ -295,6 +388,16 @@ def test_what_overlaps_is_refused_with_file_and_line(tmp_path, geometry, line, w
     (tmp_path / "d.toml").write_text(text(geometry))
     with pytest.raises(AmbkitError, match=rf"d\.toml:{line}: {what}"):
         Drawing.load(tmp_path / "d.toml")
+
+
+@pytest.mark.parametrize(
+    ("geometry", "change", "what"),
+    [(RADIAL, ('bias_current = "3 A"\n', ""), "bias_current: is missing"),
+     (HYBRID_RADIAL, ("[iron]", 'bias_current = "3 A"\n[iron]'), "the magnets make the bias")],
+)  # fmt: skip
+def test_bias_current_is_stated_where_coils_make_it(geometry, change, what):
+    with pytest.raises(AmbkitError, match=what):
+        Drawing.from_toml(text(geometry).replace(*change))
 
 
 @pytest.mark.parametrize(

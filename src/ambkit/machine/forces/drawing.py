@@ -72,7 +72,7 @@ def stated_by(path: str, changes: Mapping[str, Any]) -> dict[str, Any]:
         "type": drawing.geometry.sides,
         "magnet_constant": engineering(drawing.magnet_constant, "N m^2/A^2", digits=None),
         "air_gap": engineering(drawing.geometry.air_gap, "m", digits=None),
-        "bias_current": engineering(drawing.winding.bias_current, "A", digits=None),
+        "bias_current": engineering(drawing.bias_current, "A", digits=None),
     }
 
 
@@ -92,7 +92,8 @@ def computed_force(machine: IsolatedAxis) -> Law:
     drawing, changes = load_drawing(m.force_map), _changes(m)
     ends = machine.current_min, machine.current_max, machine.clearance
     scale = 1.0 if m.force_scale is None else m.force_scale
-    return _force(drawing, m.type, m.magnet_constant, tuple(changes.items()), ends, scale)
+    about = m.type, m.magnet_constant, m.bias_current
+    return _force(drawing, about, tuple(changes.items()), ends, scale)
 
 
 def computed_force_of_both(machine: IsolatedAxis) -> TwoAxisMap:
@@ -113,18 +114,23 @@ def _changes(magnet: Any) -> dict[str, Any]:
     """Return the values that a machine's drawing has otherwise than the file, in SI."""
     drawing, own = load_drawing(magnet.force_map), dict(magnet.drawing)
     other = drawing.replace(**own) if own else drawing
-    return {key: value_in(other, key) for key in own} | {
-        "geometry.air_gap": magnet.air_gap, "winding.bias_current": magnet.bias_current,
-    }  # fmt: skip
+    changes = {key: value_in(other, key) for key in own} | {"geometry.air_gap": magnet.air_gap}
+    share, permanent = magnet.bias_current / other.bias_current, other.geometry.permanent
+    if permanent is None:
+        return changes | {"winding.bias_current": share * (other.winding.bias_current or 0.0)}
+    if share == 1.0:
+        return changes
+    changes = {key: new for key, new in changes.items() if not key.startswith("geometry.magnet")}
+    return changes | {"geometry.magnet": permanent.scaled(share)}  # as strong as the bias
 
 
 @lru_cache(maxsize=16)
 def _force(
-    drawing: Drawing, sides: str, constant: float, changes: tuple[tuple[str, Any], ...],
+    drawing: Drawing, about: tuple[str, float, float], changes: tuple[tuple[str, Any], ...],
     ends: tuple[float, float, float], scale: float,
 ) -> Law:  # fmt: skip
-    of = dict(changes)
-    gap, bias = of["geometry.air_gap"], of["winding.bias_current"]
+    of, (sides, constant, bias) = dict(changes), about
+    gap = of["geometry.air_gap"]
     magnet = SimpleNamespace(
         type=sides, magnet_constant=constant / scale, air_gap=gap, bias_current=bias
     )
@@ -141,7 +147,7 @@ def _force(
 
 def _box(drawing: Drawing, low: float, high: float, clearance: float) -> Box:
     """Return the box of a map that covers a machine's ranges, one for all that differ little."""
-    bias, gap = drawing.winding.bias_current, drawing.geometry.air_gap
+    bias, gap = drawing.bias_current, drawing.geometry.air_gap
 
     def steps(value: float, step: float) -> float:
         return step * float(np.ceil(value / step - 1e-9))

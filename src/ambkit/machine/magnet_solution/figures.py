@@ -43,7 +43,12 @@ def field_figure(drawing: Drawing, solver: FieldSolver, field: Solution) -> Figu
     at = np.asarray(coarse.get_trifinder()(*grid), dtype=np.intp)
     mean = np.abs(field.B).mean(axis=1)
     density = np.where(at >= 0, mean[at], 0.0)
-    potential = LinearTriInterpolator(fine, field.a)(*grid).filled(0.0)
+    potential = LinearTriInterpolator(fine, field.a[: len(nodes)])(*grid).filled(0.0)
+    if layout.axial is not None:  # with the bias flux, from the rotor to the back iron
+        places = grid[0] + 1j * grid[1]
+        angle = np.angle(places * 1j**1.5) / (2 * np.pi)  # cut between two poles
+        bent = (layout.axial.share(np.abs(places)) < 1) | (np.abs(angle) > 0.45)
+        potential = np.ma.array(potential + field.a[-1] * angle, mask=bent)
     names = ("radius", "height") if layout.axisymmetric else ("x", "y")
     axes = [Axis(name, "mm", 1e3) for name in names]
     top = float(np.ceil(20 * np.quantile(mean[~solver.air], 0.99)) / 20)
@@ -56,8 +61,9 @@ def field_figure(drawing: Drawing, solver: FieldSolver, field: Solution) -> Figu
         loop = np.append(region.outline, region.outline[0])
         signal = "reference" if region.coil >= 0 else "measurement"
         items.append(Line(loop.real, loop.imag, signal=signal, label=""))
-    w = drawing.winding
-    currents = f"{figure(w.bias_current, 'A')} bias and {figure(w.limit, 'A')} control current"
+    bias = drawing.winding.bias_current
+    currents = "" if bias is None else f"{figure(bias, 'A')} bias and "
+    currents += f"{figure(drawing.limit, 'A')} control current"
     return Figure(
         id="field", title=f"Field of {markdown(drawing.name)}",
         caption=f"Flux density and lines of flux at {currents}.",

@@ -90,10 +90,10 @@ class MagnetSolution(Result):
     def rows(self) -> list[Row]:
         d, w = self.drawing, self.drawing.winding
         sides = 4 if self.map.two_sided else 2
-        ideal = sides * d.magnet_constant * w.bias_current / d.geometry.air_gap**2
+        ideal = sides * d.magnet_constant * d.bias_current / d.geometry.air_gap**2
         both = {
             "finite elements": self.stiffness,
-            "ideal iron": (ideal, ideal * w.bias_current / d.geometry.air_gap),
+            "ideal iron": (ideal, ideal * d.bias_current / d.geometry.air_gap),
         }
         results = []
         for of, (k_i, k_s) in both.items():
@@ -143,6 +143,9 @@ class MagnetSolution(Result):
         if not self.drawing.layout.axisymmetric and self.drawing.end_factor == 1.0:
             notes.append("The section is plane: flux around the ends of the stack is left out "
                          "(end_factor).")  # fmt: skip
+        if self.drawing.layout.axial is not None:
+            notes.append("One plane's section is solved with the magnetic circuit along the axis; "
+                         "leakage between the planes is left out.")  # fmt: skip
         if self.drawing.layout.opposed:
             notes.append("The fields of the two cores are independent.")
         return notes
@@ -171,21 +174,21 @@ class MagnetSolution(Result):
 
 def solve(drawing: Drawing, both_axes: bool = False) -> MagnetSolution:
     """Return what follows from a drawing."""
-    layout, w = drawing.layout, drawing.winding
+    layout, bias_current = drawing.layout, drawing.bias_current
     if both_axes and len(layout.directions) < 2:
         raise AmbkitError(f"both_axes: a {drawing.geometry.type} magnet has one axis")
     solved = map_of(drawing)
     with progress("solving the fields of the pictures"):
         solver = FieldSolver(layout)
-        bias = solver.at().solve(w.bias_current * layout.bias)
-        most = w.bias_current * layout.bias + w.limit * layout.control[0]
+        bias = solver.at().solve(bias_current * layout.bias)
+        most = bias_current * layout.bias + drawing.limit * layout.control[0]
         full = solver.at().solve(most, bias.a)
         if layout.opposed:  # the other core's force, at the current that is left to it
-            less = solver.at().solve((w.bias_current - w.limit) * layout.bias, bias.a)
+            less = solver.at().solve((bias_current - drawing.limit) * layout.bias, bias.a)
             full = full._replace(force=full.force - less.force)
         coupling = _coupling(drawing, solver, full)
     about = SimpleNamespace(
-        type=drawing.geometry.sides, bias_current=w.bias_current,
+        type=drawing.geometry.sides, bias_current=bias_current,
         magnet_constant=drawing.magnet_constant, air_gap=drawing.geometry.air_gap,
     )  # fmt: skip
     errors = law_errors(about, solved)
@@ -214,11 +217,11 @@ def _rows_of(dynamics: Dynamics) -> list[Row]:
 
 def _coupling(drawing: Drawing, solver: FieldSolver, full: Solution) -> float | None:
     """Return by how much the greatest current changes the force across, displaced across."""
-    layout, w = drawing.layout, drawing.winding
+    layout, bias_current = drawing.layout, drawing.bias_current
     if len(layout.directions) < 2:
         return None
     there = solver.at(drawing.displacement_range * layout.directions[1])
-    currents: list[Array] = [w.bias_current * layout.bias + iu * layout.control[0]
-                             for iu in (0.0, w.limit)]  # fmt: skip
+    currents: list[Array] = [bias_current * layout.bias + iu * layout.control[0]
+                             for iu in (0.0, drawing.limit)]  # fmt: skip
     across = [there.solve(current).force[1] for current in currents]
     return float((across[1] - across[0]) / full.force[0])

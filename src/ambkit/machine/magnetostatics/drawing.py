@@ -14,7 +14,7 @@ from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Description, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.magnetostatics.geometries import AnyGeometry
-from ambkit.machine.magnetostatics.geometries.geometry import Windings
+from ambkit.machine.magnetostatics.geometries.geometry import Geometry, Windings
 from ambkit.machine.magnetostatics.iron import Iron
 from ambkit.machine.magnetostatics.layout import Layout
 from ambkit.machine.magnetostatics.mesh import checked_outlines
@@ -25,17 +25,13 @@ class Winding(Part):
 
     turns: Annotated[float, Field(gt=0, le=1e6)]
     """Turns of one coil, or the mean of coils that differ."""
-    bias_current: Annotated[float, Quantity("A", "3 A", above=0)]
-    """Bias current [A]."""
+    bias_current: Annotated[float, Quantity("A", "3 A", above=0)] | None = None
+    """Bias current [A]; none where permanent magnets make the bias."""
     control_limit: Annotated[float, Quantity("A", "3 A", above=0)] | None = None
-    """Greatest control current of the map, either way [A]; by default the bias current."""
+    """Greatest control current of the map, either way [A]; by default the bias current, or the
+    current of ideal iron whose law is that of the permanent magnets."""
     voltage: Annotated[float, Quantity("V", "150 V", above=0)] | None = None
     """Voltage of the amplifier [V], for the slew rate of the force."""
-
-    @property
-    def limit(self) -> float:
-        """Greatest control current [A]."""
-        return self.bias_current if self.control_limit is None else self.control_limit
 
 
 class Drawing(Document):
@@ -64,6 +60,12 @@ class Drawing(Document):
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         if read("clearance") is not None and read("clearance") >= read("geometry.air_gap"):
             yield "clearance", "must be less than the air gap"
+        geometry, current = read("geometry"), read("winding.bias_current")
+        if isinstance(geometry, Geometry) and (geometry.permanent is None) == (current is None):
+            yield (
+                "winding.bias_current",
+                "is missing" if current is None else "is left out: the magnets make the bias",
+            )
 
     def check(self, name: str) -> None:
         """Refuse outlines that cross, by the name of the file."""
@@ -77,12 +79,27 @@ class Drawing(Document):
         """Greatest displacement of its map [m]."""
         return self.geometry.air_gap / 2 if self.clearance is None else self.clearance
 
+    @property
+    def bias_current(self) -> float:
+        """Bias current [A]; of magnets or a bias coil, that of control coils with ideal iron."""
+        return self.geometry.ideal_bias(self._windings)
+
+    @property
+    def limit(self) -> float:
+        """Greatest control current [A]."""
+        limit = self.winding.control_limit
+        return self.bias_current if limit is None else limit
+
+    @property
+    def _windings(self) -> Windings:
+        rotor = self.iron if self.rotor_iron is None else self.rotor_iron
+        w = self.winding
+        return Windings(w.turns, self.iron.curve, rotor.curve, w.bias_current or 0.0)
+
     @cached_property
     def layout(self) -> Layout:
         """The section with its materials."""
-        rotor = self.iron if self.rotor_iron is None else self.rotor_iron
-        made = self.geometry.layout(Windings(self.winding.turns, self.iron.curve, rotor.curve))
-        return made.lengthened(self.end_factor)
+        return self.geometry.layout(self._windings).lengthened(self.end_factor)
 
     @property
     def magnet_constant(self) -> float:

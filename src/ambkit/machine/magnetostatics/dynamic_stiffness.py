@@ -19,7 +19,6 @@ from scipy.optimize import minimize_scalar
 from ambkit.base.arrays import Array
 from ambkit.base.progress import progress
 from ambkit.machine.magnetostatics.drawing import Drawing
-from ambkit.machine.magnetostatics.elements import N
 from ambkit.machine.magnetostatics.field import FieldSolver, Skin
 from ambkit.machine.magnetostatics.iron import Curve
 from ambkit.machine.magnetostatics.magnet_map import VERSION, kept
@@ -93,14 +92,14 @@ def dynamic_stiffness(
         skin = IN_SKIN * float(depth) / fineness
     solver = FieldSolver(layout, 1.0, skin)
     position = solver.at()
-    base = position.solve(drawing.winding.bias_current * layout.bias)
+    base = position.solve(drawing.bias_current * layout.bias)
     e, volume = position.elements, position.volume
     sigma, hysteresis = np.zeros(len(e.triangles)), np.zeros(len(e.triangles))
     for curve, at in solver.iron:
         sigma[at] = 0.0 if curve.lamination else curve.conductivity
         hysteresis[at] = DENSITY * curve.hysteresis * curve.stacking / (50 * 1.5**2)
     density = solver.length * sigma[:, None] * e.weight / position.radius
-    mass = e.matrix(np.einsum("mq,qa,qb->mab", density, N, N, optimize=True))
+    mass = e.matrix(np.einsum("mq,qa,qb->mab", density, e.N, e.N, optimize=True))
     free, source = solver.free, layout.control[0] @ solver.coils
     sides = 2 if layout.opposed else 1
     solved, loss = [], []
@@ -124,7 +123,7 @@ def dynamics_of(drawing: Drawing) -> Dynamics:
             stiffness, flux, loss = dynamic_stiffness(drawing, FREQUENCIES, 0.5)
         return stiffness.real, stiffness.imag, flux.real, flux.imag, loss
 
-    parts = kept(drawing.key("dynamics", drawing.winding.bias_current, VERSION), solve)
+    parts = kept(drawing.key("dynamics", drawing.bias_current, VERSION), solve)
     curves = [r.iron for r in drawing.layout.regions if r.iron is not None and r.iron.conductivity]
     laminated = all(curve.lamination for curve in curves)
     return Dynamics(parts[0] + 1j * parts[1], parts[2] + 1j * parts[3], parts[4], laminated)

@@ -36,8 +36,13 @@ N, _DN = _shapes(_AT)
 class Elements:
     """Gradients and weights of a mesh at one displacement of its nodes."""
 
-    def __init__(self, nodes: Points, triangles: NDArray[np.intp]) -> None:
-        self.triangles, self.count = triangles, len(nodes)
+    # With `common` (m, q, 6), all triangles share one more unknown: its gradient is that of the
+    # nodal values that each point of the quadrature has for it.
+
+    def __init__(
+        self, nodes: Points, triangles: NDArray[np.intp], common: Array | None = None
+    ) -> None:
+        self.triangles, self.count, self.N = triangles, len(nodes), N
         x = nodes[triangles]
         x_r, x_s = x @ _DN[:, :, 0].T, x @ _DN[:, :, 1].T  # (m, q)
         det = np.imag(np.conj(x_r) * x_s)
@@ -50,7 +55,12 @@ class Elements:
                 (x_r.real[:, :, None] * by_s - x_s.real[:, :, None] * by_r) / det[:, :, None],
             ],
             axis=3,
-        )  #: (m, q, 6, 2)
+        )  #: (m, q, 6, 2); 7 where one unknown is common.
+        if common is not None:
+            more = np.einsum("mqat,mqa->mqt", self.gradient, common)
+            self.gradient = np.concatenate([self.gradient, more[:, :, None]], axis=2)
+            self.triangles = np.insert(triangles, 6, self.count, axis=1)
+            self.count, self.N = self.count + 1, np.insert(N, 6, 0.0, axis=1)
 
     def grad(self, a: Array) -> Array:
         """Return the gradient (m, q, 2) of a nodal field (n,)."""
@@ -64,11 +74,12 @@ class Elements:
 
     def load(self, density: Array) -> Array:
         """Return the integral of a density (m, q) times each shape function (n,)."""
-        return self.vector((density * self.weight) @ N)
+        return self.vector((density * self.weight) @ self.N)
 
     def matrix(self, values: Array, at: NDArray[np.intp] | slice = ALL) -> sparse.csc_matrix:
         """Assemble a matrix (n, n) from those of some elements (m, 6, 6)."""
         triangles = self.triangles[at]
-        rows = np.repeat(triangles, 6, axis=1).ravel()
-        columns = np.tile(triangles, (1, 6)).ravel()
+        nodes = triangles.shape[1]
+        rows = np.repeat(triangles, nodes, axis=1).ravel()
+        columns = np.tile(triangles, (1, nodes)).ravel()
         return sparse.csc_matrix((values.ravel(), (rows, columns)), shape=(self.count, self.count))

@@ -21,9 +21,9 @@ from scipy.spatial import cKDTree
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.force_law import MU_0
-from ambkit.machine.magnetostatics.elements import Elements
+from ambkit.machine.magnetostatics.elements import Elements, N
 from ambkit.machine.magnetostatics.iron import Curve
-from ambkit.machine.magnetostatics.layout import Layout, Points, flat
+from ambkit.machine.magnetostatics.layout import AxialCircuit, Layout, Points, flat
 from ambkit.machine.magnetostatics.mesh import mesh_of
 
 PRECISION = 1e-9  #: Newton ends where a step changes the energy by less than this part of it.
@@ -39,6 +39,7 @@ class Solution(NamedTuple):
     """A field."""
 
     a: Array  #: (n,) Vector potential [Vs/m]; times the radius where axisymmetric [Vs].
+    # Where the layout has an axial circuit, its flux by length follows as one more.
     force: Array  #: (directions,) On the rotor [N].
     flux: Array  #: (coils,) Flux linkages [Vs].
     coenergy: float  #: [J]
@@ -61,16 +62,20 @@ class FieldSolver:
         self.linear = np.flatnonzero([r.iron is None for r in of])
         self.reluctivity = 1 / (MU_0 * np.array([r.permeability for r in of]))
         self.remanence = np.array([r.remanence for r in of])
-        self.free = np.flatnonzero(~self.mesh.rim)
+        self.common = None if layout.axial is None else self._angles(layout.axial)
+        inner = np.logical_not(self.mesh.rim)
+        self.free = np.flatnonzero(inner if layout.axial is None else np.append(inner, True))
         self.length = 2 * np.pi if layout.axisymmetric else layout.depth
         self.sense = -1.0 if layout.axisymmetric else 1.0  # (r, z, phi) is left-handed
-        rest = Elements(self.mesh.nodes, self.mesh.triangles)
+        rest = Elements(self.mesh.nodes, self.mesh.triangles, self.common)
         self.coils = np.zeros((layout.bias.size, rest.count))
         for number, r in enumerate(regions):
             if r.coil >= 0:
                 inside = (region == number)[:, None] * np.ones_like(rest.weight)
                 area = float((inside * rest.weight).sum())
                 self.coils[r.coil] += self.length * r.turns / area * rest.load(inside)
+        if layout.axial is not None and layout.axial.turns:
+            self.coils[-1, -1] = layout.axial.turns * layout.axial.length
         self._positions: dict[complex, Position] = {}
 
     def at(self, displacement: complex = 0.0) -> Position:
@@ -81,6 +86,15 @@ class FieldSolver:
                 self._positions.clear()
             self._positions[key] = Position(self, key)
         return self._positions[key]
+
+    def _angles(self, axial: AxialCircuit) -> Array:
+        """Return the potential (m, q, 6) of a unit of radial flux in and between the irons."""
+        # Radial flux is the curl of an angle, which each triangle continues from its first corner.
+        nodes = self.mesh.nodes[self.mesh.triangles]
+        share = axial.share(np.abs(nodes @ N.T))
+        nodes = np.where((share > 0).any(axis=1, keepdims=True), nodes, 1.0)  # 0 may be a corner
+        angle = np.angle(nodes / nodes[:, :1])
+        return np.asarray(share[:, :, None] * angle[:, None, :] / (2 * np.pi))
 
     @cached_property
     def follows(self) -> Array:
@@ -94,7 +108,7 @@ class FieldSolver:
         axis = (mesh.nodes.real == 0) & self.layout.axisymmetric
         moving, solid, rim = (self._distance(part) for part in (*parts, mesh.rim & ~axis))
         fixed = np.minimum(solid, rim)
-        return np.asarray(fixed / (moving + fixed))
+        return np.append(fixed / (moving + fixed), [0.0] * (self.common is not None))
 
     @cached_property
     def in_gap(self) -> NDArray[np.intp]:
@@ -121,8 +135,8 @@ class Position:
         self.solver = solver
         nodes, triangles = solver.mesh.nodes, solver.mesh.triangles
         if displacement:
-            nodes = nodes + displacement * solver.follows
-        self.elements = e = Elements(nodes, triangles)
+            nodes = nodes + displacement * solver.follows[: len(nodes)]
+        self.elements = e = Elements(nodes, triangles, solver.common)
         if (e.weight <= 0).any():
             raise AmbkitError(f"a displacement of {abs(displacement):g} m closes the air gap")
         axial = solver.layout.axisymmetric
@@ -138,6 +152,8 @@ class Position:
                 np.einsum("mq,mqa->ma", h.real, e.gradient[..., 1])
                 - np.einsum("mq,mqa->ma", h.imag, e.gradient[..., 0])
             )
+        if solver.layout.axial is not None:
+            self.magnets[-1] = solver.layout.axial.mmf * solver.layout.axial.length
 
     def _matrix(self, at: NDArray[np.intp], factor: Array) -> sparse.csc_matrix:
         g = self.elements.gradient[at]
@@ -157,6 +173,8 @@ class Position:
             h, slope, density = curve.at(level)
             energy += float((v[at] * density).sum())
             state.append((h / level, (slope - h / level) / level**2))
+        if s.layout.axial is not None:
+            energy += s.layout.axial.energy(float(a[-1]))[0]
         return energy - float(source @ a), gradient, state
 
     def solve(self, currents: Array, start: Array | None = None) -> Solution:
@@ -200,6 +218,11 @@ class Position:
             values = np.einsum("mqat,mqbt->mab", g * (nu * f)[..., None, None], g, optimize=True)
             values += np.einsum("mqa,mqb->mab", along * weight[..., None], along, optimize=True)
             matrix = matrix + e.matrix(values, at)
+        if s.layout.axial is not None:
+            _, slope, rise = s.layout.axial.energy(float(a[-1]))
+            residual[-1] -= slope
+            last = e.count - 1
+            matrix = matrix + sparse.csc_matrix(([rise], ([last], [last])), shape=matrix.shape)
         return matrix, residual
 
     def tangent(self, a: Array, skin: Skin | None = None) -> tuple[sparse.csc_matrix, Array]:

@@ -29,6 +29,35 @@ class Region(NamedTuple):
     permeability: float = 1.0  #: Relative, of what is no iron.
 
 
+class AxialCircuit(NamedTuple):
+    """What drives flux along the axis, through the rotor of one plane into that of another."""
+
+    rotor: tuple[float, float]  #: Radii of the rotor iron, which it enters evenly [m].
+    stator: tuple[float, float]  #: Radii of the back iron, which it leaves evenly [m].
+    length: float  #: Of the stack of one plane [m].
+    mmf: float  #: Of magnets [A].
+    reluctance: float  #: Of magnets [A/Wb].
+    iron: Curve  #: Of the rotor between the planes,
+    area: float  #: its cross section [m^2],
+    distance: float  #: and its length [m].
+    turns: int = 0  #: Of the bias coil, which is the last one; 0: there is none.
+
+    def share(self, radius: Array) -> Array:
+        """Return the part of the flux that is radial at radii [m]."""
+        parts = [np.clip((radius**2 - a**2) / (b**2 - a**2), 0.0, 1.0)
+                 for a, b in (self.rotor, self.stator)]  # fmt: skip
+        return np.asarray(parts[0] - parts[1])
+
+    def energy(self, per_length: float) -> tuple[float, float, float]:
+        """Return energy [J] and its derivatives by the flux per length of a stack [Wb/m]."""
+        flux = per_length * self.length
+        h, slope, density = (float(v) for v in self.iron.at(np.array(abs(flux) / self.area)))
+        drop = self.reluctance * flux + np.copysign(self.distance * h, flux)
+        rise = self.reluctance + self.distance * slope / self.area
+        energy = self.reluctance * flux**2 / 2 + self.area * self.distance * density
+        return float(energy), float(drop * self.length), float(rise * self.length**2)
+
+
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Regions within a boundary on which the flux is confined."""
@@ -47,6 +76,8 @@ class Layout:
     """Centre and radius [m] of those that outlines follow."""
     opposed: bool = False
     """Whether the same magnet pulls the other way, too, with a field of its own."""
+    axial: AxialCircuit | None = None
+    """What drives a bias flux across the plane; the depth is that of two planes."""
 
     @property
     def axisymmetric(self) -> bool:
@@ -55,7 +86,8 @@ class Layout:
 
     def lengthened(self, factor: float) -> Layout:
         """Return it with another depth."""
-        return replace(self, depth=factor * self.depth)
+        axial = self.axial and self.axial._replace(length=factor * self.axial.length)
+        return replace(self, depth=factor * self.depth, axial=axial)
 
 
 def rectangle(low: complex, high: complex) -> Points:

@@ -117,14 +117,19 @@ def _knots(nodes: Array) -> tuple[Array, int]:
     return np.concatenate([[nodes[0]] * order, inner, [nodes[-1]] * order]), order
 
 
+def box_of(drawing: Drawing) -> Box:
+    """Return the bias current and the ranges that a drawing states."""
+    bias, limit = drawing.bias_current, drawing.limit
+    low = -min(limit, bias) if drawing.geometry.sides == "one-sided" else -limit
+    return Box(bias, low, limit, drawing.displacement_range)
+
+
 def map_of(
     drawing: Drawing, box: Box | None = None, nodes: tuple[int, int] = NODES, fineness: float = 1.0
 ) -> MagnetMap:
     """Return the map of a drawing, from the cache where it was solved before."""
-    w = drawing.winding
     one_sided = drawing.geometry.sides == "one-sided"
-    low = -min(w.limit, w.bias_current) if one_sided else -w.limit
-    box = Box(w.bias_current, low, w.limit, drawing.displacement_range) if box is None else box
+    box = box_of(drawing) if box is None else box
     about = drawing.geometry.air_gap, not one_sided
     key = drawing.key(box, nodes, fineness, VERSION)
     return MagnetMap(*about, *kept(key, lambda: _solved(drawing, box, nodes, fineness)))

@@ -57,7 +57,7 @@ def map_near(drawing: Drawing, changes: Mapping[str, Any], box: Box) -> MagnetMa
 
 @lru_cache(maxsize=64)
 def _map(drawing: Drawing, box: Box, *how: Any) -> MagnetMap:
-    box = box._replace(bias=drawing.winding.bias_current)
+    box = box._replace(bias=drawing.bias_current)
     return map_of(drawing, box, *how)
 
 

@@ -20,7 +20,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.progress import progress
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.field import FieldSolver
-from ambkit.machine.magnetostatics.magnet_map import VERSION, Box, kept
+from ambkit.machine.magnetostatics.magnet_map import VERSION, Box, box_of, kept
 
 DEGREE, OF_SUMS = 10, 6
 POINTS, LEFT_OUT = 120, 12  #: Solved and fitted; solved and not fitted.
@@ -132,8 +132,7 @@ def _places(count: int) -> Array:
 
 def two_axis_map(drawing: Drawing, box: Box | None = None, points: int = POINTS) -> TwoAxisMap:
     """Return the map of both axes of a radial bearing, from the cache where it was solved."""
-    w = drawing.winding
-    box = Box(w.bias_current, -w.limit, w.limit, drawing.displacement_range) if box is None else box
+    box = box_of(drawing) if box is None else box
     ranges = np.repeat([max(box.high, -box.low), box.displacement_range], 2)
     key = drawing.key("both axes", box, points, DEGREE, VERSION)
     coefficients, sums, error = kept(key, lambda: _fitted(drawing, box.bias, ranges, points))

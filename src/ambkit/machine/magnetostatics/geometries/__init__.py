@@ -6,6 +6,12 @@ from pydantic import Field
 
 from ambkit.machine.magnetostatics.geometries.axial import Ball, Thrust
 from ambkit.machine.magnetostatics.geometries.core import ECore, UCore
+from ambkit.machine.magnetostatics.geometries.homopolar import Homopolar
+from ambkit.machine.magnetostatics.geometries.hybrid_radial import HybridRadial
+from ambkit.machine.magnetostatics.geometries.hybrid_thrust import HybridThrust
 from ambkit.machine.magnetostatics.geometries.radial import Radial
 
-AnyGeometry = Annotated[Radial | ECore | UCore | Thrust | Ball, Field(discriminator="type")]
+AnyGeometry = Annotated[
+    Radial | HybridRadial | Homopolar | ECore | UCore | Thrust | HybridThrust | Ball,
+    Field(discriminator="type"),
+]
