@@ -2,7 +2,8 @@
 
 ``python -m benchmarks.wrong_plants [seeds] [right] [first]`` simulates closed loops of several
 machines, sensors and sampling times, side by side and the textbook's way, identifies each with a
-description that lacks the structure, and prints how often it is named.
+description that lacks the structure, and prints how often it is named. The search begins at that
+description, and no lines are looked for, which saves two thirds of the time.
 """
 
 from __future__ import annotations
@@ -75,6 +76,7 @@ NAMES = {
 }  # fmt: skip
 """What counts as named, where it is not called the same."""
 
+RIGHT = 100  #: By which the seeds of right plants are beyond the others.
 STEPS = 5  #: Of the integration in a sample.
 
 
@@ -136,7 +138,7 @@ def simulate(cases: list[Case], n: int | None = None) -> list[Record]:
     behind = where("lag", np.minimum(2e-3, 0.24 * own), 1e-9)
     knee = where("saturation", 1.52 * i0 / s0, 1e9 * i0 / s0)  # half the force at twice the flux
     drift, payload = where("drift", -0.03), where("payload", 0.25)
-    curve = where("sensor curve", -0.1 / (2 * moves) ** 2)
+    curve = where("sensor curve", -0.1 / (3 * moves) ** 2)
     jump = where("sensor jump", 0.2 * moves)
     added = where("resonance", 0.1) * m
     omega = 5 / own
@@ -206,7 +208,7 @@ def suspects(case: Case, record: Record) -> list[str]:
     """Identify a record by its description, and return the structures that are named."""
     start = starting_model(MACHINES[case.machine][0])
     try:
-        found = maximum_likelihood(record, start, usual(start), profile=False, lines=True)
+        found = maximum_likelihood(record, start, usual(start), improve_start=False, profile=False)
     except ConfigError:
         return ["refused"]
     structure = examine(found, [record])
@@ -218,7 +220,7 @@ def study(seeds: int = 2, right: int = 17, first: int = 0) -> dict[Case, list[st
     results: dict[Case, list[str]] = {}
     for machine in MACHINES:
         cases = [Case(machine, wrong, first + s) for wrong in WRONG for s in range(seeds)]
-        cases += [Case(machine, "", first + seeds + s) for s in range(right)]
+        cases += [Case(machine, "", first + RIGHT + s) for s in range(right)]
         with ProcessPoolExecutor(2) as pool:
             results |= zip(cases, pool.map(suspects, cases, simulate(cases)), strict=True)
     return results
