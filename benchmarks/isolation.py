@@ -1,15 +1,17 @@
-"""Faults by name: each fault on random bearings, whether it is named, and false alarms.
+"""Faults by name: one and two at a time on random bearings, and false alarms.
 
-``python -m benchmarks.isolation faults [bearings] [first]`` simulates each fault on random bearings
-and compares what `ambkit diagnose` names with the truth, where Fisher's information says that it
-can be span; ``python -m benchmarks.isolation healthy [bearings] [first] [samples]`` counts false
-alarms of healthy ones. The plant of the first is written here, and shares nothing with the filter.
+``python -m benchmarks.isolation faults [bearings] [first]`` simulates each fault, and ``pairs`` two
+at a time drawn at random, on random bearings; it compares what `ambkit diagnose` names with the
+truth, where Fisher's information says that it can be. ``healthy [bearings] [first] [samples]``
+counts false alarms. The plant of the first two is written here, and shares nothing with the filter.
 """
 
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 from ambkit import FilterNoise, Machine, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.isolation.isolation import FaultIsolation, Searches
+from ambkit.judge.isolation.isolation import NINE_IN_TEN, FaultIsolation
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
@@ -29,6 +31,7 @@ from benchmarks.sensors import drawn
 Array = NDArray[np.float64]
 
 SUBSTEPS = 6
+PAIRS = 20  #: Rounds of two faults at random for every bearing.
 
 FAULTS: dict[str, float] = {
     "magnet": -0.3, "upper coil": -0.5, "lower coil": -0.5, "amplifier": -0.3, "gap": 0.15,
@@ -167,9 +170,35 @@ def record_of(machine: Machine, y: Array, u: Array) -> Record:
     return Record(machine.sampling_time * np.arange(len(y)), {"y": y, "u": u}, {"y": "m", "u": "V"})
 
 
-def named(searches: Searches, k: int) -> set[str]:
-    """Return the names that a search says."""
-    return {s.name for s, now in zip(searches.signatures, searches.named[k], strict=True) if now}
+def explained(M: Array, columns: list[int], v: Array) -> float:
+    """Return what columns explain of an observation with which all correlate by v."""
+    return float(v[columns] @ np.linalg.pinv(M[np.ix_(columns, columns)], 1e-9) @ v[columns])
+
+
+def can_be_named(isolation: FaultIsolation, M: Array, there: dict[int, float]) -> bool:
+    """Whether the bound lets faults of these sizes be named, and nothing else, in nine of ten."""
+    faults = isolation.signatures
+    first = np.cumsum([0, *(len(s.columns) for s in faults)])
+    of = [list(range(first[j], first[j + 1])) for j in range(len(faults))]
+    theta = np.zeros(len(M))
+    for j, size in there.items():  # of an oscillation, at the phase that shows least
+        theta[of[j]] = size * np.linalg.eigh(M[np.ix_(of[j], of[j])])[1][:, 0]
+        theta[of[j]] *= 1 if len(of[j]) > 1 else np.sign(size * theta[of[j]])
+    v = M @ theta
+    most = float(theta @ v)
+    limit, margin = ((np.sqrt(at) + NINE_IN_TEN) ** 2 for at in (isolation.limit, isolation.margin))
+    if most < limit:
+        return False
+    single = [explained(M, of[j], v) for j in range(len(faults))]
+    others = [j for j in range(len(faults)) if j not in there]
+    share = [max(isolation.share(k, j) for k in there) for j in range(len(faults))]
+    if len(there) == 1:
+        return all(most - single[j] >= max(margin, 2 * share[j] * most) for j in others)
+    needs_two = all(most - single[j] >= max(limit, 3 * share[j] * most) for j in range(len(faults)))
+    return needs_two and all(
+        most - explained(M, of[j] + of[k], v) >= max(margin, 2 * share[j] * most)
+        for j in others for k in range(len(faults)) if k != j
+    )  # fmt: skip
 
 
 def main() -> None:
@@ -182,7 +211,7 @@ def main() -> None:
     machines = [m for m in map(sound, range(first, first + count)) if m is not None]
     for moving in (False, True):
         print("moving" if moving else "at rest")
-        judge(machines, moving)
+        judge(machines, moving, rounds=PAIRS if what == "pairs" else 0)
 
 
 def tuned(machine: Machine, record: Record) -> Any:
@@ -201,46 +230,62 @@ def walk_of(machine: Machine, seed: int) -> float:
     )
 
 
-def judge(machines: list[Machine], moving: bool) -> None:
-    """Print how often each fault is named."""
+def judge(machines: list[Machine], moving: bool, rounds: int) -> None:
+    """Print how often the faults are named, or the two of so many rounds."""
     walk = np.array([walk_of(m, k) for k, m in enumerate(machines)])
     never = 1 << 30
     Y0, U0, _, lost = Plants(machines, {}, never, moving, walk).run(4000, 0)
     isolations = [
         FaultIsolation(tuned(m, record_of(m, Y0[:, j], U0[:, j]))) for j, m in enumerate(machines)
     ]
-    window = max(i.window for i in isolations)
-    onset, samples = window + 100, 2 * window + 100
-    for name in FAULTS:
-        sizes = np.array([scaled(m, name) for m in machines])
-        Y, U, quiet, touched = Plants(machines, {name: sizes}, onset, moving, walk).run(samples, 1)
-        counts = {"lost": 0, "n": 0, "can": 0, "alarm": 0, "right": 0, "wrong": 0, "other": 0}
-        confused: dict[str, int] = {}
-        for j, (machine, isolation) in enumerate(zip(machines, isolations, strict=True)):
+    onset = max(i.window for i in isolations) + 100
+    draw = np.random.default_rng(5)
+    singles = [[(name,)] * len(machines) for name in FAULTS]
+    pairs = list(combinations(FAULTS, 2))
+    drawn_pairs = [[pairs[k] for k in draw.integers(len(pairs), size=len(machines))]
+                   for _ in range(rounds)]  # fmt: skip
+    counts: dict[str, Counter[str]] = {}
+    for trial in drawn_pairs or singles:
+        sizes = {
+            name: np.array([scaled(m, name) if name in of else 0.0
+                            for m, of in zip(machines, trial, strict=True)]) for name in FAULTS
+        }  # fmt: skip
+        plants = Plants(machines, sizes, onset, moving, walk)
+        Y, U, quiet, touched = plants.run(2 * onset - 100, 1)
+        for j, (machine, isolation, true) in enumerate(
+            zip(machines, isolations, trial, strict=True)
+        ):
             names = [s.name for s in isolation.signatures]
-            if touched[j] or lost[j] or name not in names:
-                counts["lost"] += 1
+            if touched[j] or lost[j] or not set(true) <= set(names):
                 continue
-            at = names.index(name)
             stop = onset + isolation.span
             start = stop - (stop // isolation.every) * isolation.every
             s = isolation.run(record_of(machine, Y[start:stop, j], U[start:stop, j]))
-            counts["n"] += 1
-            hit = named(s, -1)
             isolation.run(record_of(machine, quiet[start:stop, j], U[start:stop, j]))
-            can = bool(sizes[j] ** 2 >= isolation.least_sizes().named[at] ** 2)
-            counts["other"] += bool(hit) and not can
-            if not can:
-                continue
-            counts["can"] += 1
-            counts["alarm"] += bool(hit)
-            counts["right"] += hit == {name}
-            counts["wrong"] += bool(hit) and not s.possible[-1, at]
-            if hit != {name}:
-                key = "+".join(sorted(hit))
-                confused[key] = confused.get(key, 0) + 1
-        worst = sorted(confused.items(), key=lambda item: -item[1])[:4]
-        print(f"{name:14}", counts, worst, flush=True)
+            M = isolation.information(isolation.span)
+            can = can_be_named(
+                isolation, M, {names.index(name): float(sizes[name][j]) for name in true}
+            )
+            said = verdict(s.groups(-1), true)
+            of_any = ["all", *true] if rounds else true
+            for name in of_any:
+                counts.setdefault(name, Counter()).update(
+                    ["runs", "can" if can else "cannot", said if can else f"{said} without"]
+                )
+    for name, count in counts.items():
+        print(f"{name:14}", "  ".join(f"{k} {n}" for k, n in sorted(count.items())), flush=True)
+
+
+def verdict(groups: list[list[str]], true: tuple[str, ...]) -> str:
+    """Compare what is named with the truth."""
+    if not groups:
+        return "silent"
+    if sorted(groups) == sorted([name] for name in true):
+        return "right"
+    listed = set().union(*groups)
+    if len(groups) == len(true) and set(true) <= listed:
+        return "listed"
+    return "one listed" if len(true) > 1 and listed & set(true) else "wrong"
 
 
 def healthy(count: int, first: int, samples: int) -> None:
@@ -269,7 +314,7 @@ def healthy(count: int, first: int, samples: int) -> None:
         alarms += len(bad)
         highest.append(float(s.likelihood.max()))
         if len(bad):
-            print(seed, len(bad), named(s, bad[0]), s.likelihood[bad].max(), flush=True)
+            print(seed, len(bad), s.groups(bad[0]), s.likelihood[bad].max(), flush=True)
     levels = np.quantile(highest, [0.5, 0.9, 1.0])
     print(
         f"{alarms} false alarms in {total} samples of {len(highest)} bearings; greatest l: "

@@ -250,10 +250,7 @@ Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Sam
     nb::gil_scoped_release release;
     for (size_t k = 0; k < in.n; k++) {
       const amb_real *acted = k > 0 ? in.u + (k - 1) * c : nullptr;
-      if (k > 0 && heard)
-        self.turn_by(model, self.state(), speed.data() + k * HEARD);
-      else if (k > 0)
-        self.turn(model, speed.data()[k - 1], speed.data()[k]);
+      self.turn_at(model, speed.data(), k, heard);
       (void)amb_estimator_step(&self.estimator, self.state(), in.y + k * m, acted, &self.result);
       amb_estimator_note(&self.estimator, self.state(), &self.result, k, &history.to);
     }

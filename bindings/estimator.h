@@ -210,6 +210,14 @@ struct Estimator {
       usual.assign(kf.set.var_d, kf.set.var_d + sizes().noises);
     model.by(kf, *static_cast<amb_kalman_state *>(of), heard);
   }
+  // The same for sample k of a record: speeds (n,) [rad/s], or what is heard (n, HEARD).
+  void turn_at(Model &model, const amb_real *speed, size_t k, bool heard)
+  {
+    if (k > 0 && heard)
+      turn_by(model, state(), speed + k * HEARD);
+    else if (k > 0)
+      turn(model, speed[k - 1], speed[k]);
+  }
   // The same at the speed that it was made for, to the last bit, wherever it has been since.
   void stand(Model &model, const Vector &still)
   {

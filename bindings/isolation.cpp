@@ -1,8 +1,10 @@
 // Fault isolation beside a filter (ambkit/isolation.h).
 #include "estimator.h"
 
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 
+#include <optional>
 #include <tuple>
 
 extern "C" {
@@ -19,6 +21,7 @@ struct Isolation {
   Kept kept;
   std::vector<amb_real> ring, work;
   amb_isolation_state state{};
+  amb_real speed = 0; // of the machine [rad/s]
 
   void reset()
   {
@@ -40,8 +43,10 @@ void init_isolation(Isolation *self, const nb::dict &of)
   is.window = number("window");
   is.spare = number("spare");
   is.late = number("late");
-  is.lag = nb::cast<amb_real>(of["lag"]);
+  self->speed = nb::cast<amb_real>(of["speed"]);
   is.limit = nb::cast<amb_real>(of["limit"]);
+  is.like = nb::cast<amb_real>(of["like"]);
+  is.alike = nb::cast<amb_real>(of["alike"]);
   is.margin = nb::cast<amb_real>(of["margin"]);
   if (is.late < 1 || is.late > AMB_ISOLATION_LEAST || is.window <= AMB_ISOLATION_LEAST ||
       is.spare < 0 || is.states < 1 || is.states > AMB_STATES)
@@ -54,16 +59,17 @@ void init_isolation(Isolation *self, const nb::dict &of)
   is.unit = self->kept.numbers(of, "unit", n);
   is.K = self->kept.or_none(of, "K", m * n);
   is.form = self->kept.numbers(of, "form", static_cast<size_t>(is.forms) * n);
+  is.lag = self->kept.numbers(of, "lag", m);
   is.turn = self->kept.numbers(of, "turn", static_cast<size_t>(is.tones) * 2);
   const int signals = amb_isolation_row(&is) - is.sensors * (2 + is.states) - 1;
-  using Fault = std::tuple<int, int, bool>;
+  using Fault = std::tuple<int, int, bool, int>;
   for (nb::handle one : nb::cast<nb::list>(of["faults"])) {
-    const auto [column, columns, load] = nb::cast<Fault>(one);
+    const auto [column, columns, load, group] = nb::cast<Fault>(one);
     if (column < 0 || columns < 1 || columns > 2 || column + columns > is.columns)
       throw std::invalid_argument("a fault has one or two of the columns");
     self->faults.push_back({static_cast<unsigned short>(column),
-                            static_cast<unsigned short>(columns),
-                            static_cast<unsigned short>(load)});
+                            static_cast<unsigned short>(columns), static_cast<unsigned short>(load),
+                            static_cast<unsigned short>(group)});
   }
   using Term = std::tuple<int, int, int, amb_real>;
   for (nb::handle one : nb::cast<nb::list>(of["terms"])) {
@@ -87,8 +93,10 @@ void init_isolation(Isolation *self, const nb::dict &of)
   self->reset();
 }
 
-// Run the filter along a record, and search the window every `every` samples.
-Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u, size_t every)
+// Run the filter along a record, and search the window every `every` samples. `model` and `speed`
+// where the rotor's speed changes, as a record has them.
+Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u, size_t every,
+          Model *model, const std::optional<Samples> &speed, bool heard)
 {
   const Sizes of = filter.sizes();
   const size_t n = samples_of(y, of.sensors, "y"), faults = self.faults.size();
@@ -97,33 +105,43 @@ Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u
       self.isolation.forces != static_cast<int>(of.forces) ||
       self.isolation.sensors != static_cast<int>(of.sensors) || every < 1)
     throw std::invalid_argument("the isolation is of another machine, or `every` is 0");
+  if (speed)
+    same_length(n, samples_of(*speed, heard ? HEARD : 1, "speed"), "speed");
   const size_t searches = n / every;
   Fresh<amb_real> likelihood({searches, faults}), size({searches, faults, 2}),
       variance({searches, faults, 2});
-  Fresh<int> since({searches, faults}), named({searches});
-  Fresh<unsigned char> flags({searches, faults});
+  Fresh<int> since({searches, faults}), instead({searches, faults}), contact({searches});
+  Fresh<unsigned char> earlier({searches, faults});
   {
     nb::gil_scoped_release release;
     self.reset();
     std::vector<amb_isolation_result> result(faults);
     size_t at = 0;
     for (size_t k = 0; k < n; k++) {
+      amb_real faster = 0;
+#if defined(AMB_MODEL_LOOPS)
+      if (model != nullptr && speed) {
+        filter.turn_at(*model, speed->data(), k, heard);
+        faster = (speed->data()[heard ? k * HEARD : k] - self.speed) * filter.kf.set.T;
+      }
+#endif
       const amb_real *before = (k > 0) ? u.data() + (k - 1) * of.controls : nullptr;
       filter.result.status = amb_estimator_step(&filter.estimator, filter.state(),
                                                 y.data() + k * of.sensors, before, &filter.result);
       amb_isolation_put(&self.isolation, &self.state, &filter.kf, filter.magnets.data(),
-                        &filter.base(), &filter.result);
+                        &filter.base(), &filter.result, faster);
       if ((k + 1) % every != 0)
         continue;
-      named.data[at] = amb_isolation_evaluate(&self.isolation, &self.state, result.data());
+      contact.data[at] = self.state.contact;
+      (void)amb_isolation_evaluate(&self.isolation, &self.state, result.data());
       for (size_t j = 0; j < faults; j++) {
         const amb_isolation_result &one = result[j];
         likelihood.data[at * faults + j] = one.likelihood;
         std::copy_n(one.size, 2, size.data + (at * faults + j) * 2);
         std::copy_n(one.variance, 2, variance.data + (at * faults + j) * 2);
         since.data[at * faults + j] = one.since;
-        flags.data[at * faults + j] = static_cast<unsigned char>(
-            (one.named ? 1 : 0) + (one.possible ? 2 : 0) + (one.before ? 4 : 0));
+        instead.data[at * faults + j] = one.instead;
+        earlier.data[at * faults + j] = one.before ? 1 : 0;
       }
       at++;
     }
@@ -133,8 +151,9 @@ Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u
   out["size"] = size.array;
   out["variance"] = variance.array;
   out["since"] = since.array;
-  out["named"] = named.array;
-  out["flags"] = flags.array;
+  out["instead"] = instead.array;
+  out["contact"] = contact.array;
+  out["before"] = earlier.array;
   return out;
 }
 
@@ -154,8 +173,18 @@ void bind_isolation(nb::module_ &m)
       .def("__init__", &init_isolation, nb::arg("of"),
            nb::sig("def __init__(self, of: dict[str, Any]) -> None"))
       .def("run", &run, nb::arg("filter"), nb::arg("y"), nb::arg("u"), nb::arg("every"),
-           nb::sig("def run(self, filter: Any, y: Any, u: Any, every: int) -> dict[str, Any]"),
-           "Run a filter along a record, and search the window every so many samples.")
+           nb::arg("model").none() = nb::none(), nb::arg("speed").none() = nb::none(),
+           nb::arg("heard") = false,
+           nb::sig("def run(self, filter: Any, y: Any, u: Any, every: int, model: Any = None, "
+                   "speed: Any = None, heard: bool = False) -> dict[str, Any]"),
+           "Run a filter along a record, and search the window every so many samples; `speed` as "
+           "`run_turning` takes it.")
+      .def_prop_ro(
+          "room",
+          [](const Isolation &s) {
+            return std::tuple(amb_isolation_row(&s.isolation), amb_isolation_work(&s.isolation));
+          },
+          "Numbers of a row of the ring, and of the memory to work in.")
       .def("information", &information, nb::arg("since"), nb::arg("before"),
            nb::sig("def information(self, since: int, before: bool) -> Any"),
            "Information of all columns on faults that began so many samples ago; `before`: beside "

@@ -19,6 +19,7 @@ from ambkit.machine.magnets import MagnetModel
 from ambkit.simulation.run import simulate
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Step
+from ambkit.workflow.diagnose import distinguished
 from firmware import harness, path
 
 BEARING = Machine.preset("zittau_axial")
@@ -90,6 +91,22 @@ def case(
     return Case(estimator, export, firmware, there)
 
 
+def faults(folder: Path) -> dict[str, int]:
+    """Return what fault isolation beside the extended filter takes; `folder` takes what is made."""
+    estimator = KINDS["extended"].make(BEARING, precision="float32")
+    distinction = distinguished(BEARING, estimator)
+    made = export_c(BEARING, estimator, folder / "export", prefix="filter", distinction=distinction)
+    firmware = harness.build(made.folder, folder / "build", main=harness.HERE / "faults.c")
+    T, n = BEARING.sampling_time, 2400
+    run = simulate(BEARING, Scenario(duration=(n - 1) * T))
+    samples = np.column_stack([run["y"], np.append(0.0, run["u"][:-1])]).astype("<f4")
+    samples[-300:, 0] += 0.1 * BEARING.clearance
+    samples.tofile(folder / "input.bin")
+    harness.emulated(firmware.elf, folder)
+    counted = np.fromfile(folder / "instructions.bin", "<u4").tolist()
+    return dict(zip(("sample", "search", "alarm"), counted, strict=True))
+
+
 def figures(measured: Case) -> dict[str, Any]:
     """Return what a filter costs."""
     run, size = measured.there, harness.size(measured.firmware)
@@ -129,7 +146,11 @@ def measure(folder: Path) -> dict[str, Any]:
     rule = (fuzzy["bound"] - few["bound"]) / (len(whole.rules) - FEW)
     fuzzy["bound_a_rule"] = round(rule, 2)
     fuzzy["bound"] = round(fuzzy["bound"] - rule * len(whole.rules))
-    return {"compiler": harness.compiler(), "estimators": found}
+    return {
+        "compiler": harness.compiler(),
+        "estimators": found,
+        "faults": faults(folder / "faults"),
+    }
 
 
 def fewer_rules(count: int) -> Expert:

@@ -12,6 +12,7 @@ from ambkit.export import c, fmu, mat
 from ambkit.export import pil as loop
 from ambkit.export.pil import Pil
 from ambkit.export.stiffness_table import tabulate
+from ambkit.workflow.diagnose import distinguished
 
 CORE_PRECISION: dict[str, Any] = {"float": "float32", "double": "float64"}
 OF_EXPORT = ("prefix", "loops", "editable", "scenario", "calibrated", "telemetry", "force")
@@ -34,7 +35,10 @@ def made(
 
 def export_c(machine: Any, magnet: Any, out: Path | str, **options: Any) -> c.CExport:
     of_export = {name: options.pop(name) for name in OF_EXPORT if name in options}
-    return c.export_c(machine, made(machine, magnet, **options), out, **of_export)
+    faults = options.pop("faults", False)
+    filter = made(machine, magnet, **options)
+    distinction = distinguished(machine, filter) if faults else None
+    return c.export_c(machine, filter, out, distinction=distinction, **of_export)
 
 
 def export_fmu(

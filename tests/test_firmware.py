@@ -190,3 +190,10 @@ def test_the_command_tells_the_cost(name, call):
     cycles = 80e6 / told["highest_rate"]
     assert cycles == pytest.approx(told["most"] * CYCLES_PER_INSTRUCTION)
     assert (told["trusted"] is None) == (name == "unscented")
+
+
+def test_faults_are_searched_with_the_same_bits_within_their_limits(tmp_path):
+    there = measure.faults(tmp_path)  # its self-test must be equal, or it does not come to an end
+    stored = cost.stored(cost.STORED)["faults"]
+    for what, count in stored.items():
+        assert 0.9 * count < there[what] <= 1.02 * count

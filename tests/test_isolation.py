@@ -9,7 +9,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.judge.isolation.isolation import FaultIsolation, _error_model
 from ambkit.simulation.external_inputs import ExternalInputs, Faults
 from ambkit.simulation.run import simulate
-from ambkit.simulation.waveforms import Sine
+from ambkit.simulation.waveforms import Ramp, Sine
 from ambkit.workflow.diagnose import diagnosed
 
 PAPER = ambkit.preset("zittau_axial")
@@ -119,7 +119,53 @@ def test_a_weak_magnet_at_rest_is_listed_with_all_that_look_like_it():
     result = diagnosed(flown(PAPER, magnet_scale=scale), "extended", PAPER, None, None)
     assert not result.certain
     assert "a disturbance force explains it" in result.finding
-    assert {"load", "magnet"} <= {*result._named, *result.alternatives}
+    (group,) = result.searches.groups(result.decisive)
+    assert {"load", "magnet"} <= set(group)
+    assert " or ".join(group) in result.finding
+
+
+def test_faults_that_look_alike_are_named_together():
+    late = with_fault("late", 6)
+    result = diagnosed(flown(PAPER, late, moving=True), "extended", PAPER, None, None)
+    assert {"sensor lag", "dead time"} <= set(result.faults[0].split(" or "))
+
+
+def test_two_faults_of_a_machine_are_named_with_their_places():
+    machine = still("heart_pump")
+    T, readings, axes = machine.sampling_time, len(machine.readings), len(machine.axes)
+    faults = with_fault("y_plus", 2e-5).among(1, readings, 0, axes)
+    hum = np.zeros((N, readings))
+    hum[ONSET:, 3] = 5e-6 * np.sin(100 * np.pi * T * np.arange(N - ONSET))
+    record = flown(machine, faults, readings=hum)
+    result = diagnosed(record, "extended", machine, None, None)
+    names = [reading.name for reading in machine.readings]
+    assert sorted(result.faults) == [f"line noise_{names[3]}", f"sensor offset_{names[1]}"]
+
+
+def test_a_run_up_is_no_fault_and_an_unbalance_that_jumps_in_it_is():
+    machine = ambkit.preset("heart_pump")
+    T, rise = machine.sampling_time, 1000.0
+    angle = rise * (T * np.arange(N)) ** 2 / 2
+    force = np.zeros((N, len(machine.axes)))
+    for k, axis in enumerate(machine.axes):
+        if axis.bearing is machine.axes[0].bearing:
+            line = axis.line
+            around = np.cos(angle) * line.cosine + np.sin(angle) * line.sine
+            force[ONSET:, k] = 0.02 * around[ONSET:]
+    scenario = ambkit.Scenario(duration=(N - 1) * T, speed=Ramp(slope=rise), seed=3)
+    for inputs, expected in (({}, []), ({"disturbance": force}, ["unbalance_A"])):
+        record = simulate(machine, scenario, external_inputs=ExternalInputs(**inputs))
+        result = diagnosed(record, "extended+unbalance", machine, None, None)
+        assert result.faults[:1] == expected
+
+
+def test_a_rotor_on_its_stop_is_said_and_no_fault_is_named():
+    machine = PAPER.replace(stop={"stiffness": 1e8, "damping": 0.3})
+    load = np.zeros(N)
+    load[ONSET : ONSET + 400] = 25.0  # beyond what the magnet bears
+    result = diagnosed(flown(machine, disturbance=load), "extended", machine, None, None)
+    assert result.faults == []
+    assert "the rotor is on a stop at 0.3" in result.finding
 
 
 def test_a_step_of_the_load_is_no_fault():

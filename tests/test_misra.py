@@ -148,6 +148,7 @@ def test_a_whole_controller_keeps_the_rules_too(calibrated, tmp_path):
 MACHINES = {
     "filter": {"kind": "augmented"},
     "rebuilt": {"kind": "linear", "editable": True},
+    "faults": {"kind": "extended", "faults": True},
     "controllers": {"scenario": Scenario(feedback="estimate", control=Control(type="lqg"))},
     "lift-off and run-up": {
         "scenario": Scenario(start="landed", sequence=LiftOff(), speed=Ramp(slope=2000.0)),

@@ -4,21 +4,24 @@
 
 /* Parts of the memory for a sweep. */
 typedef struct sweep {
-  amb_real *z;        /* states */
-  amb_real *Z;        /* states x states */
-  amb_real *Y;        /* columns x states */
-  amb_real *g;        /* columns */
-  amb_real *M;        /* columns x columns; without `all` its diagonal, and pairs of one fault */
-  amb_real *rho;      /* columns */
-  amb_real *y;        /* columns */
+  amb_real *z;   /* states */
+  amb_real *Z;   /* states x states */
+  amb_real *Y;   /* columns x states */
+  amb_real *g;   /* columns */
+  amb_real *M;   /* columns x columns; without `crossed` its diagonal, and pairs of one fault */
+  amb_real *rho; /* columns */
+  amb_real *y;   /* columns */
   amb_real *diagonal; /* columns: diagonal of M before */
   amb_real *t;        /* states */
   amb_real *AZ;       /* states x states */
   amb_real energy;
-  bool all;
+  bool crossed;
 } sweep;
 
 #define MOST_COLUMNS 4 /* of two faults */
+
+/* Share of its travel from which on a rotor is taken to be on its stop. */
+#define ON_STOP AMB_C(0.95)
 
 /* Health of a reading that says nothing. */
 #define MISSING (AMB_MISSING | AMB_FROZEN | AMB_BAD_VARIANCE)
@@ -26,10 +29,11 @@ typedef struct sweep {
 /* Share of a column that is left beside others, below which they are the same. */
 #define SAME AMB_C(1e-4)
 
-/* What a linearised fault explains is right to so many parts: of two faults that differ by less
- * neither is excluded; and the second one of two must explain so much more. */
-#define LIKE AMB_C(0.05)
-#define SECOND AMB_C(0.1)
+/* Samples after a contact: a window in which the filter forgets it, and one that is searched. */
+static int free_of(const amb_isolation *iso)
+{
+  return 2 * iso->window;
+}
 
 int amb_isolation_row(const amb_isolation *iso)
 {
@@ -44,7 +48,7 @@ int amb_isolation_work(const amb_isolation *iso)
   return (2 * n) + (2 * n * n) + (c * n) + (4 * c) + (c * c);
 }
 
-static sweep begin(const amb_isolation *iso, const amb_isolation_state *state, bool all)
+static sweep begin(const amb_isolation *iso, const amb_isolation_state *state, bool crossed)
 {
   const int n = iso->states;
   const int c = iso->columns;
@@ -60,7 +64,7 @@ static sweep begin(const amb_isolation *iso, const amb_isolation_state *state, b
   w.t = w.diagonal + c;
   w.AZ = w.t + n;
   w.energy = AMB_C(0.0);
-  w.all = all;
+  w.crossed = crossed;
   amb_clear(amb_isolation_work(iso), state->work);
   return w;
 }
@@ -77,6 +81,8 @@ static amb_real dot(int n, const amb_real a[], const amb_real b[])
 void amb_isolation_reset(const amb_isolation *iso, amb_isolation_state *state)
 {
   state->newest = iso->window + iso->spare - 1;
+  state->count = 0U;
+  state->contact = free_of(iso);
   state->filled = 0;
   state->seen = 0;
   amb_clear(AMB_STATES, state->mean);
@@ -104,14 +110,12 @@ static void put_forces(const amb_isolation *iso, amb_isolation_state *state, con
     amb_stiffness late;
     const amb_real i = amb_model_current(&kf->model, f, state->mean, iu);
     const amb_real s = amb_model_displacement(&kf->model, f, state->mean);
-    const amb_real free = amb_clamp(s, -kf->set.x_max[f], kf->set.x_max[f]);
     amb_real *to = row + (AMB_OF_FORCE * f);
     to[0] = amb_step_force(kf, magnet, f, i, s, &k);
     to[1] = k.k_i * i;
     to[2] = k.k_s * s;
     state->current[0][f] = i;
     to[3] = amb_step_force(kf, magnet, f, state->current[iso->late][f], s, &late) - to[0];
-    to[4] = s - free;
   }
 }
 
@@ -125,7 +129,7 @@ static void put_measurements(const amb_isolation *iso, amb_isolation_state *stat
     const amb_real e = missing ? AMB_C(0.0) : result->innovation[r];
     const amb_real predicted = missing ? state->lagged[r] : (filter->sensor[r].last_y - e);
     signal[AMB_OF_SENSOR * r] = predicted;
-    state->lagged[r] += iso->lag * (predicted - state->lagged[r]);
+    state->lagged[r] += iso->lag[r] * (predicted - state->lagged[r]);
     signal[(AMB_OF_SENSOR * r) + 1] = state->lagged[r] - predicted;
     measured[2 * r] = e;
     measured[(2 * r) + 1] = missing ? AMB_C(0.0) : result->variance[r];
@@ -161,24 +165,49 @@ static void put_gains(const amb_isolation *iso, const amb_kalman *kf,
   }
 }
 
-/* Cosine and sine of the tones, each turned on from the row before. */
-static void put_tones(const amb_isolation *iso, const amb_real *before, amb_real *tone)
+/* Turn a cosine and a sine; `to` may be `from`. */
+static void rotate_tone(const amb_real from[2], amb_real cosine, amb_real sine, amb_real to[2])
 {
+  const amb_real real = (from[0] * cosine) - (from[1] * sine);
+  const amb_real imaginary = (from[1] * cosine) + (from[0] * sine);
+  const amb_real longer = AMB_C(1.5) - (AMB_C(0.5) * ((real * real) + (imaginary * imaginary)));
+  to[0] = real * longer; /* rounding changes no length */
+  to[1] = imaginary * longer;
+}
+
+/* Cosine and sine of the tones, advanced from the row before; the last one by a small angle
+ * more, of which the first terms of both series are enough. */
+static void put_tones(const amb_isolation *iso, const amb_real *before, amb_real more,
+                      amb_real *tone)
+{
+  static const amb_real zero_angle[2] = {AMB_C(1.0), AMB_C(0.0)};
   for (int k = 0; k < iso->tones; k++) {
-    const amb_real c = (before == NULL) ? AMB_C(1.0) : before[2 * k];
-    const amb_real s = (before == NULL) ? AMB_C(0.0) : before[(2 * k) + 1];
-    const amb_real *turn = iso->turn + (2 * k);
-    const amb_real real = (c * turn[0]) - (s * turn[1]);
-    const amb_real imaginary = (s * turn[0]) + (c * turn[1]);
-    const amb_real longer = AMB_C(1.5) - (AMB_C(0.5) * ((real * real) + (imaginary * imaginary)));
-    tone[2 * k] = real * longer; /* rounding changes no length */
-    tone[(2 * k) + 1] = imaginary * longer;
+    const amb_real *by = iso->turn + (2 * k);
+    rotate_tone((before == NULL) ? zero_angle : (before + (2 * k)), by[0], by[1], tone + (2 * k));
   }
+  if (amb_magnitude(more) > AMB_C(0.0)) {
+    const amb_real a = amb_clamp(more, AMB_C(-1.0), AMB_C(1.0));
+    const amb_real q = a * a;
+    amb_real *last = tone + (2 * (iso->tones - 1));
+    rotate_tone(last, AMB_C(1.0) - ((AMB_C(0.5) * q) * (AMB_C(1.0) - (q / AMB_C(12.0)))),
+                a * (AMB_C(1.0) - ((q / AMB_C(6.0)) * (AMB_C(1.0) - (q / AMB_C(20.0))))), last);
+  }
+}
+
+static bool is_on_stop(const amb_isolation *iso, const amb_kalman *kf,
+                       const amb_kalman_state *filter)
+{
+  bool on_stop = false;
+  for (int r = 0; r < iso->sensors; r++) {
+    const amb_real limit = amb_magnitude(kf->set.K_sen[r]) * kf->set.travel[r];
+    on_stop = on_stop || (amb_magnitude(filter->sensor[r].last_y) > (ON_STOP * limit));
+  }
+  return on_stop;
 }
 
 void amb_isolation_put(const amb_isolation *iso, amb_isolation_state *state, const amb_kalman *kf,
                        const amb_magnet magnet[AMB_FORCES], const amb_kalman_state *filter,
-                       const amb_kalman_result *result)
+                       const amb_kalman_result *result, amb_real faster)
 {
   const amb_real *mean = filter->mean;
   const int n = amb_states(&kf->model);
@@ -197,12 +226,16 @@ void amb_isolation_put(const amb_isolation *iso, amb_isolation_state *state, con
   put_measurements(iso, state, filter, result, row + sensors, measured);
   put_gains(iso, kf, filter, result, measured + (2 * iso->sensors));
   const bool afresh = (result->status & (AMB_RESTARTED | AMB_BAD_VARIANCE)) != 0U;
+  const bool on_stop = is_on_stop(iso, kf, filter);
+  const int apart = state->contact + ((state->contact < free_of(iso)) ? 1 : 0);
+  state->contact = on_stop ? 0 : apart;
   row[size - 1] = afresh ? AMB_C(1.0) : AMB_C(0.0);
   for (int k = 0; k < iso->forms; k++) {
     row[forms + k] = dot(n, iso->form + (k * n), mean);
   }
-  put_tones(iso, before, row + tones);
+  put_tones(iso, before, faster, row + tones);
   amb_copy(n, mean, state->mean);
+  state->count++;
   if (state->seen < AMB_ISOLATION_LEAST) {
     state->seen++; /* signals of the past are none yet */
     state->filled = 1;
@@ -217,7 +250,7 @@ static void regress(const amb_isolation *iso, const amb_real *row, int direction
   amb_clear(iso->columns, rho);
   for (int k = 0; k < iso->terms; k++) {
     const amb_fault_term *term = &iso->term[k];
-    if (term->direction == direction) {
+    if ((int)term->direction == direction) {
       rho[term->column] += term->weight * row[term->signal];
     }
   }
@@ -229,7 +262,7 @@ static void learn(const amb_isolation *iso, sweep *w, amb_real a, amb_real s)
   const int c = iso->columns;
   for (int j = 0; j < c; j++) {
     w->g[j] += s * w->rho[j];
-    const int last = w->all ? (c - 1) : ((j + 1 < c) ? (j + 1) : j);
+    const int last = w->crossed ? (c - 1) : ((j + 1 < c) ? (j + 1) : j);
     for (int l = j; l <= last; l++) {
       w->M[(j * c) + l] +=
           (a * w->rho[j] * w->rho[l]) + (w->rho[j] * w->y[l]) + (w->y[j] * w->rho[l]);
@@ -245,9 +278,9 @@ static void back_over_update(const amb_isolation *iso, const amb_real *row, swee
   const amb_real *measured = row + amb_isolation_row(iso) - 1 - (m * (2 + n));
   for (int r = m - 1; r >= 0; r--) {
     const amb_real *H = iso->H + (r * n);
-    const amb_real *K = measured + (2 * m) + (r * n);
     const amb_real S = measured[(2 * r) + 1];
     if (S > AMB_C(0.0)) { /* measured */
+      const amb_real *K = measured + (2 * m) + (r * n);
       w->energy += measured[2 * r] * measured[2 * r] / S;
       for (int i = 0; i < n; i++) {
         w->t[i] = dot(n, w->Z + (i * n), K);
@@ -278,11 +311,13 @@ static void back_over_update(const amb_isolation *iso, const amb_real *row, swee
 /* x <- A' x, by way of `room`. */
 static void carry(int n, const amb_real *A, amb_real x[], amb_real room[])
 {
-  amb_clear(n, room);
-  for (int i = 0; i < n; i++) {
-    for (int l = 0; l < n; l++) {
-      room[l] += A[(i * n) + l] * x[i];
+  for (int l = 0; l < n; l++) {
+    const amb_real *column = A + l;
+    amb_real sum = AMB_C(0.0);
+    for (int i = 0; i < n; i++) {
+      sum += column[i * n] * x[i];
     }
+    room[l] = sum;
   }
   amb_copy(n, room, x);
 }
@@ -440,7 +475,8 @@ static amb_real explained(const amb_isolation *iso, const sweep *w, int count, c
   }
   if ((size != NULL) && (variance != NULL)) {
     for (int i = count - 1; i >= 0; i--) {
-      amb_real inverse[MOST_COLUMNS] = {AMB_C(0.0)}; /* row i of L' to the minus one */
+      amb_real inverse[MOST_COLUMNS]; /* row i of L' to the minus one */
+      amb_clear(MOST_COLUMNS, inverse);
       size[i] = (D[i] > AMB_C(0.0)) ? (v[i] / D[i]) : AMB_C(0.0);
       variance[i] = AMB_C(0.0);
       for (int l = i + 1; l < count; l++) {
@@ -529,45 +565,129 @@ static void write_sizes(const amb_isolation *iso, const sweep *w, int j, int l,
   }
 }
 
-/* Name the two that explain most together, where they explain more than one; which else could. */
-static int name_two(const amb_isolation *iso, const sweep *w, amb_real scale, int first,
-                    amb_isolation_result result[])
+/* By how much less fault j must explain than those that are named to be excluded; `times` the
+ * share that its signature may miss. */
+static amb_real margin_of(const amb_isolation *iso, int j, const int named[2], amb_real least,
+                          amb_real times, amb_real most)
 {
-  amb_real most = AMB_C(0.0);
-  int one = -1;
-  int other = -1;
+  const int group = (int)iso->fault[j].group;
+  const bool alike = (group > 0) && ((group == (int)iso->fault[named[0]].group) ||
+                                     (group == (int)iso->fault[named[1]].group));
+  return amb_at_least(least, times * (alike ? iso->alike : iso->like) * most);
+}
+
+/* Two faults, and what they explain together since so many samples. */
+typedef struct pair {
+  int of[2];
+  int since;
+  amb_real most;
+} pair;
+
+static void keep_best_two(const amb_isolation *iso, const sweep *w, int since, pair *best)
+{
   for (int j = 0; j < iso->faults; j++) {
     for (int l = j + 1; l < iso->faults; l++) {
       const amb_real both = likelihood(iso, w, j, l);
-      if (both > most) {
-        most = both;
-        one = j;
-        other = l;
+      if (both > best->most) {
+        best->of[0] = j;
+        best->of[1] = l;
+        best->since = since;
+        best->most = both;
       }
     }
   }
-  const amb_real single = likelihood(iso, w, first, -1);
-  if ((one < 0) || ((most - single) < amb_at_least(iso->limit * scale, SECOND * most))) {
-    return 1;
-  }
-  const amb_real margin = amb_at_least(iso->margin * scale, LIKE * most);
-  for (int j = 0; j < iso->faults; j++) {
-    bool possible = false;
-    for (int l = 0; l < iso->faults; l++) {
-      possible = possible || ((l != j) && ((most - likelihood(iso, w, j, l)) < margin));
-    }
-    result[j].possible = possible;
-    result[j].named = (j == one) || (j == other);
-  }
-  write_sizes(iso, w, one, other, result);
-  return 2;
 }
 
-static void forget(const amb_isolation *iso, amb_isolation_result result[])
+/* The likeliest two that began where one of them does by itself. */
+static pair likeliest_two(const amb_isolation *iso, const amb_isolation_state *state, int newest,
+                          int samples, const amb_isolation_result result[], bool before)
 {
-  static const amb_isolation_result none;
+  pair best;
+  best.of[0] = 0;
+  best.of[1] = 0;
+  best.since = samples;
+  best.most = AMB_C(0.0);
+  sweep w = begin(iso, state, true);
+  for (int ago = 0; ago < samples; ago++) {
+    bool begins = false;
+    back(iso, state, newest, ago, &w);
+    for (int j = 0; j < iso->faults; j++) {
+      begins = begins || (result[j].since == (ago + 1));
+    }
+    if (begins && !before) {
+      keep_best_two(iso, &w, ago + 1, &best);
+    }
+  }
+  if (before) {
+    (void)eliminate_start(iso, &w);
+    keep_best_two(iso, &w, samples, &best);
+  }
+  return best;
+}
+
+/* Whether no single fault explains nearly as much as two. */
+static bool needs_two(const amb_isolation *iso, const amb_isolation_result result[],
+                      const pair *two, amb_real limit)
+{
+  bool needed = true;
   for (int j = 0; j < iso->faults; j++) {
-    result[j] = none;
+    const amb_real left = two->most - result[j].likelihood;
+    needed = needed && (left >= margin_of(iso, j, two->of, limit, AMB_C(2.0), two->most));
+  }
+  return needed;
+}
+
+/* In whose place of the two a fault explains as much: beside the other, or beside any; -1: none. */
+static int instead_of_two(const amb_isolation *iso, const sweep *w, int j, const pair *two,
+                          amb_real least)
+{
+  const amb_real margin = margin_of(iso, j, two->of, least, AMB_C(1.0), two->most);
+  for (int k = 0; k < 2; k++) {
+    if ((j == two->of[k]) || ((two->most - likelihood(iso, w, j, two->of[1 - k])) < margin)) {
+      return two->of[k];
+    }
+  }
+  bool possible = false;
+  for (int l = 0; l < iso->faults; l++) {
+    possible = possible || ((l != j) && ((two->most - likelihood(iso, w, j, l)) < margin));
+  }
+  return possible ? two->of[0] : -1;
+}
+
+static void name_two(const amb_isolation *iso, const sweep *w, const pair *two, amb_real least,
+                     amb_isolation_result result[])
+{
+  for (int j = 0; j < iso->faults; j++) {
+    result[j].instead = instead_of_two(iso, w, j, two, least);
+  }
+  for (int k = 0; k < 2; k++) {
+    result[two->of[k]].since = two->since;
+  }
+  write_sizes(iso, w, two->of[0], two->of[1], result);
+}
+
+static void name_one(const amb_isolation *iso, const sweep *w, int first, amb_real least,
+                     amb_isolation_result result[])
+{
+  const int both[2] = {first, first};
+  const amb_real most = result[first].likelihood;
+  for (int j = 0; j < iso->faults; j++) {
+    const amb_real margin = margin_of(iso, j, both, least, AMB_C(1.0), most);
+    result[j].instead = ((most - result[j].likelihood) < margin) ? first : -1;
+    write_sizes(iso, w, j, -1, result);
+  }
+}
+
+static void name_none(const amb_isolation *iso, amb_isolation_result result[])
+{
+  for (int j = 0; j < iso->faults; j++) {
+    amb_isolation_result *of = &result[j];
+    of->likelihood = AMB_C(0.0);
+    amb_clear(2, of->size);
+    amb_clear(2, of->variance);
+    of->since = 0;
+    of->before = false;
+    of->instead = -1;
   }
 }
 
@@ -580,13 +700,14 @@ static int likeliest(const amb_isolation *iso, const amb_isolation_result result
   return first;
 }
 
-int amb_isolation_evaluate(const amb_isolation *iso, amb_isolation_state *state,
+int amb_isolation_evaluate(const amb_isolation *iso, const amb_isolation_state *state,
                            amb_isolation_result result[])
 {
+  const int samples = samples_in(iso, state); /* first: more may come in between */
+  const unsigned int count = state->count;
   const int newest = state->newest;
-  const int samples = samples_in(iso, state);
-  forget(iso, result);
-  if (samples < AMB_ISOLATION_LEAST) {
+  name_none(iso, result);
+  if ((samples < AMB_ISOLATION_LEAST) || (state->contact < free_of(iso))) {
     return 0;
   }
   sweep w = begin(iso, state, false);
@@ -602,36 +723,41 @@ int amb_isolation_evaluate(const amb_isolation *iso, amb_isolation_state *state,
   int first = likeliest(iso, result);
   if ((start - (amb_real)iso->states) > (result[first].likelihood - iso->margin)) {
     known = start; /* something before the window explains as much as what began in it */
-    forget(iso, result);
+    name_none(iso, result);
     keep_best(iso, &w, samples, true, result);
     first = likeliest(iso, result);
   }
   const amb_real most = result[first].likelihood;
-  const amb_real left = (energy - known - most) / (amb_real)(samples * iso->sensors);
+  const amb_real left = (energy - known - most) / ((amb_real)samples * (amb_real)iso->sensors);
   const amb_real scale = amb_at_least(left, AMB_C(1.0));
   int named = 0;
   if (most >= (iso->limit * scale)) {
-    const amb_real margin = amb_at_least(iso->margin * scale, LIKE * most);
-    for (int j = 0; j < iso->faults; j++) {
-      result[j].possible = (most - result[j].likelihood) < margin;
+    const bool before = result[first].before;
+    w = to_begin(iso, state, newest, result[first].since, before);
+    name_one(iso, &w, first, iso->margin * scale, result);
+    named = 1;
+    pair two;
+    two = likeliest_two(iso, state, newest, samples, result, before);
+    if (needs_two(iso, result, &two, iso->limit * scale)) {
+      w = to_begin(iso, state, newest, two.since, before);
+      name_two(iso, &w, &two, iso->margin * scale, result);
+      named = 2;
     }
-    result[first].named = true;
-    w = to_begin(iso, state, newest, result[first].since, result[first].before);
-    for (int j = 0; j < iso->faults; j++) {
-      write_sizes(iso, &w, j, -1, result);
-    }
-    named = name_two(iso, &w, scale, first, result);
   }
   for (int j = 0; j < iso->faults; j++) {
     result[j].likelihood /= scale;
     result[j].variance[0] *= scale;
     result[j].variance[1] *= scale;
   }
+  if ((state->count - count) > (unsigned int)iso->spare) { /* what was read was written over */
+    name_none(iso, result);
+    named = -1;
+  }
   return named;
 }
 
-void amb_isolation_information(const amb_isolation *iso, amb_isolation_state *state, int since,
-                               bool before, amb_real information[])
+void amb_isolation_information(const amb_isolation *iso, const amb_isolation_state *state,
+                               int since, bool before, amb_real information[])
 {
   const int samples = samples_in(iso, state);
   const sweep w = to_begin(iso, state, state->newest, (since < samples) ? since : samples, before);

@@ -392,10 +392,14 @@ class Isolation:
 
     def __init__(self, of: dict[str, Any]) -> None: ...
 
-    def run(self, filter: Any, y: Any, u: Any, every: int) -> dict[str, Any]:
+    def run(self, filter: Any, y: Any, u: Any, every: int, model: Any = None, speed: Any = None, heard: bool = False) -> dict[str, Any]:
         """
-        Run a filter along a record, and search the window every so many samples.
+        Run a filter along a record, and search the window every so many samples; `speed` as `run_turning` takes it.
         """
+
+    @property
+    def room(self) -> tuple[int, int]:
+        """Numbers of a row of the ring, and of the memory to work in."""
 
     def information(self, since: int, before: bool) -> Any:
         """

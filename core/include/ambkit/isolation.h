@@ -21,6 +21,13 @@
  * A fault that was there before the window is tested too, with any d at its start. What l leaves of
  * the innovations gives their scale, so that a filter with the wrong noise does not accuse.
  *
+ * A fault is excluded where the named one explains more, by the margin and by the share that a
+ * linearised signature may miss. Two are named where they explain more than any one: by the limit,
+ * and by twice that share.
+ *
+ * Where a reading shows the rotor on a stop, whose force is unknown, the state's `contact` is 0,
+ * and no fault is named until two windows are free of it.
+ *
  * Put each sample in as it comes; evaluate in the background, as it takes some hundred times as
  * long. In between at most `spare` samples may be put.
  */
@@ -33,8 +40,7 @@ AMB_EXTERN_C_BEGIN
 
 /* Signals, one after the other: 1; of each force AMB_OF_FORCE, of each sensor AMB_OF_SENSOR; forms
  * of the mean; cosine and sine of each tone. */
-#define AMB_OF_FORCE                                                                               \
-  5 /* F; k_i i; k_s s; k_i (i of `late` samples ago - i); depth in the stop [m] */
+#define AMB_OF_FORCE 4  /* F; k_i i; k_s s; k_i (i of `late` samples ago - i) */
 #define AMB_OF_SENSOR 2 /* predicted reading; the same with more lag, less itself [m] */
 
 /* Least number of samples that a fault is judged by. */
@@ -50,7 +56,8 @@ typedef struct amb_fault_term {
 typedef struct amb_fault {
   unsigned short column; /* the first of one or two: a tone has two */
   unsigned short columns;
-  unsigned short load; /* 1: no fault, but a disturbance force */
+  unsigned short load;  /* 1: no fault, but a disturbance force */
+  unsigned short group; /* those of a group, such as lag and dead time, look alike; 0: no group */
 } amb_fault;
 
 typedef struct amb_isolation {
@@ -62,20 +69,22 @@ typedef struct amb_isolation {
   int terms;
   int forms;
   int tones;
-  int window;             /* samples that are searched */
-  int spare;              /* samples that may be put while they are searched */
-  int late;               /* samples of the late control, at most AMB_ISOLATION_LEAST */
-  amb_real lag;           /* share by which the reading with more lag follows in a sample [1] */
-  amb_real limit;         /* l of an alarm [1] */
-  amb_real margin;        /* by which l of a fault must exceed that of another to exclude it [1] */
-  const amb_real *A;      /* states x states, with the stiffness of the magnets */
-  const amb_real *b;      /* forces x states, by 1 N */
-  const amb_real *H;      /* sensors x states */
-  const amb_real *unit;   /* [states] those of the filter in one of these */
-  const amb_real *K;      /* sensors x states, a constant gain; NULL: by the covariance */
-  const amb_real *form;   /* forms x states */
-  const amb_real *turn;   /* tones x 2: cosine and sine of the angle in a sample */
-  const amb_fault *fault; /* [faults] */
+  int window;           /* samples that are searched */
+  int spare;            /* samples that may be put while they are searched */
+  int late;             /* samples of the late control, at most AMB_ISOLATION_LEAST */
+  amb_real limit;       /* l of an alarm [1] */
+  amb_real like;        /* share of what is observed that a linearised signature may miss [1] ... */
+  amb_real alike;       /* ... by which those of a group do not differ */
+  amb_real margin;      /* by which l of a fault must exceed that of another to exclude it [1] */
+  const amb_real *A;    /* states x states, with the stiffness of the magnets */
+  const amb_real *b;    /* forces x states, by 1 N */
+  const amb_real *H;    /* sensors x states */
+  const amb_real *unit; /* [states] those of the filter in one of these */
+  const amb_real *K;    /* sensors x states, a constant gain; NULL: by the covariance */
+  const amb_real *form; /* forms x states */
+  const amb_real *lag;  /* [sensors]: share by which the reading with more lag follows [1] */
+  const amb_real *turn; /* tones x 2: cosine and sine of the angle in a sample */
+  const amb_fault *fault;     /* [faults] */
   const amb_fault_term *term; /* [terms] */
 } amb_isolation;
 
@@ -87,9 +96,11 @@ typedef struct amb_isolation_state {
   amb_real mean[AMB_STATES]; /* after the last sample */
   amb_real lagged[AMB_SENSORS];
   amb_real current[AMB_ISOLATION_LEAST + 1][AMB_FORCES];
-  int newest; /* row of the ring */
-  int filled; /* rows */
-  int seen;   /* samples since the start, up to AMB_ISOLATION_LEAST */
+  volatile int newest;         /* row of the ring */
+  volatile int filled;         /* rows */
+  volatile unsigned int count; /* samples put */
+  volatile int contact;        /* samples since the rotor was on a stop, up to two windows */
+  int seen;                    /* samples since the start, up to AMB_ISOLATION_LEAST */
 } amb_isolation_state;
 
 /* What an evaluation says of a fault. */
@@ -99,8 +110,8 @@ typedef struct amb_isolation_result {
   amb_real variance[2]; /* of that */
   int since;            /* samples; the window where it was there before */
   bool before;          /* whether it was there before the window */
-  bool possible;        /* whether it explains the innovations as well as what is named */
-  bool named;
+  int instead; /* the named fault in whose place it explains as much; its own place: it is named;
+                * -1: it is excluded */
 } amb_isolation_result;
 
 int amb_isolation_row(const amb_isolation *isolation);
@@ -109,19 +120,22 @@ int amb_isolation_work(const amb_isolation *isolation);
 /* Forget all samples. */
 void amb_isolation_reset(const amb_isolation *isolation, amb_isolation_state *state);
 
-/* After a step of the filter: the state that it left, and its result. */
+/* After a step of the filter: the state that it left, and its result. `faster`: the angle by which
+ * the last tone, that of the rotation, turned farther than usual in the sample [rad]. */
 void amb_isolation_put(const amb_isolation *isolation, amb_isolation_state *state,
                        const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
-                       const amb_kalman_state *filter, const amb_kalman_result *result);
+                       const amb_kalman_state *filter, const amb_kalman_result *result,
+                       amb_real faster);
 
 /* Search the window. Writes a result for each fault, and returns how many are named: none, one or
- * two. They are faults for sure where no load is possible besides. */
-int amb_isolation_evaluate(const amb_isolation *isolation, amb_isolation_state *state,
+ * two; -1: none, as more than `spare` samples were put meanwhile. They are faults for sure where no
+ * load is possible in their place. */
+int amb_isolation_evaluate(const amb_isolation *isolation, const amb_isolation_state *state,
                            amb_isolation_result result[]);
 
 /* Information of all columns [columns x columns] of faults that began `since` samples ago, at most
  * the window; `before`: beside any error of the filter at that time. */
-void amb_isolation_information(const amb_isolation *isolation, amb_isolation_state *state,
+void amb_isolation_information(const amb_isolation *isolation, const amb_isolation_state *state,
                                int since, bool before, amb_real information[]);
 
 AMB_EXTERN_C_END

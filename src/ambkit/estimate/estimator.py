@@ -508,20 +508,19 @@ class Estimator(Described, Copyable):
             Where the record's sampling time is not the bearing's.
         """
         y, u = self._start(record)
-        heard = None
-        if self.machine.angle is not None and self.view.speed is not None:
-            heard = self.hear(readings_of(self.machine, record))
-        speed = heard
-        if heard is None:
-            speed = self.turning(dict(record.signals).get("speed"), len(y))
+        speed, heard = self._rotation(record)
         if speed is None:
             history = self.core.run(y, u, covariance=covariance)
         else:
-            of = self.engine.model_of_core
-            turn = self.engine.core.run_turning
-            options: dict[str, Any] = {"covariance": covariance, "heard": heard is not None}
-            history = turn(self.core, y, u, speed, of, **options)
+            turn, of = self.engine.core.run_turning, self.engine.model_of_core
+            history = turn(self.core, y, u, speed, of, covariance=covariance, heard=heard)
         return self._estimated(record.t, history, self.name)
+
+    def _rotation(self, record: Record) -> tuple[NDArray[Any] | None, bool]:
+        """Return how the model turns along a record, None: as made; whether that is heard."""
+        if self.machine.angle is not None and self.view.speed is not None:
+            return self.hear(readings_of(self.machine, record)), True
+        return self.turning(dict(record.signals).get("speed"), len(record)), False
 
     def hear(self, readings: ArrayLike) -> NDArray[Any]:
         """Let the model of a machine follow the readings of its angle's sensor.

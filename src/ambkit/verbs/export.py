@@ -24,6 +24,7 @@ def export_c(
     editable: bool = False,
     calibration: bool = False,
     telemetry: bool = False,
+    faults: bool = False,
     force: bool = False,
 ) -> CExport:
     """Export a filter, or a controller with its filter, as C99.
@@ -53,6 +54,8 @@ def export_c(
         Make noise, gate, mass, k and controller gains adjustable at run time.
     telemetry : bool, optional
         Add a ring buffer with states, innovations and status of each sample.
+    faults : bool, optional
+        Add fault isolation: the controller names its fault, as `ambkit diagnose` does.
     force : bool, optional
         Export even an inadequate filter.
 
@@ -75,11 +78,13 @@ def export_c(
     """
     from ambkit.assessment.arguments import filter_to_export, scenario_argument
     from ambkit.export import c
+    from ambkit.workflow.diagnose import distinguished
 
+    plant, estimator = filter_to_export(machine, filter, precision, table_error)
     return c.export_c(
-        *filter_to_export(machine, filter, precision, table_error), out, prefix=prefix,
-        editable=editable, scenario=scenario_argument(controller), calibrated=calibration,
-        telemetry=telemetry, force=force,
+        plant, estimator, out, prefix=prefix, editable=editable,
+        scenario=scenario_argument(controller), calibrated=calibration, telemetry=telemetry,
+        distinction=distinguished(plant, estimator) if faults else None, force=force,
     )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ambkit.control.controller_states import Controller
     from ambkit.data.input_scaling import Scaling
     from ambkit.estimate.estimator import Estimator
+    from ambkit.judge.isolation.diagnosis import Distinction
     from ambkit.simulation.scenario import Scenario
 
 
@@ -47,6 +48,7 @@ class Export:
     calibrated: bool = False
     framed: bool = False
     rebuilt: bool = False
+    distinction: Distinction | None = None  #: Of its faults, with isolation.
 
     @property
     def precision(self) -> CPrecision:
@@ -82,7 +84,7 @@ class Export:
     def in_core(self) -> InCore | None:
         """How the core calls the estimator; None of the paper's filter alone."""
         called = c_literals.called(self.filter)
-        usual = not (self.several or self.controller or self.rebuilt)
+        usual = not (self.several or self.controller or self.rebuilt or self.distinction)
         return None if called is PAPER and usual else called
 
     @property
@@ -154,6 +156,7 @@ class Export:
         needed += control.SOURCES if self.controller is not None else ()
         needed += calibration.SOURCES if self.calibrated else ()
         needed += ["src/telemetry.c"] if self.framed else []
+        needed += ["src/isolation.c"] if self.distinction else []
         needed += rebuilt.SOURCES if self.rebuilt else ()
         result = core_sources.closure(needed, instead=self.of_model.instead)
         return {f"core/{file}": text for file, text in result.items()}
@@ -162,6 +165,7 @@ class Export:
     def sources(self) -> tuple[str, ...]:
         """What a controller compiles."""
         more = (*("_telemetry",) * self.framed, *("_rebuild",) * self.rebuilt)
+        more += ("_faults",) if self.distinction else ()
         changed = (*("_control",) * self.beside, *("_calibration",) * self.calibrated)
         own = (f"{self.name}{file}.c" for file in ("", *changed, "_data", *more))
         return (*own, *(file for file in self.core_files if file.endswith(".c")))

@@ -25,6 +25,7 @@ from ambkit.export.c.prefix import checked
 from ambkit.export.stiffness_table import MOST_NODES, TabulatedExpert
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
+from ambkit.judge.isolation.diagnosis import Distinction
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.result.result import Result
@@ -84,6 +85,7 @@ def export_c(
     scenario: Scenario | None = None,
     calibrated: bool = False,
     telemetry: bool = False,
+    distinction: Distinction | None = None,
     force: bool = False,
 ) -> CExport:
     """Write a folder of C99 that compiles alone: a filter that runs on a machine."""
@@ -103,6 +105,8 @@ def export_c(
         if controller is None or scenario is None:
             raise AmbkitError("calibration needs a controller (a scenario)")
         calibration.check(controller, scenario)
+    if distinction is not None and (editable or calibrated):
+        raise AmbkitError("fault isolation needs constant parameters: no editable, no calibration")
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if wrong:
         facts = {"MUST NOT FLY": "; ".join(wrong)} | facts
@@ -111,7 +115,7 @@ def export_c(
     content = render.render(
         Export(
             filter, name, facts, loops, editable and built_in, controller, scenario, calibrated,
-            framed=telemetry, rebuilt=editable and not built_in,
+            framed=telemetry, rebuilt=editable and not built_in, distinction=distinction,
         )
     )  # fmt: skip
     if wrong and calibrated:  # which an A2L file is made from later

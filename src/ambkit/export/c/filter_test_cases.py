@@ -49,6 +49,13 @@ def of(filter: Estimator, magnets: list[Magnet], settling: int) -> list[TestCase
     return [*_of_axis(filter, settling), *_box(filter, magnets[0])]
 
 
+def quiet(filter: Estimator) -> TestCase:
+    """A rotor that is moved once."""
+    if filter.view.single:
+        return _flight(filter, 1.0)
+    return TestCase("a force", *_levitated(filter, 1.0))
+
+
 # ---- One axis ----
 
 

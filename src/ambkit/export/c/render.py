@@ -19,6 +19,7 @@ from ambkit.export.c import (
     calibration,
     control,
     exported,
+    faults,
     model,
     proof,
     rebuilt,
@@ -98,6 +99,7 @@ def _made(export: Export) -> dict[str, str]:
         more += [] if export.several else [(name, {"README.md": "control.md"})]
     more += [(name, telemetry.TEMPLATES)] if export.framed else []
     more += [(name, rebuilt.TEMPLATES)] if export.rebuilt else []
+    more += [(name, faults.TEMPLATES)] if export.distinction else []
     for of, templates in more:
         made |= {file.format(of): template for file, template in templates.items()}
     return made
@@ -119,6 +121,7 @@ def _context(export: Export) -> dict[str, Any]:
     }  # fmt: skip
     changes = export.calibrated or export.rebuilt
     context["proof"] = None if changes else proof.context(export, context)
+    context["isolation"] = faults.context(export) if export.distinction else None
     context["rebuilt"] = rebuilt.context(export) if export.rebuilt else None
     context["keeps"] = bool(context["turning"] or export.rebuilt)
     if export.calibrated and export.controller is not None:
@@ -181,14 +184,20 @@ def _tested(export: Export) -> dict[str, Any]:
     """Return what the files of the self-test say."""
     filter, precision = export.filter, export.precision
     settling, bound = settling_of(filter), bound_of(filter)
+    searched = None
     if export.one is None:
-        tested = test_vectors.make(filter, export.magnets, settling=settling, bound=bound)
+        more = [faults.test_case(filter)] if export.distinction else []
+        tested = test_vectors.make(
+            filter, export.magnets, settling=settling, bound=bound, more=more
+        )
         test_data = test_vectors.context(tested, filter, precision)
+        searched = faults.tested(export, tested) if export.distinction else None
     else:
         test_data = {key: export.flown["levitated"][key] for key in ("runs", "coverage")}
     return {
         "bound": (_BOUNDS_OF_MACHINES if export.several else _BOUNDS)[precision],
         **test_data,
+        "searched": searched,
         "diagonal": test_vectors.diagonal(len(filter.states)),
         "shown": test_vectors.first(filter, "sensor"),
         "load": test_vectors.first(filter, "disturbance force"),

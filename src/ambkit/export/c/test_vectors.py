@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -32,15 +33,20 @@ class Vectors(NamedTuple):
     feed_back: NDArray[np.uint8]  # (N,): 1 where it may be fed back
     amplified: Bools  # (N,): where rounding is amplified
     runs: tuple[str, ...]  # names of the runs
+    si: tuple[tuple[Array, Array], ...]  # y [m] and u [V] of each run as the filter takes them
 
 
-def make(filter: Estimator, magnets: list[Magnet], *, settling: int, bound: float) -> Vectors:
+def make(
+    filter: Estimator, magnets: list[Magnet], *, settling: int, bound: float,
+    more: Sequence[filter_test_cases.TestCase] = (),
+) -> Vectors:  # fmt: skip
     """Let an estimator live through all scenes."""
-    parts, amplified = [], []
-    for case in filter_test_cases.of(filter, magnets, settling):
+    parts, amplified, as_taken = [], [], []
+    for case in [*filter_test_cases.of(filter, magnets, settling), *more]:
         y, u, si = _as_read(filter, case)
         output = filter_test_cases.run(filter, *si)
         n = within(filter, output["mean"], bound)
+        as_taken.append((si[0][:n], si[1][:n]))
         output = {name: values[:n].reshape(n, -1) for name, values in output.items()}
         parts.append((case.name, y[:n], u[:n], output))
         after = np.arange(n) >= (n if case.amplifies is None else case.amplifies)
@@ -62,6 +68,7 @@ def make(filter: Estimator, magnets: list[Magnet], *, settling: int, bound: floa
         feed_back=np.concatenate(settled).astype(np.uint8),
         amplified=np.concatenate(amplified),
         runs=tuple(name for name, *_ in parts),
+        si=tuple(as_taken),
     )
 
 

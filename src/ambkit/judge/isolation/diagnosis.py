@@ -47,23 +47,13 @@ class Diagnosis(Result):
 
     @property
     def faults(self) -> list[str]:
-        """Names of the faults; empty where there is none for sure."""
+        """The faults; "a or b" where they cannot be distinguished; empty where none is certain."""
         return self._named if self.certain else []
 
     @property
     def _named(self) -> list[str]:
-        return [] if self.decisive is None else self._names(self.searches.named[self.decisive])
-
-    @property
-    def alternatives(self) -> list[str]:
-        """Names of what else explains the record as well."""
-        if self.decisive is None:
-            return []
-        other = self.searches.possible[self.decisive] & ~self.searches.named[self.decisive]
-        return self._names(other)
-
-    def _names(self, mask: Any) -> list[str]:
-        return [s.name for s, now in zip(self.searches.signatures, mask, strict=True) if now]
+        groups = [] if self.decisive is None else self.searches.groups(self.decisive)
+        return [" or ".join(group) for group in groups]
 
     @property
     def title(self) -> str:
@@ -71,13 +61,21 @@ class Diagnosis(Result):
 
     @property
     def finding(self) -> str:
-        if self.decisive is None:
-            return f"{self.title}: no fault."
-        k = self.decisive
+        k, stop = self.decisive, self._contact
+        if k is None:
+            return f"{self.title}: {stop or 'no fault'}."
         since = self._since(k, int(np.flatnonzero(self.searches.named[k])[0]))
-        other = f"; as likely: {', '.join(self.alternatives)}" if self.alternatives else ""
         remark = "" if self.certain else "; a disturbance force explains it"
-        return f"{self.title}: {' and '.join(self._named)}, {since}{other}{remark}."
+        remark += f"; {stop}" if stop else ""
+        return f"{self.title}: {' and '.join(self._named)}, {since}{remark}."
+
+    @property
+    def _contact(self) -> str:
+        """When the rotor is on a stop; empty where it never is."""
+        s = self.searches
+        first = np.flatnonzero(s.contact < s.window)[:1]
+        ago = [float(s.t[k] - s.contact[k] * self.sampling_time) for k in first]
+        return f"the rotor is on a stop at {figure(max(ago[0], 0.0), 's', 4)}" if ago else ""
 
     def _since(self, k: int, j: int) -> str:
         t = float(self.searches.t[k])
@@ -99,7 +97,7 @@ class Diagnosis(Result):
         size = float(np.linalg.norm(s.size[at, j])) if len(signature.columns) > 1 else None
         size = float(s.size[at, j, 0]) if size is None else size
         raised = k is not None and s.likelihood[at, j] >= self.limit
-        named, possible = bool(s.named[at, j]), bool(s.possible[at, j])
+        named, possible = bool(s.named[at, j]), bool(s.instead[at, j] >= 0)
         verdict = "named" if named else "possible" if possible else "–"
         return [
             Row("likelihood", "likelihood ratio", float(s.likelihood[at, j]), digits=3),
@@ -119,8 +117,7 @@ class Diagnosis(Result):
     @property
     def series(self) -> dict[str, Any]:
         return {
-            "named": self.faults, "as_likely": self.alternatives,
-            "limit": self.limit, "t": self.searches.t.tolist(),
+            "named": self.faults, "limit": self.limit, "t": self.searches.t.tolist(),
             "likelihood": {
                 s.name: self.searches.likelihood[:, j].tolist()
                 for j, s in enumerate(self.searches.signatures)
@@ -186,6 +183,19 @@ class Distinction(Result):
                 rows = self._row(sizes, j, signature)
                 result += put(rows, section=(operation,), of=signature.name)
         return result
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """The same as texts: a row of each fault."""
+        return {
+            "window": figure(self.window, "s", 3),
+            "operations": list(self.operations),
+            "rows": [
+                [signature.name, *(row.text() for row in self.rows
+                                   if row.of == signature.name and row.key != "about")]
+                for signature in self.signatures
+            ],
+        }  # fmt: skip
 
     def _row(self, sizes: LeastSizes, j: int, signature: Signature) -> list[Row]:
         alarm, named = float(sizes.detected[j]), float(sizes.named[j])

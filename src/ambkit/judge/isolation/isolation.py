@@ -14,7 +14,7 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.steady_state_filter import tangents_known
 from ambkit.data.record import Record
-from ambkit.judge.isolation.signatures import LAG_BY, LATE_BY, Signature, signatures_of, tones_of
+from ambkit.judge.isolation.signatures import LATE_BY, Signature, lags_of, signatures_of, tones_of
 from ambkit.judge.load_following import operating_point
 from ambkit.machine.machine import Machine
 
@@ -24,9 +24,11 @@ SEARCHES = 4  #: Of a window.
 LIMIT, MARGIN = 40.0, 16.0
 """Log likelihood ratios (times two): of an alarm, and between what is named and what is not."""
 
+LIKE, ALIKE = 0.05, 0.5
+"""Shares of what is observed that a linearised signature may miss, and by which those of a group do
+not differ: a lag is seen in readings that are late already."""
 NINE_IN_TEN = 1.65
 """Standard deviations that 19 in 20 are above: nine in ten pass two limits at once."""
-LIKE = 0.05  #: Share by which what two faults explain must differ, LIKE of ``isolation.c``.
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,21 +41,33 @@ class Searches:
     size: Array  #: (n, k, 2) [unit of the fault]
     std: Array  #: (n, k, 2) Standard deviation of that.
     since: NDArray[np.intp]  #: (n, k) Samples.
-    named: NDArray[np.bool_]  #: (n, k)
-    possible: NDArray[np.bool_]  #: (n, k) Whether it explains the record as well.
+    instead: NDArray[np.intp]  #: (n, k) The named fault in whose place it explains as much, or -1.
     before: NDArray[np.bool_]  #: (n, k) Whether it was there before the window.
+    contact: NDArray[np.intp]  #: (n,) Samples since the rotor was on a stop, up to two windows.
+    window: int  #: Samples that a search sees.
+
+    @property
+    def named(self) -> NDArray[np.bool_]:
+        """Which are named (n, k)."""
+        return np.asarray(self.instead == np.arange(len(self.signatures)), bool)
 
     @property
     def alarms(self) -> NDArray[np.bool_]:
-        """Whether a fault is named, and no disturbance force explains it (n,)."""
+        """Whether a fault is named that no disturbance force explains (n,)."""
         load = np.array([signature.load for signature in self.signatures])
-        fault = np.asarray((self.named & ~load).any(axis=1))
-        return np.asarray(fault & ~self._only_load(load), bool)
+        faults = self.named & ~load
+        for k in np.flatnonzero(load):
+            at, of = np.arange(len(faults)), self.instead[:, k]
+            faults[at[of >= 0], of[of >= 0]] = False
+        return np.asarray(faults.any(axis=1), bool)
 
-    def _only_load(self, load: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Whether a single fault is named that a disturbance force explains too (n,)."""
-        single = self.named.sum(axis=1) == 1
-        return np.asarray(single & (self.possible & load).any(axis=1))
+    def groups(self, k: int) -> list[list[str]]:
+        """Return the names that a search gives each fault, the likeliest first."""
+        names = [signature.name for signature in self.signatures]
+        return [
+            [names[j], *(names[i] for i in np.flatnonzero(self.instead[k] == j) if i != j)]
+            for j in np.flatnonzero(self.named[k])
+        ]
 
 
 class LeastSizes(NamedTuple):
@@ -107,18 +121,19 @@ class FaultIsolation:
         tones = np.array(tones_of(kalman.view)) * kalman.machine.sampling_time
         columns = [column for signature in self.signatures for column in signature.columns]
         first = np.cumsum([0, *(len(signature.columns) for signature in self.signatures)])
-        form = kalman.model.r
+        form, lags = kalman.model.r, lags_of(kalman.machine)
         return {
             "states": len(A), "forces": len(b), "sensors": len(H), "columns": len(columns),
             "tones": len(tones), "forms": len(form), "window": self.window, "spare": self.every,
-            "late": LATE_BY,
-            "lag": -math.expm1(-1 / LAG_BY), "limit": self.limit, "margin": self.margin,
+            "late": LATE_BY, "speed": kalman.view.speed or 0.0,
+            "limit": self.limit, "margin": self.margin, "like": LIKE, "alike": ALIKE,
             "A": A.ravel().tolist(), "b": b.ravel().tolist(), "H": H.ravel().tolist(),
             "unit": units.tolist(), "K": None if K is None else K.ravel().tolist(),
             "form": form.ravel().tolist(),
+            "lag": [-math.expm1(-kalman.machine.sampling_time / lag) for lag in lags],
             "turn": np.column_stack([np.cos(tones), np.sin(tones)]).ravel().tolist(),
             "faults": [
-                (int(at), len(signature.columns), signature.load)
+                (int(at), len(signature.columns), signature.load, signature.group)
                 for at, signature in zip(first, self.signatures, strict=False)
             ],
             "terms": [(k, *term) for k, column in enumerate(columns) for term in column],
@@ -126,15 +141,18 @@ class FaultIsolation:
 
     def run(self, record: Record) -> Searches:
         """Run the filter along a record, and search every quarter of a window."""
-        y, u = self.kalman._start(record)
-        result = self.core.run(self.kalman.core, y, u, self.every)
-        searches = np.arange(1, len(result["named"]) + 1) * self.every - 1
-        flags = result["flags"]
+        kalman = self.kalman
+        y, u = kalman._start(record)
+        speed, heard = kalman._rotation(record)
+        rotation = {} if speed is None else {"model": kalman.engine.model_of_core, "speed": speed}
+        result = self.core.run(kalman.core, y, u, self.every, heard=heard, **rotation)
+        searches = np.arange(1, len(result["since"]) + 1) * self.every - 1
         return Searches(
             record.t[searches], self.signatures, np.asarray(result["likelihood"], float),
             np.asarray(result["size"], float),
             np.sqrt(np.maximum(np.asarray(result["variance"], float), 0.0)),
-            np.asarray(result["since"], int), (flags & 1) > 0, (flags & 2) > 0, (flags & 4) > 0,
+            np.asarray(result["since"], int), np.asarray(result["instead"], int),
+            np.asarray(result["before"], bool), np.asarray(result["contact"], int), self.window,
         )  # fmt: skip
 
     def least_sizes(self) -> LeastSizes:
@@ -153,10 +171,15 @@ class FaultIsolation:
                 if other == j or not own > 0:
                     continue
                 left = _left(M, of[j], of[other])
-                if left > LIKE * own:
+                if left > 2 * self.share(j, other) * own:
                     separated[j, other] = apart / np.sqrt(left)
         np.fill_diagonal(separated, 0.0)
         return LeastSizes(detected, separated)
+
+    def share(self, one: int, other: int) -> float:
+        """Share of what is observed by which two faults must differ."""
+        group = self.signatures[one].group
+        return ALIKE if group and group == self.signatures[other].group else LIKE
 
     @property
     def span(self) -> int:

@@ -17,13 +17,15 @@ from ambkit.estimate.machine_model import View
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, own_time
 
-OF_FORCE, OF_SENSOR = 5, 2  #: Signals of each, AMB_OF_FORCE and AMB_OF_SENSOR.
-FORCE, BY_CURRENT, BY_PLACE, LATE, DEPTH = range(OF_FORCE)
+OF_FORCE, OF_SENSOR = 4, 2  #: Signals of each, AMB_OF_FORCE and AMB_OF_SENSOR.
+FORCE, BY_CURRENT, BY_PLACE, LATE = range(OF_FORCE)
 READING, LAGGED = range(OF_SENSOR)
 LATE_BY, LAG_BY = 3, 5
 """Samples by which control and reading are late whose signatures are tested: the derivative by a
 delay would answer to noise of a sample, which a delay does not carry on."""
 LINE = 50.0  #: Frequency of the mains [Hz].
+LATENCY, DYNAMICS = 1, 2
+"""Groups of faults that look alike: what is late, and the force per displacement and mass."""
 
 
 class Term(NamedTuple):
@@ -44,6 +46,7 @@ class Signature:
     columns: tuple[tuple[Term, ...], ...]  #: Two of an oscillation.
     most: float  #: A size that is as bad as can be.
     load: bool = False  #: A disturbance force, which is no fault.
+    group: int = 0  #: Of those that look alike.
 
 
 class Places:
@@ -73,6 +76,12 @@ class Places:
         return self._tones + 2 * k, self._tones + 2 * k + 1
 
 
+def lags_of(machine: Machine) -> list[float]:
+    """Return the lag of each reading that has more lag [s]."""
+    more = LAG_BY * machine.sampling_time
+    return [machine.lag_of(reading.sensor) + more for reading in machine.readings]
+
+
 def tones_of(view: View) -> list[float]:
     """Return the frequencies [rad/s] that are looked for: the mains, and the rotation."""
     speed = view.speed
@@ -86,51 +95,53 @@ def signatures_of(view: View, magnet: Any) -> list[Signature]:
     result: list[Signature] = []
     for f, (axis, of) in enumerate(zip(machine.axes, isolated, strict=True)):
         result += _of_axis(places, f, axis, of)
-    for r, reading in enumerate(machine.readings):
-        result += _of_reading(places, r, reading, view.limits[r], own_time(isolated[0]))
+    own = own_time(isolated[0])
+    for r, (reading, lag) in enumerate(zip(machine.readings, lags_of(machine), strict=True)):
+        result += _of_reading(places, r, reading.name, lag, view.limits[r], own)
     return result + list(_in_motion(places, view, magnet))
 
 
 def _of_axis(places: Places, f: int, axis: Any, of: Machine) -> Iterator[Signature]:
-    force, current, place, late, depth = (places.of_force(f, k) for k in range(OF_FORCE))
+    force, current, place, late = (places.of_force(f, k) for k in range(OF_FORCE))
     law = magnet_of(of)
     k_i, bias = float(law.tangent(0.0, 0.0)[0]), float(law.bias_force)
     most = abs(k_i) * of.current_max
 
     def fault(
-        name: str, about: str, unit: str, size: float, *terms: tuple[int, float]
+        name: str, about: str, unit: str, size: float, *terms: tuple[int, float], group: int = 0
     ) -> Signature:
-        columns = (tuple(Term(f, at, weight) for at, weight in terms),)
-        return Signature(signal(name, axis.name), about, unit, columns, size, name == "load")
+        columns, load = (tuple(Term(f, at, weight) for at, weight in terms),), name == "load"
+        return Signature(signal(name, axis.name), about, unit, columns, size, load, group)
 
     yield fault("load", "step of disturbance force, weight or bias current", "N", most, (0, 1.0))
-    yield fault("magnet", "magnet constant", "1", 1.0, (force, 1.0), (0, bias))
+    yield fault("magnet", "magnet constant", "1", 1.0, (force, 1.0), (0, bias), group=DYNAMICS)
     if of.magnet.type == "two-sided":
         pull = k_i * of.magnet.bias_current / 4
         yield fault("upper coil", "coil towards +x", "1", 1.0, (force, 0.5), (0, pull))
         yield fault("lower coil", "coil towards -x", "1", 1.0, (force, 0.5), (0, -pull))
     yield fault("amplifier", "gain of the amplifier", "1", 1.0, (current, 1.0))
-    yield fault("gap", "air gap", "1", 1.0, (0, -2 * bias), (current, -2.0), (place, -3.0))
-    yield fault("dead time", "delay of the control", "samples", 10.0, (late, 1 / LATE_BY))
-    stiffness = most / of.clearance
-    yield fault("contact", "stiffness of a contact", "N/m", 100 * stiffness, (depth, -1.0))
+    of_gap = ((0, -2 * bias), (current, -2.0), (place, -3.0))
+    yield fault("gap", "air gap", "1", 1.0, *of_gap, group=DYNAMICS)
+    delay = (late, 1 / LATE_BY)
+    yield fault("dead time", "delay of the control", "samples", 10.0, delay, group=LATENCY)
 
 
 def _of_reading(
-    places: Places, r: int, reading: Any, limit: float, own: float
+    places: Places, r: int, reading: str, more_lag: float, limit: float, own: float
 ) -> Iterator[Signature]:
     read, lagged = (places.of_reading(r, k) for k in range(OF_SENSOR))
-    along, T = places.forces + r, places.machine.sampling_time
+    along = places.forces + r
 
     def fault(
-        name: str, about: str, unit: str, size: float, *signals: tuple[int, float]
-    ) -> Signature:
+        name: str, about: str, unit: str, size: float, *signals: tuple[int, float],
+        group: int = 0,
+    ) -> Signature:  # fmt: skip
         columns = tuple((Term(along, at, weight),) for at, weight in signals)
-        return Signature(signal(name, reading.name), about, unit, columns, size)
+        return Signature(signal(name, reading), about, unit, columns, size, group=group)
 
     yield fault("sensor gain", "gain of the sensor", "1", 1.0, (read, 1.0))
     yield fault("sensor offset", "zero of the sensor", "m", limit, (0, 1.0))
-    yield fault("sensor lag", "lag of the sensor", "s", own, (lagged, 1 / (LAG_BY * T)))
+    yield fault("sensor lag", "lag of the sensor", "s", own, (lagged, 1 / more_lag), group=LATENCY)
     tone = [(k, 1.0) for k in places.tone(0)]
     yield fault("line noise", f"noise at {LINE:g} Hz", "m", limit, *tone)
 
@@ -145,7 +156,7 @@ def _in_motion(places: Places, view: View, magnet: Any) -> Iterator[Signature]:
                     Term(f, 0, bias)]  # fmt: skip
         weights.append(Term(f, 0, float(known[f]) - bias))
     mass = tuple(term._replace(weight=-term.weight) for term in magnets)
-    yield Signature("mass", "mass of the rotor", "1", (mass,), 1.0)
+    yield Signature("mass", "mass of the rotor", "1", (mass,), 1.0, group=DYNAMICS)
     clock = tuple(term._replace(weight=2 * term.weight) for term in [*magnets, *weights])
     yield Signature("clock", "sampling time", "1", (clock,), 1.0)
     if places.machine.rotor.type != "mass" and places.machine.speed:
