@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <utility>
 
 #include <nanobind/stl/string.h>
 
@@ -201,23 +202,23 @@ struct Unscented : Estimator {
 struct Contact : Estimator {
   amb_contact own{};
   Contact(nb::object magnets, nb::object model, const Places &first, const Places &second,
-          const Vector &clearance, const Vector &stiffness, const Vector &damping,
-          const Vector &stiffest, const Vector &most_damped, const Matrix &displacement,
-          const Matrix &velocity, amb_real scatter, nb::kwargs settings)
+          const Matrix &numbers, const Matrix &displacement, const Matrix &velocity,
+          amb_real scatter, nb::kwargs settings)
       : Estimator(amb_contact_methods, magnets, model, settings)
   {
-    const Sizes of = sizes();
     const size_t rings = first.size();
-    if (rings > of.forces)
+    if (rings > sizes().forces)
       throw std::invalid_argument("there are more stops than magnets");
     own.rings = static_cast<int>(rings);
     axes(own.first, first, rings, "first");
     axes(own.second, second, rings, "second");
-    fill(own.clearance, clearance, rings, "clearance");
-    fill(own.stiffness, stiffness, rings, "stiffness");
-    fill(own.damping, damping, rings, "damping");
-    fill(own.stiffest, stiffest, rings, "stiffest");
-    fill(own.most_damped, most_damped, rings, "most_damped");
+    same_length(std::size(by_ring), numbers.shape(0), "numbers");
+    same_length(rings, numbers.shape(1), "numbers");
+    const amb_real *from = numbers.data();
+    for (const auto &[name, member] : by_ring) {
+      std::copy_n(from, rings, own.*member);
+      from += rings;
+    }
     rows(own.displacement, displacement, "displacement");
     rows(own.velocity, velocity, "velocity");
     own.scatter = scatter;
@@ -230,11 +231,8 @@ struct Contact : Estimator {
     d["rings"] = own.rings;
     d["first"] = copied(own.first, of.forces);
     d["second"] = copied(own.second, of.forces);
-    d["clearance"] = copied(own.clearance, of.forces);
-    d["stiffness"] = copied(own.stiffness, of.forces);
-    d["damping"] = copied(own.damping, of.forces);
-    d["stiffest"] = copied(own.stiffest, of.forces);
-    d["most_damped"] = copied(own.most_damped, of.forces);
+    for (const auto &[name, member] : by_ring)
+      d[name] = copied(own.*member, of.forces);
     d["displacement"] = of_axes(own.displacement);
     d["velocity"] = of_axes(own.velocity);
     d["scatter"] = own.scatter;
@@ -253,6 +251,12 @@ struct Contact : Estimator {
   }
 
 private:
+  // In the order of the rows of `numbers`.
+  static constexpr std::pair<const char *, amb_real (amb_contact::*)[AMB_FORCES]> by_ring[] = {
+      {"clearance", &amb_contact::clearance},    {"stiffness", &amb_contact::stiffness},
+      {"damping", &amb_contact::damping},        {"friction", &amb_contact::friction},
+      {"surface", &amb_contact::surface},        {"stiffest", &amb_contact::stiffest},
+      {"most_damped", &amb_contact::most_damped}};
   void axes(unsigned short *to, const Places &from, size_t rings, const char *name)
   {
     same_length(rings, from.size(), name);
@@ -386,16 +390,13 @@ void bind_estimators(nb::module_ &m)
            nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, reach: float, "
                    "curvature: float, **settings: Any) -> None"));
   nb::class_<Contact, Estimator>(m, "Contact", "Extended filter with stops (ambkit/contact.h).")
-      .def(nb::init<nb::object, nb::object, const Places &, const Places &, const Vector &,
-                    const Vector &, const Vector &, const Vector &, const Vector &, const Matrix &,
-                    const Matrix &, amb_real, nb::kwargs>(),
+      .def(nb::init<nb::object, nb::object, const Places &, const Places &, const Matrix &,
+                    const Matrix &, const Matrix &, amb_real, nb::kwargs>(),
            nb::arg("magnet"), nb::arg("model"), nb::arg("first"), nb::arg("second"),
-           nb::arg("clearance"), nb::arg("stiffness"), nb::arg("damping"), nb::arg("stiffest"),
-           nb::arg("most_damped"), nb::arg("displacement"), nb::arg("velocity"), nb::arg("scatter"),
+           nb::arg("numbers"), nb::arg("displacement"), nb::arg("velocity"), nb::arg("scatter"),
            nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, "
-                   "second: Any, clearance: Any, stiffness: Any, damping: Any, stiffest: Any, "
-                   "most_damped: Any, displacement: Any, velocity: Any, scatter: float, "
+                   "second: Any, numbers: Any, displacement: Any, velocity: Any, scatter: float, "
                    "**settings: Any) -> None"))
       .def("contact_forces", &Contact::contact_forces, nb::arg("means"),
            "Contact forces along the axes (n, forces) [N] at means of the states (n, states).");

@@ -36,6 +36,8 @@ amb_parts parts_of(const nb::dict &given)
   take("speed", parts.speed);
   take("stiffness", parts.stiffness);
   take("damping", parts.damping);
+  take("friction", parts.friction);
+  take("radius", parts.radius);
   if (parts.orders < 0 || parts.orders > AMB_RUNOUT_MOST)
     throw std::invalid_argument("orders must be 0 to " + std::to_string(AMB_RUNOUT_MOST));
   if (parts.behind < 0 || parts.behind > AMB_BEHIND_MOST)

@@ -44,6 +44,8 @@ typedef struct amb_parts {
    * and Crossley 1975). A slow impact of v keeps 1 - damping v of its speed. */
   amb_real stiffness; /* [N/m^1.5]; 0: a hard stop, at which the rotor stays */
   amb_real damping;   /* [s/m] */
+  amb_real friction;  /* of a ring about two axes, Coulomb's [1] */
+  amb_real radius;    /* of the rotor's surface in it [m] */
 } amb_parts;
 
 /* Rate of the control current of the coil towards +x [A/s], within its voltage, at this multiple of
@@ -72,6 +74,9 @@ amb_real amb_parts_shown(const amb_parts *parts, amb_real K_sen, amb_real x, amb
 
 /* What a sensor with x_m behind its lag and this noise shows, a multiple of its step [m]. */
 amb_real amb_parts_reading(const amb_parts *parts, amb_real x_m, amb_real noise);
+
+/* Slip [m/s] up to which friction is in proportion to it. */
+#define AMB_STICKS AMB_C(1e-3)
 
 /* What a stop pushes back with [N], so deep in it [m] and going deeper with this velocity [m/s]. */
 amb_real amb_parts_push(const amb_parts *parts, amb_real depth, amb_real inward);

@@ -105,24 +105,28 @@ static amb_real depth_in(const amb_ring *ring, const amb_real s[], amb_real way[
   return far - ring->travel;
 }
 
-/* Forces of soft stops, added to those along the axes. Returns whether there are any. */
+/* Forces of soft stops on a rotor of this speed [rad/s], added to those along the axes. Returns
+ * whether there are any. */
 static bool add_contact(const amb_plant *plant, const amb_real s[], const amb_real X[],
-                        amb_real F[])
+                        amb_real speed, amb_real F[])
 {
   bool any = false;
   for (int k = 0; k < plant->rings; k++) {
     const amb_ring *ring = &plant->ring[k];
+    const amb_parts *stop = ring->stop;
     amb_real way[2];
     const amb_real depth = depth_in(ring, s, way);
     if (depth > 0) {
       const bool two = ring->second >= 0;
-      amb_real inward = way[0] * velocity(plant, ring->first, X);
-      inward += two ? way[1] * velocity(plant, ring->second, X) : 0;
-      const amb_real force = amb_parts_push(ring->stop, depth, inward);
-      F[ring->first] -= force * way[0];
+      const amb_real v = velocity(plant, ring->first, X);
+      const amb_real w = two ? velocity(plant, ring->second, X) : 0;
+      const amb_real force = amb_parts_push(stop, depth, way[0] * v + way[1] * w);
+      const amb_real slip = speed * stop->radius + way[0] * w - way[1] * v;
+      const amb_real rub = stop->friction * force * amb_clamp(slip / AMB_STICKS, -1, 1);
+      F[ring->first] -= force * way[0] - rub * way[1];
       if (two)
-        F[ring->second] -= force * way[1];
-      any = any || (ring->stop->stiffness > 0);
+        F[ring->second] -= force * way[1] + rub * way[0];
+      any = any || (stop->stiffness > 0);
     }
   }
   return any;
@@ -133,7 +137,7 @@ static bool in_contact(const amb_plant *plant, const amb_real X[])
   amb_real s[AMB_PLANT_AXES], F[AMB_PLANT_AXES] = {0};
   for (int f = 0; f < plant->axes; f++)
     s[f] = amb_plant_along(plant, f, X);
-  return add_contact(plant, s, X, F);
+  return add_contact(plant, s, X, 0, F);
 }
 
 /* ---- What the text of the substep asks for ---- */
@@ -208,7 +212,7 @@ AMB_INLINE void amb_stage(const amb_pattern *p, const amb_going *of, const amb_r
       amb_parts_follow(&plant->amplifier[f], X, force, d);
       F[f] = amb_parts_behind(&plant->amplifier[f], X, force);
     }
-    if (add_contact(plant, s, X, F))
+    if (add_contact(plant, s, X, now->speed, F))
       *of->met = true;
     for (int k = 0; k < q; k++)
       d[q + k] = p->own ? 0 : moved(of, X, now, k);

@@ -26,6 +26,7 @@ from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.run_figure import simulation_figure
 from ambkit.simulation.waveforms import Constant, HalfSine, Ramp, Step, Sum
+from benchmarks.contact import stop_forces, with_stop
 
 CORE = core_module(any_model=True)
 LOADS = np.array([3.0, 0.0, -2.0, 1.0])
@@ -67,7 +68,9 @@ def truth(one, iu, growth):
             float(core.force(np.array([a]), np.array([s]))[0])
             for core, a, s in zip(cores, current, H @ q, strict=True)
         ]
-        a = slopes(one.model_copy(update={"speed": speed}), q, w, F)
+        turning = one.model_copy(update={"speed": speed})
+        F = F + stop_forces(turning, (H @ q)[:, None], (H @ w)[:, None])[:, 0]
+        a = slopes(turning, q, w, F)
         for z, amount, at in planes:
             # Minus the second derivative of the offset's place, times the mass.
             turned = amount * (speed**2 - 1j * growth) * np.exp(1j * (angle + at))
@@ -104,6 +107,22 @@ def test_the_plant_is_met_in_the_fourth_order(name, growth):
     if errors[0] > 1e-10:  # before the reference's own error counts
         for coarse, fine in list(pairwise(errors))[:1]:
             assert coarse / fine == pytest.approx(16, rel=0.3)
+
+
+@pytest.mark.parametrize("speed", [200.0, -200.0, 0.0])
+def test_a_rotor_that_rubs_along_its_stop_is_pushed_against_its_surface_s_motion(speed):
+    """Or held, where it does not turn; against 1e-10."""
+    one = with_stop(Machine.preset("ufu_rig"), 1e9, friction=0.3, radius=0.02)
+    one = one.replace(speed=speed, delay=None)
+    iu, n, T = np.zeros(4), 8, one.sampling_time
+    q = 1.2 * one.bearings[0].clearance * np.array([0.6, -0.8, 0.0, 0.0])
+    X = at_rest(one, q, iu)
+    exact = integrated(truth(one, iu, 0.0), X, (0, (n - 1) * T), np.full(X.size, 1e-4))
+    free = released(with_stop(one, 1e9), X, iu, n, 16)["X"][-1]
+    got = released(one, X, iu, n, 16)["X"][-1]
+    assert np.abs(got[:4] - exact[:4]).max() < 1e-5 * np.abs(exact[:4]).max()
+    across = np.array([0.8, 0.6]) @ (got - free)[4:6]
+    assert across * speed < 0 if speed else across > 0  # it slides down
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -6,12 +6,16 @@
 typedef struct touching {
   int axes; /* 1 or 2 */
   int axis[2];
-  amb_real way[2];            /* outwards [1] */
+  amb_real way[2];            /* outwards [1] ... */
+  amb_real act[2];            /* ... and against the force of a newton N, friction included */
+  amb_real depth;             /* [m] */
+  amb_real elastic;           /* force at it [N] */
   amb_real force;             /* N [N]; 0: free */
   amb_real k;                 /* tangent by the depth [N/m] ... */
   amb_real c;                 /* ... and by its rate [N s/m] */
+  amb_real open;              /* variance of N beside both [N^2] */
   amb_real w[AMB_STATES];     /* both, by the states */
-  amb_real moved[AMB_STATES]; /* u: what a newton outwards leaves in the states */
+  amb_real moved[AMB_STATES]; /* u: what a newton leaves in the states */
   amb_real with[AMB_STATES];  /* P w, then A P w */
 } touching;
 
@@ -24,6 +28,26 @@ AMB_INLINE amb_real times(int n, const amb_real row[AMB_STATES], const amb_real 
   return sum;
 }
 
+/* Elastic force at a depth, and its tangent. */
+AMB_INLINE amb_real elastic(const amb_contact *own, int ring, amb_real depth, amb_real *k)
+{
+  const amb_real steep = AMB_C(1.5) * own->stiffness[ring];
+  const amb_real last = own->stiffest[ring] / steep; /* root of the depth of the stiffest tangent */
+  const amb_real curved = amb_clamp(depth, AMB_C(0.0), last * last);
+  const amb_real root = amb_root(curved);
+  const amb_real straight = amb_at_least(depth - curved, AMB_C(0.0));
+  *k = steep * root;
+  return own->stiffness[ring] * curved * root + own->stiffest[ring] * straight;
+}
+
+/* Friction of a ring as a share of N, against what slides along it. */
+AMB_INLINE amb_real rub(const amb_contact *own, int ring, amb_real force, amb_real slip)
+{
+  const amb_real most = own->friction[ring] * force;
+  const amb_real held = own->most_damped[ring] * slip; /* brings it to rest in a sample */
+  return amb_clamp(held, -most, most) / force;
+}
+
 /* Where a mean of the states touches a ring; leaves the arrays by states alone. */
 AMB_INLINE bool touch(int n, const amb_contact *own, int ring, const amb_real mean[AMB_STATES],
                       touching *at)
@@ -34,36 +58,46 @@ AMB_INLINE bool touch(int n, const amb_contact *own, int ring, const amb_real me
   at->axis[1] = (int)own->second[ring];
   at->way[0] = AMB_C(0.0);
   at->way[1] = AMB_C(0.0);
+  at->act[0] = AMB_C(0.0);
+  at->act[1] = AMB_C(0.0);
+  at->elastic = AMB_C(0.0);
   at->force = AMB_C(0.0);
   at->k = AMB_C(0.0);
   at->c = AMB_C(0.0);
+  at->open = AMB_C(0.0);
   const amb_real a = times(n, own->displacement[at->axis[0]], mean);
   const amb_real b = two ? times(n, own->displacement[at->axis[1]], mean) : AMB_C(0.0);
   const amb_real far = two ? amb_root(a * a + b * b) : amb_magnitude(a);
-  if (!(far > own->clearance[ring])) {
+  at->depth = far - own->clearance[ring];
+  if (!(at->depth > AMB_C(0.0))) {
     return false;
   }
-  const amb_real depth = far - own->clearance[ring];
   at->way[0] = a / far;
   at->way[1] = b / far;
-  amb_real inward = at->way[0] * times(n, own->velocity[at->axis[0]], mean);
-  inward += two ? (at->way[1] * times(n, own->velocity[at->axis[1]], mean)) : AMB_C(0.0);
-  const amb_real steep = AMB_C(1.5) * own->stiffness[ring];
-  const amb_real last = own->stiffest[ring] / steep; /* root of the depth of the stiffest tangent */
-  const amb_real curved = amb_at_most(depth, last * last);
-  const amb_real root = amb_root(curved);
-  const amb_real elastic =
-      own->stiffness[ring] * curved * root + own->stiffest[ring] * (depth - curved);
-  at->k = steep * root;
-  at->c = amb_at_most(AMB_C(1.5) * own->damping[ring] * elastic, own->most_damped[ring]);
-  at->force = amb_at_least(elastic + at->c * inward, AMB_C(0.0));
-  return at->force > AMB_C(0.0);
+  const amb_real v = times(n, own->velocity[at->axis[0]], mean);
+  const amb_real w = two ? times(n, own->velocity[at->axis[1]], mean) : AMB_C(0.0);
+  at->elastic = elastic(own, ring, at->depth, &at->k);
+  at->c = amb_at_most(AMB_C(1.5) * own->damping[ring] * at->elastic, own->most_damped[ring]);
+  const amb_real inward = at->way[0] * v + at->way[1] * w;
+  at->force = amb_at_least(at->elastic + at->c * inward, AMB_C(0.0));
+  if (!(at->force > AMB_C(0.0))) {
+    return false;
+  }
+  at->act[0] = at->way[0];
+  at->act[1] = at->way[1];
+  if (two) {
+    const amb_real slip = own->surface[ring] + at->way[0] * w - at->way[1] * v;
+    const amb_real share = rub(own, ring, at->force, slip);
+    at->act[0] -= share * at->way[1];
+    at->act[1] += share * at->way[0];
+  }
+  return true;
 }
 
 AMB_INLINE void add_force(const touching *at, amb_real F[AMB_FORCES])
 {
   for (int a = 0; a < at->axes; a++) {
-    F[at->axis[a]] -= at->force * at->way[a];
+    F[at->axis[a]] -= at->force * at->act[a];
   }
 }
 
@@ -98,6 +132,29 @@ AMB_INLINE void spread(int n, const amb_real P[AMB_TRIANGLE], const amb_real w[A
   }
 }
 
+/* N, w and P w of a depth that is known by P only. */
+AMB_INLINE void linearise(int n, const amb_contact *own, int ring, touching *at)
+{
+  const amb_real variance = times(n, at->w, at->with);
+  const amb_real spread = amb_root(AMB_C(3.0) * amb_at_least(variance, AMB_C(0.0))) / at->k;
+  const amb_real scatter = own->scatter * at->force;
+  at->open = scatter * scatter;
+  if (spread > AMB_C(0.0)) {
+    const amb_real share = at->force / at->elastic;
+    amb_real unused = AMB_C(0.0);
+    const amb_real more = share * elastic(own, ring, at->depth + spread, &unused);
+    const amb_real less = share * elastic(own, ring, at->depth - spread, &unused);
+    const amb_real bend = (more + less - AMB_C(2.0) * at->force) / AMB_C(6.0);
+    const amb_real slope = (more - less) / (AMB_C(2.0) * spread * at->k);
+    at->force += bend;
+    at->open += AMB_C(2.0) * bend * bend;
+    for (int i = 0; i < n; i++) {
+      at->w[i] *= slope;
+      at->with[i] *= slope;
+    }
+  }
+}
+
 /* Rings that are touched, each with w, u and P w. */
 AMB_INLINE int touched(const amb_kalman *kf, const amb_contact *own, const amb_kalman_state *s,
                        touching at[AMB_FORCES])
@@ -118,19 +175,19 @@ AMB_INLINE int touched(const amb_kalman *kf, const amb_contact *own, const amb_k
         amb_model_pushed(&kf->model, now->axis[a], moved);
         for (int i = 0; i < n; i++) {
           now->w[i] += now->way[a] * (now->k * row[i] + now->c * rate[i]);
-          now->moved[i] += now->way[a] * moved[i];
+          now->moved[i] += now->act[a] * moved[i];
         }
       }
       spread(n, s->cov, now->w, now->with);
+      linearise(n, own, ring, now);
     }
   }
   return count;
 }
 
 /* A P A' of the free rotor becomes that of one in contact. */
-AMB_INLINE void stiffen(const amb_kalman *kf, const amb_contact *own, int count,
-                        touching at[AMB_FORCES], const amb_stiffness k[AMB_FORCES],
-                        amb_real P[AMB_TRIANGLE])
+AMB_INLINE void stiffen(const amb_kalman *kf, int count, touching at[AMB_FORCES],
+                        const amb_stiffness k[AMB_FORCES], amb_real P[AMB_TRIANGLE])
 {
   static const amb_real idle[AMB_CONTROLS] = {AMB_C(0.0)};
   const int n = amb_states(&kf->model);
@@ -139,8 +196,7 @@ AMB_INLINE void stiffen(const amb_kalman *kf, const amb_contact *own, int count,
     for (int s = 0; s < count; s++) {
       both[r][s] = times(n, at[r].w, at[s].with);
     }
-    const amb_real scatter = own->scatter * at[r].force;
-    both[r][r] += scatter * scatter;
+    both[r][r] += at[r].open;
   }
   for (int r = 0; r < count; r++) {
     amb_step_carry(&kf->model, k, NULL, idle, at[r].with);
@@ -182,7 +238,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   }
   const amb_status predicted = amb_step_predict_with(kf, s, F, result->stiffness, iu);
   if ((predicted == AMB_OK) && (count > 0)) {
-    stiffen(kf, own, count, at, result->stiffness, s->cov);
+    stiffen(kf, count, at, result->stiffness, s->cov);
   }
   status |= amb_step_contain(kf, s);
   return status | predicted;

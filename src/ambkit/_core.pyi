@@ -273,7 +273,7 @@ class Unscented(Estimator):
 class Contact(Estimator):
     """Extended filter with stops (ambkit/contact.h)."""
 
-    def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, second: Any, clearance: Any, stiffness: Any, damping: Any, stiffest: Any, most_damped: Any, displacement: Any, velocity: Any, scatter: float, **settings: Any) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, second: Any, numbers: Any, displacement: Any, velocity: Any, scatter: float, **settings: Any) -> None: ...
 
     def contact_forces(self, means: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> object:
         """

@@ -7,10 +7,16 @@
  *
  * Each sample decides between two hypotheses: the rotor is free, or it is in contact, where its
  * mean displacement s over the sample is beyond the clearance. In contact N is held over the sample
- * as the forces of the magnets are, so that the model stays exact between samples, and its tangent
- * w along the contact enters the transition A with u, what a newton there leaves in the states:
+ * as the forces of the magnets are, so that the model stays exact between samples. Its tangents
+ * k and c by d and d' make w, by the states. As N bends within the deviation sigma of d, it goes
+ * through its values N and N+- at d and d +- sqrt(3) sigma (statistical linearisation, Gelb 1974,
+ * 6.2), k sigma from w'Pw; and A takes u in, what a newton leaves in the states:
  *
- *   A <- A - u w',   P+ = A P A' + growth + (scatter N)^2 u u'
+ *   bend = (N+ + N- - 2 N) / 6,   N <- N + bend,   w <- w (N+ - N-) / (2 sqrt(3) sigma k)
+ *   A <- A - u w',   P+ = A P A' + growth + (2 bend^2 + (scatter N)^2) u u'
+ *
+ * Along a ring the friction of the share mu of N acts against the slip of the rotor's surface, at
+ * most what brings that to rest in a sample; u is of both forces.
  *
  * A sample resolves stiffnesses up to mass / T^2, of the mass that the contact moves; there the
  * tangent goes on straight, and damping is held to mass / T: in two samples the contact is at rest.
@@ -29,6 +35,8 @@ typedef struct amb_contact {
   amb_real clearance[AMB_FORCES];    /* [m], > 0 */
   amb_real stiffness[AMB_FORCES];    /* K [N/m^1.5], > 0 */
   amb_real damping[AMB_FORCES];      /* [s/m], >= 0 */
+  amb_real friction[AMB_FORCES];     /* of a ring about two axes [1], >= 0 */
+  amb_real surface[AMB_FORCES];      /* velocity of the rotor's surface by its rotation [m/s] */
   amb_real stiffest[AMB_FORCES];     /* mass / T^2 [N/m], > 0 */
   amb_real most_damped[AMB_FORCES];  /* mass / T [N s/m], > 0 */
   amb_real displacement[AMB_FORCES][AMB_STATES]; /* of each axis, its mean over the sample ... */

@@ -44,9 +44,10 @@ def axis_of(name: str, unit: str, values: Array) -> Axis:
 
 
 def missing_spans(
-    spans: Iterable[tuple[float, float]], t: Array, label: str | None = None
-) -> Iterator[Item]:
-    """Mark spans [s] without samples; the legend says so, or what `label` says."""
+    spans: Iterable[tuple[float, float]], t: Array, label: str | None = None,
+    signal: str = "missing",
+) -> Iterator[Item]:  # fmt: skip
+    """Mark spans [s], by default those without samples; the legend says so, or `label`."""
     # They are widened so that one sample is seen, and joined where they would overlap.
     least = NARROWEST * float(t[-1] - t[0])
     joined: list[tuple[float, float]] = []
@@ -60,14 +61,15 @@ def missing_spans(
     for start, stop in joined:
         narrow = stop - start < 5 * least  # too narrow for its pale colour to be seen
         ends = max(start, float(t[0])), min(stop, float(t[-1]))
-        yield Span(*ends, signal="missing", label="" if narrow else label)
+        yield Span(*ends, signal=signal, label="" if narrow else label)
         if narrow:
-            yield Rule((start + stop) / 2, axis="x", signal="missing", label=label)
+            yield Rule((start + stop) / 2, axis="x", signal=signal, label=label)
 
 
-def lost_spans(lost: Bools, t: Array) -> list[Item]:
-    """Mark the samples (n,) that are lost, at the times (n,) [s]."""
-    return list(missing_spans([(float(t[a]), float(t[b - 1])) for a, b in stretches(lost)], t))
+def lost_spans(lost: Bools, t: Array, signal: str = "missing") -> list[Item]:
+    """Mark samples (n,), by default those that are lost, at the times (n,) [s]."""
+    spans = [(float(t[a]), float(t[b - 1])) for a, b in stretches(lost)]
+    return list(missing_spans(spans, t, signal=signal))
 
 
 def steps_panel(name: str, x: Array, steps: Array, axis: Axis, more: Iterable[Item]) -> Panel:

@@ -33,7 +33,8 @@ class ContactKalmanFilter(Estimator):
     magnet : optional
         The law of its magnet; the closed one by default.
     scatter : float
-        Standard deviation of the contact force that a sample leaves open, as a share of it [1].
+        Standard deviation of the contact force that a sample leaves open, as a share of it [1],
+        beside what the uncertain depth does.
     **options
         As for :class:`KalmanFilter`.
 
@@ -55,7 +56,7 @@ class ContactKalmanFilter(Estimator):
         machine: Machine,
         magnet: MagnetModel | None = None,
         *,
-        scatter: float = 0.3,
+        scatter: float = 0.1,
         **options: Any,
     ) -> None:
         if not (math.isfinite(scatter) and scatter >= 0):
@@ -71,19 +72,20 @@ class ContactKalmanFilter(Estimator):
         rings, at = [], 0
         for bearing in self.machine.bearings:
             axes = (at, at + (bearing.type == "radial"))
-            at = axes[1] + 1
-            if bearing.stop is not None:
+            at, stop = axes[1] + 1, bearing.stop
+            if stop is not None:
                 mass = 1 / mobility[list(axes)].max()
-                stop = (bearing.clearance, bearing.stop.stiffness, bearing.stop.damping)
-                rings.append((*axes, *stop, mass / T**2, mass / T))
-        table = np.array(rings, float).reshape(-1, 7)
-        first, second = (np.ascontiguousarray(table[:, k], np.uint16) for k in (0, 1))
-        numbers = (np.ascontiguousarray(table[:, k], dtype) for k in range(2, 7))
+                own = bearing.clearance, stop.stiffness, stop.damping, stop.friction or 0.0
+                surface = (stop.radius or 0.0) * self.machine.speed
+                rings.append((*axes, *own, surface, mass / T**2, mass / T))
+        table = np.array(rings, float).reshape(-1, 9).T
+        first, second = np.ascontiguousarray(table[:2], np.uint16)
+        numbers, *rows = (
+            np.ascontiguousarray(one, dtype) for one in (table[2:], displacement, velocity)
+        )
         return engine.core.Contact(
-            magnet, engine.model_of_core, first, second, *numbers,
-            *(np.ascontiguousarray(rows, dtype) for rows in (displacement, velocity)),
-            self._scatter, **settings,
-        )  # fmt: skip
+            magnet, engine.model_of_core, first, second, numbers, *rows, self._scatter, **settings
+        )
 
     def contact_forces(self, estimate: Estimate) -> NDArray[np.floating[Any]]:
         """Return the forces of the stops on the rotor.

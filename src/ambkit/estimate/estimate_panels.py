@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import label as label_of
 from ambkit.data.record import Record
+from ambkit.data.record_card import lost_spans
 from ambkit.estimate.status import Status
 from ambkit.result.report import Axis, Band, Item, Line, Note, Panel, Points
 
@@ -27,6 +28,12 @@ def true_noise(record: Record) -> list[Item]:
     if "x_m" not in record.truth:
         return []
     return [Line(record.t, record["y"] - record["x_m"], signal="measured")]
+
+
+def contact_spans(t: Array, estimates: Iterable[Any]) -> list[Item]:
+    """Mark where any of the filters takes the rotor to be in contact with a stop."""
+    flags = [(np.asarray(one.status) & int(Status.CONTACT)) != 0 for one in estimates]
+    return lost_spans(np.any(flags, axis=0), t, "contact") if flags else []
 
 
 def with_limits(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> Axis:

@@ -20,6 +20,7 @@ from ambkit.data.signals import by_name, each_of, signal
 from ambkit.estimate.errors import LAGS, errors_along, rms, true_signal, whiteness
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.estimate_panels import (
+    contact_spans,
     innovation_panel,
     settled_samples,
     true_noise,
@@ -292,7 +293,7 @@ def filter_figure(
 
     estimates = [item.estimate for item in evaluated.values()]
     readings = [record[signal("y", name)] for name in estimates[0].readings or ("",)]
-    absent = lost_spans(np.any(np.isnan(readings), axis=0), t)
+    absent = lost_spans(np.any(np.isnan(readings), axis=0), t) + contact_spans(t, estimates)
     innovations = [
         innovation_panel(name, item.estimate, time, absent) for name, item in evaluated.items()
     ]

@@ -286,7 +286,8 @@ def _lies(record: Record, machine: Machine) -> Iterator[str]:
             yield (
                 f"y rests at {engineering(side * travel, 'm', digits=3)}, the rotor's stop, in "
                 f"{_percent(float(np.mean(there)))} of the samples, from {first} to {last} at a "
-                "stretch: no filter knows what holds a rotor that lies; is that part wanted?"
+                "stretch: only the filter contact knows what holds a rotor that lies; is that part "
+                "wanted?"
             )
 
 

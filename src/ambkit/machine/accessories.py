@@ -86,6 +86,19 @@ class Stop(Part):
     """Stiffness [N/m^1.5]."""
     damping: Annotated[float, Quantity("s/m", "0.3 s/m", at_least=0)] = 0.0
     """Loss of the coefficient of restitution by the velocity of the impact [s/m]."""
+    friction: Annotated[float, Quantity("1", "0.1", at_least=0)] | None = None
+    """Coefficient of friction of a ring about two axes, where the rotor slides along it [1]."""
+    radius: Annotated[float, Quantity("m", "20 mm", above=0)] | None = None
+    """Radius of the rotor in it [m], with friction."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if read("friction") is not None and read("radius") is None:
+            yield "radius", "missing: friction acts on the surface of the rotor, at this radius"
+
+    def core(self) -> dict[str, float]:
+        """Return it by the fields of ``amb_parts``."""
+        return {key: value or 0.0 for key, value in self.model_dump().items()}
 
 
 def delay_contradictions(T: float, delay: float | None) -> Iterator[tuple[str, str]]:

@@ -159,6 +159,8 @@ class PlacedBearing(Part):
             yield "magnet.type", 'must be "two-sided" in a radial bearing; is "one-sided"'
         if read("type") == "thrust" and read("magnet.both_axes") is True:
             yield "magnet.both_axes", "is of a radial bearing"
+        if read("type") != "radial" and getattr(read("stop"), "friction", None) is not None:
+            yield "stop.friction", "is of a radial bearing, whose rotor slides along a ring"
         if read("type") == "thrust" and abs(read("angle") or 0.0) > 0:
             yield "angle", "is of a radial bearing; a thrust bearing has its axis along the shaft"
 

@@ -360,12 +360,14 @@ class Machine(Shown, Document):
         sensor = self._nearest(result)
         if not self.speed:
             sensor = updated(sensor, {"runout": ()})  # without a speed it has no frequency
-        mass = float(self.effective_masses[at])
+        mass, stop = float(self.effective_masses[at]), result.bearing.stop
+        stop = stop and updated(stop, {"friction": None, "radius": None})  # those are of a ring
         return Machine(**{
             "name": axis, "sampling_time": self.sampling_time, "delay": self.delay,
             "speed": abs(self.speed),
             "rotor": MassRotor(mass=mass, gravity=self._gravity_of(result)),
-            "bearing": [updated(result.bearing, ONLY)], "sensor": [updated(sensor, ONLY)],
+            "bearing": [updated(result.bearing, ONLY | {"stop": stop})],
+            "sensor": [updated(sensor, ONLY)],
         })  # fmt: skip
 
     @cached_property

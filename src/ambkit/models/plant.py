@@ -156,7 +156,7 @@ class Plant:
                 stiffness = 1.25 * mass * speed**2 / (SOFT * bearing.clearance) ** 2.5
                 stop = {"stiffness": stiffness, "damping": LOSS / speed}
             else:
-                stop = bearing.stop.model_dump()
+                stop = bearing.stop.core()
             rings.append(
                 {"first": at, "second": at + 1 if two else -1, "travel": bearing.clearance,
                  "stop": stop, **(coupling_of(isolated) if bearing.magnet.both_axes else {})}

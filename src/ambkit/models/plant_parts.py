@@ -70,7 +70,7 @@ def axis_fields(
         "farthest": [far], "shows": [2], "sensor_parts": [sensor],
         "gain": [machine.sensor.gain], "lag": [machine.lag_of(machine.sensor)],
         "rings": [{"first": 0, "second": -1, "travel": clearance,
-                   "stop": {} if stop is None else stop.model_dump()}],
+                   "stop": {} if stop is None else stop.core()}],
         **({"delay": 0, "delay_rest": 0.0} | delay_of(machine)),
         "substeps": substeps(machine, [of_magnet], least, machine.speed),
         "plain": not (bent or amplifier or between or stop),

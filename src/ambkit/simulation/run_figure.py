@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ambkit.base import units
 from ambkit.base.escaping import label, markdown
 from ambkit.data.signals import signal
-from ambkit.estimate.estimate_panels import true_noise
+from ambkit.estimate.estimate_panels import contact_spans, true_noise
 from ambkit.machine.components import PlacedBearing
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule
 from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
@@ -55,15 +55,18 @@ def simulation_figure(run: Any) -> Figure:
         [] if coloured is None
         else [Panel(TIME, NOISE, [*true_noise(record), Line(t, coloured, signal=name)])]
     )  # fmt: skip
+    contact = contact_spans(t, [] if estimate is None else [estimate])
     return Figure(
         id="simulation",
         title=f"Simulated run of {markdown(machine.name)}",
         caption="" if estimate is None else f"In the loop or beside it: {estimate.estimator}.",
         panels=[
-            Panel(TIME, POSITION, position),
-            Panel(TIME, VELOCITY, [Line(t, record["v"], signal="truth"), *told("v")]),
-            Panel(TIME, CURRENT, [control, *follows, *limits]),
-            Panel(TIME, DISTURBANCE, [Line(t, record["f_d"], signal="truth"), *told("f_d")]),
+            Panel(TIME, POSITION, [*position, *contact]),
+            Panel(TIME, VELOCITY, [Line(t, record["v"], signal="truth"), *told("v"), *contact]),
+            Panel(TIME, CURRENT, [control, *follows, *limits, *contact]),
+            Panel(
+                TIME, DISTURBANCE, [Line(t, record["f_d"], signal="truth"), *told("f_d"), *contact]
+            ),
             *noises,
         ],
     )
@@ -74,6 +77,7 @@ def _machine_figure(run: Any) -> Figure:
     record, machine = run.record, run.machine
     t = record.t
     panels: list[Panel] = []
+    contact = contact_spans(t, [] if run.estimate is None else [run.estimate])
     radial = [bearing for bearing in machine.bearings if bearing.type == "radial"]
     panels += [_orbit(run, item) for item in radial]
     for entry in machine.bearings:
@@ -83,7 +87,12 @@ def _machine_figure(run: Any) -> Figure:
             for k, name in enumerate(names, 1)
         ]
         panels.append(
-            Panel(TIME, DISPLACEMENT, moved, title=f"Displacement in bearing {label(entry.name)}")
+            Panel(
+                TIME,
+                DISPLACEMENT,
+                [*moved, *contact],
+                title=f"Displacement in bearing {label(entry.name)}",
+            )
         )
     on, full_time_axis = run.fed, replace(TIME, limits=(float(t[0]), float(t[-1])))
     for entry in machine.bearings:

@@ -26,6 +26,7 @@ from ambkit.estimate.named import FromFile, factories
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.judge.adequacy import judge_adequacy, sentences
+from ambkit.judge.contact import contact_notes
 from ambkit.machine.machine import Machine
 from ambkit.workflow.filter import Filtered, Filtering, filter
 from ambkit.workflow.warnings import OutsideOperatingRange, missing_control
@@ -150,6 +151,8 @@ def _warnings(result: Filtering, samples: int) -> Iterator[str]:
             f"the control signal is missing in {lost} of {len(result.record)} samples, at most "
             f"{in_a_row} in a row: the filters hold the last one, and are overconfident there"
         )
+    estimates = {name: one.evaluation.estimate for name, one in result.estimators.items()}
+    yield from contact_notes(result.machine, result.record, estimates)
     gap = max(placed.magnet.air_gap for placed in result.machine.bearings)
     for name, one in result.estimators.items():
         if any(max(each_of(e)) > gap for e in one.evaluation.prediction.values()):

@@ -26,6 +26,7 @@ from ambkit.estimate.named import filter_of
 from ambkit.estimate.registry import default_filter
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
+from ambkit.judge.contact import contact_notes
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.forces.force_map import true_magnet
@@ -218,6 +219,9 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
     plain = plain_control(machine, scenario, filter)
     if plain is not None:
         yield plain
+    if run.estimate is not None:
+        name = filter.name if filter is not None else "the filter"
+        yield from contact_notes(machine, run.record, {name: run.estimate})
     if touched and scenario.start == "levitated":
         yield _of_the_stop(run)
         if machine.speed:

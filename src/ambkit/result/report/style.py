@@ -83,6 +83,7 @@ SIGNALS = {
     "frozen": Style("frozen", OCHRE, SOLID, 2.6, layer=5),
     "spike": Style("spike", RED, SOLID, 1.4, "circle", hollow=True, layer=6),
     "missing": Style("missing", VERMILION, SOLID, 1.4, layer=2),
+    "contact": Style("in contact", GREY, SOLID, 0.8, layer=2),
     "passed": Style("good", GREEN, SOLID, 0.6, layer=2),
     "failed": Style("not good", RED, SOLID, 0.6, layer=3),
     "series 1": Style("series 1", BLUE, SOLID, 1.4, "circle", layer=6),

@@ -1,0 +1,57 @@
+"""Rotors on their touch-down bearings, and what filters make of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from ambkit.base.arrays import Bools
+from ambkit.base.units import percent
+from ambkit.data.record import Record
+from ambkit.data.signals import signal
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.machine_model import View
+from ambkit.estimate.registry import KINDS
+from ambkit.machine.machine import Machine
+
+LIES = 0.01
+"""Share of the samples on a stop that is worth a sentence."""
+
+
+def on_stop(machine: Machine, record: Record) -> Bools:
+    """Return where the readings show a rotor on a stop (n,); nowhere where noise hides it."""
+    view, result = View(machine), np.zeros(len(record), bool)
+    gains, readings = view.gains, machine.readings
+    y = np.array([record[signal("y", r.name)] for r in readings]) / gains[:, None]
+    noise = 2 * max(r.sensor.noise_variance**0.5 / gain
+                    for r, gain in zip(readings, gains, strict=True))  # fmt: skip
+    there, at = view.H @ view.shown @ (gains[:, None] * y), 0
+    for bearing in machine.bearings:
+        along = there[at : (at := at + 1 + (bearing.type == "radial"))]
+        if noise < 0.2 * bearing.clearance:
+            result |= np.linalg.norm(along, axis=0) > bearing.clearance - noise
+    return result
+
+
+def contact_notes(
+    machine: Machine, record: Record, estimates: Mapping[str, Estimate]
+) -> Iterator[str]:
+    """Yield which filters do not know the force of a stop, by their names."""
+    known = any(bearing.stop is not None for bearing in machine.bearings)
+    table = "[stop]" if machine.single else "[bearing.stop]"
+    knows = [name for name, one in estimates.items() if KINDS["contact"].label in one.estimator]
+    if knows and not known:
+        yield (
+            f"{', '.join(knows)}: no bearing of {machine.name} has a stop, so this is the extended "
+            f"filter: state stiffness and damping of the touch-down bearing in {table}"
+        )
+    share = float(np.mean(on_stop(machine, record)))
+    others = ", ".join(name for name in estimates if name not in knows)
+    if share > LIES and others:
+        stated = "" if known else f", once {table} states its stiffness"
+        yield (
+            f"{others}: the rotor lies on a stop in {percent(share)} of the samples, and the force "
+            "of the stop is taken for a disturbance force there; the filter contact knows it"
+            f"{stated}"
+        )
