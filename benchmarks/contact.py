@@ -270,7 +270,7 @@ def main() -> None:
             make, count = cases[name]
             machine = make()
             result = judge(machine, range(7000, 7000 + count))
-        except AmbkitError:
+        except (AmbkitError, ValueError):
             continue  # it cannot carry its rotor
         limits = [bound(machine, 7000 + k) for k in range(4)] if name in list(MACHINES)[:5] else []
         share = f"{np.nanmean(limits, axis=0)[0]:6.3f}" if limits else " " * 6
