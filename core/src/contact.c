@@ -136,16 +136,16 @@ AMB_INLINE void spread(int n, const amb_real P[AMB_TRIANGLE], const amb_real w[A
 AMB_INLINE void linearise(int n, const amb_contact *own, int ring, touching *at)
 {
   const amb_real variance = times(n, at->w, at->with);
-  const amb_real spread = amb_root(AMB_C(3.0) * amb_at_least(variance, AMB_C(0.0))) / at->k;
+  const amb_real wide = amb_root(AMB_C(3.0) * amb_at_least(variance, AMB_C(0.0))) / at->k;
   const amb_real scatter = own->scatter * at->force;
   at->open = scatter * scatter;
-  if (spread > AMB_C(0.0)) {
+  if (wide > AMB_C(0.0)) {
     const amb_real share = at->force / at->elastic;
     amb_real unused = AMB_C(0.0);
-    const amb_real more = share * elastic(own, ring, at->depth + spread, &unused);
-    const amb_real less = share * elastic(own, ring, at->depth - spread, &unused);
+    const amb_real more = share * elastic(own, ring, at->depth + wide, &unused);
+    const amb_real less = share * elastic(own, ring, at->depth - wide, &unused);
     const amb_real bend = (more + less - AMB_C(2.0) * at->force) / AMB_C(6.0);
-    const amb_real slope = (more - less) / (AMB_C(2.0) * spread * at->k);
+    const amb_real slope = (more - less) / (AMB_C(2.0) * wide * at->k);
     at->force += bend;
     at->open += AMB_C(2.0) * bend * bend;
     for (int i = 0; i < n; i++) {
