@@ -1,20 +1,24 @@
 """Magnet forces beside fourth-order elements of NGSolve, at three sizes of our mesh.
 
     uv run --with ngsolve python -m benchmarks.magnet_fields docs/images/magnet_convergence.png
+    uv run --with ngsolve python -m benchmarks.magnet_fields eddies
 
 The sections are meshed by Netgen with the rotor displaced in the geometry, and solved with fourth
 order on a mesh that is finer at the gap; the force is that of the stress on a shell of harmonic
 weight. Only the outlines and the magnetisation curve are common. Prints deviations of our force and
-flux linkage, and the order in which the differences of our meshes fall.
+flux linkage, and the order in which the differences of our meshes fall. With "eddies" it prints the
+current stiffness of solid iron over frequency instead.
 """
 
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 from ambkit.machine.magnetostatics.drawing import Drawing
+from ambkit.machine.magnetostatics.dynamic_stiffness import FREQUENCIES, dynamic_stiffness
 from ambkit.machine.magnetostatics.field import FieldSolver
 from ambkit.machine.magnetostatics.layout import flat
 
@@ -78,11 +82,11 @@ def ngsolve_mesh(layout, displacement, gap):
     return ng.Mesh(geometry.GenerateMesh(maxh=0.08 * extent, grading=0.4))
 
 
-def reference(layout, drawing, currents, displacement):
-    """Return force and flux linkages by NGSolve."""
+def solved(layout, drawing, currents, displacement, size):
+    """Return NGSolve's field with its mesh, space and material."""
     import ngsolve as ng
 
-    mesh = ngsolve_mesh(layout, displacement, drawing.geometry.air_gap)
+    mesh = ngsolve_mesh(layout, displacement, size)
     iron, mu_r = drawing.iron.saturation, drawing.iron.relative_permeability
     names = list(mesh.GetMaterials())
     of = {f"r{n}": region for n, region in enumerate(layout.regions)}
@@ -104,12 +108,14 @@ def reference(layout, drawing, currents, displacement):
                 free[dof] = False
     axial = layout.axisymmetric
     r = ng.x if axial else ng.CoefficientFunction(1.0)
-    length = 2 * np.pi if axial else layout.depth
     u, v = space.TnT()
-    b = ng.sqrt(ng.InnerProduct(ng.grad(u), ng.grad(u)) + 1e-20) / r
     c = iron / (MU_0 * (mu_r - 1))
-    p = 0.5 * (MU_0 * c + iron - b)
-    law = c / (p + ng.sqrt(p * p + MU_0 * c * b))
+
+    def law(gradient):
+        b = ng.sqrt(ng.InnerProduct(gradient, gradient) + 1e-20) / r
+        p = 0.5 * (MU_0 * c + iron - b)
+        return c / (p + ng.sqrt(p * p + MU_0 * c * b))
+
     nu = mesh.MaterialCF({n: 1.0 for n in solid}, default=0.0)
     field = ng.BilinearForm(space)
     load = ng.Parameter(0.0)
@@ -119,7 +125,7 @@ def reference(layout, drawing, currents, displacement):
     }
     J = mesh.MaterialCF({n: currents[of[n].coil] * of[n].turns / area[n] for n in coils}, default=0)
     recoil = mesh.MaterialCF({n: m.permeability for n, m in magnets.items()}, default=1.0)
-    weight = (nu * law + (1 - nu) / (MU_0 * recoil)) / r
+    weight = (nu * law(ng.grad(u)) + (1 - nu) / (MU_0 * recoil)) / r
     field += weight * ng.InnerProduct(ng.grad(u), ng.grad(v)) * ng.dx(bonus_intorder=4)
     field += -load * J * v * ng.dx
     sense = -1 if axial else 1
@@ -134,25 +140,100 @@ def reference(layout, drawing, currents, displacement):
         load.Set(share)
         ng.solvers.Newton(field, a, freedofs=free, maxit=60, maxerr=1e-9, inverse="sparsecholesky",
                           printing=False)  # fmt: skip
-    shell = ng.H1(mesh, order=2)
+    return SimpleNamespace(
+        mesh=mesh, free=free, a=a, r=r, iron=nu, law=law(ng.grad(a)), solid=solid, moving=moving,
+        coils=coils, magnets=magnets, air=air, of=of, area=area,
+        length=2 * np.pi if axial else layout.depth,
+    )  # fmt: skip
+
+
+def shell_of(field, direction):
+    """Return the direction and the gradient of a shell's weight, 1 in the rotor."""
+    import ngsolve as ng
+
+    shell = ng.H1(field.mesh, order=2)
     g, h = shell.TnT()
-    held = mesh.MaterialCF({n: 1e14 for n in (*solid, *moving, *coils, *magnets)}, default=0.0)
-    one = mesh.MaterialCF({n: 1.0 for n in moving}, default=0.0)
+    rest = (*field.solid, *field.moving, *field.coils, *field.magnets)
+    held = field.mesh.MaterialCF({n: 1e14 for n in rest}, default=0.0)
+    one = field.mesh.MaterialCF({n: 1.0 for n in field.moving}, default=0.0)
     matrix = ng.BilinearForm(ng.grad(g) * ng.grad(h) * ng.dx + held * g * h * ng.dx).Assemble()
     right = ng.LinearForm(held * one * h * ng.dx).Assemble()
     gamma = ng.GridFunction(shell)
     gamma.vec.data = matrix.mat.Inverse(shell.FreeDofs(), "sparsecholesky") * right.vec
-    d = layout.directions[0]
-    d = ng.CoefficientFunction((d.real, d.imag))
-    ga, gg = ng.grad(a), ng.grad(gamma)
+    return ng.CoefficientFunction((direction.real, direction.imag)), ng.grad(gamma)
+
+
+def reference(layout, drawing, currents, displacement):
+    """Return force and flux linkages by NGSolve."""
+    import ngsolve as ng
+
+    field = solved(layout, drawing, currents, displacement, drawing.geometry.air_gap)
+    d, gg = shell_of(field, layout.directions[0])
+    ga, mesh = ng.grad(field.a), field.mesh
     stress = (ga * gg) * (d * ga) - 0.5 * (ga * ga) * (d * gg)
-    force = ng.Integrate(length / MU_0 * stress / r, mesh, order=10,
-                         definedon=mesh.Materials("|".join(air)))  # fmt: skip
+    force = ng.Integrate(field.length / MU_0 * stress / field.r, mesh, order=10,
+                         definedon=mesh.Materials("|".join(field.air)))  # fmt: skip
     flux = np.zeros(layout.bias.size)
-    for n in coils:
-        mean = ng.Integrate(a, mesh, order=8, definedon=mesh.Materials(n)) / area[n]
-        flux[of[n].coil] += length * of[n].turns * mean
-    return force, flux, space.ndof
+    for n in field.coils:
+        mean = ng.Integrate(field.a, mesh, order=8, definedon=mesh.Materials(n)) / field.area[n]
+        flux[field.of[n].coil] += field.length * field.of[n].turns * mean
+    return force, flux, field.a.space.ndof
+
+
+def harmonic(drawing, frequencies, size):
+    """Return the current stiffness at frequencies in parts of that at rest, by NGSolve."""
+    import ngsolve as ng
+
+    layout = drawing.layout
+    field = solved(layout, drawing, drawing.winding.bias_current * layout.bias, 0.0, size)
+    d, gg = shell_of(field, layout.directions[0])
+    mesh, r, ga = field.mesh, field.r, ng.grad(field.a)
+    # Slope of H over B along the bias field, by Fröhlich's law B = mu0 H + Js H / (c + H).
+    c = drawing.iron.saturation / (MU_0 * (drawing.iron.relative_permeability - 1))
+    size_b = ng.sqrt(ga * ga + 1e-20) / r
+    h = field.law * size_b
+    slope = 1 / (MU_0 + drawing.iron.saturation * c / (c + h) ** 2)
+    along = (slope - field.law) / (size_b * r) ** 2
+    space = ng.H1(mesh, order=4, complex=True)
+    u, v = space.TnT()
+    gu, gv = ng.grad(u), ng.grad(v)
+    weight = field.iron * field.law + (1 - field.iron) / MU_0
+    current = mesh.MaterialCF(
+        {n: layout.control[0][field.of[n].coil] * field.of[n].turns / field.area[n]
+         for n in field.coils}, default=0,
+    )  # fmt: skip
+    right = ng.LinearForm(current * v * ng.dx).Assemble()
+    response, found = ng.GridFunction(space), []
+    for frequency in (0.0, *frequencies):
+        eddy = 2j * np.pi * frequency * (drawing.iron.conductivity or 0.0)
+        form = ng.BilinearForm(space, symmetric=True)
+        form += (
+            (weight * gu * gv + field.iron * along * (ga * gu) * (ga * gv))
+            / r
+            * ng.dx(bonus_intorder=4)
+        )
+        form += eddy * field.iron / r * u * v * ng.dx
+        form.Assemble()
+        response.vec.data = form.mat.Inverse(field.free, "sparsecholesky") * right.vec
+        gr = ng.grad(response)
+        stress = (gr * gg) * (d * ga) + (ga * gg) * (d * gr) - (ga * gr) * (d * gg)
+        found.append(ng.Integrate(stress / r, mesh, order=10,
+                                  definedon=mesh.Materials("|".join(field.air))))  # fmt: skip
+    return np.array(found[1:]) / found[0]
+
+
+def eddies(name):
+    """Print the current stiffness over frequency with solid iron, theirs and ours."""
+    drawing = Drawing.load(FOLDER / f"{name}.toml").replace(iron__conductivity="4.5e6 S/m")
+    frequencies = FREQUENCIES[[0, 2, 3, 4, 5]]
+    theirs = harmonic(drawing, frequencies, 0.3 * drawing.geometry.air_gap)
+    ours = dynamic_stiffness(drawing, frequencies)[0]
+    for frequency, one, other in zip(frequencies, theirs, ours, strict=True):
+        off = np.log(other / one)
+        print(
+            f"{name:>12} {frequency:6.1f} Hz: {abs(one):.4f} at {np.degrees(np.angle(one)):6.2f} "
+            f"deg; ours {100 * off.real:+.2f} %, {np.degrees(off.imag):+.2f} deg", flush=True,
+        )  # fmt: skip
 
 
 def compared(name):
@@ -216,4 +297,7 @@ def main(arguments):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    if sys.argv[1:2] == ["eddies"]:
+        eddies("thrust")
+    else:
+        main(sys.argv[1:])

@@ -282,10 +282,10 @@ def test_map_within_tolerances_is_that_of_the_other_drawing():
     """Of numbers a little off the drawing's, one by one and together; far off it is solved."""
     made, box = drawing(U_CORE), Box(3.0, -3.0, 3.0, 0.25e-3)
     off = {"geometry.air_gap": 0.52e-3, "geometry.leg_width": 9.7e-3, "iron.saturation": 1.74}
-    for changes, most in [({key: of}, 1.5e-3) for key, of in off.items()] + [(off, 4e-3)]:
+    for changes, most in [({key: of}, 2e-3) for key, of in off.items()] + [(off, 4e-3)]:
         true, near = map_of(made.replace(**changes), box), map_near(made, changes, box)
         size = np.abs(true.force).max()
-        assert 10 * most < np.abs(map_of(made, box).force - true.force).max() / size
+        assert 8 * most < np.abs(map_of(made, box).force - true.force).max() / size
         assert np.abs(near.force - true.force).max() < most * size
     far = {"iron.saturation": 1.4, "winding.turns": 120}
     assert np.array_equal(map_near(made, far, box).force, map_of(made.replace(**far), box).force)
