@@ -213,7 +213,7 @@ class _Work:
             "identify",
             [self.given.to_toml(), sorted(free or []), names, *self.sources],
             ("machine.toml", "identified.toml", "identified.json"),
-            lambda: _identified(self.given, self.logs, self.channels, free, self.place),
+            lambda: _identified(self.given, self.logs, self.channels, free, self.place, self.note),
         )
         identified = Estimator.load(self.place / "identified.toml")
         self.found, self.inputs = identified.machine, identified.inputs
@@ -284,9 +284,10 @@ def _identified(
     channels: str | os.PathLike[str] | None,
     free: Sequence[str] | None,
     place: Path,
+    note: Callable[[str], None],
 ) -> None:
     records = record_arguments(logs, machine, channels)
-    result = identify(machine, records, free=free)
+    result = identify(machine, records, free=free, note=note)
     files.write_text(place / "machine.toml", annotated_toml(result.likelihood, place))
     source = ", ".join(Path(path).name for path in logs)
     write_json(place / "identified.json", {"notes": result.of_the_zeros})
