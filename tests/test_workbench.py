@@ -84,6 +84,11 @@ def test_machines_that_the_page_cannot_show_are_refused():
 def test_what_the_page_leaves_out_is_named():
     machine = Machine.preset("zittau_axial").replace(sensor__cubic=1e4)
     assert "without sensor.cubic" in data_of(workbench_of(machine).text)[0]["description"]
+    rotor = Machine.preset("hindawi_2011")
+    assert "without" not in data_of(workbench_of(rotor).text)[0]["description"]
+    sensors = tuple(sensor.model_copy(update={"cubic": 1e4}) for sensor in rotor.sensors)
+    rotor = rotor.model_copy(update={"sensors": sensors})
+    assert data_of(workbench_of(rotor).text)[0]["description"].endswith("(without sensor.cubic)")
 
 
 # ---- Numbers ----
@@ -211,6 +216,9 @@ def test_numbers_in_node_are_those_of_python(case, tmp_path):
         ("heart_pump", {"runUp": True}),
         ("tum_mlps", {}),
         ("ufu_rig", {"seed": 9}),
+        ("hindawi_2011", {"feedback": 1, "filters": "linear,extended,unscented,ud"}),
+        ("compressor", {}),
+        ("ufu_flexible", {"feedback": 1}),
     ],
 )
 def test_a_rotor_flies_as_in_python(page, tmp_path, name, settings):
@@ -222,22 +230,24 @@ def test_a_rotor_flies_as_in_python(page, tmp_path, name, settings):
     told = page.evaluate("ask.rotor", [name, settings])
     first = machine.axes[0].name
     n, T = len(told["q"][0]), machine.sampling_time
+    feedback = "estimate" if settings.get("feedback") else "measurement"
     force = told["load"][-len(machine.axes)]
     speed = told["speed"]
     scenario = Scenario(
         duration=(n - 1) * T, seed=settings.get("seed", 1),
-        controller={"type": "decentralised", "feedback": "measurement"},
+        controller={"type": "decentralised", "feedback": feedback},
     )  # fmt: skip
     external = ExternalInputs(disturbance=np.reshape(told["load"], (n, -1)))
-    turning = machine.replace(speed=settings.get("speed", machine.speed))
-    kf = None if machine.delay else KINDS["extended"].make(turning)
+    kinds = settings.get("filters", "extended,linear").split(",")
+    kf, *others = (KINDS[kind].make(machine) for kind in kinds)
     loop = Loop(machine, scenario, estimator=kf, external_inputs=external)
     loop._speed = np.array(speed)  # of the page's own samples, whatever a waveform would round to
     run = loop.run()
     record = run.record
-    if kf is not None and not settings.get("runUp"):  # its model has one speed
-        mean = np.reshape(told["mean"][0], (n, len(kf.states)))
-        assert np.array_equal(mean, run.estimate.mean)
+    if not settings.get("runUp"):  # the page's filters have one speed
+        estimates = [run.estimate, *(other.run(record) for other in others)]
+        for kind, mean, estimate in zip(kinds, told["mean"], estimates, strict=True):
+            assert np.array_equal(np.reshape(mean, (n, len(kf.states))), estimate.mean), kind
     for k, position in enumerate(machine.positions):
         assert np.array_equal(told["q"][k], record[f"q_{position}"]), position
     iu = np.reshape(told["iu"], (n, -1))

@@ -280,19 +280,38 @@ static bool make_filter(int kind, bench_filter *filter)
   return bench_filter_of(&known, bench_model_of(loop.T, parameters), kind, filter);
 }
 
-/* Start a filter at rest where the first readings are these [m] and the currents too [A]; NULL: in
- * the middle. */
+/* The current that holds the rotor in the middle by what a filter knows [A], and its slope [A/m].
+ */
+static void known_current(const bench_filter *filter, int f, double *middle, double *slope)
+{
+  const amb_kalman_settings *set = &filter->kf.set;
+  const double away = 0.1 * known.view.clearance[f], at[3] = {-away, 0.0, away};
+  double current[3];
+  for (int k = 0; k < 3; k++)
+    current[k] =
+        bench_levitation(&filter->magnet[f], at[k], set->f_0[f], set->iu_min[f], set->iu_max[f]);
+  *middle = current[1];
+  *slope = (current[2] - current[0]) / (2 * away);
+}
+
+/* Start a filter at rest where the first readings are these [m]; or in the middle, where the
+ * currents are these [A]. */
 static void start_filter(bench_filter *filter, const double readings[], const double currents[])
 {
   amb_real mean[AMB_STATES];
   const amb_model *model = &filter->kf.model;
+  const int m = model->sensors;
   for (int i = 0; i < model->states; i++) {
-    const int k = filter->states.index[i];
-    mean[i] = rest[i];
-    for (int j = 0; (j < model->sensors) && (readings != NULL); j++)
-      mean[i] += by_reading[i * model->sensors + j] * readings[j];
-    if ((currents != NULL) && (model->role[i] == AMB_KNOWN) && (k >= 0))
-      mean[i] = currents[k];
+    const int f = filter->states.index[i];
+    const bool current = (model->role[i] == AMB_KNOWN) && (f >= 0);
+    double middle = rest[i], slope = 0;
+    if (current && (readings != NULL))
+      known_current(filter, f, &middle, &slope);
+    mean[i] = current && (readings == NULL) ? currents[f] : middle;
+    for (int j = 0; (j < m) && (readings != NULL); j++)
+      mean[i] +=
+          (current ? (middle + slope * along_axes[f * m + j]) - middle : by_reading[i * m + j]) *
+          readings[j];
   }
   bench_start(filter, mean);
 }

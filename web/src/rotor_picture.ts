@@ -88,7 +88,9 @@ export class RotorPicture {
       return disc;
     });
     this.disc = add(this.discs[0] ?? this.shaft, "rect", { x: this.z(of.discs[0] ?? 0) - 9, y: 0, width: 18, height: 4, class: "mark" });
-    this.thrust = of.bearings.some((bearing) => bearing.type === "thrust") ? add(svg, "path", { class: "line accent", d: "" }) : null;
+    const thrust = of.bearings.find((bearing) => bearing.type === "thrust");
+    this.thrust = thrust ? add(svg, "path", { class: "line accent", d: "" }) : null;
+    if (thrust) add(svg, "text", { x: this.z(thrust.place), y: 176, "text-anchor": "middle" }, `thrust ${thrust.name}`);
     add(svg, "text", { x: 12, y: 20 }, of.modes.length ? `from the side, x up; bends at ${of.modes.slice(0, 3).map((f) => shown(f, "Hz")).join(", ")}${of.modes.length > 3 ? " ..." : ""}` : "from the side, x up");
     this.ends = round.slice(0, 2).map((k, j) => this.end(k, of.bearings[k].name, round.length < 2 ? 180 : j === 0 ? 96 : 264));
     this.words = add(svg, "text", { x: 180, y: 408, "text-anchor": "middle" });
@@ -169,7 +171,7 @@ export class RotorPicture {
     });
     if (this.thrust) {
       const k = of.bearings.findIndex((bearing) => bearing.type === "thrust"), [f] = axesOf(of, k);
-      const length = (60 * now.s[f]) / of.filter.view.clearance[f], x = this.z(of.bearings[k].place || of.stations[0]);
+      const length = (60 * now.s[f]) / of.filter.view.clearance[f], x = this.z(of.bearings[k].place);
       this.thrust.setAttribute("d", `M${x} 142v18M${x} 151h${length.toFixed(1)}`);
     }
     this.words.textContent = `the views are ${shown(VIEW / this.scale, "m", 2)} from the middle to the rim`;

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ambkit.control.control import Control
@@ -27,14 +27,34 @@ KNOWN = {
 """Keys of a machine that the page simulates, by their tables in the short form."""
 
 
+EDDIES = ("eddy_current_lag", "eddy_current_corner")  #: Simulated of a rotor.
+PLACED = ("name", "place", "angle", "type")  #: Keys of sensors at places.
+
+
 def left_out(machine: Machine) -> Iterator[str]:
     """Yield the keys of a machine that the page does not simulate."""
     stated = tomllib.loads(machine.to_toml())
-    for table, value in stated.items():
-        if table in KNOWN:
-            yield from (f"{table}.{key}" for key in value if value[key] and key not in KNOWN[table])
-        elif table not in KNOWN[""]:
-            yield table
+    if machine.single:
+        for table, value in stated.items():
+            if table in KNOWN:
+                yield from _unknown(table, value, ())
+            elif table not in KNOWN[""]:
+                yield table
+        return
+    for bearing in stated["bearing"]:
+        yield from _unknown("magnet", bearing["magnet"], EDDIES)
+        yield from _unknown("amplifier", bearing["amplifier"], ())
+    for sensor in stated["sensor"]:
+        yield from _unknown("sensor", sensor, PLACED)
+    if machine.angle is not None:
+        yield "angle"
+
+
+def _unknown(table: str, stated: dict[str, Any], others: Sequence[str]) -> Iterator[str]:
+    """Yield what is stated in a table and not known of it."""
+    for key, value in stated.items():
+        if value and key not in KNOWN[table] and key not in others:
+            yield f"{table}.{key}"
 
 
 def axis_parameters(machine: Machine, control: Control | None = None) -> dict[str, float]:

@@ -33,10 +33,10 @@ _DATA = re.compile(r'(<script type="application/json" id="data">).*?(</script>)'
 def _as_data(machine: Machine) -> dict[str, Any]:
     """Return what the page has of a machine."""
     data: dict[str, Any] = {"name": machine.name, "description": machine.description}
+    if left := list(dict.fromkeys(left_out(machine))):
+        data["description"] += f" (without {', '.join(left)})"
     if not machine.single:
         return data | {"axis": {}, "rotor": rotor_parameters(machine)}
-    if left := list(left_out(machine)):
-        data["description"] += f" (without {', '.join(left)})"
     return data | {"axis": axis_parameters(machine), "expert": expert_numbers(machine)}
 
 

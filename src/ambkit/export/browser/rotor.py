@@ -89,7 +89,7 @@ def rotor_parameters(machine: Machine) -> dict[str, Any]:
             {"name": b.name, "place": b.place, "angle": b.angle, "type": b.type}
             for b in machine.bearings
         ],
-        "filter": _filter_of(machine, kf, loop["position"]),
+        "filter": _filter_of(machine, kf),
         "discs": [place for place, _, _ in machine.unbalances()],
         **_shape(machine),
     }  # fmt: skip
@@ -126,11 +126,12 @@ def _shape(machine: Machine) -> dict[str, Any]:
     return {"stations": stations.tolist(), "shape": across, "modes": modes}
 
 
-def _filter_of(machine: Machine, kf: Estimator, along_axes: Any) -> dict[str, Any]:
+def _filter_of(machine: Machine, kf: Estimator) -> dict[str, Any]:
     """Return what the page makes filters of, whatever the speed."""
     rebuild = Rebuild.of(machine)
     constant, by_reading = kf.view.start_form(kf.states, kf.levitation_current)
-    displayed, view = np.reshape(along_axes, (len(machine.axes), -1)), kf.view.seen_by
+    view, axes = kf.view.seen_by, kf.view.H
+    displayed = np.hstack([axes @ one[:, None] for one in kf.view.shown.T])
     bent = kf.view.bent(kf.states)
     return {
         "names": list(rebuild.names), "values": rebuild.values.tolist(),
