@@ -87,7 +87,7 @@ class View:
         return np.array([r.sensor.quantisation or 0.0 for r in self.machine.readings])
 
     @cached_property
-    def shown(self) -> Array:
+    def displayed(self) -> Array:
         """Coordinates (q, m) that explain readings best of a rotor that does not bend."""
         result = np.zeros((self.C.shape[1], len(self.gains)))
         result[: self.rigid] = np.linalg.pinv(self.gains[:, None] * self.C[:, : self.rigid])
@@ -325,8 +325,8 @@ class View:
         zero, one = np.zeros(self.H.shape[1]), np.eye(len(self.gains))
         constant = self.equilibrium_state(states, levitation_current, zero).ravel()
         columns = [
-            self.equilibrium_state(states, levitation_current, self.shown @ y, y).ravel() - constant
-            for y in one
+            self.equilibrium_state(states, levitation_current, q, y).ravel() - constant
+            for y, q in zip(one, self.displayed.T, strict=True)
         ]
         return constant, np.column_stack(columns)
 

@@ -131,7 +131,7 @@ def _filter_of(machine: Machine, kf: Estimator) -> dict[str, Any]:
     rebuild = Rebuild.of(machine)
     constant, by_reading = kf.view.start_form(kf.states, kf.levitation_current)
     view, axes = kf.view.seen_by, kf.view.H
-    displayed = np.hstack([axes @ one[:, None] for one in kf.view.shown.T])
+    displayed = np.hstack([axes @ one[:, None] for one in kf.view.displayed.T])
     bent = kf.view.bent(kf.states)
     return {
         "names": list(rebuild.names), "values": rebuild.values.tolist(),

@@ -131,7 +131,7 @@ def _cost(estimator: Any, trial: Trial) -> float:
 def raw_error(machine: Machine, records: Sequence[Record], first: int) -> float:
     """Return what the raw sensors err by along the axes from a sample on, rms [m]."""
     view, errors = View(machine), []
-    transform = view.H @ view.shown
+    transform = view.H @ view.displayed
     for record in records:
         y = np.array([record[signal("y", r.name)] for r in view.machine.readings])
         x = np.array([record[displacement(axis.name)] for axis in view.machine.axes])

@@ -108,7 +108,7 @@ class Flight:
     @property
     def at(self) -> int:
         """Which axis the reading shows most of: faults that are none of a sensor are of it."""
-        return int(np.argmax(np.abs(self.view.H @ self.view.shown)[:, self.reading]))
+        return int(np.argmax(np.abs(self.view.H @ self.view.displayed)[:, self.reading]))
 
     @property
     def axis(self) -> Machine:

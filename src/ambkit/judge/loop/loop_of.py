@@ -96,7 +96,7 @@ class LoopOf:
         self.axes = tuple(axis.name or "x" for axis in self.machine.axes)
         self.point = point or OperatingPoint.of_machine(self.machine, load, x)
         view = View(self.machine)
-        self.shown = view.H @ view.shown
+        self.shown = view.H @ view.displayed
         self.added = np.asarray(np.linalg.pinv(self.shown), float)
         self.plant = plant(self.machine, self.point)
         self.top = end_of_range(self.machine.sampling_time, self.machine.speed)
