@@ -32,6 +32,11 @@ def test_wrong_structures_are_named_and_a_right_one_is_not():
         if not case.wrong:
             assert structure.suspect == ""
             assert verdict == "no departure"
+            gap = record["u"].copy()
+            gap[50] = np.nan
+            found = SimpleNamespace(start=None, model=None, parameters=[], settling=0.0)
+            [row] = examine(found, [ambkit.Record(record.t, {"y": record["y"], "u": gap})]).rows()
+            assert row.value == "not tested: gaps in u"
             continue
         assert set(structure.suspect.split(", ")) & NAMES.get(case.wrong, {case.wrong}), case
         assert verdict == structure.suspect

@@ -81,12 +81,14 @@ class Structure:
 
     departures: Sequence[Departure] = field(default=())
     remarks: Sequence[str] = field(default=())  #: Implausible values, in sentences.
+    tested: bool = False  #: False where all records have gaps in the control signal.
 
     @property
     def suspect(self) -> str:
         """Names of what is wrong; empty where nothing is."""
         names = [item.kind.name for item in self.departures if not item.kind.innocent]
-        return ", ".join([*names, *(["implausible offsets"] if self.remarks else [])])
+        names += ["implausible offsets"] if self.remarks else []
+        return ", ".join(dict.fromkeys(names))
 
     @property
     def notes(self) -> list[str]:
@@ -95,7 +97,8 @@ class Structure:
 
     def rows(self) -> list[Row]:
         """Return the verdict and the figures behind it as rows."""
-        rows = [Row("verdict", "verdict", self.suspect or "no departure", of="structure")]
+        verdict = self.suspect or ("no departure" if self.tested else "not tested: gaps in u")
+        rows = [Row("verdict", "verdict", verdict, of="structure")]
         for item in self.departures:
             rows += put(item.rows(), of=item.kind.name)
         return put(rows, section=("structure",))
@@ -131,7 +134,7 @@ def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
         lags = []
     else:
         lags = [*_wrong_lag(data, start, model, parameters)]
-    return Structure(lags + _select(_tests(model, records, settling), model), remarks)
+    return Structure(lags + _select(_tests(model, records, settling), model), remarks, True)
 
 
 def _implausible(model: LoopModel) -> Iterator[str]:
