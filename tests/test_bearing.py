@@ -185,6 +185,7 @@ def test_the_magnet_constant_follows_from_the_coil(zittau):
     assert bearing.magnet.magnet_constant == magnet_constant(200, 400e-6)
     assert bearing.magnet.magnet_constant == MU_0 * 400e-6 * 200**2 / 4
     assert "magnet_constant" not in bearing.to_toml()
+    assert "drawing" not in bearing.to_toml()
     assert Machine.from_toml(bearing.to_toml()) == bearing
     assert bearing.replace(magnet__turns=400).magnet.magnet_constant == magnet_constant(400, 400e-6)
     assert Magnet(

@@ -159,7 +159,7 @@ class Magnet(LawKeys):
 
     @model_serializer(mode="wrap")
     def _without_derived(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
+        data = self._written(handler)
         if self.turns is not None:
             del data["magnet_constant"]
         return data
