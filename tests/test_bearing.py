@@ -489,7 +489,7 @@ def test_a_bearing_without_parts_is_written_without_them(zittau):
         (
             [('damping = "0.3 s/m"', 'restitution = "0.8"')],
             "restitution",
-            "stop.restitution: unknown key, known here: stiffness, damping",
+            "stop.restitution: unknown key, known here: stiffness, damping, friction, radius",
         ),
         (
             [('variance = "1 µm^2"\n', "")],
