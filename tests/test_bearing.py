@@ -487,9 +487,9 @@ def test_a_bearing_without_parts_is_written_without_them(zittau):
             ' "1e8 N/m^1.5"',
         ),
         (
-            [('damping = "0.3 s/m"', 'restitution = "0.8"')],
-            "restitution",
-            "stop.restitution: unknown key, known here: stiffness, damping, friction, radius",
+            [('damping = "0.3 s/m"', 'bounce = "0.8"')],
+            "bounce",
+            "stop.bounce: unknown key, known here: stiffness, damping, friction, radius",
         ),
         (
             [('variance = "1 µm^2"\n', "")],
