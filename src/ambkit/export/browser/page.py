@@ -81,10 +81,7 @@ class Workbench:
 
     @cached_property
     def widget(self) -> Any:
-        """As a widget of a notebook, whose ``settings`` say what is set and can be set.
-
-        Needs ``pip install ambkit[notebook]``.
-        """
+        """The page as a widget of a notebook, its settings in both directions; needs anywidget."""
         if not has_widgets():
             raise AmbkitError("the widget needs anywidget: pip install 'ambkit[notebook]'")
         return widget_of(self.text)
