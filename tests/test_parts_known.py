@@ -171,7 +171,9 @@ def test_smoothing_is_that_of_the_textbook(complete, kind):
     std = np.sqrt(np.einsum("kii->ki", cov))
     assert np.max(np.abs(smoothed.mean / unit - mean) / std) < 1e-3
     for place, state in enumerate(kalman.states):
-        np.testing.assert_allclose(smoothed.std(state.name) / unit[place], std[:, place], rtol=1e-3)
+        law = (kalman.law_variance or np.zeros(n))[place] / unit[place] ** 2
+        stated = np.sqrt(std[:, place] ** 2 + law)
+        np.testing.assert_allclose(smoothed.std(state.name) / unit[place], stated, rtol=1e-3)
     for signal in ("x", "f_d"):
         errors = [criteria.rms((e[signal] - record[signal])[200:]) for e in (smoothed, filtered)]
         assert errors[0] < errors[1]

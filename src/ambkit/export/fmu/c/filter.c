@@ -79,6 +79,8 @@ void amb_filter_show_std(const amb_data_state *state, double *std)
   const amb_kalman_state *base = (const amb_kalman_state *)state;
   amb_real variances[AMB_STATES];
   amb_model_variances(&amb_data_model, base->cov, variances);
-  for (int i = 0; i < AMB_STATES; i++)
-    std[i] = (variances[i] > AMB_C(0.0)) ? amb_root(variances[i]) : AMB_C(0.0);
+  for (int i = 0; i < AMB_STATES; i++) {
+    const amb_real variance = variances[i] + amb_data_law_variance[i];
+    std[i] = (variance > AMB_C(0.0)) ? amb_root(variance) : AMB_C(0.0);
+  }
 }
