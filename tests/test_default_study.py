@@ -14,7 +14,7 @@ BEARING = Machine.preset("zittau_axial")
 
 
 def test_the_default_is_consistent_and_a_linear_filter_nearly():
-    """The linear filter states the error of its law, six times the error that its covariance has."""
+    """The linear filter states the error of its law, six times that of its covariance."""
     score = score_defaults(drawn(3), (DEFAULT, "linear", "observer"), seed=3)
     assert CONSISTENT[0] <= score.nees[DEFAULT] <= CONSISTENT[1]
     assert score.nees["linear"] > 0.85
