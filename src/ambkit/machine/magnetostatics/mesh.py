@@ -23,6 +23,7 @@ IN_GAP, AT_CORNER = 1.5, 0.1  #: Edges in the gap, and at corners beside it, in 
 LARGEST = 0.08  #: Longest edge, in parts of the whole section.
 SAMPLES = 400  #: Points along the section at which the width of the gap is measured.
 ROUNDS = 80
+MOST = 100_000  #: Corners; drawings have a thousand to some ten thousand.
 FLAT = 1.3  #: Circumradius by shortest edge above which a triangle is too flat (about 22 degrees).
 
 
@@ -173,6 +174,11 @@ def _refined(
         at = np.flatnonzero(split)
         number = len(points) + np.arange(len(at))
         points = np.append(points, middle[at])
+        if len(points) > MOST:
+            raise AmbkitError(
+                f"the outlines cannot be meshed: more than {MOST} corners, as its thinnest gap is "
+                "too thin for a section as large"
+            )
         halves = [np.column_stack([edges[at, 0], number]), np.column_stack([number, edges[at, 1]])]
         edges = np.concatenate([edges[~split], *halves])
     raise AmbkitError(f"the outlines cannot be meshed: still not fine enough after {ROUNDS} rounds")
