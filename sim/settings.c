@@ -1,5 +1,7 @@
 #include "settings.h"
-#include <math.h>
+
+/* By itself, as C99 (7.1.4) allows; math.h brings extensions of compilers along. */
+double sqrt(double a);
 
 static double larger_of(double a, double b)
 {

@@ -333,7 +333,7 @@ def test_the_command_writes_it(call, tmp_path):
     ("words", "said"),
     [
         (
-            ["tum_mlps", "--calibration", "--filter", "augmented"],
+            ["tum_mlps", "--add", "calibration", "--filter", "augmented"],
             "more than noise, gate, mass and k",
         ),
         (["zittau_axial", "--filter", "linear+unbalance"], "is of a rotor that turns"),

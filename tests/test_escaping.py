@@ -141,6 +141,7 @@ def export_controllers(out, text):
     machine = Machine.preset("hindawi_2011").model_copy(update=update)
     export_c(machine, None, out / "machine", prefix="flt", scenario=Scenario(duration=0.05))
     export_c(machine, None, out / "editable", prefix="flt", editable=True)
+    export_c(axis, None, out / "faults", prefix="flt", kind="extended", faults=True)
 
 
 def wave(text):

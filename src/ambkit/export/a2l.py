@@ -60,7 +60,7 @@ def export_a2l(
     described = Path(folder) / "calibration.json"
     if not described.is_file():
         raise AmbkitError(
-            f"{folder}: is no export with --calibration; {described.name} is not there"
+            f"{folder}: is no export with --add calibration; {described.name} is not there"
         )
     export: dict[str, Any] = json.loads(files.read_text(described))
     if export.get("must_not_fly") and not force:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 from ambkit.base.errors import AmbkitError
@@ -22,9 +23,7 @@ def export_c(
     prefix: str | None = None,
     table_error: TableError | None = None,
     editable: bool = False,
-    calibration: bool = False,
-    telemetry: bool = False,
-    faults: bool = False,
+    add: Sequence[Literal["calibration", "telemetry", "faults"]] = (),
     force: bool = False,
 ) -> CExport:
     """Export a filter, or a controller with its filter, as C99.
@@ -50,12 +49,10 @@ def export_c(
         Replace the expert's rules by a table with at most this force error [N]; auto chooses it.
     editable : bool, optional
         Let physical parameters be changed: derived numbers are computed on the controller.
-    calibration : bool, optional
-        Make noise, gate, mass, k and controller gains adjustable at run time.
-    telemetry : bool, optional
-        Add a ring buffer with states, innovations and status of each sample.
-    faults : bool, optional
-        Add fault isolation: the controller names its fault, as `ambkit diagnose` does.
+    add : sequence of {"calibration", "telemetry", "faults"}, optional
+        Calibration: noise, gate, mass, k and controller gains can be changed at run time.
+        Telemetry: a ring buffer with states, innovations and status of each sample. Faults: the
+        controller names its fault, as `ambkit diagnose` does.
     force : bool, optional
         Export even an inadequate filter.
 
@@ -83,8 +80,9 @@ def export_c(
     plant, estimator = filter_to_export(machine, filter, precision, table_error)
     return c.export_c(
         plant, estimator, out, prefix=prefix, editable=editable,
-        scenario=scenario_argument(controller), calibrated=calibration, telemetry=telemetry,
-        distinction=distinguished(plant, estimator) if faults else None, force=force,
+        scenario=scenario_argument(controller), calibrated="calibration" in add,
+        telemetry="telemetry" in add,
+        distinction=distinguished(plant, estimator) if "faults" in add else None, force=force,
     )  # fmt: skip
 
 

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from ambkit.base.arrays import Array
 from ambkit.base.progress import progress
@@ -138,6 +137,7 @@ def fitted_corner(
     frequencies: Array, stiffness: NDArray[np.complex128], order: float = 0.5
 ) -> float:
     """Return the corner [Hz] whose lag is nearest to a dynamic stiffness."""
+    from scipy.optimize import minimize_scalar  # not at a simulation's start
 
     def off(log_corner: float) -> float:
         ratio = stiffness / lag(frequencies, float(np.exp(log_corner)), order)
