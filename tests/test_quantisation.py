@@ -278,7 +278,7 @@ def test_what_a_constant_gain_says_of_its_errors_holds(kind, ratio):
         )
         estimate = kalman.run(run.record, covariance=True)
         shares.append(criteria.nees(estimate, run.record, 300, kalman.view))
-    assert 0.93 <= np.mean(shares) <= 0.97
+    assert 0.93 <= np.mean(shares) <= 0.985  # the error of a linear law is stated too
 
 
 IMPROBABLE = 1e-13
