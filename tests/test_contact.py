@@ -193,7 +193,8 @@ def test_a_free_rotor_s_filter_is_the_extended_one_to_the_bit(precision):
 )  # fmt: skip
 def test_on_touchdowns_it_is_as_good_as_it_says_and_better_than_its_sensor(name, runs, share):
     result = judge(MACHINES[name](), range(runs))
-    assert np.mean(result.contact) > 0.2
+    brief = name in ("1 um, 3e9", "3 um, 1e9, 20 kHz")  # a quarter of the time in contact
+    assert np.mean(result.contact) > (0.25 if brief else 0.3)
     assert (np.array(result.errors["contact"]) < result.errors["raw"]).all()
     assert result.rms("contact") < 0.65 * min(result.rms("raw"), result.rms("constant-velocity"))
     assert name.startswith("tum") or result.rms("extended") > result.rms("raw")
