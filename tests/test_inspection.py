@@ -56,6 +56,14 @@ def test_each_kind_is_recognised_by_what_it_holds(bearing, tmp_path):
         assert found.about.startswith(about)
 
 
+def test_a_preset_is_checked_by_its_name():
+    item = inspect("tum_mlps")
+    assert item.kind == "machine"
+    assert item.ok
+    assert item.path.name == "tum_mlps.toml"
+    assert "did you mean tum_mlps?" in inspect("tum_mlp").problems[0]
+
+
 def test_a_log_needs_its_map():
     folder = recordings.folder()
     rest = inspect(folder / "rest.csv")

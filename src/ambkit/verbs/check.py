@@ -22,7 +22,8 @@ def check(
     Parameters
     ----------
     files : str, path or sequence of them
-        Machines, scenarios, studies, channel maps, filters, experts, records, force maps.
+        Machines, scenarios, studies, channel maps, filters, experts, records, force maps; or names
+        of presets.
     machine : Machine, str or path, optional
         Compare records with this machine (rate, range, noise, signs), and judge filters on it.
     channels : str or path, optional

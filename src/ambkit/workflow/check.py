@@ -21,6 +21,7 @@ from ambkit.data.files.tables import ENDINGS, read_log, read_table
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.machine import presets
 from ambkit.machine.forces.force_points import COLUMNS, NAMES, ForceChannels, load_force_points
+from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine
 from ambkit.machine.short_form import TABLES
 from ambkit.models.plant_parts import in_words
@@ -160,8 +161,8 @@ def inspect(
     channel_map: str | os.PathLike[str] | None = None,
     machine: Machine | None = None,
 ) -> Finding:
-    """Find out what a file is by what it holds, and check it."""
-    path = Path(path)
+    """Find out what a file is by what it holds, and check it; a preset is its file."""
+    path = presets.path(str(path)) if str(path) in presets.names() else Path(path)
     kind = "file"
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
@@ -192,6 +193,8 @@ def _recognise(
 
 
 def _unknown(path: Path) -> Finding:
+    if not path.exists():
+        load_machine(path)  # raises, with the presets that there are
     known = f".toml, .json, {', '.join(ENDINGS[:-1])} and {ENDINGS[-1]}"
     raise AmbkitError(f"{path}: unknown kind of file; known: {known}")
 

@@ -2,10 +2,11 @@
 
 import difflib
 from importlib import resources
+from pathlib import Path
 
 from ambkit.base.errors import AmbkitError
 
-_FOLDER = resources.files(__name__)
+_FOLDER = Path(str(resources.files(__name__)))
 
 
 def names() -> tuple[str, ...]:
@@ -16,6 +17,11 @@ def names() -> tuple[str, ...]:
 
 def text(name: str) -> str:
     """Return the TOML of a preset as it stands in its file, with comments."""
+    return path(name).read_text(encoding="utf-8")
+
+
+def path(name: str) -> Path:
+    """Return the file of a preset."""
     known = names()
     if not isinstance(name, str):
         raise AmbkitError(f"a preset has a name, such as {known[-1]}; is {name!r:.60}")
@@ -23,4 +29,4 @@ def text(name: str) -> str:
         near = difflib.get_close_matches(name, known, 1)
         hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"
         raise AmbkitError(f'there is no preset "{name}"; {hint}')
-    return _FOLDER.joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    return _FOLDER / f"{name}.toml"
