@@ -130,32 +130,32 @@ void Law::set(const nb::dict &given, amb_real T, size_t p, size_t seen)
   law.gain[2] = kept.or_none(given, "fed_back_by_square", p * seen);
   law.iu_min = kept.numbers(given, "iu_min", p);
   law.iu_max = kept.numbers(given, "iu_max", p);
-  if (!given["let_turn_motion"].is_none())
-    set_let_turn(given, p, seen);
+  if (!given["unbalance_control_motion"].is_none())
+    set_unbalance_control(given, p, seen);
   set_schedule(given, q);
 }
 
-void Law::set_let_turn(const nb::dict &fields, size_t p, size_t seen)
+void Law::set_unbalance_control(const nb::dict &fields, size_t p, size_t seen)
 {
   const auto at = [&](const char *name) { return nb::cast<size_t>(fields[name]); };
-  const size_t nodes = at("let_turn_nodes"), from = at("let_turn_from");
-  const size_t width = at("let_turn_width"), moved = at("let_turn_moved");
-  const auto step = nb::cast<amb_real>(fields["let_turn_step"]);
-  if (nodes < 2 || seen > AMB_LET_TURN_STATES || from + width > seen || moved > seen ||
-      width > AMB_LET_TURN_WIDTH || p > AMB_LET_TURN_AXES || width % 2 != 0 || moved % 2 != 0 ||
+  const size_t nodes = at("unbalance_control_nodes"), from = at("unbalance_control_from");
+  const size_t width = at("unbalance_control_width"), moved = at("unbalance_control_moved");
+  const auto step = nb::cast<amb_real>(fields["unbalance_control_step"]);
+  if (nodes < 2 || seen > AMB_UNBALANCE_STATES || from + width > seen || moved > seen ||
+      width > AMB_UNBALANCE_WIDTH || p > AMB_UNBALANCE_AXES || width % 2 != 0 || moved % 2 != 0 ||
       (!(step > 0) && !(step < 0)))
     throw std::invalid_argument("a motion that is left to the rotor: there are not these states");
-  let_turn = {static_cast<int>(nodes),
-              static_cast<int>(from),
-              static_cast<int>(width),
-              static_cast<int>(moved),
-              nb::cast<amb_real>(fields["let_turn_first"]),
-              step,
-              kept.numbers(fields, "let_turn_motion", nodes * moved * width),
-              kept.numbers(fields, "let_turn_current", nodes * p * width),
-              kept.numbers(fields, "let_turn_reach", p * moved / 2),
-              kept.numbers(fields, "let_turn_ampere", p)};
-  law.let_turn = &let_turn;
+  unbalance_control = {static_cast<int>(nodes),
+                       static_cast<int>(from),
+                       static_cast<int>(width),
+                       static_cast<int>(moved),
+                       nb::cast<amb_real>(fields["unbalance_control_first"]),
+                       step,
+                       kept.numbers(fields, "unbalance_control_motion", nodes * moved * width),
+                       kept.numbers(fields, "unbalance_control_current", nodes * p * width),
+                       kept.numbers(fields, "unbalance_control_reach", p * moved / 2),
+                       kept.numbers(fields, "unbalance_control_ampere", p)};
+  law.unbalance_control = &unbalance_control;
 }
 
 void Law::set_schedule(const nb::dict &fields, size_t q)

@@ -21,10 +21,10 @@ public:
   amb_controllers law{};
 
 private:
-  void set_let_turn(const nb::dict &fields, size_t p, size_t seen);
+  void set_unbalance_control(const nb::dict &fields, size_t p, size_t seen);
   void set_schedule(const nb::dict &fields, size_t q);
   std::vector<amb_pid> pid;
-  amb_let_turn let_turn{};
+  amb_unbalance_control unbalance_control{};
   amb_gain_schedule schedule{};
   Kept kept;
 };

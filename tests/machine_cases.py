@@ -143,7 +143,7 @@ def uncontrolled(one: Machine) -> dict[str, Any]:
         "spread": np.eye(p).ravel().tolist(), "iu_min": [-9.0] * p, "iu_max": [9.0] * p,
         **dict.fromkeys(
             ("velocity", "fed_back", "fed_back_by_speed", "fed_back_by_square",
-             "let_turn_motion", "schedule_speed")
+             "unbalance_control_motion", "schedule_speed")
         ),
     }  # fmt: skip
 

@@ -24,14 +24,14 @@ from ambkit.simulation.waveforms import Constant, Ramp, Sum
 
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
 UNBALANCE = {"synchronous": ("unbalance",)}
-LET_TURN = Control(unbalance="force-free", unbalance_from=200.0)
+FORCE_FREE = Control(unbalance="force-free", unbalance_from=200.0)
 FLIGHTS = {
     "readings": (Scenario(), {}),
     "cross feedback": (Scenario(feedback="estimate", control=CROSSED), {}),
     "force-free": (
         Scenario(feedback="estimate", control=Control(unbalance="force-free")), UNBALANCE,
     ),
-    "force-free, from a speed": (Scenario(feedback="estimate", control=LET_TURN), UNBALANCE),
+    "force-free, from a speed": (Scenario(feedback="estimate", control=FORCE_FREE), UNBALANCE),
     "lqg, still": (
         Scenario(feedback="estimate", control=Control(type="lqg", unbalance="compensation")),
         UNBALANCE,
@@ -75,7 +75,7 @@ def test_those_of_presets(name, kind, tmp_path):
 
 @compiled
 @pytest.mark.long
-def test_a_rotor_that_bends_is_let_turn_as_in_the_simulation(tmp_path):
+def test_a_rotor_that_bends_is_force_free_as_in_the_simulation(tmp_path):
     one = Machine.preset("ufu_flexible").replace(speed="9000 rpm")
     flight = Scenario(feedback="estimate", control=Control(unbalance="force-free"))
     export_c(one, None, tmp_path / "c", prefix="f", scenario=flight, **UNBALANCE)

@@ -90,7 +90,7 @@ BENDING = [("ufu_flexible", "decentralised"), ("ufu_flexible", "lqg"),
 @pytest.mark.parametrize(("name", "kind"), quick(
     [*product(MACHINES, TYPES), *BENDING], [*zip(MACHINES, TYPES, strict=True), BENDING[0]]
 ))  # fmt: skip
-def test_unbalance_is_let_turn_or_kept_still(name, kind):
+def test_unbalance_is_force_free_or_compensated(name, kind):
     """By the force of a magnet and by the orbit."""
     rpm, small, still = LEFT.get(name, (12_000, 0.06, 0.5))
     machine = Machine.preset(name).replace(speed=f"{rpm} rpm")
@@ -108,7 +108,7 @@ def test_unbalance_is_let_turn_or_kept_still(name, kind):
     assert orbit["compensation"] < still * orbit["off"]
 
 
-def test_through_the_bending_mode_it_is_fought_and_let_turn_beyond():
+def test_through_the_bending_mode_unbalance_control_is_off_and_beyond_force_free():
     machine = Machine.preset("ufu_flexible").replace(speed="9000 rpm")
     speed = Ramp(slope=machine.speed / 1.2, end=1.2)
     runs = {}
@@ -223,7 +223,7 @@ def test_near_its_bending_nothing_is_left_to_the_rotor_however_small_its_unbalan
         speed="9000 rpm", unbalance=[{"place": one.unbalance[0].place, "amount": size}]
     )
     filter = KalmanFilter(machine, synchronous=["unbalance"])
-    turn = controllers_of(Plant(machine), Control(unbalance=unbalance), filter).let_turn
+    turn = controllers_of(Plant(machine), Control(unbalance=unbalance), filter).unbalance_control
     rpm = np.linspace(500.0, 9000.0, 2000)
     share = np.array([turn.share_at(each * np.pi / 30) for each in rpm])
     assert not share[np.abs(rpm - peak) < 0.03 * peak].any()
@@ -238,7 +238,7 @@ def test_near_its_bending_nothing_is_left_to_the_rotor_however_small_its_unbalan
 def test_the_limit_of_a_large_unbalance_is_that_of_the_core(unbalance):
     machine = Machine.preset("ufu_flexible").replace(speed="9000 rpm")
     filter = KalmanFilter(machine, synchronous=["unbalance"])
-    turn = controllers_of(Plant(machine), Control(unbalance=unbalance), filter).let_turn
+    turn = controllers_of(Plant(machine), Control(unbalance=unbalance), filter).unbalance_control
     one = np.array([1e-6, 2e-6, -1e-6, 0.5e-6])[: turn.motion.shape[2]]
     sizes = np.geomspace(1.0, 1e4, 4000)
     share = np.array([turn.limited(machine.speed, size * one) for size in sizes])
@@ -248,7 +248,7 @@ def test_the_limit_of_a_large_unbalance_is_that_of_the_core(unbalance):
     assert np.abs(np.diff(share)).max() < 0.02
 
 
-def test_there_must_be_speeds_at_which_it_is_let_turn():
+def test_there_must_be_speeds_at_which_it_is_force_free():
     one = Machine.preset("ufu_flexible")
     filter = KalmanFilter(one, synchronous=["unbalance"])
     with pytest.raises(AmbkitError, match="is not below the greatest speed"):

@@ -91,7 +91,7 @@ def has(name, data):
     return unseen.Has(
         len(kalman.states), "model_B_u_column" in data and bool(kalman.engine.model.B_u.any()),
         bool(np.any(known["rise"])), controlled=True, fed=flight.feedback == "estimate",
-        gains=gains, let_turn=freed,
+        gains=gains, unbalance_control=freed,
         isolated=flight.controller.type == "decentralised" and not gains and not freed,
         tracking=".T_t = 0.0F" not in data, rounded=bool(np.any(known["step"])),
     )  # fmt: skip

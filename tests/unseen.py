@@ -42,7 +42,7 @@ class Has(NamedTuple):
     controlled: bool = False
     fed: bool = False  # controllers see the estimate
     gains: bool = False  # states are fed back besides the PIDs
-    let_turn: bool = False
+    unbalance_control: bool = False
     schedule: bool = False  # gains of the PIDs follow the speed
     isolated: bool = False  # each axis has a PID of its own, and nothing else acts on it
     tracking: bool = False  # integrals follow what is left of a demand
@@ -116,10 +116,10 @@ each PID has held its axis to its limits:
 no gains follow the speed:
     controllers.c@scheduled
 """),
-    (lambda has: not has.let_turn, """
+    (lambda has: not has.unbalance_control, """
 no motion is left to the rotor:
     controllers.c@find,turned,taken,leave
-    controllers.c@amb_controllers_step  i < c->let_turn->moved  left.motion[  left.current[
+    controllers.c@amb_controllers_step  i < c->unbalance_control->moved  left.motion[  left.current[
 """),
     (lambda has: not has.rounded, """
 no sensor's readings come in steps:

@@ -16,7 +16,7 @@ typedef struct amb_between {
 } amb_between;
 
 /* Whether it is past the first node. */
-static bool find(const amb_let_turn *turn, amb_real speed, amb_between *where)
+static bool find(const amb_unbalance_control *turn, amb_real speed, amb_between *where)
 {
   const int last = turn->nodes - 1;
   const amb_real at = amb_clamp((speed - turn->first) / turn->step, AMB_C(0.0), (amb_real)last);
@@ -27,8 +27,8 @@ static bool find(const amb_let_turn *turn, amb_real speed, amb_between *where)
 }
 
 /* A row of a table of so many rows at a speed, times the unbalance u. */
-static amb_real turned(const amb_let_turn *turn, const amb_between *where, const amb_real table[],
-                       int row, int rows, const amb_real u[])
+static amb_real turned(const amb_unbalance_control *turn, const amb_between *where,
+                       const amb_real table[], int row, int rows, const amb_real u[])
 {
   const amb_real *one = &table[((where->node * rows) + row) * turn->width];
   const amb_real *next = &one[rows * turn->width];
@@ -41,8 +41,8 @@ static amb_real turned(const amb_let_turn *turn, const amb_between *where, const
 
 /* What is left to the rotor: the first states' share in its motion, and the currents. */
 typedef struct amb_left {
-  amb_real motion[AMB_LET_TURN_STATES];
-  amb_real current[AMB_LET_TURN_AXES];
+  amb_real motion[AMB_UNBALANCE_STATES];
+  amb_real current[AMB_UNBALANCE_AXES];
 } amb_left;
 
 /* The square of the greatest share of a travel or of a current that it takes in a turn: of the
@@ -51,9 +51,9 @@ typedef struct amb_left {
 static amb_real taken(const amb_controllers *c, const amb_between *where, const amb_real u[],
                       amb_real speed, const amb_left *left)
 {
-  const amb_let_turn *turn = c->let_turn;
+  const amb_unbalance_control *turn = c->unbalance_control;
   const int half = turn->moved / 2;
-  amb_real across[AMB_LET_TURN_WIDTH];
+  amb_real across[AMB_UNBALANCE_WIDTH];
   amb_real most = AMB_C(0.0);
   for (int j = 0; (j + 1) < turn->width; j += 2) {
     across[j] = -u[j + 1];
@@ -77,7 +77,7 @@ static amb_real taken(const amb_controllers *c, const amb_between *where, const 
 static void leave(const amb_controllers *c, const amb_between *where, amb_real speed,
                   const amb_real x[], amb_left *left)
 {
-  const amb_let_turn *turn = c->let_turn;
+  const amb_unbalance_control *turn = c->unbalance_control;
   const amb_real *u = &x[turn->from];
   for (int i = 0; i < turn->moved; i++) {
     left->motion[i] = turned(turn, where, turn->motion, i, turn->moved, u);
@@ -85,8 +85,8 @@ static void leave(const amb_controllers *c, const amb_between *where, amb_real s
   for (int f = 0; f < c->axes; f++) {
     left->current[f] = turned(turn, where, turn->current, f, c->axes, u);
   }
-  const amb_real upper = AMB_LET_TURN_NONE * AMB_LET_TURN_NONE;
-  const amb_real lower = AMB_LET_TURN_FULL * AMB_LET_TURN_FULL;
+  const amb_real upper = AMB_UNBALANCE_NONE * AMB_UNBALANCE_NONE;
+  const amb_real lower = AMB_UNBALANCE_FULL * AMB_UNBALANCE_FULL;
   const amb_real most = taken(c, where, u, speed, left);
   const amb_real share = amb_clamp((upper - most) / (upper - lower), AMB_C(0.0), AMB_C(1.0));
   for (int i = 0; i < turn->moved; i++) {
@@ -142,14 +142,14 @@ amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], c
   amb_status status = AMB_OK;
   const int n = c->states;
   const amb_real *x = state;
-  amb_real others[AMB_LET_TURN_STATES];
+  amb_real others[AMB_UNBALANCE_STATES];
   amb_left left;
   amb_between where;
-  const bool turning = (c->let_turn != NULL) && find(c->let_turn, speed, &where);
+  const bool turning = (c->unbalance_control != NULL) && find(c->unbalance_control, speed, &where);
   if (turning) {
     leave(c, &where, speed, state, &left);
     amb_copy(c->states, state, others);
-    for (int i = 0; i < c->let_turn->moved; i++) {
+    for (int i = 0; i < c->unbalance_control->moved; i++) {
       others[i] -= left.motion[i];
     }
     x = others;

@@ -75,22 +75,22 @@ static const amb_real motion[] = {0, 0, 0, 0, 4, 0, 2, 0}, current[] = {0, 0, 0,
 static const amb_real farther[] = {0, 0, 0, 0, 4, 0, 0, 0}, none[] = {0, 0, 0, 0};
 static const amb_real small[] = {0, 0}, reach[] = {1, 0}, ampere[] = {0, AMB_C(0.25)};
 
-static amb_let_turn left_to_turn(void)
+static amb_unbalance_control left_to_turn(void)
 {
-  return (amb_let_turn){.nodes = 2,
-                        .from = 2,
-                        .width = 2,
-                        .moved = 2,
-                        .first = 10,
-                        .step = 20,
-                        .motion = motion,
-                        .current = current,
-                        .reach = small,
-                        .ampere = small};
+  return (amb_unbalance_control){.nodes = 2,
+                                 .from = 2,
+                                 .width = 2,
+                                 .moved = 2,
+                                 .first = 10,
+                                 .step = 20,
+                                 .motion = motion,
+                                 .current = current,
+                                 .reach = small,
+                                 .ampere = small};
 }
 
 /* The first current with so much unbalance in the third and the fourth state, at 30 rad/s. */
-static amb_real first_current(const amb_let_turn *turn, amb_real ahead, amb_real across)
+static amb_real first_current(const amb_unbalance_control *turn, amb_real ahead, amb_real across)
 {
   const amb_real x[] = {0, 0, ahead, across}, r[] = {0};
   amb_real iu[2];
@@ -98,7 +98,7 @@ static amb_real first_current(const amb_let_turn *turn, amb_real ahead, amb_real
   amb_controllers c = made();
   c.states = 4;
   c.position = none;
-  c.let_turn = turn;
+  c.unbalance_control = turn;
   amb_pid_reset(&s, 0);
   (void)amb_controllers_step(&c, &s, r, x, 30, iu);
   return iu[0];
@@ -106,7 +106,7 @@ static amb_real first_current(const amb_let_turn *turn, amb_real ahead, amb_real
 
 static void test_what_is_left_to_turn(void)
 {
-  const amb_let_turn turn = left_to_turn();
+  const amb_unbalance_control turn = left_to_turn();
   const amb_real x[] = {4, 2, AMB_C(0.5), 0}, r[] = {5};
   const struct {
     amb_real speed, share;
@@ -115,7 +115,7 @@ static void test_what_is_left_to_turn(void)
     amb_real iu[2];
     amb_pid_state s;
     amb_controllers c = made();
-    c.let_turn = &turn;
+    c.unbalance_control = &turn;
     c.gain[0] = still;
     amb_pid_reset(&s, 0);
     CHECK(amb_controllers_step(&c, &s, r, x, at[k].speed, iu) == AMB_OK);
@@ -127,7 +127,7 @@ static void test_what_is_left_to_turn(void)
   amb_real iu[2];
   amb_pid_state s;
   amb_controllers c = made();
-  c.let_turn = &turn;
+  c.unbalance_control = &turn;
   amb_pid_reset(&s, 0);
   (void)amb_controllers_step(&c, &s, r, lost, 30, iu);
   CHECK(amb_is_finite(iu[0]) && amb_is_finite(iu[1]));
@@ -136,7 +136,7 @@ static void test_what_is_left_to_turn(void)
 /* All up to 0.3 of a travel or a current, nothing from 0.5 on, at any angle of the rotor. */
 static void test_less_is_left_of_a_large_unbalance(void)
 {
-  amb_let_turn turn = left_to_turn();
+  amb_unbalance_control turn = left_to_turn();
   const amb_real all = AMB_C(0.3), between = AMB_C(0.41231056256176605), nothing = AMB_C(0.5);
   turn.motion = farther;
   turn.reach = reach; /* 1 kg m moves the first axis by 4 of its travel */

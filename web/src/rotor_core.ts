@@ -59,7 +59,7 @@ export interface Rotor {
   modes: number[]; // bending modes [Hz]
 }
 
-/** The numbers of a rotor in the order of web/core/rotor.c. */
+/** The numbers of a rotor in the order of web/core/rotor_description.c. */
 export function numbers(of: Rotor, fed: boolean, assumed: Assumed, seed: number, noisy: boolean): number[] {
   const rows = (of: Rows) => of.flat(), axes = of.magnets.map((magnet, f) => [...magnet, of.current[f], of.corner[f], ...of.behind[f]]);
   const c = of.controllers[fed ? "estimate" : "measurement"], { filter } = of, p = of.axes, velocity = c.velocity ?? [];

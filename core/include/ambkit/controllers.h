@@ -23,9 +23,9 @@ AMB_EXTERN_C_BEGIN
  * known at speeds `first`, `first` + `step` and so on, linear in between; before the first there is
  * none, past the last it is that of the last. A rotor that turns backwards has a step below 0.
  *
- * Where the estimated unbalance takes more than AMB_LET_TURN_FULL of a travel or of a current, less
- * of the motion is left to the rotor, continuously, and from AMB_LET_TURN_NONE on none. */
-typedef struct amb_let_turn {
+ * Where the estimated unbalance takes more than AMB_UNBALANCE_FULL of a travel or of a current,
+ * less of the motion is left to the rotor, continuously, and from AMB_UNBALANCE_NONE on none. */
+typedef struct amb_unbalance_control {
   int nodes; /* >= 2 */
   int from;
   int width;      /* even: x and y of each plane */
@@ -36,15 +36,15 @@ typedef struct amb_let_turn {
   const amb_real *current; /* nodes x axes x width [A] */
   const amb_real *reach;   /* axes x moved / 2: share of a travel that each position takes */
   const amb_real *ampere;  /* [axes]: share of the greatest current that 1 A takes */
-} amb_let_turn;
+} amb_unbalance_control;
 
-#define AMB_LET_TURN_FULL AMB_C(0.3)
-#define AMB_LET_TURN_NONE AMB_C(0.5)
+#define AMB_UNBALANCE_FULL AMB_C(0.3)
+#define AMB_UNBALANCE_NONE AMB_C(0.5)
 
 /* The most states of which a motion can be left out, states of the unbalance, and axes. */
-#define AMB_LET_TURN_STATES 64
-#define AMB_LET_TURN_WIDTH 16
-#define AMB_LET_TURN_AXES 16
+#define AMB_UNBALANCE_STATES 64
+#define AMB_UNBALANCE_WIDTH 16
+#define AMB_UNBALANCE_AXES 16
 
 /* Gains over the speed of rotation, whichever way it turns: linear between the nodes, constant
  * before the first and past the last. */
@@ -68,8 +68,8 @@ typedef struct amb_controllers {
   const amb_real *gain[3];   /* p x n each, or NULL: [A], [A s], [A s^2] for each unit of a state */
   const amb_real *iu_min;    /* [p]: limits of the currents [A] */
   const amb_real *iu_max;
-  const amb_let_turn *let_turn;      /* or NULL */
-  const amb_gain_schedule *schedule; /* in place of the gains of the PIDs; or NULL */
+  const amb_unbalance_control *unbalance_control; /* or NULL */
+  const amb_gain_schedule *schedule;              /* in place of the gains of the PIDs; or NULL */
 } amb_controllers;
 
 /* One sample: references r of the axes (p) [m], or of the PIDs (q), states or readings x (n), speed

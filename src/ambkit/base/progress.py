@@ -11,7 +11,7 @@ from typing import Any
 
 from ambkit.base import escaping
 
-Told = Callable[..., None]  #: Called after each step, with a text that says what is done next.
+Step = Callable[..., None]  #: Called after each step, with a text that says what is done next.
 
 _LINES_APART = 5.0  # s between two lines
 _REDRAWN = 0.1  # s between two pictures in a notebook; each one is a message to the browser
@@ -20,7 +20,7 @@ _REDRAWN = 0.1  # s between two pictures in a notebook; each one is a message to
 @contextmanager
 def progress(
     what: str, total: int | None = None, *, unit: str = "", begun: int = 0
-) -> Iterator[Told]:
+) -> Iterator[Step]:
     """Show progress: in a notebook below its cell, else on stderr; of a library on terminals."""
     notebook = in_notebook()
     if not notebook and not sys.stderr.isatty():
@@ -89,7 +89,7 @@ def in_notebook() -> bool:
 of_a_command: list[bool] = []  #: Whether the process is a command, once it is known.
 
 
-def _in_lines(what: str, total: int | None, unit: str, begun: int) -> Told:
+def _in_lines(what: str, total: int | None, unit: str, begun: int) -> Step:
     """Return what writes a line to stderr now and then."""
     rate, last, lock = Rate(unit), time.monotonic(), threading.Lock()
 

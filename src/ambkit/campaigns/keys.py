@@ -7,15 +7,13 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
-from ambkit.base.config.document import updated
+from ambkit.base.config.document import Document, updated
 from ambkit.base.config.problems import fields_of, names_of, quantity_of, unknown_key
 from ambkit.base.config.quantities import InOther, Quantity, SignalIn
 from ambkit.base.config.toml_text import flattened
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.drawing import drawing_of
-from ambkit.machine.machine import Machine
 from ambkit.machine.parts import Magnet, magnet_constant
-from ambkit.machine.short_form import TABLES, long_key
 
 OF_RUN = "scenario."  #: How keys of the run begin; all others are the machine's.
 
@@ -34,7 +32,7 @@ class Key(NamedTuple):
         return above and (self.at_least is None or number >= self.at_least)
 
 
-def key_in(model: BaseModel, key: str) -> Key:
+def key_in(model: Document, key: str) -> Key:
     """Return what stands at a key of a description."""
     here: Any = model
     place: SignalIn | None = None
@@ -48,7 +46,7 @@ def key_in(model: BaseModel, key: str) -> Key:
             continue
         fields = fields_of(type(here)) if isinstance(here, BaseModel) else {}
         if step not in fields:
-            known = TABLES[""] if here is model and _is_short(model) else list(fields)
+            known = list(model.tables() if here is model else fields)
             raise AmbkitError(f"there is no key {key} to vary: {unknown_key(step, known)}")
         field = fields[step]
         place = next((mark for mark in field.metadata if isinstance(mark, SignalIn)), place)
@@ -61,7 +59,7 @@ def key_in(model: BaseModel, key: str) -> Key:
     return Key(here, unit, quantity.above, quantity.at_least)
 
 
-def by_places(model: BaseModel, key: str) -> str:
+def by_places(model: Document, key: str) -> str:
     """Return a key that is there with places instead of names: one quantity, one key."""
     here: Any = model
     steps = []
@@ -82,14 +80,9 @@ def _in_drawing(part: Any, step: str) -> bool:
     return step == "drawing" and isinstance(part, Magnet) and part.has_drawing
 
 
-def _steps(model: BaseModel, key: str) -> list[str]:
+def _steps(model: Document, key: str) -> list[str]:
     """Return the steps to a key; of a machine with one axis those of its long form."""
-    return (long_key(key) if _is_short(model) else key).split(".")
-
-
-def _is_short(model: BaseModel) -> bool:
-    """Whether a description is a machine with one axis, whose keys are those of the short form."""
-    return isinstance(model, Machine) and model.single
+    return model._long_key(key).split(".")
 
 
 def _value(part: BaseModel, key: str) -> Any:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ambkit.base.errors import AmbkitError, library
-from ambkit.base.progress import silent
+from ambkit.base.progress import Step, silent
 from ambkit.base.quantity_arguments import of_type
 from ambkit.campaigns.campaign import Campaign
 from ambkit.campaigns.plan import Plan
@@ -125,9 +125,6 @@ def _slurm() -> Any:
         ) from None
 
 
-Told = Callable[..., None]
-
-
 def campaign(
     study: Study,
     folder: str | os.PathLike[str],
@@ -135,7 +132,7 @@ def campaign(
     cluster: str | None = None,
     workers: int | None = None,
     threads: int | None = None,
-    done: Told = silent,
+    done: Step = silent,
 ) -> Campaign:
     """Simulate the machines of a study, or go on where that was interrupted."""
     # The rows follow from the study alone, bit for bit: not from threads, order, cluster or from
@@ -187,7 +184,7 @@ Hands = Callable[[Plan, list[int]], Iterator[tuple[int, Rows]]]
 
 @contextmanager
 def _hands(
-    cluster: str | None, workers: int | None, threads: int | None, tell: Told
+    cluster: str | None, workers: int | None, threads: int | None, tell: Step
 ) -> Iterator[Hands]:
     """Give what computes parts, in no order, and tells of their runs: this process or a cluster."""
     if cluster is None:
@@ -205,7 +202,7 @@ def _hands(
 
 
 def _here(
-    plan: Plan, parts: list[int], *, threads: int | None, tell: Told
+    plan: Plan, parts: list[int], *, threads: int | None, tell: Step
 ) -> Iterator[tuple[int, Rows]]:
     for part in parts:
         first, stop = plan.span(part)

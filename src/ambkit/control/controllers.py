@@ -20,10 +20,10 @@ from ambkit.control.pid import GAINS, PID, GainSchedule, integral_lead, overlaid
 from ambkit.control.regulator import regulator, scheduled
 from ambkit.control.stabilising_controller import holding
 from ambkit.control.synchronous_compensation import (
-    LetTurn,
+    UnbalanceControl,
     check_unbalance,
-    let_turn,
-    let_turn_fields,
+    unbalance_control,
+    unbalance_control_fields,
 )
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine import geometry
@@ -47,7 +47,9 @@ class Controllers:
     lead: Array  #: (q,) What each integral is ahead at a reference of 1 [A/m].
     shown: Array  #: (q, m) Of the readings, what each PID looks at where these feed it.
     feedback: dict[str, Array] = field(default_factory=dict)  #: (q, n), (p, n) By name.
-    let_turn: LetTurn | None = None  #: Synchronous motion that is left to the rotor.
+    unbalance_control: UnbalanceControl | None = (
+        None  #: Synchronous motion that is left to the rotor.
+    )
     schedule: GainSchedule | None = None  #: Of the PIDs' gains, over the speed of rotation.
 
     def pids_at(self, speed: float) -> list[list[float]]:
@@ -65,12 +67,12 @@ class Controllers:
             name: ratio[:, None] * rows if name.startswith(OF_CURRENTS) else rows
             for name, rows in self.feedback.items()
         }
-        turn = self.let_turn
+        turn = self.unbalance_control
         if turn is not None:
             current = ratio[:, None] * turn.current
             turn = replace(turn, current=current, ampere=turn.ampere / ratio)
         spread = ratio[:, None] * self.spread
-        return replace(self, spread=spread, feedback=feedback, let_turn=turn)
+        return replace(self, spread=spread, feedback=feedback, unbalance_control=turn)
 
     def integrals(self, currents: Array, place: Array, states: Array | None) -> Array:
         """Return the integrals (q,) of a rotor that is held."""
@@ -123,8 +125,10 @@ def controllers_of(
     check_unbalance(estimator)
     if not (plant.machine.speed or fastest):
         return result
-    turn = let_turn(plant, estimator, result, control.unbalance, control.unbalance_from, fastest)
-    return replace(result, let_turn=turn)
+    turn = unbalance_control(
+        plant, estimator, result, control.unbalance, control.unbalance_from, fastest
+    )
+    return replace(result, unbalance_control=turn)
 
 
 def pids_of(
@@ -166,7 +170,7 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
     return (
         {"position": controllers.shown.ravel().tolist()}
         | feedback_fields
-        | let_turn_fields(controllers.let_turn)
+        | unbalance_control_fields(controllers.unbalance_control)
         | schedule_fields(controllers.schedule)
         | {
             "feedback_estimate": estimator is not None,

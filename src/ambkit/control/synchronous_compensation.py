@@ -34,12 +34,12 @@ NEIGHBOURHOOD = 0.02  #: Relative error of a critical speed of the model.
 FULL, NONE = 0.3, 0.5
 """Shares of the travel, and of the greatest current: where the estimated unbalance takes more than
 the first, less of its motion is left to the rotor, from the second on none. Zones A and C of
-ISO 14839-2 end there. The core holds them too (``AMB_LET_TURN_FULL``)."""
+ISO 14839-2 end there. The core holds them too (``AMB_UNBALANCE_FULL``)."""
 
 
 @dataclass(frozen=True, eq=False)
-class LetTurn:
-    """What is left to the rotor, as ``amb_let_turn`` has it."""
+class UnbalanceControl:
+    """What is left to the rotor, as ``amb_unbalance_control`` has it."""
 
     first: float  #: The first speed, without compensation, and the steps [rad/s].
     step: float
@@ -74,7 +74,7 @@ class LetTurn:
         squared_share = float(((rows @ unbalance) ** 2 + (rows @ across) ** 2).max())
         return float(np.clip((NONE**2 - squared_share) / (NONE**2 - FULL**2), 0.0, 1.0))
 
-    def for_unbalance_of(self, machine: Machine) -> LetTurn:
+    def for_unbalance_of(self, machine: Machine) -> UnbalanceControl:
         """Return the same, limited as the core limits it for a machine's unbalance."""
         sizes = np.zeros(self.motion.shape[2])
         planes = unbalance_planes(machine)
@@ -115,17 +115,17 @@ class LetTurn:
         return np.asarray(table[node] + (at - node) * (table[node + 1] - table[node]))
 
 
-def let_turn_fields(turn: LetTurn | None) -> dict[str, Any]:
+def unbalance_control_fields(turn: UnbalanceControl | None) -> dict[str, Any]:
     """Return the fields that the core's binding reads."""
     if turn is None:
-        return {"let_turn_motion": None}
-    return {f"let_turn_{key}": value for key, value in turn.counts.items()} | {
-        "let_turn_first": turn.first,
-        "let_turn_step": turn.step,
-        "let_turn_motion": turn.motion.ravel().tolist(),
-        "let_turn_current": turn.current.ravel().tolist(),
-        "let_turn_reach": turn.reach.ravel().tolist(),
-        "let_turn_ampere": turn.ampere.tolist(),
+        return {"unbalance_control_motion": None}
+    return {f"unbalance_control_{key}": value for key, value in turn.counts.items()} | {
+        "unbalance_control_first": turn.first,
+        "unbalance_control_step": turn.step,
+        "unbalance_control_motion": turn.motion.ravel().tolist(),
+        "unbalance_control_current": turn.current.ravel().tolist(),
+        "unbalance_control_reach": turn.reach.ravel().tolist(),
+        "unbalance_control_ampere": turn.ampere.tolist(),
     }
 
 
@@ -138,14 +138,14 @@ def check_unbalance(estimator: Estimator) -> None:
         )
 
 
-def let_turn(
+def unbalance_control(
     plant: Plant,
     estimator: Estimator,
     control: ControlLaw,
     unbalance: Literal["force-free", "compensation"],
     start: float | None = None,
     max_speed: float | None = None,
-) -> LetTurn:
+) -> UnbalanceControl:
     """Return the motion that controllers are to leave to the rotor, over the speeds."""
     # Less of it, and in the end nothing, is left where the orbit would be considerably larger than
     # under plain control: where the magnets' reaction is what damps, as near a critical speed of
@@ -176,7 +176,7 @@ def let_turn(
     room = np.array(
         [min(isolated.current_max, -isolated.current_min) for isolated in plant.isolated]
     )
-    return LetTurn(
+    return UnbalanceControl(
         float(speeds[0]), float(speeds[1] - speeds[0]), states[0], left * np.array(motion),
         left * np.array(current), share, plant.H / rotor.travel[:, None], 1 / room,
     )  # fmt: skip

@@ -106,7 +106,7 @@ class Engine:
             BUILT_IN[structure] = all(np.array_equal(paper_pattern()[n], item) for n, item in own)
         return BUILT_IN[structure]
 
-    def let_turn(self, min_speed: float, max_speed: float) -> None:
+    def schedule_speeds(self, min_speed: float, max_speed: float) -> None:
         """Let the core's model take any speed of rotation between two [rad/s]."""
         # Its numbers are computed at speeds `NODE` of a radian a sample apart, and interpolated by
         # cubics in between: what turns then keeps its phase to some 1e-8 rad a sample. What
@@ -144,7 +144,7 @@ class Engine:
         return {"state": states.index(NAME), "noise": noises.index(NAME), "pair": pairs}
 
     def nodes(self, min_speed: float, max_speed: float) -> Nodes:
-        """Return the model at the speeds between which it takes any other; see `let_turn`."""
+        """Return the model at the speeds between which it takes any other; by `schedule_speeds`."""
         step = NODE / self.machine.sampling_time
         lowest, highest = math.floor(min_speed / step) - 1, math.floor(max_speed / step) + 2
         results = [self._node(number, step) for number in range(lowest, highest + 1)]

@@ -552,7 +552,7 @@ class Estimator(Described, Copyable):
         angle = AngleEstimate.of(self.machine, readings, precision=self.precision)
         assert self.machine.angle is not None  # else there is no estimate
         self.engine.stand(self.core)  # nothing is left of a speed that it followed before
-        self.engine.let_turn(*self.machine.angle.range(self.machine.speed))
+        self.engine.schedule_speeds(*self.machine.angle.range(self.machine.speed))
         if (synchronous := self.engine.synchronous_states()) is not None:
             std = [float(item) for item in self.default_std()]
             self.engine.model_of_core.synchronous(synchronous | {"std": std})
@@ -581,7 +581,7 @@ class Estimator(Described, Copyable):
         self.engine.stand(self.core)  # nothing is left of a speed that it followed before
         if bool((speeds == own).all()):
             return None
-        self.engine.let_turn(float(speeds.min()), float(speeds.max()))
+        self.engine.schedule_speeds(float(speeds.min()), float(speeds.max()))
         self.engine.model_of_core.turn(float(speeds[0]), 0.0)
         return np.ascontiguousarray(speeds, self.precision)
 

@@ -154,6 +154,9 @@ class Machine(Shown, Document):
             return long.replace(**rest) if rest else long
         return super().replace(**changes)
 
+    def _long_key(self, key: str) -> str:
+        return short_form.long_key(key) if self.single else key
+
     @classmethod
     def preset(cls, name: str) -> Self:
         """Return a machine that comes with ambkit.

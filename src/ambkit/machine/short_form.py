@@ -149,10 +149,11 @@ def shortened(long: Mapping[str, Any]) -> dict[str, Any]:
 def tables_of(machine: Any) -> dict[str, Any]:
     """Return the values of a machine with one axis by the keys of the short form."""
     bearing, rotor = machine.bearings[0], machine.rotor
-    return {key: getattr(machine, key) for key in (*ABOVE, *OF_BEARING)} | {
+    values = {
         "rotor": {"mass": rotor.mass, "gravity": rotor.gravity, "clearance": bearing.clearance},
         "sensor": machine.sensors[0],
     }
+    return {key: values[key] if key in values else getattr(machine, key) for key in TABLES[""]}
 
 
 def with_schema(long: dict[str, Any]) -> dict[str, Any]:

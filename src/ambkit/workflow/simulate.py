@@ -261,5 +261,5 @@ def plain_control(machine: Machine, scenario: Scenario, estimator: Estimator | N
     low, high = float(speed.min()), float(speed.max())
     turn = controllers_of(
         Plant(machine), full_scenario.controller, estimator, fastest=high
-    ).let_turn
+    ).unbalance_control
     return None if turn is None else turn.sentence(full_scenario.controller.unbalance, low, high)

@@ -37,10 +37,10 @@ from ambkit.base.config.problems import (
     dotted,
     fields_of,
     in_words,
+    located,
     names_of,
     quantity_of,
     settings_of,
-    without_tags,
 )
 from ambkit.base.errors import ConfigError, shortened
 
@@ -80,11 +80,8 @@ class Part(BaseModel, metaclass=_OwnNames):
         try:
             super().__init__(**data)
         except ValidationError as error:
-            results = [(without_tags(p.path, data), p.text) for p in Problem.unpack(error)]
-            name = self._title()
-            raise ConfigError(
-                [f"{name}.{dotted(path)}: {text}" for path, text in results]
-            ) from None
+            problems = [f"{self._title()}.{text}" for _, text in located(error, data)]
+            raise ConfigError(problems) from None
 
     # Pydantic then builds nested models without this method, and so collects all their errors.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
@@ -232,9 +229,7 @@ class Document(Part):
             try:
                 model = cls.model_validate(toml.data, context={"folder": folder})
             except ValidationError as error:
-                for problem in Problem.unpack(error):
-                    path = without_tags(problem.path, toml.data)
-                    results.append((toml.line(path), f"{dotted(path)}: {problem.text}"))
+                results += [(toml.line(path), text) for path, text in located(error, toml.data)]
         if results:
             problems = [f"{name}:{line}: {text}" for line, text in sorted(results)]
             raise ConfigError(shortened(problems, TOLD), name)
@@ -292,6 +287,10 @@ class Document(Part):
                 raise ConfigError([f"{self._title()}.{key}: there is no such key"])
             table[name] = value
         return type(self)(**data)
+
+    def _long_key(self, key: str) -> str:
+        """Return a dotted key of its file as that of its fields."""
+        return key
 
     @classmethod
     def json_schema(cls) -> dict[str, Any]:

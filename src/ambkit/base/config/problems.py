@@ -229,6 +229,13 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
+def located(error: ValidationError, data: Any) -> Iterator[tuple[Path, str]]:
+    """Yield where each problem stands in `data`, and its text with the key."""
+    for problem in Problem.unpack(error):
+        path = without_tags(problem.path, data)
+        yield path, f"{dotted(path)}: {problem.text}"
+
+
 def without_tags(path: Path, data: Any) -> Path:
     """Return the path as it stands in `data`: pydantic's also names the type of each signal."""
     results: list[str | int] = []

@@ -113,9 +113,9 @@ def fed(result: ControlLaw, states: int, speed: float) -> Array:
     for power, name in enumerate(("fed_back", "fed_back_by_speed", "fed_back_by_square")):
         gain += speed**power * feedback.get(name, 0.0)
     rows = np.vstack([feedback["position"], feedback["velocity"], gain])
-    if result.let_turn is not None:
-        motion, current = result.let_turn.at(speed)
-        at = slice(result.let_turn.start, result.let_turn.start + motion.shape[1])
+    if result.unbalance_control is not None:
+        motion, current = result.unbalance_control.at(speed)
+        at = slice(result.unbalance_control.start, result.unbalance_control.start + motion.shape[1])
         rows[:, at] -= rows[:, : len(motion)] @ motion
         rows[-len(current) :, at] += current
     return rows

@@ -1,4 +1,4 @@
-"""A rotor on several bearings as the page has it: what ``web/core/rotor.c`` reads."""
+"""A rotor on several bearings as the page has it: what ``web/core/rotor_description.c`` reads."""
 
 from __future__ import annotations
 

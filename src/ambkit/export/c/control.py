@@ -49,7 +49,7 @@ class Structs(NamedTuple):
 
     arrays: dict[str, Array]
     pids: list[dict[str, Any]]
-    let_turn: dict[str, Any]
+    unbalance_control: dict[str, Any]
     schedule: dict[str, Any]
     law: dict[str, Any]
     sequence: dict[str, Any]
@@ -79,12 +79,12 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
     elsewhere = {key: Name(f"{name}_{key}") for key in ("start", "start_by") if several}
     keys = (*_LAW, *_GAINS, *(key for key in _CONTROL if key not in elsewhere))
     array_fields = {key: fields[key] for key in keys if fields[key] is not None}
-    let_turn: dict[str, Any] = {}
-    if fields["let_turn_motion"] is not None:
-        array_fields |= {key: fields[f"let_turn_{key}"] for key in _TURN}
+    unbalance_control: dict[str, Any] = {}
+    if fields["unbalance_control_motion"] is not None:
+        array_fields |= {key: fields[f"unbalance_control_{key}"] for key in _TURN}
         numbers = ("nodes", "from", "width", "moved", "first", "step")
-        let_turn = {key: fields[f"let_turn_{key}"] for key in numbers}
-        let_turn |= {key: Name(f"of_{key}") for key in _TURN}
+        unbalance_control = {key: fields[f"unbalance_control_{key}"] for key in numbers}
+        unbalance_control |= {key: Name(f"of_{key}") for key in _TURN}
     schedule: dict[str, Any] = {}
     if (speeds := fields["schedule_speed"]) is not None:
         array_fields |= {f"schedule_{key}": fields[f"schedule_{key}"] for key in _SCHEDULE}
@@ -100,7 +100,7 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
     law = {"axes": len(machine.axes), "states": states, "pids": len(pids), "pid": Name("of_pid")}
     law |= {key: at(key) for key in _LAW if key in array_fields or key != "reference"}
     law["gain"] = Name("{" + ", ".join(at(key) for key in _GAINS) + "}")
-    law |= {"let_turn": Name("&let_turn")} if let_turn else {}
+    law |= {"unbalance_control": Name("&unbalance_control")} if unbalance_control else {}
     law |= {"schedule": Name("&schedule")} if schedule else {}
     control = {
         "estimator": Name(f"&{name}_estimator"), "law": Name("&law"),
@@ -110,7 +110,7 @@ def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Str
     }  # fmt: skip
     control |= {key: at(key) for key in _CONTROL}
     counts = {key: fields[key] for key in _COUNTS if key in fields}
-    return Structs(arrays, pids, let_turn, schedule, law, counts, control)
+    return Structs(arrays, pids, unbalance_control, schedule, law, counts, control)
 
 
 def pid_fields(T: float, gains: Sequence[float]) -> dict[str, Any]:
@@ -223,7 +223,7 @@ def constants(controller: Controller, name: str, crc: Constants) -> None:
         crc.array(place, values)
     for k, pid in enumerate(of.pids):
         crc.fields(f"of_pid[{k}]", pid, arrays=False)
-    for part in ("let_turn", "schedule", "law", "sequence"):
+    for part in ("unbalance_control", "schedule", "law", "sequence"):
         crc.fields(part, getattr(of, part), arrays=False)
     crc.fields(f"{name}_control", of.control, arrays=False)
     axes = controller.plant.machine.axes

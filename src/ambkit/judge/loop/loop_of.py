@@ -151,7 +151,7 @@ class LoopOf:
         """Return a sentence where unbalance control is plain control at the machine's speed."""
         if self.control.unbalance == "off":
             return None
-        turn = self.flown_by(estimator).let_turn
+        turn = self.flown_by(estimator).unbalance_control
         if turn is None:
             return None
         speed = self.machine.speed
@@ -226,9 +226,10 @@ class LoopOf:
         transform = control_law.shown
         if estimator is None:
             return None, control, transform
-        if control_law.let_turn is not None:
+        if control_law.unbalance_control is not None:
             control_law = replace(
-                control_law, let_turn=control_law.let_turn.for_unbalance_of(self.machine)
+                control_law,
+                unbalance_control=control_law.unbalance_control.for_unbalance_of(self.machine),
             )
         rows = fed(control_law, len(estimator.states), self.machine.speed)
         inner = estimator_at(estimator, self.point, (rows, control.inputs[: len(rows)]))
