@@ -10,11 +10,9 @@ from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.units import engineering
 
-LONGEST_DELAY = 16
-"""Samples of the longest delay of the loop (sim/parts.h)."""
+LONGEST_DELAY = 16  #: Samples of the longest delay of the loop (sim/parts.h).
 
-SHORTEST_LAG = 1e-3
-"""Samples of the shortest lag: nobody can tell a shorter one from none."""
+SHORTEST_LAG = 1e-3  #: Samples of the shortest lag: nobody can tell a shorter one from none.
 
 
 class ColouredNoise(Part):
@@ -48,8 +46,7 @@ class Runout(Part):
     """Phase at the start [rad]."""
 
 
-REFERENCE = 293.15
-"""At which the resistance of coils is given: 20 degrees Celsius [K]."""
+REFERENCE = 293.15  #: At which the resistance of coils is given: 20 degrees Celsius [K].
 
 
 class Coil(Part):

@@ -13,8 +13,7 @@ from ambkit.result.card import Card, settings_card, value
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 
 STYLES = ("series 2", "estimate", "series 3")
-SHARES = (-0.5, 0.0, 0.5)
-"""Of the range of what the lines stand for."""
+SHARES = (-0.5, 0.0, 0.5)  #: Of the range of what the lines stand for.
 
 
 def bearing_figure(machine: Any) -> Figure:

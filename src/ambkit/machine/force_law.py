@@ -27,8 +27,7 @@ Precision = Literal["float64", "float32"]
 _BUILDS = {"float64": "ambkit._core", "float32": "ambkit._core_f32"}
 _ANY_MODEL = {"float64": "ambkit._any", "float32": "ambkit._any_f32"}
 
-MU_0 = 1.25663706127e-6
-"""Vacuum magnetic permeability [N/A^2] (CODATA 2022)."""
+MU_0 = 1.25663706127e-6  #: Vacuum magnetic permeability [N/A^2] (CODATA 2022).
 
 
 class IsolatedAxis(Protocol):
@@ -71,8 +70,7 @@ class MagnetModel(Protocol):
         """Build the C implementation in the given build of the core."""
 
 
-NEAR = 2e-15
-"""Of a current, how far from the root that is found the last bits are looked for."""
+NEAR = 2e-15  #: Of a current, how far from the root that is found the last bits are looked for.
 
 
 @cache
@@ -218,8 +216,7 @@ class ForceLaw(Law):
     """
 
     machine: IsolatedAxis
-    name: ClassVar[str]
-    """As the core calls it."""
+    name: ClassVar[str]  #: As the core calls it.
 
     @classmethod
     def holds_for(cls, m: Any) -> bool:

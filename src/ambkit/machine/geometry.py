@@ -21,19 +21,15 @@ from ambkit.machine.components import Body, PlacedBearing, PlacedSensor
 from ambkit.machine.parts import along_x
 from ambkit.machine.rotors.modes import Bending
 
-POSITIONS = ("x", "y", "th_x", "th_y")
-"""The coordinates across the shaft [m, m, rad, rad]."""
+POSITIONS = ("x", "y", "th_x", "th_y")  #: The coordinates across the shaft [m, m, rad, rad].
 
 
 class Line(NamedTuple):
     """A direction at a place: along it a magnet pulls, or a sensor looks."""
 
-    place: float
-    """Where, from the centre of mass [m]."""
-    cosine: float
-    """Of its angle from x; NaN along the shaft."""
-    sine: float
-    """Of its angle from x; NaN along the shaft."""
+    place: float  #: Where, from the centre of mass [m].
+    cosine: float  #: Of its angle from x; NaN along the shaft.
+    sine: float  #: Of its angle from x; NaN along the shaft.
     shape: tuple[float, ...] = ()
     """How far each bending mode is out there, by where it is largest [1]."""
 
@@ -77,38 +73,28 @@ class Line(NamedTuple):
 class Axis(NamedTuple):
     """An axis of a bearing."""
 
-    name: str
-    """Such as ``A1``."""
-    line: Line
-    """Along which its magnets pull."""
-    bearing: PlacedBearing
-    """Whose axis it is."""
+    name: str  #: Such as ``A1``.
+    line: Line  #: Along which its magnets pull.
+    bearing: PlacedBearing  #: Whose axis it is.
 
 
 class Reading(NamedTuple):
     """What a sensor shows."""
 
-    name: str
-    """Such as ``A1``."""
-    line: Line
-    """Along which it looks."""
-    sensor: PlacedSensor
-    """Whose reading it is."""
+    name: str  #: Such as ``A1``.
+    line: Line  #: Along which it looks.
+    sensor: PlacedSensor  #: Whose reading it is.
 
 
-TRANSLATION = Line(math.nan, 1.0, 0.0)
-"""Along the one coordinate of a mass."""
+TRANSLATION = Line(math.nan, 1.0, 0.0)  #: Along the one coordinate of a mass.
 
 
 class Shaft(NamedTuple):
     """What turns a place on a rotor into lines."""
 
-    centre: float = 0.0
-    """Place of the centre of mass [m]."""
-    bending: Bending | None = None
-    """Its bending modes, if it has any."""
-    translation: bool = False
-    """Whether it is a mass with one coordinate."""
+    centre: float = 0.0  #: Place of the centre of mass [m].
+    bending: Bending | None = None  #: Its bending modes, if it has any.
+    translation: bool = False  #: Whether it is a mass with one coordinate.
 
     @classmethod
     def of(cls, rotor: Body, bearings: tuple[PlacedBearing, ...]) -> Shaft:
@@ -124,8 +110,7 @@ class Shaft(NamedTuple):
         return Line.across(place - self.centre, angle, out)
 
 
-RIGID = Shaft()
-"""Of a rotor that does not bend, or of which that is not asked."""
+RIGID = Shaft()  #: Of a rotor that does not bend, or of which that is not asked.
 
 
 def axes_of(bearings: tuple[PlacedBearing, ...], shaft: Shaft = RIGID) -> tuple[Axis, ...]:

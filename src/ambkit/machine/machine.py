@@ -488,8 +488,7 @@ class Machine(Shown, Document):
         return bearing_card(self) if self.single else settings_card(self)
 
 
-Bearing = Machine
-"""A machine, by the name that one with a single axis had; read for one release."""
+Bearing = Machine  #: A machine, by the name that one with a single axis had; read for one release.
 
 ONLY = {"name": "", "type": "single", "place": 0.0, "angle": 0.0}
 """Where the bearing and the sensor of a machine with one axis are."""

@@ -57,8 +57,7 @@ IRON = ("iron_length", "relative_permeability", "saturation")
 """What describes iron that saturates; all of it or none."""
 
 
-FILES = ("force_map", "force_channels")
-"""What names a file."""
+FILES = ("force_map", "force_channels")  #: What names a file.
 
 
 def _pairs(tables: Any) -> tuple[tuple[str, Any], ...]:

@@ -66,8 +66,7 @@ def loose(
             yield f"{key}.0", text
 
 
-NODE = 0.02
-"""Of where a mode is largest: what is out less than that is at a node of it."""
+NODE = 0.02  #: Of where a mode is largest: what is out less than that is at a node of it.
 
 
 def unseen(

@@ -17,8 +17,7 @@ from ambkit.simulation.planned import Planned
 from ambkit.simulation.plans import Counts, Plans
 from ambkit.simulation.run_figures import FIGURES, FLAGS
 
-CHUNK = 256
-"""Axes that are planned and simulated together: many times as many as there are lanes."""
+CHUNK = 256  #: Axes that are planned and simulated together: many times as many as there are lanes.
 
 
 @dataclass(frozen=True)

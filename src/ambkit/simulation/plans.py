@@ -21,8 +21,7 @@ from ambkit.simulation.scenario import AXES, along
 
 Counts = NDArray[np.int64]
 
-LEAST = 50
-"""Samples that a step, or a load, must be followed by to be judged."""
+LEAST = 50  #: Samples that a step, or a load, must be followed by to be judged.
 
 MOST_PLANS = 4096  #: That are kept for runs that come later.
 
@@ -30,16 +29,11 @@ MOST_PLANS = 4096  #: That are kept for runs that come later.
 class Windows(NamedTuple):
     """Where the figures of an axis are taken; sample numbers, as of ``amb_windows``."""
 
-    first: int
-    """The first that errors count from."""
-    step_from: int
-    """The last step of the reference ..."""
-    step_to: int
-    """... and the next change; the same where there is none."""
-    height: float
-    """Of that step [m]."""
-    load_from: int
-    """The last change of a load; the number of samples where there is none."""
+    first: int  #: The first that errors count from.
+    step_from: int  #: The last step of the reference ...
+    step_to: int  #: ... and the next change; the same where there is none.
+    height: float  #: Of that step [m].
+    load_from: int  #: The last change of a load; the number of samples where there is none.
 
 
 def windows(r: Array, f_d: Array, first: int) -> list[Windows]:
@@ -68,12 +62,10 @@ def windows(r: Array, f_d: Array, first: int) -> list[Windows]:
 class Ready(NamedTuple):
     """Runs that are planned."""
 
-    numbers: NDArray[np.uint64]
-    """Of each run (runs,)."""
+    numbers: NDArray[np.uint64]  #: Of each run (runs,).
     by_core: dict[ModuleType, dict[Any, list[int]]]
     """Places of the runs of each plan, by the core that it is for."""
-    own: list[Loop]
-    """Loops with classes of the user, which fail in silence until they are asked."""
+    own: list[Loop]  #: Loops with classes of the user, which fail in silence until they are asked.
 
 
 class Plans:

@@ -25,8 +25,7 @@ from ambkit.simulation.scenario import Scenario, by_axis
 CONTROL, SENSOR = 0, 1
 """Streams of an axis and its reading: of the control signal, and of the sensor from here on."""
 
-STREAMS = 64
-"""Of each axis and its reading."""
+STREAMS = 64  #: Of each axis and its reading.
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from ambkit.machine.components import PlacedBearing
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule
 from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
 
-TURNS = 5
-"""Revolutions that an orbit shows dark, up to the end of the run."""
+TURNS = 5  #: Revolutions that an orbit shows dark, up to the end of the run.
 
 DISPLACEMENT = Axis("displacement", "µm", 1e6)
 _ACROSS = Axis("$x$, against gravity", "µm", 1e6), Axis("$y$", "µm", 1e6)

@@ -10,8 +10,7 @@ from ambkit.estimate.estimate import Status
 class Figure(NamedTuple):
     """A number that a run is judged by."""
 
-    unit: str
-    """SI."""
+    unit: str  #: SI.
     about: str
     """What it is, in a sentence; of several axes it is of the worst, where it is of an axis."""
 

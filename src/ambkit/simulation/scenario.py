@@ -87,11 +87,9 @@ _ONE_OR_MORE = Discriminator(lambda raw_value: ONE_OR_MORE[isinstance(raw_value,
 
 _STARTS_BEFORE = {"hover": "levitated", "rest": "landed"}
 
-AXES = ("reference", "disturbance", "injection")
-"""Signals that an axis has each."""
+AXES = ("reference", "disturbance", "injection")  #: Signals that an axis has each.
 
-OF_MACHINE = frozenset({"speed", "off", "base"})
-"""Keys of a machine whose rotor is a body."""
+OF_MACHINE = frozenset({"speed", "off", "base"})  #: Keys of a machine whose rotor is a body.
 
 
 OF_BODY = {
@@ -269,8 +267,7 @@ def check_for(scenario: Scenario, machine: Machine) -> None:
         raise AmbkitError("; ".join(wrong))
 
 
-TIMES = 2001
-"""Times in a run at which its speed is looked at."""
+TIMES = 2001  #: Times in a run at which its speed is looked at.
 
 
 def fastest_of(machine: Machine, scenario: Scenario) -> float:

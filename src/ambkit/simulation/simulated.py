@@ -25,8 +25,7 @@ from ambkit.result.row import At, Row, Section
 from ambkit.simulation.run_figure import simulation_figure
 
 ERRORS = ("rmse",)
-TURNING = ("synchronous",)
-"""Sections of its rows."""
+TURNING = ("synchronous",)  #: Sections of its rows.
 
 
 @dataclass(frozen=True, eq=False, repr=False)

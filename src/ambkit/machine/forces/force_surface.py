@@ -50,14 +50,12 @@ BEST = 1e-3
 """No point is taken to be known better than this part of the law's error: the force is smooth, but
 not smooth without end."""
 
-MOST = 1000
-"""More points are averaged with their neighbours first: the work grows with the cube."""
+MOST = 1000  #: More points are averaged with their neighbours first: the work grows with the cube.
 
 FITTED = 12
 """So many points let magnet constant and air gap of the law be fitted before it is corrected."""
 
-JUDGES = 200
-"""Of so many points the law's error and its reach are found."""
+JUDGES = 200  #: Of so many points the law's error and its reach are found.
 
 
 class ForceSurface(PatchedForce):

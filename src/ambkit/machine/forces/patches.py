@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from ambkit._core import Magnet
 
 
-ACCURACY = 1e-4
-"""How far the patches may be from the force, in parts of its root mean square."""
+ACCURACY = 1e-4  #: How far the patches may be from the force, in parts of its root mean square.
 
 FIRST, FINEST = 8, 64
 """Cells from the origin to the farther end of an axis: at first, and at most."""
@@ -30,18 +29,12 @@ FIRST, FINEST = 8, 64
 class Patches(NamedTuple):
     """Force less that at the origin, and its derivatives, at the nodes of a grid."""
 
-    current: Array
-    """Nodes of the control current (columns,) [A], evenly spaced, one of them 0."""
-    displacement: Array
-    """Nodes of the displacement (rows,) [m], evenly spaced, one of them 0."""
-    force: Array
-    """(rows, columns) [N]."""
-    by_current: Array
-    """dF/diu (rows, columns) [N/A]."""
-    by_displacement: Array
-    """dF/dx (rows, columns) [N/m]."""
-    by_both: Array
-    """Mixed derivative (rows, columns) [N/(A m)]."""
+    current: Array  #: Nodes of the control current (columns,) [A], evenly spaced, one of them 0.
+    displacement: Array  #: Nodes of the displacement (rows,) [m], evenly spaced, one of them 0.
+    force: Array  #: (rows, columns) [N].
+    by_current: Array  #: dF/diu (rows, columns) [N/A].
+    by_displacement: Array  #: dF/dx (rows, columns) [N/m].
+    by_both: Array  #: Mixed derivative (rows, columns) [N/(A m)].
     error: float
     """The largest distance from the force that was found [N], in the middles between nodes."""
 

@@ -22,8 +22,7 @@ from ambkit.machine.magnetostatics.field import FieldSolver, Skin
 from ambkit.machine.magnetostatics.iron import Curve
 from ambkit.machine.magnetostatics.magnet_map import VERSION, kept
 
-FREQUENCIES = np.geomspace(1.0, 1000.0, 7)
-"""Of the fit [Hz]."""
+FREQUENCIES = np.geomspace(1.0, 1000.0, 7)  #: Of the fit [Hz].
 
 IN_SKIN = 1.5  #: Length of edges at the surface of iron, in skin depths at the highest frequency.
 

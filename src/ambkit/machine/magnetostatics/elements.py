@@ -29,8 +29,7 @@ def _shapes(at: Array) -> tuple[Array, Array]:
 
 ALL = slice(None)
 
-N, _DN = _shapes(_AT)
-"""Shape functions (points, 6) at the points of the quadrature."""
+N, _DN = _shapes(_AT)  #: Shape functions (points, 6) at the points of the quadrature.
 
 
 class Elements:

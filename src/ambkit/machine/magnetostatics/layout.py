@@ -64,12 +64,9 @@ class Layout:
 
     boundary: Region
     regions: Sequence[Region]
-    directions: Sequence[complex]
-    """Of the rotor's displacements, one or two unit vectors."""
-    bias: Array
-    """(coils,) Current of each coil by bias current."""
-    control: Array
-    """(directions, coils) Current of each coil by control current."""
+    directions: Sequence[complex]  #: Of the rotor's displacements, one or two unit vectors.
+    bias: Array  #: (coils,) Current of each coil by bias current.
+    control: Array  #: (directions, coils) Current of each coil by control current.
     depth: float = float("nan")
     """Length across the plane [m]; NaN: the section is axisymmetric about its imaginary axis."""
     circles: Sequence[tuple[complex, float]] = ()

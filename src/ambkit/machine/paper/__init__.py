@@ -13,8 +13,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array
 
-CURRENTS: Final = (-1.5, -0.75, 0.0, 0.75, 1.5)
-"""Nodes of the control current [A] (Table 2)."""
+CURRENTS: Final = (-1.5, -0.75, 0.0, 0.75, 1.5)  #: Nodes of the control current [A] (Table 2).
 
 DISPLACEMENTS: Final = (-0.5e-3, -0.25e-3, 0.0, 0.25e-3, 0.5e-3)
 """Nodes of the rotor displacement [m] (Table 3)."""

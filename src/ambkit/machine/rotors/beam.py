@@ -30,18 +30,12 @@ RIGID = 1e-3
 class Element(NamedTuple):
     """A piece of shaft of one cross section."""
 
-    length: float
-    """L [m]."""
-    outer: float
-    """Outer diameter [m]."""
-    inner: float
-    """Inner diameter, 0 of a full shaft [m]."""
-    density: float
-    """[kg/m^3]."""
-    youngs: float
-    """Young's modulus E [Pa]."""
-    poisson: float
-    """Poisson's ratio [1]."""
+    length: float  #: L [m].
+    outer: float  #: Outer diameter [m].
+    inner: float  #: Inner diameter, 0 of a full shaft [m].
+    density: float  #: [kg/m^3].
+    youngs: float  #: Young's modulus E [Pa].
+    poisson: float  #: Poisson's ratio [1].
 
     @property
     def area(self) -> float:
@@ -67,14 +61,10 @@ class Element(NamedTuple):
 class Shapes(NamedTuple):
     """Shape functions (points, 4) of (w, th) at both ends, at shares of an element's length."""
 
-    w: Array
-    """Deflection [m/m, m/rad]."""
-    slope: Array
-    """Its slope [1/m, 1]."""
-    th: Array
-    """Turn of the cross section [1/m, 1]."""
-    bend: Array
-    """Its derivative along the shaft [1/m^2, 1/m]."""
+    w: Array  #: Deflection [m/m, m/rad].
+    slope: Array  #: Its slope [1/m, 1].
+    th: Array  #: Turn of the cross section [1/m, 1].
+    bend: Array  #: Its derivative along the shaft [1/m^2, 1/m].
 
 
 def shapes(share: Array, length: float, shear: float) -> Shapes:
@@ -99,16 +89,11 @@ class Matrices:
 
     # q: w and th of each node, one after the other; of both planes as x + j y. SI: metres, radians.
 
-    M: Array
-    """Masses (2 nodes, 2 nodes)."""
-    K: Array
-    """Stiffnesses."""
-    G: Array
-    """Polar inertias: symmetric."""
-    D: Array | None
-    """Dampings of what stands still, or None where nothing is said of them."""
-    place: Array
-    """Places of the nodes along the shaft, rising (nodes,) [m]."""
+    M: Array  #: Masses (2 nodes, 2 nodes).
+    K: Array  #: Stiffnesses.
+    G: Array  #: Polar inertias: symmetric.
+    D: Array | None  #: Dampings of what stands still, or None where nothing is said of them.
+    place: Array  #: Places of the nodes along the shaft, rising (nodes,) [m].
     shear: Array
     """Phi of each element between them (nodes - 1,); 0: the turn of a node is w's slope."""
     D_internal: Array | None = None
@@ -156,14 +141,10 @@ def element_matrices(element: Element) -> tuple[Array, Array, Array]:
 class Disc(NamedTuple):
     """A rigid disc on a node."""
 
-    place: float
-    """From where the shaft begins [m]."""
-    mass: float
-    """[kg]."""
-    transverse_inertia: float
-    """About a diameter [kg m^2]."""
-    polar_inertia: float
-    """About the shaft [kg m^2]."""
+    place: float  #: From where the shaft begins [m].
+    mass: float  #: [kg].
+    transverse_inertia: float  #: About a diameter [kg m^2].
+    polar_inertia: float  #: About the shaft [kg m^2].
 
 
 def assemble(elements: list[Element], discs: list[Disc]) -> Matrices:
@@ -183,8 +164,7 @@ def assemble(elements: list[Element], discs: list[Disc]) -> Matrices:
     return Matrices(M, K, G, None, place, np.array([item.shear for item in elements]))
 
 
-FINEST = 60
-"""Elements in a shaft's length, at least, but for sections that are one element each."""
+FINEST = 60  #: Elements in a shaft's length, at least, but for sections that are one element each.
 
 
 def divided(sections: list[Element], cuts: list[float]) -> list[Element]:

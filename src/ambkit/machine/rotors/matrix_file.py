@@ -31,8 +31,7 @@ NEEDED = ("M", "K", "G", "node", "direction", "place")
 OPTIONAL = ("D", "D_internal")
 DIRECTIONS = ("x", "y", "z", "th_x", "th_y", "th_z")
 MOST_NODES = 1000
-SAME = 1e-6
-"""Rounding of another program's, against the greatest entry of the same kind."""
+SAME = 1e-6  #: Rounding of another program's, against the greatest entry of the same kind.
 
 
 def read_matrices(path: str | os.PathLike[str]) -> Matrices:

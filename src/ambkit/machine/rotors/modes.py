@@ -17,42 +17,33 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.machine.rotors.beam import Matrices, shapes
 
-RANGE = 2000.0
-"""Up to there ISO 14839-3 looks at least [Hz], or up to three times the speed."""
+RANGE = 2000.0  #: Up to there ISO 14839-3 looks at least [Hz], or up to three times the speed.
 
 BEYOND = 1.15
 """Up to which multiple of its speed a machine is compared, as it is run in a test [1]."""
 
-SPARE = 1.25
-"""Up to which multiple of the range modes are kept: their tails reach into it [1]."""
+SPARE = 1.25  #: Up to which multiple of the range modes are kept: their tails reach into it [1].
 
 SHARP = 0.01
 """Of the tolerance, the share that a whirl may be off: a regulator that knows a mode is as sharp as
 the mode is damped, and near it the sensitivity is off by many times the whirl's share [1]."""
 
-STEPS = 3
-"""Speeds at which whirls are compared: errors grow with the speed."""
+STEPS = 3  #: Speeds at which whirls are compared: errors grow with the speed.
 
-STILL = 1e-6
-"""Of the first bending mode, below which a whirl is a rigid translation."""
+STILL = 1e-6  #: Of the first bending mode, below which a whirl is a rigid translation.
 
 
 class WhirlError(NamedTuple):
     """Where the whirl of the kept modes is farthest from that of the full matrices."""
 
-    share: float = 0.0
-    """Of the frequency [1]."""
-    kept: float = math.nan
-    """Frequency with the modes kept [rad/s]."""
-    full: float = math.nan
-    """Frequency with the full matrices, negative backwards [rad/s]."""
-    speed: float = 0.0
-    """At which speed of rotation [rad/s]."""
+    share: float = 0.0  #: Of the frequency [1].
+    kept: float = math.nan  #: Frequency with the modes kept [rad/s].
+    full: float = math.nan  #: Frequency with the full matrices, negative backwards [rad/s].
+    speed: float = 0.0  #: At which speed of rotation [rad/s].
     left_out: float = math.nan
     """Whirl within the range that the kept modes do not have, negative backwards [rad/s]; NaN:
     there is none."""
-    left_out_at: float = 0.0
-    """At which speed of rotation [rad/s]."""
+    left_out_at: float = 0.0  #: At which speed of rotation [rad/s].
 
     @property
     def error(self) -> float:
@@ -204,12 +195,9 @@ def body_of(matrices: Matrices) -> Body:
 class OverNodes:
     """Shapes of deflections that are known at nodes, between them by the beam's functions."""
 
-    vectors: Array
-    """w and th of each node, of each mode (2 nodes, modes)."""
-    place: Array
-    """Of the nodes (nodes,) [m]."""
-    shear: Array
-    """Phi of each element (nodes - 1,)."""
+    vectors: Array  #: w and th of each node, of each mode (2 nodes, modes).
+    place: Array  #: Of the nodes (nodes,) [m].
+    shear: Array  #: Phi of each element (nodes - 1,).
 
     def __call__(self, place: float) -> Array:
         """Return each mode's deflection (modes,) [1] at a place [m]."""
@@ -231,12 +219,9 @@ class Residual:
     """Static compliance of the modes that are left out."""
 
     over: OverNodes
-    modes: Array = field(repr=False)
-    """All bending modes (2 nodes, all), of mass 1 [kg]."""
-    squares: Array = field(repr=False)
-    """Their frequencies squared (all,) [1/s^2]."""
-    kept: int
-    """How many of them are kept."""
+    modes: Array = field(repr=False)  #: All bending modes (2 nodes, all), of mass 1 [kg].
+    squares: Array = field(repr=False)  #: Their frequencies squared (all,) [1/s^2].
+    kept: int  #: How many of them are kept.
 
     def __call__(self, places: Sequence[float]) -> Array:
         """Return deflections by slow forces (places, places) [m/N]."""
