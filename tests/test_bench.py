@@ -22,7 +22,6 @@ from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.magnets import own_time
 from ambkit.simulation.external_inputs import ExternalInputs
-from ambkit.workflow.comparison import compare_in_case
 
 BEARING = Machine.preset("zittau_axial")
 VIEW = View(BEARING)
@@ -213,9 +212,9 @@ def test_on_one_s_own_iron_what_learned_it_is_best():
     force = law.force(i, x)
     plant = ForceSurface(BEARING, ForcePoints(i, x, force / np.sqrt(1 + (force / 12) ** 2)))
     names = ["closed-law", "table"]
-    found = compare_in_case(BEARING, "paper", names, runs=4, plant=plant).best
+    found = ambkit.compare(BEARING, names, plant=plant, seeds=4).best
     assert found["table"].mean("f_d") < 0.8 * found["closed-law"].mean("f_d")
-    described = compare_in_case(BEARING, "paper", names, runs=4).best
+    described = ambkit.compare(BEARING, names, seeds=4).best
     assert described["closed-law"].mean("f_d") < 1.1 * described["table"].mean("f_d")
 
 

@@ -11,6 +11,7 @@ from exporting import export_c
 from machine_cases import AND_LONG, PRESETS
 from quick import quick
 
+import ambkit
 from ambkit import AmbkitError, KalmanFilter, Machine, Scenario, harmonics
 from ambkit.control.control import Control
 from ambkit.control.lift_off_sequence import LiftOff, Mode
@@ -19,7 +20,6 @@ from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Disturbance
 from ambkit.simulation.waveforms import Ramp, Step
-from ambkit.workflow.filter import filter as filter_record
 
 QUICK = LiftOff(start=0.005, stop=0.25, lift=0.1, land=0.1)
 
@@ -132,7 +132,7 @@ def test_what_lies_is_left_out_of_what_is_filtered():
     """Magnets are off there, which no filter is told: NIS would be several times too large."""
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
     record = lifted(machine, feedback="estimate").record
-    found = filter_record(machine, record, ["linear"])
+    found = ambkit.filter(record, "linear", machine=machine)
     on = np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING))
     assert len(found.record) == on.sum()
     assert found.to_dict()["estimators"]["linear"]["nis"] < 1.3

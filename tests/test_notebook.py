@@ -23,7 +23,7 @@ from ambkit.judge.comparison.score import Benches
 from ambkit.result.card import spread
 from ambkit.result.report import Axis, Figure, Heatmap, Panel
 from ambkit.result.report.figure import paper_style
-from ambkit.workflow.comparison import LoopScores, compare_in_case
+from ambkit.workflow.comparison import LoopScores
 from ambkit.workflow.design_candidates import TunedCandidate
 from ambkit.workflow.designed import Design
 from tests.hostile import NOT_PRINTABLE, PRINTABLE, Page, called
@@ -37,11 +37,11 @@ ESTIMATE = KalmanFilter(BEARING).run(RECORD, covariance=True)
 @pytest.fixture(scope="module")
 def shown():
     """One of each that a notebook shows, under the name of its class."""
-    from ambkit.identification.forces.lift_off import LiftOff
-    from ambkit.workflow.lift_off import identify_by_lift_off
+    from ambkit.identification.forces.lift_off import LiftOff, fit_lift_off
+    from ambkit.workflow.lift_off import LiftedOff
 
     scores = compare(BEARING, SCENARIO, {"linear": lambda: KalmanFilter(BEARING)}, [0])
-    study = compare_in_case(BEARING, "paper", ["linear"], runs=1)
+    study = ambkit.compare(BEARING, "linear", seeds=1)
     errors = {"x": 3e-6, "v": 2e-3, "f_d": 0.5}
     candidate = TunedCandidate("linear", Path("a.toml"), True, "truth", {}, errors, 9e-6, 3e-6)
     assessed = ambkit.assess(BEARING, "linear")
@@ -59,7 +59,7 @@ def shown():
         ambkit.tune(BEARING, filter="linear", budget=2, seeds=1),
         Design(Path("d"), BEARING, Control(), (candidate,), candidate, assessed, 0.1,
                ("It is slow.",), None, {}),
-        identify_by_lift_off(one_sided, points),
+        LiftedOff(one_sided, fit_lift_off(points, one_sided.rotor.mass), None),
         assessed, ambkit.assess_sweep(BEARING, "linear", amplitudes=["1 um"]),
         ambkit.tune_trade_off(BEARING, peaks=[2.2], filter="linear", budget=2, seeds=1),
         injection, ambkit.assess_log(injection.record, BEARING, "linear"),

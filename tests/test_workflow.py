@@ -6,8 +6,7 @@ import pytest
 import ambkit
 from ambkit.estimate.named import factories
 from ambkit.identification.noise import standstill_noise
-from ambkit.workflow.filter import filter as filter_record
-from ambkit.workflow.filter import stretch_to_tune_on
+from ambkit.workflow.filter_record import stretch_to_tune_on
 from ambkit.workflow.identify import identify
 from ambkit.workflow.simulate import experiment_duration, scenario_for
 from ambkit.workflow.tuning import default_disturbance, tune_disturbance
@@ -36,7 +35,7 @@ def measured(record):
 def test_a_measured_record_is_tuned_on_its_second_quarter_and_judged_on_the_second_half(made):
     log = ambkit.load(made / "log.csv")
     span = log.t[-1] - log.t[0]
-    found = filter_record(BEARING, log, ["closed-law"])
+    found = ambkit.filter(log, "closed-law", machine=BEARING)
     stretch, one = found.stretch, found["closed-law"]
     assert (stretch.start, stretch.stop, stretch.by_itself) == (span / 4, span / 2, True)
     assert found.settling == span / 2
@@ -53,24 +52,18 @@ def test_a_measured_record_is_tuned_on_its_second_quarter_and_judged_on_the_seco
 def test_nothing_is_tuned_where_the_truth_or_the_noise_is_known(made):
     assert stretch_to_tune_on(ambkit.load(made / "run.csv")) is None
     log = ambkit.load(made / "log.csv")
-    given = filter_record(BEARING, log, ["linear"], noise=ambkit.FilterNoise(disturbance=50.0))
+    given = ambkit.filter(log, "linear", machine=BEARING, disturbance_noise=50.0)
     assert given.stretch is None
     assert given["linear"].tuning is None
     assert given["linear"].noise.disturbance == 50.0
 
 
-def test_filter_record_refuses_what_contradicts_itself(made):
+def test_filter_refuses_a_time_or_a_name_that_there_is_not(made):
     log = ambkit.load(made / "log.csv")
-    with pytest.raises(ValueError, match=r"tune must be shorter than the record, 0\.3 s"):
-        filter_record(BEARING, log, ["linear"], tune=5.0)
-    with pytest.raises(ValueError, match="tune must be greater than 0 s"):
-        filter_record(BEARING, log, ["linear"], tune=0.0)
-    with pytest.raises(ValueError, match="exclude each other"):
-        filter_record(BEARING, log, ["linear"], tune=0.1, noise=ambkit.FilterNoise(disturbance=1.0))
+    with pytest.raises(ambkit.AmbkitError, match="must be tuned on more than 0 s"):
+        ambkit.filter(log, "linear", machine=BEARING, disturbance_noise="auto 0 s")
     with pytest.raises(ambkit.AmbkitError, match='no filter "kalman"; known: low-pass'):
-        filter_record(BEARING, log, ["kalman"])
-    with pytest.raises(ambkit.AmbkitError, match="a magnet is given for adaptive"):
-        filter_record(BEARING, log, ["linear"], magnets={"adaptive": ambkit.ClosedLaw(BEARING)})
+        ambkit.filter(log, "kalman", machine=BEARING)
 
 
 # --- identify

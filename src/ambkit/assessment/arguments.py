@@ -89,11 +89,7 @@ def loop_arguments(
     machine: Any, filter: Any, controller: Any, position: Any = 0.0, disturbance: Any = None
 ) -> LoopArguments:
     """Return machine, filters and controller; the file of a filter gives the first two."""
-    if is_filter(machine):
-        if filter is not None:
-            raise AmbkitError(f"{machine} is a filter itself: omit the other one")
-        filter, machine = machine, FilterFile.load(machine).plant
-    plant = machine_argument(machine)
+    plant, filter = _plant_and_filter(machine, filter)
     control, constant, measured = controller_argument(plant, controller)
     if filter is None:
         filter = NONE if measured else DEFAULT
@@ -152,6 +148,15 @@ def tuning_given(
         machine if isinstance(machine, str | os.PathLike) else None,
         file or None,
     )
+
+
+def _plant_and_filter(machine: Any, filter: Any) -> tuple[Machine, Any]:
+    """Return the machine and what names the filter; the file of a filter gives both."""
+    if not is_filter(machine):
+        return machine_argument(machine), filter
+    if filter is not None:
+        raise AmbkitError(f"{machine} is a filter itself: omit the other one")
+    return FilterFile.load(machine).plant, machine
 
 
 def inputs_argument(channels: Any) -> Inputs | None:
@@ -296,11 +301,7 @@ def filter_to_export(
     table_error: Any = None, choice: Sequence[str] = tuple(KINDS),
 ) -> tuple[Machine, Estimator]:  # fmt: skip
     """Return the machine and the filter that are to be exported; a filter's file gives both."""
-    if is_filter(machine):
-        if filter is not None:
-            raise AmbkitError(f"{machine} is a filter itself: omit the other one")
-        filter, machine = machine, FilterFile.load(machine).plant
-    plant = machine_argument(machine)
+    plant, filter = _plant_and_filter(machine, filter)
     of_core: Precision = "float32" if precision == "float" else "float64"
     default = DEFAULT if DEFAULT in choice else choice[0]
     factory = _factory(default if filter is None else filter, plant, choice)

@@ -132,17 +132,14 @@ class FromObject:
 
 
 def factories(
-    filters: Any,
-    machine: Machine,
-    magnets: Mapping[str, MagnetModel] | None = None,
-    synchronous: Sequence[str] = (),
+    filters: Any, machine: Machine, synchronous: Sequence[str] = ()
 ) -> dict[str, Factory]:
     """Return what makes each filter, of whatever a verb takes as `filter`."""
     if isinstance(filters, Mapping):
         return {name: _factory(name, item, machine) for name, item in filters.items()}
     several = names_in(Estimator, type, filter=filters)
     names = [item for item in several if isinstance(item, str | os.PathLike)]
-    results: dict[str, Factory] = dict(_named(names, machine, magnets or {}, synchronous))
+    results: dict[str, Factory] = dict(_named(names, machine, synchronous))
     for item in several:
         if isinstance(item, str | os.PathLike):
             continue
@@ -171,7 +168,7 @@ def _factory(name: str, item: Any, machine: Machine) -> Factory:
     if isinstance(item, FromKind | FromFile | FromObject):
         return item
     if isinstance(item, str | os.PathLike):
-        (factory,) = _named([item], machine, {}, ()).values()
+        (factory,) = _named([item], machine, ()).values()
         return factory
     if is_own(item):
         return own_factory(name, item, machine)
@@ -181,16 +178,8 @@ def _factory(name: str, item: Any, machine: Machine) -> Factory:
 
 
 def _named(
-    names: Iterable[Any],
-    machine: Machine,
-    magnets: Mapping[str, MagnetModel],
-    synchronous: Sequence[str],
+    names: Iterable[Any], machine: Machine, synchronous: Sequence[str]
 ) -> dict[str, Factory]:
-    chosen = expanded(names)
-    for name in magnets:
-        if name not in chosen:
-            raise AmbkitError(f"a magnet is given for {name}, which is not among those chosen")
-
     def factory(name: str) -> Factory:
         if name.endswith(FILTER_SUFFIX):
             if synchronous:
@@ -206,10 +195,10 @@ def _named(
             kind = kind if file else "adaptive"
             magnet: MagnetModel | None = experts(Path(file or name), machine)
         else:
-            magnet = magnets[name] if name in magnets else learned_magnet(kind, machine)
+            magnet = learned_magnet(kind, machine)
         return FromKind(kind, machine, magnet, (*synchronous, *own))
 
-    return {name: factory(name) for name in chosen}
+    return {name: factory(name) for name in expanded(names)}
 
 
 def expanded(names: Iterable[str]) -> list[str]:

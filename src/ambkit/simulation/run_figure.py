@@ -19,6 +19,7 @@ from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, T
 
 TURNS = 5  #: Revolutions that an orbit shows dark, up to the end of the run.
 
+AXES = ("first axis", "second axis")  #: Of a radial bearing, as they are called.
 DISPLACEMENT = Axis("displacement", "µm", 1e6)
 _ACROSS = Axis("$x$, against gravity", "µm", 1e6), Axis("$y$", "µm", 1e6)
 
@@ -75,43 +76,35 @@ def _machine_figure(run: Any) -> Figure:
     """Show the orbits of the rotor in its radial bearings, displacements and currents."""
     record, machine = run.record, run.machine
     t = record.t
-    panels: list[Panel] = []
+    on, full_time = run.fed, replace(TIME, limits=(float(t[0]), float(t[-1])))
     contact = contact_spans(t, [] if run.estimate is None else [run.estimate])
     radial = [bearing for bearing in machine.bearings if bearing.type == "radial"]
-    panels += [_orbit(run, item) for item in radial]
-    for entry in machine.bearings:
-        names = [axis.name for axis in machine.axes if axis.bearing is entry]
-        moved: list[Item] = [
-            Line(t, record[signal("s", name)], signal=f"series {k}", label=_of(k))
-            for k, name in enumerate(names, 1)
+    names = {
+        bearing.name: [axis.name for axis in machine.axes if axis.bearing is bearing]
+        for bearing in machine.bearings
+    }
+
+    def lines(quantity: str, bearing: str, when: slice) -> list[Item]:
+        return [
+            Line(t[when], record[signal(quantity, name)][when], signal=f"series {k}", label=axis)
+            for k, (name, axis) in enumerate(zip(names[bearing], AXES, strict=False), 1)
         ]
-        panels.append(
-            Panel(
-                TIME,
-                DISPLACEMENT,
-                [*moved, *contact],
-                title=f"Displacement in bearing {label(entry.name)}",
-            )
-        )
-    on, full_time_axis = run.fed, replace(TIME, limits=(float(t[0]), float(t[-1])))
-    for entry in machine.bearings:
-        names = [axis.name for axis in machine.axes if axis.bearing is entry]
-        limit = entry.amplifier.current_limit
-        most = max(float(np.abs(record[signal("iu", name)][on]).max(initial=0.0)) for name in names)
-        fed: list[Item] = [
-            Line(t[on], record[signal("iu", name)][on], signal=f"series {k}", label=_of(k))
-            for k, name in enumerate(names, 1)
-        ]
-        if most > 0.5 * limit:
+
+    def current(bearing: PlacedBearing) -> Panel:
+        limit, fed = bearing.amplifier.current_limit, lines("iu", bearing.name, on)
+        currents = [record[signal("iu", name)][on] for name in names[bearing.name]]
+        if np.abs(currents).max(initial=0.0) > 0.5 * limit:
             fed += [Rule(end, signal="limit", label="limit") for end in (-limit, limit)]
-        panels.append(
-            Panel(
-                full_time_axis,
-                CURRENT,
-                fed,
-                title=f"Control currents of bearing {label(entry.name)}",
-            )
-        )
+        title = f"Control currents of bearing {label(bearing.name)}"
+        return Panel(full_time, CURRENT, fed, title=title)
+
+    panels = [_orbit(run, bearing) for bearing in radial]
+    panels += [
+        Panel(TIME, DISPLACEMENT, [*lines("s", name, slice(None)), *contact],
+              title=f"Displacement in bearing {label(name)}")
+        for name in names
+    ]  # fmt: skip
+    panels += [current(bearing) for bearing in machine.bearings]
     speed = record["speed"]
     rpm = units.rpm(speed[-1], 6)
     if speed.max() != speed.min():
@@ -128,10 +121,6 @@ def _machine_figure(run: Any) -> Figure:
         id="machine", title=f"Simulated run of {markdown(machine.name)}", caption=caption,
         panels=panels, columns=max(1, min(2, len(radial))), panel_height=2.1,
     )  # fmt: skip
-
-
-def _of(k: int) -> str:
-    return {1: "first axis", 2: "second axis"}[k]
 
 
 def _orbit_of(run: Any, place: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

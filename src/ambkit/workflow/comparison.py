@@ -15,7 +15,6 @@ from ambkit.assessment.arguments import arguments_of_the_user
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import is_class
-from ambkit.base.progress import silent
 from ambkit.base.quantity_arguments import Given, in_si, names_in, of_type
 from ambkit.base.units import engineering
 from ambkit.data.files.tables import Table
@@ -105,7 +104,7 @@ def in_case(
     robustness: bool, source: Any, done: Done,
 ) -> Study | Benches:  # fmt: skip
     """Compare filters in a case, or in all of them."""
-    of_type(str, Case, case=case)
+    cases = _cases(machine, case, plant, in_si("spread", spread, "1"))
     mapping = isinstance(filter, Mapping)
     several = [] if mapping else names_in(Estimator, type, filter=filter)
     texts = [item for item in several if isinstance(item, str | os.PathLike)]
@@ -114,23 +113,40 @@ def in_case(
     if not names and not own:
         expand("")
     names = suited(names, machine)
+    if case == "all" and robustness:
+        raise AmbkitError("robustness needs one case, not all")
+    how: Any = {
+        "custom": own, "runs": len(seeds), "budget": budget, "seed": seeds.start, "done": done,
+        "magnets": {kind: experts(Path(file), machine) for kind, file in files.items()},
+    }  # fmt: skip
     with arguments_of_the_user():
-        if case == "all" and robustness:
-            raise AmbkitError("robustness needs one case, not all")
-        result = compare_in_case(
-            machine, case, names, robustness=robustness, runs=len(seeds), budget=budget,
-            seed=seeds.start, spread=spread,
-            plant=plant if is_class(plant) else true_magnet(plant, machine),
-            custom=own, done=done,
-            magnets={kind: experts(Path(file), machine) for kind, file in files.items()},
-        )  # fmt: skip
-    if isinstance(result, Benches):
-        return result
-    known = source if isinstance(source, str | os.PathLike) else None
+        if case == "all":
+            return across(machine, cases, names, **how)
+        (chosen,) = cases.values()
+        result = study(machine, chosen, names, robustness=robustness, **how)
     return replace(
-        result, machine_file=known, magnet_files=files, save_filters=save_filters,
-        judge=adequacy_of,
+        result, machine_file=source if isinstance(source, str | os.PathLike) else None,
+        magnet_files=files, save_filters=save_filters, judge=adequacy_of,
     )  # fmt: skip
+
+
+def _cases(machine: Machine, case: Any, plant: Any, spread: float | None) -> dict[str, Case]:
+    """Return one case or all, by name, with a plant and tolerances of the user's."""
+    of_type(str, Case, case=case)
+    if isinstance(case, Case):
+        cases = {case.name: case}
+    elif case not in (*CASES, "all"):
+        raise AmbkitError(f'there is no case "{case}"; known: {", ".join(CASES)}, all')
+    else:
+        cases = dict(CASES) if case == "all" else {case: CASES[case]}
+        if spread is not None:
+            if not 0 <= spread < 1:
+                raise AmbkitError(f"spread must be from 0 to below 100 %, is {100 * spread:g} %")
+            cases = {name: replace(of, spread=Spread.all(spread)) for name, of in cases.items()}
+    if plant is None:
+        return cases
+    own = {"plant": plant} if is_class(plant) else {"magnet": true_magnet(plant, machine)}
+    return {name: replace(of, **own) for name, of in cases.items()}
 
 
 def in_loops(
@@ -161,46 +177,8 @@ def _with_files(filter: Sequence[Any]) -> tuple[list[str], dict[str, str]]:
     return list(dict.fromkeys(names)), files
 
 
-RUNS = 20  #: Runs of a comparison where nobody says it: fewer make no distribution.
-
 HEIGHTS = (0.1, 0.3, 0.5)
 """Steps of the reference in travels, of loops where nobody says what happens."""
-
-
-def compare_in_case(
-    machine: Machine,
-    case: str | Case = "paper",
-    estimators: Sequence[str] | None = None,
-    *,
-    spread: Given | None = None,
-    plant: Any = None,
-    robustness: bool = False,
-    done: Callable[[str], None] = silent,
-    runs: int = RUNS,
-    budget: int = 0,
-    **how: Any,
-) -> Study | Benches:
-    """Compare estimators along the same records and in the loop, in a case or in all of them."""
-    if isinstance(case, str) and case not in (*CASES, "all"):
-        raise AmbkitError(f'there is no case "{case}"; known: {", ".join(CASES)}, all')
-    if isinstance(case, str):
-        cases = dict(CASES) if case == "all" else {case: CASES[case]}
-        spread = in_si("spread", spread, "1")
-        if spread is not None:
-            if not 0 <= spread < 1:
-                raise ValueError(f"spread must be from 0 to below 100 %, is {100 * spread:g} %")
-            cases = {name: replace(of, spread=Spread.all(spread)) for name, of in cases.items()}
-    else:
-        cases = {case.name: case}
-    if plant is not None:
-        what = {"plant" if is_class(plant) else "magnet": plant}
-        cases = {name: replace(of, **what) for name, of in cases.items()}
-    kinds = list(KINDS) if estimators is None else names_in(estimators=estimators)
-    how |= {"runs": runs, "budget": budget, "done": done}
-    if case == "all":
-        return across(machine, cases, kinds, **how)
-    (chosen,) = cases.values()
-    return study(machine, chosen, kinds, robustness=robustness, **how)
 
 
 @dataclass(frozen=True)

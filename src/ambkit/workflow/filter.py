@@ -1,40 +1,27 @@
-"""Estimators along a record: what they are tuned on, and what they are judged by."""
+"""Estimators along a record: what was found."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ambkit.base.quantity_arguments import Given, in_si, of_type
-from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.record import Record
 from ambkit.data.signals import by_name, each_of, signal
 from ambkit.estimate.errors import errors_along
 from ambkit.estimate.estimate import Estimate
-from ambkit.estimate.estimator import Estimator
-from ambkit.estimate.named import USUAL, Factory, FromFile, FromObject, factories
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.judge.evaluation import Evaluation, evaluate, filter_figure
+from ambkit.judge.evaluation import Evaluation, filter_figure
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import MagnetModel
 from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
-from ambkit.rotordynamics.harmonics import Harmonic, harmonics
-from ambkit.workflow.tuning import (
-    check_signals,
-    default_disturbance,
-    log_likelihood,
-    tune_disturbance,
-)
-from ambkit.workflow.warnings import OutsideOperatingRange, outside_operating_range
+from ambkit.rotordynamics.harmonics import Harmonic
 
 HORIZONS = (1, 10)  #: Steps ahead that are predicted.
-NEAR = 0.2  #: Of the distance of two models, within which an estimated scale is one of them.
 ESTIMATORS = ("estimators",)  #: Section of its rows.
 
 
@@ -48,23 +35,6 @@ class Stretch:
     by_itself: bool
 
 
-def stretch_to_tune_on(record: Record, tune: Given | None = None) -> Stretch | None:
-    """Return what to tune on: what was asked for, or the second quarter of a measured record."""
-    # The first quarter is often a start. Where the truth is known, nothing is tuned unasked.
-    tune = in_si("tune", tune, "s")
-    span = float(record.t[-1] - record.t[0])
-    if tune is not None:
-        if not 0 < tune < span:
-            raise ValueError(
-                f"tune must be greater than 0 s, is {tune:g} s"
-                if not tune > 0
-                else f"tune must be shorter than the record, {span:.4g} s, and leave time to judge "
-                f"by; is {tune:g} s"
-            )
-        return Stretch(0.0, tune, by_itself=False)
-    return None if record.has_truth else Stretch(span / 4, span / 2, by_itself=True)
-
-
 @dataclass(frozen=True)
 class TunedNoise:
     """What tuning gave, and what speaks for it."""
@@ -74,6 +44,16 @@ class TunedNoise:
     why: str  #: Why it is that, where the stretch does not single one out; else empty.
     worse: bool  #: Whether the rest of the record is less likely with it than untuned.
     kept: bool  #: Whether the filter took it nevertheless: it was asked for.
+
+
+@dataclass(frozen=True)
+class OutsideOperatingRange:
+    """How often an expert was asked beyond the box that it was trained for."""
+
+    share: float  #: Of the samples.
+    #: Of each direction: the ends of the box [A] or [m], and the share beyond them.
+    current: tuple[float, float, float]
+    displacement: tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,119 +214,3 @@ class Filtering(Result):
         units = {f"{n}_{s}": r.units[s] for n, r in records.items() for s in r}
         t = next(iter(records.values())).t
         return Record(t, signals, units, {"estimators": list(records)})
-
-
-def filter(
-    machine: Machine,
-    record: Record,
-    estimators: Iterable[str] | Mapping[str, Factory] = USUAL,
-    *,
-    magnets: Mapping[str, MagnetModel] | None = None,
-    noise: FilterNoise | None = None,
-    tune: Given | None = None,
-    settling: Given = 0.0,
-    smooth: bool = False,
-    synchronous: Sequence[str] = (),
-    done: Callable[[Filtered], None] = lambda _one: None,
-) -> Filtering:
-    """Run filters along a record, and judge them."""
-    of_type(Machine, machine=machine)
-    of_type(Record, record=record)
-    check_signals(machine, record)
-    tune, settling = in_si("tune", tune, "s"), in_si("settling", settling, "s")
-    noise = noise or FilterNoise()
-    if tune is not None and noise.disturbance is not None:
-        raise ValueError("tune and noise.disturbance exclude each other")
-    begin, end = in_flight(record)
-    until, record = record.between(stop=end), record.between(begin, end)
-    built = factories(estimators, machine, magnets, synchronous)
-    # A filter from a file assumes what the file says.
-    fixed = {name for name, build in built.items() if isinstance(build, FromFile | FromObject)}
-    tunes = noise.disturbance is None and (tune is not None or fixed < {*built})
-    stretch = stretch_to_tune_on(record, tune) if tunes else None
-    late = max(settling, stretch.stop if stretch else 0.0)
-    results = {}
-    for name, build in built.items():
-        if name in fixed:
-            made = build()
-            own = FilterNoise(*made.variances) if hasattr(made, "variances") else noise
-            estimator, one = _filtered(name, build, record, own, None, late)
-        else:
-            estimator, one = _filtered(name, build, record, noise, stretch, late)
-        one = replace(
-            one,
-            outside=outside_operating_range(estimator, one.evaluation.estimate, record),
-            outermost=outermost_model(estimator, one.evaluation.estimate),
-            turning=harmonics(estimator, until),
-            smoothed=build(one.noise).smooth(record) if smooth else None,
-        )
-        results[name] = one
-        done(one)
-    return Filtering(machine, record, stretch, late, results)
-
-
-def outermost_model(filter: Any, estimate: Estimate) -> float | None:
-    """Return the outermost of multiple models, where that is the likeliest in most samples."""
-    scales = sorted(getattr(filter, "scales", ()))
-    if len(scales) < 2 or estimate.scale is None:
-        return None
-    for end, inner in ((scales[0], scales[1]), (scales[-1], scales[-2])):
-        near = np.abs(estimate.scale - end) < NEAR * abs(end - inner)
-        if near.mean(axis=0).max() > 0.5:
-            return float(end)
-    return None
-
-
-def in_flight(record: Record) -> tuple[float | None, float | None]:
-    """From when to when the magnets have currents, in a record of lift-off and landing [s]."""
-    # A rotor that lies has the touch-down bearings' forces, and magnets that are off, which no
-    # estimator is told. None and None: a record without a ``mode``, or one that never lifts.
-    if "mode" not in record:
-        return None, None
-    on = np.flatnonzero(np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING)))
-    if len(on) < 3:
-        return None, None
-    end = int(on[-1]) + 1
-    return float(record.t[on[0]]), float(record.t[end]) if end < len(record) else None
-
-
-def _filtered(
-    name: str,
-    build: Factory,
-    record: Record,
-    noise: FilterNoise,
-    stretch: Stretch | None,
-    settling: float,
-) -> tuple[Estimator, Filtered]:
-    def evaluated(assumed: FilterNoise) -> tuple[Estimator, Evaluation]:
-        estimator = build(assumed)
-        return estimator, evaluate(estimator, record, horizons=HORIZONS, settling=settling)
-
-    if stretch is None:
-        estimator, evaluation = evaluated(noise)
-        return estimator, Filtered(name, noise, evaluation)
-    result, why = _tuned(build, noise, record, stretch)
-    untuned = replace(noise, disturbance=default_disturbance(build().machine))
-    with_found, without = evaluated(result), evaluated(untuned)
-    worse = _likelihood(with_found[1]) < _likelihood(without[1])
-    use_tuned = not (worse and stretch.by_itself)
-    tuning = TunedNoise(result, untuned, why, worse, use_tuned)
-    assumed, (estimator, evaluation) = (result, with_found) if use_tuned else (untuned, without)
-    return estimator, Filtered(name, assumed, evaluation, tuning)
-
-
-def _tuned(
-    build: Factory, noise: FilterNoise, record: Record, stretch: Stretch
-) -> tuple[FilterNoise, str]:
-    """Return the noise under which a stretch of a record is most likely, and why that."""
-    part = record.between(record.t[0] + stretch.start, record.t[0] + stretch.stop)
-    tuned = tune_disturbance(
-        build().machine, part, lambda intensity: build(replace(noise, disturbance=intensity))
-    )
-    return replace(noise, disturbance=tuned.intensity), tuned.why
-
-
-def _likelihood(evaluation: Evaluation) -> float:
-    """Log likelihood of the samples that count."""
-    first = len(evaluation.estimate.t) - evaluation.samples
-    return log_likelihood(evaluation.estimate, first)

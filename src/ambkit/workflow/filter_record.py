@@ -7,30 +7,55 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from ambkit.assessment.arguments import (
     arguments_of_the_user,
     check_plausibility,
     machine_argument,
     record_argument,
 )
+from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.quantity_arguments import in_si, names_in
 from ambkit.base.units import figure, percent
+from ambkit.control.lift_off_sequence import Mode
 from ambkit.data.channel_map import ChannelMap
+from ambkit.data.reading.plausibility import longest_run
 from ambkit.data.record import Record
-from ambkit.data.signals import each_of
+from ambkit.data.signals import each_of, signal
 from ambkit.estimate.angle import estimate_angle
+from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile
-from ambkit.estimate.named import FromFile, factories
+from ambkit.estimate.named import Factory, FromFile, FromObject, factories
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX
+from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.contact import contact_notes
+from ambkit.judge.evaluation import Evaluation, evaluate
+from ambkit.machine.force_laws import isolated_axes, models_of
 from ambkit.machine.machine import Machine
-from ambkit.workflow.filter import Filtered, Filtering, filter
-from ambkit.workflow.warnings import OutsideOperatingRange, missing_control
+from ambkit.rotordynamics.harmonics import harmonics
+from ambkit.workflow.filter import (
+    HORIZONS,
+    Filtered,
+    Filtering,
+    OutsideOperatingRange,
+    Stretch,
+    TunedNoise,
+)
+from ambkit.workflow.tuning import (
+    check_signals,
+    default_disturbance,
+    log_likelihood,
+    tune_disturbance,
+)
 
+NEAR = 0.2  #: Of the distance of two models, within which an estimated scale is one of them.
+OUTSIDE = 0.01
+"""An expert that is asked outside of its box in more than this part of the samples is noted."""
 AUTO = "auto"  #: Tune the intensity of the disturbance force.
 
 
@@ -59,11 +84,10 @@ def filtered(
     built = factories(filters, plant)
     noise = FilterNoise(measurement=in_si("measurement_noise", measurement, "m^2"),
                         disturbance=intensity)  # fmt: skip
+    check_signals(plant, log)
     with arguments_of_the_user():
-        result = filter(
-            plant, log, built, noise=noise, tune=tune, settling=settling, smooth=smooth,
-            done=lambda one: done(one.name),
-        )  # fmt: skip
+        result = _along(plant, log, built, noise, tune, in_si("settling", settling, "s"),
+                        smooth=smooth, done=done)  # fmt: skip
     stretch = result.stretch
     if stretch is not None and stretch.by_itself:
         start, stop = (log.t[0] + end for end in (stretch.start, stretch.stop))
@@ -82,6 +106,108 @@ def filtered(
     remarks += [*_of_angle(plant, log), *_warnings(result, len(log))]
     source = str(record) if isinstance(record, str | os.PathLike) else ""
     return replace(result, source=source, adequacy=adequacy, remarks=remarks)
+
+
+def _along(
+    machine: Machine, record: Record, built: Mapping[str, Factory], noise: FilterNoise,
+    tune: float | None, settling: float, *, smooth: bool, done: Callable[[str], None],
+) -> Filtering:  # fmt: skip
+    """Run filters along a record, and judge them."""
+    begin, end = in_flight(record)
+    until, record = record.between(stop=end), record.between(begin, end)
+    # A filter from a file assumes what the file says.
+    fixed = {name for name, build in built.items() if isinstance(build, FromFile | FromObject)}
+    tunes = noise.disturbance is None and (tune is not None or fixed < {*built})
+    stretch = stretch_to_tune_on(record, tune) if tunes else None
+    late = max(settling, stretch.stop if stretch else 0.0)
+    results = {}
+    for name, build in built.items():
+        own, part = noise, stretch
+        if name in fixed:
+            variances = getattr(build(), "variances", None)
+            own, part = noise if variances is None else FilterNoise(*variances), None
+        estimator, one = _filtered(name, build, record, own, part, late)
+        results[name] = replace(
+            one,
+            outside=outside_operating_range(estimator, one.evaluation.estimate, record),
+            outermost=outermost_model(estimator, one.evaluation.estimate),
+            turning=harmonics(estimator, until),
+            smoothed=build(one.noise).smooth(record) if smooth else None,
+        )
+        done(name)
+    return Filtering(machine, record, stretch, late, results)
+
+
+def stretch_to_tune_on(record: Record, tune: float | None = None) -> Stretch | None:
+    """Return what to tune on: what was asked for, or the second quarter of a measured record."""
+    # The first quarter is often a start. Where the truth is known, nothing is tuned unasked.
+    span = float(record.t[-1] - record.t[0])
+    if tune is None:
+        return None if record.has_truth else Stretch(span / 4, span / 2, by_itself=True)
+    if not tune < span:
+        raise AmbkitError(
+            f"tune must be shorter than the record, {span:.4g} s, and leave time to judge by; is "
+            f"{tune:g} s"
+        )
+    return Stretch(0.0, tune, by_itself=False)
+
+
+def _filtered(
+    name: str, build: Factory, record: Record, noise: FilterNoise, stretch: Stretch | None,
+    settling: float,
+) -> tuple[Estimator, Filtered]:  # fmt: skip
+    """Return an estimator with the noise of its own or tuned, and what became of it."""
+
+    def evaluated(assumed: FilterNoise) -> tuple[Estimator, Evaluation]:
+        estimator = build(assumed)
+        return estimator, evaluate(estimator, record, horizons=HORIZONS, settling=settling)
+
+    if stretch is None:
+        estimator, evaluation = evaluated(noise)
+        return estimator, Filtered(name, noise, evaluation)
+    part = record.between(record.t[0] + stretch.start, record.t[0] + stretch.stop)
+    machine = build().machine
+    tuned = tune_disturbance(machine, part, lambda Q: build(replace(noise, disturbance=Q)))
+    likeliest, untuned = (
+        replace(noise, disturbance=Q) for Q in (tuned.intensity, default_disturbance(machine))
+    )
+    with_tuned, without = evaluated(likeliest), evaluated(untuned)
+    worse = _likelihood(with_tuned[1]) < _likelihood(without[1])
+    kept = not (worse and stretch.by_itself)
+    assumed, (estimator, evaluation) = (likeliest, with_tuned) if kept else (untuned, without)
+    tuning = TunedNoise(likeliest, untuned, tuned.why, worse, kept)
+    return estimator, Filtered(name, assumed, evaluation, tuning)
+
+
+def _likelihood(evaluation: Evaluation) -> float:
+    """Log likelihood of the samples that count."""
+    first = len(evaluation.estimate.t) - evaluation.samples
+    return log_likelihood(evaluation.estimate, first)
+
+
+def outermost_model(filter: Any, estimate: Estimate) -> float | None:
+    """Return the outermost of multiple models, where that is the likeliest in most samples."""
+    scales = sorted(getattr(filter, "scales", ()))
+    if len(scales) < 2 or estimate.scale is None:
+        return None
+    for end, inner in ((scales[0], scales[1]), (scales[-1], scales[-2])):
+        near = np.abs(estimate.scale - end) < NEAR * abs(end - inner)
+        if near.mean(axis=0).max() > 0.5:
+            return float(end)
+    return None
+
+
+def in_flight(record: Record) -> tuple[float | None, float | None]:
+    """From when to when the magnets have currents, in a record of lift-off and landing [s]."""
+    # A rotor that lies has the touch-down bearings' forces, and magnets that are off, which no
+    # estimator is told. None and None: a record without a ``mode``, or one that never lifts.
+    if "mode" not in record:
+        return None, None
+    on = np.flatnonzero(np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING)))
+    if len(on) < 3:
+        return None, None
+    end = int(on[-1]) + 1
+    return float(record.t[on[0]]), float(record.t[end]) if end < len(record) else None
 
 
 def _disturbance(value: Any) -> tuple[float | None, float | None]:
@@ -182,3 +308,47 @@ def _of_the_box(name: str, outside: OutsideOperatingRange) -> str:
         f"expert, current {current}, displacement {displacement}; there it gives the values at the "
         "edge: train it on a larger range ('ambkit train --reach')"
     )
+
+
+def missing_control(record: Record) -> tuple[int, int]:
+    """Return how many samples lack the control signal, and how many in a row at most."""
+    # Nobody knows what acted on the rotor then: filters hold the last value, and are less sure for
+    # a while than they say.
+    controls = [record[n] for n in record if n.partition("_")[0] == "u"]
+    lost = np.any(~np.isfinite(controls), axis=0)
+    if not lost.any():
+        return 0, 0
+    return int(lost.sum()), longest_run(lost)[1]
+
+
+def outside_operating_range(
+    estimator: Estimator, estimate: Estimate, record: Record
+) -> dict[str, OutsideOperatingRange]:
+    """Return of each axis how often its expert was asked beyond its box, if worth a word."""
+    machine, result = estimator.machine, {}
+    parts = zip(machine.axes, models_of(estimator.magnet), isolated_axes(machine), strict=True)
+    for axis, expert, b in parts:
+        if not isinstance(expert, Expert):
+            continue
+        current = np.clip(
+            b.amplifier.gain * record[signal("u", axis.name)], b.current_min, b.current_max
+        )
+        x = sum(form * estimate[q] for q, form in axis.line.form.items())
+        one = _outside(expert, current, np.asarray(x))
+        if one.share > OUTSIDE:
+            result[axis.name] = one
+    return result
+
+
+def _outside(expert: Expert, current: Array, x: Array) -> OutsideOperatingRange:
+    """Return how often an expert was asked beyond its box, at currents [A] and positions [m]."""
+    box = expert.current_range, expert.displacement_range
+    # The ends may be off by a rounding; what is missing is not outside.
+    slack = [1e-9 * (high - low) for low, high in box]
+    beyond = [
+        (at < low - s) | (at > high + s)
+        for at, (low, high), s in zip((current, x), box, slack, strict=True)
+    ]
+    share = float(np.mean(beyond[0] | beyond[1]))
+    ends = [(low, high, float(np.mean(b))) for (low, high), b in zip(box, beyond, strict=True)]
+    return OutsideOperatingRange(share, ends[0], ends[1])

@@ -61,13 +61,6 @@ def starting_model(
     return AxisModel(of_axis, load_std=load_std, machine=machine, axis=axis)
 
 
-def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> tuple[str, ...]:
-    """Return what is looked for: what is asked for, or what a record usually tells."""
-    names = usual(start) if free is None else tuple(free)
-    named(names)
-    return tuple(names)
-
-
 def identify(
     machine: Machine,
     records: Record | Sequence[Record],
@@ -86,7 +79,8 @@ def identify(
     of_type(Machine, machine=machine)
     records, others = (all_of_type(Record, records=item) for item in (records, others))
     start = starting_model(machine, axis, rest=rest, load_std=load_std)
-    looked_for = parameters_to_find(start, free)
+    looked_for = usual(start) if free is None else tuple(free)
+    named(looked_for)
     check_disjoint(others, records)
     if map_forces:
         check_mappable(machine)
@@ -128,7 +122,8 @@ def by_likelihood(
     """Identify an axis of a machine from records, and validate it."""
     known = arguments.machine_argument(machine)
     rest_noise = _rest_noise(rest, channels)
-    parameters_to_find(starting_model(known, axis, rest=rest_noise, load_std=load_std), free)
+    starting_model(known, axis, rest=rest_noise, load_std=load_std)
+    named(tuple(free or ()))
     sources, others = (names_in(Record, records=item) for item in (records, validate))
     _refuse_shared(sources, others)
     logs, other_logs = (

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ambkit.assessment.arguments import machine_argument, pair_argument
 from ambkit.base.errors import AmbkitError
-from ambkit.base.quantity_arguments import Given, in_si, names_in
+from ambkit.base.quantity_arguments import in_si, names_in
 from ambkit.base.units import engineering
 from ambkit.data.reading import load
 from ambkit.identification.forces.lift_off import (
-    LiftOff,
     LiftOffFit,
     find_lift_off,
     fit_lift_off,
@@ -101,30 +100,6 @@ def check_lifts_off(machine: Machine) -> None:
         )
 
 
-def identify_by_lift_off(
-    machine: Machine,
-    points: Iterable[LiftOff],
-    *,
-    gap_range: tuple[Given, Given] = (0.0, math.inf),
-    operating_point: Given | None = None,
-    names: Sequence[str] = (),
-) -> LiftedOff:
-    """Fit the law of a one-sided magnet to the points at which its rotor lifts off."""
-    check_lifts_off(machine)
-    near, far = (in_si("gap", end, "m") for end in gap_range)
-    operating_point = in_si("operating_point", operating_point, "m")
-    fit = fit_lift_off(points, machine.rotor.mass, gap_range=(near, far))
-    if operating_point is None:
-        return LiftedOff(machine, fit, None, names)
-    gap, bias = fit.operating_point(operating_point)
-    result = machine.replace(
-        **machine.magnet.with_constant(fit.magnet_constant),
-        magnet__air_gap=gap,
-        magnet__bias_current=bias,
-    )
-    return LiftedOff(result, fit, operating_point, names)
-
-
 def lift_off(
     machine: Any, records: Any, axis: str | None, channels: Any, *, gap: Any, operating_point: Any,
     note: Callable[[str], None],
@@ -145,7 +120,15 @@ def lift_off(
         for run, path in enumerate(paths, 1):
             note(f"reading {path.name}")
             points.append(find_lift_off(load(path, channels), run))
-    return identify_by_lift_off(
-        known, points, gap_range=ends, operating_point=operating_point,
-        names=() if channels is None else [path.name for path in paths],
+    near, far = (in_si("gap", end, "m") for end in ends)
+    distance = in_si("operating_point", operating_point, "m")
+    fit = fit_lift_off(points, known.rotor.mass, gap_range=(near, far))
+    names = () if channels is None else [path.name for path in paths]
+    if distance is None:
+        return LiftedOff(known, fit, None, names)
+    air_gap, bias = fit.operating_point(distance)
+    result = known.replace(
+        **known.magnet.with_constant(fit.magnet_constant),
+        magnet__air_gap=air_gap, magnet__bias_current=bias,
     )  # fmt: skip
+    return LiftedOff(result, fit, distance, names)
