@@ -274,6 +274,8 @@ def test_voltage_and_copper_of_a_machine():
     ),
     (["sweep", "ufu_rig", "--filter", "none", "--amplitudes", "1 um", "--axis", "A1"],
      "ufu_rig A1"),
+    (["sweep", "zittau_axial", "--amplitudes", "1 um", "--kind", "stepped-sine"],
+     "stepped-sine of the simulated loop"),
 ])  # fmt: skip
 def test_command(call, tmp_path, arguments, said):
     done = call("assess", *arguments, "--plot", "p.png")

@@ -540,14 +540,6 @@ def test_tune_keeps_a_margin_and_shows_what_it_costs(call, tmp_path):
     assert (tmp_path / "it.png").is_file()
 
 
-def test_assess_sweeps(call):
-    found = call("assess", "sweep", "zittau_axial", "--amplitudes", "1 um",
-                 "--kind", "stepped-sine")  # fmt: skip
-    assert found.code == 0, found.err
-    assert "stepped-sine of the simulated loop" in found.out
-    assert "linear model" in found.out
-
-
 def test_assess_takes_all_kinds_that_settle_and_a_scenarios_controller(call, tmp_path):
     soft = tmp_path / "soft.toml"
     soft.write_text('[controller]\nkp = "1 A/m"\nki = "0 A/(m s)"\n')

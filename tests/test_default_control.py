@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from machine_cases import bearing, machine, sensor
 
 import ambkit
 from ambkit import Machine
@@ -27,58 +28,26 @@ from ambkit.simulation.scenario import Scenario, settled_scenario
 from ambkit.simulation.waveforms import Ramp
 from ambkit.workflow.design import control_for
 
-BEARING = """
-[[bearing]]
-name = "{name}"
-type = "{type}"
-place = "{place} mm"
-{turned}
-clearance = "0.2 mm"
-[bearing.magnet]
-type = "two-sided"
-turns = 120
-pole_area = "200 mm^2"
-air_gap = "0.4 mm"
-bias_current = "2.5 A"
-[bearing.amplifier]
-gain = "1 A/V"
-current_limit = "2.5 A"
-bandwidth = "2 kHz"
-noise_variance = "1e-6 V^2"
-[[sensor]]
-name = "{name}"
-{sensor}
-gain = 1
-lag = "0.03 ms"
-noise_variance = "0.04 um^2"
-"""
+MAGNET = {
+    "type": "two-sided", "turns": 120, "pole_area": 200e-6, "air_gap": 0.4e-3, "bias_current": 2.5,
+}  # fmt: skip
 
 
 def flywheel(rpm, ratio=1.43, T=50e-6, delay=60e-6, mass=12.0, radius=0.0645):
     """A rigid rotor on two radial bearings and a thrust bearing."""
     inertia = mass * radius**2
-    radial = [
-        BEARING.format(
-            name=name,
-            type="radial",
-            place=z,
-            turned='angle = "45 deg"',
-            sensor=f'place = "{z} mm"\nangle = "45 deg"',
-        )
-        for name, z in (("A", -80), ("B", 80))
-    ]
-    thrust = BEARING.format(name="T", type="thrust", place=0, turned="", sensor='type = "axial"')
-    return Machine.from_toml(f"""
-name = "flywheel"
-sampling_time = "{T} s"
-delay = "{delay} s"
-speed = "{rpm} rpm"
-[rotor]
-mass = "{mass} kg"
-transverse_inertia = "{inertia} kg m^2"
-polar_inertia = "{ratio * inertia} kg m^2"
-gravity = "-z"
-{"".join(radial)}{thrust}""")
+    amplifier = {"current_limit": 2.5, "bandwidth": 2000.0, "noise_variance": 1e-6}
+    own = {"clearance": 0.2e-3, "magnet": MAGNET, "amplifier": amplifier}
+    sees, turned = {"lag": 0.03e-3, "noise_variance": 0.04e-12}, {"angle": math.radians(45)}
+    return machine(
+        name="flywheel", sampling_time=T, delay=delay, speed=rpm * math.pi / 30,
+        rotor={"mass": mass, "transverse_inertia": inertia, "polar_inertia": ratio * inertia,
+               "gravity": "-z"},
+        bearing=[bearing("A", -0.08, **turned, **own), bearing("B", 0.08, **turned, **own),
+                 bearing("T", 0.0, type="thrust", **own)],
+        sensor=[sensor("A", -0.08, **turned, **sees), sensor("B", 0.08, **turned, **sees),
+                sensor("T", 0.0, type="axial", **sees)],
+    )  # fmt: skip
 
 
 def worst(machine, control, estimated, speeds=3):

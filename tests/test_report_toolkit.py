@@ -4,15 +4,12 @@ import base64
 import gzip
 import itertools
 import json
-import os
 import re
 import shutil
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from functools import partial
-from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -20,6 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lxml import html
 from paper import verdicts
 from paper.reproduction import Judged
 from quick import quick
@@ -591,34 +589,17 @@ def test_both_renderings_show_the_same_numbers():
 # Page
 
 
-class Outline(HTMLParser):
-    """Collects what a page refers to."""
-
-    def __init__(self):
-        super().__init__()
-        self.ids: list[str] = []
-        self.references: list[str] = []
-        self.images: list[dict] = []
-
-    def handle_starttag(self, tag, attributes):
-        attributes = dict(attributes)
-        self.ids += [attributes["id"]] if "id" in attributes else []
-        self.references += [attributes[key] for key in ("src", "href") if key in attributes]
-        if tag == "img":
-            self.images.append(attributes)
-
-
 def test_page_refers_to_nothing_outside_itself(page):
-    outline = Outline()
-    outline.feed(page)
-    assert len(outline.ids) == len(set(outline.ids))
-    for reference in outline.references:
-        assert reference.startswith("data:") or reference[1:] in outline.ids, reference[:80]
+    root = html.fromstring(page)
+    ids, images = root.xpath("//@id"), [*root.iter("img")]
+    assert len(ids) == len(set(ids))
+    for reference in root.xpath("//@src | //@href"):
+        assert reference.startswith("data:") or reference[1:] in ids, reference[:80]
     assert "default-src 'none'" in page
     assert "@import" not in page[: page.index("<body>")]
     assert "url(" not in page[: page.index("<body>")]
-    assert len(outline.images) == len(ALL)
-    assert all(len(image["alt"]) > 20 for image in outline.images)
+    assert len(images) == len(ALL)
+    assert all(len(image.get("alt")) > 20 for image in images)
 
 
 def test_page_is_small_and_has_plotly_with_its_licence(page):
@@ -677,7 +658,7 @@ def test_a_page_of_many_pictures_has_them_packed(monkeypatch, tmp_path):
     made = write_report(report(), tmp_path)
     assert "<noscript>" in made.read_text(encoding="utf-8")
     shown = "[...document.querySelectorAll('img')].filter((i) => i.naturalWidth > 100).length"
-    assert seen_in_a_browser(made, tmp_path, 6, shown) == 6
+    assert seen_in_a_browser(made, 6, shown) == 6
 
 
 def test_page_numbers_links_and_escapes(page):
@@ -722,92 +703,34 @@ def test_unwritable_place_is_named_and_the_old_file_stays(tmp_path):
     }  # fmt: skip  # no temporary left
 
 
-class Browser:
-    """Chromium over its debugging pipe (Chrome DevTools Protocol: JSON between zero bytes)."""
-
-    def __init__(self, program, folder):
-        ours, theirs = os.pipe(), os.pipe()
-
-        def third_and_fourth():  # the descriptors chromium listens on
-            os.dup2(ours[0], 3)
-            os.dup2(theirs[1], 4)
-
-        options = "--headless --no-sandbox --disable-gpu --remote-debugging-pipe"
-        profile = f"--user-data-dir={folder}"
-        self.process = subprocess.Popen(
-            [program, *options.split(), "--window-size=1300,9000", profile],
-            preexec_fn=third_and_fourth,
-            close_fds=False,
-            stderr=subprocess.DEVNULL,
-        )
-        os.close(ours[0])
-        os.close(theirs[1])
-        self.out, self.back = os.fdopen(ours[1], "wb", 0), os.fdopen(theirs[0], "rb")
-        self.events: list[dict] = []
-        self.count = 0
-
-    def call(self, method, session=None, **parameters):
-        self.count += 1
-        message = {"id": self.count, "method": method, "params": parameters}
-        message |= {"sessionId": session} if session else {}
-        self.out.write(json.dumps(message).encode() + b"\0")
-        while True:
-            letters = list(iter(lambda: self.back.read(1) or b"\0", b"\0"))
-            assert letters, "chromium went away"
-            answer = json.loads(b"".join(letters))
-            if answer.get("id") == self.count:
-                return answer["result"]
-            self.events.append(answer)
-
-    def close(self):
-        self.call("Browser.close")
-        self.out.close()
-        self.back.close()
-        self.process.wait(30)
-
-
-def seen_in_a_browser(page, folder, figures, ask="1"):
+def seen_in_a_browser(page, figures, ask="1"):
     """Open a page; it must draw its figures, fetch nothing, and complain of nothing.
 
     Returns what the browser answers to `ask` then.
     """
+    playwright = pytest.importorskip("playwright.sync_api")
     program = shutil.which("chromium") or shutil.which("google-chrome")
     if not program:
         pytest.skip("no chromium here to open the page with")
-    browser = Browser(program, folder / "profile")
-    target = browser.call("Target.createTarget", url="about:blank")["targetId"]
-    session = browser.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-    for domain in ("Network", "Log", "Runtime", "Page"):
-        browser.call(f"{domain}.enable", session)
-    browser.call("Page.navigate", session, url=page.as_uri())
-
-    def value(expression):
-        answer = browser.call(
-            "Runtime.evaluate", session, expression=expression, returnByValue=True
-        )
-        return answer["result"].get("value")
-
-    count = "document.querySelectorAll('.plot.live:has(.main-svg)').length"
-    deadline = time.monotonic() + 60
-    drawn = 0
-    while drawn < figures and time.monotonic() < deadline:
-        time.sleep(0.1)
-        drawn = value(count) or 0
-    answer = value(ask)
-    browser.close()
-    events = {"requestWillBeSent": [], "entryAdded": [], "exceptionThrown": []}
-    for event in browser.events:
-        events.get(event["method"].partition(".")[2], []).append(event["params"])
-    assert drawn == figures
-    asked = {e["request"]["url"][:60] for e in events["requestWillBeSent"]}
-    assert {url for url in asked if not url.startswith(("data:", "blob:"))} == {page.as_uri()[:60]}
-    assert not events["exceptionThrown"]
-    assert not events["entryAdded"]
+    complaints, asked = [], []
+    with playwright.sync_playwright() as running:
+        browser = running.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        opened = browser.new_page(viewport={"width": 1300, "height": 9000})
+        opened.on("console", lambda message: complaints.append(message.text))
+        opened.on("pageerror", lambda error: complaints.append(str(error)))
+        opened.on("request", lambda request: asked.append(request.url))
+        opened.goto(page.as_uri())
+        drawn = opened.locator(".plot.live:has(.main-svg)")
+        playwright.expect(drawn).to_have_count(figures, timeout=60_000)
+        answer = opened.evaluate(ask)
+        browser.close()
+    assert [url for url in asked if not url.startswith(("data:", "blob:"))] == [page.as_uri()]
+    assert complaints == []
     return answer
 
 
-def test_browser_draws_every_figure_and_fetches_nothing(written, tmp_path):
-    seen_in_a_browser(written, tmp_path, 6)
+def test_browser_draws_every_figure_and_fetches_nothing(written):
+    seen_in_a_browser(written, 6)
 
 
 @pytest.mark.parametrize("jump", [0.0, -0.5])
@@ -834,7 +757,7 @@ def test_browser_draws_a_log_as_read_and_as_refused(tmp_path, jump):
         headings: document.querySelectorAll("h2").length,
         caption: document.querySelector("figcaption").textContent,
     })"""
-    seen = json.loads(seen_in_a_browser(page, tmp_path, 1, ask))
+    seen = json.loads(seen_in_a_browser(page, 1, ask))
     assert not seen["wider"]
     assert seen["headings"] == 0  # one picture has no chapters
     assert seen["marks"] >= len(figure.panels)

@@ -7,12 +7,12 @@ import json
 import math
 import re
 from dataclasses import dataclass
-from html.parser import HTMLParser
 
 import pandas
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from lxml import html
 from rich.cells import cell_len
 from rich.console import Console
 
@@ -90,28 +90,9 @@ def check_grid(table, rows, *, across):
         check_cell(row, cells[at])
 
 
-class Tables(HTMLParser):
+def cells_of(page):
     """The cells of the tables of a page, line by line."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.lines: list[list[str]] = []
-        self._inside = 0
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        if tag == "tr":
-            self.lines.append([])
-        elif tag in ("td", "th"):
-            self._inside += 1
-            self.lines[-1].append("")
-
-    def handle_endtag(self, tag):
-        self._inside -= tag in ("td", "th")
-
-    def handle_data(self, data):
-        if self._inside:
-            self.lines[-1][-1] += data
+    return [[cell.text_content() for cell in line] for line in html.fromstring(page).iter("tr")]
 
 
 def bare(text):
@@ -186,7 +167,7 @@ def check(result, tmp_path):
     check_pandas(result)
     latex, rows = result.to_latex(), list(singles(result.rows))
     result.page(tmp_path / "page.html")
-    page = Tables((tmp_path / "page.html").read_text(encoding="utf-8")).lines
+    page = cells_of((tmp_path / "page.html").read_text(encoding="utf-8"))
     for section, table in by_name(result):
         across = result.sections.get(section, Section("")).across
         check_grid(table, [row for row in rows if row.section == section], across=across)
@@ -197,7 +178,7 @@ def check(result, tmp_path):
     first = next(by_name(result, verbose=False), None)
     if first is not None:
         shown = Table(*first[1][:2], first[1].rows[:MOST_ROWS], wide=False)
-        check_page(Tables(card_of(result).html()).lines, shown)
+        check_page(cells_of(card_of(result).html()), shown)
 
 
 @dataclass(frozen=True, repr=False)

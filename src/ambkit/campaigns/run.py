@@ -24,11 +24,9 @@ from ambkit.campaigns.worker import Rows, compute, part_of, versions
 from ambkit.estimate.batch import processors
 from ambkit.result.result import Statement
 
-AHEAD = 3
-"""Parts that wait for each thread of the cluster, so that none runs dry."""
+AHEAD = 3  #: Parts that wait for each thread of the cluster, so that none runs dry.
 
-PATIENCE = 60.0
-"""How long a scheduler may be away before the campaign gives up [s]."""
+PATIENCE = 60.0  #: How long a scheduler may be away before the campaign gives up [s].
 
 
 def of(

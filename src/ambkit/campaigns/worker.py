@@ -231,8 +231,7 @@ def signal(run: Run, name: str) -> Array:
         raise AmbkitError(f"{name}: {error}") from None
 
 
-AT_ONCE = 512
-"""Loops side by side."""
+AT_ONCE = 512  #: Loops side by side.
 
 
 def peaks(runs: Sequence[Planned], threads: int | None = None) -> Array:

@@ -15,8 +15,7 @@ from ambkit.estimate.machine_model import View
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.machine import Machine
 
-LIES = 0.01
-"""Share of the samples on a stop that is worth a sentence."""
+LIES = 0.01  #: Share of the samples on a stop that is worth a sentence.
 
 
 def on_stop(machine: Machine, record: Record) -> Bools:

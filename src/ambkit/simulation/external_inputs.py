@@ -13,6 +13,9 @@ from ambkit.base.arrays import Array
 from ambkit.base.own_class import OwnPart
 from ambkit.machine.machine import Machine
 
+NONE = {"late": 0.0, "y_times": 1.0, "y_plus": 0.0, "u_times": 1.0, "u_plus": 0.0, "current": 1.0}
+"""Values of `Faults` without a fault."""
+
 
 @dataclass(frozen=True, eq=False)
 class Faults:
@@ -38,20 +41,17 @@ class Faults:
     @classmethod
     def none(cls, n: int, *, beside: bool = False) -> Faults:
         """Return n samples without a fault."""
-        zero, one = np.zeros(n), np.ones(n)
-        return cls(zero, one, zero.copy(), one.copy(), zero.copy(), one.copy(), beside=beside)
+        return cls(**{name: np.full(n, value) for name, value in NONE.items()}, beside=beside)
 
     def among(self, reading: int, readings: int, axis: int, axes: int) -> Faults:
         """Return the same faults of one of several readings, and of one of several axes."""
         if readings == axes == 1:
             return self
-        none = {"late": 0.0, "y_times": 1.0, "y_plus": 0.0, "u_times": 1.0, "u_plus": 0.0,
-                "current": 1.0}  # fmt: skip
         results = {}
         for name, series in self.series.items():
             of_reading = name.startswith(("late", "y_"))
             k, columns = (reading, readings) if of_reading else (axis, axes)
-            results[name] = np.full((len(series), columns), none[name])
+            results[name] = np.full((len(series), columns), NONE[name])
             results[name][:, k] = series
         return Faults(**results, beside=self.beside)
 

@@ -15,7 +15,7 @@ from ambkit.estimate.constant_velocity import usual_acceleration
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import KINDS, learned_magnet
-from ambkit.judge.comparison.cases import CASES, Case, Trial, trials
+from ambkit.judge.comparison.cases import CASES, Trial, trials
 from ambkit.judge.comparison.comparison import raw_error
 from ambkit.judge.comparison.criteria import evaluate_run
 from ambkit.judge.comparison.tuning import errors
@@ -53,11 +53,10 @@ def score_defaults(
     *,
     runs: int = 3,
     seed: int = 0,
-    case: Case = CASES["model"],
     tune: Sequence[str] = (DEFAULT,),
 ) -> DefaultScore:
     """Fly runs of a machine, tune the naive filter on as many others, and judge all by truth."""
-    made = trials(case, machine, 2 * runs, seed)
+    made = trials(CASES["model"], machine, 2 * runs, seed)
     if any(trial.lost for trial in made):
         raise AmbkitError(f"{machine.name}: the rotor met a stop in a run of the study")
     training, judged = made[:runs], made[runs:]
