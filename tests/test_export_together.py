@@ -161,6 +161,7 @@ def test_includes_stand_outside_of_extern_c():
         ("main", "a target of the build"),
         ("NUL", "no file, on Windows"),
         ("_x", "a letter first"),
+        ("2nd", "a letter first"),
         ("a2345678901234567", "at most 16 characters"),
     ],
 )

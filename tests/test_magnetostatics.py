@@ -126,26 +126,38 @@ def drawing(geometry, iron=IRON):
     return Drawing.from_toml(text(geometry, iron))
 
 
+def machine_of(folder, geometry, iron=IRON, more=""):
+    """The machine whose magnet is this drawing."""
+    (folder / "core.toml").write_text(text(geometry, iron))
+    (folder / "m.toml").write_text(f'{MACHINE}[magnet]\nforce_map = "core.toml"\n{more}')
+    return ambkit.Machine.load(folder / "m.toml")
+
+
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path_factory, monkeypatch):
     base = tmp_path_factory.getbasetemp() / "cache"
     monkeypatch.setenv("XDG_CACHE_HOME", str(base))
 
 
+def check_one_energy(solver, place, current, step, rel):
+    """Force and flux linkage are slopes of the coenergy, over steps of `step` [m] and 0.1 mA."""
+    way, coil = solver.layout.directions[0], solver.layout.control[0]
+    result = solver.at(place).solve(current)
+
+    def slope(step, moved, more):
+        ends = [solver.at(place + h * moved).solve(current + h * more, result.a).coenergy
+                for h in (-step, step)]  # fmt: skip
+        return (ends[1] - ends[0]) / (2 * step)
+
+    assert result.force[0] == pytest.approx(slope(step, way, 0 * coil), rel=rel)
+    assert coil @ result.flux == pytest.approx(slope(1e-4, 0, coil), rel=rel)
+
+
 @pytest.mark.parametrize("geometry", ["e-core", "thrust", "ball"])
 def test_force_and_flux_are_derivatives_of_one_energy(geometry):
     layout = drawing(GEOMETRIES[geometry]).layout
-    solver, way = FieldSolver(layout, 0.7), layout.directions[0]
-    current, at = 3 * layout.bias + layout.control[0], 1e-4 * way
-    result = solver.at(at).solve(current)
-    step = 1e-8
-    ends = [solver.at(at + h * way).solve(current, result.a).coenergy for h in (-step, step)]
-    assert result.force[0] == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-6)
-    step = 1e-4
-    ends = [solver.at(at).solve(current + h * layout.control[0], result.a).coenergy
-            for h in (-step, step)]  # fmt: skip
-    flux = layout.control[0] @ result.flux
-    assert flux == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-6)
+    current = 3 * layout.bias + layout.control[0]
+    check_one_energy(FieldSolver(layout, 0.7), 1e-4 * layout.directions[0], current, 1e-8, rel=1e-6)
 
 
 @pytest.mark.parametrize("geometry", ["e-core", "u-core", "thrust"])
@@ -180,15 +192,8 @@ def test_bias_of_magnets_or_a_coil_of_its_own(name):
     assert k_i == pytest.approx(stiffness, rel=leakage)
     assert k_s == pytest.approx(stiffness * made.bias_current / gap, rel=2 * leakage)
     layout = made.layout
-    current, place, step = bias + 0.3 * on * layout.control[0], 10 * at * way, 1e-9
-    solver = FieldSolver(layout, 0.5)
-    result = solver.at(place).solve(current)
-    ends = [solver.at(place + h * way).solve(current, result.a).coenergy for h in (-step, step)]
-    assert result.force[0] == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-5)
-    step = 1e-4
-    ends = [solver.at(place).solve(current + h * layout.control[0], result.a).coenergy
-            for h in (-step, step)]  # fmt: skip
-    assert layout.control[0] @ result.flux == pytest.approx((ends[1] - ends[0]) / (2 * step), 1e-5)
+    current = bias + 0.3 * on * layout.control[0]
+    check_one_energy(FieldSolver(layout, 0.5), 10 * at * way, current, 1e-9, rel=1e-5)
 
 
 def test_homopolar_bias_flux_is_that_of_its_magnetic_circuit():
@@ -411,9 +416,7 @@ def test_a_curve_is_stated_once_and_rises(iron):
 
 
 def test_machine_takes_a_drawing(tmp_path):
-    (tmp_path / "core.toml").write_text(text(U_CORE))
-    (tmp_path / "m.toml").write_text(MACHINE + '[magnet]\nforce_map = "core.toml"\n')
-    machine = ambkit.Machine.load(tmp_path / "m.toml")
+    machine = machine_of(tmp_path, U_CORE)
     magnet, result = ambkit.magnet_of(machine), map_of(drawing(U_CORE))
     assert machine.magnet.air_gap == 0.5e-3
     assert machine.magnet.type == "two-sided"
@@ -426,20 +429,15 @@ def test_machine_takes_a_drawing(tmp_path):
 
 @pytest.mark.long
 def test_machine_may_differ_from_its_drawing(tmp_path):
-    (tmp_path / "core.toml").write_text(text(U_CORE))
-    own = MACHINE + '[magnet]\nforce_map = "core.toml"\ndrawing.iron.saturation = "1.74 T"\n'
-    (tmp_path / "m.toml").write_text(own)
-    machine = ambkit.Machine.load(tmp_path / "m.toml")
+    machine = machine_of(tmp_path, U_CORE, more='drawing.iron.saturation = "1.74 T"')
     nominal = machine.replace(magnet__drawing={})
     less, more = (float(ambkit.magnet_of(m).force(3.0, 0.2e-3)) for m in (machine, nominal))
     assert 0.93 < less / more < 0.98
     machine.save(tmp_path / "again.toml")
     assert ambkit.Machine.load(tmp_path / "again.toml") == machine
-    (tmp_path / "m.toml").write_text(own.replace("1.74 T", "1.74 A"))
-    with pytest.raises(
-        AmbkitError, match=r"m\.toml:8: magnet\.drawing\.iron\.saturation: .*A cannot be converted"
-    ):
-        ambkit.Machine.load(tmp_path / "m.toml")
+    told = r"m\.toml:8: magnet\.drawing\.iron\.saturation: .*A cannot be converted"
+    with pytest.raises(AmbkitError, match=told):
+        machine_of(tmp_path, U_CORE, more='drawing.iron.saturation = "1.74 A"')
 
 
 def test_plant_couples_axes_that_share_their_iron(monkeypatch):
@@ -468,10 +466,8 @@ def test_plant_couples_axes_that_share_their_iron(monkeypatch):
 
 
 def test_machine_with_a_faulty_drawing_names_its_line(tmp_path):
-    (tmp_path / "core.toml").write_text(text(E_CORE.replace('"7 mm"', '"30 mm"')))
-    (tmp_path / "m.toml").write_text(MACHINE + '[magnet]\nforce_map = "core.toml"\n')
     with pytest.raises(AmbkitError, match=r"core\.toml:11: geometry\.coil_width"):
-        ambkit.Machine.load(tmp_path / "m.toml")
+        machine_of(tmp_path, E_CORE.replace('"7 mm"', '"30 mm"'))
 
 
 def test_solution_states_stiffness_limits_and_laws(tmp_path):
@@ -523,10 +519,7 @@ def test_sheets_lose_what_theory_says_and_lag(tmp_path):
     first = lag(FREQUENCIES, dynamics.corner, 1.0)
     assert dynamics.stiffness == pytest.approx(first, abs=3e-3)
     assert np.degrees(np.angle(dynamics.stiffness[-1])) < -1.5
-    (tmp_path / "core.toml").write_text(text(U_CORE, IRON + sheets))
-    machine = ambkit.Machine.from_toml(
-        MACHINE + f'[magnet]\nforce_map = "{(tmp_path / "core.toml").as_posix()}"\n'
-    )
+    machine = machine_of(tmp_path, U_CORE, IRON + sheets)
     assert machine.magnet.eddy_current_lag == pytest.approx(1 / (2 * np.pi * dynamics.corner))
 
 
@@ -545,19 +538,13 @@ def test_solid_iron_lags_by_half_an_order(tmp_path):
     assert finer == pytest.approx(stiffness[[2, 5]], rel=0.02)
     poor = dynamic_stiffness(drawing(THRUST + POT, IRON + 'conductivity = "45 S/m"\n'))[0]
     assert np.abs(poor[:3] - 1).max() < 1e-3
-    (tmp_path / "t.toml").write_text(text(THRUST + POT, solid))
-    machine = ambkit.Machine.from_toml(
-        MACHINE + f'[magnet]\nforce_map = "{(tmp_path / "t.toml").as_posix()}"\n'
-    )
+    machine = machine_of(tmp_path, THRUST + POT, solid)
     assert machine.magnet.eddy_current_corner == pytest.approx(corner)
 
 
 @pytest.mark.long
 def test_gap_of_a_machine_overrides_the_drawing(tmp_path):
-    (tmp_path / "core.toml").write_text(text(U_CORE))
-    machine = ambkit.Machine.from_toml(
-        MACHINE + f'[magnet]\nforce_map = "{(tmp_path / "core.toml").as_posix()}"\n'
-    )
+    machine = machine_of(tmp_path, U_CORE)
     wide = ambkit.magnet_of(machine.replace(magnet__air_gap="0.55 mm"))
     other = map_of(drawing(U_CORE.replace('"0.5 mm"', '"0.55 mm"')))
     k_i = (other.force_at(0.01, 0.0) - other.force_at(-0.01, 0.0)) / 0.02

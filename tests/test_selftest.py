@@ -80,18 +80,23 @@ def printed(folder, out, flags=SAME_BITS):
     return subprocess.run([out], capture_output=True, text=True, timeout=60).stdout
 
 
+def planted(export, folder, file, old, new):
+    """A copy of an export with a fault in a file."""
+    shutil.copytree(export, folder)
+    text = (folder / file).read_text()
+    assert text.count(old) == 1, "the fault cannot be planted"
+    (folder / file).write_text(text.replace(old, new))
+    return folder
+
+
 @pytest.mark.parametrize(("fault", "flags"), quick(
     product(FAULTS, [SAME_BITS, LOOSE]), zip(FAULTS, cycle([SAME_BITS, LOOSE]), strict=False)
 ))  # fmt: skip
 def test_planted_faults_are_seen(exported, tmp_path, fault, flags):
-    file, old, new = FAULTS[fault]
     made = exported("linear")
-    shutil.copytree(made.folder, tmp_path / "out")
-    path = tmp_path / "out" / file.format(made.name)
-    text = path.read_text()
-    assert text.count(old) == 1, "the fault cannot be planted"
-    path.write_text(text.replace(old, new))
-    assert printed(tmp_path / "out", tmp_path / "a.out", flags).startswith("FAIL"), fault
+    file, *change = FAULTS[fault]
+    folder = planted(made.folder, tmp_path / "out", file.format(made.name), *change)
+    assert printed(folder, tmp_path / "a.out", flags).startswith("FAIL"), fault
 
 
 @pytest.fixture(scope="module", params=["linear", "tabulated"])
@@ -231,12 +236,8 @@ def machine(tmp_path_factory):
 
 @pytest.mark.parametrize("fault", MACHINE_FAULTS)
 def test_planted_faults_of_a_machine_are_seen(fault, machine, tmp_path):
-    file, old, new = MACHINE_FAULTS[fault]
-    shutil.copytree(machine, tmp_path / "out")
-    path = tmp_path / "out" / file
-    assert path.read_text().count(old) == 1, "the fault cannot be planted"
-    path.write_text(path.read_text().replace(old, new))
-    assert printed(tmp_path / "out", tmp_path / "a.out").startswith("FAIL")
+    folder = planted(machine, tmp_path / "out", *MACHINE_FAULTS[fault])
+    assert printed(folder, tmp_path / "a.out").startswith("FAIL")
 
 
 def test_fast_math_is_said_in_a_sentence(exported, tmp_path):
