@@ -12,8 +12,8 @@ from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.result.card import Card, settings_card, value
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 
-STYLES = ("series 2", "estimate", "series 3")
-SHARES = (-0.5, 0.0, 0.5)  #: Of the range of what the lines stand for.
+SHARES = {"series 2": -0.5, "estimate": 0.0, "series 3": 0.5}
+"""Of the range of what the lines stand for, by their signals."""
 
 
 def bearing_figure(machine: Any) -> Figure:
@@ -21,32 +21,25 @@ def bearing_figure(machine: Any) -> Figure:
     magnet, travel = magnet_of(machine), machine.clearance
     iu = np.linspace(machine.current_min, machine.current_max, 121)
     x = np.linspace(-travel, travel, 121)
-    current, displacement = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
-    force = Axis("force of the magnet", "N")
-    places = [share * travel for share in SHARES]
-    currents = [share * machine.current_max for share in SHARES]
-    carried: list[Item] = [Rule(-machine.weight, signal="reference", label="weight")]
-    levitation_current = np.array([machine.levitation_current])
-    here = Points(
-        levitation_current, np.array([-machine.weight]), signal="measurement", label="levitation"
-    )
-    over_current: list[Item] = [
-        Line(iu, magnet.force(iu, place), signal=style,
-             label=f"$x$ = {engineering(place, 'm', 3, like=travel)}")
-        for style, place in zip(STYLES, places, strict=True)
-    ]  # fmt: skip
-    over_displacement: list[Item] = [
-        Line(x, magnet.force(control_current, x), signal=style,
-             label=f"$i_u$ = {engineering(control_current, 'A', 3)}")
-        for style, control_current in zip(STYLES, currents, strict=True)
-    ]  # fmt: skip
+    weight, force = -machine.weight, Axis("force of the magnet", "N")
+    carried = Rule(weight, signal="reference", label="weight")
+    over_current: list[Item] = [carried]
+    over_displacement: list[Item] = [carried]
+    for signal, share in SHARES.items():
+        at_x, at_iu = share * travel, share * machine.current_max
+        label = f"$x$ = {engineering(at_x, 'm', 3, like=travel)}"
+        over_current.append(Line(iu, magnet.force(iu, at_x), signal=signal, label=label))
+        label = f"$i_u$ = {engineering(at_iu, 'A', 3)}"
+        over_displacement.append(Line(x, magnet.force(at_iu, x), signal=signal, label=label))
+    here = np.array([machine.levitation_current]), np.array([weight])
+    over_current.append(Points(*here, signal="measurement", label="levitation"))
     return Figure(
         id="bearing",
         title=f"Force of {markdown(machine.name)}",
         caption="Over all currents, and over the rotor's travel.",
         panels=[
-            Panel(current, force, [*carried, *over_current, here]),
-            Panel(displacement, force, [*carried, *over_displacement]),
+            Panel(Axis("control current $i_u$", "A"), force, over_current),
+            Panel(Axis("displacement $x$", "mm", 1e3), force, over_displacement),
         ],
         panel_height=2.0,
     )

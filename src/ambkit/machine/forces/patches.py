@@ -43,7 +43,6 @@ def patches(
     force: Callable[[Array, Array], Array],
     currents: tuple[float, float],
     displacements: tuple[float, float],
-    accuracy: float = ACCURACY,
 ) -> Patches:
     """Sample a force, each time twice as finely, until the middles between the nodes are right."""
     # The derivatives at the nodes are those of the bicubic spline through them, which the patches
@@ -60,12 +59,12 @@ def patches(
         origin = float(_asked(force, np.zeros(1), np.zeros(1))[0, 0])
         off = spline(between[1], between[0]) - (_asked(force, *between) - origin)
         error, size = float(np.abs(off).max()), float(np.sqrt(np.mean(values**2)))
-        if error <= accuracy * size:
+        if error <= ACCURACY * size:
             break
         if cells >= FINEST:
             raise AmbkitError(
                 f"the force is not smooth enough: at {values.shape[1]} x {values.shape[0]} nodes "
-                f"it is still {error:.3g} N off between them, and {accuracy * size:.3g} N is asked"
+                f"it is still {error:.3g} N off between them, and {ACCURACY * size:.3g} N is asked"
             )
         cells *= 2
     across, along, both = (

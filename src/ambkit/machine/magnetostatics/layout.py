@@ -98,9 +98,9 @@ def arc(radius: float, begin: float, end: float, centre: complex = 0.0) -> Point
     return np.asarray(centre + radius * np.exp(1j * np.linspace(begin, end, count)))
 
 
-def circle(radius: float, centre: complex = 0.0) -> Points:
-    """Return points on a circle."""
-    return arc(radius, 0.0, 2 * np.pi, centre)[:-1]
+def circle(radius: float) -> Points:
+    """Return points on a circle about the origin."""
+    return arc(radius, 0.0, 2 * np.pi)[:-1]
 
 
 def contains(outline: Points, places: Points) -> NDArray[np.bool_]:

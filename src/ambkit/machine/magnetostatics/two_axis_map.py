@@ -130,17 +130,17 @@ def _places(count: int) -> Array:
     return np.hstack([centre, np.where(u[0] < u[1], u[SWAPPED], u)])
 
 
-def two_axis_map(drawing: Drawing, box: Box | None = None, points: int = POINTS) -> TwoAxisMap:
+def two_axis_map(drawing: Drawing, box: Box | None = None) -> TwoAxisMap:
     """Return the map of both axes of a radial bearing, from the cache where it was solved."""
     box = box_of(drawing) if box is None else box
     ranges = np.repeat([max(box.high, -box.low), box.displacement_range], 2)
-    key = drawing.key("both axes", box, points, DEGREE, VERSION)
-    coefficients, sums, error = kept(key, lambda: _fitted(drawing, box.bias, ranges, points))
+    key = drawing.key("both axes", box, POINTS, DEGREE, VERSION)
+    coefficients, sums, error = kept(key, lambda: _fitted(drawing, box.bias, ranges))
     return TwoAxisMap(ranges, coefficients, sums, float(error))
 
 
-def _fitted(drawing: Drawing, bias: float, ranges: Array, points: int) -> tuple[Array, ...]:
-    layout, u = drawing.layout, _places(points + LEFT_OUT)
+def _fitted(drawing: Drawing, bias: float, ranges: Array) -> tuple[Array, ...]:
+    layout, u = drawing.layout, _places(POINTS + LEFT_OUT)
     solved = []
     with progress("solving the magnetic field over both axes", u.shape[1]) as done:
         solver = FieldSolver(layout, FINENESS)
@@ -151,8 +151,8 @@ def _fitted(drawing: Drawing, bias: float, ranges: Array, points: int) -> tuple[
             done()
     values = np.array(solved).T
     slopes = values[1:5] * ranges[:, None]  # by u
-    some, fit = terms(DEGREE), slice(points + 2)
-    weight = np.where(np.arange(points + 2) < 2, WEIGHT, 1.0)
+    some, fit = terms(DEGREE), slice(POINTS + 2)
+    weight = np.where(np.arange(POINTS + 2) < 2, WEIGHT, 1.0)
     rows = [_products(u, degrees, orders) for degrees in (some, some[:, SWAPPED])
             for orders in np.vstack([np.zeros(4, int), np.eye(4, dtype=int)])]  # fmt: skip
     both = [one + other for one, other in zip(rows[:5], rows[5:], strict=True)]
@@ -160,7 +160,7 @@ def _fitted(drawing: Drawing, bias: float, ranges: Array, points: int) -> tuple[
     right = np.concatenate([weight * row[fit] for row in (values[0], *slopes)])
     coefficients = np.linalg.lstsq(left, right, rcond=None)[0]
     off = [both[1 + axis] @ coefficients - slopes[axis] for axis in (2, 3)]
-    error = np.abs(off)[:, points + 2 :].max() / ranges[2]
+    error = np.abs(off)[:, POINTS + 2 :].max() / ranges[2]
     added = values[5:7] + values[7:9]
     ways = np.vstack([_products(w[:, fit], _both(OF_SUMS), [0] * 4) for w in (u, u[SWAPPED])])
     sums = np.linalg.lstsq(ways, added[:, fit].ravel(), rcond=None)[0]
