@@ -57,6 +57,13 @@ def machine(**keys: Any) -> Machine:
     return Machine(**data | keys)
 
 
+def five_axes() -> Machine:
+    """That with a thrust bearing and its sensor."""
+    bearings = [bearing("A", 0.2), bearing("B", -0.3), bearing("T", 0.0, type="thrust")]
+    sensors = [sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0.0, type="axial")]
+    return machine(bearing=bearings, sensor=sensors)
+
+
 def gained(name: str) -> Machine:
     """A preset whose gains are not 1, where a product would be a quotient; noisy amplifiers."""
     one = Machine.preset(name)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
+from machine_cases import PRESETS, five_axes, machine, uncoupled
 
 from ambkit import AmbkitError, ConstantStiffness, Machine, campbell
 from ambkit.control.pid import PID
@@ -48,9 +48,7 @@ def test_presets_have_as_many_whirls_forwards_as_backwards(name):
 
 def test_the_axial_motion_is_neither_forward_nor_backward():
     """It was told to go backwards, or forwards by rounding: then it gave a critical speed."""
-    bearings = [bearing("A", 0.2), bearing("B", -0.3), bearing("T", 0.0, type="thrust")]
-    sensors = [sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0.0, type="axial")]
-    with_thrust = machine(bearing=bearings, sensor=sensors)
+    with_thrust = five_axes()
     found = campbell(with_thrust, 2000.0, count=21)
     assert found.whirl.count("axial") == 1
     assert found.whirl.count("forward") == found.whirl.count("backward") == 2

@@ -328,14 +328,6 @@ def test_tuning_beyond_the_end_and_a_part_that_is_not_there(call, made):
     assert "no samples from 1 s on: it goes from 0" in call(*asked, "--window", "1 s,").err
 
 
-def test_train_refuses_a_force_beyond_the_air_gap(call):
-    rows = [f"{i},{x},{i + x}" for x in (-600, -200, 200, 600) for i in (-1.5, -0.5, 0.5, 1.5)]
-    Path("f.csv").write_text("\n".join(["iu [A],x [cm],f_mag [N]", *rows]) + "\n")
-    found = call("train", "map", "zittau_axial", "f.csv")
-    assert found.code == 2
-    assert "force: x must stay within the air gap, 2 mm, reaches -6 m" in found.err
-
-
 def test_train_says_where_a_sign_is_wrong(call):
     rows = [
         f"{i},{x},{6 * i - 3 * x if x < 0 else 6 * i + 20 * x}"  # N: k_s is turned around
@@ -384,11 +376,14 @@ def test_train_says_where_hardly_anything_was_measured(call):
         (("f.csv", "--law-error", "-2 N"), "must be greater than 0 N, is -2 N"),
         (("line.csv",), "line.csv: the points must differ in displacement"),
         (("few.csv", "--rules", "auto"), "few.csv: too few points to choose"),
+        (("far.csv",), "force: x must stay within the air gap, 2 mm, reaches -6 m"),
     ],
 )
 def test_train_says_what_measured_points_lack(call, arguments, message):
     Path("line.csv").write_text("iu [A],x [mm],f_mag [N]\n1,0,9\n0,0,0\n")
     Path("few.csv").write_text("iu [A],x [mm],f_mag [N]\n1,0.1,9\n0,0,0\n")
+    rows = [f"{i},{x},{i + x}" for x in (-600, -200, 200, 600) for i in (-1.5, -0.5, 0.5, 1.5)]
+    Path("far.csv").write_text("\n".join(["iu [A],x [cm],f_mag [N]", *rows]) + "\n")
     found = call("train", "map", "zittau_axial", *arguments)
     assert found.code == 2
     assert message in " ".join(found.err.replace("│", " ").split())

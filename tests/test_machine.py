@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
+from machine_cases import PRESETS, bearing, five_axes, machine, sensor, uncoupled
 
 from ambkit import ConfigError, ConstantStiffness, Machine
 from ambkit.judge.whirl_modes import stiffnesses
@@ -109,12 +109,7 @@ def test_a_grade_is_shared_by_the_planes():
 
 
 def test_five_axes():
-    thrust = bearing("T", 0.0, type="thrust")
-    rotor = {"mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.05, "gravity": "-z"}
-    one = machine(
-        rotor=rotor, bearing=[bearing("A", 0.2), bearing("B", -0.3), thrust],
-        sensor=[sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0.0, type="axial")],
-    )  # fmt: skip
+    one = five_axes().replace(rotor__gravity="-z")
     assert one.positions == ("x", "y", "th_x", "th_y", "z")
     assert [axis.name for axis in one.axes] == ["A1", "A2", "B1", "B2", "T"]
     poles = open_loop(one, [k.k_s for k in stiffnesses(one)], 0.0).unstable

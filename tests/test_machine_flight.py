@@ -7,8 +7,8 @@ import pytest
 from machine_cases import (
     OF_KILOGRAMS,
     PRESETS,
-    bearing,
     directions,
+    five_axes,
     integrated,
     machine,
     sensor,
@@ -210,12 +210,7 @@ def test_a_delay_acts_as_late_as_it_says():
 
 
 def test_a_thrust_bearing_carries_a_standing_rotor():
-    rotor = {"mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.05, "gravity": "-z"}
-    thrust = bearing("T", 0, type="thrust")
-    one = machine(
-        rotor=rotor, bearing=[bearing("A", 0.2), bearing("B", -0.3), thrust],
-        sensor=[sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0, type="axial")],
-    )  # fmt: skip
+    one = five_axes().replace(rotor__gravity="-z")
     run = simulate_run(one, Scenario(duration=0.2, start="landed")).record
     assert run["s_T"][0] == pytest.approx(-0.3e-3)
     assert run["f_mag_T"][-500:].mean() == pytest.approx(4 * 9.81, rel=0.01)
