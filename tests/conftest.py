@@ -16,6 +16,7 @@ from hypothesis import settings
 
 if TYPE_CHECKING:
     from ambkit.export.c import CExport
+    from ambkit.machine.machine import Machine
 
 # A busy machine must not fail a test: what must be fast is measured in benchmarks/.
 settings.register_profile("ambkit", deadline=None, max_examples=50)
@@ -51,6 +52,14 @@ def call(
         return Result(int(left.value.code or 0), *capsys.readouterr())
 
     return run
+
+
+@pytest.fixture(scope="session")
+def bearing() -> Machine:
+    """The paper's bearing, a machine with one axis."""
+    from ambkit.machine.machine import Machine
+
+    return Machine.preset("zittau_axial")
 
 
 DEAREST = (

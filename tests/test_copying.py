@@ -17,11 +17,6 @@ COPIES = {
 
 
 @pytest.fixture(scope="module")
-def bearing():
-    return ambkit.preset("zittau_axial")
-
-
-@pytest.fixture(scope="module")
 def record(bearing):
     step = ambkit.Step(amplitude=0.3e-3, time=5e-3)
     return ambkit.simulate(bearing, ambkit.Scenario(duration=0.04, reference=step)).record

@@ -10,11 +10,6 @@ from ambkit.judge.evaluation import evaluate, logged_predictions
 
 
 @pytest.fixture(scope="module")
-def bearing():
-    return ambkit.preset("zittau_axial")
-
-
-@pytest.fixture(scope="module")
 def record(bearing):
     scenario = ambkit.Scenario(
         duration=1.0, disturbance=ambkit.Step(amplitude=-3.0, time=0.1), seed=3

@@ -16,11 +16,6 @@ FORCE = """iu [mA],x [mm],f_mag [N]
 """
 
 
-@pytest.fixture(scope="module")
-def bearing():
-    return ambkit.preset("zittau_axial")
-
-
 def grid(bearing, n=5):
     iu, x = np.meshgrid(np.linspace(-1.5, 1.5, n), np.linspace(-0.5e-3, 0.5e-3, n))
     return iu, x, ambkit.ClosedLaw(bearing).force(iu, x)

@@ -17,16 +17,11 @@ from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.seeds import comparison_figure
 from ambkit.judge.evaluation import evaluate, filter_figure
 from ambkit.machine.forces.force_points import load_force_points
-from ambkit.result.report import Band, Bars, Heatmap, Line, Note, Points, style
+from ambkit.result.report import Band, Bars, Heatmap, Line, Note, Points
 from ambkit.result.report.style import OF_KINDS, SIGNALS
 from ambkit.result.signal_styles import looks
 from ambkit.simulation.run_figure import simulation_figure
 from ambkit.workflow.training import measured_force
-
-
-@pytest.fixture(scope="module")
-def bearing():
-    return ambkit.preset("zittau_axial")
 
 
 @pytest.fixture(scope="module")
@@ -213,18 +208,6 @@ def test_the_ending_says_how_to_draw(run, bearing, tmp_path):
         figure.save(tmp_path / "a.gif")
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"a.PNG", "a.svg", "a.html", "a.pdf", "b.pdf"}
-
-
-@pytest.mark.parametrize("colours", [style.SEQUENTIAL, style.DIVERGING])
-def test_text_on_cells_can_be_read(colours):
-    """Its contrast is at least 4 to 1 (WCAG 2 asks 4.5 of small, 3 of large text)."""
-    for place in np.linspace(0, 1, len(colours)):
-        lights = []
-        for colour in (style.ink_on(colours, place), colours[round(place * (len(colours) - 1))]):
-            parts = np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
-            linear = np.where(parts <= 0.04, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
-            lights.append(linear @ [0.2126, 0.7152, 0.0722] + 0.05)
-        assert max(lights) / min(lights) >= 4.0
 
 
 def test_innovations_of_a_long_record_are_shown_by_how_far_most_reach(bearing):

@@ -283,6 +283,15 @@ def test_heat_maps_read_in_grey():
     assert min(signed) > 40  # dark numbers on the contours stay readable
 
 
+@pytest.mark.parametrize("colours", [style.SEQUENTIAL, style.DIVERGING])
+def test_text_on_cells_can_be_read(colours):
+    """Its contrast is at least 4 to 1 (WCAG 2 asks 4.5 of small, 3 of large text)."""
+    for place in np.linspace(0, 1, len(colours)):
+        ground = colours[round(place * (len(colours) - 1))]
+        ratio = contrast(style.ink_on(colours, place)) / contrast(ground)
+        assert max(ratio, 1 / ratio) >= 4.0
+
+
 def test_unknown_signal_names_the_nearest():
     with pytest.raises(ValueError, match="'estimate adaptive'"):
         Line(np.zeros(2), np.zeros(2), signal="estimate adaptiv")

@@ -7,7 +7,6 @@ import pytest
 from ambkit import (
     Control,
     KalmanFilter,
-    Machine,
     Scenario,
     Step,
     magnet_of,
@@ -22,11 +21,6 @@ LOOPS = [
     Control(kp=3000.0, ki=20000.0, kd=12.0, setpoint_weight=0.7, feedback="estimate"),
     Control(kp=3000.0, ki=20000.0, kd=12.0, feedback="measurement", derivative_filter=3e-4),
 ]
-
-
-@pytest.fixture(scope="module")
-def bearing():
-    return Machine.preset("zittau_axial")
 
 
 @pytest.fixture(scope="module")

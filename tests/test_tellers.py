@@ -6,7 +6,6 @@ import io
 import json
 import math
 import re
-from dataclasses import dataclass
 
 import pandas
 import pytest
@@ -15,9 +14,9 @@ from hypothesis import strategies as st
 from lxml import html
 from rich.cells import cell_len
 from rich.console import Console
+from test_result import Made
 
 import ambkit
-from ambkit import Result
 from ambkit.assessment.injection_experiment import design_injection
 from ambkit.base import units
 from ambkit.base.units import typeset
@@ -181,19 +180,6 @@ def check(result, tmp_path):
         check_page(cells_of(card_of(result).html()), shown)
 
 
-@dataclass(frozen=True, repr=False)
-class Given(Result):
-    """A result of given rows."""
-
-    given: list[Row]
-    across: bool
-
-    title = property(lambda self: "given")
-    finding = property(lambda self: "given: rows.")
-    rows = property(lambda self: self.given)
-    sections = property(lambda self: {("a",): Section("First", self.across)})
-
-
 UNITS = ("1", "m", "N", "s", "A", "W", "kg", "Hz", "V", *FORMS)
 WORDS = st.text("abcdefgxyz", min_size=1, max_size=12)
 NUMBERS = st.one_of(
@@ -208,7 +194,7 @@ def results(draw):
     things = draw(st.lists(st.sampled_from(["linear", "A.x", "b c", "3"]), min_size=1, max_size=3,
                            unique=True))  # fmt: skip
     rows = []
-    for section in draw(st.sampled_from([[("a",)], [("a",), ("b", "c")]])):
+    for section in draw(st.sampled_from([[("part",)], [("part",), ("b", "c")]])):
         for name in names:
             unit, digits = draw(st.sampled_from(UNITS)), draw(st.integers(3, 6))
             limit = draw(st.none() | st.floats(0.1, 10))
@@ -228,7 +214,7 @@ def results(draw):
                     at=draw(st.none() | st.just(At("frequency", 12.5))),
                     note=draw(st.sampled_from(["", "of a note"])),
                 ))  # fmt: skip
-    return Given(rows, draw(st.booleans()))
+    return Made(rows, across=draw(st.booleans()))
 
 
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow,

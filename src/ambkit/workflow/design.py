@@ -208,13 +208,22 @@ class _Work:
             self.given.save(self.place / "machine.toml")
             return
         self.note("identifying")
+        place = self.place
+
+        def make() -> None:
+            records = record_arguments(self.logs, self.given, self.channels)
+            result = identify(self.given, records, free=free, note=self.note)
+            files.write_text(place / "machine.toml", annotated_toml(result.likelihood, place))
+            source = ", ".join(Path(path).name for path in self.logs)
+            write_json(place / "identified.json", {"notes": result.of_the_zeros})
+            made = identified_filter(result, inputs_argument(self.channels), source)
+            made.save(place / "identified.toml", machine=place / "machine.toml")
+
         names = [Path(path).name for path in (*self.logs, *self.validate)]
         self.stages.make(
-            "identify",
-            [self.given.to_toml(), sorted(free or []), names, *self.sources],
-            ("machine.toml", "identified.toml", "identified.json"),
-            lambda: _identified(self.given, self.logs, self.channels, free, self.place, self.note),
-        )
+            "identify", [self.given.to_toml(), sorted(free or []), names, *self.sources],
+            ("machine.toml", "identified.toml", "identified.json"), make,
+        )  # fmt: skip
         identified = Estimator.load(self.place / "identified.toml")
         self.found, self.inputs = identified.machine, identified.inputs
         self.notes = tuple(read_json(self.place / "identified.json")["notes"])
@@ -276,21 +285,3 @@ class _Work:
             f"judge {kind}", [files.sha256(file), seed, "under a load"], (name,),
             lambda: write_json(place / name, judged(file, seed)),
         )  # fmt: skip
-
-
-def _identified(
-    machine: Machine,
-    logs: Sequence[str | os.PathLike[str]],
-    channels: str | os.PathLike[str] | None,
-    free: Sequence[str] | None,
-    place: Path,
-    note: Callable[[str], None],
-) -> None:
-    records = record_arguments(logs, machine, channels)
-    result = identify(machine, records, free=free, note=note)
-    files.write_text(place / "machine.toml", annotated_toml(result.likelihood, place))
-    source = ", ".join(Path(path).name for path in logs)
-    write_json(place / "identified.json", {"notes": result.of_the_zeros})
-    identified_filter(result, inputs_argument(channels), source).save(
-        place / "identified.toml", machine=place / "machine.toml"
-    )
