@@ -34,41 +34,36 @@ def read_back(bearing, expert, folder):
     return loadmat(path, simplify_cells=True)
 
 
+def predicted(m, kf, state, u, rtol):
+    """Mean and covariance by the matrices of a file, which are the filter's."""
+    kf.reset(state, np.sqrt(np.diag(m["P0"])))
+    mean = m["A"] @ state + np.dot(m["B"], u) + np.dot(m["E"], m["f_0"])
+    np.testing.assert_allclose(kf.predict(u), mean, rtol=rtol)
+    covariance = m["A"] @ m["P0"] @ m["A"].T + m["Q"]
+    scale = np.sqrt(np.diag(covariance))
+    away = (kf.covariance - covariance) / np.outer(scale, scale)
+    np.testing.assert_allclose(away, 0, atol=1e-12)
+    return mean, covariance
+
+
 @pytest.mark.parametrize("bearing", [*BEARINGS, iron.TWO_SIDED, LATE], ids=lambda b: b.name)
 def test_the_model_predicts_as_the_core_does(bearing, tmp_path):
     m = read_back(bearing, None, tmp_path)
     kf = KalmanFilter(bearing)
     assert list(m["states"]) == [state.name for state in kf.states]
     others = [0.1 * state.size for state in kf.states[4:]]
-    state, u = np.array([1e-5, 2e-3, 0.3, 1.1e-5, *others]), 0.2
-    kf.reset(state, np.sqrt(np.diag(m["P0"])))
-    predicted = m["A"] @ state + m["B"] * u + m["E"] * m["f_0"]
-    np.testing.assert_allclose(kf.predict(u), predicted, rtol=1e-12)
-    covariance = m["A"] @ m["P0"] @ m["A"].T + m["Q"]
-    scale = np.sqrt(np.diag(covariance))
-    np.testing.assert_allclose(
-        kf.covariance / np.outer(scale, scale),
-        covariance / np.outer(scale, scale),
-        rtol=0,
-        atol=1e-12,
-    )
-    y = 2e-5
+    u, y = 0.2, 2e-5
+    mean, covariance = predicted(m, kf, np.array([1e-5, 2e-3, 0.3, 1.1e-5, *others]), u, 1e-12)
     kf.update(y)
     np.testing.assert_allclose(kf.innovation_variance, m["C"] @ covariance @ m["C"] + m["R"])
-    np.testing.assert_allclose(kf.innovation, y - m["C"] @ predicted - m["D"] * u)
+    np.testing.assert_allclose(kf.innovation, y - m["C"] @ mean - m["D"] * u)
 
 
 def test_a_machine_is_exported_with_all_its_axes(tmp_path):
     machine = ambkit.Machine.preset("tum_mlps")
     m, kf = read_back(machine, None, tmp_path), KalmanFilter(machine)
-    start, u = np.arange(1.0, 21.0) * [state.size for state in kf.states], np.arange(4) * 0.1
-    kf.reset(start, np.sqrt(np.diag(m["P0"])))
-    predicted = m["A"] @ start + m["B"] @ u + m["E"] @ m["f_0"]
-    np.testing.assert_allclose(kf.predict(u), predicted, rtol=1e-9)
-    covariance = m["A"] @ m["P0"] @ m["A"].T + m["Q"]
-    scale = np.sqrt(np.diag(covariance))
-    away = (kf.covariance - covariance) / np.outer(scale, scale)
-    np.testing.assert_allclose(away, 0, atol=1e-12)
+    start = np.arange(1.0, 21.0) * [state.size for state in kf.states]
+    predicted(m, kf, start, 0.1 * np.arange(4), 1e-9)
     assert list(m["tables"]) == [axis.name for axis in machine.axes]
     expected = stiffness_map(machine["B2"]).k_s
     np.testing.assert_array_equal(m["tables"]["B2"]["k_s"], expected)
