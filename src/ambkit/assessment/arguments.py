@@ -51,8 +51,9 @@ MOST = 0.5
 """Share of the measurements beyond the air gap, where no rotor can be, with which nothing works."""
 
 
-def check_plausibility(record: Record, machine: Machine) -> list[str]:
-    """Return what is odd about a record of a machine, or refuse it."""
+def check_plausibility(record: Record, machine: Machine, name: Any = "") -> list[str]:
+    """Return what is odd about a record of a machine, each with the record's name, or refuse it."""
+    prefix = f"{name}: " if name else ""
     if off_rate(record, machine):
         return []
     verdict = evaluate_record(record, machine)
@@ -60,8 +61,9 @@ def check_plausibility(record: Record, machine: Machine) -> list[str]:
         y = record["y"][np.isfinite(record["y"])] / machine.sensor.gain
         beyond = float(np.mean(np.abs(y) > machine.magnet.air_gap)) if y.size else 0.0
         if beyond > MOST:
-            raise RecordError(verdict.problems)
-    return [*verdict.problems, *(remark for remark in verdict.remarks if remark.endswith("?"))]
+            raise RecordError([f"{prefix}{problem}" for problem in verdict.problems])
+    odd = (*verdict.problems, *(remark for remark in verdict.remarks if remark.endswith("?")))
+    return [f"{prefix}{text}" for text in odd]
 
 
 NOTES = logging.getLogger("ambkit")
@@ -182,12 +184,8 @@ def record_arguments(
     for number, item in enumerate(names_in(Record, records=records), 1):
         name = f"record {number}" if isinstance(item, Record) else item
         results.append(record_argument(item, channels, window))
-        try:
-            odd = check_plausibility(results[-1], machine)
-        except RecordError as error:
-            raise RecordError([f"{name}: {problem}" for problem in error.problems]) from None
-        for text in odd:
-            NOTES.warning("%s: %s", name, text)
+        for text in check_plausibility(results[-1], machine, name):
+            NOTES.warning("%s", text)
     return results
 
 

@@ -16,7 +16,7 @@ from ambkit.assessment.arguments import (
     record_argument,
 )
 from ambkit.base.arrays import Array
-from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si, names_in
 from ambkit.base.units import figure, percent
 from ambkit.control.lift_off_sequence import Mode
@@ -75,11 +75,7 @@ def filtered(
         raise AmbkitError("machine is missing: a preset's name, or a TOML file")
     plant = next(iter(files.values())).plant if machine is None else machine_argument(machine)
     log = record_argument(record, _channels(files, channels), window)
-    name = "the record" if hasattr(record, "signals") else record
-    try:
-        remarks = [f"{name}: {text}" for text in check_plausibility(log, plant)]
-    except RecordError as error:
-        raise RecordError([f"{name}: {problem}" for problem in error.problems]) from None
+    remarks = check_plausibility(log, plant, "the record" if isinstance(record, Record) else record)
     tune, intensity = _disturbance(disturbance)
     built = factories(filters, plant)
     noise = FilterNoise(measurement=in_si("measurement_noise", measurement, "m^2"),
