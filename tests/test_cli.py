@@ -697,7 +697,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("presets zittau", 'no preset "zittau"; did you mean zittau_axial?'),
         ("check", "required: FILE"),
         ("check missing.toml", "missing.toml: cannot be read"),
-        ("check strange.xyz", "strange.xyz: unknown kind of file"),
+        ("check strange.xyz", 'there is no preset and no file "strange.xyz"'),
     ],
 )
 def test_what_the_user_did_wrong_is_one_message(call, made, tmp_path, arguments, message):
