@@ -35,7 +35,7 @@ struct Model {
   void stand(const Vector &still);
   // The states that turn with the rotor, and the error of its speed (ambkit/turning.h).
   void synchronous(const nb::dict &arguments);
-  void by(amb_kalman &kf, amb_kalman_state &state, const amb_real heard[]);
+  amb_real by(amb_kalman &kf, amb_kalman_state &state, const amb_real heard[]);
   bool turns() const
   {
     return turning.nodes > 0;
@@ -43,7 +43,8 @@ struct Model {
 
 private:
   amb_turning turning{};
-  amb_speed_error error{-1, 0, 0, nullptr, nullptr};
+  amb_speed_error error{-1, 0, 0, nullptr, nullptr, false};
+  amb_direction direction{};
   std::vector<amb_synchronous> pairs;
   std::vector<amb_real> starts;
   std::vector<unsigned short> kept_which, kept_grown;
@@ -204,11 +205,11 @@ struct Estimator {
     amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
   }
   // The same by what is heard of the rotation within a sample: HEARD numbers.
-  void turn_by(Model &model, void *of, const amb_real heard[])
+  amb_real turn_by(Model &model, void *of, const amb_real heard[])
   {
     if (usual.empty())
       usual.assign(kf.set.var_d, kf.set.var_d + sizes().noises);
-    model.by(kf, *static_cast<amb_kalman_state *>(of), heard);
+    return model.by(kf, *static_cast<amb_kalman_state *>(of), heard);
   }
   // The same for sample k of a record: speeds (n,) [rad/s], or what is heard (n, HEARD).
   void turn_at(Model &model, const amb_real *speed, size_t k, bool heard)

@@ -167,10 +167,10 @@ private:
       const auto &both = *static_cast<Turning *>(self);
       both.estimator->turn(*both.model, before, after);
     }
-    static void turn_by(void *self, void *state, const amb_real heard[])
+    static amb_real turn_by(void *self, void *state, const amb_real heard[])
     {
       const auto &both = *static_cast<Turning *>(self);
-      both.estimator->turn_by(*both.model, state, heard);
+      return both.estimator->turn_by(*both.model, state, heard);
     }
   } turning{};
 #endif

@@ -131,7 +131,12 @@ void Model::synchronous(const nb::dict &arguments)
     return at;
   };
   error = {within(nb::cast<int>(arguments["state"]), model.states),
-           within(nb::cast<int>(arguments["noise"]), model.noises), 0, nullptr, nullptr};
+           within(nb::cast<int>(arguments["noise"]), model.noises),
+           0,
+           nullptr,
+           nullptr,
+           nb::cast<bool>(arguments["reverses"])};
+  direction = {};
   starts = nb::cast<std::vector<amb_real>>(arguments["std"]);
   same_length(static_cast<size_t>(model.states), starts.size(), "std");
   pairs.clear();
@@ -147,11 +152,11 @@ void Model::synchronous(const nb::dict &arguments)
   error.std = starts.data();
 }
 
-void Model::by(amb_kalman &kf, amb_kalman_state &state, const amb_real heard[])
+amb_real Model::by(amb_kalman &kf, amb_kalman_state &state, const amb_real heard[])
 {
   const amb_rotation rotation = {heard[0], heard[1],     heard[2],     heard[3],
                                  heard[4], heard[5] > 0, heard[6] > 0, heard[7]};
-  amb_rotate(&turning, &error, &kf, &state, numbers.data(), &rotation);
+  return amb_rotate(&turning, &error, &kf, &state, numbers.data(), &direction, &rotation);
 }
 
 void Model::stand(const Vector &still)

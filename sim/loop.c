@@ -6,10 +6,10 @@ static size_t axes(const amb_loop *loop)
 }
 
 /* The speed of rotation that the controllers know [rad/s]. */
-static amb_real speed_known(const amb_loop_sample *sample)
+static amb_real speed_known(const amb_loop_state *s, const amb_loop_sample *sample)
 {
   const amb_real own = sample->speed != NULL ? sample->speed[0] : 0;
-  return sample->heard != NULL ? sample->heard[AMB_HEARD - 1] : own;
+  return sample->heard != NULL ? s->speed : own;
 }
 
 /* The whole controller, with one measurement for all of it; `told` of the control signals [V]. */
@@ -18,7 +18,7 @@ static void control(const amb_loop *loop, amb_loop_state *s, void *estimator,
 {
   amb_copy(loop->plant.axes, told, s->control.u);
   s->status = amb_control_step(loop->control, &s->control, estimator, s->y, sample->r,
-                               speed_known(sample), sample->fly, &s->flown);
+                               speed_known(s, sample), sample->fly, &s->flown);
   s->result = s->flown.estimator;
   amb_copy(loop->plant.axes, s->control.u, s->u);
 }
@@ -33,7 +33,7 @@ static void demand(const amb_loop *loop, amb_loop_state *s, const void *estimato
     loop->own.control(loop->own.controller, direct, sample->r, mean, iu);
   else if (loop->controllers != NULL) {
     s->status |= amb_controllers_step(loop->controllers, s->pid, sample->r,
-                                      mean != NULL ? mean : direct, speed_known(sample), iu);
+                                      mean != NULL ? mean : direct, speed_known(s, sample), iu);
   } else if (mean != NULL) {
     const amb_model *model = &loop->estimator->kf->model;
     (void)amb_pid_step(&loop->pid, s->pid, sample->r[0], mean[amb_first(model, AMB_POSITION)],
@@ -183,8 +183,9 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
     const amb_loop_sample sample = sample_of(loop, in, k);
     for (int j = 0; j < out->columns; j++)
       out->X[j][k] = s.plant.X[j];
+    s.speed = (sample.heard != NULL) ? sample.heard[AMB_HEARD - 1] : 0;
     if ((k > 0) && (loop->turn_by != NULL) && (sample.heard != NULL))
-      loop->turn_by(loop->model, estimator, sample.heard);
+      s.speed = loop->turn_by(loop->model, estimator, sample.heard);
     else if ((k > 0) && (loop->turn != NULL))
       loop->turn(loop->model, in->speed[k - 1], in->speed[k]);
     read(plant, &s.plant, sample.noise_y, direct);

@@ -39,8 +39,8 @@ typedef struct amb_loop {
                                * Where it is off, magnets have no current, not even the bias. */
   void (*turn)(void *model, amb_real before, amb_real after); /* tells the estimator's model the
                                                                  speeds of two samples, or NULL */
-  void (*turn_by)(void *model, void *estimator, const amb_real heard[]); /* or what is heard, to
-                                                                            its state */
+  amb_real (*turn_by)(void *model, void *estimator, const amb_real heard[]); /* or what is heard,
+                                               to its state; returns the speed that is known */
   void *model;
   amb_own own;
 } amb_loop;
@@ -57,6 +57,7 @@ typedef struct amb_loop_state {
   amb_acting acting[AMB_CONTROLS]; /* what acts just after the sample */
   amb_control_state control;
   amb_control_output flown; /* the last word of `control` */
+  amb_real speed;           /* of rotation, as the estimator knows it by what is heard [rad/s] */
   bool sampled;             /* whether there was a sample */
 } amb_loop_state;
 

@@ -23,8 +23,8 @@ from ambkit.estimate.angle import AngleEstimate, AngleStatus, angle_settings, es
 from ambkit.judge.signs import sign_test
 from ambkit.simulation.rotation import angle_readings, angles
 from ambkit.simulation.waveforms import Constant, Ramp
+from benchmarks.angle import MOST, flown
 from benchmarks.angle import PULSES as LATE_PULSES
-from benchmarks.angle import flown
 
 T, TURN = 1e-4, 2 * np.pi
 JITTER = 0.01 * TURN
@@ -227,10 +227,10 @@ def spoilt(sensor):
     return one.replace(unbalance=[plane]), one.replace(unbalance=[], angle=None)
 
 
-def slow_error(machine, record, *synchronous):
+def slow_error(machine, record, *synchronous, settled=3000):
     estimate = ExtendedKalmanFilter(machine, synchronous=synchronous).run(record, covariance=True)
     names = [name for name in estimate.names if name.startswith("f_d_")]
-    wrong = [np.mean((estimate[n] - record[n])[3000:] ** 2) for n in names]
+    wrong = [np.mean((estimate[n] - record[n])[settled:] ** 2) for n in names]
     return float(np.sqrt(np.mean(wrong))), estimate
 
 
@@ -283,8 +283,31 @@ def test_the_slow_force_survives_zero_speed(seed):
     assert estimate.std("U1_x").max() < 1.01 * most
 
 
+@pytest.mark.parametrize("way", [-1, 1])
+def test_unbalance_and_runout_show_the_direction(way):
+    """Pulses do not tell it; for 0.3 s the rotor is taken to turn the other way."""
+    dirty, clean = spoilt(PULSES | {"acceleration": "250 rad/s^2"})
+    ramp = Constant(value=way * 300.0) + Ramp(slope=way * 300.0)
+    flight = Scenario(duration=0.8, seed=4, speed=ramp)
+    usual, _ = slow_error(clean, simulate(clean, flight).record, settled=4000)
+    ours, estimate = slow_error(dirty, simulate(dirty, flight).record, *BOTH, settled=4000)
+    assert ours < 1.1 * usual
+    assert estimate.std("U1_x")[-1] < 0.2 * estimate.std("U1_x").max()
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("flight", [("tum_mlps", "steady"), ("ufu_rig", "through zero")])
+@pytest.mark.parametrize("name", ["tum_mlps", "ufu_rig"])
+def test_the_slow_force_survives_a_standstill(name):
+    """Where the angle is known again it is as noisy as at a start."""
+    run = flown(name, LATE_PULSES, "standstill", 0)
+    assert run.within
+    assert run.ratio < MOST
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "flight", [("tum_mlps", "steady"), ("ufu_rig", "through zero"), ("tum_mlps", "backwards")]
+)
 def test_unbalance_stays_within_its_stated_errors(flight):
     """With runout too, which a steady speed hardly separates from it."""
     name, speed = flight
@@ -407,11 +430,18 @@ def test_the_exported_controller_hears_it(tmp_path):
 
 
 @compiled
-@pytest.mark.parametrize("kind", ["pulses", "encoder", "speed"])
-def test_the_exported_step_hears_it_to_the_last_bit(kind, tmp_path):
-    sensor = {"type": kind, "latency": "2 ms", "acceleration": "250 rad/s^2"}
-    one, _ = spoilt(sensor | ({"per_turn": 1024} if kind == "encoder" else {}))
-    flight = Scenario(duration=0.1, speed=Constant(value=300.0) + Ramp(slope=500.0))
+@pytest.mark.parametrize(
+    ("kind", "more"),
+    [
+        ("pulses", {}), ("encoder", {"per_turn": 1024}), ("speed", {}),
+        ("pulses", {"reverses": True}),  # and turns backwards, which the filter finds
+    ],
+)  # fmt: skip
+def test_the_exported_step_hears_it_to_the_last_bit(kind, more, tmp_path):
+    one, _ = spoilt({"type": kind, "latency": "2 ms", "acceleration": "250 rad/s^2"} | more)
+    way = -1 if "reverses" in more else 1
+    speed = Constant(value=way * 300.0) + Ramp(slope=way * 500.0)
+    flight = Scenario(duration=0.1, speed=speed)
     record = simulate(one, flight).record
     made = export_c(one, None, tmp_path, kind="linear", prefix="f", precision="double",
                     synchronous=BOTH)  # fmt: skip

@@ -84,7 +84,6 @@ void amb_angle_reset(const amb_angle_settings *set, amb_angle_state *state)
   state->moved = AMB_C(0.0);
   state->marked = false;
   state->backwards = set->backwards;
-  state->assumed = set->reverses && (set->sensor == AMB_ANGLE_PULSES);
   state->predicted = square(set->max_speed);
   state->followed = false;
   state->waits = true;
@@ -194,7 +193,6 @@ static void acquire(const amb_angle_settings *set, amb_angle_state *s, amb_real 
     P[3] = ((AMB_C(2.0) * R) / square(between)) + (square(half) * P[5]) +
            ((jerk(set) * (square(between) * between)) / AMB_C(3.0));
     P[4] = half * P[5];
-    s->assumed = set->reverses;
   }
   s->outliers = 0U;
   predict(set, s, age);
@@ -319,7 +317,6 @@ unsigned int amb_angle_step(const amb_angle_settings *set, amb_angle_state *stat
     begin(set, state, AMB_C(0.0), square(distance_of(set) / state->since));
     state->moved = AMB_C(0.0);
     state->marked = false;
-    state->assumed = set->reverses;
     flags |= AMB_ANGLE_RESTARTED;
   }
   if (square(state->mean[1]) > (AMB_C(9.0) * state->cov[3])) { /* it surely turns this way */
@@ -336,7 +333,8 @@ unsigned int amb_angle_step(const amb_angle_settings *set, amb_angle_state *stat
   }
   const bool lost = (set->sensor != AMB_ANGLE_SPEED) && !sure(set, state->cov[0]);
   flags |= lost ? AMB_ANGLE_LOST : 0U;
-  return flags | (state->assumed ? AMB_ANGLE_ASSUMED : 0U);
+  const bool assumed = set->reverses && (set->sensor == AMB_ANGLE_PULSES);
+  return flags | (assumed ? AMB_ANGLE_ASSUMED : 0U);
 }
 
 amb_real amb_angle_variance(const amb_angle_settings *set, const amb_angle_state *state)

@@ -2,6 +2,7 @@
 
 #if defined(AMB_MODEL_LOOPS)
 
+#include "ambkit/root.h"
 #include "ambkit/turning.h"
 
 /* Gain scheduling over the speed of rotation: the model between the speeds it was sampled at. */
@@ -222,29 +223,154 @@ static void widen_others(const amb_model *model, const amb_real std[], amb_real 
   }
 }
 
-void amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
-                amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation)
+#define TURN AMB_C(6.283185307179586)
+
+/* Turns within which corrections count, and how large their sum is beyond chance: in units of what
+ * it is by noise, and of the sum that turns forwards. */
+#define TURNS AMB_C(32.0)
+#define CHANCE AMB_C(12.0)
+#define CLEAR AMB_C(4.0)
+
+static amb_real square_of(const amb_real z[2])
+{
+  return (z[0] * z[0]) + (z[1] * z[1]);
+}
+
+/* Nothing is known of the corrections. */
+static void watch_anew(amb_direction *direction)
+{
+  const amb_direction anew = {.mirrored = direction->mirrored,
+                              .abandoned = direction->abandoned,
+                              .phase = {AMB_C(1.0), AMB_C(0.0)}};
+  *direction = anew;
+}
+
+/* Of the pairs that turn once a revolution: the sum of cosines (i = 0) or sines (1), each over its
+ * size at a start; with numbers that of the next sample. */
+static amb_real sum_of(const amb_speed_error *error, const amb_model *model,
+                       const amb_real numbers[], const amb_real mean[], int i)
+{
+  amb_real sum = AMB_C(0.0);
+  for (int k = 0; k < error->pairs; k++) {
+    const int at = error->pair[k].state + i;
+    if (error->pair[k].order < AMB_C(1.5)) {
+      const amb_real value =
+          (numbers == NULL) ? mean[at] : amb_sparse_times(&model->L, numbers, at, mean);
+      sum += value / amb_root(error->pair[k].afresh);
+    }
+  }
+  return sum;
+}
+
+/* Take in how the last measurement corrected the pairs. */
+static void watch(const amb_speed_error *error, const amb_model *model, const amb_real mean[],
+                  amb_direction *direction)
+{
+  const amb_real *p = direction->phase;
+  const amb_real z[2] = {sum_of(error, model, NULL, mean, 0) - direction->predicted[0],
+                         sum_of(error, model, NULL, mean, 1) - direction->predicted[1]};
+  const amb_real size = amb_root(square_of(z));
+  if ((size > AMB_C(0.0)) && (direction->passed > TURN)) { /* a pair is known after a turn */
+    const amb_real kept = AMB_C(1.0) - amb_at_most(direction->angle / (TURNS * TURN), AMB_C(1.0));
+    const amb_real c[2] = {(z[0] * p[0]) / size, (z[1] * p[0]) / size};
+    const amb_real s[2] = {(z[0] * p[1]) / size, (z[1] * p[1]) / size};
+    direction->back[0] = (kept * direction->back[0]) + (c[0] - s[1]);
+    direction->back[1] = (kept * direction->back[1]) + (c[1] + s[0]);
+    direction->forth[0] = (kept * direction->forth[0]) + (c[0] + s[1]);
+    direction->forth[1] = (kept * direction->forth[1]) + (c[1] - s[0]);
+    direction->by_chance = ((kept * kept) * direction->by_chance) + AMB_C(1.0);
+  }
+}
+
+/* Whether the corrections turn the other way, more than those that led to this one. */
+static bool turns_back(amb_direction *direction)
+{
+  const amb_real square = square_of(direction->back);
+  const amb_real share = square / (direction->by_chance * direction->by_chance);
+  const bool back = (square > (CHANCE * direction->by_chance)) &&
+                    (square > (CLEAR * square_of(direction->forth))) &&
+                    (share > direction->abandoned);
+  if (back) {
+    direction->mirrored = !direction->mirrored;
+    direction->abandoned = share;
+    watch_anew(direction);
+  }
+  return back;
+}
+
+/* What is predicted for the next sample, and the angle until then at this speed. */
+static void look_ahead(const amb_speed_error *error, const amb_kalman *kf, amb_real numbers[],
+                       const amb_real mean[], amb_real speed, amb_direction *direction)
+{
+  const int at = error->pair[0].state;
+  const amb_real *L[2] = {entry(&kf->model, numbers, at, at),
+                          entry(&kf->model, numbers, at + 1, at)};
+  const amb_real *p = direction->phase;
+  for (int i = 0; i < 2; i++) {
+    direction->predicted[i] = sum_of(error, &kf->model, numbers, mean, i);
+  }
+  if ((L[0] != NULL) && (L[1] != NULL) && (error->pair[0].order < AMB_C(1.5))) {
+    const amb_real z[2] = {(p[0] * *L[0]) - (p[1] * *L[1]), (p[0] * *L[1]) + (p[1] * *L[0])};
+    const amb_real size = amb_root(square_of(z));
+    direction->phase[0] = (size > AMB_C(0.0)) ? (z[0] / size) : AMB_C(1.0);
+    direction->phase[1] = (size > AMB_C(0.0)) ? (z[1] / size) : AMB_C(0.0);
+  }
+  direction->angle = amb_magnitude(speed) * kf->set.T;
+  direction->passed += direction->angle;
+}
+
+/* The rotation in the direction in which the rotor turns; where that changes, the pairs begin
+ * afresh. */
+static amb_rotation directed(const amb_speed_error *error, const amb_kalman *kf,
+                             const amb_kalman_state *state, amb_direction *direction,
+                             const amb_rotation *rotation)
+{
+  amb_rotation at = *rotation;
+  if (at.lost || at.afresh || !(direction->by_chance >= AMB_C(0.0))) {
+    direction->abandoned = AMB_C(0.0);
+    watch_anew(direction);
+  } else if (amb_magnitude(at.now) > AMB_C(0.0)) {
+    watch(error, &kf->model, state->mean, direction);
+    at.afresh = turns_back(direction);
+  } else { /* the angle is not known well enough */
+  }
+  if (direction->mirrored) {
+    at.speed = -at.speed;
+    at.acceleration = -at.acceleration;
+    at.now = -at.now;
+  }
+  return at;
+}
+
+amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
+                    amb_kalman_state *state, amb_real numbers[], amb_direction *direction,
+                    const amb_rotation *rotation)
 {
   const int at = error->state;
-  const amb_real known =
-      ((at < 0) || rotation->lost || rotation->afresh) ? AMB_C(0.0) : state->mean[at];
-  const amb_real speed = rotation->speed + known;
-  amb_turning_to(nodes, speed, rotation->acceleration, numbers);
+  const bool watched = (at >= 0) && error->reverses && (error->pairs > 0);
+  const amb_rotation by = watched ? directed(error, kf, state, direction, rotation) : *rotation;
+  const amb_real known = ((at < 0) || by.lost || by.afresh) ? AMB_C(0.0) : state->mean[at];
+  const amb_real speed = by.speed + known;
+  amb_turning_to(nodes, speed, by.acceleration, numbers);
   amb_real *own = (at < 0) ? NULL : entry(&kf->model, numbers, at, at);
   if (own != NULL) {
-    *own = rotation->kept;
-    kf->set.var_d[error->noise] = rotation->noise;
+    *own = by.kept;
+    kf->set.var_d[error->noise] = by.noise;
     state->mean[at] = known;
     force_states(&kf->model, error, numbers, state->mean,
-                 rotation->lost ? AMB_C(0.0) : share_of(speed, rotation->acceleration));
+                 by.lost ? AMB_C(0.0) : share_of(speed, by.acceleration));
     for (int k = 0; k < error->pairs; k++) {
-      follow(&error->pair[k], error, kf, state, numbers, rotation);
+      follow(&error->pair[k], error, kf, state, numbers, &by);
+    }
+    if (watched) {
+      look_ahead(error, kf, numbers, state->mean, speed, direction);
     }
   }
   amb_model_growth(&kf->model, kf->set.var_d, kf->growth);
-  if (rotation->afresh && (error->std != NULL)) {
-    widen_others(&kf->model, error->std, rotation->now, kf->growth);
+  if (by.afresh && (error->std != NULL)) {
+    widen_others(&kf->model, error->std, by.now, kf->growth);
   }
+  return by.now;
 }
 
 #endif

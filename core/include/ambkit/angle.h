@@ -25,6 +25,7 @@ AMB_EXTERN_C_BEGIN
 #define AMB_ANGLE_LOST 2U      /* the angle is not known to a sixth of the marks' distance */
 #define AMB_ANGLE_ASSUMED 4U   /* the direction is that of before: pulses do not tell it */
 #define AMB_ANGLE_RESTARTED 8U /* started afresh from the last readings */
+#define AMB_ANGLE_MIRRORED 16U /* the filter found the other direction */
 
 typedef enum amb_angle_sensor {
   AMB_ANGLE_PULSES,  /* marks that pass, `per_turn` of them */
@@ -55,7 +56,6 @@ typedef struct amb_angle_state {
   unsigned int outliers; /* readings in a row that were left out */
   bool marked;           /* whether there was a mark since the start */
   bool backwards;        /* which way it went when that was last known */
-  bool assumed;          /* whether it may turn the other way now */
   amb_real predicted;    /* variance of the speed before the last reading [rad^2/s^2] */
   bool followed;         /* whether one follows it already ... */
   bool waits;            /* ... and nothing is known of the angle since */

@@ -66,16 +66,35 @@ typedef struct amb_speed_error {
   int pairs;
   const amb_synchronous *pair;
   const amb_real *std; /* [states]: at the start */
+  bool reverses;       /* no reading tells the direction (AMB_ANGLE_ASSUMED) */
 } amb_speed_error;
+
+/* The direction of rotation by the pairs, where no reading tells it. All zero at the start. */
+typedef struct amb_direction {
+  bool mirrored;         /* the rotor turns the other way than the readings were taken for */
+  amb_real abandoned;    /* share of corrections that turned back when that was last changed [1] */
+  amb_real predicted[2]; /* sum of the pairs of first order at the next sample ... */
+  amb_real angle;        /* ... and the size of the angle until then [rad] */
+  amb_real phase[2];     /* cosine and sine of the angle since the pairs began ... */
+  amb_real passed;       /* ... and its size [rad] */
+  amb_real back[2];      /* sum of the corrections, each of size one, as a rotor sees them that
+                          * turns the other way, over the last turns; ... */
+  amb_real forth[2];     /* ... as this one sees them ... */
+  amb_real by_chance;    /* ... and the mean square of either by noise */
+} amb_direction;
 
 /* The filter's model for a sample of this rotation. The speed is corrected by its estimated error
  * d, and the pairs Z turn by n T d beside the known angle: the column of L for d is the derivative
  * n T J L Z, and by the force of unbalance 2 speed / (speed^2 + |growth|) L Z, which is no pole at
  * zero; what d has done already is taken back. Where the angle is known again, error and pairs
  * begin afresh, and the others are no surer than at a start: they were estimated without the pairs.
- */
-void amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
-                amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation);
+ *
+ * A rotor that turns the other way shows: the corrections of the pairs go round with it. Then speed
+ * and growth change their sign, and the pairs begin afresh. Returns the speed at the sample
+ * [rad/s], 0 where the angle is lost. */
+amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
+                    amb_kalman_state *state, amb_real numbers[], amb_direction *direction,
+                    const amb_rotation *rotation);
 
 AMB_EXTERN_C_END
 

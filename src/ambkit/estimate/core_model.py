@@ -141,7 +141,11 @@ class Engine:
                     "usual": self.noises[walk].size ** 2,
                     "afresh": vague,
                 })  # fmt: skip
-        return {"state": states.index(NAME), "noise": noises.index(NAME), "pair": pairs}
+        angle = self.machine.angle
+        return {
+            "state": states.index(NAME), "noise": noises.index(NAME), "pair": pairs,
+            "reverses": angle is not None and angle.direction_assumed,
+        }  # fmt: skip
 
     def nodes(self, min_speed: float, max_speed: float) -> Nodes:
         """Return the model at the speeds between which it takes any other; by `schedule_speeds`."""

@@ -45,6 +45,11 @@ class AngleSensor(Part):
         return (-most, 0.0) if speed < 0 else (0.0, most)
 
     @property
+    def direction_assumed(self) -> bool:
+        """Whether the rotor turns both ways and no reading tells which."""
+        return self.reverses and self.type == "pulses"
+
+    @property
     def channel(self) -> tuple[str, str]:
         """Name and unit of its readings in a record."""
         names = {"pulses": ("pulse", "s"), "encoder": ("angle_reading", "rad")}

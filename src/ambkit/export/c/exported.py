@@ -237,7 +237,9 @@ def hearing(export: Export) -> dict[str, dict[str, Any]]:
         return {}
     settings = angle_settings(filter.machine)
     kind = Name(f"AMB_ANGLE_{SENSORS[settings['sensor']].upper()}")
-    error = filter.engine.synchronous_states() or {"state": -1, "noise": 0, "pair": []}
+    error = filter.engine.synchronous_states() or {
+        "state": -1, "noise": 0, "pair": [], "reverses": False
+    }  # fmt: skip
     pairs = error.pop("pair")
     error |= {
         "pairs": len(pairs), "pair": Name("synchronous" if pairs else "NULL"),
