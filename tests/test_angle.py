@@ -19,7 +19,14 @@ from ambkit import (
     simulate,
 )
 from ambkit.base.errors import AmbkitError, RecordError
-from ambkit.estimate.angle import AngleEstimate, AngleStatus, angle_settings, estimate_angle
+from ambkit.data.reading.role_names import role_of
+from ambkit.estimate.angle import (
+    AngleEstimate,
+    AngleStatus,
+    angle_settings,
+    estimate_angle,
+    readings_of,
+)
 from ambkit.judge.signs import sign_test
 from ambkit.simulation.rotation import angle_readings, angles
 from ambkit.simulation.waveforms import Constant, Ramp
@@ -212,6 +219,30 @@ def test_float_is_enough():
     difference = (single.angle - estimate.angle + np.pi) % TURN - np.pi
     assert np.abs(difference[known] / np.sqrt(estimate.angle_variance[known])).max() < 0.05
     assert len(angle) == len(readings)
+
+
+@pytest.mark.parametrize(("high", "noise", "slow"), [(1.0, 0.0, 0.0), (5.0, 0.2, 2e-4)])
+def test_pulses_are_read_from_a_level(high, noise, slow):
+    """Of a log; the level rises within 0.2 ms, or from one sample to the next."""
+    t, came = T * np.arange(10000), np.arange(0.0131, 1.0, 0.0211)
+    past = t[:, None] - came + slow / 2
+    level = high * (np.clip(past / max(slow, 1e-9), 0, 1) * (past < 2e-3)).max(axis=1)
+    level += np.random.default_rng(1).normal(0, noise, t.size)
+    record = Record(t, {"keyphasor": level}, {"keyphasor": "V"})
+    pulse = readings_of(TUM.replace(angle=PULSES), record)
+    found = np.flatnonzero(np.isfinite(pulse))
+    assert len(found) == len(came)
+    error = t[found] - pulse[found] - came
+    assert np.abs(error).max() < (0.3 * T if slow else 0.51 * T)
+    with pytest.raises(RecordError, match="keyphasor shows no pulse"):
+        estimate_angle(
+            TUM.replace(angle=PULSES), Record(t, {"keyphasor": 0 * t}, {"keyphasor": "V"})
+        )
+
+
+def test_a_pulse_in_a_log_is_no_position():
+    for name in ("keyphasor", "Kphi", "Tacho [V]", "Trigger", "Nullimpuls", "Index"):
+        assert role_of(name).role == "-"
 
 
 # ---- what the filter makes of it ----

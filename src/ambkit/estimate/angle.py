@@ -16,6 +16,8 @@ from ambkit.machine.angle_sensor import SENSORS, AngleSensor
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
 
+LEVEL = "keyphasor"  #: Signal of a record whose level rises where a mark passes.
+
 
 class AngleStatus(IntFlag):
     """What a step has to say of the angle."""
@@ -131,6 +133,8 @@ def readings_of(machine: Machine, record: Record) -> Array:
     """Return the readings of the angle's sensor in a record (n,)."""
     name, unit = _sensor_of(machine).channel
     signals = dict(record.signals)
+    if name == "pulse" and name not in signals and LEVEL in signals:
+        return pulses_of(np.asarray(signals[LEVEL], float), machine.sampling_time)
     if name == "speed_reading" and name not in signals and "speed" in signals:
         name = "speed"  # of a rig's log, which has no other
     if name not in signals:
@@ -139,6 +143,22 @@ def readings_of(machine: Machine, record: Record) -> Array:
             "[angle] its speed is known exactly"
         )
     return np.asarray(signals[name], float)
+
+
+def pulses_of(level: Array, T: float) -> Array:
+    """Return the time since a level (n,) rose through its middle [s]; NaN where it did not."""
+    # It must have been in its lowest quarter before, so that noise at the middle is one pulse; the
+    # edge is on a straight line between two samples.
+    ends = [np.nanmin(level), np.nanmax(level)] if np.isfinite(level).any() else [0.0, 0.0]
+    if not ends[1] > ends[0]:
+        raise RecordError(f"{LEVEL} shows no pulse: it has one level only")
+    middle, low = np.interp([0.5, 0.25], [0, 1], ends)
+    state = np.where(level >= middle, 1, np.where(level < low, -1, 0))
+    clear = np.flatnonzero(state)
+    rises = clear[1:][np.diff(state[clear]) == 2]
+    result = np.full(len(level), np.nan)
+    result[rises] = T * (level[rises] - middle) / (level[rises] - level[rises - 1])
+    return result
 
 
 def estimate_angle(
@@ -151,7 +171,8 @@ def estimate_angle(
     machine : Machine
         With ``[angle]``.
     record : Record
-        With ``pulse`` [s], ``angle_reading`` [rad] or ``speed_reading`` [rad/s], by the sensor.
+        With ``pulse`` [s] or ``keyphasor``, ``angle_reading`` [rad] or ``speed_reading`` [rad/s],
+        by the sensor.
     precision : {"float64", "float32"}
         What the core computes in.
 

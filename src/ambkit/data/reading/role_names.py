@@ -24,6 +24,7 @@ _QUANTITIES = {
     "t": r"time|zeit|temps|tiempo|tempo|timestamps?|seconds?|secs?|clock|uhr|uhrzeit",
     "-": r"err|error|regelabweichung|regelfehler|temp\w*|status|state|mode|flags?|rpm|drehzahl|"
          r"omega|index|idx|count\w*|sample\w*|power|leistung|\w*kraft|force|druck|pressure|"
+         r"key_?phasor\w*|kphi|tacho\w*|trigger|trig|\w*impuls\w*|pulses?|"
          r"phase|angle|winkel|beschl\w*|acc|accel\w*|fehler",
     "v": r"vel|velocity|geschw\w*|[xyz]dot|d[xyz]|vitesse|velocidad|velocit\w*",
     "i": r"cur|curr|current|(?:\w*spulen|\w*magnet|wicklungs|coil)?strom|ström\w*|amps?|iu|imag|"
