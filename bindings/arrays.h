@@ -41,6 +41,31 @@ template <typename T> struct Fresh {
   }
 };
 
+// What a function returns: new arrays by their names.
+class Results
+{
+public:
+  template <typename T> T *add(const char *name, std::initializer_list<size_t> shape)
+  {
+    const Fresh<T> fresh(shape);
+    by_name[name] = fresh.array;
+    return fresh.data;
+  }
+  Named named() const
+  {
+    return by_name;
+  }
+
+private:
+  nb::dict by_name;
+};
+
+// Read a number of a dict into the field of its name.
+template <typename T> void read(const nb::dict &from, const char *name, T &to)
+{
+  to = nb::cast<T>(from[name]);
+}
+
 inline void same_length(size_t n, size_t other, const char *name)
 {
   if (other != n)

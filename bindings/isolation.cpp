@@ -33,21 +33,24 @@ void init_isolation(Isolation *self, const nb::dict &of)
 {
   new (self) Isolation{};
   amb_isolation &is = self->isolation;
-  const auto number = [&](const char *name) { return nb::cast<int>(of[name]); };
-  is.states = number("states");
-  is.forces = number("forces");
-  is.sensors = number("sensors");
-  is.columns = number("columns");
-  is.tones = number("tones");
-  is.forms = number("forms");
-  is.window = number("window");
-  is.spare = number("spare");
-  is.late = number("late");
-  self->speed = nb::cast<amb_real>(of["speed"]);
-  is.limit = nb::cast<amb_real>(of["limit"]);
-  is.like = nb::cast<amb_real>(of["like"]);
-  is.alike = nb::cast<amb_real>(of["alike"]);
-  is.margin = nb::cast<amb_real>(of["margin"]);
+  for (const auto &[name, to] :
+       std::initializer_list<std::pair<const char *, int &>>{{"states", is.states},
+                                                             {"forces", is.forces},
+                                                             {"sensors", is.sensors},
+                                                             {"columns", is.columns},
+                                                             {"tones", is.tones},
+                                                             {"forms", is.forms},
+                                                             {"window", is.window},
+                                                             {"spare", is.spare},
+                                                             {"late", is.late}})
+    read(of, name, to);
+  for (const auto &[name, to] :
+       std::initializer_list<std::pair<const char *, amb_real &>>{{"speed", self->speed},
+                                                                  {"limit", is.limit},
+                                                                  {"like", is.like},
+                                                                  {"alike", is.alike},
+                                                                  {"margin", is.margin}})
+    read(of, name, to);
   if (is.late < 1 || is.late > AMB_ISOLATION_LEAST || is.window <= AMB_ISOLATION_LEAST ||
       is.spare < 0 || is.states < 1 || is.states > AMB_STATES)
     throw std::invalid_argument("window, spare, late or states are out of range");
@@ -108,10 +111,14 @@ Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u
   if (speed)
     same_length(n, samples_of(*speed, heard ? HEARD : 1, "speed"), "speed");
   const size_t searches = n / every;
-  Fresh<amb_real> likelihood({searches, faults}), size({searches, faults, 2}),
-      variance({searches, faults, 2});
-  Fresh<int> since({searches, faults}), instead({searches, faults}), contact({searches});
-  Fresh<unsigned char> earlier({searches, faults});
+  Results out;
+  auto *likelihood = out.add<amb_real>("likelihood", {searches, faults});
+  auto *size = out.add<amb_real>("size", {searches, faults, 2});
+  auto *variance = out.add<amb_real>("variance", {searches, faults, 2});
+  auto *since = out.add<int>("since", {searches, faults});
+  auto *instead = out.add<int>("instead", {searches, faults});
+  auto *contact = out.add<int>("contact", {searches});
+  auto *earlier = out.add<unsigned char>("before", {searches, faults});
   {
     nb::gil_scoped_release release;
     self.reset();
@@ -132,29 +139,21 @@ Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u
                         &filter.base(), &filter.result, faster);
       if ((k + 1) % every != 0)
         continue;
-      contact.data[at] = self.state.contact;
+      contact[at] = self.state.contact;
       (void)amb_isolation_evaluate(&self.isolation, &self.state, result.data());
       for (size_t j = 0; j < faults; j++) {
         const amb_isolation_result &one = result[j];
-        likelihood.data[at * faults + j] = one.likelihood;
-        std::copy_n(one.size, 2, size.data + (at * faults + j) * 2);
-        std::copy_n(one.variance, 2, variance.data + (at * faults + j) * 2);
-        since.data[at * faults + j] = one.since;
-        instead.data[at * faults + j] = one.instead;
-        earlier.data[at * faults + j] = one.before ? 1 : 0;
+        likelihood[at * faults + j] = one.likelihood;
+        std::copy_n(one.size, 2, size + (at * faults + j) * 2);
+        std::copy_n(one.variance, 2, variance + (at * faults + j) * 2);
+        since[at * faults + j] = one.since;
+        instead[at * faults + j] = one.instead;
+        earlier[at * faults + j] = one.before ? 1 : 0;
       }
       at++;
     }
   }
-  nb::dict out;
-  out["likelihood"] = likelihood.array;
-  out["size"] = size.array;
-  out["variance"] = variance.array;
-  out["since"] = since.array;
-  out["instead"] = instead.array;
-  out["contact"] = contact.array;
-  out["before"] = earlier.array;
-  return out;
+  return out.named();
 }
 
 Out<amb_real> information(Isolation &self, int since, bool before)

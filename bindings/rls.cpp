@@ -27,24 +27,22 @@ Named run_rls(Rls &self, const Matrix &phi, const Vector &y)
   const size_t samples = y.size(), n = self.rls.n;
   same_length(samples, phi.shape(0), "phi");
   same_length(n, phi.shape(1), "each row of phi");
-  Fresh<amb_real> theta({samples, n}), excitation({samples, n}), error({samples});
-  Fresh<unsigned char> status({samples});
+  Results out;
+  auto *theta = out.add<amb_real>("theta", {samples, n});
+  auto *excitation = out.add<amb_real>("excitation", {samples, n});
+  auto *error = out.add<amb_real>("error", {samples});
+  auto *status = out.add<unsigned char>("status", {samples});
   {
     nb::gil_scoped_release release;
     for (size_t i = 0; i < samples; i++) {
       const amb_status s = amb_rls_step(&self.rls, &self.state, phi.data() + i * n, y.data()[i]);
-      std::copy_n(self.state.theta, n, theta.data + i * n);
-      std::copy_n(self.state.excitation, n, excitation.data + i * n);
-      error.data[i] = self.state.error;
-      status.data[i] = static_cast<unsigned char>(s);
+      std::copy_n(self.state.theta, n, theta + i * n);
+      std::copy_n(self.state.excitation, n, excitation + i * n);
+      error[i] = self.state.error;
+      status[i] = static_cast<unsigned char>(s);
     }
   }
-  nb::dict out;
-  out["theta"] = theta.array;
-  out["excitation"] = excitation.array;
-  out["error"] = error.array;
-  out["status"] = status.array;
-  return out;
+  return out.named();
 }
 
 } // namespace

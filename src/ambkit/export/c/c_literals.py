@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from struct import pack
 from typing import Any, Literal, NamedTuple
 
@@ -207,6 +207,18 @@ class Constants:
             else:
                 self._lines.append(f"crc = amb_crc_real(crc, {place});")
                 self._bytes.append(np.array(value, self._format).tobytes())
+
+    def structs(self, name: str, rows: Sequence[Any], fields: Sequence[str]) -> None:
+        """Take in an array of structs, its whole numbers unsigned."""
+        real = [isinstance(value, float) for value in rows[0]]
+        places = [f"{name}[i].{field}" for field in fields]
+        self._loop(len(rows), *(
+            f"amb_crc_real(crc, {place})" if is_real else f"amb_crc_word(crc, (uint32_t){place})"
+            for place, is_real in zip(places, real, strict=True)
+        ))  # fmt: skip
+        format = "<" + "".join(self._format[1:] if is_real else "I" for is_real in real)
+        format = format.replace("f4", "f").replace("f8", "d")
+        self._bytes += [pack(format, *row) for row in rows]
 
     def crc(self) -> Crc:
         """Return the CRC of all that was taken in."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from ambkit.estimate.estimator import Estimator
 from ambkit.export.c import c_literals, cost, filter_test_cases
-from ambkit.export.c.c_literals import CPrecision, Name
+from ambkit.export.c.c_literals import Constants, CPrecision, Crc, Name
 from ambkit.export.c.exported import Export
 from ambkit.export.c.filter_test_cases import TestCase
 from ambkit.export.c.test_vectors import Vectors
@@ -21,6 +21,8 @@ TEMPLATES = {"{}_faults.h": "faults.h", "{}_faults.c": "faults.c"}
 
 _COUNTS = ("states", "forces", "sensors", "columns", "forms", "tones", "window", "spare", "late")
 _REALS = ("limit", "margin", "like", "alike")
+_FAULT = ("column", "columns", "load", "group")
+_TERM = ("column", "direction", "signal", "weight")
 _ARRAYS = ("A", "b", "H", "unit", "K", "form", "lag", "turn")
 
 
@@ -28,7 +30,7 @@ def context(export: Export) -> dict[str, Any]:
     """Return what the templates say of the faults."""
     isolation, name = FaultIsolation(export.filter), export.name
     of = isolation.constants
-    faults, terms = of["faults"], of["terms"]
+    faults, terms = [tuple(map(int, row)) for row in of["faults"]], of["terms"]
     arrays = {key: np.array(of[key], float) for key in _ARRAYS if of[key] is not None}
     fields = {key: of[key] for key in _COUNTS} | {key: of[key] for key in _REALS}
     fields["spare"] = isolation.window  # a search may take as long as a window
@@ -66,8 +68,24 @@ def context(export: Export) -> dict[str, Any]:
             _rows("amb_fault", "faults_of", faults, export.precision),
             _rows("amb_fault_term", "terms_of", terms, export.precision),
         ],
+        "crc": _crc(export, arrays, faults, terms, of),
         "struct": c_literals.struct(fields, export.precision),
     }  # fmt: skip
+
+
+def _crc(
+    export: Export, arrays: dict[str, Any], faults: Sequence[Any], terms: Sequence[Any],
+    of: dict[str, Any],
+) -> Crc:  # fmt: skip
+    """Return the CRC of the constants."""
+    crc = Constants(export.precision)
+    for key, values in arrays.items():
+        crc.array(f"isolation_{key}", values)
+    for name, rows, keys in (("faults_of", faults, _FAULT), ("terms_of", terms, _TERM)):
+        crc.structs(name, rows, keys)
+    counts = {key: of[key] for key in (*_COUNTS, *_REALS)} | {"spare": of["window"]}
+    crc.fields("isolation", counts, arrays=False)
+    return crc.crc()
 
 
 def _rows(kind: str, name: str, rows: Sequence[Any], precision: CPrecision) -> dict[str, Any]:
