@@ -69,5 +69,22 @@ HEADERS = (
     "temps,entrefer,courant = t y i",
     "tempo,posizione,riferimento,corrente = t y r i",
     "t,w,i = t y i",
+    "Instante;Altura medida;Altura deseada;Mando = t y r u",
+    "tiempo;entrehierro;ciclo de trabajo;corriente = t y d i",
+    "tiempo,distancia medida,distancia estimada,corriente medida,corriente comandada = t y xe i u",
+    "tempo;posicao_medida;posicao_desejada;corrente = t y r i",
+    "shi_jian,qi_xi,kongzhi_dianliu,celiang_dianliu = t y u i",
+    "shijian,weiyi,geiding,dianliu = t y r i",
+    "时间,位移,电流 = t y i",
+    # instruments, real-time systems
+    "X_Value;Position;Spulenstrom = t y i",
+    "time;AMB/Regler/Lage_Ist/Out1;AMB/Regler/Lage_Soll/Out1;AMB/Regler/I_Soll/Out1 = t y r u",
+    "GVL.tCycle;GVL.fActPos;GVL.fSetPos;GVL.fSetCurr = t y r u",
+    "TIME,CH1,CH2 = t y i",
+    "Zeit;x_mess;x_beob;v_beob;i_soll;i_ist = t y xe ve u i",
+    "t;x;x_dach;v_dach;u = t y xe ve u",
+    "t,r_A,i_A = t y i",
+    "t_ctrl,gap,cmd_A = t y u",
+    "t,hall_m,electromagnet_current,command_m = t y i r",
 )
 """Names, and behind the equals sign what each is."""

@@ -42,11 +42,10 @@ _COMMON = {
     "T": ("1", "V s/m^2"),
     "Hz": ("1", "1/s"),
     "min": ("60", "s"),
-    "deg": ("0.01745329251994329576923690768", "rad"),
-    "revolution": (_TURN, "rad"),
-    "rps": (_TURN, "rad/s"),
-    "rpm": ("0.1047197551196597746154214461", "rad/s"),
 }
+_SPELLINGS = {"mil": "thou", "mils": "thou", "Volt": "V", "Volts": "V", "Amps": "A", "Second": "s"}
+"""As instruments write them; pint's mil is an angle."""
+_SPELLED = re.compile(rf"\b({'|'.join(_SPELLINGS)})\b")
 _SHIFTS = {"G": 9, **_PREFIXES, "c": -2, "u": -6, "μ": -6}
 _FACTOR = re.compile(
     r"(?P<operator>^|\s*[*/]\s*|\s+)"
@@ -67,6 +66,7 @@ def _root(unit: str) -> Root:
         raise ValueError(f'"{unit[:20]}..." is not a known unit')
     if "," in unit:  # pint would read over it
         raise ValueError(f'"{unit}" is not a known unit')
+    unit = _SPELLED.sub(lambda match: _SPELLINGS[match[0]], unit)
     return _common_root(unit) or _root_by_pint(unit)
 
 

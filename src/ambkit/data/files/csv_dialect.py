@@ -105,7 +105,7 @@ _EXPONENT = str.maketrans("dD", "ee")  # as Fortran writes it
 COMMENTS = ("#", "%")  #: First character of a comment: NumPy's and MATLAB's.
 
 
-def find(lines: Sequence[str]) -> Dialect | None:
+def find(lines: Sequence[str], separators: Sequence[str] = tuple(SEPARATORS)) -> Dialect | None:
     """Find out how a CSV is written."""
     separator_line = _SEP_LINE.fullmatch(lines[0].strip(" ")) if lines else None
     numbered = [
@@ -116,7 +116,7 @@ def find(lines: Sequence[str]) -> Dialect | None:
     if not numbered:
         return None
     known = (
-        [separator_line[1]] if separator_line and separator_line[1] in SEPARATORS else SEPARATORS
+        [separator_line[1]] if separator_line and separator_line[1] in SEPARATORS else separators
     )
     pairs = [(sep, sign) for sep in known for sign in ".," if sep != sign]
     judged = _few([line for _, line in numbered])
@@ -207,13 +207,18 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
     titles = [
         k
         for k, (_, row) in enumerate(rows[:first])
-        if len(row) == width and not any(_is_number(cell, decimal) or layouts(cell) for cell in row)
+        # LabVIEW has a column "Comment" for which there are no cells.
+        if (len(row) == width or (k == first - 1 and len(row) == width + 1 > 2))
+        and not any(_is_number(cell, decimal) or layouts(cell) for cell in row)
     ]
     if not titles:
         unnamed = (None,) * width
         return Dialect(separator, decimal, (), unnamed, None, rows[0][0], places, closed, stamps)
-    above, last = titles[-2:] if len(titles) > 1 else (titles[-1], titles[-1])
-    if above == last or last != above + 1 or not _are_units(rows[last][1]):
+    last = titles[-1]
+    rows[last] = rows[last][0], rows[last][1][:width]
+    # Above units names may be numbers, those of an oscilloscope's channels.
+    above = last - 1 if last and len(rows[last - 1][1]) == width else last
+    if above == last or not _are_units(rows[last][1]):
         header = last
         names, units = zip(*map(_label, rows[header][1]), strict=True)
     else:

@@ -106,7 +106,13 @@ class _Body(NamedTuple):
     stamps: Collection[str]  #: Of those that hold times as text.
 
 
-def parse(text: str, name: str, request: Request, remarks: list[str]) -> Log:
+def parse(
+    text: str,
+    name: str,
+    request: Request,
+    remarks: list[str],
+    separators: Sequence[str] = tuple(csv_dialect.SEPARATORS),
+) -> Log:
     """Read the columns of a text."""
     # Not str.splitlines: that also breaks at characters which a note may hold, U+0085 for one.
     text = _UNEVEN_LINE_ENDS.sub("\n", text) if "\r" in text else text
@@ -114,7 +120,7 @@ def parse(text: str, name: str, request: Request, remarks: list[str]) -> Log:
     text, known = _without_notes(text)
     _check_quotes(text, name)
     head = text[: _end_of_line(text, csv_dialect.LOOKED_AT)].split("\n")
-    dialect = csv_dialect.find(head)
+    dialect = csv_dialect.find(head, separators)
     if dialect is None:
         raise RecordError(f"{name}: has no header and no samples; is the file cut short?")
     notes = filter(None, map(_NOTE.fullmatch, head[: dialect.body]))

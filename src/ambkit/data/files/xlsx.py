@@ -25,7 +25,7 @@ def read(path: str, request: Request) -> Log:
             if any(isinstance(cell, float) for row, _ in rows for cell in row):
                 remarks = [f"sheet {one_line(sheet.title)}"] if len(book.worksheets) > 1 else []
                 text = "".join(f"{line}\n" for _, line in rows)
-                log = csv_text.parse(text, path, request, [])
+                log = csv_text.parse(text, path, request, [], "\t")
                 return replace(log, remarks=(*remarks, *log.remarks[1:]))  # of tabs there are none
     raise RecordError(f"{path}: no sheet has numbers")
 

@@ -235,9 +235,9 @@ class _Search:
         """Whether the rawest two may yet be estimates."""
         raw, y, u = self.raw, positions[0], controls[0]
         left = {*range(len(self.unit))} - {*positions, *controls, *self.rates}
-        estimated = not raw[u] and derived.raw_counterparts(self.unit, self.bands, u, [y])
-        if self.known[1] is None and estimated and any(raw[k] for k in left):
-            return True  # an estimate is no current, where a converter's channel is left
+        rougher = [] if raw[u] else derived.raw_counterparts(self.unit, self.bands, u, [y, *left])
+        if self.known[1] is None and rougher and (rougher != [y] or any(raw[k] for k in left)):
+            return True  # an estimate is no current, where what it is of, or a converter's, is left
         if {*self.known} != {None} or (raw[y] and raw[u]):
             return False
         is_fitted = any((f.position, f.control) == (y, u) for f in fits)

@@ -1,4 +1,4 @@
-"""What the name of a channel says of its role: English, German, some Spanish and French.
+"""What the name of a channel says of its role: English, German, Romance languages and Chinese.
 
 A name has a quantity (position, current) and perhaps a modifier: demanded, measured, estimated.
 ``Sollstrom`` is a demanded current, a control signal; ``Istwert`` a measured position. Planes and
@@ -8,6 +8,8 @@ axes are numbered and lettered: ``W13`` and ``x_A`` are positions, ``v`` is a ve
 from __future__ import annotations
 
 import re
+import unicodedata
+from itertools import pairwise
 from typing import NamedTuple
 
 
@@ -21,30 +23,42 @@ class NamedRole(NamedTuple):
 
 
 _QUANTITIES = {
-    "t": r"time|zeit|temps|tiempo|tempo|timestamps?|seconds?|secs?|clock|uhr|uhrzeit",
+    "t": r"time|zeit|temps|tiempo|tempo|instante|timestamps?|seconds?|secs?|elapsed|clock|uhr|"
+         r"uhrzeit|shijian|时间",
     "-": r"err|error|regelabweichung|regelfehler|temp\w*|status|state|mode|flags?|rpm|drehzahl|"
          r"omega|index|idx|count\w*|sample\w*|power|leistung|\w*kraft|force|druck|pressure|"
          r"key_?phasor\w*|kphi|tacho\w*|trigger|trig|\w*impuls\w*|pulses?|"
-         r"phase|angle|winkel|beschl\w*|acc|accel\w*|fehler",
-    "v": r"vel|velocity|geschw\w*|[xyz]dot|d[xyz]|vitesse|velocidad|velocit\w*",
+         r"phase|angle|winkel|beschl\w*|acc|accel\w*|fehler|fuerza|zhuansu|wendu|wucha|"
+         r"转速|温度|误差",
+    "v": r"vel|velocity|geschw\w*|[xyz]dot|d[xyz]|vitesse|velocidad\w*|velocit\w*|"
+         r"sudu|速度",
     "i": r"cur|curr|current|(?:\w*spulen|\w*magnet|wicklungs|coil)?strom|ström\w*|amps?|iu|imag|"
-         r"i?coil|spule\w*|corriente|courant|corrente|iout",
+         r"i?coil|spule\w*|corriente|courant|corrente|"
+         r"intensidad|iout|dianliu|\w*电流",
     "stage": r"duty\w*|pwm\w*|tastgrad|tastverh\w*|aussteuer\w*|volt\w*|\w*spannung|"
-             r"tension|tensi\w*n|[uv]coil",
-    "u": r"stell\w*|output|control|ctrl|actuat\w*",
-    "y": r"pos|\w*position|posici\w*n|posizione|weg|\w*wegsensor|dist|distance|displ\w*|disp|gap|"
+             r"tensi\w*|ciclo|[uv]coil|dianya|zhankongbi|电压|占空比",
+    "u": r"stell\w*|output|control|ctrl|actuat\w*|regler\w*|reglage|mando|salida|"
+         r"kongzhi(?:liang)?|控制量?",
+    "y": r"pos|\w*position|posi[cz]\w*|weg|\w*wegsensor|dist\w*|disp\w*|gap|"
          r"(?:luft)?spalt|airgap|entrefer|abstand\w*|\w*lage|regelgr\w*|sensor\w*|auslenkung|"
-         r"probe|prox\w*|ybobina|dsb|eddy|sonde|height|hoehe|höhe",
+         r"probe|prox\w*|ybobina|dsb|eddy|sonde|height|hoehe|höhe|altura|despl\w*|"
+         r"desloc\w*|spostam\w*|deplac\w*|entrehierro|separa\w*|traferro|"
+         r"wei[yz]h?i|qixi|jianxi|juli|位移|位置|气隙|间隙",
 }  # fmt: skip
 _SPEED = r"speed"
 _DEMAND = (
-    r"soll|sollwert|ref|reference|referenz|referencia|consign[ea]|riferimento|set|set_?point|setpt|"
-    r"sp|desired|des|target|demand\w*|command\w*|cmd|vorgabe|f(?:ü|ue)hrungsgr\w*|rif"
+    r"soll|sollwert|ref|reference|referen[zc]\w*|consign[ea]|riferimento|set|set_?point|setpt|"
+    r"sp|desired|des|target|demand\w*|comm?and\w*|cmd|vorgabe|f(?:ü|ue)hrungsgr\w*|rif|dese[aj]\w*|"
+    r"desider\w*|cankao|geiding|sheding|mubiao|\w*(?:参考|给定|设定|目标)\w*"
 )
-_ORDER = r"command\w*|cmd"  #: Demands that mean a control signal where no quantity is named.
-_ACTUAL = r"ist|istwert|act|actual|meas|measured|mess|messwert|fbk|feedback|raw|roh"
+_ORDER = r"comm?and\w*|cmd"  #: Demands that mean a control signal where no quantity is named.
+_CONTROL = r"control|ctrl|stell\w*|kongzhi"  #: A control current is a demanded one.
+_ACTUAL = (
+    r"ist|istwert|act|actual|meas|measured|mess|messwert|fbk|feedback|raw|roh|"
+    r"medid\w*|misur\w*|mesur\w*|celiang|shiji"
+)
 _ESTIMATED = (
-    r"est\w*|hat|obs\w*|[eu]?kf|kalman|filt\w*|gefiltert|(?:ge)?sch(?:ä|ae)tz\w*|model\w*|"
+    r"est\w*|hat|dach|obs\w*|beob\w*|[eu]?kf|kalman|filt\w*|gefiltert|(?:ge)?sch(?:ä|ae)tz\w*|model\w*|"
     r"logged|pred\w*|smooth\w*"
 )
 _LETTERS = {"t": "t", "s": "", "r": "r", "w": "r", "v": "v", "i": "i", "u": "u", "y": "y", "x": "y",
@@ -55,14 +69,17 @@ _COMPOUND = re.compile(
     r"\b(soll|ist)(?=wert|strom|lage|pos|weg|spann|geschw|abstand)|"
     r"(?:(?<=strom)|(?<=lage)|(?<=tion)|(?<=weg)|(?<=pos)|(?<=nung))(soll|ist)(?=\b|wert|_)"
 )
+_ACCENTS = re.compile("[\u0300-\u0307\u0309-\u036f]")  #: All but the umlauts' two dots.
 _SHORT = re.compile(r"([xyziuv])_?(ref|soll|set|cmd|des|d|ist|act|meas|mess|m|hat|est|kf|obs)")
 
 
 def role_of(label: str) -> NamedRole:
     """Return what a name says."""
-    spaced = re.sub(r"(?<=[a-zäöüß])(?=[A-ZÄÖÜ])", " ", label).lower()
+    spaced = _ACCENTS.sub("", unicodedata.normalize("NFD", label))
+    spaced = unicodedata.normalize("NFC", spaced)
+    spaced = re.sub(r"(?<=[a-zäöüß])(?=[A-ZÄÖÜ])", " ", spaced).lower()
     spaced = _COMPOUND.sub(r" \g<0> ", spaced.replace("_", " "))
-    tokens = [w for w in re.split(r"[^a-z0-9äöüßéíó]+", spaced) if w]
+    tokens = [w for w in re.split(r"\W+", spaced) if w]
     words: list[str] = []
     for token in tokens:
         short = _SHORT.fullmatch(re.sub(r"\d+", "", token))
@@ -76,8 +93,10 @@ def role_of(label: str) -> NamedRole:
 
 
 def _role_of(words: list[str]) -> NamedRole:
+    joined = [*words, *map("".join, pairwise(words))]  # x_dot, and the syllables of pinyin
+
     def has(form: str) -> bool:
-        return any(re.fullmatch(form, word) for word in words)
+        return any(re.fullmatch(form, word) for word in joined)
 
     quantities = [q for q, form in _QUANTITIES.items() if has(form)]
     demanded, estimated = has(_DEMAND), has(_ESTIMATED)
@@ -94,6 +113,7 @@ def _role_of(words: list[str]) -> NamedRole:
     if not quantity:
         letters = [_LETTERS[word] for word in words if _LETTERS.get(word)]
         quantity, weak = (letters[0], True) if letters else ("", False)
+    demanded |= quantity == "i" and has(_CONTROL)
     drives = quantity == "stage"
     quantity = "u" if drives else quantity
     if demanded and quantity in ("y", "i", "u", "v", "", "r"):

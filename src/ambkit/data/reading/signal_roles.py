@@ -24,6 +24,7 @@ from ambkit.data.reading.position_search import Rotor, in_steps, rotor
 from ambkit.data.reading.role_names import role_of
 from ambkit.data.signals import si_unit
 
+BY_UNIT = "by its unit"
 TEXT = "times as text"  #: The first thing that speaks for such a channel.
 
 
@@ -97,7 +98,7 @@ _UNIT_IN_NAME = re.compile(r"(.*?)(?: in |[ _]*(?:/ ?|_in_|_))(µm|um|mm|m|ms|us
 _ROLES = {"s": "t", "m": "y", "m/s": "v", "A": "i", "V": "u"}
 _USUAL = {"t": "s", "r": "m", "y": "m", "v": "m/s", "i": "A", "u": "V"}
 _ALSO = {("u", "A"), ("y", "V"), ("r", "V")}  #: Demanded currents; sensors that were not scaled.
-_HOLDERS = re.compile(r"values?|data|signals?|\d*|out|yout|logsout|simout")
+_HOLDERS = re.compile(r"values?|data|signals?|\d*|(?:out|in)\d*|yout|logsout|simout")
 """Parts of a name that say nothing, as of a structure that Simulink saves."""
 
 
@@ -108,7 +109,8 @@ def role_from_name(candidate: Candidate) -> None:
     label = candidate.label
     in_name = _UNIT_IN_NAME.fullmatch(label)
     # x_A is in the plane A, and in no amperes.
-    of_plane = in_name is not None and in_name[2] == "A" and role_of(in_name[1]).role == "y"
+    bare = role_of(in_name[1]) if in_name is not None and in_name[2] == "A" else None
+    of_plane = bare is not None and (bare.role == "y" or (bare.role == "r" and bare.weak))
     if in_name and in_name[1] and not candidate.unit and not of_plane:
         label, candidate.unit = in_name[1], in_name[2].replace("mps", "m/s")
         candidate.why.append("unit from its name")
@@ -128,6 +130,8 @@ def role_from_name(candidate: Candidate) -> None:
         return
     if role == "r" and measured == "A":
         role = "u"  # a demanded current
+    if role == "u" and measured == "m":
+        role = "r"  # a demanded position
     kept = not named.weak and (role, measured) in _ALSO
     if role and measured and si_unit(_USUAL[role]) != measured and not kept:
         role = of_unit if of_unit not in ("", "u") or role not in ("u", "r") else role
@@ -137,7 +141,7 @@ def role_from_name(candidate: Candidate) -> None:
         candidate.why.append("by its name")
     elif of_unit:
         candidate.role = of_unit
-        candidate.why.append("by its unit")
+        candidate.why.append(BY_UNIT)
 
 
 def _own_part(label: str) -> str:
@@ -159,12 +163,16 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
         candidate.values = np.where(np.isfinite(candidate.values), candidate.values, np.nan)
         role_from_name(candidate)
     _find_time(results)
-    letters = _doubtful_references(results)
+    letters, volts = _doubtful_roles(results)
     for candidate in results:
         if not candidate.role and np.ptp(seen(candidate.values)) == 0:
             candidate.why.append(f"is {candidate.values[0]:g} all the time")
             candidate.role = "-"
     moves = _find_rotor(results)
+    for candidate in volts:
+        if not candidate.role and not any(c.role == "u" for c in results):
+            candidate.role = "u"
+            candidate.why.append(BY_UNIT)
     _find_stage(results)
     _settle_references(results, letters)
     y = next((c for c in results if c.role == "y" and not c.estimated), None)
@@ -177,15 +185,16 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
     return moves
 
 
-def _doubtful_references(results: list[Candidate]) -> list[Candidate]:
-    """Take the role from references by a letter where no channel is named a position."""
+def _doubtful_roles(results: list[Candidate]) -> tuple[list[Candidate], list[Candidate]]:
+    """Take the role from references by a letter and from volts, if none is named a position."""
     if any(c.role == "y" and not c.estimated for c in results):
-        return []
+        return [], []
     letters = [c for c in results if c.role == "r" and c.weak]
-    for candidate in letters:
+    volts = [c for c in results if c.role == "u" and c.why[-1] == BY_UNIT]  # of a sensor, perhaps
+    for candidate in [*letters, *volts]:
         candidate.role = ""
         candidate.why.pop()
-    return letters
+    return letters, volts
 
 
 def _find_stage(results: list[Candidate]) -> None:
@@ -225,10 +234,14 @@ def _find_time(results: list[Candidate]) -> None:
             text = candidate.why[0] == TEXT
             candidate.role = "-" if text else ""  # no position either
             candidate.why.append(f"{'' if text else 'named like a time, but '}does not rise")
+        elif candidate.role in ("u", "i") and _rises(candidate.values, evenly=True):
+            candidate.role = "t"
+            candidate.why.append("rises evenly")
     if any(candidate.role == "t" for candidate in results):
         return
-    even = [c for c in results if not c.role and _rises(c.values, evenly=True)]
-    even = even or [c for c in results if not c.role and _rises(-c.values, evenly=True)]
+    free = [c for c in results if not c.role or (c.weak and not c.unit)]  # X_Value is a time
+    even = [c for c in free if _rises(c.values, evenly=True)]
+    even = even or [c for c in free if _rises(-c.values, evenly=True)]
     for candidate in even[:1]:
         candidate.role = "t"
         rises = _rises(candidate.values)
@@ -281,6 +294,7 @@ def _find_rotor(results: list[Candidate]) -> Rotor | None:
             return None
         moves = rotor(np.array([interpolated(c.values[:LOOKED_AT]) for c in channels[:COMPARED]]))
         if moves is None or (y is not None and not moves.fit.sure):
+            _say_unconfirmed(y, channels, moves)
             return None
         _rename(channels, moves, y, control)
     if moves is None:
@@ -288,6 +302,21 @@ def _find_rotor(results: list[Candidate]) -> Rotor | None:
     _name_rotor(moves, channels)
     index = {id(c): n for n, c in enumerate(results)}
     return moves.renumbered([index[id(c)] for c in channels])
+
+
+def _say_unconfirmed(
+    y: Candidate | None, channels: Sequence[Candidate], moves: Rotor | None
+) -> None:
+    """Say of a position that its motion does not confirm its name."""
+    if y is None:
+        return
+    y.why.append("its motion neither confirms nor refutes that")
+    if moves is not None and channels[moves.position] is not y:
+        position, mover = channels[moves.position], channels[moves.control]
+        y.why[-1] = (
+            f"though {position.label} moves with {mover.label} as a floating rotor does, in two "
+            "bands of frequency only: is that the position?"
+        )
 
 
 def _rename(
