@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,28 +30,9 @@ Array = NDArray[np.float64]
 
 BALL = Machine.preset("inteco_ml")
 AXIS = Machine.preset("zittau_axial")
-SPINDLE = Machine.from_toml("""
-name = "spindle"
-sampling_time = "0.1 ms"
-[magnet]
-type = "two-sided"
-turns = 120
-pole_area = "500 mm^2"
-air_gap = "0.6 mm"
-bias_current = "2.5 A"
-[rotor]
-mass = "3.2 kg"
-gravity = "none"
-clearance = "0.25 mm"
-[amplifier]
-gain = "0.5 A/V"
-current_limit = "2.5 A"
-noise_variance = "1e-5 V^2"
-[sensor]
-gain = 1
-lag = "0.1 ms"
-noise_variance = "0.25 µm^2"
-""")
+SPINDLE = Machine.load(Path(__file__).parents[1] / "examples" / "spindle.toml").replace(
+    sampling_time="0.1 ms"
+)
 
 MACHINES: dict[str, tuple[Machine, int, float]] = {
     "axis": (AXIS, 12_000, 40e-6),
@@ -66,7 +48,7 @@ MACHINES: dict[str, tuple[Machine, int, float]] = {
 
 WRONG = (
     "hysteresis", "lag", "saturation", "drift", "payload", "sensor curve", "sensor jump",
-    "resonance", "friction",
+    "resonance", "friction", "unequal coils",
 )  # fmt: skip
 """Structures that a description lacks."""
 
@@ -143,16 +125,21 @@ def simulate(cases: list[Case], n: int | None = None) -> list[Record]:
     added = where("resonance", 0.1) * m
     omega = 5 / own
     stick = where("friction", 0.02 * k_i * i0)
+    unequal = where("unequal coils", 0.2) * both_sides
 
     def pull(i: Array, s: Array) -> Array:
         b = i / s
         return np.asarray(k * b**2 / np.sqrt(1 + (b / knee) ** 4))
 
+    def magnet_force(i: Array, x: Array) -> Array:
+        toward, away = pull(i0 + i, s0 - x), pull(i0 - i, s0 + x)
+        return (1 + unequal / 2) * toward - both_sides * (1 - unequal / 2) * away
+
     def slopes(
         state: Array, i: Array, f_d: Array, factor: Array, mass: Array, own_weight: Array
     ) -> Array:
         x, v, x_m, z, w = state
-        force = factor * (pull(i0 + i, s0 - x) - both_sides * pull(i0 - i, s0 + x))
+        force = factor * magnet_force(i, x)
         between = added * omega**2 * (z - x) + 0.04 * added * omega * (w - v)
         total = force + f_d + own_weight + between - stick * np.tanh(v / (0.05 * moves / own))
         seen = x * (1 + curve * x**2)
@@ -164,8 +151,7 @@ def simulate(cases: list[Case], n: int | None = None) -> list[Record]:
     # The mean force carries the weight: the current of equilibrium.
     rest = np.zeros(len(cases))
     for _ in range(50):
-        f = pull(i0 + rest, s0) - both_sides * pull(i0 - rest, s0) + weight
-        rest = rest - f / k_i
+        rest = rest - (magnet_force(rest, 0 * s0) + weight) / k_i
     state, current, z = np.zeros((5, len(cases))), rest.copy(), rest.copy()
     integral, filtered = rest.copy(), np.zeros(len(cases))
     T_f, h, past = np.maximum(0.06 * own, 0.5 * T), T / STEPS, [rest / gain] * 4

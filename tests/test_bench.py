@@ -434,7 +434,7 @@ def test_own_code_from_a_file(tmp_path):
         candidates([f"{file}:Short"], BEARING)["Short"].build().run(record)
     for name, message in {
         "NoStep": "NoStep: it needs a method step",
-        "Nobody": "there is no class Nobody; it has MyFilter, Short, NoStep",
+        "Nobody": "there is no class or function Nobody; it has MyFilter, Short, NoStep",
     }.items():
         with pytest.raises(AmbkitError, match=message):
             candidates([f"{file}:{name}"], BEARING)

@@ -121,12 +121,13 @@ def test_a_record_too_short_or_without_measurements_is_refused(bearing, record):
         evaluate(ambkit.KalmanFilter(bearing), nothing)
 
 
-def test_a_gated_measurement_is_not_predicted(bearing, record):
+@pytest.mark.parametrize(("spike", "flag"), [(0.5e-3, "outlier"), (-1.0, "missing")])
+def test_a_measurement_left_out_is_not_predicted(bearing, record, spike, flag):
     y = record["y"].copy()
-    y[5000] += 0.5e-3
+    y[5000] += spike
     clean, spike = (evaluate(ambkit.KalmanFilter(bearing), changed(record, y=values))
                     for values in (record["y"], y))  # fmt: skip
-    assert spike.status == {"outlier": 1}
+    assert spike.status == {flag: 1}
     for figures in ("prediction", "held"):
         for ahead, error in getattr(spike, figures).items():
             assert error == pytest.approx(getattr(clean, figures)[ahead], rel=0.01)
@@ -141,6 +142,20 @@ def test_a_filter_of_a_file_is_not_said_to_be_tuned(bearing, record, tmp_path):
     assert not any("Tuned" in text for text in found.remarks)
     beside = ambkit.filter(measured, [file, "linear"], machine=bearing)
     assert any("s (linear), judged on the rest" in text for text in beside.remarks)
+
+
+def test_a_spike_that_all_leave_out_does_not_undo_the_tuning(bearing, record):
+    y = record["y"].copy()
+    y[7000] += 5e-3
+    clean, spike = (
+        ambkit.filter(
+            ambkit.Record(record.t, {"y": values, "u": record["u"]}), "linear", machine=bearing
+        )["linear"]
+        for values in (record["y"], y)
+    )
+    assert spike.tuning.kept == clean.tuning.kept
+    assert spike.noise == clean.noise
+    assert spike.evaluation.nis == pytest.approx(clean.evaluation.nis, rel=0.01)
 
 
 def test_multiple_models_say_where_the_magnet_is_at_the_end_of_them(bearing):

@@ -160,7 +160,7 @@ def test_from_a_file_in_python_toml_and_on_the_command_line(tmp_path, call):
     for name, words in (
         ("Late", "Late: step(y, r, estimate) at sample 6: ZeroDivisionError"),
         ("Two", "Two: step(y, r, estimate) at sample 0: ValueError: it returned 2 numbers"),
-        ("None", "there is no class None; it has Low, Late, Two, Still"),
+        ("None", "there is no class or function None; it has Low, Late, Two, Still"),
     ):
         with pytest.raises(AmbkitError, match=words.replace("(", r"\(").replace(")", r"\)")):
             ambkit.simulate(AXIS, Scenario(controller=Control(custom=f"{file}:{name}")))

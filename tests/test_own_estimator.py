@@ -87,7 +87,7 @@ def test_from_a_file_in_all_verbs(tmp_path):
         ambkit.simulate(AXIS, still, filter=late)
     with pytest.raises(AmbkitError, match=r"Late: step\(y, u\) at sample 6: ZeroDivisionError"):
         ambkit.filter(run.record, [late], machine=AXIS)
-    with pytest.raises(AmbkitError, match="there is no class Nobody; it has Raw, Late"):
+    with pytest.raises(AmbkitError, match="there is no class or function Nobody; it has Raw, Late"):
         ambkit.simulate(AXIS, still, filter=f"{tmp_path}/my.py:Nobody")
 
 

@@ -52,7 +52,7 @@ def name_of(make: Any) -> str:
 
 
 def load_class(text: str) -> tuple[str, Callable[..., Any]]:
-    """Return name and class of what a user has in a Python file."""
+    """Return name and class, or function, of what a user has in a Python file."""
     path, _, name = text.rpartition(":")
     if not Path(path).is_file():
         raise AmbkitError(f"{path}: there is no such file")
@@ -68,9 +68,10 @@ def load_class(text: str) -> tuple[str, Callable[..., Any]]:
         raise AmbkitError(f"{path}: {type(error).__name__}: {error}") from error
     make = getattr(module, name, None)
     if not callable(make):
-        there = [key for key, value in vars(module).items() if isinstance(value, type)]
-        hint = f"; it has {', '.join(there)}" if there else ""
-        raise AmbkitError(f"{path}: there is no class {name}{hint}")
+        own = [key for key, value in vars(module).items()
+               if getattr(value, "__module__", "") == module_name]  # fmt: skip
+        hint = f"; it has {', '.join(own)}" if own else ""
+        raise AmbkitError(f"{path}: there is no class or function {name}{hint}")
     return name, make
 
 

@@ -228,7 +228,9 @@ def _own(name: str, limit: Callable[..., Any], columns: dict[str, Array]) -> Arr
     try:
         values = np.asarray(limit(columns), float)
     except Exception as error:
-        raise AmbkitError(f"{name}: {type(error).__name__}: {error}") from error
+        raise AmbkitError(
+            f"{name}: {type(error).__name__}: {error}; its argument has {', '.join(columns)}"
+        ) from error
     count = len(next(iter(columns.values())))
     if values.shape != (count,):
         raise AmbkitError(f"{name}: must return {count} numbers, returned shape {values.shape}")
@@ -265,7 +267,7 @@ def told(folder: Path) -> list[str]:
 
 def sentence(figure: str, above: float, result: Rare) -> str:
     """Say how likely a failure is."""
-    unit = UNITS.get(figure, "1")
+    unit, levels = UNITS.get(figure, "1"), len(result.thresholds)
     limit = f"{above:g}" if unit == "1" else engineering(above, unit)
     times = f", {result.repetitions} times" if result.repetitions > 1 else ""
     modes = (
@@ -275,6 +277,6 @@ def sentence(figure: str, above: float, result: Rare) -> str:
     return (
         f"{figure} is at or above {limit} with a probability of {result.probability:.3g} "
         f"({result.low:.2g} to {result.high:.2g}), by subset simulation over "
-        f"{len(result.thresholds)} levels{times}, {result.runs:,} runs."
+        f"{levels} level{'s' * (levels > 1)}{times}, {result.runs:,} runs."
         f"{modes if result.several_modes else ''}"
     )

@@ -132,12 +132,12 @@ def evaluate(
     # The filter starts from the first measurement, which is then no surprise to it.
     first = max(1, round(settling / record.sampling_time))
     innovation = estimate.innovation.reshape(y.shape)[first:]
-    variance = estimate.innovation_variance.reshape(y.shape)[first:]
+    variance = estimate.innovation_variance.reshape(y.shape)
     # The status is of all readings together: where one of several is missing, S tells of the rest.
-    used = estimate.used[first:]
-    used_mask = used[:, None] | ((len(names) > 1) & (variance > 0))
-    # A measurement that was gated is no value to be predicted, nor one to hold.
-    judged = np.where(_outliers(estimate, len(names)), np.nan, y)
+    taken = estimate.used[:, None] | ((len(names) > 1) & (variance > 0))
+    # A measurement that was left out is no value to be predicted, nor one to hold.
+    judged = np.where(taken, y, np.nan)
+    used, used_mask, variance = estimate.used[first:], taken[first:], variance[first:]
     if not used_mask.any():
         raise RecordError(f"no measurement could be taken in: {_why(estimate, y, first)}")
     last = _last_measured(judged)
@@ -176,13 +176,6 @@ def evaluate(
         disturbance_mean=by_name(axes, [float(load.mean()) for load in loads]),
         disturbance_std=by_name(axes, [float(load.std()) for load in loads]),
     )
-
-
-def _outliers(estimate: Estimate, readings: int) -> NDArray[np.bool_]:
-    """Return which measurements were left out as outliers (n, readings)."""
-    gated = (estimate.status & np.uint16(Status.OUTLIER)) != 0
-    variance = estimate.innovation_variance.reshape(len(gated), readings)
-    return np.asarray(gated[:, None] & ((readings == 1) | ~(variance > 0)))
 
 
 def _why(estimate: Estimate, y: Array, first: int) -> str:

@@ -14,7 +14,7 @@ from ambkit.base.arrays import Array, block_means, interpolated
 from ambkit.base.units import engineering, percent
 from ambkit.data.reading.channel_statistics import LOOKED_AT
 from ambkit.data.reading.clock import instant
-from ambkit.data.reading.faults import find, noise
+from ambkit.data.reading.faults import find, noise, spike_free
 from ambkit.data.reading.plausibility import longest_run, suspects
 from ambkit.data.reading.position_search import NO_NOISE, in_steps, rotor
 from ambkit.data.record import Record
@@ -265,6 +265,7 @@ def _flying(record: Record, machine: Machine) -> tuple[Array, Array, int]:
     """Return what is slow in y and u where the rotor is on no stop, and over how many samples."""
     # Means over half the plant's time constant, without the first quarter: it may be a start.
     size = max(1, round(0.5 * own_time(machine) / record.sampling_time))
+    record, _ = spike_free(record)
     first = int(_START * len(record))
     lies = _at_stop(record, machine, -1) | _at_stop(record, machine, 1)
     y, u = (block_means(np.where(lies, np.nan, record[name])[first:], size) for name in ("y", "u"))

@@ -87,9 +87,10 @@ def filtered(
     stretch = result.stretch
     if stretch is not None and stretch.by_itself:
         start, stop = (log.t[0] + end for end in (stretch.start, stretch.stop))
-        names = [name for name in built if result[name].tuning is not None]
+        names = [name for name in built if (tuning := result[name].tuning) and tuning.kept]
         whose = "" if len(names) == len(built) else f" ({', '.join(names)})"
-        remarks.append(f"Tuned from {start:.3g} to {stop:.3g} s{whose}, judged on the rest.")
+        tuned = f"Tuned from {start:.3g} to {stop:.3g} s{whose}, judged" if names else "Judged"
+        remarks.append(f"{tuned} on the rest, from {stop:.3g} s on.")
     adequacy = {
         name: judge_adequacy(
             build() if isinstance(build := built[name], FromFile) else None, plant,
@@ -246,7 +247,7 @@ def _of_tuning(one: Filtered) -> Iterator[str]:
     tuning = one.tuning
     if tuning is None:
         return
-    if tuning.why:
+    if tuning.why and tuning.kept:
         yield f"{one.name}: {tuning.why}"
     if tuning.worse:
         then = (

@@ -58,13 +58,16 @@ def in_units(intensity: Any) -> str:
     return f"{' and '.join(parts)} N^2/s"
 
 
-def log_likelihood(estimate: Estimate, first: int = 1) -> float:
+def log_likelihood(
+    estimate: Estimate, first: int = 1, counts: NDArray[np.bool_] | None = None
+) -> float:
     """Log likelihood of a filter's measurements (Schweppe 1965), up to a constant."""
     # ``-1/2 sum(ln S + e^2/S)`` over the innovations e and the variances S that the filter
     # expected; the first sample, which the filter starts from, does not count, nor what is before
-    # sample `first`. An outlier does: a filter that leaves out what it did not expect is not the
-    # more likely for it. What a filter has no idea of, as a low-pass, does not count.
-    used_mask = _taken(estimate)
+    # sample `first` or not in `counts` (n,). An outlier does: a filter that leaves out what it did
+    # not expect is not the more likely for it. What a filter has no idea of, as a low-pass, does
+    # not count.
+    used_mask = _taken(estimate) & (True if counts is None else counts)
     used_mask[: max(1, first)] = False
     # Of several readings one after another, each given those before.
     e, S = estimate.innovation[used_mask], estimate.innovation_variance[used_mask]

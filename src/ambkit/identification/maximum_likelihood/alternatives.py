@@ -42,6 +42,7 @@ class Kind:
     digits: int = 2
     sign: int = 0  #: That its size can only have; 0: either.
     of_reading: bool = False  #: Whether it is a part of the reading, and not a force.
+    common: float = 0.0  #: Size that machines often have, where it needs a large motion to show.
     innocent: bool = False  #: Whether it is no error of a plant's structure.
 
 
@@ -54,9 +55,11 @@ KINDS = {
              "identify the parts separately with `--window`", "%"),
         Kind("saturation", "The magnet saturates: {size} of the force is lost at the bias flux",
              "add iron_length, relative_permeability and saturation to [magnet], or a force map",
-             "%", sign=1),
+             "%", sign=1, common=0.1),
         Kind("force law", "The force differs from the law of [magnet] by a term in {where}",
              "measure a force map, and check bias_current and air_gap", "%"),
+        Kind("unequal coils", "The magnets pull with constants that differ by {size}",
+             "check turns and gaps of both; a force map describes them", "%", common=0.2),
         Kind("lag", "The force follows the current with a lag of about {where}",
              "set [amplifier] bandwidth or [magnet] eddy_current_lag; a dead time or a sensor lag "
              "does not replace it", "%", sign=1),
@@ -189,6 +192,8 @@ def _of_law(motion: Motion) -> Iterator[Alternative]:
     toward, away = (1 + a) / (1 - b), (1 - a) / (1 + b) * (magnet.type == "two-sided")
     # Fröhlich's curve and its like lose by a power of the flux, to first order.
     yield Alternative(KINDS["saturation"], pull * (away**6 - toward**6))
+    if magnet.type == "two-sided":
+        yield Alternative(KINDS["unequal coils"], pull / 2 * (toward**2 + away**2))
     terms = {"x^2": b**2, "x iu": a * b, "iu^2": a**2, "x^3": b**3, "iu^3": a**3}
     for name, term in terms.items():
         yield Alternative(KINDS["force law"], pull * term, name)

@@ -9,7 +9,7 @@ likelihood to second order, when all other parameters adapt.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -46,6 +46,7 @@ SMALL = 1e-4  #: Of the bias current and of the sensor's noise: what a response 
 JUMPS = ("load jump", "sensor jump")
 SETTLED = 20.0  #: The plant's time constants after which a jump is no news.
 LONGEST = 100_000  #: Samples of a record that are tested, its first ones.
+CHANCE = 0.01  #: Probability that chance alone exceeds a limit in any of the tests.
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,8 @@ class Structure:
     departures: Sequence[Departure] = field(default=())
     remarks: Sequence[str] = field(default=())  #: Implausible values, in sentences.
     tested: bool = False  #: False where all records have gaps in the control signal.
+    #: By kind, the size at which half of such records would show it, by Fisher's information.
+    detectable: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def suspect(self) -> str:
@@ -92,13 +95,30 @@ class Structure:
 
     @property
     def notes(self) -> list[str]:
-        """The departures, in sentences."""
-        return [*(item.text for item in self.departures), *self.remarks]
+        """The departures, and what these records cannot show, in sentences."""
+        notes = [*(item.text for item in self.departures), *self.remarks]
+        shown = {item.kind.name for item in self.departures}
+        hidden = [
+            f"{kind.name} below {Row('', '', self.detectable[kind.name], kind.unit, 2).text()}"
+            for kind in KINDS.values()
+            if kind.name not in shown and self.detectable.get(kind.name, 0.0) > kind.common > 0
+        ]
+        if hidden:
+            notes.append(
+                f"These records cannot show {' or '.join(hidden)}: move the rotor over the range "
+                "that it will use."
+            )
+        return notes
 
     def rows(self) -> list[Row]:
         """Return the verdict and the figures behind it as rows."""
         verdict = self.suspect or ("no departure" if self.tested else "not tested: gaps in u")
         rows = [Row("verdict", "verdict", verdict, of="structure")]
+        rows += [
+            Row(f"detectable.{name}", f"smallest {name} shown", size, KINDS[name].unit, 2,
+                of="structure", detail=True)
+            for name, size in self.detectable.items()
+        ]  # fmt: skip
         for item in self.departures:
             rows += put(item.rows(), of=item.kind.name)
         return put(rows, section=("structure",))
@@ -134,7 +154,8 @@ def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
         lags = []
     else:
         lags = [*_wrong_lag(data, start, model, parameters)]
-    return Structure(lags + _select(_tests(model, records, settling), model), remarks, True)
+    tests = _tests(model, records, settling)
+    return Structure(lags + _select(tests, model), remarks, True, _detectable(tests))
 
 
 def _implausible(model: LoopModel) -> Iterator[str]:
@@ -228,6 +249,8 @@ def _tests(model: LoopModel, records: Sequence[Record], settling: float) -> _Tes
 
 def _of_all_records(parts: Sequence[tuple[list[Alternative], Array]]) -> dict[str, Any]:
     """Join records: what lasts is common to all, what begins somewhere is of one."""
+    from scipy.special import chdtri
+
     n = sum(responses.shape[1] for _, responses in parts)
     kinds: list[Alternative] = []
     rows: list[Array] = []
@@ -246,10 +269,9 @@ def _of_all_records(parts: Sequence[tuple[list[Alternative], Array]]) -> dict[st
             kinds.append(one)
             rows.append(np.zeros(n))
             rows[-1][columns] = response
-    # Bayes's criterion for a choice among many (Chen and Chen 2008): each sample is a place where
-    # something may jump.
+    # By Bonferroni's inequality: each sample is a place where something may jump.
     places = [n if one.kind.name in JUMPS else len(kinds) for one in kinds]
-    limits = math.log(n) + 2 * np.log(places)
+    limits = chdtri(1, CHANCE / np.array(places))
     return {"kinds": kinds, "by_structures": np.array(rows), "limits": limits}
 
 
@@ -304,24 +326,37 @@ def _column(signal: Array, number: int) -> Array:
     return np.eye(signal.shape[1])[number] if signal.ndim > 1 else np.array(1.0)
 
 
+def _one_more(tests: _Tests, taken: Sequence[int]) -> tuple[Array, Array, Array]:
+    """Return what a structure adds to those taken (c, n), its score (c,) and precision (c,)."""
+    d, p = tests.by_structures, len(tests.information)
+    J = np.vstack([tests.by_parameters, d[taken]])
+    information = J @ J.T
+    information[:p, :p] = tests.information
+    score = np.concatenate([tests.scores.sum(axis=1) + tests.pull, -d[taken] @ tests.r])
+    along = np.linalg.solve(information, J @ d.T).T  # (c, p + taken)
+    own = np.sum(d * d, axis=1)
+    precision = own - np.sum(along * (d @ J.T), axis=1)
+    return d - along @ J, -d @ tests.r - along @ score, np.maximum(precision, 1e-9 * own + 1e-300)
+
+
+def _detectable(tests: _Tests) -> dict[str, float]:
+    """Return the least size of each kind at which its statistic is expected to reach the limit."""
+    _, _, precision = _one_more(tests, [])
+    sizes: dict[str, float] = {}
+    for one, size in zip(tests.kinds, np.sqrt(tests.limits / precision).tolist(), strict=True):
+        name = one.kind.name
+        sizes[name] = min(sizes.get(name, math.inf), size * one.scale)
+    return sizes
+
+
 def _select(tests: _Tests, model: LoopModel) -> list[Departure]:
     """Take the clearest structure in, one after the other, while it is beyond chance."""
     result: list[Departure] = []
     taken: list[int] = []
     names = np.array([one.kind.name for one in tests.kinds])
-    d, r = tests.by_structures, tests.r
-    p = len(tests.information)
     signs = np.array([one.kind.sign for one in tests.kinds])
     while len(result) < MOST:
-        J = np.vstack([tests.by_parameters, d[taken]])
-        information = J @ J.T
-        information[:p, :p] = tests.information
-        score = np.concatenate([tests.scores.sum(axis=1) + tests.pull, -d[taken] @ r])
-        along = np.linalg.solve(information, J @ d.T).T  # (c, p + taken)
-        left = d - along @ J
-        own = np.sum(d * d, axis=1)
-        precision = np.maximum(own - np.sum(along * (d @ J.T), axis=1), 1e-9 * own + 1e-300)
-        slope = -d @ r - along @ score
+        left, slope, precision = _one_more(tests, taken)
         size = slope / precision
         plain = slope**2 / precision
         possible = (plain > tests.limits) & (signs * size >= 0)
@@ -329,7 +364,7 @@ def _select(tests: _Tests, model: LoopModel) -> list[Departure]:
         best, statistic = -1, 0.0
         for c in np.flatnonzero(possible):
             # Colour of the noise makes scores alike within a block (White 1982).
-            scores = left[c] * (r + left[c] * size[c])
+            scores = left[c] * (tests.r + left[c] * size[c])
             robust = float(between_blocks(scores[None], model.isolated)[0, 0])
             value = float(slope[c] ** 2 / max(precision[c], robust))
             if value > max(statistic, tests.limits[c]):
