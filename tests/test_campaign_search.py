@@ -15,7 +15,7 @@ from ambkit.campaigns.results import Machines
 from ambkit.campaigns.sobol_indices import _of_choice, indices
 from ambkit.campaigns.study import Study
 from ambkit.campaigns.subset_simulation import rare_failure, subset
-from ambkit.workflow import robust_tuning
+from ambkit.workflow import robust_task
 from ambkit.workflow.robust_tuning import pareto
 
 KEYS = ("rotor.mass", "magnet.air_gap", "sensor.lag")
@@ -197,9 +197,26 @@ def test_tuned_over_the_machines_it_is_gone_on_with_and_written(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::UserWarning")
+def test_the_kind_of_filter_is_chosen_too_and_judged_on_other_machines(tmp_path):
+    pytest.importorskip("optuna")
+    study = Study.from_toml(STUDY).model_copy(update={"estimator": "constant-velocity", "runs": 8})
+    found = ambkit.tune_robust(study, filter=["linear"], budget=5, max_sensitivity=4.0)
+    assert [one.kind for one in found.tried[:2]] == ["constant-velocity", "linear"]
+    allowed = [one for one in found.tried if one.allowed]
+    assert found.tried[found.taken] == min(allowed, key=lambda one: one.error)
+    assert found.kind == "linear"
+    assert [one.kind for one in found.validation] == ["constant-velocity", "linear"]
+    assert "untuned (constant-velocity)" in found.finding
+    found.save(tmp_path / "filter.toml")
+    assert isinstance(ambkit.FilterFile.load(tmp_path / "filter.toml").make(), ambkit.KalmanFilter)
+    with pytest.raises(AmbkitError, match=r"must be a kind, .*, is nothing"):
+        ambkit.tune_robust(study, filter=["nothing"])
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::UserWarning")
 def test_the_size_of_the_expert_is_searched_and_is_that_of_the_filter(tmp_path, monkeypatch):
     pytest.importorskip("optuna")
-    monkeypatch.setattr(robust_tuning, "SIZES", (3, 5))
+    monkeypatch.setattr(robust_task, "SIZES", (3, 5))
     study = Study.from_toml(STUDY).model_copy(update={"estimator": "adaptive", "runs": 4})
     found = ambkit.tune_robust(study, free=["expert.rules"], budget=4, max_sensitivity=4.0)
     tried = {each.values["expert.rules"]: each.error for each in found.tried}

@@ -146,6 +146,7 @@ def tune_trade_off(
 def tune_robust(
     study: words.Study,
     *,
+    filter: Sequence[str] | None = None,
     quantile: float = 0.95,
     max_sensitivity: float = 3.0,
     free: Sequence[str] | None = None,
@@ -164,6 +165,8 @@ def tune_robust(
     study : Study, str or path
         TOML file of the study; all its runs are simulated in each evaluation, so a few hundred are
         enough.
+    filter : sequence of str, optional
+        Kind of filter to try beside the study's; the search chooses among them.
     quantile : float, optional
         Quantile over the machines.
     max_sensitivity : float, optional
@@ -194,9 +197,10 @@ def tune_robust(
     $ ambkit tune robust tolerances.toml --storage search.log --out filter.toml
     """
     from ambkit.workflow import robust_tuning
+    from ambkit.workflow.robust_task import Task
 
+    task = Task(study, filter or (), quantile, max_sensitivity)
     with progress("tuning over the tolerances", budget, unit="evaluations") as done:
         return robust_tuning.tune_robust(
-            study, quantile=quantile, max_sensitivity=max_sensitivity, free=free,
-            budget=budget, storage=storage, seed=seed, done=done,
+            task, free=free, budget=budget, storage=storage, seed=seed, done=done,
         )  # fmt: skip
