@@ -169,17 +169,21 @@ def _filtered(
         replace(noise, disturbance=Q) for Q in (tuned.intensity, default_disturbance(machine))
     )
     with_tuned, without = evaluated(likeliest), evaluated(untuned)
-    worse = _likelihood(with_tuned[1]) < _likelihood(without[1])
+    worse = _less_likely(with_tuned[1], without[1])
     kept = not (worse and stretch.by_itself)
     assumed, (estimator, evaluation) = (likeliest, with_tuned) if kept else (untuned, without)
     tuning = TunedNoise(likeliest, untuned, tuned.why, worse, kept)
     return estimator, Filtered(name, assumed, evaluation, tuning)
 
 
-def _likelihood(evaluation: Evaluation) -> float:
-    """Log likelihood of the samples that count."""
-    first = len(evaluation.estimate.t) - evaluation.samples
-    return log_likelihood(evaluation.estimate, first)
+def _less_likely(one: Evaluation, other: Evaluation) -> bool:
+    """Whether the measurements that count, but what both leave out, are less likely by the one."""
+    samples = one.estimate.t.size
+    counts = (one.estimate.used | other.estimate.used) & (
+        np.arange(samples) >= samples - one.samples
+    )
+    less, more = (log_likelihood(e.estimate, counts=counts) for e in (one, other))
+    return less < more
 
 
 def outermost_model(filter: Any, estimate: Estimate) -> float | None:
