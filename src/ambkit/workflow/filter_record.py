@@ -89,8 +89,10 @@ def filtered(
         start, stop = (log.t[0] + end for end in (stretch.start, stretch.stop))
         names = [name for name in built if (tuning := result[name].tuning) and tuning.kept]
         whose = "" if len(names) == len(built) else f" ({', '.join(names)})"
-        tuned = f"Tuned from {start:.3g} to {stop:.3g} s{whose}, judged" if names else "Judged"
-        remarks.append(f"{tuned} on the rest, from {stop:.3g} s on.")
+        remarks.append(
+            f"Tuned from {start:.3g} to {stop:.3g} s{whose}, judged on the rest." if names
+            else f"Judged from {stop:.3g} s on."
+        )  # fmt: skip
     adequacy = {
         name: judge_adequacy(
             build() if isinstance(build := built[name], FromFile) else None, plant,
