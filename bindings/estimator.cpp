@@ -3,6 +3,7 @@
 #include "work.h"
 
 extern "C" {
+#include "ambkit/law_error.h"
 #include "ambkit/smoother.h"
 #include "ambkit/ud.h"
 #include "ambkit/unscented.h"
@@ -319,6 +320,39 @@ Out<amb_real> covariance(const Estimator &self)
   return P.array;
 }
 
+// Of means (n, states), each with the control signals (n, controls) that acted last; one that is
+// not finite is the last before it.
+Out<amb_real> law_variance(const Estimator &self, const Vector &law, const Samples &mean,
+                           const Samples &u)
+{
+  const Sizes of = self.sizes();
+  const size_t n = samples_of(mean, of.states, "mean");
+  same_length(of.forces * AMB_LAW_TERMS, law.size(), "law");
+  same_length(n, samples_of(u, of.controls, "u"), "u");
+  Fresh<amb_real> variance({n, of.states});
+  amb_real last[AMB_CONTROLS] = {0};
+  for (size_t k = 0; k < n; k++) {
+    for (size_t c = 0; c < of.controls; c++) {
+      const amb_real now = u.data()[k * of.controls + c];
+      last[c] = amb_is_finite(now) ? now : last[c];
+    }
+    for (size_t j = 0; j < of.states; j++)
+      variance.data[k * of.states + j] =
+          amb_law_variance(&self.kf.model, &self.kf.set, law.data(), mean.data() + k * of.states,
+                           last, static_cast<int>(j));
+  }
+  return variance.array;
+}
+
+// Last finite control signals (controls,).
+Out<amb_real> last_u(const Estimator &self)
+{
+  const size_t n = self.sizes().controls;
+  Fresh<amb_real> u({n});
+  std::copy_n(self.base().last_u, n, u.data);
+  return u.array;
+}
+
 nb::object scale(Estimator &self)
 {
   if (!self.scales())
@@ -425,6 +459,9 @@ void bind_estimator(nb::module_ &m)
       .def_prop_ro("live_mean", &live, "The same, read only, which follows the estimator.")
       .def_prop_ro("covariance", &covariance, nb::rv_policy::move,
                    "Its covariance (states, states).")
+      .def("law_variance", &law_variance, nb::arg("law"), nb::arg("mean"), nb::arg("u"),
+           "What its law's error adds to the variances (n, states), see ambkit/law_error.h.")
+      .def_prop_ro("last_u", &last_u, nb::rv_policy::move, "Last control signals (controls,).")
       .def_prop_ro("scale", &scale,
                    "Scale of the magnet's force and its variance; None where not estimated.")
       .def_prop_ro("parameters", &parameters,

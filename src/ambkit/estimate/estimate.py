@@ -63,7 +63,8 @@ class Estimate(Shown, frames.Framed):
     status : ndarray of uint16 (n,)
         Flags of :class:`Status`.
     covariance : ndarray (n, states (states + 1) / 2) or None
-        Upper triangle of the covariance, row by row [products of the states' units].
+        Upper triangle of the covariance, row by row [products of the states' units]. That of a
+        disturbance force includes the error of the filter's force law at the operating point.
     estimator : str
         Name of the estimator.
     states : tuple of Descriptor
@@ -73,9 +74,6 @@ class Estimate(Shown, frames.Framed):
         estimate it.
     axes, readings : tuple of str
         Names of the axes and the readings of a machine; empty of one axis.
-    law_variance : tuple of float
-        Of each state, what the filter's force law leaves out of the machine's, which its covariance
-        does not know [square of the state's unit]; empty where it leaves out nothing.
     """
 
     t: Array
@@ -92,7 +90,6 @@ class Estimate(Shown, frames.Framed):
     scale_variance: Array | None = None
     axes: tuple[str, ...] = ()
     readings: tuple[str, ...] = ()
-    law_variance: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
         columns = ", ".join(f"{state.name} [{state.unit}]" for state in self.states)
@@ -186,7 +183,7 @@ class Estimate(Shown, frames.Framed):
         return np.asarray((self.status & np.uint16(unused)) == 0)
 
     def std(self, name: str) -> Array:
-        """Standard deviation of a state with the force law's error, (n,) [unit of the state].
+        """Standard deviation of a state, (n,) [unit of the state].
 
         Parameters
         ----------
@@ -202,8 +199,6 @@ class Estimate(Shown, frames.Framed):
             raise ValueError("run(record, covariance=True) keeps the covariances that std needs")
         i = self.names.index(name)
         variance = self.covariance[:, packed(i, i, len(self.states))]
-        if self.law_variance:
-            variance = variance + self.law_variance[i]
         return np.asarray(np.sqrt(variance), dtype=float)
 
     def to_record(self) -> Record:
@@ -229,8 +224,6 @@ class Estimate(Shown, frames.Framed):
         about: dict[str, Any] = {"estimator": self.estimator, "states": states}
         if self.axes:
             about |= {"axes": list(self.axes), "readings": list(self.readings)}
-        if self.law_variance:
-            about["law_variance"] = list(self.law_variance)
         return frames.Series(self.t, columns, units, about)
 
     @classmethod
@@ -264,7 +257,6 @@ class Estimate(Shown, frames.Framed):
                 scale_variance=columns.get("scale_variance"),
                 axes=axes,
                 readings=readings,
-                law_variance=tuple(about.get("law_variance", ())),
             )
         except (KeyError, TypeError, ValueError) as error:
             raise RecordError(f"is not a complete estimate of ambkit: {error} is missing") from None

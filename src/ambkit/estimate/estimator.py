@@ -21,16 +21,16 @@ from ambkit.data.input_scaling import Inputs, Scaling
 from ambkit.data.record import Record
 from ambkit.estimate.angle import AngleEstimate, readings_of
 from ambkit.estimate.core_model import Engine
-from ambkit.estimate.estimate import Estimate, Status
-from ambkit.estimate.law_error import law_variances
+from ambkit.estimate.estimate import Estimate, Status, packed
+from ambkit.estimate.law_error import law_errors
 from ambkit.estimate.linear_model import LinearModel
-from ambkit.estimate.machine_model import View, several
+from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.machine.force_laws import bank_of, constants_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.models.declaration import Part
-from ambkit.models.linear import LOAD, LinearSystem
+from ambkit.models.linear import LinearSystem
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.model import Descriptor, Model
 from ambkit.result.showing import Described
@@ -423,15 +423,28 @@ class Estimator(Described, Copyable):
         return self.view.levitation_current(self.magnet, self.states)
 
     @cached_property
-    def law_variance(self) -> tuple[float, ...]:
-        """What its force law leaves out, of each state [square of the unit]; empty: nothing."""
-        if not self.by_model:
-            return ()
-        errors = law_variances(self.machine, self.magnet, several(self.variances.disturbance))
-        loads = iter(errors)
-        roles = [state.role for state in self.states]
-        of_states = tuple(next(loads, 0.0) if role == LOAD else 0.0 for role in roles)
-        return of_states if any(errors) else ()
+    def law_error(self) -> NDArray[np.float64]:
+        """What its force law leaves out of the machine's (``ambkit/law_error.h``); empty: nothing.
+
+        Coefficients of a polynomial in current and displacement, axis by axis.
+        """
+        return law_errors(self.machine, self.magnet) if self.by_model else np.zeros(0)
+
+    def _with_law_error(self, history: dict[str, Any], u: NDArray[Any]) -> dict[str, Any]:
+        """Add to the covariances of a record what the law's error makes of them."""
+        if "covariance" in history and self.law_error.size:
+            n = len(self.states)
+            diagonal = [packed(i, i, n) for i in range(n)]
+            before = np.concatenate([np.zeros_like(u[:1]), u[:-1]])
+            history["covariance"][:, diagonal] += self._law_variance(history["mean"], before)
+        return history
+
+    def _law_variance(self, mean: NDArray[Any], u: NDArray[Any]) -> NDArray[Any]:
+        """Return what the law's error adds to the variances (n, states) after controls (n, p)."""
+        law, means, controls = (
+            np.ascontiguousarray(item, self.precision) for item in (self.law_error, mean, u)
+        )
+        return np.asarray(self.core.law_variance(law, means, controls))
 
     def predict(self, u: float) -> NDArray[np.float64]:
         """Go one sample on (eq. 9, 10).
@@ -526,7 +539,7 @@ class Estimator(Described, Copyable):
         else:
             turn, of = self.engine.core.run_turning, self.engine.model_of_core
             history = turn(self.core, y, u, speed, of, covariance=covariance, heard=heard)
-        return self._estimated(record.t, history, self.name)
+        return self._estimated(record.t, self._with_law_error(history, u), self.name)
 
     def _rotation(self, record: Record) -> tuple[NDArray[Any] | None, bool]:
         """Return how the model turns along a record, None: as made; whether that is heard."""
@@ -646,7 +659,8 @@ class Estimator(Described, Copyable):
                 "Kalman filters can"
             )
         y, u = self._start(record)
-        return self._estimated(record.t, self.core.smooth(y, u), f"{self.name}, smoothed")
+        history = self._with_law_error(self.core.smooth(y, u), u)
+        return self._estimated(record.t, history, f"{self.name}, smoothed")
 
     def _estimated(
         self, t: NDArray[np.float64], history: dict[str, Any], name: str | None = None
@@ -660,7 +674,7 @@ class Estimator(Described, Copyable):
         return Estimate(
             t=t, innovation_variance=np.asarray(history["variance"], float),
             status=history["status"], estimator=name or self.name, states=self.states,
-            law_variance=self.law_variance if known["covariance"] is not None else (), **known,
+            **known,
         )  # fmt: skip
 
     def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -709,8 +723,14 @@ class Estimator(Described, Copyable):
 
     @property
     def covariance(self) -> NDArray[np.float64]:
-        """Covariance of the state estimate (n, n) [products of the states' units]."""
-        return np.asarray(self.core.covariance)
+        """Covariance of the state estimate (n, n) [products of the states' units].
+
+        That of a disturbance force includes the error of the filter's force law.
+        """
+        P = np.asarray(self.core.covariance)
+        if self.law_error.size:
+            P += np.diag(self._law_variance(self.mean, self.core.last_u)[0])
+        return P
 
     @property
     def innovation(self) -> Any:

@@ -2,43 +2,42 @@
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from ambkit.machine.force_laws import isolated_axes, models_of, weights_of
-from ambkit.machine.loading import levitation_current
+from ambkit.base.arrays import Array
+from ambkit.machine.force_laws import isolated_axes, models_of
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import MagnetModel, core_module, magnet_of, own_time
+from ambkit.machine.magnets import MagnetModel, evaluate_force, magnet_of
 
-DISPLACED = 0.5  #: Operating points lie so far to either side of the middle [clearances].
-WALKED = 12.0  #: And at the force that its random walk reaches in so many rotor time constants.
-
-
-def law_variances(machine: Machine, magnet: Any, intensity: Sequence[float]) -> list[float]:
-    """Return the mean square of a law's error at the operating points of each axis [N^2]."""
-    # A filter with another law takes the error for a disturbance force, which it follows: position
-    # and velocity stay right, and the stated error of the force alone lacks it. It is considered:
-    # in stated errors and not in the gain (Schmidt 1966). intensity: [N^2/s].
-    axes = isolated_axes(machine), models_of(magnet), weights_of(machine), intensity
-    return [_of_axis(*item) for item in zip(*axes, strict=True)]
+DEGREE = 5  #: Of the polynomial in current and displacement (``ambkit/law_error.h``).
+NODES = 13  #: Of currents within their limits, and of displacements between the stops.
+DIGITS = 6  #: Of a coefficient, behind the greatest error.
+FLOOR = 0.02  #: Errors are fitted in shares of themselves, from this share of the greatest on.
 
 
-def _of_axis(axis: Machine, magnet: MagnetModel, weight: float, intensity: float) -> float:
-    law = magnet_of(axis)
-    true, known = (item.in_core(core_module()) for item in (law, magnet))
+def law_errors(machine: Machine, magnet: Any) -> Array:
+    """Return the coefficients of what a magnet's law differs by, axis by axis; empty: nothing."""
+    axes = zip(isolated_axes(machine), models_of(magnet), strict=True)
+    rows = np.array([_of_axis(axis, model) for axis, model in axes])
+    return rows.ravel() if rows.any() else np.zeros(0)
 
-    def error(iu: float, x: float) -> float:
-        point = np.array([iu]), np.array([x])
-        return float(known.force(*point)[0] - true.force(*point)[0])
 
-    force, x = math.sqrt(WALKED * own_time(axis) * intensity), DISPLACED * axis.clearance
-    known_force = weight + law.bias_force
-    points = [
-        (levitation_current(axis, law, at, known_force + f_d), at)
-        for at, f_d in itertools.product((-x, x), (-force, force))
-    ]
-    return float(np.mean([(error(*point) - error(0.0, 0.0)) ** 2 for point in points]))
+def _of_axis(axis: Machine, known: MagnetModel) -> Array:
+    law, x_max = magnet_of(axis), axis.clearance
+    i_max = max(-axis.current_min, axis.current_max)
+    i, x = (item.ravel() for item in np.meshgrid(
+        np.linspace(axis.current_min, axis.current_max, NODES), np.linspace(-x_max, x_max, NODES)
+    ))  # fmt: skip
+    true = evaluate_force(law, i, x)
+    error = evaluate_force(known, i, x) - true
+    powers = [(p, q) for p in range(DEGREE, -1, -1) for q in range(DEGREE - p, -1, -1)]
+    max_error = np.abs(error).max()
+    if max_error <= 1e-9 * np.abs(true).max():
+        return np.zeros(len(powers))
+    terms = np.column_stack([(i / i_max) ** p * (x / x_max) ** q for p, q in powers])
+    weight = 1 / (FLOOR * max_error + np.abs(error))
+    fitted = np.linalg.lstsq(terms * weight[:, None], error * weight, rcond=None)[0]
+    rounded = np.round(fitted / max_error, DIGITS) + 0.0  # the same whatever solved for it
+    return np.asarray(max_error * rounded / [i_max**p * x_max**q for p, q in powers])

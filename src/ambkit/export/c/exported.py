@@ -151,6 +151,7 @@ class Export:
             needed += [f"src/{stem}.c" for stem in stems]
             inner = getattr(self.filter, "inner", None)
             needed += [] if inner is None else [f"src/{c_literals.called(inner).source}.c"]
+        needed += ["include/ambkit/law_error.h"] if self.filter.law_error.size else []
         needed += self.of_model.sources
         needed += [] if self.filter.machine.angle is None else ["src/angle.c"]
         needed += control.SOURCES if self.controller is not None else ()
@@ -265,8 +266,8 @@ def crc(export: Export) -> Crc:
         for key, fields in hearing(export).items():
             constants.fields(key, fields, arrays=False)
     constants.array(f"{name}_std", np.asarray(filter.default_std()))
-    if filter.law_variance:
-        constants.array(f"{name}_law_variance", np.asarray(filter.law_variance))
+    if filter.law_error.size:
+        constants.array(f"{name}_law_error", filter.law_error)
     if export.several:
         for key, values in export.start.items():
             constants.array(f"{name}_{key}", values)

@@ -233,8 +233,7 @@ def _numbers(export: Export) -> dict[str, Any]:
         "states": model.states(filter.states, current_text),
         "kalman": c_literals.struct_with_arrays(export.kalman, precision),
         "std": c_literals.array(np.asarray(filter.default_std()), precision),
-        "law_variance": filter.law_variance
-        and c_literals.array(np.asarray(filter.law_variance), precision),
+        "law_error": filter.law_error.size and c_literals.array(filter.law_error, precision),
         "magnet": magnet["text"],
         "magnet_type": magnet["type"],
         "magnet_methods": magnet["methods"],

@@ -167,9 +167,7 @@ def filter_data(filter: Estimator) -> dict[str, Any]:
         "in_core": c_literals.called(filter),
         "own": c_literals.own(filter, precision),
         "std": c_literals.array(np.asarray(filter.default_std()), precision),
-        "law_variance": c_literals.array(
-            np.asarray(filter.law_variance or [0.0] * len(filter.states)), precision
-        ),
+        "law_error": filter.law_error.size and c_literals.array(filter.law_error, precision),
         **{name: c_literals.array(start, precision) for name, start in _starts(filter).items()},
     }
 

@@ -183,8 +183,6 @@ def normalised_errors(estimate: Estimate, record: Record, view: View) -> Array:
     upper = np.asarray(estimate.covariance, dtype=float)
     P = np.zeros((len(upper), n, n))
     P[:, rows, columns] = P[:, columns, rows] = upper
-    if estimate.law_variance:
-        P += np.diag(estimate.law_variance)
     error = np.concatenate(list(errors_along(estimate, record, view).values())).T
     with np.errstate(invalid="ignore", divide="ignore"):
         # In standard deviations, so that what is inverted is a correlation matrix.

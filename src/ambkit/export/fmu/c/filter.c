@@ -80,7 +80,10 @@ void amb_filter_show_std(const amb_data_state *state, double *std)
   amb_real variances[AMB_STATES];
   amb_model_variances(&amb_data_model, base->cov, variances);
   for (int i = 0; i < AMB_STATES; i++) {
-    const amb_real variance = variances[i] + amb_data_law_variance[i];
+    amb_real variance = variances[i];
+    if (amb_data_law_error != NULL)
+      variance += amb_law_variance(&amb_data_model, &amb_data_settings, amb_data_law_error,
+                                   base->mean, base->last_u, i);
     std[i] = (variance > AMB_C(0.0)) ? amb_root(variance) : AMB_C(0.0);
   }
 }

@@ -2,13 +2,14 @@
 #ifndef AMBKIT_FMU_FILTER_H
 #define AMBKIT_FMU_FILTER_H
 
+#include "ambkit/law_error.h"
 #include "data.h"
 
 /* Written by the export; data.h has AMB_DATA_METHODS, the kind, and its state amb_data_state. */
 extern const amb_kalman_settings amb_data_settings;
 extern const amb_model amb_data_model;
-extern const amb_real amb_data_std[AMB_STATES];          /* at the start */
-extern const amb_real amb_data_law_variance[AMB_STATES]; /* of the force law's error */
+extern const amb_real amb_data_std[AMB_STATES];  /* at the start */
+extern const amb_real *const amb_data_law_error; /* of the force law, or NULL: none */
 /* At the start: the rotor in the middle without current, and what each metre along an axis and each
  * ampere adds. Where the first readings show it: of several axes the middle, and what each metre of
  * a reading adds; of one, NULL, the current that holds it there [A], and per metre. */
