@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import IntFlag
 from typing import Any
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.units import percent
 from ambkit.data.record import Record
 from ambkit.machine.angle_sensor import SENSORS, AngleSensor
 from ambkit.machine.machine import Machine
@@ -183,3 +185,12 @@ def estimate_angle(
     """
     estimate = AngleEstimate.of(machine, readings_of(machine, record), precision=precision)
     return replace(estimate, t=np.asarray(record.t))
+
+
+def angle_notes(machine: Machine, record: Record) -> Iterator[str]:
+    """Yield for how long the rotor's angle is not known."""
+    if machine.angle is not None and (lost := estimate_angle(machine, record).lost).any():
+        yield (
+            f"the rotor's angle is lost in {percent(lost.mean())} of the samples, last at "
+            f"{record.t[lost][-1]:.4g} s: unbalance control is off there"
+        )

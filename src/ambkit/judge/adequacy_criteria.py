@@ -250,7 +250,7 @@ def of_filter(
         if fed_back:
             yield from _margins(stand_in, plant, control, own_control)
     except AmbkitError as error:
-        yield Finding("settled gain", math.nan, "1", math.nan, f"it cannot be judged: {error}")
+        yield Finding("settled gain", math.nan, "1", math.nan, f"adequacy not judged: {error}")
 
 
 def _magnet(filter: Estimator, plant: Any) -> Iterator[Finding]:

@@ -24,7 +24,7 @@ from ambkit.data.channel_map import ChannelMap
 from ambkit.data.reading.plausibility import longest_run
 from ambkit.data.record import Record
 from ambkit.data.signals import each_of, signal
-from ambkit.estimate.angle import estimate_angle
+from ambkit.estimate.angle import angle_notes
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_file import FilterFile
@@ -102,7 +102,7 @@ def filtered(
     }  # fmt: skip
     for name, one in result.estimators.items():
         remarks += [*_of_tuning(one), *(f"{name}: {text}" for text in sentences(adequacy[name]))]
-    remarks += [*_of_angle(plant, log), *_warnings(result, len(log))]
+    remarks += [*angle_notes(plant, log), *_warnings(result, len(log))]
     source = str(record) if isinstance(record, str | os.PathLike) else ""
     return replace(result, source=source, adequacy=adequacy, remarks=remarks)
 
@@ -237,15 +237,6 @@ def _channels(files: Mapping[str, FilterFile], channels: Any) -> ChannelMap | No
         if inputs[name] != inputs[first]:
             raise AmbkitError(f"{first} and {name} read other inputs: filter by one at a time")
     return known.with_inputs(inputs[first])
-
-
-def _of_angle(machine: Machine, record: Record) -> Iterator[str]:
-    """Yield for how long the rotor's angle is not known."""
-    if machine.angle is not None and (lost := estimate_angle(machine, record).lost).any():
-        yield (
-            f"the rotor's angle is lost in {percent(lost.mean())} of the samples, last at "
-            f"{record.t[lost][-1]:.4g} s: unbalance control is off there"
-        )
 
 
 def _of_tuning(one: Filtered) -> Iterator[str]:

@@ -21,6 +21,7 @@ from ambkit.control.default_control import is_default
 from ambkit.control.stabilising_controller import holding
 from ambkit.data.record import Record
 from ambkit.data.signals import signal
+from ambkit.estimate.angle import angle_notes
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.named import filter_of
 from ambkit.estimate.registry import default_filter
@@ -222,6 +223,7 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
     if run.estimate is not None:
         name = filter.name if filter is not None else "the filter"
         yield from contact_notes(machine, run.record, {name: run.estimate})
+        yield from angle_notes(machine, run.record)
     if touched and scenario.start == "levitated":
         yield _of_the_stop(run)
         if machine.speed:
