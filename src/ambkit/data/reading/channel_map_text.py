@@ -11,6 +11,7 @@ from ambkit.base.arrays import Array, interpolated
 from ambkit.base.escaping import toml_string
 from ambkit.base.units import factor
 from ambkit.data.files.log import FIRST, Log
+from ambkit.data.reading.candidates import Candidate
 from ambkit.data.reading.channel_statistics import correlation, seen, slow
 from ambkit.data.reading.clock import examine
 from ambkit.data.reading.derived_channels import is_filtered, rough, standardised
@@ -22,7 +23,6 @@ from ambkit.data.reading.position_search import (
     in_steps,
     weight_scale,
 )
-from ambkit.data.reading.signal_roles import Candidate
 from ambkit.data.signals import si_unit
 
 _OF_Y = {

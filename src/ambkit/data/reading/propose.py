@@ -11,10 +11,11 @@ import numpy as np
 from ambkit.base.errors import RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.tables import read_log
+from ambkit.data.reading.candidates import Candidate, candidates
 from ambkit.data.reading.channel_map_text import ProposedMap, toml_lines
 from ambkit.data.reading.channel_statistics import correlation, seen
 from ambkit.data.reading.plausibility import standstill
-from ambkit.data.reading.signal_roles import Candidate, candidates, find_roles
+from ambkit.data.reading.signal_roles import find_roles
 
 RATE = 0.7  #: Correlation with a channel's difference from which on another one is its rate.
 
