@@ -106,7 +106,7 @@ def numba_by_sample(work: Work, samples: int) -> list[Entry]:
     kf = ambkit.KalmanFilter(work.bearing, noise=NOISE)
     kf.reset(work.mean, work.std.tolist())
     first = kf.update(y[0])
-    start = np.concatenate([first, kf.covariance[np.triu_indices(4)]])
+    start = np.concatenate([first, kf.core.covariance[np.triu_indices(4)]])
 
     def run() -> ArrayLike:
         state = start.copy()

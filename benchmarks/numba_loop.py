@@ -196,7 +196,7 @@ def parameters_of(loop: ClosedLoop) -> Loop:
 def started(loop: ClosedLoop) -> Start:
     """Return mean and covariance with which the filter starts, reset."""
     loop.filter.reset()
-    cov = loop.filter.covariance[np.triu_indices(4)]
+    cov = loop.filter.core.covariance[np.triu_indices(4)]
     return (*loop.filter.mean.tolist(), *cov.tolist())
 
 

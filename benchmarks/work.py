@@ -96,7 +96,7 @@ class Work:
             k_s=k_s,
             settings=_settings(bearing, kf),
             mean=kf.mean,
-            cov=kf.covariance,
+            cov=kf.core.covariance,
         )
 
     def first(self, steps: int) -> Work:

@@ -70,7 +70,7 @@ def assert_same(entry, expected):
 
 
 def assert_nearly_same(entry, expected, kf):
-    assert_close(entry.run(), expected, SINGLE * np.sqrt(np.diag(kf.covariance)))
+    assert_close(entry.run(), expected, SINGLE * np.sqrt(np.diag(kf.core.covariance)))
 
 
 def test_core_does_the_work_of_the_hand_loop(work, hand):
@@ -183,7 +183,7 @@ def test_estimates_in_the_loop_are_those_of_the_hand_loop(loop, work, hand):
         k_i=np.full(SAMPLES, k.k_i),
         k_s=np.full(SAMPLES, k.k_s),
         mean=loop.filter.mean,
-        cov=loop.filter.covariance,
+        cov=loop.filter.core.covariance,
     )
     bare, public = entries.loops(loop)
     assert_same(bare, hand(along))

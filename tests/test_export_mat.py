@@ -41,7 +41,7 @@ def predicted(m, kf, state, u, rtol):
     np.testing.assert_allclose(kf.predict(u), mean, rtol=rtol)
     covariance = m["A"] @ m["P0"] @ m["A"].T + m["Q"]
     scale = np.sqrt(np.diag(covariance))
-    away = (kf.covariance - covariance) / np.outer(scale, scale)
+    away = (kf.core.covariance - covariance) / np.outer(scale, scale)
     np.testing.assert_allclose(away, 0, atol=1e-12)
     return mean, covariance
 

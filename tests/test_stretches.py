@@ -64,7 +64,7 @@ def test_mean_covariance_and_counts_carry_over_between_kinds():
         new = make(kind, 0.8)
         new.transfer_from(old)
         assert np.array_equal(new.mean, old.mean)
-        assert np.array_equal(new.covariance, old.covariance)
+        assert np.array_equal(new.core.covariance, old.core.covariance)
         assert new.status == old.status
         assert not np.array_equal(new.step(record["y"][-1], 0.1), old.mean)
 

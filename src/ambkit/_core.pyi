@@ -194,6 +194,15 @@ class Estimator:
     def covariance(self) -> NDArray[numpy.float64]:
         """Its covariance (states, states)."""
 
+    def law_variance(self, law: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], mean: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+        """
+        What its law's error adds to the variances (n, states), see ambkit/law_error.h.
+        """
+
+    @property
+    def last_u(self) -> NDArray[numpy.float64]:
+        """Last control signals (controls,)."""
+
     @property
     def scale(self) -> object:
         """

@@ -24,10 +24,10 @@ AMB_INLINE amb_real amb_law_error(const amb_real law[AMB_LAW_TERMS], amb_real i,
   for (int p = AMB_LAW_DEGREE; p >= 0; p--) {
     amb_real of_power = AMB_C(0.0);
     for (int q = p; q <= AMB_LAW_DEGREE; q++) {
-      of_power = of_power * s + law[term];
+      of_power = (of_power * s) + law[term];
       term++;
     }
-    error = error * i + of_power;
+    error = (error * i) + of_power;
   }
   return error;
 }

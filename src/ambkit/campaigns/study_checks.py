@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.config import Read
+from ambkit.base.config.document import Document
 from ambkit.base.errors import AmbkitError
 from ambkit.campaigns.distributions import Choice, Varied, Wrong
 from ambkit.campaigns.keys import OF_RUN, Key, by_places, key_in
@@ -57,6 +58,8 @@ def contradictions(read: Read) -> Iterator[Problem]:
     if plant is None or not isinstance(vary, tuple):
         return
     run = read("scenario")
+    if not isinstance(run, Document):  # it is wrong itself
+        return
     seen = dict[str, int]()
     for at, item in enumerate(vary):
         here = f"vary.{at}"

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ambkit.base.errors import AmbkitError
+from ambkit.base.errors import AmbkitError, library
 from ambkit.campaigns.plan import Plan
 from ambkit.campaigns.study import load
 from ambkit.campaigns.worker import fly
@@ -62,6 +62,7 @@ class Task:
     def __init__(
         self, study: Any, filters: Sequence[str], quantile: float, max_sensitivity: float
     ) -> None:
+        self.optuna = library("optuna", "tune robust", "campaign")
         plan = Plan(load(study))
         plan.check()
         study = plan.study

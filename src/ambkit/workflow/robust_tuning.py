@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.errors import AmbkitError, library
+from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
 from ambkit.campaigns.plan import Plan
@@ -183,8 +183,8 @@ def tune_robust(
     done: Callable[..., None] = lambda text="", steps=1: None,
 ) -> Robust:
     """Tune controller and filter over the machines of a study."""
-    optuna = library("optuna", "tune robust", "campaign")
-    plan, quantile, max_sensitivity = task.plan, task.quantile, task.max_sensitivity
+    optuna, plan = task.optuna, task.plan
+    quantile, max_sensitivity = task.quantile, task.max_sensitivity
     ranges = task.chosen(free)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     search = _opened(optuna, storage, task, ranges, seed)

@@ -101,11 +101,13 @@ def _find_time(results: list[Candidate]) -> None:
             text = candidate.why[0] == TEXT
             candidate.role = "-" if text else ""  # no position either
             candidate.why.append(f"{'' if text else 'named like a time, but '}does not rise")
-        elif candidate.role in ("u", "i") and _rises(candidate.values, evenly=True):
-            candidate.role = "t"
-            candidate.why.append("rises evenly")
     if any(candidate.role == "t" for candidate in results):
         return
+    for candidate in results:
+        if candidate.role in ("u", "i") and _rises(candidate.values, evenly=True):
+            candidate.role = "t"
+            candidate.why.append("rises evenly")
+            return
     free = [c for c in results if not c.role or (c.weak and not c.unit)]  # X_Value is a time
     even = [c for c in free if _rises(c.values, evenly=True)]
     even = even or [c for c in free if _rises(-c.values, evenly=True)]

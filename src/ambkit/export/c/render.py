@@ -124,6 +124,12 @@ def _context(export: Export) -> dict[str, Any]:
     context["isolation"] = faults.context(export) if export.distinction else None
     context["rebuilt"] = rebuilt.context(export) if export.rebuilt else None
     context["keeps"] = bool(context["turning"] or export.rebuilt)
+    own = f"&{name}_kalman"
+    context["kalman_at"] = (
+        "&state->kf" if export.editable or context["turning"]
+        else f"(state->by != NULL) ? state->by->kf : {own}" if export.rebuilt
+        else own
+    )  # fmt: skip
     if export.calibrated and export.controller is not None:
         context["base_of_calibration"] = calibration.context(export.controller, name, precision)
     context["configuration"] = _configuration(filter, context, export.core_files)
