@@ -15,6 +15,7 @@ from ambkit.judge.contact import contact_notes, on_stop
 from ambkit.machine.magnets import magnet_of
 from ambkit.simulation.run import simulate_run
 from benchmarks.contact import MACHINES, bound, episodes, judge, with_stop
+from firmware import harness
 
 SENSOR = {"sensor__noise_variance": "33.6 um^2"}  # 5.8 um
 AXIS = Machine.preset("zittau_axial").replace(
@@ -71,14 +72,11 @@ def textbook(kf, record):
                 limit = (m / T**2 / (1.5 * stop.stiffness)) ** 2
                 stiffness = 1.5 * stop.stiffness * min(depth, limit) ** 0.5
                 by = np.array([stiffness, stiffness * T / 2 + c, 0.0, 0.0])
-                sigma = np.sqrt(by @ P @ by) / stiffness
-                points = depth + np.array([-1, 1]) * np.sqrt(3) * sigma
-                less, more = (N * elastic(machine, d) / elastic(machine, depth) for d in points)
-                w -= by * (more - less) / (2 * np.sqrt(3) * sigma * stiffness)
-                open_ = (0.1 * N) ** 2
-                values, shares = np.array([N, less, more]), np.array([4, 1, 1]) / 6
-                N = shares @ values
-                open_ += shares @ (values - N) ** 2 - ((more - less) / 2) ** 2 / 3
+                w -= by
+                E = elastic(machine, depth)  # N'' var(d) / 2 of N = K d^1.5 is bent N
+                bent = (depth < limit) * min(by @ P @ by / (6 * E**2), 6)
+                open_ = (0.1**2 + 2 * bent**2) * N**2
+                N *= 1 + bent
             A = model.L + np.outer(b, w)
             Q = (k_i * s["k_ui"][0]) ** 2 * s["var_u"][0] + open_
             X = model.L @ X + b * (force - side * N)
@@ -269,6 +267,22 @@ def test_a_scatter_that_is_no_share_is_refused(scatter):
 
 
 # ---- C
+
+
+@pytest.mark.long
+@pytest.mark.skipif(bool(harness.missing_tools()), reason="needs the cross compiler and qemu")
+def test_in_contact_a_step_takes_at_most_half_as_much_again_as_the_extended_filter_s(tmp_path):
+    record, median = pressed(AXIS, 2, 0.2), {}
+    for kind in ("extended", "contact"):
+        kf = KINDS[kind].make(AXIS, noise=NOISE, precision="float32")
+        made = export_c(AXIS, kf, tmp_path / kind, prefix="filter", force=True)
+        run = harness.run(
+            harness.build(made.folder, tmp_path / f"{kind}_"), record["y"], record["u"]
+        )
+        touched = (run.status[1:] & int(Status.CONTACT)) != 0
+        assert kind == "extended" or touched.sum() > 50
+        median[kind] = np.median(run.instructions[touched if touched.any() else slice(None)])
+    assert median["contact"] <= 1.5 * median["extended"]
 
 
 @pytest.mark.parametrize("precision", ["double", "float"])

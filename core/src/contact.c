@@ -11,9 +11,11 @@ typedef struct touching {
   amb_real depth;             /* [m] */
   amb_real elastic;           /* force at it [N] */
   amb_real force;             /* N [N]; 0: free */
+  amb_real straight;          /* of it, where its tangent is constant [m] */
   amb_real k;                 /* tangent by the depth [N/m] ... */
   amb_real c;                 /* ... and by its rate [N s/m] */
-  amb_real open;              /* variance of N beside both [N^2] */
+  amb_real variance;          /* of N [N^2]: by the states ... */
+  amb_real open;              /* ... and beside them */
   amb_real w[AMB_STATES];     /* both, by the states */
   amb_real moved[AMB_STATES]; /* u: what a newton leaves in the states */
   amb_real with[AMB_STATES];  /* P w, then A P w */
@@ -28,16 +30,16 @@ AMB_INLINE amb_real times(int n, const amb_real row[AMB_STATES], const amb_real 
   return sum;
 }
 
-/* Elastic force at a depth, and its tangent. */
-AMB_INLINE amb_real elastic(const amb_contact *own, int ring, amb_real depth, amb_real *k)
+/* Elastic force at a depth and its tangent. */
+AMB_INLINE void elastic(const amb_contact *own, int ring, touching *at)
 {
   const amb_real steep = AMB_C(1.5) * own->stiffness[ring];
   const amb_real last = own->stiffest[ring] / steep; /* root of the depth of the stiffest tangent */
-  const amb_real curved = amb_clamp(depth, AMB_C(0.0), last * last);
+  const amb_real curved = amb_at_most(at->depth, last * last);
   const amb_real root = amb_root(curved);
-  const amb_real straight = amb_at_least(depth - curved, AMB_C(0.0));
-  *k = steep * root;
-  return own->stiffness[ring] * curved * root + own->stiffest[ring] * straight;
+  at->straight = at->depth - curved;
+  at->k = steep * root;
+  at->elastic = own->stiffness[ring] * curved * root + own->stiffest[ring] * at->straight;
 }
 
 /* Friction of a ring as a share of N, against what slides along it. */
@@ -61,28 +63,31 @@ AMB_INLINE bool touch(int n, const amb_contact *own, int ring, const amb_real me
   at->act[0] = AMB_C(0.0);
   at->act[1] = AMB_C(0.0);
   at->elastic = AMB_C(0.0);
+  at->straight = AMB_C(0.0);
   at->force = AMB_C(0.0);
   at->k = AMB_C(0.0);
   at->c = AMB_C(0.0);
+  at->variance = AMB_C(0.0);
   at->open = AMB_C(0.0);
   const amb_real a = times(n, own->displacement[at->axis[0]], mean);
   const amb_real b = two ? times(n, own->displacement[at->axis[1]], mean) : AMB_C(0.0);
   const amb_real far = two ? amb_root(a * a + b * b) : amb_magnitude(a);
-  at->depth = far - own->clearance[ring];
-  if (!(at->depth > AMB_C(0.0))) {
+  if (!(far > own->clearance[ring])) {
     return false;
   }
+  at->depth = far - own->clearance[ring];
   at->way[0] = a / far;
   at->way[1] = b / far;
   const amb_real v = times(n, own->velocity[at->axis[0]], mean);
   const amb_real w = two ? times(n, own->velocity[at->axis[1]], mean) : AMB_C(0.0);
-  at->elastic = elastic(own, ring, at->depth, &at->k);
+  elastic(own, ring, at);
   at->c = amb_at_most(AMB_C(1.5) * own->damping[ring] * at->elastic, own->most_damped[ring]);
   const amb_real inward = at->way[0] * v + at->way[1] * w;
-  at->force = amb_at_least(at->elastic + at->c * inward, AMB_C(0.0));
-  if (!(at->force > AMB_C(0.0))) {
+  const amb_real force = at->elastic + at->c * inward;
+  if (!(force > AMB_C(0.0))) {
     return false;
   }
+  at->force = force;
   at->act[0] = at->way[0];
   at->act[1] = at->way[1];
   if (two) {
@@ -132,27 +137,20 @@ AMB_INLINE void spread(int n, const amb_real P[AMB_TRIANGLE], const amb_real w[A
   }
 }
 
-/* N, w and P w of a depth that is known by P only. */
-AMB_INLINE void linearise(int n, const amb_contact *own, int ring, touching *at)
+/* N and its variance, of a depth that is known by P only. */
+AMB_INLINE void bend(int n, const amb_contact *own, int ring, touching *at)
 {
-  const amb_real variance = times(n, at->w, at->with);
-  const amb_real wide = amb_root(AMB_C(3.0) * amb_at_least(variance, AMB_C(0.0))) / at->k;
-  const amb_real scatter = own->scatter * at->force;
-  at->open = scatter * scatter;
-  if (wide > AMB_C(0.0)) {
-    const amb_real share = at->force / at->elastic;
-    amb_real unused = AMB_C(0.0);
-    const amb_real more = share * elastic(own, ring, at->depth + wide, &unused);
-    const amb_real less = share * elastic(own, ring, at->depth - wide, &unused);
-    const amb_real bend = (more + less - AMB_C(2.0) * at->force) / AMB_C(6.0);
-    const amb_real slope = (more - less) / (AMB_C(2.0) * wide * at->k);
-    at->force += bend;
-    at->open += AMB_C(2.0) * bend * bend;
-    for (int i = 0; i < n; i++) {
-      at->w[i] *= slope;
-      at->with[i] *= slope;
-    }
+  amb_real bent = AMB_C(0.0);
+  at->variance = times(n, at->w, at->with);
+  if (!(at->straight > AMB_C(0.0))) {
+    /* What bounds the quotient is nothing beside E. */
+    const amb_real E = at->elastic + AMB_C(1e-12) * own->stiffest[ring] * own->clearance[ring];
+    const amb_real share = at->variance / (AMB_C(6.0) * E * E);
+    bent = amb_at_most(amb_at_least(share, AMB_C(0.0)), AMB_C(6.0));
   }
+  const amb_real open = AMB_C(2.0) * bent * bent + own->scatter * own->scatter;
+  at->open = open * at->force * at->force;
+  at->force += bent * at->force;
 }
 
 /* Rings that are touched, each with w, u and P w. */
@@ -179,7 +177,7 @@ AMB_INLINE int touched(const amb_kalman *kf, const amb_contact *own, const amb_k
         }
       }
       spread(n, s->cov, now->w, now->with);
-      linearise(n, own, ring, now);
+      bend(n, own, ring, now);
     }
   }
   return count;
@@ -194,9 +192,8 @@ AMB_INLINE void stiffen(const amb_kalman *kf, int count, touching at[AMB_FORCES]
   amb_real both[AMB_FORCES][AMB_FORCES]; /* w' P w of two rings [N^2] */
   for (int r = 0; r < count; r++) {
     for (int s = 0; s < count; s++) {
-      both[r][s] = times(n, at[r].w, at[s].with);
+      both[r][s] = (r == s) ? (at[r].variance + at[r].open) : times(n, at[r].w, at[s].with);
     }
-    both[r][r] += at[r].open;
   }
   for (int r = 0; r < count; r++) {
     amb_step_carry(&kf->model, k, NULL, idle, at[r].with);

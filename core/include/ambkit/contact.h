@@ -8,12 +8,16 @@
  * Each sample decides between two hypotheses: the rotor is free, or it is in contact, where its
  * mean displacement s over the sample is beyond the clearance. In contact N is held over the sample
  * as the forces of the magnets are, so that the model stays exact between samples. Its tangents
- * k and c by d and d' make w, by the states. As N bends within the deviation sigma of d, it goes
- * through its values N and N+- at d and d +- sqrt(3) sigma (statistical linearisation, Gelb 1974,
- * 6.2), k sigma from w'Pw; and A takes u in, what a newton leaves in the states:
+ * k and c by d and d' make w, by the states. As N is no straight line within the deviation of d,
+ * its mean and variance have second-order terms (Gaussian second-order filter, Jazwinski
+ * 1970, 9.3), with E, the elastic part of N, and a share of at most 6, where the deviation is four
+ * times d:
  *
- *   bend = (N+ + N- - 2 N) / 6,   N <- N + bend,   w <- w (N+ - N-) / (2 sqrt(3) sigma k)
- *   A <- A - u w',   P+ = A P A' + growth + (2 bend^2 + (scatter N)^2) u u'
+ *   bent = N'' var(d) / (2 N) = w'Pw / (6 E^2),   N <- (1 + bent) N
+ *
+ * and A takes u in, what a newton leaves in the states:
+ *
+ *   A <- A - u w',   P+ = A P A' + growth + (2 bent^2 + scatter^2) N^2 u u'
  *
  * Along a ring the friction of the share mu of N acts against the slip of the rotor's surface, at
  * most what brings that to rest in a sample; u is of both forces.
