@@ -85,7 +85,7 @@ def run(steps: int, kind: str = "ud", *, show: bool = True) -> Seen:
     # The double filter forgets where it started in less than a period.
     for part in calls:
         double.run(*part)
-    sigma = np.sqrt(np.diag(double.core.covariance))
+    sigma = np.sqrt(np.diag(double.covariance))
     seen.off = float(np.max(np.abs(single.mean - double.mean) / sigma))
     return seen
 

@@ -23,6 +23,12 @@ def test_the_default_and_a_linear_filter_are_consistent():
     assert f"NEES {100 * score.nees[DEFAULT]:.0f} %" in score.row()
 
 
+def test_a_ball_that_may_fall_is_judged_by_the_runs_in_which_it_floats():
+    score = score_defaults(Machine.preset("inteco_ml"), runs=2)  # a third of its runs meet a stop
+    assert CONSISTENT[0] <= score.nees[DEFAULT] <= CONSISTENT[1]
+    assert score.errors[DEFAULT] < score.raw
+
+
 @pytest.mark.parametrize("kind", ["observer", "low-pass"])
 def test_poles_follow_noise_and_disturbance(kind):
     """A noisier sensor has slower poles, a stronger disturbance faster ones."""

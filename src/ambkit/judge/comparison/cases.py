@@ -112,11 +112,11 @@ def in_the_loop(made: Iterable[Trial], estimator: Estimator, settling: float) ->
 
 
 def trials(case: Case, machine: Machine, runs: int, seed: int) -> list[Trial]:
-    """Make the records of a case, see `each_trial`."""
-    return list(each_trial(case, machine, runs, seed))
+    """Make the records of a case, see `iterate_trials`."""
+    return list(iterate_trials(case, machine, runs, seed))
 
 
-def each_trial(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
+def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
     """Make the records of a case, one after another."""
     if not machine.single:
         yield from _flights(case, machine, runs, seed)

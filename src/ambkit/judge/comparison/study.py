@@ -200,7 +200,7 @@ def study(
         machine, case, field, runs=runs, budget=budget, seed=seed, threads=threads,
         done=lambda: done(f"case {case.name}"),
     )  # fmt: skip
-    first = next(t for t in benchmark.each_trial(case, machine, runs, seed) if not t.lost)
+    first = next(t for t in benchmark.iterate_trials(case, machine, runs, seed) if not t.lost)
     known: dict[str, Any] = vars(main) | {"field": field, "first": first}
     if not robustness:
         return Study(**known)
