@@ -111,7 +111,7 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
 
 
 @dataclass(frozen=True)
-class Finding:
+class Inspection:
     """What a file turned out to be."""
 
     about: str  #: What it holds, in a few words; empty where it is not valid.
@@ -130,7 +130,7 @@ class Finding:
 
 
 def schema_of(kind: str) -> dict[str, Any]:
-    """Return the JSON schema of a TOML file, by `Finding.kind` or its short form in `SHORT`."""
+    """Return the JSON schema of a TOML file, by `Inspection.kind` or its short form in `SHORT`."""
     once = {"bearing": "machine"}  # read for one release
     return dict(documents()[(SHORT | once).get(kind, kind)].json_schema())
 
@@ -160,7 +160,7 @@ def inspect(
     path: str | os.PathLike[str],
     channel_map: str | os.PathLike[str] | None = None,
     machine: Machine | None = None,
-) -> Finding:
+) -> Inspection:
     """Find out what a file is by what it holds, and check it; a preset is its file."""
     path = presets.path(str(path)) if str(path) in presets.names() else Path(path)
     kind = "file"
@@ -170,12 +170,12 @@ def inspect(
         kind, describe = _recognise(path, channel_map, machine)
         return replace(describe(path), path=path, kind=kind)
     except AmbkitError as error:
-        return Finding("", getattr(error, "problems", (str(error),)), (), path, kind)
+        return Inspection("", getattr(error, "problems", (str(error),)), (), path, kind)
 
 
 def _recognise(
     path: Path, channel_map: str | os.PathLike[str] | None, machine: Machine | None
-) -> tuple[str, Callable[[Path], Finding]]:
+) -> tuple[str, Callable[[Path], Inspection]]:
     match path.suffix.lower():
         case ".toml":
             kind = kind_of_toml(path)
@@ -192,14 +192,14 @@ def _recognise(
             return "file", _unknown
 
 
-def _unknown(path: Path) -> Finding:
+def _unknown(path: Path) -> Inspection:
     if not path.exists():
         load_machine(path)  # raises, with the presets that there are
     known = f".toml, .json, {', '.join(ENDINGS[:-1])} and {ENDINGS[-1]}"
     raise AmbkitError(f"{path}: unknown kind of file; known: {known}")
 
 
-def _describe_document(kind: str, path: Path, machine: Machine | None) -> Finding:
+def _describe_document(kind: str, path: Path, machine: Machine | None) -> Inspection:
     from ambkit.campaigns.plan import Plan
     from ambkit.judge.adequacy import judge_adequacy, sentences
     from ambkit.judge.adequacy_criteria import of_machine
@@ -207,10 +207,10 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Findin
 
     result = documents()[kind].load(path)
     if kind in SHORT.values():
-        return Finding(f"signals {', '.join(result.signals)}")
+        return Inspection(f"signals {', '.join(result.signals)}")
     if kind == "drawing":
         result.check(str(path))
-        return Finding(f"{result.name}, {result.geometry.type}")
+        return Inspection(f"{result.name}, {result.geometry.type}")
     if kind == "filter":
         made = result.make()  # what only the whole tells: starts, options, the magnet's file
         judged = judge_adequacy(made, machine)
@@ -219,7 +219,7 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Findin
         problems = tuple(
             f"{path}: not exported, the filter is inadequate: {text}" for text in fatal
         )
-        return Finding(f"{result.kind}, for {result.plant.name}", problems, tuple(others))
+        return Inspection(f"{result.kind}, for {result.plant.name}", problems, tuple(others))
     if kind == "machine" and not result.single:
         about, remarks = machine_report.described(result)
         lines = toml_text.parse(files.read_text(path))
@@ -228,18 +228,18 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Findin
             for remark in remarks
         )
         about = f"{about}; {_default_filter(result)}"
-        return Finding(about, (), (*notes, *sentences(list(of_machine(result)))))
+        return Inspection(about, (), (*notes, *sentences(list(of_machine(result)))))
     if kind == "study":
         plan = Plan(result)
         plan.check()
         of, varies = f"{plan.runs} machines of {plan.nominal.name}", ", ".join(plan.names)
-        return Finding(f"{of}, {result.sampling}; what varies: {varies or 'nothing'}")
+        return Inspection(f"{of}, {result.sampling}; what varies: {varies or 'nothing'}")
     if kind == "scenario":
-        return Finding(f"{engineering(result.duration, 's')}, {_of_signals(result)}")
+        return Inspection(f"{engineering(result.duration, 's')}, {_of_signals(result)}")
     mass = engineering(result.rotor.mass, "kg")
     parts = [f"{result.name}, {result.magnet.type}, {mass}", *in_words(result)]
     about = "; ".join([*parts, _default_filter(result)])
-    return Finding(about, (), tuple(sentences(list(of_machine(result)))))
+    return Inspection(about, (), tuple(sentences(list(of_machine(result)))))
 
 
 def _default_filter(machine: Machine) -> str:
@@ -262,14 +262,14 @@ def _of_signals(scenario: Any) -> str:
     return ", ".join([*descriptions, *speed]) or "nothing demanded"
 
 
-def _describe_expert(path: Path) -> Finding:
+def _describe_expert(path: Path) -> Inspection:
     from ambkit.fuzzy.expert import Expert
 
     expert = Expert.load(path)
-    return Finding(f"{len(expert.rules)} rules for {expert.source}")
+    return Inspection(f"{len(expert.rules)} rules for {expert.source}")
 
 
-def _kind_of_table(path: Path, machine: Machine | None) -> tuple[str, Callable[[Path], Finding]]:
+def _kind_of_table(path: Path, machine: Machine | None) -> tuple[str, Callable[[Path], Inspection]]:
     from ambkit.identification.forces import lift_off
 
     try:
@@ -299,22 +299,22 @@ def _perhaps_a_force(path: Path) -> list[str]:
     return [f"{path}: {NAMES}"]
 
 
-def _describe_points(path: Path) -> Finding:
+def _describe_points(path: Path) -> Inspection:
     from ambkit.identification.forces.lift_off import load_points
 
     points = load_points(path)
     usable = sum(not p.problem for p in points)
-    return Finding(f"{len(points)} runs, {usable} of them usable")
+    return Inspection(f"{len(points)} runs, {usable} of them usable")
 
 
-def _describe_force(path: Path, channels: str | os.PathLike[str] | None = None) -> Finding:
+def _describe_force(path: Path, channels: str | os.PathLike[str] | None = None) -> Inspection:
     points = load_force_points(path, channels)
     (low, high), (left, right) = (
         [engineering(end, unit, digits=3) for end in (values.min(), values.max())]
         for values, unit in ((points.current, "A"), (points.displacement, "m"))
     )
     known = "" if points.standard_error is not None else ", without standard errors"
-    return Finding(f"{len(points)} points, {low} to {high}, {left} to {right}{known}")
+    return Inspection(f"{len(points)} points, {low} to {high}, {left} to {right}{known}")
 
 
 def _lost(missing: Mapping[str, int]) -> str:
@@ -329,7 +329,7 @@ def _lost(missing: Mapping[str, int]) -> str:
 
 def _describe_record(
     path: Path, channel_map: str | os.PathLike[str] | None, machine: Machine | None
-) -> Finding:
+) -> Inspection:
     import numpy as np
 
     from ambkit.data.reading import load
@@ -354,9 +354,9 @@ def _describe_record(
     ]
     remarks = account(faults, record.sampling_time)
     if machine is None:
-        return Finding(about, (), (*remarks, *suspects(record.t, record.signals, record.units)))
+        return Inspection(about, (), (*remarks, *suspects(record.t, record.signals, record.units)))
     verdict = evaluate_record(record, machine)
-    return Finding(
+    return Inspection(
         about, tuple(f"{path}: {p}" for p in verdict.problems), (*remarks, *verdict.remarks)
     )
 
