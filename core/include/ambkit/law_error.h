@@ -15,16 +15,16 @@ AMB_EXTERN_C_BEGIN
 #define AMB_LAW_DEGREE 5
 #define AMB_LAW_TERMS 21 /* of a polynomial in two variables of that degree */
 
-/* Difference of the laws [N] at a current i [A] and a displacement s [m]; law: coefficients of
+/* Difference of the laws [N] at a current i [A] and a displacement s [m]; c: coefficients of
  * i^p s^q, the highest p first, of each the highest q first. */
-AMB_INLINE amb_real amb_law_error(const amb_real law[AMB_LAW_TERMS], amb_real i, amb_real s)
+AMB_INLINE amb_real amb_law_error(const amb_real c[AMB_LAW_TERMS], amb_real i, amb_real s)
 {
   amb_real error = AMB_C(0.0);
   int term = 0;
   for (int p = AMB_LAW_DEGREE; p >= 0; p--) {
     amb_real of_power = AMB_C(0.0);
     for (int q = p; q <= AMB_LAW_DEGREE; q++) {
-      of_power = (of_power * s) + law[term];
+      of_power = (of_power * s) + c[term];
       term++;
     }
     error = (error * i) + of_power;
@@ -33,10 +33,10 @@ AMB_INLINE amb_real amb_law_error(const amb_real law[AMB_LAW_TERMS], amb_real i,
 }
 
 /* What the laws' difference adds to the variance of state j: of a disturbance force its square
- * [N^2], of others 0. law: of all forces; u [V]: the control signals that acted last. */
+ * [N^2], of others 0. laws: of one force after another (forces * AMB_LAW_TERMS); u [V]: the control
+ * signals that acted last. */
 AMB_INLINE amb_real amb_law_variance(const amb_model *model, const amb_kalman_settings *set,
-                                     const amb_real law[AMB_FORCES * AMB_LAW_TERMS],
-                                     const amb_real mean[AMB_STATES],
+                                     const amb_real laws[], const amb_real mean[AMB_STATES],
                                      const amb_real u[AMB_CONTROLS], int j)
 {
   int f = 0; /* whose disturbance force it is */
@@ -53,7 +53,7 @@ AMB_INLINE amb_real amb_law_variance(const amb_model *model, const amb_kalman_se
   const amb_real s = amb_model_displacement(model, f, mean);
   const amb_real x_max = set->x_max[f];
   const amb_real error = amb_law_error(
-      &law[f * AMB_LAW_TERMS], amb_model_current(model, f, mean, iu), amb_clamp(s, -x_max, x_max));
+      &laws[f * AMB_LAW_TERMS], amb_model_current(model, f, mean, iu), amb_clamp(s, -x_max, x_max));
   return error * error;
 }
 

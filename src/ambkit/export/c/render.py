@@ -239,6 +239,7 @@ def _numbers(export: Export) -> dict[str, Any]:
         "states": model.states(filter.states, current_text),
         "kalman": c_literals.struct_with_arrays(export.kalman, precision),
         "std": c_literals.array(np.asarray(filter.default_std()), precision),
+        "law_terms": filter.law_error.size,
         "law_error": filter.law_error.size and c_literals.array(filter.law_error, precision),
         "magnet": magnet["text"],
         "magnet_type": magnet["type"],
