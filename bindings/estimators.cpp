@@ -221,7 +221,7 @@ struct Contact : Estimator {
     }
     rows(own.displacement, displacement, "displacement");
     rows(own.velocity, velocity, "velocity");
-    own.scatter = scatter;
+    own.scatter_squared = scatter * scatter;
     estimator.own = &own;
   }
   nb::dict more() const override
@@ -235,7 +235,7 @@ struct Contact : Estimator {
       d[name] = copied(own.*member, of.forces);
     d["displacement"] = of_axes(own.displacement);
     d["velocity"] = of_axes(own.velocity);
-    d["scatter"] = own.scatter;
+    d["scatter_squared"] = own.scatter_squared;
     return d;
   }
   // Along the axes (n, forces), of means (n, states).

@@ -74,7 +74,7 @@ def textbook(kf, record):
                 by = np.array([stiffness, stiffness * T / 2 + c, 0.0, 0.0])
                 w -= by
                 E = elastic(machine, depth)  # N'' var(d) / 2 of N = K d^1.5 is bent N
-                bent = (depth < limit) * min(by @ P @ by / (6 * E**2), 6)
+                bent = min(by @ P @ by / (6 * E**2), 6)
                 open_ = (0.1**2 + 2 * bent**2) * N**2
                 N *= 1 + bent
             A = model.L + np.outer(b, w)

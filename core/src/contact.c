@@ -11,7 +11,6 @@ typedef struct touching {
   amb_real depth;             /* [m] */
   amb_real elastic;           /* force at it [N] */
   amb_real force;             /* N [N]; 0: free */
-  amb_real straight;          /* of it, where its tangent is constant [m] */
   amb_real k;                 /* tangent by the depth [N/m] ... */
   amb_real c;                 /* ... and by its rate [N s/m] */
   amb_real variance;          /* of N [N^2]: by the states ... */
@@ -37,9 +36,9 @@ AMB_INLINE void elastic(const amb_contact *own, int ring, touching *at)
   const amb_real last = own->stiffest[ring] / steep; /* root of the depth of the stiffest tangent */
   const amb_real curved = amb_at_most(at->depth, last * last);
   const amb_real root = amb_root(curved);
-  at->straight = at->depth - curved;
+  const amb_real straight = at->depth - curved;
   at->k = steep * root;
-  at->elastic = own->stiffness[ring] * curved * root + own->stiffest[ring] * at->straight;
+  at->elastic = own->stiffness[ring] * curved * root + own->stiffest[ring] * straight;
 }
 
 /* Friction of a ring as a share of N, against what slides along it. */
@@ -63,7 +62,6 @@ AMB_INLINE bool touch(int n, const amb_contact *own, int ring, const amb_real me
   at->act[0] = AMB_C(0.0);
   at->act[1] = AMB_C(0.0);
   at->elastic = AMB_C(0.0);
-  at->straight = AMB_C(0.0);
   at->force = AMB_C(0.0);
   at->k = AMB_C(0.0);
   at->c = AMB_C(0.0);
@@ -140,15 +138,13 @@ AMB_INLINE void spread(int n, const amb_real P[AMB_TRIANGLE], const amb_real w[A
 /* N and its variance, of a depth that is known by P only. */
 AMB_INLINE void bend(int n, const amb_contact *own, int ring, touching *at)
 {
-  amb_real bent = AMB_C(0.0);
+  /* A least E, so that the quotient is finite whatever it is of. */
+  const amb_real least = AMB_C(1e-9) * own->stiffest[ring] * own->clearance[ring];
+  const amb_real E = amb_at_least(at->elastic, least);
   at->variance = times(n, at->w, at->with);
-  if (!(at->straight > AMB_C(0.0))) {
-    /* What bounds the quotient is nothing beside E. */
-    const amb_real E = at->elastic + AMB_C(1e-12) * own->stiffest[ring] * own->clearance[ring];
-    const amb_real share = at->variance / (AMB_C(6.0) * E * E);
-    bent = amb_at_most(amb_at_least(share, AMB_C(0.0)), AMB_C(6.0));
-  }
-  const amb_real open = AMB_C(2.0) * bent * bent + own->scatter * own->scatter;
+  const amb_real share = at->variance / (AMB_C(6.0) * E * E);
+  const amb_real bent = amb_at_most(amb_at_least(share, AMB_C(0.0)), AMB_C(6.0));
+  const amb_real open = AMB_C(2.0) * bent * bent + own->scatter_squared;
   at->open = open * at->force * at->force;
   at->force += bent * at->force;
 }

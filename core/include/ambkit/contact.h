@@ -45,7 +45,7 @@ typedef struct amb_contact {
   amb_real most_damped[AMB_FORCES];  /* mass / T [N s/m], > 0 */
   amb_real displacement[AMB_FORCES][AMB_STATES]; /* of each axis, its mean over the sample ... */
   amb_real velocity[AMB_FORCES][AMB_STATES];     /* ... and its rate, by the states */
-  amb_real scatter; /* of the contact force, as a share of it [1], >= 0 */
+  amb_real scatter_squared; /* of the contact force, as a share of it [1], >= 0 */
 } amb_contact;
 
 /* Contact forces along the axes [N] at a mean of the states; 0 where the rotor is free. Returns
