@@ -27,15 +27,19 @@ Named run_angle(const nb::dict &arguments, const Vector &readings)
   if (amb_angle_check(&set) != AMB_OK)
     throw std::invalid_argument("angle: a setting is out of range");
   const size_t n = readings.size();
-  Fresh<amb_real> mean({n, 3}), variance({n}), speed_variance({n}), heard({n, 8});
-  Fresh<unsigned char> status({n});
+  Results out;
+  auto *mean = out.add<amb_real>("mean", {n, 3});
+  auto *variance = out.add<amb_real>("variance", {n});
+  auto *speed_variance = out.add<amb_real>("speed_variance", {n});
+  auto *heard = out.add<amb_real>("heard", {n, 8});
+  auto *status = out.add<unsigned char>("status", {n});
   {
     nb::gil_scoped_release release;
     amb_angle_state state{};
     amb_angle_reset(&set, &state);
     for (size_t k = 0; k < n; k++) {
       amb_rotation at{};
-      status.data[k] =
+      status[k] =
           static_cast<unsigned char>(amb_angle_follow(&set, &state, readings.data()[k], &at));
       const amb_real row[] = {at.speed,
                               at.acceleration,
@@ -45,19 +49,13 @@ Named run_angle(const nb::dict &arguments, const Vector &readings)
                               amb_real(at.lost ? 1 : 0),
                               amb_real(at.afresh ? 1 : 0),
                               at.now};
-      std::copy_n(row, 8, heard.data + 8 * k);
-      std::copy_n(state.mean, 3, mean.data + 3 * k);
-      variance.data[k] = amb_angle_variance(&set, &state);
-      speed_variance.data[k] = amb_angle_speed_variance(&set, &state);
+      std::copy_n(row, 8, heard + 8 * k);
+      std::copy_n(state.mean, 3, mean + 3 * k);
+      variance[k] = amb_angle_variance(&set, &state);
+      speed_variance[k] = amb_angle_speed_variance(&set, &state);
     }
   }
-  nb::dict out;
-  out["mean"] = mean.array;
-  out["variance"] = variance.array;
-  out["speed_variance"] = speed_variance.array;
-  out["heard"] = heard.array;
-  out["status"] = status.array;
-  return out;
+  return out.named();
 }
 
 } // namespace
