@@ -150,7 +150,7 @@ def closed_loop(step: Callable[..., Plant]) -> Callable[..., Run]:
             iu = clamp(p.k_ui * (u + noise_u[k]), p.iu_min, p.iu_max)
             signals[0, k], signals[1, k], signals[2, k], signals[3, k] = x, v, x_m, y
             signals[4, k], signals[5, k] = u, iu
-            signals[6, k] = magnet_force(p, iu, x) + p.f_0
+            signals[6, k] = magnet_force(p, iu, x)
             hit = False
             for _ in range(p.substeps):
                 x, v, x_m = step(p, x, v, x_m, p.T / p.substeps, iu, p.f_0 + f_d[k])
