@@ -1,1 +1,1 @@
-"""How good an estimator is: by the truth, its bound and others, through faults, on a record."""
+"""Judgement of estimators: by truth and its bound, with faults, on records, in the loop."""

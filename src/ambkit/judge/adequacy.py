@@ -1,4 +1,4 @@
-"""Whether a filter may fly on a machine: one judgement for all commands and exports."""
+"""Adequacy of a filter for a machine: one judgement for all commands and exports."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def judge_adequacy(
     scenario: Scenario | None = None,
     nis: float = math.nan,
 ) -> list[Finding]:
-    """Judge whether a filter may fly."""
+    """Judge whether a filter is adequate for a machine."""
     own = getattr(filter, "machine", None)
     plant = own if plant is None else plant
     results = list(criteria.innovations(nis))
@@ -39,7 +39,7 @@ def judge_adequacy(
 
 
 def sentences(results: Sequence[Finding]) -> list[str]:
-    """Return what is wrong, the fatal first."""
+    """Return all objections, fatal ones first."""
     wrong = sorted((entry for entry in results if entry.sentence), key=lambda item: not item.fatal)
     return list(dict.fromkeys(entry.sentence for entry in wrong))
 
@@ -51,7 +51,7 @@ def require_adequate(
     *,
     force: bool,
 ) -> list[str]:
-    """Refuse to export what must not fly; with `force` return why. What else is wrong is noted."""
+    """Reject the export of an inadequate filter; with `force` return why. The rest are notes."""
     result = judge_adequacy(filter, plant, scenario)
     fatal = sentences([item for item in result if item.fatal])
     if fatal and not force:
@@ -71,7 +71,7 @@ _MOST_JUDGED = 1000
 def _static(
     filter: Estimator, plant: Machine, control: Any, own_control: bool, fed_back: bool
 ) -> list[Finding]:
-    """Return what follows from filter and machine alone; the same is judged once."""
+    """Return the findings that follow from filter and machine alone, cached."""
     key = _key(filter, plant, control, own_control, fed_back)
     if key not in _JUDGED:
         if len(_JUDGED) >= _MOST_JUDGED:
@@ -99,7 +99,7 @@ def _key(filter: Estimator, plant: Any, control: Any, own_control: bool, fed_bac
 
 
 def _control_of(plant: Any, scenario: Scenario | None) -> tuple[Any, bool, bool]:
-    """Return the controller, whether it was given, and whether the estimate feeds it."""
+    """Return the controller, whether the caller stated it, and whether the estimate feeds it."""
     if scenario is None:
         return None, False, True
     own_control = bool(scenario.controller.model_fields_set - {"feedback"})

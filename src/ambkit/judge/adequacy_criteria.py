@@ -1,4 +1,4 @@
-"""The single criteria of whether a filter may fly on a machine."""
+"""Criteria of a filter's adequacy for a machine."""
 
 from __future__ import annotations
 
@@ -35,42 +35,42 @@ from ambkit.simulation.scenario import Scenario, by_axis
 from ambkit.simulation.waveforms import Waveform
 
 NIS_BAND = (0.25, 4.0)
-"""Mean NIS between which innovations are within a factor of two of what the filter expects."""
+"""Mean NIS up to which the innovations are within a factor of two of their stated deviation."""
 
 NIS_LIMIT = 25.0
-"""Mean NIS from which on, or below its inverse, filter and record have nothing in common."""
+"""Mean NIS above which, or below whose inverse, filter and record do not belong together."""
 
 SAMPLING = (0.25, 0.5)
-"""Sampling time over the rotor's time constant: odd, and too slow to hold it."""
+"""Sampling time over the rotor's time constant: unusual, and too slow to stabilise it."""
 
 PARAMETER_DIFFERENCE = 0.2
-"""Relative difference from which on a number is of another machine, not of an identification."""
+"""Relative difference above which a parameter is that of another machine."""
 
 STIFFNESS_FACTOR = 2.0  #: Factor in a stiffness that no operating point explains.
-NOISE_FACTOR = 1e3  #: Factor in a noise intensity beyond what tuning may find.
+NOISE_FACTOR = 1e3  #: Factor in a noise intensity beyond the range of tuning.
 
 GATES = (3.0, 1.0)
-"""Gate, in standard deviations, below which healthy measurements are lost, and too many of them."""
+"""Gate, in standard deviations, below which healthy measurements are rejected; and too many."""
 
 STEPS = 50.0
-"""Quantisation over the noise's deviation from which on an estimate in the loop gains little."""
+"""Quantisation over the noise's deviation above which an estimate in the loop gains little."""
 
-WEIGHTS = 1e3  #: Load capacity in weights from which on mass or magnet is doubtful.
+WEIGHTS = 1e3  #: Load capacity in weights above which mass or magnet is doubtful.
 
 
 class Finding(NamedTuple):
     """One figure of the judgement."""
 
-    name: str  #: What it is.
+    name: str  #: Name of the figure.
     value: float  #: In `unit`.
     unit: str
-    limit: float  #: What it is held against, in the same unit.
-    sentence: str = ""  #: What is wrong; empty where nothing is.
-    fatal: bool = False  #: Whether the filter must not fly.
+    limit: float  #: Its limit, in the same unit.
+    sentence: str = ""  #: Objection; empty if there is none.
+    fatal: bool = False  #: Whether it rules the filter out.
 
 
 def innovations(nis: float) -> Iterator[Finding]:
-    """Yield whether the mean NIS of a record is in its band; nothing where it is not known."""
+    """Yield whether the mean NIS of a record is in its band, if it is known."""
     if math.isnan(nis):
         return
     low, high = NIS_BAND
@@ -100,7 +100,7 @@ def _parameters(b: Machine) -> dict[str, tuple[float, str]]:
 
 
 def identity(filter: Estimator, plant: Any) -> Iterator[Finding]:
-    """Yield how far the filter's machine is from the one that it is to fly on."""
+    """Yield the differences between the filter's machine and the one it is used on."""
     own = filter.machine
     if own == plant:
         yield Finding("maximum difference of a parameter", 0.0, "1", PARAMETER_DIFFERENCE)
@@ -133,7 +133,7 @@ def identity(filter: Estimator, plant: Any) -> Iterator[Finding]:
 
 
 def _alike(one: Machine, other: Machine) -> bool:
-    """Return whether two magnets have the same stiffnesses, which is all that many logs tell."""
+    """Return whether two magnets have the same stiffnesses, all that many logs determine."""
     known = [ConstantStiffness.of(item) for item in (one, other)]
     a, b = (np.array([k.k_i, k.k_s]) for k in known)
     return bool((np.abs(a - b) <= PARAMETER_DIFFERENCE * np.maximum(np.abs(a), np.abs(b))).all())
@@ -144,7 +144,7 @@ def _fingerprint(plant: Any) -> str:
 
 
 def of_machine(plant: Machine) -> Iterator[Finding]:
-    """Yield what is absurd about the machine itself: sampled too slowly, or far too light."""
+    """Yield implausible properties of the machine: sampled too slowly, or far too light."""
     T = plant.sampling_time
     fastest_axis = min(isolated_axes(plant), key=own_time)
     share, tau = T / own_time(fastest_axis), own_time(fastest_axis)
@@ -169,7 +169,7 @@ def of_machine(plant: Machine) -> Iterator[Finding]:
 
 
 def modes_kept(plant: Machine) -> Iterator[Finding]:
-    """Yield how far the bending modes that are kept are from all of them, where that is known."""
+    """Yield the error of the modal truncation, if it is known."""
     compared = None if plant.bending is None else reduction(plant)
     if compared is not None:
         text = "" if compared.good else compared.text()
@@ -191,7 +191,7 @@ def _steps(plant: Machine) -> Iterator[Finding]:
 
 
 def noise(filter: Estimator, plant: Machine) -> Iterator[Finding]:
-    """Yield how far the noise that a filter assumes is from what its machine has."""
+    """Yield the ratio of a filter's noise parameters to the machine's."""
     usual = View(plant).variances(FilterNoise())
     for name, unit, what, of in (
         ("measurement", "m^2", "measurement noise", "the sensor's"),
@@ -212,7 +212,7 @@ def noise(filter: Estimator, plant: Machine) -> Iterator[Finding]:
 
 
 def settings(filter: Estimator, plant: Machine) -> Iterator[Finding]:
-    """Yield what a filter's settings make of healthy measurements."""
+    """Yield the effect of a filter's settings on healthy measurements."""
     gate, text = float(filter.options.get("gate", math.inf)), ""
     lost = math.erfc(gate / math.sqrt(2))
     if gate < GATES[0]:
@@ -234,7 +234,7 @@ def settings(filter: Estimator, plant: Machine) -> Iterator[Finding]:
 def of_filter(
     filter: Estimator, plant: Machine, control: Any, own_control: bool, fed_back: bool
 ) -> Iterator[Finding]:
-    """Yield what gain and magnet of a filter mean: how it follows a load, and the margins."""
+    """Yield the consequences of gain and magnet model: tracking of a disturbance, and margins."""
     if filter.options.get("gravity") == "disturbance" and any(weights_of(plant)):
         weight = max(map(abs, weights_of(plant)))
         text = (
@@ -254,7 +254,7 @@ def of_filter(
 
 
 def _magnet(filter: Estimator, plant: Any) -> Iterator[Finding]:
-    """Yield how far what the filter knows of its magnet is from that of the machine."""
+    """Yield the difference between a filter's magnet model and the machine's."""
     if not filter.by_model:
         return
     point = operating_point(plant)
@@ -277,7 +277,7 @@ def _magnet(filter: Estimator, plant: Any) -> Iterator[Finding]:
 
 
 def _follows(filter: Estimator, plant: Any) -> Iterator[Finding]:
-    """Yield how a step of the stated load is followed, and what noise its estimate has."""
+    """Yield the response to a step of the stated disturbance, and the noise of the estimate."""
     loads = load_capacity(plant)
     parts = following(filter)
     slow = max(parts, key=lambda one: one.time / one.own)
@@ -310,10 +310,10 @@ def _follows(filter: Estimator, plant: Any) -> Iterator[Finding]:
 
 
 def _margins(filter: Estimator, plant: Any, control: Any, own_control: bool) -> Iterator[Finding]:
-    """Yield the peak of abs(S) of the loop whose controllers the estimate feeds."""
+    """Yield the peak of abs(S) of the loop with estimate feedback."""
     peak = loop_peak(plant, filter, control)
     text, fatal, limit = "", False, ZONES[-1][1]
-    if peak >= limit or zone_of(peak) == "C":  # not for lasting operation
+    if peak >= limit or zone_of(peak) == "C":  # not for continuous operation
         whose = "this controller" if own_control else "the default controller"
         text = (
             f"with {whose} the loop is unstable"
@@ -327,11 +327,11 @@ def _margins(filter: Estimator, plant: Any, control: Any, own_control: bool) -> 
 
 
 def loop_peak(plant: Any, filter: Estimator, control: Any = None) -> float:
-    """Return the peak of abs(S) [1] on a coarse grid, infinite where the loop is unstable."""
+    """Return the peak of abs(S) [1] on a coarse grid, infinite if the loop is unstable."""
     of = LoopOf(plant, control, point=operating_point(plant))
     loop = of.loop(filter)
-    # A pole on the circle is of what a filter cannot tell apart, as unbalance and runout at a
-    # constant speed: it does not grow.
+    # A pole on the unit circle belongs to states that a filter cannot distinguish, as unbalance and
+    # runout at constant speed: it does not grow.
     if loop.closed.unstable().size:
         return math.inf
     f = grid(loop, 60, 5)
@@ -340,7 +340,7 @@ def loop_peak(plant: Any, filter: Estimator, control: Any = None) -> float:
 
 
 def demands(plant: Any, scenario: Scenario) -> Iterator[Finding]:
-    """Yield travel and force that a run asks for against what there is."""
+    """Yield displacement and force of a run against their limits."""
     names = [axis.name for axis in plant.axes]
     for axis, b, load in zip(names, isolated_axes(plant), load_capacity(plant), strict=True):
         position, force = (
@@ -364,7 +364,7 @@ def demands(plant: Any, scenario: Scenario) -> Iterator[Finding]:
 
 
 def _greatest(signals: Sequence[Waveform], duration: float) -> float:
-    """Return the greatest magnitude of a sum of signals over a run."""
+    """Return the maximum magnitude of a sum of signals over a run."""
     if not signals:
         return 0.0
     t = np.linspace(0.0, duration, 2001)

@@ -1,4 +1,4 @@
-"""How well a filter fits a record, by innovations, predictions and known truth; and its picture."""
+"""Evaluation of a filter on a record, by innovations, predictions and known truth; its figure."""
 
 from __future__ import annotations
 
@@ -45,44 +45,42 @@ from ambkit.result.signal_styles import (
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What a record says about a filter that ran along it."""
+    """Evaluation of a filter along a record."""
 
-    # What is of a reading or an axis is a number where there is one without a name, or else a
-    # mapping by their names.
+    # Figures of a reading or an axis are numbers with a single axis, else mappings by name.
 
-    estimate: Estimate  #: What the filter estimated, all samples.
-    #: Time at the start that does not count below [s]; the first sample never does.
+    estimate: Estimate  #: Estimate, all samples.
+    #: Excluded initial time [s]; the first sample is always excluded.
     settling: float
-    samples: int  #: Samples that count, and those of them whose measurement the filter took in.
+    samples: int  #: Number of evaluated samples, and of those whose measurement was used.
     used: int
-    innovation_mean: Any  #: Of the measurements taken in [m], by reading.
+    innovation_mean: Any  #: Of the used measurements [m], by reading.
     innovation_std: Any
-    #: Root mean square of what the filter expected its innovations to be, ``sqrt(S)`` [m].
+    #: Rms of the stated standard deviation of the innovations, ``sqrt(S)`` [m].
     expected_std: Any
-    #: Mean normalised innovation squared; 1 where model and noise are right. Below 1 the filter
-    #: expects more noise than there is, above 1 less. NaN where it expects nothing.
+    #: Mean normalised innovation squared; 1 if model and noise are right. Below 1 the filter
+    #: overestimates its error, above 1 it underestimates it. NaN without S.
     nis: float
-    #: Autocorrelation of the innovations, `LAGS` lags; None where fewer than four times as many
-    #: measurements were taken in, or all innovations are equal. By reading.
+    #: Autocorrelation of the innovations, `LAGS` lags; None if fewer than four times as many
+    #: measurements were used, or all innovations are equal. By reading.
     whiteness: Any
-    #: How many samples had which flag of :class:`ambkit.Status`; flags that did not occur are left
-    #: out.
+    #: Number of samples with each flag of :class:`ambkit.Status` that occurred.
     status: Mapping[str, int]
-    #: Steps ahead, and the RMS error of the filter's prediction of the readings [m].
+    #: RMS error of the filter's prediction of the readings [m], by steps ahead.
     prediction: Mapping[int, Any]
-    #: The same where the last measurement is held for the prediction [m].
+    #: The same if the last measurement is held [m].
     held: Mapping[int, Any]
-    #: (mapping of int to float) The same for the estimates that the rig logged [m], see
+    #: (mapping of int to float) The same for the rig's logged estimates [m], see
     #: `logged_predictions`.
     logged: Mapping[str, Mapping[int, float]]
     #: RMS errors against the truth, by state: ``x`` [m], ``v`` [m/s], ``f_d`` [N] of one axis;
-    #: empty without it.
+    #: empty without truth.
     rmse: Mapping[str, float]
-    disturbance_mean: Any  #: Of the estimated disturbance force [N], by axis.
+    disturbance_mean: Any  #: Mean of the estimated disturbance force [N], by axis.
     disturbance_std: Any
 
     def rows(self, machine: Machine, flags: Sequence[str]) -> list[Row]:
-        """Return the figures; of several readings the means only for those who ask for more."""
+        """Return the figures; of several readings only the means, unless verbose."""
         several, units, white = len(machine.axes) > 1, self.estimate.units, each_of(self.whiteness)
         share, bound = (
             by_name(self.estimate.readings or ("",), [w and getattr(w, name) for w in white])
@@ -124,18 +122,18 @@ def evaluate(
     horizons: Sequence[int] = (1, 10),
     settling: float = 0.0,
 ) -> Evaluation:
-    """Run a filter along a record and say how well the two fit."""
+    """Run a filter along a record and evaluate the fit."""
     _check(record, horizons, settling)
     estimate = kalman.run(record)
     names, axes = estimate.readings or ("",), estimate.axes or ("",)
     y = np.column_stack([record[signal("y", name)] for name in names])
-    # The filter starts from the first measurement, which is then no surprise to it.
+    # The filter starts from the first measurement, whose innovation is therefore zero.
     first = max(1, round(settling / record.sampling_time))
     innovation = estimate.innovation.reshape(y.shape)[first:]
     variance = estimate.innovation_variance.reshape(y.shape)
-    # The status is of all readings together: where one of several is missing, S tells of the rest.
+    # The status is that of all readings together: if one of several is missing, S shows the rest.
     taken = estimate.used[:, None] | ((len(names) > 1) & (variance > 0))
-    # A measurement that was left out is no value to be predicted, nor one to hold.
+    # A rejected measurement is neither a target of the prediction nor held.
     judged = np.where(taken, y, np.nan)
     used, used_mask, variance = estimate.used[first:], taken[first:], variance[first:]
     if not used_mask.any():
@@ -179,7 +177,7 @@ def evaluate(
 
 
 def _why(estimate: Estimate, y: Array, first: int) -> str:
-    """Say why no measurement was taken in."""
+    """Return why no measurement was used."""
     flags, count = _flags(estimate.status[first:]), len(y) - first
     there = int(np.isfinite(y[first:]).any(axis=1).sum())
     if flags.get("missing", 0) > count - there:  # the core has one flag for both
@@ -192,9 +190,9 @@ def _why(estimate: Estimate, y: Array, first: int) -> str:
 def logged_predictions(
     record: Record, horizons: Sequence[int] = (1, 10), *, first: int = 0
 ) -> dict[str, dict[int, float]]:
-    """Return how well a rig's own logged estimates predict the measured position."""
-    # The rig's filter does not say how it would predict. Two ways are judged: its position is held,
-    # and, where the velocity was logged too, it goes on with that.
+    """Return the prediction errors of a rig's logged estimates."""
+    # The rig's filter defines no prediction. Two are evaluated: its position held, and, if the
+    # velocity was logged, extrapolated with it.
     if "x_logged" not in record:
         return {}
     x, T = record["x_logged"], record.sampling_time
@@ -225,18 +223,18 @@ def _check(record: Record, horizons: Sequence[int], settling: float) -> None:
 
 
 def _last_measured(y: Array) -> Array:
-    """Return y (n, readings) with each missing sample instead of the last that was not."""
+    """Return y (n, readings) with missing samples replaced by the last measured one."""
     at = np.where(np.isnan(y), 0, np.arange(len(y))[:, None])
     return np.take_along_axis(y, np.maximum.accumulate(at, axis=0), axis=0)
 
 
 def _mean_nis(innovation: Array, variance: Array) -> float:
-    known = variance > 0  # a low-pass has no idea of it
+    known = variance > 0  # a low-pass has no S
     return float(np.mean(innovation[known] ** 2 / variance[known])) if known.any() else math.nan
 
 
 def _flags(status: NDArray[np.uint16]) -> dict[str, int]:
-    """Count the samples with each flag, by its name in lower case."""
+    """Count the samples with each flag, by lower-case name."""
     counts = {
         str(flag.name).lower(): int(np.count_nonzero(status & np.uint16(flag))) for flag in Status
     }
@@ -254,7 +252,7 @@ LOGGED = {
     "x": ((("y", "measured"), ("r", "reference")), (("x_logged", "logged"),)),
     "v": ((("v_logged", "logged"),), ()),
 }
-"""Signals of a record drawn below and above the estimates of a state, with their styles."""
+"""Signals of a record plotted below and above the estimates of a state, with their styles."""
 
 
 def filter_figure(
@@ -262,7 +260,7 @@ def filter_figure(
     evaluated: Mapping[str, Evaluation],
     smoothed: Mapping[str, Estimate] | None = None,
 ) -> Figure:
-    """Show what filters estimate along a record, and how their innovations fare."""
+    """Plot estimates along a record, and their innovations."""
     t = record.t
     time = replace(TIME, limits=(float(t[0]), float(t[-1])))
     smoothed = smoothed or {}
@@ -322,11 +320,11 @@ def filter_figure(
 
 
 AXES = {"position": POSITION, "velocity": VELOCITY, "disturbance force": DISTURBANCE}
-"""Axes of the states that are shown, by their roles."""
+"""Axes of the plotted states, by role."""
 
 
 def of_state(state: Descriptor) -> Axis:
-    """Return the axis of a state; one of several is named, and a tilt is in mrad."""
+    """Return the plot axis of a state; with several axes it has a name, and a tilt is in mrad."""
     axis = AXES[state.role]
     if state.name not in ("x", "v", "f_d"):
         axis = replace(axis, label=f"{axis.label} {state.name}")

@@ -1,4 +1,4 @@
-"""How an estimate follows a step of the disturbance force, by the filter's model and gain."""
+"""Tracking of a disturbance step by an estimate, from the filter's model and gain."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ from ambkit.machine.force_laws import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, own_time
 
-STEP = 0.5  #: The step of the disturbance force that is to be followed, over the load capacity.
+STEP = 0.5  #: Step of the disturbance force, over the load capacity.
 
 REQUIRED, LONGEST = 1.0, 3.0
-"""In how many of the rotor's time constants ``sqrt(m/k_s)`` the estimate is to follow that step
-to 63 %: what is written, where the data does not say more, and what fails. Left to itself the rotor
-departs by e in one of them, by 20 in three. With the first the peak of abs(S) is about that of zone
-A, with the second beyond zone C."""
+"""Required rise time of the estimate to 63 %, in time constants ``sqrt(m/k_s)`` of the rotor:
+target where the data leaves the intensity open, and limit. A free rotor departs by a factor of e
+in one time constant, by 20 in three. With the first the peak of abs(S) is about that of zone A,
+with the second beyond zone C.
+"""
 
 
 def load_capacity(plant: Machine) -> list[float]:
-    """Return the load [N] that each axis bears at x = 0, whichever way it pushes."""
+    """Return the disturbance [N] that each axis can hold at x = 0, in either direction."""
     results = []
     for b, weight in zip(isolated_axes(plant), weights_of(plant), strict=True):
         law = magnet_of(b)
@@ -39,18 +40,19 @@ def load_capacity(plant: Machine) -> list[float]:
 
 
 class Following(NamedTuple):
-    """How an estimate follows a step of 1 N."""
+    """Response of an estimate to a step of 1 N."""
 
     axis: int
-    time: float  # to 63 % [s]
+    time: float  # rise time to 63 % [s]
     own: float  # the rotor's time constant [s]
-    wrong: float  # the greatest error of the position [m/N]
-    noise: float  # of the estimated force by the sensors' noise [N]
+    wrong: float  # the maximum error of the position [m/N]
+    noise: float  # rms of the estimated force due to sensor noise [N]
 
 
 def following(estimator: Estimator) -> list[Following]:
-    """Return how an estimate follows a step of each disturbance force, by its model and gain."""
-    # The error of the state goes by ``e+ = A (I - K H) e`` from the step on, whatever the control.
+    """Return the response of an estimate to a step of each disturbance, by model and gain."""
+    # The error of the state obeys ``e+ = A (I - K H) e`` from the step on, independent of the
+    # control.
     plant = estimator.machine
     point, isolated = operating_point(plant), isolated_axes(plant)
     model = estimator.linear_model(*tangents_known(estimator.magnet, "tangent", point))
@@ -63,7 +65,7 @@ def following(estimator: Estimator) -> list[Following]:
     roles = [estimator.states[k].role for k in state_indices]
     loads = [k for k, role in enumerate(roles) if role == "disturbance force"]
     owns = [own_time(b) for b in isolated]
-    if len(loads) < len(isolated):  # a load that does not wander is never followed
+    if len(loads) < len(isolated):  # a disturbance with zero intensity is never tracked
         return [Following(k, math.inf, own, math.inf, 0.0) for k, own in enumerate(owns)]
     rows = estimator.view.along_axes(estimator.states)[0][:, state_indices]
     M, T = A @ (np.eye(len(state_indices)) - K @ H), estimator.model.T
@@ -86,7 +88,7 @@ def following(estimator: Estimator) -> list[Following]:
 
 
 def least_process_noise(make: Callable[[float], Estimator], result: float) -> float:
-    """Return the process noise intensity [N^2/s] with which the stated load is followed."""
+    """Return the process noise intensity [N^2/s] that tracks the stated disturbance."""
     first = make(result)
     plant = first.machine
     loads = zip(isolated_axes(plant), load_capacity(plant), strict=True)
@@ -105,7 +107,7 @@ def least_process_noise(make: Callable[[float], Estimator], result: float) -> fl
 
 
 def settling(kalman: Estimator) -> Estimator:
-    """Return an estimator that settles to a gain: itself, its inner one, or the nearest kind."""
+    """Return an estimator with a steady-state gain: itself, its inner one, or the nearest kind."""
     kalman = kalman.nominal
     if tells(kalman):
         return kalman
@@ -117,5 +119,5 @@ def settling(kalman: Estimator) -> Estimator:
 
 @lru_cache(maxsize=64)
 def operating_point(of: Any) -> OperatingPoint:
-    """Return the point at which a bearing or a machine holds its rotor in the middle."""
+    """Return the operating point at which a machine holds its rotor in the centre."""
     return OperatingPoint.of_machine(of)

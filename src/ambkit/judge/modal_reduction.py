@@ -1,4 +1,4 @@
-"""The bending modes that are kept, compared with the full matrices over the speed."""
+"""Error of the modal truncation over the speed, against the full matrices."""
 
 from __future__ import annotations
 
@@ -21,66 +21,67 @@ from ambkit.machine.rotors import modes
 from ambkit.machine.rotors.descriptions import OfMatrices
 
 MORE, LEAST = 4, 10
-"""Modes beyond those kept that stand for all in the loop, and how many these are at least."""
+"""Number of modes, over those kept, that represents all in the loop, and its minimum."""
 
-BESIDE = 1.05  #: How far beyond a mode that grows modes are to be kept.
-SPEEDS = 61  #: At which critical speeds are looked for.
+BESIDE = 1.05  #: Frequency margin above an unstable mode that must be kept.
+SPEEDS = 61  #: Speeds on which critical speeds are searched.
 
 
 class Peak(NamedTuple):
-    """The peak of the sensitivity of an axis, with the modes kept and with all."""
+    """Sensitivity peak of an axis, with the truncated and the full model."""
 
     axis: str
-    speed: float  #: Of rotation [rad/s].
-    kept: float  #: [1].
-    full: float  #: [1]; infinite where the loop is unstable.
+    speed: float  #: Speed of rotation [rad/s].
+    kept: float  #: Truncated [1].
+    full: float  #: Full [1]; infinite if the loop is unstable.
 
     @property
     def share(self) -> float:
-        """Distance from the full one [1]."""
+        """Relative error [1]."""
         return math.inf if math.isinf(self.full) else abs(self.kept / self.full - 1)
 
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """Kept modes against all modes of the matrices."""
+    """Truncated against full modal model."""
 
-    kept: int  #: How many modes are kept, and how many there are.
+    kept: int  #: Number of modes kept, and of all.
     every: int
-    tolerance: float  #: Greatest error that is permitted [1].
-    fastest: float  #: Up to which speed they are compared [rad/s].
-    highest: float  #: Up to which frequency whirls are compared [Hz].
-    whirl: modes.WhirlError  #: Of the free rotor, against the full matrices.
-    #: (float, float) Critical speeds up to `fastest`, but for those critically damped, with the
-    #: modes kept and with all [rad/s]; NaN: there is none.
+    tolerance: float  #: Tolerance of the relative errors [1].
+    fastest: float  #: Maximum speed of the comparison [rad/s].
+    highest: float  #: Maximum whirl frequency of the comparison [Hz].
+    whirl: modes.WhirlError  #: Whirl frequencies of the free rotor, against the full matrices.
+    #: (float, float) Critical speeds up to `fastest`, except critically damped ones, truncated and
+    #: full [rad/s]; NaN if missing.
     critical: tuple[tuple[float, float], ...]
-    #: Of the default loop, where both differ most; None where it is unstable with those kept.
+    #: Of the default loop, where the difference is largest; None if the truncated loop is unstable.
     peak: Peak | None
-    #: Pole of the default loop that grows with all modes [1/s], and not with those kept.
+    #: Pole of the default loop that is unstable in the full model [1/s], but not in the truncated
+    #: one.
     grows: complex | None
-    #: What `modes_up_to` must be, at least: for the whirls, for what grows, or one mode more where
-    #: the sensitivity is off [Hz].
+    #: Minimum of `modes_up_to` for the whirls and unstable modes, or one mode more if the
+    #: sensitivity is off [Hz].
     needed: float
 
     @property
     def critical_error(self) -> float:
-        """Greatest error of a critical speed [1]; infinite where one is missing."""
+        """Largest error of a critical speed [1]; infinite if one is missing."""
         parts = [abs(kept / full - 1) for kept, full in self.critical]
         return max((math.inf if math.isnan(one) else one for one in parts), default=0.0)
 
     @property
     def error(self) -> float:
-        """Greatest error of a whirl, a critical speed or a peak [1]; infinite: one is missing."""
+        """Largest error of a whirl, a critical speed or a peak [1]; infinite if one is missing."""
         share = 0.0 if self.peak is None else self.peak.share
         return max(self.whirl.error, self.critical_error, share)
 
     @property
     def good(self) -> bool:
-        """Whether all is within the tolerance."""
+        """Whether all errors are within the tolerance."""
         return self.error <= self.tolerance
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as plain data, in SI; what is infinite or unknown is None."""
+        """Return the comparison as plain data, in SI; None for infinite or unknown values."""
         w, p = self.whirl, self.peak
         return {
             "modes_kept": self.kept,
@@ -148,13 +149,13 @@ class Reduction:
         )
 
     def text(self) -> str:
-        """Return it as one sentence, with what helps."""
+        """Return it as one sentence, with advice."""
         what = f"{self.kept} of {self.every} bending modes kept, against all: "
         lead = what + "; ".join([self._of_whirls(), *self._of_critical(), self._of_peak()])
         if self.good:
             return f"{lead}; {'' if self.peak is None else 'all '}within {percent(self.tolerance)}"
         help = "leave out rotor.modes_up_to, so that enough modes are kept"
-        if max(self.whirl.error, self.critical_error) <= self.tolerance:  # it is the loop's
+        if max(self.whirl.error, self.critical_error) <= self.tolerance:  # the loop is the cause
             help = f"give rotor.modes_up_to = {engineering(self.needed, 'Hz', 4)}, so that the "
             help += "default controllers are chosen with more modes"
         elif self.needed:
@@ -164,7 +165,7 @@ class Reduction:
 
 @lru_cache(maxsize=32)
 def reduction(machine: Machine) -> Reduction | None:
-    """Return how a machine's kept modes compare with the full matrices."""
+    """Return the error of a machine's modal truncation."""
     # Free whirl frequencies with the full finite-element matrices; critical speeds and the
     # sensitivity of the default loop with so many modes that further ones change nothing that is
     # told. The controllers are those tuned with the modes kept, in both.
@@ -197,7 +198,7 @@ def reduction(machine: Machine) -> Reduction | None:
 
 
 def _critical(machine: Machine, many: Machine, max_speed: float) -> tuple[tuple[float, float], ...]:
-    """Return the critical speeds of both that are not critically damped [rad/s]."""
+    """Return the critical speeds of both models that are not critically damped [rad/s]."""
     if not max_speed:
         return ()
     pids = holding(machine).pids
@@ -214,12 +215,12 @@ def _critical(machine: Machine, many: Machine, max_speed: float) -> tuple[tuple[
 
 
 def _peaks(machine: Machine, many: Machine) -> tuple[Peak | None, complex | None]:
-    """Return where the peaks of the default loops differ most, and what grows with all modes."""
+    """Return the largest difference of the peaks, and the full model's unstable pole."""
     try:
         of = LoopOf(machine)
         estimator = KalmanFilter(machine)
         control_law = of.flown_by(estimator)
-    except (AmbkitError, ValueError):  # nothing holds the rotor, or no filter takes it
+    except (AmbkitError, ValueError):  # no stabilising controller, or no filter for the machine
         return None, None
     worst: Peak | None = None
     for speed in dict.fromkeys((0.0, machine.speed / 2, machine.speed)):

@@ -1,4 +1,4 @@
-"""Plausibility check of a record against a bearing: rate, range, noise and signs."""
+"""Plausibility check of a record for a machine: rate, range, noise and signs."""
 
 from __future__ import annotations
 
@@ -24,46 +24,47 @@ from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 
-_START = 0.25  # part of a record that may be a start, with the rotor on its stop
+_START = 0.25  # share of a record that may be a start, with the rotor in contact
 
-_NEAR, _AT_STOP = 4.0, 0.005  # standard deviations of the noise, and shares of the travel
+_NEAR, _AT_STOP = 4.0, 0.005  # standard deviations of the noise, and shares of the clearance
 
-_RESTS = 3.0  # in the plant's time constant
+_RESTS = 3.0  # in time constants of the plant
 
-_LEAST = 400  # samples that tell how a rotor moves
+_LEAST = 400  # minimum number of samples that determine the motion
 
-_EXPLAINED = 0.5  # share of its acceleration that these must explain
+_EXPLAINED = 0.5  # minimum share of the acceleration that these must explain
 
-_OTHER = 3.0  # ratio to the bearing beyond which it is another rig; noise makes 2 at most
+_OTHER = 3.0  # ratio to the machine beyond which it is another rig; noise causes at most 2
 
-_TWICE = 0.25  # how far a load may be from twice the weight
+_TWICE = 0.25  # tolerance of a disturbance of twice the weight
 
-_HELD = 1.0  # load in parts of the weight, that a ball below one magnet hardly has on its mean
+_HELD = 1.0  # mean disturbance over the weight that is unlikely for a ball below one magnet
 
-_CLEAR = 10.0  # a slow motion over what noise makes of it, from which on it tells something
+_CLEAR = 10.0  # ratio of slow motion to noise above which it is significant
 
-_CUT_OFF = {"y": 0.01, "u": 0.2}  # shares of samples; a control signal repeats with a coarse y
+# shares of samples; a control signal repeats with a coarsely quantised y
+_CUT_OFF = {"y": 0.01, "u": 0.2}
 
-_LONGEST = 30  # samples of a mean that is looked for
+_LONGEST = 30  # maximum length of a running mean, in samples
 
-_WHITE = 0.5  # logarithm of the ratio that tells colour, as far as white noise never gets
+_WHITE = 0.5  # log ratio that indicates colour, beyond any value for white noise
 
 
 class Verdict(NamedTuple):
-    """What speaks against a record being of a bearing."""
+    """Objections to a record being of a machine."""
 
-    problems: tuple[str, ...]  #: What makes it useless with this bearing.
-    remarks: tuple[str, ...]  #: What is odd.
+    problems: tuple[str, ...]  #: Contradictions to this machine.
+    remarks: tuple[str, ...]  #: Anomalies that may be legitimate.
 
 
 def evaluate_record(record: Record, machine: Machine) -> Verdict:
-    """Compare a record with the machine that it is said to be of."""
+    """Compare a record with the machine that it is supposed to be of."""
     problems = list(_rate(record, machine))
     sensors = [reading.sensor for reading in machine.readings]
     coarse = any((s.quantisation or 0.0) ** 2 > COARSE * s.noise_variance for s in sensors)
     remarks = list(suspects(record.t, record.signals, record.units, coarse=coarse))
     remarks += _cut_off(record, machine, coarse=coarse)
-    if not machine.single:  # each axis moves by the forces on all
+    if not machine.single:  # the forces of all axes move each
         signs = [] if problems else list(judge_signs(record, machine))
         return _verdict(problems, [(False, text) for text in remarks] + signs)
     limits = [*_position(record, machine), *_control(record, machine)]
@@ -86,7 +87,7 @@ def _verdict(problems: Sequence[str], findings: Sequence[tuple[bool, str]]) -> V
 
 
 def off_rate(record: Record, machine: Machine) -> bool:
-    """Whether a record's sampling time is not the machine's."""
+    """Return whether a record's sampling time differs from the machine's."""
     return abs(record.sampling_time / machine.sampling_time - 1) > 1e-3
 
 
@@ -100,11 +101,11 @@ def _rate(record: Record, machine: Machine) -> Iterator[str]:
 
 
 def _cut_off(record: Record, machine: Machine, *, coarse: bool) -> Iterator[str]:
-    """Yield which signals stand at the ends of their range, below the machine's limits."""
+    """Yield signals that saturate below the machine's limits."""
     for name in channels(machine):
         if name not in record or np.ptp(interpolated(record[name])) == 0:
             continue
-        # A coarse sensor repeats its codes, near a rotor that is held still for long.
+        # A coarse sensor repeats its codes while a rotor is near equilibrium.
         kinds = ("saturated", "frozen") if name[0] == "y" and not coarse else ("saturated",)
         stretches = [
             fault
@@ -142,7 +143,7 @@ def _position(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
             f"y stands still at {engineering(float(y[0]), 'm', digits=4)}: is it the sensor's?",
         )
         return
-    # One wild sample is a spike, which a filter leaves out; many are a wrong map.
+    # A single extreme sample is a spike, which a filter rejects; many indicate a wrong map.
     beyond = float(np.mean(np.abs(y) > gap))
     if beyond > 0.01:
         limit = f"beyond the air gap of {engineering(gap, 'm')}"
@@ -160,7 +161,7 @@ def _position(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
     step = machine.sensor.quantisation or 0.0
     rough, expected = noise(record["y"]), math.sqrt(machine.sensor.noise_variance + step**2 / 12)
     if rough < NO_NOISE * float(y.std()):
-        rough = 0.0  # what rounding leaves
+        rough = 0.0  # error of the rounding
     if expected > 0 and not 0.2 < rough / expected < 5:
         less = "was y smoothed before it was logged, which a filter does better itself?"
         why = less if rough < expected else "is a unit or scale wrong, or the sensor disturbed?"
@@ -184,9 +185,9 @@ def _position(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
 
 
 def _smoothed(y: Array) -> bool:
-    """Whether the noise of a position (n,) is less rough than white noise."""
-    # Of white noise the fourth differences have 70 times its variance, the second ones 6 times.
-    # What repeats its values was rounded after whatever was done to it, and tells nothing.
+    """Return whether the noise of a position (n,) is smoother than white noise."""
+    # Fourth differences of white noise have 70 times its variance, second differences 6 times.
+    # Repeated values were rounded after any smoothing, and are not evaluated.
     if y.size < _LEAST or in_steps(y):
         return False
     second, fourth = (float(np.median(abs(np.diff(y, order)))) for order in (2, 4))
@@ -194,15 +195,15 @@ def _smoothed(y: Array) -> bool:
 
 
 def averaged(y: Array) -> int:
-    """Return of how many samples a position (n,) holds the running mean; 0 if of none."""
-    # Second differences of white noise go together over two samples only. Those of a mean of N are
+    """Return the length in samples of the running mean in a position (n,); 0 if there is none."""
+    # Second differences of white noise correlate over two samples only. Those of a mean of N are
     # ``e0 - e1 - eN + e(N+1)``, so N samples apart their correlation is -1/2, and 1/4 one before
-    # and one after. What is slow, or a line, has the same sign there.
+    # and one after. Slow motion and lines have the same sign there.
     if y.size < _LEAST:
         return 0
     bend = np.diff(y, 2)
     most = 5 * float(np.median(abs(bend)))
-    bend = np.clip(bend, -most, most)  # a spike says nothing
+    bend = np.clip(bend, -most, most)  # excludes spikes
     own = float(bend @ bend)
     if own == 0:
         return 0
@@ -215,7 +216,7 @@ def averaged(y: Array) -> int:
 
 
 def _motion(record: Record, machine: Machine) -> Iterator[str]:
-    """Yield how a rotor falls, or answers its current, quite otherwise than the bearing's."""
+    """Yield a fall, or a response to the current, that differs from the machine's."""
     if "y" not in record or "u" not in record or len(record) < _LEAST:
         return
     rows = np.array([interpolated(record[name])[:LOOKED_AT] for name in ("y", "u")])
@@ -240,9 +241,9 @@ def _motion(record: Record, machine: Machine) -> Iterator[str]:
 
 
 def _balance(record: Record, machine: Machine) -> Iterator[str]:
-    """Yield that a control signal is too small to hold the bearing's rotor where it goes."""
-    # Held at rest, the rotor needs a current of k_s/k_i for each metre; moved, or held stiffly by
-    # its controller, it takes more, and never less.
+    """Yield that a control signal is too small to hold the machine's rotor along its path."""
+    # In equilibrium the rotor needs a current of k_s/k_i per metre; in motion, or under stiff
+    # control, it needs more, never less.
     if "y" not in record or "u" not in record:
         return
     stiffness = ConstantStiffness.of(machine)
@@ -262,7 +263,7 @@ def _balance(record: Record, machine: Machine) -> Iterator[str]:
 
 
 def _flying(record: Record, machine: Machine) -> tuple[Array, Array, int]:
-    """Return what is slow in y and u where the rotor is on no stop, and over how many samples."""
+    """Return the slow part of y and u without contact, and the samples per mean."""
     # Means over half the plant's time constant, without the first quarter: it may be a start.
     size = max(1, round(0.5 * own_time(machine) / record.sampling_time))
     record, _ = spike_free(record)
@@ -274,7 +275,7 @@ def _flying(record: Record, machine: Machine) -> tuple[Array, Array, int]:
 
 
 def _lies(record: Record, machine: Machine) -> Iterator[str]:
-    """Tell of a rotor that rests at a stop, longer than one that bounces off it."""
+    """Yield a rotor that rests at a stop for longer than a bounce."""
     if "y" not in record:
         return
     travel = machine.clearance
@@ -293,7 +294,7 @@ def _lies(record: Record, machine: Machine) -> Iterator[str]:
 
 
 def _without_stops(record: Record, machine: Machine) -> Record:
-    """Return a record without the positions of a rotor that is on a stop."""
+    """Return a record without the positions in contact."""
     if "y" not in record:
         return record
     lies = _at_stop(record, machine, -1) | _at_stop(record, machine, 1)
@@ -301,7 +302,7 @@ def _without_stops(record: Record, machine: Machine) -> Record:
 
 
 def _at_stop(record: Record, machine: Machine, side: int) -> NDArray[np.bool_]:
-    """Where a rotor is on the stop of a side (n,); nowhere if noise hides the travel."""
+    """Return where a rotor is at the stop of a side (n,); nowhere if noise hides the clearance."""
     y, gain, travel = record["y"], machine.sensor.gain, machine.clearance
     near = max(_NEAR * noise(y) / gain, _AT_STOP * travel)
     if near > 0.5 * travel:
@@ -311,7 +312,7 @@ def _at_stop(record: Record, machine: Machine, side: int) -> NDArray[np.bool_]:
 
 
 def _percent(share: float) -> str:
-    """Two digits of a share, and 100 % where it is nearly all."""
+    """Return a share with two digits, and as 100 % near 1."""
     return f"{100 * share:.0f} %" if share > 0.99 else percent(share)
 
 
@@ -335,9 +336,10 @@ def _control(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
 
 
 def _gravity(record: Record, machine: Machine) -> Iterator[str]:
-    """Tell of a magnet that pulls with gravity, as in a record whose signs are both swapped."""
-    # On the mean of a record the magnet's force, the weight and the load are in balance. Mirrored,
-    # the force that holds the weight adds to it, and a load of twice the weight is left.
+    """Yield a magnet that acts with gravity, as in a record with both signs swapped."""
+    # On average the magnet's force, the weight and the disturbance are in balance. With both signs
+    # swapped the force that holds the weight adds to it, which leaves a disturbance of twice the
+    # weight.
 
     weight = machine.weight
     if weight == 0.0 or "y" not in record or "u" not in record:

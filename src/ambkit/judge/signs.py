@@ -1,4 +1,4 @@
-"""Signs of a record's channels and the instants of its control signal, by what a model predicts.
+"""Signs of a record's channels and timing of its control signal, by model predictions.
 
 With a channel reversed, or its control signal shifted, it predicts a record worse.
 
@@ -28,37 +28,40 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 
 LEAST_TOTAL, LEAST_MEAN = 10.0, 0.02
-"""Log-likelihood ratio, in all and at each instant, from which on it is decisive. Records with the
-right signs have 0.05 and more at each, with a step of 30 standard deviations too."""
+"""Log-likelihood ratio, in total and per instant, above which the test is decisive. Records with
+the right signs have at least 0.05 per instant, even with a step of 30 standard deviations.
+"""
 
 _BLOCK = 0.25
-"""Length of the means that are predicted, in the rotor's time constant: what converters, filters
-and amplifiers do within it does not matter."""
+"""Length of the predicted means, in time constants of the rotor: faster dynamics of converters,
+filters and amplifiers do not matter.
+"""
 
-_FEWEST = 200  # means of a record that is long enough for them
+_FEWEST = 200  # minimum number of means
 
 _SHIFTS = (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0)
-"""By how much later a control signal is tried, in the rotor's time constant."""
+"""Shift of the control signal that is tried, in time constants of the rotor."""
 
-_BENDING, _RIGID = 600, 24000  # instants that are looked at, the last ones
+_BENDING, _RIGID = 600, 24000  # number of instants evaluated, the last ones
 
-_INTENSITIES = (1e-3, 1.0, 1e3)  # of the disturbance force, over the usual
+_INTENSITIES = (1e-3, 1.0, 1e3)  # of the disturbance force, relative to the default
 
-_OUTLIER = 16.0  # normalised innovation squared beyond which a measurement tells no more
+_OUTLIER = 16.0  # squared normalised innovation beyond which a measurement is not informative
 
 _MEDIAN = 0.455  # of chi-square with one degree of freedom
 
 
 class SignTest(NamedTuple):
-    """The channel whose reversed sign the model takes best."""
+    """The channel whose reversed sign the model prefers most."""
 
     channel: str
-    log_likelihood_ratio: float  #: Of the record with it reversed over the record as it is.
+    #: Log likelihood ratio of the record with it reversed to the record as logged.
+    log_likelihood_ratio: float
     instants: int
 
     @property
     def decisive(self) -> bool:
-        """Whether it tells anything."""
+        """Whether the test is decisive."""
         least = max(LEAST_TOTAL, LEAST_MEAN * self.instants)
         return abs(self.log_likelihood_ratio) > least
 
@@ -75,7 +78,7 @@ def channels(machine: Machine) -> list[str]:
 
 
 def sign_test(record: Record, machine: Machine) -> SignTest | None:
-    """Try each channel with its sign reversed; None where there is nothing to predict."""
+    """Try each channel with its sign reversed; None if there is nothing to predict."""
     names = channels(machine)
     if any(name not in record or not np.ptp(interpolated(record[name])) for name in names):
         return None
@@ -83,7 +86,7 @@ def sign_test(record: Record, machine: Machine) -> SignTest | None:
     if prediction.n < 20:
         return None
     as_it_is = prediction.best()
-    # Of one axis the model is the same with both reversed.
+    # With one axis the model is invariant to reversing both.
     candidates = names[1:] if len(machine.axes) == 1 else names
     ratios = {name: prediction.best(name) - as_it_is for name in candidates}
     channel = max(ratios, key=lambda name: ratios[name])
@@ -99,7 +102,8 @@ class _Prediction:
         block = min(block, len(record) / _FEWEST) if rigid else 1
         at_known_speed = machine.model_copy(update={"angle": None})
         self.filters, k = _filters(at_known_speed, max(1, round(block)))
-        # Positions are means around the instant at which the control signal's begins to act.
+        # Positions are averaged around the instant at which the control signal's mean begins to
+        # act.
         columns = {
             name: block_means(record[name], k) if name[0] == "y"
             else block_means(interpolated(record[name]), k, k // 2)
@@ -117,7 +121,7 @@ class _Prediction:
         self.units = {name: record.units.get(name, "rad/s") for name in columns}
 
     def best(self, reversed_channel: str = "") -> float:
-        """Return the log likelihood with a channel reversed, by the noise that fits best."""
+        """Return the log likelihood with a channel reversed, for the best noise."""
         signals = dict(self.columns)
         if reversed_channel:
             signals[reversed_channel] = -signals[reversed_channel]
@@ -125,7 +129,7 @@ class _Prediction:
         return max(self._log_likelihood(one, record) for one in self.filters)
 
     def _log_likelihood(self, kalman: KalmanFilter, record: Record) -> float:
-        """Return it for the scale of all noise that fits best, outliers held to a limit."""
+        """Return it for the best scale of all noise, with a limit on outliers."""
         estimate = kalman.run(record)
         e, S = estimate.innovation[self.n // 50 :], estimate.innovation_variance[self.n // 50 :]
         taken = (S > 0) & (e != 0) & np.isfinite(e)
@@ -139,14 +143,14 @@ class _Prediction:
 
 
 def _filters(machine: Machine, k: int) -> tuple[list[KalmanFilter], int]:
-    """Return filters of means over k samples, or of samples where a frequency is beyond these."""
+    """Return filters of means over k samples, or of single samples if modes are faster."""
     try:
         slow = machine.replace(sampling_time=k * machine.sampling_time)
     except ConfigError:
         slow, k = machine, 1
     usual = KalmanFilter(slow).variances
     steps = np.array([reading.sensor.quantisation or 0.0 for reading in machine.readings])
-    # A mean has no interval: its rounding is noise.
+    # A mean has no quantisation step: its rounding is noise.
     R = np.array(usual.measurement) + steps**2 / 4
     return [
         KalmanFilter(
@@ -163,7 +167,7 @@ def _filters(machine: Machine, k: int) -> tuple[list[KalmanFilter], int]:
 
 
 def judge_signs(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
-    """Yield the sentence of a wrong sign, or that a record does not determine it (False)."""
+    """Yield the sentence on a wrong sign, or that a record does not determine it (False)."""
     result = sign_test(record, machine)
     if result is None:
         return
@@ -189,7 +193,7 @@ def judge_signs(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
 
 
 def _timing(record: Record, machine: Machine) -> Iterator[tuple[bool, str]]:
-    """Yield that the control signal of a single axis acts at another instant than it is logged."""
+    """Yield that the control signal of an isolated axis acts at another instant than logged."""
     if not machine.single:
         return
     names, u = channels(machine), interpolated(record["u"])

@@ -1,4 +1,4 @@
-"""Whirl modes of a rotor on its magnets: poles and critical speeds over the speed of rotation."""
+"""Whirl modes of a levitated rotor: poles and critical speeds over the speed of rotation."""
 
 from __future__ import annotations
 
@@ -21,38 +21,38 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import continuous
 
-DAMPED = 2.5  #: Amplification factor below which API 617 takes a mode for critically damped.
+DAMPED = 2.5  #: Amplification factor below which API 617 regards a mode as critically damped.
 
 
 class CriticalSpeed(NamedTuple):
-    """A speed at which unbalance meets a forward whirl."""
+    """A speed at which unbalance excites a forward whirl."""
 
-    speed: float  #: Of rotation [rad/s].
-    damping_ratio: float  #: Of the whirl there [1].
+    speed: float  #: Speed of rotation [rad/s].
+    damping_ratio: float  #: Damping ratio of the whirl there [1].
 
     @property
     def amplification(self) -> float:
-        """Amplification factor 1/(2 zeta) [1]; infinite of a whirl that is not damped."""
+        """Amplification factor 1/(2 zeta) [1]; infinite for an undamped whirl."""
         return 1 / (2 * self.damping_ratio) if self.damping_ratio > 0 else math.inf
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WhirlModes:
-    """Poles of a rotor in its magnets, over the speed of rotation."""
+    """Poles of a levitated rotor over the speed of rotation."""
 
-    machine: Machine  #: Whose rotor it is.
+    machine: Machine  #: The machine.
     speed: Array  #: (n,) Speeds of rotation [rad/s].
-    #: (n, modes) Each mode's pole, followed from speed to speed; of a pair the one above [1/s].
+    #: (n, modes) Pole of each mode, tracked over the speed; of a pair the one with positive
+    #: imaginary part [1/s].
     poles: NDArray[np.complex128]
-    #: (modes,) Whether the mode whirls with the rotation; else against it or, where `axial`, along
-    #: the shaft.
+    #: (modes,) Whether the mode whirls forward; else backward or, if `axial`, along the shaft.
     forwards: NDArray[np.bool_]
-    #: (modes,) Whether the mode moves along the shaft, and does not whirl.
+    #: (modes,) Whether the mode moves along the shaft, without whirl.
     axial: NDArray[np.bool_]
 
     @property
     def whirl(self) -> list[str]:
-        """Of each mode ``"forward"``, ``"backward"`` or ``"axial"``."""
+        """``"forward"``, ``"backward"`` or ``"axial"`` for each mode."""
         return [
             "axial" if along else "forward" if ahead else "backward"
             for ahead, along in zip(self.forwards, self.axial, strict=True)
@@ -60,7 +60,7 @@ class WhirlModes:
 
     @property
     def critical(self) -> list[float]:
-        """Speeds at which a whirl forwards turns as fast as the rotor [rad/s]."""
+        """Speeds equal to a forward whirl frequency [rad/s]."""
         return [item.speed for item in self.criticals]
 
     @cached_property
@@ -68,7 +68,7 @@ class WhirlModes:
         """The same with the damping of the whirl there."""
         results = []
         for mode in self.poles.T[self.forwards]:
-            ahead = mode.imag - self.speed  # at rest, of a mode that only creeps, but rounding
+            ahead = mode.imag - self.speed  # at standstill an overdamped mode has rounding only
             for k in np.flatnonzero((ahead[:-1] > 1e-9 * self.speed[-1]) & (ahead[1:] <= 0)):
                 share = ahead[k] / (ahead[k] - ahead[k + 1])
                 at = self.speed[k] + share * (self.speed[k + 1] - self.speed[k])
@@ -84,7 +84,7 @@ def whirl_modes(
     count: int = 121,
     pids: Sequence[PID | Gains] | None = None,
 ) -> WhirlModes:
-    """Return how the poles of a rotor go with its speed, held by some gains or those flown."""
+    """Return the poles of a rotor over its speed, with given gains or those of its controllers."""
     fastest = max_speed(machine, fastest)
     if count < 2:
         raise AmbkitError(f"count must be 2 or more, got {count!r}")
@@ -93,11 +93,12 @@ def whirl_modes(
     speed = np.linspace(0.0, fastest, count)
     poles = np.empty((count, q), complex)
     forwards = along = np.zeros(q, bool)
-    for k in reversed(range(count)):  # at rest nothing tells a whirl forwards from one backwards
+    # at standstill forward and backward whirl are not distinguishable
+    for k in reversed(range(count)):
         A = standstill + speed[k] * spin
         result, vectors = np.linalg.eig(A + _apart(machine, A) if k == count - 1 else A)
         above = np.flatnonzero(result.imag >= 0)
-        if k == count - 1:  # the others are filters
+        if k == count - 1:  # the others are filter poles
             least_damped = above[np.argsort(-(result.imag / np.abs(result))[above])[:q]]
             poles[k] = result[least_damped]
             along = _goes_along(vectors[:q, least_damped], machine)
@@ -109,7 +110,7 @@ def whirl_modes(
 
 
 def max_speed(machine: Machine, fastest: Given | None) -> float:
-    """Return up to which speed a rotor is looked at [rad/s]."""
+    """Return the maximum speed of an evaluation [rad/s]."""
     if machine.rotor.type == "mass":
         raise AmbkitError(f"{machine.name} does not turn: its rotor moves along one axis")
     fastest = in_si("fastest", fastest, "rad/s")
@@ -125,7 +126,7 @@ def stiffnesses(machine: Machine) -> list[ConstantStiffness]:
 
 
 def held(machine: Machine, pids: Sequence[PID | Gains] | None = None) -> tuple[Array, Array]:
-    """Return A at rest, and what it gains by 1 rad/s, of the rotor on its controllers."""
+    """Return A at standstill, and its change per 1 rad/s, of the rotor with its controllers."""
     of, q2 = continuous(machine), 2 * len(machine.positions)
     A, spin = of.A[:q2, :q2], of.spin[:q2, :q2]
     pids = pids or holding(machine).pids
@@ -141,7 +142,7 @@ def held(machine: Machine, pids: Sequence[PID | Gains] | None = None) -> tuple[A
 
 
 def _apart(machine: Machine, A: Array) -> Array:
-    """What tells whirls that nothing else does: of one frequency, as of a symmetric rotor."""
+    """Return a perturbation that separates whirls of equal frequency, as of a symmetric rotor."""
     # Gyroscopics that change a frequency by some 1e-9.
     at, n = {name: k for k, name in enumerate(machine.positions)}, len(machine.positions)
     least = np.zeros_like(A)
@@ -154,7 +155,7 @@ def _apart(machine: Machine, A: Array) -> Array:
 
 
 def _goes_forwards(shapes: NDArray[np.complex128], machine: Machine) -> NDArray[np.bool_]:
-    """Return whether modes (q, modes) go from x to y, by their angular momentum."""
+    """Return whether modes (q, modes) whirl from x to y, by their angular momentum."""
     at = {name: k for k, name in enumerate(machine.positions)}
     pairs = [(name, f"{name[:-1]}y") for name in at if name.endswith("x")]
     turns = sum(
@@ -173,7 +174,7 @@ def _goes_along(shapes: NDArray[np.complex128], machine: Machine) -> NDArray[np.
 def followed(
     after: Sequence[NDArray[np.complex128]] | NDArray[np.complex128], result: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Return poles in the order of those after, each next to where its path leads."""
+    """Return poles in the order of the preceding ones, each next to its extrapolated path."""
     from scipy.optimize import linear_sum_assignment
 
     ahead = after[0] if len(after) < 2 else 2 * after[0] - after[1]

@@ -1,1 +1,1 @@
-"""What the commands decide, as Python: who is asked, tuned, judged on what."""
+"""Workflows behind the commands: identify, train, tune, design, simulate, filter, compare."""

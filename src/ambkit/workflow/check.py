@@ -1,4 +1,4 @@
-"""What a file is, and all that is wrong with it; and the presets, as files like it."""
+"""Recognition and checking of files, and the presets."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from ambkit.models.plant_parts import in_words
 from ambkit.result.result import Document
 from ambkit.simulation.scenario import Scenario, by_axis
 
-STUDIED = 2  #: Runs in which the default filter of a machine is judged.
+STUDIED = 2  #: Simulated runs on which the default filter of a machine is judged.
 
-#: Short names of the TOML files that are no machines.
+#: Short names of the kinds of TOML file other than machines.
 SHORT = {"map": "channel map", "force": "channels of a force map"}
 
 
@@ -88,7 +88,7 @@ def documents() -> dict[str, Any]:
 
 
 def kind_of_toml(path: str | os.PathLike[str]) -> str:
-    """Return the kind of description that shares most keys with a file."""
+    """Return the kind of document that shares most keys with a file."""
     text = files.read_text(path)
     toml = toml_text.parse(text)
     if toml.data is None:
@@ -112,20 +112,20 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
 
 @dataclass(frozen=True)
 class Inspection:
-    """What a file turned out to be."""
+    """The kind of a file, and its problems."""
 
-    about: str  #: What it holds, in a few words; empty where it is not valid.
-    problems: tuple[str, ...] = ()  #: All that is wrong, each with its place.
-    remarks: tuple[str, ...] = ()  #: What is odd about a record, and may be right.
+    about: str  #: Summary of its content; empty if it is invalid.
+    problems: tuple[str, ...] = ()  #: All errors, each with its place.
+    remarks: tuple[str, ...] = ()  #: Anomalies of a record that may be legitimate.
     path: Path = Path()  #: The file.
-    #: ``"machine"``, ``"scenario"``, ``"study"``, ``"filter"``,
-    #: ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``;
-    #: ``"file"`` where that cannot be told.
+    #: ``"machine"``, ``"scenario"``, ``"study"``, ``"filter"``, ``"channel map"``, ``"expert"``,
+    #: ``"record"``, ``"lift-off points"``, ``"measured force"``; ``"file"`` if it is not
+    #: recognised.
     kind: str = "file"
 
     @property
     def ok(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether there are no problems."""
         return not self.problems
 
 
@@ -140,7 +140,7 @@ def checked(
     channel_map: str | os.PathLike[str] | None = None,
     machine: Machine | None = None,
 ) -> Document:
-    """Check files, and report what each is and all that is wrong with it."""
+    """Check files, and report the kind and all problems of each."""
     results = [inspect(path, channel_map, machine) for path in paths]
     data = [
         {"file": str(item.path), "kind": item.kind, "ok": item.ok, "about": item.about,
@@ -161,7 +161,7 @@ def inspect(
     channel_map: str | os.PathLike[str] | None = None,
     machine: Machine | None = None,
 ) -> Inspection:
-    """Find out what a file is by what it holds, and check it; a preset is its file."""
+    """Recognise a file by its content and check it; the name of a preset stands for its file."""
     path = presets.path(str(path)) if str(path) in presets.names() else Path(path)
     kind = "file"
     try:
@@ -194,7 +194,7 @@ def _recognise(
 
 def _unknown(path: Path) -> Inspection:
     if not path.exists():
-        load_machine(path)  # raises, with the presets that there are
+        load_machine(path)  # raises, and lists the presets
     known = f".toml, .json, {', '.join(ENDINGS[:-1])} and {ENDINGS[-1]}"
     raise AmbkitError(f"{path}: unknown kind of file; known: {known}")
 
@@ -212,7 +212,7 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Inspec
         result.check(str(path))
         return Inspection(f"{result.name}, {result.geometry.type}")
     if kind == "filter":
-        made = result.make()  # what only the whole tells: starts, options, the magnet's file
+        made = result.make()  # building it reveals errors of starts, options and the magnet's file
         judged = judge_adequacy(made, machine)
         fatal = sentences([item for item in judged if item.fatal])
         others = [text for text in sentences(judged) if text not in fatal]
@@ -243,7 +243,7 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Inspec
 
 
 def _default_filter(machine: Machine) -> str:
-    """Return how the filter that a machine gets by default does in simulation."""
+    """Return the performance of the default filter in simulation."""
     from ambkit.judge.comparison.default_study import score_defaults
 
     try:
@@ -253,7 +253,7 @@ def _default_filter(machine: Machine) -> str:
 
 
 def _of_signals(scenario: Any) -> str:
-    """Say of which type the signals of a scenario are."""
+    """Return the types of a scenario's signals."""
     descriptions = [
         f"{what} {item.type} {axis}".strip()
         for what in ("reference", "disturbance") for axis, item in by_axis(scenario, what, "")
@@ -286,7 +286,7 @@ def _kind_of_table(path: Path, machine: Machine | None) -> tuple[str, Callable[[
 
 
 def _perhaps_a_force(path: Path) -> list[str]:
-    """Say how a measured force is read, of a table of three or four columns without a time."""
+    """Suggest the measured-force format for a table of three or four columns without time."""
     import numpy as np
 
     try:
@@ -318,7 +318,7 @@ def _describe_force(path: Path, channels: str | os.PathLike[str] | None = None) 
 
 
 def _lost(missing: Mapping[str, int]) -> str:
-    """Say how many samples each signal lacks; in one number where all lack as many."""
+    """Return the number of missing samples per signal, as one number if it is the same for all."""
     counts = set(missing.values())
     if len(counts) == 1 and len(missing) > 1:
         (count,) = counts
@@ -362,7 +362,7 @@ def _describe_record(
 
 
 def preset_listing() -> Document:
-    """Return the names of all presets, and what each is."""
+    """Return the names of all presets, each with a description."""
     machines = map(Machine.preset, presets.names())
     data: list[dict[str, Any]] = [
         {"name": item.name, "description": item.description, "source": item.source,

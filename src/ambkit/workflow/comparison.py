@@ -1,4 +1,4 @@
-"""Filters that a user names, compared."""
+"""Comparison of filters."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ NOTES = logging.getLogger("ambkit")
 
 
 def tuned_filters(result: Study) -> dict[str, Estimator]:
-    """Return the filters that a comparison tuned, each with where its numbers are from."""
+    """Return the filters tuned by a comparison, each with the origin of its parameters."""
     if not result.tuned:
         raise AmbkitError("nothing was tuned: budget must be greater than 0")
     origin = made_by(
@@ -66,7 +66,7 @@ def tuned_filters(result: Study) -> dict[str, Estimator]:
 
 
 def adequacy_of(result: Study) -> dict[str, list[Finding]]:
-    """Return by kind whether the filters that a comparison tuned may fly."""
+    """Return by kind whether the filters tuned by a comparison are adequate."""
     if not result.tuned:
         return {}
     return {
@@ -76,7 +76,7 @@ def adequacy_of(result: Study) -> dict[str, list[Finding]]:
 
 
 def save_filters(result: Study, folder: str | os.PathLike[str]) -> dict[str, str]:
-    """Write the filters that a comparison tuned, a file for each kind: ``FOLDER/KIND.toml``."""
+    """Write the filters tuned by a comparison, one file per kind: ``FOLDER/KIND.toml``."""
     made, known, machine = tuned_filters(result), result.machine, result.machine_file
     place = files.make_folder(folder)
     if machine is None and preset_of(known) is None:
@@ -103,7 +103,7 @@ def in_case(
     machine: Machine, filter: Any, case: Any, *, plant: Any, spread: Any, budget: int, seeds: range,
     robustness: bool, source: Any, done: Done,
 ) -> Study | Benches:  # fmt: skip
-    """Compare filters in a case, or in all of them."""
+    """Compare filters in one case, or in all."""
     cases = _cases(machine, case, plant, in_si("spread", spread, "1"))
     mapping = isinstance(filter, Mapping)
     several = [] if mapping else names_in(Estimator, type, filter=filter)
@@ -131,7 +131,7 @@ def in_case(
 
 
 def _cases(machine: Machine, case: Any, plant: Any, spread: float | None) -> dict[str, Case]:
-    """Return one case or all, by name, with a plant and tolerances of the user's."""
+    """Return one case or all, by name, with the user's plant and tolerances."""
     of_type(str, Case, case=case)
     if isinstance(case, Case):
         cases = {case.name: case}
@@ -165,7 +165,7 @@ def in_loops(
 
 
 def _with_files(filter: Sequence[Any]) -> tuple[list[str], dict[str, str]]:
-    """Return the names of kinds and classes, and the files that kinds ask of their magnet."""
+    """Return the names of kinds and classes, and the files that kinds need for their magnet."""
     names: list[str] = []
     files: dict[str, str] = {}
     for item in map(os.fspath, filter):
@@ -178,17 +178,18 @@ def _with_files(filter: Sequence[Any]) -> tuple[list[str], dict[str, str]]:
 
 
 HEIGHTS = (0.1, 0.3, 0.5)
-"""Steps of the reference in travels, of loops where nobody says what happens."""
+"""Default steps of the reference, over the clearance."""
 
 
 @dataclass(frozen=True)
 class LoopCase:
-    """What happens to the loops that are compared."""
+    """Scenario of a closed-loop comparison."""
 
-    scenario: Scenario  #: The run; its seed is replaced.
-    #: Step of the reference [m]; None where it is the user's own scenario, without one.
+    scenario: Scenario  #: Scenario, without its seed.
+    #: Step of the reference [m]; None for a scenario of the user.
     step: float | None = None
-    load: float | None = None  #: Load after half of the run [N], if one was put in.
+    #: Step of the disturbance force at half of the run [N], if there is one.
+    load: float | None = None
 
 
 def loop_cases(
@@ -200,7 +201,7 @@ def loop_cases(
     duration: Given | None = None,
     name: str = "scenario",
 ) -> dict[str, LoopCase]:
-    """Return what happens, by name: the user's own scenario, or a step of each height."""
+    """Return the cases by name: the user's scenario, or a step of each height."""
     load = in_si("load", load, "N")
     heights: list[float | None] = [None]
     if steps is not None:
@@ -210,7 +211,7 @@ def loop_cases(
     results = {}
     for height in heights:
         run = scenario_for(machine, scenario, duration=duration, step=height, load=load)
-        if run.feedback is None:  # each closes its own loop
+        if run.feedback is None:  # each filter closes its own loop
             run = run.fed("estimate")
         at = name if height is None else engineering(height, "m", digits=4)
         results[at] = LoopCase(run, height, load)
@@ -219,17 +220,17 @@ def loop_cases(
 
 @dataclass(frozen=True, repr=False)
 class LoopScores(Result):
-    """Estimators, each in its own loop, over the same seeds."""
+    """Scores of estimators, each in its own loop, over the same seeds."""
 
-    machine: Machine  #: The plant, and what the estimators know.
-    loop_cases: Mapping[str, LoopCase]  #: What happened, by name.
-    #: By the same names, and by estimator.
+    machine: Machine  #: Plant, and prior of the estimators.
+    loop_cases: Mapping[str, LoopCase]  #: The cases by name.
+    #: Scores by case and estimator.
     scores: Mapping[str, Mapping[str, Score]]
-    seeds: range  #: Of the runs.
+    seeds: range  #: Seeds of the runs.
 
     @property
     def steps(self) -> list[float] | None:
-        """Height of the step of each [m]; None of the user's own scenario."""
+        """Step height of each case [m]; None for a scenario of the user."""
         heights = [of.step for of in self.loop_cases.values() if of.step is not None]
         return heights if len(heights) == len(self.loop_cases) else None
 

@@ -1,4 +1,4 @@
-"""From a machine and its logs to what flies: identified, tuned, judged, exported; resumable."""
+"""From a machine and its logs to exported C: identify, tune, assess, export; resumable."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ from ambkit.workflow.identified_toml import annotated_toml
 from ambkit.workflow.identify import identify
 from ambkit.workflow.tune import BUDGET, RUNS
 
-DIGITS = 3  #: Of the gains that are written down.
+DIGITS = 3  #: Significant digits of the gains in the scenario file.
 
 
 def control_for(machine: Machine) -> Control:
-    """The default controllers of a machine that an estimate feeds, as they are written down."""
+    """Return the default controllers for estimate feedback, rounded as in the scenario file."""
     result = default_control(machine, "estimate")
     if not result.held:
         raise AmbkitError(result.summary)
@@ -74,7 +74,7 @@ def control_for(machine: Machine) -> Control:
 
 
 def objections_to_loop(loop: AssessedLoop, peak_limit: float | None) -> Sequence[str]:
-    """Return what speaks against flying a loop."""
+    """Return the reasons against using a loop."""
     if not loop.stable:
         return ["the loop is not stable"]
     if zone_of(loop.peak) != "A":
@@ -85,7 +85,7 @@ def objections_to_loop(loop: AssessedLoop, peak_limit: float | None) -> Sequence
 
 
 KINDS_TRIED = ("linear", "extended", "adaptive")
-"""Who is tried where nobody says it: without, with the exact, and with a learned stiffness."""
+"""Default kinds: constant, exact and learned stiffness."""
 
 
 @one_thread()
@@ -107,7 +107,7 @@ def design(
     budget: int = BUDGET,
     note: Callable[[str], None] = lambda _text: None,
 ) -> Design:
-    """Go from what is known of a machine, and its logs, to what flies, as C."""
+    """Design controllers and a filter for a machine from its logs, and export them as C."""
     of_type(Machine, machine=machine)
     if free is not None and not (logs and machine.single):
         raise AmbkitError(
@@ -161,7 +161,7 @@ def _assessed(
     machine: Machine, kind: str, filter: Estimator, control: Control, place: Path,
     note: Callable[[str], None],
 ) -> Assessment:  # fmt: skip
-    """Assess a loop; of a stable one write the verdict, over speed too where the rotor turns."""
+    """Assess a loop; write the verdict of a stable one, over the speed range if the rotor spins."""
     loop = loop_arguments(machine, {kind: filter}, control)
     assessed = assess(loop)
     if not assessed.loops[kind].stable:
@@ -188,7 +188,7 @@ FILES = {
 
 
 class _Work:
-    """The stages of a design, and what they found."""
+    """The stages of a design and their results."""
 
     def __init__(
         self, machine: Machine, logs: Sequence[Any], validate: Sequence[Any], channels: Any,
@@ -203,7 +203,7 @@ class _Work:
         self.sources = [files.sha256(path) for path in read]
 
     def identify(self, free: Sequence[str] | None) -> None:
-        """Identify a single axis from its logs; others stay as they were given."""
+        """Identify an isolated axis from its logs; machines of several axes stay as described."""
         if not (self.logs and self.given.single):
             self.given.save(self.place / "machine.toml")
             return
@@ -229,7 +229,7 @@ class _Work:
         self.notes = tuple(read_json(self.place / "identified.json")["notes"])
 
     def choose_controllers(self) -> Control:
-        """Return the controllers, which are written down."""
+        """Return the controllers, after writing them to the folder."""
         self.note("choosing the controllers")
         path = self.place / "scenario.toml"
         self.stages.make(
@@ -240,7 +240,7 @@ class _Work:
 
     @cached_property
     def records(self) -> tuple[list[Record], list[Record]]:
-        """The logs, and those to judge by."""
+        """The logs for tuning, and those for validation."""
         channels = self.channels
         if channels is not None and self.inputs is not None:
             channels = ChannelMap.load(channels).with_inputs(self.inputs)
@@ -250,7 +250,7 @@ class _Work:
         return logs, others
 
     def tune(self, kind: str, control: Control, **options: Any) -> None:
-        """Tune a kind in the loop, and write it down."""
+        """Tune a kind in the loop and write its file."""
         self.note(f"tuning the {kind} filter")
         name, place = f"candidates/{kind}.toml", self.place
 
@@ -275,7 +275,7 @@ class _Work:
         )  # fmt: skip
 
     def judge(self, kind: str, seed: int) -> None:
-        """Judge a filter that was tuned on records by simulated truth."""
+        """Judge a filter that was tuned on records in simulation."""
         place, name = self.place, f"candidates/{kind}.judged.json"
         if not self.logs:
             return

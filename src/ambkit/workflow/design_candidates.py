@@ -1,4 +1,4 @@
-"""The filters that a design tries: how each is judged, who flies, and what speaks against it."""
+"""The candidate filters of a design: evaluation, selection, objections."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from ambkit.workflow.tune import Tuned, tune
 from ambkit.workflow.tuning import default_disturbance
 from ambkit.workflow.tuning_tasks import JUDGED, RAW, By
 
-STATE = "design.json"  #: What was made from what, in the folder of a design.
+STATE = "design.json"  #: File with the inputs and outputs of all stages, in the folder of a design.
 
 
 class Stages:
-    """What was made from what in a folder, so that nothing is made twice."""
+    """Inputs and outputs of the stages in a folder, so that no stage runs twice."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -50,7 +50,7 @@ class Stages:
     def make(
         self, name: str, made_from: Sequence[Any], written: Sequence[str], make: Callable[[], None]
     ) -> None:
-        """Run a stage, unless its files are there and are what they were made into."""
+        """Run a stage unless its outputs exist and its inputs are unchanged."""
         text = escaping.json_text([version("ambkit"), *made_from])
         key = hashlib.sha256(text.encode()).hexdigest()
         before = self.known.get(name, {})
@@ -71,15 +71,16 @@ def write_json(path: Path, data: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read what `write_json` wrote."""
+    """Read a file written by `write_json`."""
     try:
         return json.loads(files.read_text(path))
     except json.JSONDecodeError as error:
         raise AmbkitError(f"{path}:{error.lineno}: is not what ambkit wrote; remove it") from None
 
 
-RUNS = 20  #: Simulated runs that a filter is judged in.
-FAR_FROM_BOUND = 0.8  #: A filter whose position is this far from the bound is not exported unasked.
+RUNS = 20  #: Simulated runs for the evaluation of a filter.
+#: Efficiency of the position estimate below which a filter is not exported without ``force``.
+FAR_FROM_BOUND = 0.8
 
 AS_LIKELY = 3e-3
 """Difference of log likelihood a sample within which the records do not tell two filters apart."""
@@ -91,32 +92,32 @@ records and of those tuned on simulated runs."""
 
 @dataclass(frozen=True)
 class TunedCandidate:
-    """A tuned filter, and how it did."""
+    """A tuned filter and its evaluation."""
 
-    kind: str  #: Of the filter.
-    file: Path  #: The filter.
-    kept: bool  #: Whether tuning was of use.
-    by: By  #: What it was tuned by.
-    unseen: Mapping[str, float]  #: Figures on data that it was not tuned on, see `Tuned`.
+    kind: str  #: Kind of filter.
+    file: Path  #: Filter file.
+    kept: bool  #: Whether the tuned filter was better than the untuned one.
+    by: By  #: Criterion of the tuning.
+    unseen: Mapping[str, float]  #: Figures on validation data, see `Tuned`.
     #: Root mean square errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] over all axes in simulated
-    #: runs; of a filter tuned on records with the noise that it assumes, under a step of `load`.
+    #: runs with a step of `load`, for a filter tuned on records with the noise it assumes.
     errors: Mapping[str, float]
-    raw: float  #: What the sensors err by in such runs [m].
-    #: Error of the position [m] that filters are told apart by: where the force wanders as a filter
-    #: assumes, whatever process noise it was tuned to.
+    raw: float  #: Rms error of the sensors in these runs [m].
+    #: Position error [m] by which filters are compared, under a random walk of the force with the
+    #: assumed intensity.
     wandering: float
-    #: Bound of the position's error over that error; 1 is what nobody exceeds. NaN of a filter
-    #: tuned on simulated runs, whose load is no random walk.
+    #: Bound of the position error over that error, at most 1. NaN for a filter tuned in simulation,
+    #: whose disturbance is no random walk.
     efficiency: float = math.nan
-    #: Peak of abs(S) in the loop with the design's controllers [1]; NaN where it cannot be told.
+    #: Peak of abs(S) in the loop with the design's controllers [1]; NaN if undetermined.
     peak: float = math.nan
-    #: Step of the disturbance force in these runs [N]: half the load capacity, or less where the
-    #: rotor met a stop.
+    #: Step of the disturbance force in these runs [N]: half of the load capacity, or less if the
+    #: rotor touched a stop.
     load: float = math.nan
 
 
 def tuned_within(peak_limit: float | None, *arguments: Any, **options: Any) -> Tuned:
-    """Tune a filter below a ceiling on the peak of abs(S), or as near to it as one comes."""
+    """Tune a filter with a limit on the peak of abs(S), or as close to it as possible."""
     try:
         return tune(*arguments, max_sensitivity=peak_limit, **options)
     except OutOfReachError as error:
@@ -128,14 +129,14 @@ def exported_filter(
     plant: Machine, place: Path, folder: str, precision: str, prefix: str | None,
     run: Scenario | None = None,
 ) -> CExport:  # fmt: skip
-    """Return the design's filter as C, with a run its controllers too; it is judged before."""
+    """Return the design's filter as C, with its controllers if there is a scenario."""
     file = FilterFile.load(place / "filter.toml")
     filter = file.make(precision="float64" if precision == "double" else "float32")
     return export_c(plant, filter, place / folder, prefix=prefix, force=True, scenario=run)
 
 
 def of_tuning(tuned: Tuned) -> dict[str, Any]:
-    """Return what is kept of a filter's tuning, as plain data."""
+    """Return the results of a tuning that a design keeps, as plain data."""
     pair_index = 1 if tuned.kept else 0
     validation = {name: pair[pair_index] for name, pair in tuned.unseen.items()}
     return {
@@ -148,9 +149,9 @@ def of_tuning(tuned: Tuned) -> dict[str, Any]:
 
 
 def judged(path: Path, seed: int) -> dict[str, Any]:
-    """Judge a filter in runs of its own machine, with noise as it assumes it."""
-    # Its errors are those under a step of the stated disturbance force; its efficiency, for which
-    # there is a bound, is that with a load that wanders as it assumes.
+    """Evaluate a filter in simulated runs of its own machine, with the noise it assumes."""
+    # The errors are those under a step of the disturbance force; the efficiency, for which there is
+    # a bound, that under a random walk with the assumed intensity.
     file = FilterFile.load(path)
     made = file.make()
     usual, view = made.variances, made.view
@@ -171,7 +172,7 @@ def judged(path: Path, seed: int) -> dict[str, Any]:
 
 
 def _with_noise(machine: Machine, variances: Variances) -> Machine:
-    """Return a machine with the noise that a filter assumes, of each sensor and amplifier."""
+    """Return a machine with the noise of each sensor and amplifier that a filter assumes."""
     R = {r.sensor.name: v for r, v in _reversed(machine.readings, variances.measurement)}
     Q = {axis.bearing.name: v for axis, v in _reversed(machine.axes, variances.control)}
     sensors = [s.model_copy(update={"noise_variance": R[s.name]}) for s in machine.sensors]
@@ -185,13 +186,13 @@ def _with_noise(machine: Machine, variances: Variances) -> Machine:
 
 
 def _reversed(of: Sequence[Any], values: Any) -> list[tuple[Any, float]]:
-    """Return readings or axes with their values, the last first."""
+    """Return readings or axes with their values, in reverse order."""
     return list(zip(of, several(values), strict=True))[::-1]
 
 
 def _under_a_load(plant: Machine, file: FilterFile, seed: int) -> tuple[float, dict[str, float]]:
-    """Return the stated load [N], and a filter's errors under a step of it."""
-    # Where the rotor meets a stop in each run it is a half, a quarter, an eighth of that.
+    """Return the step of the disturbance force [N], and a filter's errors under it."""
+    # The step is halved up to three times if the rotor touches a stop in every run.
     load = STEP * min(load_capacity(plant))
     first = round(SETTLING * slowest_time(plant) / plant.sampling_time)
     for share in (1.0, 0.5, 0.25, 0.125):
@@ -204,12 +205,12 @@ def _under_a_load(plant: Machine, file: FilterFile, seed: int) -> tuple[float, d
 
 
 def candidate_in(place: Path, kind: str) -> TunedCandidate:
-    """Return a candidate as its files in a folder have it."""
+    """Return the candidate that the files in a folder describe."""
     tuning = read_json(place / f"candidates/{kind}.json")
     validation = tuning["unseen"]
     if tuning["by"] == "likelihood":
         result = read_json(place / f"candidates/{kind}.judged.json")
-    else:  # it was judged by simulated truth when it was tuned
+    else:  # evaluated in simulation when it was tuned
         errors = {signal: validation[f"error of {signal}"] for signal in SIGNALS}
         result = {"errors": errors, "raw": validation[RAW], "wandering": errors["x"]}
     peak = math.nan if tuning["peak"] is None else tuning["peak"]
@@ -220,8 +221,8 @@ def candidate_in(place: Path, kind: str) -> TunedCandidate:
 
 
 def best_of(candidates: Sequence[TunedCandidate]) -> TunedCandidate:
-    """Return the least error among the likeliest on validation records; of equals the simplest."""
-    # Where a rotor hardly moves, its records do not tell the kinds apart; simulated truth does.
+    """Return the best among the likeliest on validation records; among equals the simplest."""
+    # Records of a rotor that hardly moves do not distinguish the kinds; simulation does.
     order = list(KINDS)
     if candidates[0].by == "truth":
         least = min(c.unseen[JUDGED["truth"]] for c in candidates)
@@ -236,7 +237,7 @@ def best_of(candidates: Sequence[TunedCandidate]) -> TunedCandidate:
 
 
 def objections_to(chosen: TunedCandidate) -> list[str]:
-    """Return what speaks against flying a candidate."""
+    """Return the reasons against using a candidate."""
     objections = []
     if not chosen.wandering < chosen.raw:
         error, sensor = (engineering(v, "m", digits=3) for v in (chosen.wandering, chosen.raw))
@@ -252,6 +253,6 @@ def objections_to(chosen: TunedCandidate) -> list[str]:
 
 
 def adequacy_of(chosen: TunedCandidate, run: Scenario) -> list[Finding]:
-    """Return whether a candidate may fly, with NIS on records that it was not tuned on."""
+    """Return whether a candidate is adequate, with NIS on validation records."""
     made = FilterFile.load(chosen.file).make()
     return judge_adequacy(made, None, run, chosen.unseen.get("nis", math.nan))

@@ -1,4 +1,4 @@
-"""What a design came to: controllers and a filter to fly, and why."""
+"""Result of a design: controllers and filter, with reasons."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ UNITS = {"kp": "A/m", "ki": "A/(m s)", "kd": "A s/m", "derivative_filter": "s", 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Result):
-    """Controllers and a filter to fly, and why."""
+    """Controllers and filter of a design, with reasons."""
 
-    folder: Path  #: Where all of it lies.
-    machine: Machine  #: The machine, as the records tell it where it was identified.
-    control: Control  #: The controllers, with all their gains.
-    candidates: tuple[TunedCandidate, ...]  #: Who was tried.
-    chosen: TunedCandidate  #: Who is to fly.
-    #: The loop with it, and the one with the same controllers on the measurement.
+    folder: Path  #: Output folder.
+    machine: Machine  #: Machine, as identified if there were logs of its axis.
+    control: Control  #: Controllers, with all gains.
+    candidates: tuple[TunedCandidate, ...]  #: Candidate filters.
+    chosen: TunedCandidate  #: Selected candidate.
+    #: Loop with the selected filter, and loop with the same controllers on the measurement.
     assessed: Assessment
-    overshoot: float  #: Of a step of a reference, of all axes the greatest [1].
-    objections: tuple[str, ...]  #: What speaks against flying it; empty if nothing does.
-    exported: CExport | None  #: The C; None where objections kept it from being written.
-    made: Mapping[str, str]  #: Its files in the folder, and what they are.
-    remarks: tuple[str, ...] = ()  #: What is to be known of what was identified.
-    adequacy: tuple[Finding, ...] = ()  #: Whether the chosen filter may fly.
-    record: Record | None = None  #: The last log.
+    overshoot: float  #: Largest overshoot of a reference step over all axes [1].
+    objections: tuple[str, ...]  #: Objections to using it; empty if there are none.
+    exported: CExport | None  #: The exported C; None if objections prevented it.
+    made: Mapping[str, str]  #: Files in the folder, with descriptions.
+    remarks: tuple[str, ...] = ()  #: Remarks on the identified parameters.
+    adequacy: tuple[Finding, ...] = ()  #: Whether the selected filter is adequate.
+    record: Record | None = None  #: Last log.
 
     @property
     def passed(self) -> bool:
@@ -61,7 +61,7 @@ class Design(Result):
 
     @property
     def loop(self) -> AssessedLoop:
-        """The loop with the chosen filter."""
+        """The loop with the selected filter."""
         return self.assessed.loops[self.chosen.kind]
 
     TITLE = "A filter for {0.machine.name}"
@@ -185,7 +185,7 @@ def _of_candidate(of: TunedCandidate) -> list[Row]:
 def design_figure(
     names: Sequence[str], errors: Sequence[Mapping[str, float]], raw: float, title: str
 ) -> Figure:
-    """Show the errors of the filters that were tried, beside those of the raw sensor."""
+    """Plot the errors of the candidate filters beside that of the raw sensor."""
 
     def bars(signal: str) -> list[Item]:
         return [Bars(names, np.array([error[signal] for error in errors]), label="")]

@@ -23,7 +23,7 @@ from ambkit.simulation.scenario import Reference, Scenario
 from ambkit.simulation.waveforms import Sequence as Steps
 from ambkit.workflow.tuning import in_units, tune_disturbance
 
-HEALTHY = 0.25  #: Share of a record that its process noise is tuned on.
+HEALTHY = 0.25  #: Share of a record used to tune the process noise.
 MOVED = 0.1  #: Steps of the reference, over the clearance.
 
 
@@ -42,7 +42,7 @@ def diagnosed(record: Any, filter: Any, machine: Any, channels: Any, window: Any
 
 
 def _filter(filter: Any, plant: Machine, log: Record) -> tuple[Any, list[str]]:
-    """Return the filter; its process noise by the record's begin, where no file states it."""
+    """Return the filter; without a file its process noise is tuned on the start of the record."""
     (build,) = factories([filter], plant).values()
     if isinstance(build, FromFile | FromObject):
         return build(), []
@@ -59,7 +59,7 @@ def _filter(filter: Any, plant: Machine, log: Record) -> tuple[Any, list[str]]:
 
 
 def distinguished(machine: Any, filter: Any) -> Distinction:
-    """Return what can be distinguished, on simulated runs of a healthy machine."""
+    """Return which faults can be distinguished, from simulated runs of a healthy machine."""
     plant = machine_argument(machine)
     isolation = None
     sizes = {}
@@ -78,14 +78,14 @@ def distinguished(machine: Any, filter: Any) -> Distinction:
 
 
 def _to_a_search(scenario: Scenario, isolation: FaultIsolation) -> Scenario:
-    """Return a scenario that ends with a search."""
+    """Return a scenario that ends at an evaluation."""
     T = isolation.kalman.machine.sampling_time
     searches = math.ceil(scenario.duration / T / isolation.every)
     return scenario.replace(duration=(searches * isolation.every - 1) * T)
 
 
 def _scenario(plant: Machine, share: float) -> Scenario:
-    """Return a run in which each axis steps to and fro, another one later."""
+    """Return a scenario in which each axis steps to and fro, one after another."""
     own, T = max(map(own_time, isolated_axes(plant))), plant.sampling_time
     period = window_of(plant) * T / 3
     duration = max(4000 * T, 60 * own, 12 * period)

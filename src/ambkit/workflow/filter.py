@@ -1,4 +1,4 @@
-"""Estimators along a record: what was found."""
+"""Results of estimators along a record."""
 
 from __future__ import annotations
 
@@ -21,37 +21,38 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 from ambkit.rotordynamics.harmonics import Harmonic
 
-HORIZONS = (1, 10)  #: Steps ahead that are predicted.
+HORIZONS = (1, 10)  #: Prediction horizons in samples.
 ESTIMATORS = ("estimators",)  #: Section of its rows.
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """The stretch of a record that filters are tuned on; they are judged on what comes after."""
+    """The part of a record on which filters are tuned; the rest judges them."""
 
-    start: float  #: From the record's first sample on [s].
+    start: float  #: Start and end, from the record's first sample [s].
     stop: float
-    #: Nobody asked for it: the tuning is kept only if it fits the rest better than the untuned.
+    #: Whether it is the default: the tuning is then kept only if it fits the rest better.
     by_itself: bool
 
 
 @dataclass(frozen=True)
 class TunedNoise:
-    """What tuning gave, and what speaks for it."""
+    """Tuned process noise, and how it was chosen."""
 
-    found: FilterNoise  #: As the stretch makes it most likely, and with `default_disturbance`.
+    found: FilterNoise  #: Intensities of maximum likelihood and of `default_disturbance`.
     untuned: FilterNoise
-    why: str  #: Why it is that, where the stretch does not single one out; else empty.
+    why: str  #: Reason for the choice if the likelihood does not determine it; else empty.
     worse: bool  #: Whether the rest of the record is less likely with it than untuned.
-    kept: bool  #: Whether the filter took it nevertheless: it was asked for.
+    #: Whether the filter uses it although it is less likely, because the user requested tuning.
+    kept: bool
 
 
 @dataclass(frozen=True)
 class OutsideOperatingRange:
-    """How often an expert was asked beyond the box that it was trained for."""
+    """Operation of an expert outside its training range."""
 
-    share: float  #: Of the samples.
-    #: Of each direction: the ends of the box [A] or [m], and the share beyond them.
+    share: float  #: Share of the samples [1].
+    #: For current and displacement: ends of the range [A] or [m], and the share of samples beyond.
     current: tuple[float, float, float]
     displacement: tuple[float, float, float]
 
@@ -60,16 +61,16 @@ class OutsideOperatingRange:
 class Filtered:
     """One estimator along a record."""
 
-    name: str  #: Of the estimator.
-    noise: FilterNoise  #: What it assumes in the end.
-    evaluation: Evaluation  #: How well the two fit, with its estimate.
-    tuning: TunedNoise | None = None  #: None where nothing was tuned.
-    smoothed: Estimate | None = None  #: Each sample estimated from the whole record, if asked for.
-    #: By axis, where an expert is asked beyond its box in more than a hundredth of the samples.
+    name: str  #: Kind of filter.
+    noise: FilterNoise  #: Its final noise parameters.
+    evaluation: Evaluation  #: Evaluation of the estimate.
+    tuning: TunedNoise | None = None  #: None if nothing was tuned.
+    smoothed: Estimate | None = None  #: Smoothed estimate, if requested.
+    #: By axis, where more than one per cent of the samples lie outside the expert's training range.
     outside: Mapping[str, OutsideOperatingRange] = field(default_factory=dict)
-    #: Of multiple models, the outermost that it takes for true in most samples; else None.
+    #: Outermost of multiple models, if it is the likeliest in most samples; else None.
     outermost: float | None = None
-    #: What it says of unbalance and runout at the end of the record.
+    #: Unbalance and runout at the end of the record.
     turning: Sequence[Harmonic] = ()
 
 
@@ -77,18 +78,18 @@ class Filtered:
 class Filtering(Result):
     """Estimators along a record."""
 
-    machine: Machine  #: What they assume.
-    record: Record  #: What they filtered: of lift-off and landing what lies between.
-    stretch: Stretch | None  #: What they were tuned on.
-    settling: float  #: Time at the start that does not count [s].
-    estimators: Mapping[str, Filtered]  #: By name.
-    source: str = ""  #: File of the record.
-    #: By estimator, what speaks against it; empty where that was not judged.
+    machine: Machine  #: Machine that they assume.
+    record: Record  #: Filtered part of the record: levitation only.
+    stretch: Stretch | None  #: Part used for tuning.
+    settling: float  #: Initial time excluded from the evaluation [s].
+    estimators: Mapping[str, Filtered]  #: Results by estimator.
+    source: str = ""  #: Record file.
+    #: Objections by estimator; empty if it was not judged.
     adequacy: Mapping[str, Sequence[Any]] = field(default_factory=dict)
-    remarks: Sequence[str] = ()  #: Where filters and record do not belong together.
+    remarks: Sequence[str] = ()  #: Warnings about mismatches of filter and record.
 
     def __getitem__(self, name: str) -> Filtered:
-        """Return what became of one of the estimators."""
+        """Return the result of one estimator."""
         return self.estimators[name]
 
     @property
@@ -98,11 +99,11 @@ class Filtering(Result):
 
     @property
     def smoothed(self) -> dict[str, Estimate]:
-        """The smoothed estimates, by estimator; empty where they were not asked for."""
+        """The smoothed estimates, by estimator; empty unless requested."""
         return {n: e.smoothed for n, e in self.estimators.items() if e.smoothed is not None}
 
     def after(self, name: str) -> dict[str, Any]:
-        """What is told of a smoothed estimate: its load, and its errors against the truth."""
+        """Figures of a smoothed estimate: disturbance force, and errors against the truth."""
         estimate, t = self.smoothed[name], self.record.t
         first = int(np.argmax(t - t[0] >= self.settling))
         axes = [axis.name for axis in self.machine.axes]
@@ -114,7 +115,7 @@ class Filtering(Result):
         }
 
     def process_noise(self, noise: FilterNoise) -> Any:
-        """Assumed process noise intensity of f_d [N^2/s]; of several by their axes."""
+        """Assumed process noise intensity of f_d [N^2/s], of each axis if there are several."""
         axes, intensity = (axis.name for axis in self.machine.axes), noise.disturbance
         return (
             dict(zip(axes, intensity, strict=True)) if isinstance(intensity, tuple) else intensity
@@ -203,7 +204,7 @@ class Filtering(Result):
         return [filter_figure(self.record, self.evaluations, self.smoothed)]
 
     def to_record(self) -> Record:
-        """Return the estimates; of several estimators, each signal carries the name."""
+        """Return the estimates; with several estimators the signal names carry theirs."""
         records = {
             name: evaluation.estimate.to_record() for name, evaluation in self.evaluations.items()
         }

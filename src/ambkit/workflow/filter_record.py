@@ -1,4 +1,4 @@
-"""Filters that a user names along a record: what goes in, and what is to be said of it."""
+"""Filters along a record, with warnings."""
 
 from __future__ import annotations
 
@@ -53,17 +53,18 @@ from ambkit.workflow.tuning import (
     tune_disturbance,
 )
 
-NEAR = 0.2  #: Of the distance of two models, within which an estimated scale is one of them.
+#: Relative distance to a model, in units of the distance of two, within which a scale counts as it.
+NEAR = 0.2
 OUTSIDE = 0.01
 """An expert that is asked outside of its box in more than this part of the samples is noted."""
-AUTO = "auto"  #: Tune the intensity of the disturbance force.
+AUTO = "auto"  #: Tune the process noise intensity of the disturbance force.
 
 
 def filtered(
     record: Any, filters: Any, machine: Any, channels: Any, window: Any, *, settling: Any,
     measurement: Any, disturbance: Any, smooth: bool, done: Callable[[str], None],
 ) -> Filtering:  # fmt: skip
-    """Run the filters that a user names along a record, with remarks."""
+    """Run filters along a record, with warnings."""
     several = (
         filters.values()
         if isinstance(filters, Mapping)
@@ -111,10 +112,10 @@ def _along(
     machine: Machine, record: Record, built: Mapping[str, Factory], noise: FilterNoise,
     tune: float | None, settling: float, *, smooth: bool, done: Callable[[str], None],
 ) -> Filtering:  # fmt: skip
-    """Run filters along a record, and judge them."""
+    """Run filters along a record and judge them."""
     begin, end = in_flight(record)
     until, record = record.between(stop=end), record.between(begin, end)
-    # A filter from a file assumes what the file says.
+    # A filter file determines the machine and noise of its filter.
     fixed = {name for name, build in built.items() if isinstance(build, FromFile | FromObject)}
     tunes = noise.disturbance is None and (tune is not None or fixed < {*built})
     stretch = stretch_to_tune_on(record, tune) if tunes else None
@@ -138,8 +139,8 @@ def _along(
 
 
 def stretch_to_tune_on(record: Record, tune: float | None = None) -> Stretch | None:
-    """Return what to tune on: what was asked for, or the second quarter of a measured record."""
-    # The first quarter is often a start. Where the truth is known, nothing is tuned unasked.
+    """Return the part for tuning: the requested one, or the second quarter of a measured record."""
+    # The first quarter is often a start. By default nothing is tuned if the truth is known.
     span = float(record.t[-1] - record.t[0])
     if tune is None:
         return None if record.has_truth else Stretch(span / 4, span / 2, by_itself=True)
@@ -155,7 +156,7 @@ def _filtered(
     name: str, build: Factory, record: Record, noise: FilterNoise, stretch: Stretch | None,
     settling: float,
 ) -> tuple[Estimator, Filtered]:  # fmt: skip
-    """Return an estimator with the noise of its own or tuned, and what became of it."""
+    """Return the result of an estimator with its own or tuned noise."""
 
     def evaluated(assumed: FilterNoise) -> tuple[Estimator, Evaluation]:
         estimator = build(assumed)
@@ -179,7 +180,7 @@ def _filtered(
 
 
 def _less_likely(one: Evaluation, other: Evaluation) -> bool:
-    """Whether the measurements that count, but what both leave out, are less likely by the one."""
+    """Return whether one estimate makes the measurements that both use less likely than another."""
     samples = one.estimate.t.size
     counts = (one.estimate.used | other.estimate.used) & (
         np.arange(samples) >= samples - one.samples
@@ -189,7 +190,7 @@ def _less_likely(one: Evaluation, other: Evaluation) -> bool:
 
 
 def outermost_model(filter: Any, estimate: Estimate) -> float | None:
-    """Return the outermost of multiple models, where that is the likeliest in most samples."""
+    """Return the outermost of multiple models if it is the likeliest in most samples."""
     scales = sorted(getattr(filter, "scales", ()))
     if len(scales) < 2 or estimate.scale is None:
         return None
@@ -201,9 +202,9 @@ def outermost_model(filter: Any, estimate: Estimate) -> float | None:
 
 
 def in_flight(record: Record) -> tuple[float | None, float | None]:
-    """From when to when the magnets have currents, in a record of lift-off and landing [s]."""
-    # A rotor that lies has the touch-down bearings' forces, and magnets that are off, which no
-    # estimator is told. None and None: a record without a ``mode``, or one that never lifts.
+    """Return start and end of levitation in a record of lift-off and landing [s]."""
+    # Before and after, contact forces act and the magnets are off, which no estimator models. None
+    # and None: a record without ``mode``, or without lift-off.
     if "mode" not in record:
         return None, None
     on = np.flatnonzero(np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING)))
@@ -214,7 +215,7 @@ def in_flight(record: Record) -> tuple[float | None, float | None]:
 
 
 def _disturbance(value: Any) -> tuple[float | None, float | None]:
-    """Return the time at the start to tune on [s], and the intensity [N^2/s]; None: not given."""
+    """Return the initial time for tuning [s] and the intensity [N^2/s]; None if not stated."""
     if isinstance(value, str) and value.partition(" ")[0] == AUTO:
         time = value.partition(" ")[2].strip()
         tune = in_si("disturbance_noise", time, "s") if time else None
@@ -225,7 +226,7 @@ def _disturbance(value: Any) -> tuple[float | None, float | None]:
 
 
 def _channels(files: Mapping[str, FilterFile], channels: Any) -> ChannelMap | None:
-    """Return the map of the log, with y and u as the filters' files have them."""
+    """Return the channel map, with y and u as in the filter files."""
     if channels is None:
         return None
     known = channels if isinstance(channels, ChannelMap) else ChannelMap.load(channels)
@@ -240,7 +241,7 @@ def _channels(files: Mapping[str, FilterFile], channels: Any) -> ChannelMap | No
 
 
 def _of_tuning(one: Filtered) -> Iterator[str]:
-    """Yield what the stretch leaves open, and whether the rest of the record contradicts it."""
+    """Yield what the tuning leaves open, and whether the rest of the record contradicts it."""
     tuning = one.tuning
     if tuning is None:
         return
@@ -261,7 +262,7 @@ def _of_tuning(one: Filtered) -> Iterator[str]:
 
 
 def _warnings(result: Filtering, samples: int) -> Iterator[str]:
-    """Yield where filter and record do not belong together, or where signals are missing."""
+    """Yield mismatches of filter and record, and missing signals."""
     left = samples - len(result.record)
     if left:
         yield f"{left} samples are excluded: the mode of the record is off there"
@@ -292,7 +293,7 @@ def _warnings(result: Filtering, samples: int) -> Iterator[str]:
 
 
 def _of_the_box(name: str, outside: OutsideOperatingRange) -> str:
-    """Return how far an expert is queried beyond the box that it was trained for."""
+    """Return by axis the operation outside an expert's training range."""
     current, displacement = (
         f"{figure(low, unit, 3)} to {figure(high, unit, 3)} ({percent(share)})"
         for (low, high, share), unit in ((outside.current, "A"), (outside.displacement, "m"))
@@ -305,9 +306,9 @@ def _of_the_box(name: str, outside: OutsideOperatingRange) -> str:
 
 
 def missing_control(record: Record) -> tuple[int, int]:
-    """Return how many samples lack the control signal, and how many in a row at most."""
-    # Nobody knows what acted on the rotor then: filters hold the last value, and are less sure for
-    # a while than they say.
+    """Return the number of samples without control signal, and the longest gap."""
+    # The true input is unknown then: filters hold the last value, and understate their error for a
+    # while.
     controls = [record[n] for n in record if n.partition("_")[0] == "u"]
     lost = np.any(~np.isfinite(controls), axis=0)
     if not lost.any():
@@ -318,7 +319,7 @@ def missing_control(record: Record) -> tuple[int, int]:
 def outside_operating_range(
     estimator: Estimator, estimate: Estimate, record: Record
 ) -> dict[str, OutsideOperatingRange]:
-    """Return of each axis how often its expert was asked beyond its box, if worth a word."""
+    """Return by axis the operation outside the expert's training range, if relevant."""
     machine, result = estimator.machine, {}
     parts = zip(machine.axes, models_of(estimator.magnet), isolated_axes(machine), strict=True)
     for axis, expert, b in parts:
@@ -335,9 +336,9 @@ def outside_operating_range(
 
 
 def _outside(expert: Expert, current: Array, x: Array) -> OutsideOperatingRange:
-    """Return how often an expert was asked beyond its box, at currents [A] and positions [m]."""
+    """Return the operation outside an expert's range, at currents [A] and positions [m]."""
     box = expert.current_range, expert.displacement_range
-    # The ends may be off by a rounding; what is missing is not outside.
+    # Tolerates rounding at the ends; missing samples do not count.
     slack = [1e-9 * (high - low) for low, high in box]
     beyond = [
         (at < low - s) | (at > high + s)

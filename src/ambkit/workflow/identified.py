@@ -1,4 +1,4 @@
-"""A bearing from records of the loop: what was found, its filter, and how it does on others."""
+"""Result of an identification: parameters, filter, validation."""
 
 from __future__ import annotations
 
@@ -46,26 +46,27 @@ RAISED = made_by(
     f"least with which a step of {STEP:.0%} of the load capacity is followed in {REQUIRED:g} "
     "sqrt(m/k_s)",
 )
-"""Where a process noise is from that the records left too small."""
+"""Origin of a process noise intensity that the records bound from above only."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identified(Result):
-    """A bearing from records of the loop, with its uncertainty, and how it did on others."""
+    """A machine identified from closed-loop records, with uncertainty and validation."""
 
-    prior: Machine  #: What was known before of the axis, without what `rest` says.
-    records: Sequence[Record]  #: What it was identified from.
-    likelihood: MaximumLikelihood  #: What was found.
-    #: How it did on each of the other records; without others, on `records`.
+    prior: Machine  #: Prior of the axis, without the noise of `rest`.
+    records: Sequence[Record]  #: Records used for identification.
+    likelihood: MaximumLikelihood  #: Maximum likelihood fit.
+    #: Validation on each of the other records, or on `records` if there are none.
     validation: Sequence[Validation]
-    on_others: bool  #: Whether these are others.
-    #: (Noise or str) Noise at rest by signal, or why it cannot be seen; empty without such a
-    #: record.
+    on_others: bool  #: Whether validation used other records.
+    #: (Noise or str) Noise at standstill by signal, or why it cannot be determined; empty without
+    #: such a record.
     rest: StandstillNoise
-    structure: Structure = field(default_factory=Structure)  #: Whether the model lacks one.
-    forces: ForceMap | None = None  #: Force at the nodes of a grid, if asked for.
-    inputs: Inputs | None = None  #: What the controller reads of the log.
-    source: str = ""  #: Names of the records' files.
+    #: Test for structural errors of the model.
+    structure: Structure = field(default_factory=Structure)
+    forces: ForceMap | None = None  #: Force at the nodes of a grid, if requested.
+    inputs: Inputs | None = None  #: Inputs of the controller, as the log has them.
+    source: str = ""  #: File names of the records.
 
     def validate(self, *records: Record) -> Identified:
         """Return the identified machine, validated on other records."""
@@ -77,12 +78,12 @@ class Identified(Result):
 
     @cached_property
     def filter(self) -> Estimator:
-        """The extended filter of what was found, with the offsets of the log."""
+        """The extended filter of the identified model, with the offsets of the log."""
         return identified_filter(self, self.inputs, self.source)
 
     @cached_property
     def adequacy(self) -> list[Finding]:
-        """Whether the filter may fly."""
+        """Whether the filter is adequate."""
         return judge_adequacy(self.filter)
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
@@ -90,7 +91,7 @@ class Identified(Result):
         files.write_text(path, text)
 
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
-        """Write the filter, or the force map as far as the records show it."""
+        """Write the filter, or the part of the force map that the records determine."""
         if what == "filter":
             self.filter.save(path, machine=beside.get(".toml"))
         else:
@@ -106,12 +107,12 @@ class Identified(Result):
 
     @property
     def isolated(self) -> Machine:
-        """The isolated axis with the values that were found."""
+        """The isolated axis with the identified values."""
         return self.likelihood.isolated
 
     @property
     def machine(self) -> Machine:
-        """The machine with the axis that was found."""
+        """The machine with the identified axis."""
         model = self.likelihood.model
         if isinstance(model, AxisModel):
             return with_axis(model.machine, model.axis, self.isolated)
@@ -119,7 +120,7 @@ class Identified(Result):
 
     @property
     def of_the_zeros(self) -> list[str]:
-        """What is to be known of offsets that were looked for, before a filter takes them."""
+        """Remarks on identified offsets, before a filter uses them."""
         result = self.likelihood
         looked_for = [p for p in result.parameters if p.name in OFFSETS]
         zeros = " and ".join(
@@ -140,7 +141,7 @@ class Identified(Result):
 
     @property
     def stiffness(self) -> dict[str, Any]:
-        """Stiffnesses about the mean of the records, where they tell most."""
+        """Stiffnesses at the mean of the records, where they are most accurate."""
         iu, x = self.likelihood.model.mean_point(self.records)
         at = self.likelihood.stiffness(iu, x)
         return {"current": iu, "displacement": x} | {
@@ -205,7 +206,7 @@ class Identified(Result):
         return result
 
     def _at_operating_points(self) -> Iterator[Row]:
-        """Yield the stiffnesses at the paper's operating points, a column for each current."""
+        """Yield the stiffnesses at the paper's operating points, one column per current."""
         for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
             at = self.operating_points[name]
             for j, x in enumerate(self.operating_points["displacement"]):
@@ -295,14 +296,14 @@ class Identified(Result):
 
 
 def records_of(start: LoopModel, records: Sequence[Record]) -> list[Record]:
-    """Return records in which y and u are those of the axis that a model is of."""
+    """Return records in which y and u are those of a model's axis."""
     if not isinstance(start, AxisModel):
         return list(records)
     return [axis_record(record, start) for record in records]
 
 
 def check_disjoint(others: Sequence[Record], records: Sequence[Record]) -> None:
-    """Refuse a record that is to be both identified from and validated on."""
+    """Reject a record that is used for both identification and validation."""
     if any(record is seen for record in others for seen in records):
         raise AmbkitError(
             "the same record is used for identification and validation: validate on another one"
@@ -313,7 +314,7 @@ def validations(
     result: MaximumLikelihood, fitted_to: Sequence[Record], records: Sequence[Record],
     names: Sequence[str] | None = None, suspect: str = "",
 ) -> list[Validation]:  # fmt: skip
-    """Validate what was found on each of some records."""
+    """Validate an identified model on each of some records."""
     names = names or [f"record {number}" for number in range(1, len(records) + 1)]
     model, checks = result.model, []
     for name, record in zip(names, records, strict=True):
@@ -337,7 +338,7 @@ def _noise_as_data(noise: Noise | str) -> dict[str, Any]:
 def identified_filter(
     result: Identified, inputs: Inputs | None = None, source: str = ""
 ) -> Estimator:
-    """Return the extended filter of what was found: its noise, its delay, the log's offsets."""
+    """Return the extended filter of an identified model, with the offsets of the log."""
     model = result.likelihood.model
     made, raised = filter_following_load(result.machine, model.disturbance_noise)
     free = {p.name for p in result.likelihood.parameters}
@@ -363,9 +364,9 @@ def identified_filter(
 def filter_following_load(
     machine: Machine, intensity: float
 ) -> tuple[ExtendedKalmanFilter, dict[str, str]]:
-    """Return a filter that follows the stated load, and where its process noise is from."""
-    # A record whose load rests says that any small process noise is as likely: a filter with such a
-    # one follows no load that comes later.
+    """Return a filter that follows the stated disturbance, and the origin of its process noise."""
+    # With a constant load the likelihood cannot bound Q from below; a filter with a small Q would
+    # follow no later load.
 
     def build(disturbance: float) -> ExtendedKalmanFilter:
         return ExtendedKalmanFilter(machine, noise=FilterNoise(disturbance=disturbance))
@@ -375,6 +376,6 @@ def filter_following_load(
 
 
 def check_mappable(machine: Machine) -> None:
-    """Refuse to map the forces of several axes."""
+    """Reject force maps of several axes."""
     if not machine.single:
         raise AmbkitError(f"forces are mapped of one axis, {machine.name} has several")

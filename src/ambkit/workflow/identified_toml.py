@@ -1,4 +1,4 @@
-"""A bearing that was identified, as TOML with the standard error of each value beside it."""
+"""An identified machine as TOML, with the standard error of each value."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ def annotated_toml(
     folder: str | os.PathLike[str] | None = None,
     machine: Machine | None = None,
 ) -> str:
-    """Return the bearing as TOML, each value that was found with its standard error beside it."""
-    # What is of the log and not of the bearing (offsets, load, a delay that cannot be told from
-    # none) stands above in comments, with the lines of a channel map that take it out. Files that
-    # it names are seen from `folder`, where it will lie.
+    """Return the machine as TOML, each identified value with its standard error."""
+    # Values of the log rather than the machine (offsets, load, an insignificant delay) are in
+    # comments at the top, with the lines of a channel map that correct them. Paths are relative to
+    # `folder`, the destination.
     several = None if machine is None or machine.single else machine
     in_bearing = {"current_lag": ("amplifier", "bandwidth")}
     if result.delay_counts:
@@ -54,9 +54,9 @@ def annotated_toml(
 
 
 def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) -> list[str]:
-    """Say how what is of the log gets into a channel map, and into ``ambkit filter``."""
-    # With these lines a record is read as `LoopModel.corrected` gives it, but for the lag of the
-    # current, which is the bearing's.
+    """Explain how values of the log enter a channel map and ``ambkit filter``."""
+    # With these lines a record is read as `LoopModel.corrected` returns it, except for the current
+    # lag, which belongs to the machine.
     volts = model.current_offset / model.isolated.amplifier.gain
     of_y = [f'offset = "{engineering(-model.position_offset, "m", 6)}"']
     of_u = [f'offset = "{engineering(volts, "V", 6)}"']
@@ -65,7 +65,8 @@ def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) 
     if not (volts and offsets):
         of_u = []
     if model.delay and delay:
-        # Of u and not of y: what is held is averaged over the sample, y would be interpolated.
+        # Delay y is not an option: y would be interpolated, while the held u is averaged over the
+        # sample.
         of_u.append(f'delay = "{engineering(-model.delay, "s", 6)}"  # it acts later than logged')
     lines = []
     for name, those in zip(model.signals, (of_y, of_u), strict=True):
@@ -88,7 +89,7 @@ def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) 
 
 
 def _known_to_filters(machine: Machine) -> str:
-    """Say what of the loop is the bearing's, in a sentence; nothing where there is none."""
+    """Return a sentence on loop parameters of the machine; empty if there are none."""
     known = [
         f"{what} of {engineering(value, unit, 4)}"
         for what, value, unit in (

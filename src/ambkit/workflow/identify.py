@@ -1,4 +1,4 @@
-"""A bearing from records: what is looked for, what it starts from, what it is judged on."""
+"""Identification from records: model, initial values, validation."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def starting_model(
     rest: StandstillNoise | None = None,
     load_std: Given | None = None,
 ) -> LoopModel:
-    """Return the model that identification starts from."""
+    """Return the initial model of an identification."""
     load_std = in_si("load_std", load_std, "N")
     axis = axis_named(machine, axis)
     of_axis = machine.isolated_axis(axis)
@@ -75,7 +75,7 @@ def identify(
     nodes: tuple[int, int] | None = None,
     note: Callable[[str], None] = lambda _text: None,
 ) -> Identified:
-    """Identify an axis of a machine from records of the loop, and validate what was found."""
+    """Identify an axis of a machine from closed-loop records, and validate it."""
     of_type(Machine, machine=machine)
     records, others = (all_of_type(Record, records=item) for item in (records, others))
     start = starting_model(machine, axis, rest=rest, load_std=load_std)
@@ -110,7 +110,7 @@ def identify(
     )
 
 
-LEAST = 3  #: Logs of a corpus: fewer cannot be judged by each other.
+LEAST = 3  #: Minimum number of logs of a corpus: fewer cannot be validated by each other.
 
 Note = Callable[[str], None]
 
@@ -141,7 +141,7 @@ def by_likelihood(
 
 
 def _refuse_shared(records: list[Any], others: list[Any]) -> None:
-    # Not Path.resolve, which raises where links go in a loop; reading the record says so.
+    # Path.resolve raises for circular links; reading the record reports them
     read, validated = (
         {os.path.realpath(item) for item in items if isinstance(item, str | os.PathLike)}
         for items in (records, others)
@@ -154,7 +154,7 @@ def _refuse_shared(records: list[Any], others: list[Any]) -> None:
 
 
 def _rest_noise(rest: Any, channels: Any) -> dict[str, Any]:
-    """Return the noise of each signal of a record at rest, which may name its own channel map."""
+    """Return the noise of each signal of a standstill record, with its own channel map if named."""
     if rest is None:
         return {}
     if isinstance(rest, Record):
@@ -164,7 +164,7 @@ def _rest_noise(rest: Any, channels: Any) -> dict[str, Any]:
 
 
 def _nodes(nodes: Any) -> tuple[int, int] | None:
-    """Nodes along current and displacement, from ``"9x7"``, or ``"9"`` for both."""
+    """Return the nodes along current and displacement, from ``"9x7"``, or ``"9"`` for both."""
     if nodes is None:
         return None
     sides = nodes.lower().split("x") if isinstance(nodes, str) else [str(side) for side in nodes]
@@ -178,13 +178,13 @@ def _nodes(nodes: Any) -> tuple[int, int] | None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentifiedCorpus(Corpus):
-    """A machine from many logs, and its filter."""
+    """A machine identified from many logs, with its filter."""
 
-    known: Machine | None = None  #: What was known before.
+    known: Machine | None = None  #: Prior.
 
     @cached_property
     def filter(self) -> Estimator:
-        """The extended filter of what the logs say together."""
+        """The extended filter of the pooled parameters."""
         made, raised = filter_following_load(self.machine, self.model.disturbance_noise)
         origin = made_by("identify", f"likelihood of {len(self.found)} logs")
         keys = ("noise.measurement", "noise.control", "noise.disturbance")
@@ -193,7 +193,7 @@ class IdentifiedCorpus(Corpus):
 
     @cached_property
     def adequacy(self) -> list[Finding]:
-        """Whether the filter may fly."""
+        """Whether the filter is adequate."""
         return judge_adequacy(self.filter)
 
     @property
@@ -217,7 +217,7 @@ def by_corpus(
     machine: Any, records: Any, channels: Any, window: Any, *, free: Any, rest: Any, load_std: Any,
     note: Note,
 ) -> IdentifiedCorpus:  # fmt: skip
-    """Cut, identify each log, pool, and predict each by the others."""
+    """Identify each log, pool the results, and predict each log by the others."""
     known = arguments.axis_argument(machine)
     start = starting_model(known, rest=_rest_noise(rest, channels), load_std=load_std)
     paths = [Path(path) for path in names_in(records=records)]
@@ -237,7 +237,7 @@ def online(
     machine: Any, record: Any, channels: Any, window: Any, *, method: str, initial: Any,
     disturbance: Any,
 ) -> comparison.OnlineComparison:  # fmt: skip
-    """Learn the magnet constant in all ways, and take that of one method for the result."""
+    """Identify the magnet constant by all methods; one of them defines the resulting machine."""
     known = arguments.axis_argument(machine)
     start = in_si("initial", initial, "N m^2/A^2")
     if start is not None and not start > 0:
@@ -257,7 +257,7 @@ def online(
             log, known, start=start, disturbance=disturbance, method=method
         )
     if method != "all":
-        _ = result.machine  # refused now where nothing could be learned
+        _ = result.machine  # raises if nothing was identified
     return result
 
 
@@ -265,7 +265,7 @@ def coil(
     machine: Any, records: Any, axis: str | None, channels: Any, window: Any, *,
     operating_point: Any, note: Note,
 ) -> CoilFit:  # fmt: skip
-    """Find a coil from steps of its control signal."""
+    """Identify a coil from steps of its control signal."""
     known = isolated(arguments.machine_argument(machine), axis)
     paths = [Path(path) for path in names_in(records=records)]
     logs = [arguments.record_argument(path, channels, window) for path in paths]

@@ -1,4 +1,4 @@
-"""A one-sided magnet from the points at which its rotor lifts off."""
+"""Identification of a one-sided magnet from lift-off points."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from ambkit.result.row import Row, Section
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LiftedOff(Result):
-    """A bearing from the points at which its rotor lifts off."""
+    """A machine identified from lift-off points."""
 
-    #: With the constant that was found, and the air gap and bias current of the operating point; as
-    #: it was given without one.
+    #: Machine with the identified constant, and the air gap and bias current of the operating
+    #: point, if there is one.
     machine: Machine
-    fit: LiftOffFit  #: The law through the points.
+    fit: LiftOffFit  #: Fit of the force law.
     operating_point: float | None  #: Distance at x = 0 [m].
-    names: Sequence[str] = ()  #: Of the recordings; none of a table of points.
+    names: Sequence[str] = ()  #: Names of the recordings; empty for a table of points.
 
     TITLE = "Lift-off of {0.machine.name}"
 
@@ -88,7 +88,7 @@ class LiftedOff(Result):
 
 
 def check_lifts_off(machine: Machine) -> None:
-    """Refuse a bearing that lift-off points tell nothing of."""
+    """Reject a machine whose magnet lift-off points cannot identify."""
     if machine.magnet.type != "one-sided":
         raise AmbkitError(
             f"lift-off points need a one-sided magnet; that of {machine.name} is two-sided"
@@ -104,7 +104,7 @@ def lift_off(
     machine: Any, records: Any, axis: str | None, channels: Any, *, gap: Any, operating_point: Any,
     note: Callable[[str], None],
 ) -> LiftedOff:  # fmt: skip
-    """Fit the law to points of a table, or to those found in recordings, one each."""
+    """Fit the law to points of a table, or to one from each recording."""
     known = isolated(machine_argument(machine), axis)
     check_lifts_off(known)
     paths = [Path(path) for path in names_in(records=records)]

@@ -1,4 +1,4 @@
-"""The paper, reproduced: its chapters stand beside the pages that show them, in docs/paper."""
+"""The reproduction of the paper; its chapters are beside their pages in docs/paper."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ambkit.result.result import Result
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reproduction(Result):
-    """Verdicts on what the paper prints, and where the report is."""
+    """Verdicts on the paper's results, and the report."""
 
-    folder: Path  #: Of the report, its figures and tables.
-    summary: Sequence[Mapping[str, Any]]  #: The lines of ``summary.json``.
-    pictures: Sequence[Figure] = ()  #: Those of the report.
+    folder: Path  #: Folder of the report, its figures and tables.
+    summary: Sequence[Mapping[str, Any]]  #: Rows of ``summary.json``.
+    pictures: Sequence[Figure] = ()  #: Figures of the report.
 
     TITLE = "The paper, reproduced"
 

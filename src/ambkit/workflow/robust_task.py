@@ -1,4 +1,4 @@
-"""Machines of a study, and what a controller and a filter make of them."""
+"""Evaluation of a controller and a filter on the machines of a study."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.comparison.tuning import Range, candidate_of_kind
 
-VALIDATION = 1 << 32  #: Between the study's seed and that of the machines that judge.
+VALIDATION = 1 << 32  #: Offset of the validation machines' seed from the study's.
 
 GAINS = {"controller.kp": "A/m", "controller.ki": "A/(m s)", "controller.kd": "A s/m"}
-"""Gains that the search may change, and their units."""
+"""Tunable gains and their units."""
 
-FACTOR = 2.5  #: How far from the tuned controller it looks, either way.
-RULES = "expert.rules"  #: Size of an expert: rules along current and along displacement.
+FACTOR = 2.5  #: Search range, as a factor of the tuned gain in both directions.
+RULES = "expert.rules"  #: Size of an expert: rules along current and displacement.
 
 SIZES = (3, 5, 7)
 
-WORST = 1e3  #: In place of an infinite peak, and of an infinite error over the usual one's.
+WORST = 1e3  #: Replaces an infinite peak, and an infinite error over that of the untuned design.
 
 
 class Evaluated(NamedTuple):
-    """A controller with its filter."""
+    """Evaluation of a controller with its filter."""
 
-    values: Mapping[str, float]  #: What was changed, by name, in SI.
+    values: Mapping[str, float]  #: Values of the tunables, in SI.
     error: float  #: Quantile of the error of the disturbance force, rms [N].
     peak: float  #: Quantile of the peak of abs(S) [1].
-    touched: float  #: Share of the machines that touch a stop, or cannot be [1].
+    touched: float  #: Share of the machines that touch a stop, or are impossible [1].
     allowed: bool
-    """Whether it keeps the peak below its ceiling, and enough rotors away from their stops."""
-    kind: str  #: Of the filter.
+    """Whether the peak is below its limit, and contact not more frequent than before."""
+    kind: str  #: Kind of filter.
 
 
 def suggested(trial: Any, kind: str, ranges: Sequence[Range]) -> dict[str, float]:
-    """Return what Optuna's trial tries; kinds share the controller's gains, not their settings."""
+    """Return the values of an Optuna trial; kinds share the controller's gains only."""
     return {
         of.name: float(
             trial.suggest_categorical(of.name, list(SIZES)) if of.name == RULES
@@ -57,7 +57,7 @@ def suggested(trial: Any, kind: str, ranges: Sequence[Range]) -> dict[str, float
 
 
 class Task:
-    """Machines, and what is made of them by a controller and a filter."""
+    """Machines on which controllers and filters are evaluated."""
 
     def __init__(
         self, study: Any, filters: Sequence[str], quantile: float, max_sensitivity: float
@@ -90,7 +90,7 @@ class Task:
         self._magnets = lru_cache(maxsize=None)(self._magnet)
 
     def chosen(self, free: Sequence[str] | None) -> dict[str, tuple[Range, ...]]:
-        """Return what may change of each kind and its controller, and how far."""
+        """Return the tunables of each kind and its controller, with their ranges."""
         known = {kind: self._known(kind) for kind in self.kinds}
         names = list(dict.fromkeys(name for ranges in known.values() for name in ranges))
         for name in free or ():
@@ -119,7 +119,7 @@ class Task:
         return known
 
     def _magnet(self, kind: str, rules: int) -> Any:
-        """Return what the filter asks of its magnet: an expert of so many rules, or its kind's."""
+        """Return the magnet model of the filter: an expert with so many rules, or its kind's."""
         if kind != "adaptive" or self.several:
             return learned_magnet(kind, self.plan.nominal)
         from ambkit.workflow.training import train_on_law
@@ -127,7 +127,7 @@ class Task:
         return train_on_law(self.plan.nominal, (rules, rules)).expert
 
     def design(self, kind: str, values: Mapping[str, float]) -> tuple[Estimator, Control | None]:
-        """Return filter and controller with values; no controller of a machine."""
+        """Return filter and controller with given values; None for the controllers of a machine."""
         magnet = self._magnets(kind, int(values.get(RULES, 5)))
         of_filter = {
             name: value for name, value in values.items() if name not in GAINS and name != RULES
@@ -139,7 +139,7 @@ class Task:
         return estimator, self.plan.scenario.controller.model_copy(update=gains)
 
     def judged(self, designs: Sequence[Evaluated]) -> tuple[Evaluated, ...]:
-        """Simulate as many other machines; a grid has none."""
+        """Evaluate on as many validation machines; a grid has none."""
         study = self.plan.study
         if study.sampling == "grid":
             return ()
@@ -148,7 +148,7 @@ class Task:
         return tuple(self.evaluate(one.kind, one.values) for one in designs)
 
     def evaluate(self, kind: str, values: Mapping[str, float]) -> Evaluated:
-        """Fly all machines with a controller and a filter."""
+        """Simulate all machines with a controller and a filter."""
         estimator, controller = self.design(kind, values)
         designed = self.plan.with_design(estimator, controller)
         result = fly(designed, self.points, self.noise).columns
@@ -160,6 +160,6 @@ class Task:
 
 
 def _quantile(values: Any, share: float) -> float:
-    """Return the least value that a share of the machines is at or below; of none infinity."""
+    """Return the quantile of values; infinity if there are none."""
     at = np.sort(np.where(np.isnan(values), np.inf, values))
     return float(at[min(max(math.ceil(share * at.size) - 1, 0), at.size - 1)])

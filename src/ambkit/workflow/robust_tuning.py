@@ -1,4 +1,4 @@
-"""Controller and filter tuned over the tolerances: a search over whole batches of machines."""
+"""Tuning of controller and filter over tolerances, on all machines of a study at once."""
 
 from __future__ import annotations
 
@@ -28,28 +28,29 @@ from ambkit.result.row import Row, Section, put
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.robust_task import Evaluated, Task, suggested
 
-EVALUATIONS = 60  #: Where nobody says it.
+EVALUATIONS = 60  #: Default quantile.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robust(Result):
-    """A search over controllers and filters, each flown with all machines of a study."""
+    """A search over controllers and filters, evaluated on all machines of a study."""
 
     plan: Plan  #: The study.
-    #: Which quantile over the machines was made small; what that of the peak stays below.
+    #: Quantile over the machines that is minimised, and the limit of that of the peak.
     quantile: float
     max_sensitivity: float
-    free: tuple[Range, ...]  #: What was changed, and within which bounds.
-    tried: tuple[Evaluated, ...]  #: All of it, in its order; the first is as it was without tuning.
-    taken: int  #: Which was taken: the one with the least error among those that are allowed.
-    estimator: Estimator  #: Its filter, which knows the nominal bearing.
-    controller: Control | None  #: Its controller; several axes have those of the scenario.
-    #: Untuned and tuned on as many other machines; empty of a grid.
+    free: tuple[Range, ...]  #: Tunables and their ranges.
+    tried: tuple[Evaluated, ...]  #: All evaluations in order; the first is the untuned design.
+    taken: int  #: Selected evaluation: the smallest error among the feasible.
+    estimator: Estimator  #: Its filter, designed for the nominal machine.
+    #: Its controller; machines of several axes keep those of the scenario.
+    controller: Control | None
+    #: Untuned and tuned design on as many validation machines; empty for a grid.
     validation: tuple[Evaluated, ...] = ()
 
     @cached_property
     def adequacy(self) -> list[Finding]:
-        """Whether the filter may fly, with its controller, on the nominal bearing or machine."""
+        """Whether the filter with its controller is adequate on the nominal machine."""
         scenario: Any = self.plan.scenario
         if self.controller is not None:
             scenario = scenario.model_copy(update={"controller": self.controller})
@@ -57,17 +58,17 @@ class Robust(Result):
 
     @property
     def front(self) -> NDArray[np.bool_]:
-        """Whether nothing that was tried is better in both error and peak (n,)."""
+        """Whether no other evaluation is better in both error and peak (n,)."""
         return pareto([(item.error, item.peak) for item in self.tried])
 
     @property
     def _ends(self) -> tuple[Evaluated, Evaluated]:
-        """The design without tuning, and the one that is taken."""
+        """The untuned and the selected design."""
         return self.tried[0], self.tried[self.taken]
 
     @property
     def kind(self) -> str:
-        """The kind of the filter that is taken."""
+        """Kind of the selected filter."""
         return self.tried[self.taken].kind
 
     @property
@@ -137,7 +138,7 @@ class Robust(Result):
         return [*sentences(self.adequacy), *self._overfitted()]
 
     def _overfitted(self) -> Iterator[str]:
-        """Yield what does not hold on validation machines."""
+        """Yield gains that validation does not confirm."""
         if not self.validation:
             return
         before, after = self.validation
@@ -169,7 +170,7 @@ class Robust(Result):
 
     @staticmethod
     def beside(path: str | os.PathLike[str]) -> Path:
-        """Return where the controller of a filter in a file is written."""
+        """Return the path for the controller of a filter file."""
         return Path(path).with_suffix(".scenario.toml")
 
 
@@ -190,7 +191,7 @@ def tune_robust(
     search = _opened(optuna, storage, task, ranges, seed)
     for number in range(len(search.trials), budget):
         trial = search.ask()
-        if number < len(task.kinds):  # as they are without tuning, the study's filter first
+        if number < len(task.kinds):  # the untuned designs, with the study's filter first
             kind = task.kinds[number]
             values = {of.name: of.default for of in ranges[kind]}
         else:
@@ -226,7 +227,7 @@ def tune_robust(
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
-    """Return which points (n, 2) no other is better than in both (n,)."""
+    """Return which points (n, 2) are Pareto-optimal (n,)."""
     result = np.zeros(len(points), bool)
     least = math.inf
     for at in sorted(range(len(points)), key=lambda k: points[k]):
@@ -238,7 +239,7 @@ def pareto(points: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
 def _opened(
     optuna: Any, storage: Any, task: Task, free: Mapping[str, Sequence[Range]], seed: int
 ) -> Any:
-    """Return Optuna's study, with what the storage has of it already."""
+    """Return Optuna's study, with the evaluations in the storage."""
     of = "|".join([
         task.plan.fingerprint, f"{task.quantile:g}", f"{task.max_sensitivity:g}",
         *(f"{kind} {item.name}" for kind, ranges in free.items() for item in ranges),
@@ -268,8 +269,8 @@ def _opened(
         )
     search.set_user_attr("of", of)
     for trial in search.trials:
-        if not trial.state.is_finished():  # it was interrupted
+        if not trial.state.is_finished():  # interrupted
             search.tell(trial.number, state=optuna.trial.TrialState.FAIL)
-    # A search that is gone on with draws on, rather than again what it drew first.
+    # A resumed search continues the random sequence instead of repeating its start.
     search.sampler = optuna.samplers.TPESampler(seed=seed + len(search.trials))
     return search

@@ -1,4 +1,4 @@
-"""What happens in a run where nobody says it all: controller, length, step, load; and the run."""
+"""Simulation with defaults for controller, duration, step and disturbance."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import Scenario, check_for, default_for, settled_scenario
 from ambkit.simulation.waveforms import Recorded, Step
 
-NONE = "none"  #: Name of the filter of a loop that has none.
+NONE = "none"  #: Name of the filter in a loop without one.
 
 STEP_AT, LOAD_AT = 0.1, 0.5
 """When the step of the reference and that of the load come, in lengths of the run."""
@@ -62,7 +62,7 @@ def scenario_for(
     injection: str | Path | None = None,
     from_estimate: bool = True,
 ) -> Scenario:
-    """Return a scenario for a machine, with its controller tuned, and a step or a load put in.
+    """Return a scenario for a machine, with tuned controller, and a step or disturbance added.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _along(
     path: Path, axes: tuple[str, ...], scenario: Scenario, duration: float | None, what: str,
     of: str,
 ) -> Scenario:  # fmt: skip
-    """Return a run that takes references or injections from the signals of a record."""
+    """Return a scenario with the reference or injection of a record."""
     record = Record.load(path)
     if duration is None:
         scenario = scenario.replace(duration=float(record.t[-1]))
@@ -146,7 +146,7 @@ def _along(
 
 
 def with_plant(scenario: Scenario, plant: Any, machine: Machine) -> tuple[Scenario, Any]:
-    """Return a scenario with a plant of one's own, or the true magnet beside it."""
+    """Return a scenario with the user's plant, or the true magnet."""
     if is_class(plant):
         return scenario.replace(plant=plant), None
     return scenario, true_magnet(plant, machine)
@@ -157,7 +157,7 @@ def flown(
     external_inputs: ExternalInputs | None,
     **settings: Any,
 ) -> Run:  # fmt: skip
-    """Simulate a machine with the filter that a user names, and judge whether that may fly."""
+    """Simulate a machine with a filter, and judge whether that is adequate."""
     named = filter is not None and filter != NONE
     settings |= _of_signals(signals)
     full_scenario = scenario_for(machine, scenario, from_estimate=named, **settings)
@@ -185,16 +185,16 @@ def flown(
 def _separations(
     machine: Machine, scenario: Scenario, filter: Estimator | None, speed: float
 ) -> Separations:
-    """Return how far a speed is from the critical speeds of the loop that was simulated."""
+    """Return the separation of a speed from the critical speeds of the simulated loop."""
     scenario = settled_scenario(machine, scenario)
-    if scenario.controller.custom or scenario.plant:  # of code, from which no poles follow
+    if scenario.controller.custom or scenario.plant:  # a class has no poles
         return Separations(0.0)
     fed_by = filter or default_filter(machine) if scenario.feedback == "estimate" else None
     return separations(machine, speed, LoopOf(machine, scenario.controller), fed_by)
 
 
 def _judged(scenario: Scenario, filter: Any, run: Run) -> tuple[Sequence[Finding], Sequence[str]]:
-    """Return whether the filter of a run may fly, and what is to be said of the run."""
+    """Return whether the filter of a run is adequate, and warnings on the run."""
     adequacy = judge_adequacy(filter, run.machine, scenario, run.nis)
     default = default_for(run.machine, scenario) if is_default(scenario.controller) else None
     remarks = [default.summary] if default and default.fastest else []
@@ -203,7 +203,7 @@ def _judged(scenario: Scenario, filter: Any, run: Run) -> tuple[Sequence[Finding
 
 
 def _of_signals(paths: Sequence[Any]) -> dict[str, Path]:
-    """Return which of the records is the reference, and which is injected."""
+    """Return which record is the reference and which the injection."""
     results: dict[str, Path] = {}
     for path in map(Path, paths):
         injected = any(name.partition("_")[0] == "injected" for name in Record.load(path))
@@ -215,7 +215,7 @@ def _of_signals(paths: Sequence[Any]) -> dict[str, Path]:
 
 
 def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator[str]:
-    """Yield what may help, where the rotor does not fly as it should."""
+    """Yield advice for a rotor that does not levitate properly."""
     machine, touched = run.machine, run.samples_at_the_stop
     plain = plain_control(machine, scenario, filter)
     if plain is not None:
@@ -233,9 +233,9 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
 
 
 def _of_the_stop(run: Run) -> str:
-    """Return when the rotor touched a stop, and what may help."""
+    """Return the times of contact, and advice."""
     clearance = min(axis.clearance for axis in isolated_axes(run.machine))
-    at, t = run.first_touch, run.record.t  # it is there by the end of the sample
+    at, t = run.first_touch, run.record.t  # contact is recorded at the end of the sample
     first = "" if at is None else f", first at {figure(t[min(at + 1, len(t) - 1)], 's')}"
     return (
         f"The rotor touched the stop at {figure(clearance, 'm')} in {run.samples_at_the_stop} of "
@@ -245,13 +245,13 @@ def _of_the_stop(run: Run) -> str:
 
 
 def experiment_duration(machine: Machine) -> float:
-    """Return how long an experiment lasts where nobody says it [s]."""
+    """Return the default duration [s]."""
     own = math.sqrt(ConstantStiffness.of(machine).k_s / machine.rotor.mass) / (2 * math.pi)
     return float(f"{OWN_PERIODS / own:.2g}")
 
 
 def plain_control(machine: Machine, scenario: Scenario, estimator: Estimator | None) -> str | None:
-    """Return a sentence on where a flight's unbalance control is plain control."""
+    """Return a sentence on the speeds at which unbalance control is off."""
     if scenario.controller.unbalance == "off" or estimator is None:
         return None
     full_scenario = settled_scenario(machine, scenario)

@@ -1,4 +1,4 @@
-"""What a smaller peak of the sensitivity costs: filters tuned under one ceiling after another."""
+"""The error cost of a lower sensitivity peak: filters tuned with different limits."""
 
 from __future__ import annotations
 
@@ -24,16 +24,17 @@ from ambkit.result.row import Row, Section, put
 from ambkit.workflow.tune import BUDGET, RUNS, Tuned, tune
 from ambkit.workflow.tuning_tasks import ByTruth
 
-SIGNALS = {"x": "m", "f_d": "N"}  #: Whose errors stand against the peak, and their units.
+#: Signals whose errors are plotted over the peak, and their units.
+SIGNALS = {"x": "m", "f_d": "N"}
 
 
 @dataclass(frozen=True)
 class Traded:
-    """A filter that was tuned under a ceiling."""
+    """A filter tuned with a limit on the sensitivity peak."""
 
-    ceiling: float  #: What the peak of abs(S) had to stay below [1].
-    tuned: Tuned | None  #: The filter; None where nothing that was tried stays below.
-    peak: float  #: What the peak came to [1].
+    ceiling: float  #: Limit of the peak of abs(S) [1].
+    tuned: Tuned | None  #: The filter; None if none kept the limit.
+    peak: float  #: Its peak of abs(S) [1].
     #: Root mean square errors of ``x`` [m] and ``f_d`` [N] in simulated runs.
     errors: dict[str, float]
 
@@ -54,11 +55,11 @@ POINTS = ("points",)  #: Section of a trade-off.
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TradeOff(Result):
-    """Filters of one kind, from much margin of the loop to little."""
+    """Filters of one kind, tuned with different limits of the peak."""
 
-    machine: Machine  #: What is filtered.
-    kind: str  #: Of the filters.
-    points: tuple[Traded, ...]  #: By their ceilings.
+    machine: Machine  #: The machine.
+    kind: str  #: Kind of filter.
+    points: tuple[Traded, ...]  #: Filters by their limits.
 
     TITLE = "{0.kind} for {0.machine.name}, tuned in simulated runs"
 
@@ -132,7 +133,7 @@ def trade_off(
     budget: int = BUDGET,
     done: Callable[[], None] = lambda: None,
 ) -> TradeOff:
-    """Tune a filter under one ceiling on the peak of abs(S) after another."""
+    """Tune a filter for each of several limits of the peak of abs(S)."""
     of_type(Machine, machine=machine)
     if not peak_limits:
         raise AmbkitError("ceilings must be one value or more")

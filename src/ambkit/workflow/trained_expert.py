@@ -1,4 +1,4 @@
-"""A trained expert, how good it is, and the filter that asks it."""
+"""A trained expert, its accuracy, and its filter."""
 
 from __future__ import annotations
 
@@ -52,33 +52,33 @@ POOR = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MeasuredForce:
-    """A measured force, the surface through it, and the rules that it carries."""
+    """A measured force, its surface, and the rules that it determines."""
 
-    surface: ForceSurface  #: The force, with its errors.
-    stiffness: StiffnessMap  #: What an expert is trained on, a node for each rule.
-    #: What cross-validation says of the number of rules, if it was asked.
+    surface: ForceSurface  #: The force with its standard errors.
+    stiffness: StiffnessMap  #: Training map, one node per rule.
+    #: Cross-validation of the number of rules, if it was run.
     choice: RuleChoice | None
-    law_error_known: bool  #: Whether the law's error was given, not estimated.
+    law_error_known: bool  #: Whether the error of the force law was stated rather than estimated.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrainedExpert(Result):
-    """An expert, and how good it is."""
+    """An expert and its accuracy."""
 
-    machine: Machine | None  #: Whose force it knows; None where only stiffnesses are known.
-    expert: Expert  #: What was trained.
-    stiffness: StiffnessMap  #: What it was trained on.
-    measured: MeasuredForce | None = None  #: None where it was trained on the bearing's law.
-    #: What points left out say of law, surface and network; None where there were too few.
+    machine: Machine | None  #: Machine with this force; None if only stiffnesses are known.
+    expert: Expert  #: The expert.
+    stiffness: StiffnessMap  #: Training data.
+    measured: MeasuredForce | None = None  #: None if it was trained on the force law.
+    #: Cross-validation of law, surface and network; None with too few points.
     models: ModelChoice | None = None
-    asked: str | None = None  #: What is taken whatever the points say.
-    source: str | os.PathLike[str] | None = None  #: File, or preset, of the machine.
+    asked: str | None = None  #: Model requested by the user.
+    source: str | os.PathLike[str] | None = None  #: File or preset of the machine.
 
     @property
     def taken(self) -> str:
-        """What is to be believed: what was asked for, else what points left out prefer."""
-        # ``"the law"``, ``"the law, refitted"``, ``"the surface"`` or ``"the network"``; without
-        # points, or with too few to leave some out, the network.
+        """The model to use: the requested one, or the best in cross-validation."""
+        # ``"the law"``, ``"the law, refitted"``, ``"the surface"`` or ``"the network"``; the
+        # network without points, or with too few for cross-validation.
         models = self.models
         if self.asked == "law":
             if models is None:
@@ -90,8 +90,8 @@ class TrainedExpert(Result):
 
     @property
     def model(self) -> tuple[Machine, MagnetModel]:
-        """The bearing and the magnet that a filter then assumes: of a law that is refitted both."""
-        assert self.machine is not None  # checked by who needs a machine
+        """Machine and magnet of the filter: a refitted law changes both."""
+        assert self.machine is not None  # callers that need a machine check it
         law = self.machine
         surface = None if self.measured is None else self.measured.surface
         if self.taken == NETWORK:
@@ -104,7 +104,7 @@ class TrainedExpert(Result):
 
     @cached_property
     def error(self) -> dict[str, float]:
-        """RMS errors of the force [N]: of constant stiffnesses, and untrained and trained."""
+        """RMS errors of the force [N]: constant stiffnesses, untrained and trained expert."""
         expert = self.expert
         if self.machine is None:
             k_i, k_s = (float(value) for value in self.stiffness.stiffness_at(0.0, 0.0))
@@ -130,8 +130,8 @@ class TrainedExpert(Result):
 
     @property
     def hardly_measured(self) -> list[tuple[float, float, float]]:
-        """The rules at which the points tell little [A], [m], and the force's error there [N]."""
-        # There the expert stays near the bearing's law. Empty without points.
+        """Rules that the points hardly determine [A], [m], and the force's error there [N]."""
+        # There the expert stays close to the force law. Empty without points.
         if self.measured is None:
             return []
         iu, x = (
@@ -144,7 +144,7 @@ class TrainedExpert(Result):
 
     @property
     def filter(self) -> AdaptiveKalmanFilter:
-        """The filter that knows what is taken."""
+        """The filter with the model to use."""
         if self.machine is None:
             raise AmbkitError("a filter needs a machine, and the expert was trained on stiffnesses")
         law, magnet = self.model
@@ -155,11 +155,11 @@ class TrainedExpert(Result):
 
     @cached_property
     def adequacy(self) -> list[Finding]:
-        """Whether the filter may fly."""
+        """Whether the filter is adequate."""
         return [] if self.machine is None else judge_adequacy(self.filter)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the expert as ``.json``; points, machine and pictures by their endings."""
+        """Write the expert as ``.json``; points, machine and figures by their suffix."""
         if Path(path).suffix.lower() == ".json":
             self.expert.save(path)
         else:
@@ -177,7 +177,7 @@ class TrainedExpert(Result):
         law.save(path)
 
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
-        """Write the filter, which refers to what is written beside it."""
+        """Write the filter, which refers to the files beside it."""
         written = next((beside[end] for end in FORMS[self.taken] if end in beside), None)
         if self.taken in (LAW, REFITTED):
             machine = written or (self.source if self.taken == LAW else None)
@@ -296,7 +296,7 @@ class TrainedExpert(Result):
         return [*results, *sentences(self.adequacy)]
 
     def _of_hardly_measured(self) -> list[str]:
-        """Name the rules at which the points show little, and what stays there."""
+        """List the rules that the points hardly determine, and what is used there."""
         poor = self.hardly_measured
         if not poor:
             return []
@@ -348,7 +348,7 @@ class TrainedExpert(Result):
         }
 
     def _at_points(self, surface: ForceSurface) -> dict[str, Any]:
-        """Return what the points say of the surface, the law and the expert."""
+        """Return the errors of surface, law and expert at the points."""
         assert self.machine is not None  # there are points
         expert, points = self.expert, surface.points
         inside = points.where(points.within(expert.current_range, expert.displacement_range))

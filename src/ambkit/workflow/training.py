@@ -1,4 +1,4 @@
-"""Training of an expert for k_i and k_s, on a law or on a measured force."""
+"""Training of an expert for k_i and k_s, on a force law or a measured force."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 from ambkit.workflow.trained_expert import MeasuredForce, TrainedExpert
 
-RULES: Shape = (5, 5)  #: Rules along current and displacement where nobody says it: the paper's.
+RULES: Shape = (5, 5)  #: Default rules along current and displacement: the paper's.
 
 
 def train_on_law(
     machine: Machine, shape: Shape = RULES, reach: float | None = None, *, weights: bool = True,
     **how: Any,
 ) -> TrainedExpert:  # fmt: skip
-    """Train an expert on a bearing's law, over all currents."""
+    """Train an expert on a machine's force law, over all currents."""
     travel = machine.clearance
     far = travel / 2 if reach is None else reach
     if not 0 < far <= travel:
@@ -48,7 +48,7 @@ def train_on_law(
 
 
 def check_within_gap(machine: Machine, points: ForcePoints) -> None:
-    """Refuse points at which no rotor can be."""
+    """Reject points outside the air gap."""
     gap, farthest = machine.magnet.air_gap, max(points.displacement.tolist(), key=abs)
     if abs(farthest) >= gap:
         raise ValueError(
@@ -66,7 +66,7 @@ def measured_force(
     note: Callable[[str], None] = lambda _text: None,
     **how: Any,
 ) -> MeasuredForce:
-    """Find the force from points of it, and where an expert needs its stiffnesses."""
+    """Fit the force to measured points, and evaluate its stiffnesses at the expert's rules."""
     check_within_gap(machine, points)
     surface = ForceSurface(machine, points, law_error)
     choice = None
@@ -85,7 +85,7 @@ def trained(
     machine: Machine | StiffnessMap, axis: str | None, rules: Any, *, reach: Any, method: str,
     plain: bool, scaling: str, source: Any,
 ) -> TrainedExpert:  # fmt: skip
-    """Train an expert on the law of a machine."""
+    """Train an expert on the force law of a machine."""
     how = _how(method, plain, scaling)
     if isinstance(machine, StiffnessMap):
         return TrainedExpert(None, train(machine, **how), machine)
@@ -134,7 +134,7 @@ def _named(result: TrainedExpert, source: Any) -> TrainedExpert:
 
 
 def _shape(rules: Any) -> Shape | None:
-    """Rules along current and displacement; None where they are to be chosen."""
+    """Return the rules along current and displacement; None if they are to be selected."""
     if rules == AUTO:
         return None
     sides = rules.lower().split("x") if isinstance(rules, str) else [str(side) for side in rules]

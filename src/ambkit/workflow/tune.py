@@ -1,4 +1,4 @@
-"""A filter tuned on records or on simulated runs, and what that gained on what it did not see."""
+"""Tuning of a filter on records or in simulation, with validation."""
 
 from __future__ import annotations
 
@@ -36,9 +36,10 @@ from ambkit.result.row import Row, Section
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tuning_tasks import JUDGED, RAW, By, ByLikelihood, ByTruth
 
-BUDGET = 60  #: Evaluations where nobody says it.
-RUNS = 8  #: Simulated runs to tune on, and as many others to judge by, where nobody says it.
-MUCH_WORSE = 1.25  #: Peak of the sensitivity, over the untuned filter's, that is warned of.
+BUDGET = 60  #: Default number of evaluations.
+RUNS = 8  #: Default number of simulated runs for tuning, and of as many for validation.
+#: Ratio of the sensitivity peaks, tuned over untuned, above which there is a warning.
+MUCH_WORSE = 1.25
 
 BEYOND, FARTHEST = 100.0, 1e3
 """Cost of a peak beyond its ceiling by a factor of e, far above what else may change; and a ratio
@@ -59,41 +60,40 @@ VALUES, VALIDATION = ("values",), ("unseen",)  #: Sections of a tuning.
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tuned(Result):
-    """A filter, what it was tuned by, and what that gained."""
+    """A tuned filter, with its criterion and validation."""
 
-    #: The filter to take: tuned, or as it was where that fits the validation data better.
+    #: The filter to use: the tuned one, or the untuned if that fits the validation data better.
     estimator: Estimator
-    kind: str  #: Of the filter.
-    #: What was made large or small: the likelihood of records, or the errors against simulated
-    #: truth.
+    kind: str  #: Kind of filter.
+    #: Criterion: the likelihood of records, or the errors against simulated truth.
     by: By
-    free: tuple[Range, ...]  #: What was free, and within which bounds.
-    #: All that was tried, in its order: values, and their cost. By likelihood that is minus the
-    #: mean log likelihood of a sample; by truth the mean error over the untuned linear filter's.
+    free: tuple[Range, ...]  #: Tunables and their ranges.
+    #: All evaluations in order: values, and their cost. By likelihood the cost is minus the mean
+    #: log likelihood of a sample; by truth, the mean error over that of the untuned linear filter.
     trace: tuple[Tried, ...]
-    #: What tuning found, by name, in SI. By likelihood the process noise is the largest that
-    #: the records do not rule out: where the load rests, they like any small one as well.
+    #: Tuned values by name, in SI. By likelihood the process noise is the largest consistent with
+    #: the records: with a constant load the likelihood cannot bound it from below.
     values: Mapping[str, float]
-    #: (float, float) Figures on data that it was not tuned on, untuned and tuned; smaller is
-    #: better, but for ``nis``, which is 1 where model and noise are right.
+    #: (float, float) Figures on validation data, untuned and tuned; smaller is better, except for
+    #: ``nis``, which is 1 if model and noise are right.
     unseen: Mapping[str, tuple[float, float]]
     kept: bool  #: Whether `estimator` is the tuned one.
-    #: Of all that was tried the peak of abs(S) in the loop, where the search had to know it: with
-    #: `max_sensitivity`; else empty, and `peaks` computes them.
+    #: Peak of abs(S) of all evaluations, if the search computed it because of `max_sensitivity`;
+    #: else empty, and `peaks` computes it.
     known_peaks: tuple[float, ...]
-    #: What all that was tried knows of its magnet, where that is not what its kind does.
+    #: Magnet model of all evaluations, if it is not the kind's default.
     magnet: MagnetModel | None
-    max_sensitivity: float | None  #: What the peak of abs(S) was to stay below.
-    controller: PID | None  #: Of that loop; None: each axis of a machine has its own.
-    warnings: tuple[str, ...] = field(default=())  #: What is odd about the result.
-    #: Of the machine and the magnet, where they have files.
+    max_sensitivity: float | None  #: Limit of the peak of abs(S).
+    controller: PID | None  #: Controller of that loop; None: the default of each axis.
+    warnings: tuple[str, ...] = field(default=())  #: Warnings about the result.
+    #: Files of machine and magnet, if there are any.
     files: Mapping[str, Any] = field(default_factory=dict)
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
         self.estimator.save(path, **self.files)
 
     def named(self, **files: str | os.PathLike[str] | None) -> Tuned:
-        """Return it with the files of its machine and its magnet, which the filter's file names."""
+        """Return it with the names of the files of machine and magnet, for the filter file."""
         return replace(self, files=files)
 
     @cached_property
@@ -102,30 +102,30 @@ class Tuned(Result):
 
     @cached_property
     def peak(self) -> float:
-        """Peak of abs(S) in the loop with `estimator` [1]; NaN where it cannot be told."""
+        """Peak of abs(S) in the loop with `estimator` [1]; NaN if undetermined."""
         return self._loop.peak(self.estimator) if tells(self.estimator) else math.nan
 
     @cached_property
     def untuned_peak(self) -> float:
-        """Peak of abs(S) in the loop with the untuned filter [1]; NaN where it cannot be told."""
+        """Peak of abs(S) in the loop with the untuned filter [1]; NaN if undetermined."""
         return self.known_peaks[0] if self.known_peaks else self._peak_with({})
 
     @cached_property
     def peaks(self) -> tuple[float, ...]:
-        """Of all that was tried the peak of abs(S) in the loop [1]."""
-        # Infinite where it is unstable, NaN of a kind that settles to no gain. Without
-        # `max_sensitivity` they are computed when they are first looked at.
+        """Peak of abs(S) in the loop of each evaluation [1]."""
+        # Infinite if unstable, NaN for a kind without steady-state gain. Without `max_sensitivity`
+        # they are computed on first access.
         return self.known_peaks or tuple(self._peak_with(item.values) for item in self.trace)
 
     def _peak_with(self, values: Mapping[str, float]) -> float:
-        """Return the peak with other values of what was free."""
+        """Return the peak with other values of the tunables."""
         machine = self.estimator.machine
         built = candidate_of_kind(self.kind, machine, self.magnet, whole=True).build(**values)
         return self._loop.peak(built) if tells(built) else math.nan
 
     @cached_property
     def adequacy(self) -> list[Finding]:
-        """Whether `estimator` may fly, with NIS on what it was not tuned on."""
+        """Whether `estimator` is adequate, with NIS on validation data."""
         scenario = (
             None if self.controller is None else Scenario(controller=as_control(self.controller))
         )
@@ -134,7 +134,7 @@ class Tuned(Result):
 
     @property
     def outcome(self) -> str:
-        """What became of it, in a sentence."""
+        """Summary of the result, in a sentence."""
         return f"The {'tuned' if self.kept else 'untuned'} filter is used."
 
     TITLE = "Tuning of the {0.estimator.name} for {0.estimator.machine.name}"
@@ -227,7 +227,7 @@ def tune(
     budget: int = BUDGET,
     done: Callable[[], None] = lambda: None,
 ) -> Tuned:
-    """Tune a filter: by the likelihood of records, or without any by simulated truth."""
+    """Tune a filter by the likelihood of records, or without records by simulated truth."""
     of_type(Machine, machine=machine)
     kind_called(kind)
     logs = all_of_type(Record, records=records)
@@ -248,7 +248,7 @@ def tune(
     untuned = trials.untuned_peak(evaluated, kind) if gives_estimate else math.nan
     limit = math.inf if max_sensitivity is None else max_sensitivity
     if max_sensitivity is not None and min(peaks) >= max_sensitivity:
-        limit = NEARLY * min(peaks)  # errors decide among those nearly at the least
+        limit = NEARLY * min(peaks)  # errors decide among those close to the minimum
     beyond = [peak >= limit for peak in peaks or (0.0,) * len(evaluated)]
     within = [item for item, far in zip(evaluated, beyond, strict=True) if not far]
     best = task.best(within, chosen, trials.cost, trials.build)
@@ -285,7 +285,7 @@ def tune(
 
 
 class _Trials:
-    """The filter of each trial, its cost, and the peak of |S| with it where that has a limit."""
+    """The filter of each trial, its cost, and its peak of |S| if that has a limit."""
 
     def __init__(
         self, candidate: Candidate, task: ByLikelihood | ByTruth, loop: LoopOf,
@@ -297,25 +297,25 @@ class _Trials:
         self.costs: list[float] = []
 
     def build(self, values: Mapping[str, float] = MappingProxyType({})) -> Estimator:
-        """Return the filter with some values; by default the untuned one."""
+        """Return the filter with given values; by default the untuned one."""
         made: Estimator = self.candidate.build(**values)
         return made
 
     def cost(self, values: Mapping[str, float]) -> float:
-        """Return what the search makes small: beyond the ceiling it rises, whatever else."""
+        """Return the cost, which rises with the peak beyond its limit."""
         made = self.build(values)
         over = 0.0
         if self.max_sensitivity is not None:
             self.peaks.append(self.loop.peak(made))
             over = min(self.peaks[-1] / self.max_sensitivity, FARTHEST)
-        # Where the peak decides, few runs will do.
+        # Few runs suffice if the peak dominates.
         self.costs.append(self.task.cost(lambda: made, few=over > 1))
         return self.costs[-1] + (BEYOND * math.log(over) if over > 1 else 0.0)
 
     def untuned_peak(self, evaluated: Sequence[Tried], kind: str) -> float:
-        """Return the peak of |S| with the untuned filter; refused where none holds the loop."""
+        """Return the peak of |S| with the untuned filter; raises if none stabilises the loop."""
         peaks = self.peaks or [self.loop.peak(self.build())]
-        if not math.isinf(peaks[0]):  # then no other has to be looked at
+        if not math.isinf(peaks[0]):  # spares the search over all others
             return peaks[0]
         if not any(
             math.isfinite(peak)
@@ -340,7 +340,7 @@ def _chosen(candidate: Candidate, names: tuple[str, ...]) -> tuple[Range, ...]:
 
 
 def _in_the_loop(peak: float, untuned: float, peak_limit: float | None) -> Iterator[str]:
-    """Tell where a filter that the data likes best costs the loop its margin."""
+    """Warn if the filter preferred by the data costs much of the margin of the loop."""
     if peak_limit is None and (peak > MUCH_WORSE * untuned or zone_of(peak) > zone_of(untuned)):
         yield (
             f"in the loop the peak of |S| is {peak:.2f}, zone {zone_of(peak)}, with the untuned "
@@ -350,7 +350,7 @@ def _in_the_loop(peak: float, untuned: float, peak_limit: float | None) -> Itera
 
 
 def _at_an_end(free: Sequence[Range], values: Mapping[str, float]) -> Iterable[str]:
-    """Tell which values have run into a bound."""
+    """Return the values at the ends of their ranges."""
     for item in free:
         if item.name not in values:
             continue

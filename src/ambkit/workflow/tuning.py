@@ -1,4 +1,4 @@
-"""Tuning a filter by the likelihood of a record, where there is no truth to tune by."""
+"""Tuning of the process noise by the likelihood of a record."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.parts import GRAVITY
 
-DECADES = (-8.0, 1.0)  #: Range of the search, in decades around ``(2 m g)^2`` a second.
+DECADES = (-8.0, 1.0)  #: Range of the search, in decades around ``(2 m g)^2`` per second.
 
 MUCH_LESS_LIKELY = 2.0
 """Loss of log likelihood with which a value counts as ruled out (Edwards 1972)."""
 
-AT_THE_END = 0.1  #: Decades from the end of the range within which the search has run into it.
+#: Distance to the end of the range, in decades, within which the search has reached it.
+AT_THE_END = 0.1
 
 
 TOO_LARGE = 2.0
@@ -34,7 +35,7 @@ TOO_LARGE = 2.0
 
 
 def check_signals(machine: Machine, record: Record) -> None:
-    """Refuse a record without a reading or a control signal of a machine."""
+    """Reject a record without all readings and control signals of a machine."""
     needed = [signal("y", r.name) for r in machine.readings]
     needed += [signal("u", axis.name) for axis in machine.axes]
     lacking = [name for name in needed if name not in record]
@@ -43,7 +44,7 @@ def check_signals(machine: Machine, record: Record) -> None:
 
 
 def default_disturbance(machine: Machine) -> Any:
-    """Process noise intensity of f_d of an untuned filter, of each axis [N^2/s]."""
+    """Return the default process noise intensity of f_d, of each axis [N^2/s]."""
     return _times([(2 * b.rotor.mass * GRAVITY) ** 2 for b in isolated_axes(machine)], 1.0)
 
 
@@ -53,7 +54,7 @@ def _times(own: Any, factor: float) -> Any:
 
 
 def in_units(intensity: Any) -> str:
-    """Return a process noise intensity of the disturbance force, of each axis, as text."""
+    """Return process noise intensities of the disturbance force as text."""
     parts = dict.fromkeys(f"{one:.3g}" for one in np.atleast_1d(intensity))
     return f"{' and '.join(parts)} N^2/s"
 
@@ -62,14 +63,13 @@ def log_likelihood(
     estimate: Estimate, first: int = 1, counts: NDArray[np.bool_] | None = None
 ) -> float:
     """Log likelihood of a filter's measurements (Schweppe 1965), up to a constant."""
-    # ``-1/2 sum(ln S + e^2/S)`` over the innovations e and the variances S that the filter
-    # expected; the first sample, which the filter starts from, does not count, nor what is before
-    # sample `first` or not in `counts` (n,). An outlier does: a filter that leaves out what it did
-    # not expect is not the more likely for it. What a filter has no idea of, as a low-pass, does
-    # not count.
+    # ``-1/2 sum(ln S + e^2/S)`` over the innovations e and their variances S. Excluded are the
+    # first sample, which starts the filter, and samples before `first` or not in `counts` (n,).
+    # Outliers count: a filter must not gain likelihood by rejecting samples. Filters without S,
+    # such as a low-pass, have no likelihood.
     used_mask = _taken(estimate) & (True if counts is None else counts)
     used_mask[: max(1, first)] = False
-    # Of several readings one after another, each given those before.
+    # Several readings are processed in sequence, each conditional on those before.
     e, S = estimate.innovation[used_mask], estimate.innovation_variance[used_mask]
     valid = S > 0
     return float(-0.5 * np.sum(np.log(S[valid]) + e[valid] ** 2 / S[valid]))
@@ -77,22 +77,22 @@ def log_likelihood(
 
 @dataclass(frozen=True)
 class TunedDisturbance:
-    """What a stretch of a record says of how fast the load wanders."""
+    """Process noise intensity by the likelihood of a part of a record."""
 
-    #: Process noise intensity of the disturbance force to be used [N^2/s], of several axes of each.
+    #: Process noise intensity of the disturbance force to use, of each axis [N^2/s].
     intensity: Any
-    why: str = ""  #: Why it is that, where the stretch does not single one out; else empty.
+    why: str = ""  #: Reason for the choice if the likelihood does not determine it; else empty.
 
 
 def tune_disturbance(
     machine: Machine, record: Record, make: Callable[[Any], Estimator]
 ) -> TunedDisturbance:
-    """Find the process noise of the disturbance force under which a record is most likely."""
-    # The paper leaves it to experiment. Too small, and the filter is sure of a wrong force; too
-    # large, and it takes the noise of the sensor for forces. Not every record tells: the untuned
-    # intensity is kept where it is as likely as the best, and where something else is wrong, for
-    # then the search runs to its upper end or to a chance summit. Where the load hardly wanders,
-    # and any small intensity is as likely, the largest of these is taken.
+    """Return the process noise intensity that makes a record most likely."""
+    # The paper leaves it to experiment. If it is too small, the filter is overconfident in a wrong
+    # force; if too large, it takes sensor noise for forces. The default is kept if it is as likely
+    # as the optimum, and if the search ends at the upper limit or an isolated maximum, because then
+    # something else is wrong. With a nearly constant load the likelihood cannot bound the intensity
+    # from below; the largest value consistent with the data is used.
     from scipy.optimize import brentq, minimize_scalar
 
     own = default_disturbance(machine)
@@ -103,10 +103,11 @@ def tune_disturbance(
     def cost(decade: float) -> float:
         return -log_likelihood(make(_times(own, 10**decade)).run(record))
 
-    # The likelihood can have a flat or second hill: look everywhere first, then go up the highest.
+    # The likelihood may have flat regions and local maxima: search a grid, then refine its best
+    # point.
     grid = np.arange(low, high + 0.5)
     best = float(min(grid, key=cost))
-    if cost(best) == max(map(cost, grid)):  # it assumes no load noise, as a low-pass
+    if cost(best) == max(map(cost, grid)):  # no process noise, as in a low-pass
         return TunedDisturbance(own)
     around = (max(low, best - 1), min(high, best + 1))
     result = minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02})
@@ -141,13 +142,13 @@ def tune_disturbance(
 
 
 def _innovations_over_expected(estimate: Estimate) -> float:
-    """Root mean square of the normalised innovations; 0 where the filter has no idea of them."""
+    """Return the rms of the normalised innovations; 0 for a filter without their variance."""
     nis = estimate.nis[_taken(estimate)][1:]
     known = nis[np.isfinite(nis)]
     return math.sqrt(float(known.mean())) if known.size else 0.0
 
 
 def _taken(estimate: Estimate) -> NDArray[np.bool_]:
-    """Where a filter took a measurement in, or left it out for being too far off."""
+    """Return whether a filter used each measurement, rather than rejecting it as an outlier."""
     outlier = (estimate.status & np.uint16(Status.OUTLIER)) != 0
     return np.asarray(estimate.used | outlier)

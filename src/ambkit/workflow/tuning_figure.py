@@ -1,4 +1,4 @@
-"""Picture of a tuning: all that was tried, and what it cost."""
+"""Figure of a tuning: all evaluations and their cost."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from ambkit.judge.comparison.tuning import Range, Tried
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 
-HIGHEST_PEAK = 10.0  #: Of the sensitivity, up to which filters are shown.
-WORST_SHOWN = 5.0  #: Costs are shown up to so many spans between the best and the untuned one.
+HIGHEST_PEAK = 10.0  #: Upper end of the axis of the sensitivity peak.
+WORST_SHOWN = 5.0  #: Range of the cost axis, in units of the difference between best and untuned.
 
 
 def tuning_figure(
@@ -23,7 +23,7 @@ def tuning_figure(
     peaks: Sequence[float] = (),
     peak_limit: float | None = None,
 ) -> Figure:
-    """Show the cost of all that was tried, over each value that was free and the peak of S."""
+    """Plot the cost of all evaluations over each tunable and the peak of S."""
     costs = np.array([item.cost for item in trace])
     best = costs.min()
     span = max(float(costs[0] - best), 1e-3 * abs(best))
@@ -44,7 +44,7 @@ def tuning_figure(
         )
 
     def of_the_loop() -> Panel:
-        """Show what a smaller peak costs; the line joins those that nothing else beats in both."""
+        """Plot the cost over the peak; the line joins the Pareto-optimal evaluations."""
         size = np.asarray(peaks, float)
         indices = np.flatnonzero(visible & (size < HIGHEST_PEAK))
         order = indices[np.lexsort((costs[indices], size[indices]))]

@@ -1,4 +1,4 @@
-"""What a filter is tuned by, and judged by: the likelihood of records, or simulated truth."""
+"""Tuning criteria: the likelihood of records, and simulated truth."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ By = Literal["likelihood", "truth"]
 NOISE = ("noise.measurement", "noise.disturbance")
 """What a record tells of a filter's noise; that of the control signal is hardly in it."""
 
-SETTLING = 5.0  #: Time at the start of a record that does not count, in the plant's own.
+SETTLING = 5.0  #: Initial time excluded from a record, in time constants of the plant.
 
 VALIDATION_SHARE = 0.5
 """Share of each record, its end, that is kept to judge by where there are no other records."""
@@ -41,7 +41,7 @@ VALIDATION_SHARE = 0.5
 HALVINGS = 8
 """Of the range above the likeliest process noise, in which the largest likely one is found."""
 
-COMPARED = 3  #: Filters of a search that are compared in all simulated runs, with all modes.
+COMPARED = 3  #: Number of best filters of a search that are compared in all runs, with all modes.
 
 
 JUDGED: Mapping[By, str] = {
@@ -50,7 +50,7 @@ JUDGED: Mapping[By, str] = {
 }
 """What a tuned filter is judged by, on what it was not tuned on."""
 
-RAW = "error of the raw sensors"  #: Figure of simulated runs that stands beside the error of x [m].
+RAW = "error of the raw sensors"  #: Figure of simulated runs beside the error of x [m].
 
 AHEAD = {1: "error 1 step ahead [m]", 10: "error 10 steps ahead [m]"}
 """Figures of how well a record is predicted, by the number of samples."""
@@ -89,7 +89,7 @@ class ByLikelihood:
             self.unseen = [r.between(end, None) for r, end in zip(records, ends, strict=True)]
 
     def usual(self, candidate: Candidate) -> tuple[str, ...]:
-        """Return which tunables are free where nobody says it."""
+        """Return the default tunables."""
         own = [item.name for item in candidate.tunable if not item.name.startswith("noise.")]
         return (*NOISE, *own)
 
@@ -98,9 +98,9 @@ class ByLikelihood:
         cost: Callable[[Mapping[str, float]], float],
         build: Callable[[Mapping[str, float]], Estimator],
     ) -> Tried:  # fmt: skip
-        """Take the fastest load that the records do not rule out (Edwards 1972)."""
+        """Return the largest process noise consistent with the records (Edwards 1972)."""
         # With a constant load the likelihood cannot bound Q from below, and a filter with a small Q
-        # follows no later load: Q is raised to what the stated load needs.
+        # follows no later load: Q is raised to the value for the stated load.
         best = min(evaluated, key=lambda entry: entry.cost)
         noise_range = next((item for item in free if item.name == "noise.disturbance"), None)
         if noise_range is None:
@@ -117,7 +117,7 @@ class ByLikelihood:
                 low, accepted_trial = middle, Tried(values, at)
             else:
                 high = middle
-        if cost({**best.values, noise_range.name: noise_range.low}) < allowed:  # the load rests
+        if cost({**best.values, noise_range.name: noise_range.low}) < allowed:  # constant load
             result = accepted_trial.values[noise_range.name]
             raised = least_process_noise(
                 lambda q: build({**best.values, noise_range.name: q}), result
@@ -128,7 +128,7 @@ class ByLikelihood:
         return accepted_trial
 
     def check(self, estimator: Estimator, kind: str) -> None:
-        """Refuse a kind that cannot be tuned so."""
+        """Reject a kind that cannot be tuned this way."""
         variance = estimator.run(self.seen[0]).innovation_variance
         if not (np.isfinite(variance) & (variance > 0)).any():
             raise AmbkitError(
@@ -137,7 +137,7 @@ class ByLikelihood:
             )
 
     def cost(self, build: Callable[[], Estimator], *, few: bool = False) -> float:
-        """Return what the search makes small, for the filters that `build` makes."""
+        """Return the cost of the filters that `build` makes."""
         return self._unlikely(build().run(record) for record in self.seen)
 
     def _unlikely(self, estimates: Iterable[Estimate]) -> float:
@@ -150,7 +150,7 @@ class ByLikelihood:
         return total / samples if math.isfinite(total) else math.inf
 
     def figures(self, build: Callable[[], Estimator]) -> dict[str, float]:
-        """Return how such filters do on what they were not tuned on."""
+        """Return figures of such filters on validation data."""
         parts = [evaluate(build(), r, settling=self.settling) for r in self.unseen]
 
         def pooled(values: Iterable[Any]) -> float:
@@ -168,13 +168,13 @@ class ByLikelihood:
         return results
 
     def said(self, source: str) -> str:
-        """Return what the filter was tuned on."""
+        """Return the data of the tuning in words."""
         return f"likelihood of {source or f'{len(self.seen)} records'}"
 
     def warnings(
         self, _estimator: Estimator, kept: bool, after: Mapping[str, float]
     ) -> Iterable[str]:
-        """Tell what is odd about the filter that is taken, and about what it was tuned on."""
+        """Return warnings about the selected filter and its data."""
         if self.spikes:
             yield self.spikes
         if not kept:
@@ -201,7 +201,8 @@ class ByTruth:
             raise AmbkitError(f"{machine.name}: the rotor met a stop in all simulated runs")
         self.untuned = self.errors(lambda: KalmanFilter(machine), self.seen)
         self.reference = self.untuned.mean(axis=0)
-        # The search hears the modes that the loop hears; the best filters are compared with all.
+        # The search models the modes of the loop's range; the best filters are compared with all
+        # modes.
         self.coarse, self.heard = _with_few_modes(machine), self.seen
         if self.coarse is not machine:
             made = loaded(self.coarse, self.runs, 2 * seeds.start + 1)
@@ -216,7 +217,7 @@ class ByTruth:
         return errors(build, trials, self.first)
 
     def _trials(self, seed: int) -> list[Trial]:
-        """Return simulated runs in which no stop was met."""
+        """Return simulated runs without contact."""
         case = CASES["paper"]
         single, runs = self.machine.single, self.runs
         made = (
@@ -225,9 +226,9 @@ class ByTruth:
         return [item for item in made if not item.lost]
 
     def usual(self, candidate: Candidate) -> tuple[str, ...]:
-        """Return which tunables are free where nobody says it."""
+        """Return the default tunables."""
         names = [item.name for item in candidate.tunable]
-        # Gains depend on the ratios of the variances alone: one of them is left as it is.
+        # Gains depend on ratios of the variances only: one variance stays fixed.
         has_process_noise = {"noise.control", "noise.disturbance"} <= set(names)
         return tuple(
             name for name in names if not (has_process_noise and name == "noise.measurement")
@@ -237,7 +238,7 @@ class ByTruth:
         self, evaluated: Sequence[Tried], _free: Any, _cost: Any,
         build: Callable[[Mapping[str, float]], Estimator],
     ) -> Tried:  # fmt: skip
-        """Return the best, of several axes in all runs and with all modes."""
+        """Return the best of several axes, in all runs and with all modes."""
         best = sorted(evaluated, key=lambda entry: entry.cost)
         if len(self.machine.axes) == 1:
             return best[0]
@@ -249,11 +250,12 @@ class ByTruth:
         )
 
     def check(self, estimator: Estimator, kind: str) -> None:
-        """There is nothing that could not be tuned so."""
+        """Accept all kinds."""
 
     def cost(self, build: Callable[[], Estimator], *, few: bool = False) -> float:
-        """Return what the search makes small, for the filters that `build` makes."""
-        # Each run has a step along each axis: as many steps as of one axis are in few of them.
+        """Return the cost of the filters that `build` makes."""
+        # Each run has a step along each axis: a few runs contain as many steps as those of one
+        # axis.
         count = math.ceil(len(self.heard) / len(self.machine.axes)) if few else len(self.heard)
         made = build()
         if self.coarse is not self.machine:
@@ -267,7 +269,7 @@ class ByTruth:
         return float(known.mean()) if known.size else math.inf
 
     def figures(self, build: Callable[[], Estimator]) -> dict[str, float]:
-        """Return how such filters do on what they were not tuned on."""
+        """Return figures of such filters on validation data."""
         result = self.errors(build, self.unseen)
         by_signal = dict(zip(SIGNALS, result.mean(axis=0).tolist(), strict=True))
         errors = {f"error of {name}": value for name, value in by_signal.items()}
@@ -275,17 +277,17 @@ class ByTruth:
 
     @cached_property
     def raw(self) -> float:
-        """Return what the sensors err by along the axes in the runs that judge [m]."""
+        """Return the rms error of the sensors along the axes in the validation runs [m]."""
         return raw_error(self.machine, [trial.record for trial in self.unseen], self.first)
 
     def said(self, source: str) -> str:
-        """Return what the filter was tuned on."""
+        """Return the data of the tuning in words."""
         return f"errors in {len(self.seen)} simulated runs of {self.machine.name}"
 
     def warnings(
         self, estimator: Estimator, kept: bool, after: Mapping[str, float]
     ) -> Iterable[str]:
-        """Tell what is odd about the filter that is taken."""
+        """Return warnings about the selected filter."""
         if not after["error of x"] < self.raw:
             yield (
                 f"its position error is {engineering(after['error of x'], 'm', digits=3)}, that of "
@@ -296,7 +298,7 @@ class ByTruth:
 
 
 def _with_few_modes(machine: Machine) -> Machine:
-    """Return a machine whose rotor has no bending modes beyond the range of ISO 14839-3."""
+    """Return a machine without bending modes beyond the range of ISO 14839-3."""
     rotor, bending = machine.rotor, machine.bending
     if not isinstance(rotor, OfMatrices) or bending is None:
         return machine

@@ -1,4 +1,4 @@
-"""Estimators compared: over seeds in their own loops, and along the same records."""
+"""Comparison of estimators: over seeds in their own loops, and along the same records."""
 
 from ambkit.estimate.constant_velocity import ConstantVelocityFilter
 from ambkit.judge.comparison.score import Score

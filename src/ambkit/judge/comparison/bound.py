@@ -1,4 +1,4 @@
-"""The posterior Cramer-Rao bound: the least error that any estimator can have.
+"""The posterior Cramer-Rao bound: the least error of any estimator.
 
 The recursion of Tichavsky, Muravchik and Nehorai (1998) needs the inverse of the process noise,
 which is singular here. So the density is written in the state at the start and the unit noises,
@@ -42,14 +42,14 @@ def posterior_bound(
     measurement: ArrayLike,
     prior: ArrayLike,
 ) -> Array:
-    """Bound on the covariance of any estimate, sample by sample, after its measurement."""
+    """Bound on the covariance of any estimate after each measurement."""
     # transition (runs, samples - 1, n, n); noise_input (runs, samples - 1, n, q); output (m, n);
     # measurement (m,), variances; prior (n, n); returns (samples, n, n)
     F, G = np.asarray(transition, dtype=float), np.asarray(noise_input, dtype=float)
     runs, steps, n, _ = F.shape
     H = np.atleast_2d(np.asarray(output, dtype=float))
-    # A factor L of the stacked covariance P = L L', for where runs differ P is zero at first and
-    # the plant unstable: a rounded P that is negative by a hair grows without end.
+    # A factor L of the stacked covariance P = L L': runs differ where P is zero at first and the
+    # plant unstable, and a rounded P with a slightly negative eigenvalue grows without limit.
     start = np.linalg.cholesky(np.asarray(prior, dtype=float))
     L = np.tile(start, (runs, 1, 1))
     R = np.broadcast_to(np.asarray(measurement, dtype=float), len(H))
@@ -81,10 +81,9 @@ def bearing_bound(
 ) -> Array:
     """Bound for a machine whose truth follows the filters' model."""
     # That is: the magnets' force laws, white noise on control signals and measurements, and
-    # disturbance forces that are random walks, all with the variances given; and what else the
-    # machine has that its model knows, such as coloured noise, as the machine says.
-    # rows (quantities, n), of the states; by default each state
-    # returns (samples, quantities)
+    # disturbance forces that are random walks, all with the given variances, and further states of
+    # the model, such as coloured noise, as the machine defines them. rows (quantities, n), of the
+    # states; by default each state returns (samples, quantities)
     model, unit = machine_model(machine), np.asarray(std)
     plain = tuple(state.name for state in model.states) == PAPER_STATES
 
@@ -94,7 +93,7 @@ def bearing_bound(
         return _along(model, machine, record, variances)
 
     F, G = zip(*map(along, records), strict=True)
-    # In units of their own, so that no entry is 1e12 times another.
+    # Scaled, so that no entry is 1e12 times another.
     scaled_F = np.asarray(F) * (unit / unit[:, None])
     scaled_G = np.asarray(G) / unit[:, None]
     scaled_C = model.c * unit
@@ -110,7 +109,7 @@ def bearing_bound(
 def _along(
     model: Model, machine: Machine, record: Record, variances: Variances
 ) -> tuple[Array, Array]:
-    """F (samples - 1, n, n) and G (samples - 1, n, p + n) of one run, forces held in a sample."""
+    """F (samples - 1, n, n) and G (samples - 1, n, p + n) of one run, forces held over a sample."""
     view, names = View(machine), [axis.name for axis in machine.axes]
     F = np.tile(model.L, (len(record) - 1, 1, 1))
     doors = []
@@ -143,15 +142,16 @@ def _held(machine: Machine, record: Record, variances: Variances) -> tuple[Array
     T, m = machine.sampling_time, machine.rotor.mass
     lag = machine.lag_of(machine.sensor)
     k_i, k_s = magnet_of(machine).tangent(record["iu"][:-1], record["x"][:-1])
-    A = np.zeros((len(record) - 1, 5, 5))  # x, v, f_d, x_m, and the current, which is held
+    A = np.zeros((len(record) - 1, 5, 5))  # x, v, f_d, x_m, and the held current
     A[:, 0, 1] = 1.0
     A[:, 1, 0], A[:, 1, 2], A[:, 1, 4] = k_s / m, 1 / m, k_i / m
     A[:, 3, 0], A[:, 3, 3] = machine.sensor.gain / lag, -1 / lag
     held = expm(A * T)
     G = np.zeros((len(A), 4, 1 + NODES))
     G[:, :, 0] = held[:, :4, 4] * machine.amplifier.gain * np.sqrt(variances.control)
-    # The load walks on within the sample (Van Loan 1978, his integral by Gauss and Legendre). What
-    # it does until the sample's end hardly depends on the tangents, so the first ones do for all.
+    # The disturbance also walks within the sample (Van Loan 1978, his integral by Gauss-Legendre).
+    # Its effect until the end of the sample hardly depends on the tangents, so the first ones serve
+    # for all.
     at, weights = np.polynomial.legendre.leggauss(NODES)
     walked = expm(A[0] * (T * (1 + at) / 2)[:, None, None])[:, :4, 2]
     G[:, :, 1:] = (walked * np.sqrt(T * variances.disturbance * weights / 2)[:, None]).T

@@ -1,4 +1,4 @@
-"""What happens in the comparison: cases, and the records that come of them.
+"""Cases of the comparison, and their records.
 
 Times are in the plant's own, ``sqrt(m/k_s)`` (8.3 ms on the paper's rig), lengths in the travel
 and forces in the weight, so that each case means the same on any bearing. On the paper's rig a step
@@ -40,41 +40,43 @@ from ambkit.simulation.waveforms import Constant, Recorded, Sequence, Signal, Si
 
 Force = Callable[[Array, Array], Array]
 
-STEPS = (0.1, 0.3, 0.5)  #: Position steps of the paper's kind, in travels.
-LOAD = 0.6  #: Load, in weights.
-LENGTH = 40.0  #: Of a run with steps of load along all axes, in the plant's time constant.
+STEPS = (0.1, 0.3, 0.5)  #: Position steps as in the paper, over the clearance.
+LOAD = 0.6  #: Disturbance force, over the weight.
+#: Duration of a run with disturbance steps along all axes, in time constants of the plant.
+LENGTH = 40.0
 
 LOADED = 0.2
-"""Standard deviation of these steps, over what an axis carries where all carry the same."""
+"""Standard deviation of these steps, over the load of an axis if all carry the same."""
 
 REACH = 0.8
-"""How far out a step of half of the travel overshoots, in travels; so far the maps reach."""
+"""Overshoot of a step to half of the clearance, over the clearance; the range of the maps."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A situation that estimators are compared in."""
+    """A scenario in which estimators are compared."""
 
-    name: str  #: As the user calls it.
-    title: str  #: What happens, in a few words.
-    about: str  #: What is to be seen in it, in a sentence.
-    scenario: Callable[[Machine, float], Scenario]  #: ``scenario(bearing, load)``, load in weights.
-    spread: Spread = CERTAIN  #: What is uncertain about the plant.
-    #: Factor on the plant's magnet constant, which the estimators do not know.
+    name: str  #: Name.
+    title: str  #: Short description.
+    about: str  #: Purpose, in a sentence.
+    #: ``scenario(machine, disturbance)``, the disturbance over the weight.
+    scenario: Callable[[Machine, float], Scenario]
+    spread: Spread = CERTAIN  #: Tolerances of the plant.
+    #: Factor on the plant's magnet constant, unknown to the estimators.
     magnet_constant: float = 1.0
-    drift: float = 0.0  #: How much of that constant it gains by the end of the run, evenly.
-    #: Whether the plant's iron saturates more than described, which only the learned maps know.
+    drift: float = 0.0  #: Relative drift of that constant until the end of the run.
+    #: Whether the plant's iron saturates more than described; only learned maps include it.
     saturates: bool = False
-    correlation: float = 0.0  #: Samples over which the sensor's noise is correlated; 0: white.
-    #: Growth of the load as a random walk, as a factor on what the filters assume; 0: it has none.
+    correlation: float = 0.0  #: Correlation time of the sensor noise in samples; 0: white.
+    #: Intensity of the disturbance's random walk, as a factor on the filters' assumption; 0: none.
     walks: float = 0.0
-    #: The plant's true magnet, measured or computed; only the learned maps know it. Without it,
-    #: what the bearing describes.
+    #: Measured or computed force map of the plant, which only learned maps include. Without it, the
+    #: described magnet.
     magnet: ForceSurface | None = None
-    plant: Any = None  #: A plant of one's own, a class or ``file.py:Class``.
+    plant: Any = None  #: The user's plant, a class or ``file.py:Class``.
 
     def growth(self, machine: Machine) -> Any:
-        """Return how fast the variance of the load that walks grows, of each axis [N^2/s]."""
+        """Return the intensity of the disturbance's random walk, of each axis [N^2/s]."""
         own = KalmanFilter(machine).variances.disturbance
         if isinstance(own, tuple):
             return tuple(self.walks * item for item in own)
@@ -83,41 +85,41 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One run of a case: the plant that it was made with, and the record that all are given."""
+    """One run of a case: its plant and its record."""
 
-    plant: Machine  #: The true one.
-    scenario: Scenario  #: With its seed.
-    #: Series of noise and load; of several axes these are in the scenario.
+    plant: Machine  #: True machine.
+    scenario: Scenario  #: Scenario with its seed.
+    #: Series of noise and disturbance; with several axes these are in the scenario.
     external_inputs: ExternalInputs | None
-    magnet: MagnetModel | None  #: The plant's magnet where it is no closed law.
-    record: Record  #: The run that the nominal linear filter closed the loop of.
+    magnet: MagnetModel | None  #: Force map of the plant, if it has one.
+    record: Record  #: Record of the loop closed by the nominal linear filter.
     _loads: dict[tuple[int, str], Load] = field(default_factory=dict, repr=False)
 
     def load(self, first: int, axis: str = "") -> Load:
-        """Return the load of an axis from a sample on."""
+        """Return the disturbance of an axis from a sample on."""
         if (first, axis) not in self._loads:
             self._loads[first, axis] = Load(self.record[signal("f_d", axis)][first:])
         return self._loads[first, axis]
 
     @property
     def lost(self) -> bool:
-        """Whether the rotor met a stop, so that there is nothing to estimate."""
+        """Whether the rotor touched a stop, which invalidates the run."""
         return bool(self.record.meta["stop_touched"])
 
 
 def in_the_loop(made: Iterable[Trial], estimator: Estimator, settling: float) -> Many:
-    """Fly the same runs with another estimator in the loop."""
+    """Simulate the same runs with another estimator in the loop."""
     runs = (Planned(at.plant, at.scenario, estimator, at.magnet, at.external_inputs) for at in made)
     return simulate_many(runs, settling=settling, threads=1)
 
 
 def trials(case: Case, machine: Machine, runs: int, seed: int) -> list[Trial]:
-    """Make the records of a case, see `iterate_trials`."""
+    """Return the records of a case, see `iterate_trials`."""
     return list(iterate_trials(case, machine, runs, seed))
 
 
 def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
-    """Make the records of a case, one after another."""
+    """Yield the records of a case."""
     if not machine.single:
         yield from _flights(case, machine, runs, seed)
         return
@@ -133,7 +135,7 @@ def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterat
         own = {"seed": 1000 * seed + run, "plant": case.plant}
         scenario = scenario.model_copy(update=own)
         external_inputs, walk = _beside(case, plant, scenario), None
-        if case.walks:  # it does not wait for the samples: what acts over one is its mean there
+        if case.walks:  # acts as its mean over the sample
             growth = case.growth(machine) * plant.sampling_time
             load, walk = random_walk(_streams(scenario)[0], growth, samples(plant, scenario))
             external_inputs = replace(external_inputs, disturbance=load)
@@ -141,26 +143,26 @@ def iterate_trials(case: Case, machine: Machine, runs: int, seed: int) -> Iterat
         record = simulate(
             plant, scenario, estimator=known, magnet=magnet, external_inputs=external_inputs
         )
-        if walk is not None:  # the truth is the load at the samples, not its means between them
+        if walk is not None:  # the truth is the value at the samples, not the mean between them
             record = replace(record, signals={**record.signals, "f_d": walk})
         yield Trial(plant, scenario, external_inputs, magnet, record)
 
 
 def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Trial]:
-    """Make the records of a machine, each axis with what happens to it held alone."""
+    """Yield the records of a machine, with independent disturbances of each axis."""
     if case.saturates or case.magnet is not None:
         raise AmbkitError(
             f"case {case.name}: its plant has another magnet than the described one, which can be "
             f"simulated for a machine with one axis only; {machine.name} has {len(machine.axes)}"
         )
-    if case.walks:  # all is as the filters' model says
+    if case.walks:  # the filters' model is exact
         sensors = [sensor.model_copy(update={"runout": ()}) for sensor in machine.sensors]
         machine = machine.replace(unbalance=[], sensor=sensors)
     known, T = KalmanFilter(machine), machine.sampling_time
     names = [axis.name for axis in machine.axes]
     certain = case.spread == CERTAIN and case.magnet_constant == 1.0
     control = Control()
-    if not certain:  # the controllers know the described one
+    if not certain:  # the controllers are those of the described machine
         pids = zip(names, holding(machine, "estimate").pids, strict=True)
         control = Control(pid={name: PID(**gains._asdict()) for name, gains in pids})
     for run, factors in enumerate(case.spread.factors(runs, seed)):
@@ -193,7 +195,7 @@ def _flights(case: Case, machine: Machine, runs: int, seed: int) -> Iterator[Tri
 
 @lru_cache(maxsize=4)
 def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
-    """Make records with a step of load along each axis, of random size at a random time."""
+    """Yield records with a disturbance step along each axis, of random size at a random time."""
     rng, made = np.random.default_rng(seed), []
     duration = LENGTH * slowest_time(machine)
     weight = machine.rotor.mass * GRAVITY / max(1, len(weights_of(machine)))
@@ -212,7 +214,7 @@ def loaded(machine: Machine, runs: int, seed: int) -> list[Trial]:
 
 
 def _streams(scenario: Scenario) -> list[np.random.Generator]:
-    """Return the random numbers of a run's load and of its sensors."""
+    """Return the random generators of a run's disturbance and sensors."""
     seeds = np.random.SeedSequence([scenario.seed, 3]).spawn(2)
     return [np.random.default_rng(seed) for seed in seeds]
 
@@ -230,18 +232,18 @@ def _beside(case: Case, plant: Machine, scenario: Scenario) -> ExternalInputs:
 
 def saturating(machine: Machine) -> Force:
     """Return the force of magnets whose iron saturates at twice the flux of the bias current."""
-    # The flux, proportional to i/s, bends off as ``phi/(1 + (phi/phi_s)^4)^(1/4)``. The bearing's
-    # own force, by its law or force map, falls by the same share as an ideal magnet's does.
+    # The flux, proportional to i/s, saturates as ``phi/(1 + (phi/phi_s)^4)^(1/4)``. The machine's
+    # own force, by law or force map, is reduced by the same factor as an ideal magnet's.
     m, own = machine.magnet, magnet_of(machine)
     limit = 2 * m.bias_current / m.air_gap
 
     def force(iu: Array, x: Array) -> Array:
-        # By how much the square of a flux falls, with 1 as the flux at which iron is full.
+        # Factor on the square of a flux, which is 1 at saturation.
         a = (m.bias_current + iu) / (m.air_gap - x) / limit
         p = np.sqrt(1 + a**4)
         if m.type == "one-sided":
             return np.asarray(1 / p * own.force(iu, x))
-        # (h(a) - h(b)) / (a^2 - b^2) with h = a^2 / p, written such that nothing cancels.
+        # (h(a) - h(b)) / (a^2 - b^2) with h = a^2 / p, without cancellation.
         b = (m.bias_current - iu) / (m.air_gap + x) / limit
         q = np.sqrt(1 + b**4)
         share = (a**2 + b**2) / (p * q * (a**2 * q + b**2 * p))
@@ -251,7 +253,7 @@ def saturating(machine: Machine) -> Force:
 
 
 def _magnet(case: Case, plant: Machine, nominal: Machine) -> MagnetModel | None:
-    """Return the plant's own magnet: what is given, or a map finer than its corners matter."""
+    """Return the plant's magnet: the given one, or a map finer than the learned ones."""
     if case.magnet is not None:
         ratio = plant.magnet.magnet_constant / nominal.magnet.magnet_constant
         return case.magnet if ratio == 1 else case.magnet.scaled(ratio)
@@ -277,12 +279,12 @@ def _scenario(
         duration=duration * own_time(machine),
         reference=reference,
         disturbance=disturbance or Constant(value=0.0),
-        controller=Control.textbook(machine),  # a lively loop, which takes the rotor far out
+        controller=Control.textbook(machine),  # fast, so that the rotor moves far
     )
 
 
 def against_gravity(machine: Machine) -> float:
-    """Loads act against gravity, as the paper's do: the way that is safe for any magnet."""
+    """Disturbances act against gravity, as in the paper: the safe direction for any magnet."""
     return -1.0 if machine.weight > 0 else 1.0
 
 
@@ -292,7 +294,7 @@ def _load(machine: Machine, load: float, at: float) -> Step:
 
 
 def _positions(machine: Machine, plan: dict[float, float]) -> Sequence:
-    """Positions in travels, by the times at which they begin, in the plant's own."""
+    """Steps of the position, over the clearance, at times in time constants of the plant."""
     return Sequence(
         times=tuple(at * own_time(machine) for at in plan),
         values=tuple(height * machine.clearance for height in plan.values()),
@@ -300,7 +302,7 @@ def _positions(machine: Machine, plan: dict[float, float]) -> Sequence:
 
 
 def step_case(share: float) -> Case:
-    """Return the case of one step and a load, as `ambkit reproduce` has it."""
+    """Return the case of one step and a disturbance, as in `ambkit reproduce`."""
 
     def scenario(machine: Machine, load: float) -> Scenario:
         return _scenario(machine, 60, _positions(machine, {6: share}), _load(machine, load, 30))
@@ -315,7 +317,7 @@ def step_case(share: float) -> Case:
 
 
 def walk_case(share: float) -> Case:
-    """Return the case in which all is as the filters' model says, with one step."""
+    """Return the case in which the filters' model is exact, with one step."""
 
     def scenario(machine: Machine, _load: float) -> Scenario:
         return _scenario(machine, 24, _positions(machine, {2: share}))

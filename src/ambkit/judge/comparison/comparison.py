@@ -1,4 +1,4 @@
-"""The comparison: the same records for all, tuned alike, judged on other runs, beside the limit."""
+"""The comparison: same records, same tuning effort, other runs for the judgement, and the bound."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Tuning, errors, t
 from ambkit.machine.force_laws import slowest_time
 from ambkit.machine.machine import Machine
 
-TRAINING = 4  #: Runs that are tuned on; they are judged on others.
-BOUND_RUNS = 8  #: Runs over which the limit's expectations are taken.
+TRAINING = 4  #: Runs for tuning; others judge.
+BOUND_RUNS = 8  #: Runs over which the expectations in the bound are averaged.
 
 _TRAINING_SEED = 500_009
 
@@ -63,7 +63,7 @@ def bench(
 
         def scores(*tunings: Sequence[Tuning]) -> dict[str, Score]:
             judged = dict(zip(field, pool.map(evaluated, field.values(), *tunings), strict=True))
-            for name, score in judged.items():  # when nothing else goes on
+            for name, score in judged.items():  # timed alone
                 cost = _cost(field[name].build(**score.values), valid[0])
                 score.figures["cost"] = np.full(len(valid), cost)
             return judged
@@ -98,8 +98,8 @@ def _figures(
     machine: Machine,
     settling: float,
 ) -> dict[str, Array]:
-    """Judge an estimator along the records and, where it can be there, in the loops, (runs,)."""
-    # One of ours serves all runs, each of which it begins afresh.
+    """Evaluate an estimator along the records and, if possible, in the loops, (runs,)."""
+    # An instance of ours serves all runs, because it starts anew in each.
     estimator = candidate.build(**values)
     rows = [
         evaluate_run(estimator if candidate.in_loop else candidate.build(**values), trial, machine,
@@ -111,7 +111,7 @@ def _figures(
         return figures
     looped = in_the_loop(valid, estimator, settling)
     touched = looped.figures["touched"] > 0
-    for name, of in OF_THE_LOOP.items():  # of several axes some do not apply
+    for name, of in OF_THE_LOOP.items():  # some do not apply to several axes
         figures[name] = np.where(touched, np.nan, looped.figures.get(of, np.nan))
     figures["settling"][np.isinf(figures["settling"])] = np.nan
     figures["lost"] = np.maximum(figures["lost"], touched)
@@ -119,7 +119,7 @@ def _figures(
 
 
 def _cost(estimator: Any, trial: Trial) -> float:
-    """Time of a step [s]: the best of three runs along a record, with nothing else going on."""
+    """Time of a step [s]: the minimum of three runs along a record, timed alone."""
     best = float("inf")
     for _ in range(3):
         start = time.perf_counter()
@@ -129,7 +129,7 @@ def _cost(estimator: Any, trial: Trial) -> float:
 
 
 def raw_error(machine: Machine, records: Sequence[Record], first: int) -> float:
-    """Return what the raw sensors err by along the axes from a sample on, rms [m]."""
+    """Return the rms error of the raw sensors along the axes from a sample on [m]."""
     view, errors = View(machine), []
     transform = view.H @ view.displayed
     for record in records:
@@ -159,14 +159,14 @@ def _limit(machine: Machine, case: Case, valid: Sequence[Trial], first: int) -> 
 
 @dataclass(frozen=True)
 class Sweep:
-    """How the error changes with one thing, for each estimator."""
+    """Errors of each estimator over one varied quantity."""
 
-    values: Array  #: (n,) Of what is changed.
+    values: Array  #: (n,) Values of the quantity.
     #: (mapping of str to ndarray (n,)) By estimator, then x, v, f_d: mean RMSE.
     errors: Mapping[str, Mapping[str, Array]]
-    #: The same: half of the 95 % confidence interval.
+    #: Half of their 95 % confidence interval.
     half_widths: Mapping[str, Mapping[str, Array]]
-    limit: Mapping[str, Array]  #: (n,) Of x, v, f_d; empty where none is known.
+    limit: Mapping[str, Array]  #: (n,) Bound of x, v, f_d; empty if unknown.
 
 
 def sweep(
@@ -180,7 +180,7 @@ def sweep(
     threads: int = 2,
     done: Callable[[], None] = lambda: None,
 ) -> Sweep:
-    """Compare estimators along records only, in a row of cases that differ in one thing."""
+    """Compare estimators along records in a series of cases that differ in one quantity."""
     first = max(1, round(SETTLING * slowest_time(machine) / machine.sampling_time))
     rows: list[dict[str, Array]] = []
     limits: list[dict[str, float]] = []

@@ -1,4 +1,4 @@
-"""What differs from run to run: the plant within its tolerances, and the disturbance force."""
+"""Variation from run to run: tolerances of the plant, and the disturbance force."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from ambkit.machine.machine import Machine
 
 @dataclass(frozen=True)
 class Spread:
-    """How far each quantity may be from its nominal value, as a share of it: 0.2 is +-20 %."""
+    """Tolerance of each quantity relative to its nominal value: 0.2 is +-20 %."""
 
-    # The plant takes the value; the estimators go on with the nominal one.
+    # The plant takes the varied value; the estimators keep the nominal one.
 
-    #: Of the plant. A force map has its gap in it: only its constant varies.
+    #: Of the plant. A force map includes its gap: only its constant varies.
     magnet_constant: float = 0.0
     mass: float = 0.0
     air_gap: float = 0.0
-    noise: float = 0.0  #: Of the sensor: standard deviation of its noise, time constant.
+    noise: float = 0.0  #: Standard deviation and time constant of the sensor's noise.
     lag: float = 0.0
-    load: float = 0.0  #: Of the disturbance.
+    load: float = 0.0  #: Disturbance.
 
     @classmethod
     def all(cls, share: float) -> Spread:
-        """Return the same share for each."""
+        """Return the same tolerance for each quantity."""
         return cls(*(share for _ in fields(cls)))
 
     def factors(self, runs: int, seed: int) -> list[Spread]:
-        """Draw what each run takes of each nominal value: scrambled Sobol points (Owen 1998)."""
+        """Draw the factors on the nominal values: scrambled Sobol points (Owen 1998)."""
         from scipy.stats import qmc
 
         shares = np.array([getattr(self, field.name) for field in fields(self)])
@@ -40,7 +40,7 @@ class Spread:
         return [Spread(*map(float, row)) for row in 1 + shares * (2 * points - 1)]
 
     def plant(self, nominal: Machine) -> Machine:
-        """Return the machine with its values times these factors, all axes alike."""
+        """Return the machine with its values times these factors, the same for all axes."""
         rotor = nominal.rotor
         mass = {"rotor__mass": rotor.mass * self.mass} if "mass" in dict(rotor) else {}
         sensors = [
@@ -54,21 +54,20 @@ class Spread:
             own = old.with_constant(old.magnet_constant * self.magnet_constant)
             values = {name.removeprefix("magnet__"): value for name, value in own.items()}
             magnet = old.model_copy(update=values | {"air_gap": old.air_gap * self.air_gap})
-            # A narrower gap may leave less room than the stops did.
+            # A narrower gap may limit the clearance.
             changes = {"magnet": magnet, "clearance": min(item.clearance, 0.95 * magnet.air_gap)}
             bearings.append(item.model_copy(update=changes))
         return nominal.replace(bearing=bearings, sensor=sensors, **mass)
 
 
-CERTAIN = Spread()  #: Nothing is uncertain.
+CERTAIN = Spread()  #: No variation.
 
 
 class Load:
-    """A load that estimates of it are compared with, lag by lag."""
+    """A disturbance force, prepared for the correlation with its estimates."""
 
-    # spread, still (furthest + 1,) Root of its variance in the stretch that each lag sees, and
-    # where that is but rounding.
-    # signal (n,) The load [N].
+    # spread, still (furthest + 1,) Root of its variance in the window of each lag, and where that
+    # is rounding only. signal (n,) The disturbance force [N].
 
     def __init__(self, signal: Array) -> None:
         from scipy.fft import next_fast_len, rfft
@@ -88,7 +87,7 @@ class Load:
 
 
 def period_of(signal: Array) -> int:
-    """Return after how many samples a signal comes again; its length where it does not."""
+    """Return the period of a signal in samples; its length if it has none."""
     # signal (n,)
     from scipy.signal import correlate
 
@@ -111,17 +110,17 @@ def period_of(signal: Array) -> int:
 
 
 def random_walk(rng: np.random.Generator, variance: float, n: int) -> tuple[Array, Array]:
-    """Return a random walk's means over the samples, and where it stands at them (n,)."""
+    """Return a random walk's means over the samples, and its values at them (n,)."""
     steps, within = rng.normal(0.0, math.sqrt(variance), (2, n))
     walk = np.cumsum(steps) - steps
-    return walk + 0.5 * steps + within / math.sqrt(12), walk  # of a Brownian bridge: its mean
+    return walk + 0.5 * steps + within / math.sqrt(12), walk  # mean of a Brownian bridge
 
 
 def coloured_noise(rng: np.random.Generator, correlation: float, std: list[float], n: int) -> Array:
-    """Return noise (n, m) that is correlated over so many samples, of these deviations (m,)."""
+    """Return coloured noise (n, m): correlation time in samples, standard deviations (m,)."""
     from scipy.signal import lfilter
 
-    # First order, of the variance that the white noise would have, from its stationary state.
+    # First order, with the variance of the white noise, from its stationary state.
     pole = math.exp(-1 / correlation)
     white = rng.normal(0.0, std, (n, len(std)))
     white[1:] *= math.sqrt(1 - pole**2)

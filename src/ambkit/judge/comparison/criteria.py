@@ -1,4 +1,4 @@
-"""What an estimator is judged by, run by run; NaN where a criterion does not apply."""
+"""Criteria for an estimator in one run; NaN where one does not apply."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from ambkit.machine.magnets import evaluate_force, magnet_of
 from ambkit.models.model import Descriptor
 
 SETTLING = 2.0
-"""What counts begins after this time, in the plant's own: all have then left their start."""
+"""Initial time excluded from the evaluation, in time constants of the plant."""
 
 
 EVALUATED = {"x": "m", "v": "m/s", "f_d": "N"}
-"""States whose errors are judged together, and their units."""
+"""States whose errors are evaluated together, and their units."""
 
 
 @dataclass(frozen=True)
 class Criterion:
     """One column of the evaluation."""
 
-    label: str  #: What it is, short.
-    unit: str  #: As shown.
-    factor: float  #: What SI is multiplied with to be in `unit`.
-    best: float  #: What it should be.
-    #: How distance from the best is judged: as a multiple of the least, as a factor either way, as
-    #: a difference.
+    label: str  #: Short label.
+    unit: str  #: Displayed unit.
+    factor: float  #: Factor from SI to `unit`.
+    best: float  #: Ideal value.
+    #: Measure of the distance from the ideal: as a multiple of the least, as a factor in both
+    #: directions, as a difference.
     kind: Literal["error", "ratio", "share"]
-    about: str  #: How it is found, in a sentence.
+    about: str  #: Definition, in a sentence.
 
     @property
     def si(self) -> str:
-        """Unit in SI, as a row has it."""
+        """SI unit, as in a row."""
         return {"µm": "m", "mm/s": "m/s", "ms": "s", "mA": "A", "ns": "s", "": "1"}.get(
             self.unit, self.unit
         )
@@ -86,13 +86,13 @@ OF_THE_LOOP = {
     "tracking": "tracking_rms", "effort": "effort", "overshoot": "overshoot",
     "settling": "settling",
 }  # fmt: skip
-"""What is judged in the loop, and what :data:`ambkit.simulation.run_figures.FIGURES` calls it."""
+"""Criteria of the loop, and their names in :data:`ambkit.simulation.run_figures.FIGURES`."""
 
 
 def evaluate_run(
     estimator: Any, trial: Trial, machine: Machine, settling: float
 ) -> dict[str, float]:
-    """Run an estimator along a trial's record, and judge it over all axes together."""
+    """Run an estimator along a trial's record, and evaluate it over all axes."""
     record, view = trial.record, View(machine)
     first = max(1, round(settling / record.sampling_time))
     estimate = estimator.run(record, covariance=True)
@@ -119,11 +119,11 @@ def evaluate_run(
 
 
 def errors_along(estimate: Estimate, record: Record, view: View) -> dict[str, Array]:
-    """Return the errors of x, v and f_d along the axes (p, n); NaN of what is not estimated."""
+    """Return the errors of x, v and f_d along the axes (p, n); NaN for what is not estimated."""
     unknown = np.zeros(len(record))
     results = {}
     for name, rows in zip(EVALUATED, rows_along(estimate.states, view), strict=True):
-        known = np.any(rows != 0, axis=0)  # a state that is NaN is of no other row
+        known = np.any(rows != 0, axis=0)  # states that are NaN do not affect other rows
         wrong = np.zeros((len(rows), len(record)))
         for k in np.flatnonzero(known):
             truth = true_signal(record, estimate.names[k])
@@ -133,7 +133,7 @@ def errors_along(estimate: Estimate, record: Record, view: View) -> dict[str, Ar
 
 
 def rows_along(states: Sequence[Descriptor], view: View) -> tuple[Array, Array, Array]:
-    """Return displacements, velocities and loads along the axes, by the states (p, states)."""
+    """Return displacements, velocities and disturbances along the axes, by the states (p, n)."""
     names = [state.name for state in states]
     loads = np.zeros((len(view.isolated), len(names)))
     for k, axis in enumerate(view.machine.axes):
@@ -143,7 +143,7 @@ def rows_along(states: Sequence[Descriptor], view: View) -> tuple[Array, Array, 
 
 
 def _force_errors(estimator: Any, estimate: Estimate, record: Record, view: View) -> Array:
-    """Errors of the magnet forces as an estimator sees them (p, n) [N]; NaN without a law."""
+    """Errors of an estimator's magnet forces (p, n) [N]; NaN without a force law."""
     magnet = getattr(estimator, "magnet", None)
     result = np.full((len(view.isolated), len(record)), np.nan)
     if magnet is None:
@@ -158,9 +158,9 @@ def _force_errors(estimator: Any, estimate: Estimate, record: Record, view: View
 
 
 def _current(view: View, axis: int, estimate: Estimate, record: Record) -> Array:
-    """Control current of an axis just after each sample as an estimator sees it [A]."""
-    # A state where the amplifier lags; of a loop with a delay the oldest that still acts; else the
-    # one asked for.
+    """Control current of an axis just after each sample, according to the estimator [A]."""
+    # A state if the amplifier has a lag; with dead time the oldest that still acts; else the
+    # commanded one.
     for role in ("current", "past control"):
         late = [at for at, state in enumerate(estimate.states)
                 if state.role == role and view.axis_of(state) == axis]  # fmt: skip
@@ -173,8 +173,8 @@ def _current(view: View, axis: int, estimate: Estimate, record: Record) -> Array
 
 def normalised_errors(estimate: Estimate, record: Record, view: View) -> Array:
     """NEES sample by sample, (n,): e' P^-1 e of x, v, f_d of all axes; NaN without covariances."""
-    # The lagged position is left out: it follows from the others but for a few parts in a million,
-    # and a NEES with it would judge the last digits of how the model was made discrete.
+    # The lagged position is excluded: the others determine it to a few parts in a million, and a
+    # NEES with it would depend on the last digits of the discretisation.
     if estimate.covariance is None:
         return np.full(len(record), np.nan)
     W = np.concatenate(rows_along(estimate.states, view))
@@ -185,7 +185,7 @@ def normalised_errors(estimate: Estimate, record: Record, view: View) -> Array:
     P[:, rows, columns] = P[:, columns, rows] = upper
     error = np.concatenate(list(errors_along(estimate, record, view).values())).T
     with np.errstate(invalid="ignore", divide="ignore"):
-        # In standard deviations, so that what is inverted is a correlation matrix.
+        # Normalised by standard deviations, so that the inverted matrix is a correlation matrix.
         of = W @ P @ W.T
         std = np.sqrt(np.einsum("nii->ni", of))
         of, error = of / (std[:, :, None] * std[:, None, :]), error / std
@@ -218,17 +218,16 @@ def _innovations(estimate: Estimate, first: int) -> dict[str, float]:
 
 
 def delay(estimated: Array, load: Load, T: float) -> float:
-    """How late a signal is [s]: the lag of the greatest correlation with the truth."""
-    # Found between the samples by a parabola through the three around it. NaN where the truth never
-    # moves, or the estimate does not.
-    # estimated (n,)
+    """Delay of a signal [s]: the lag of the greatest correlation with the truth."""
+    # Interpolated by a parabola through three samples. NaN if the truth or the estimate is
+    # constant. estimated (n,)
     from scipy.fft import irfft, rfft
 
     n, furthest = estimated.size, load.furthest
     if n < 16 or not np.isfinite(estimated).all():
         return float("nan")
-    # The same stretch of the estimate for all lags, against the truth so much earlier: with a
-    # stretch that shrinks, the greatest correlation of a step would be at no lag at all.
+    # The window of the estimate is the same for all lags: with a shrinking window the greatest
+    # correlation of a step would be at zero lag.
     e = estimated[furthest:] - estimated[furthest:].mean()
     if not (np.ptp(e) > 0 and load.moves):
         return float("nan")
@@ -246,7 +245,7 @@ def delay(estimated: Array, load: Load, T: float) -> float:
 
 def per_run(benches: Mapping[str, Any]) -> Table:
     """Return a row for each case and run, columns by filter and criterion."""
-    # Of each case its `ambkit.judge.comparison.score.Bench`.
+    # Each case is an `ambkit.judge.comparison.score.Bench`.
     columns: dict[str, list[Any]] = {"case": [], "run": []}
     units = {"case": "1", "run": "1"}
     for place, bench in enumerate(benches.values()):

@@ -1,4 +1,4 @@
-"""Filters with their defaults, judged by truth beside the raw sensor and a naive filter."""
+"""Study of the default filters by truth, beside the raw sensor and a naive filter."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 
-SETTLING = 12  #: Longest time constants of the axes that do not count.
-DECADES = 4.0  #: How far tuning goes from the default, to either side.
+SETTLING = 12  #: Excluded initial time, in time constants of the slowest axis.
+DECADES = 4.0  #: Range of the tuning in decades, on both sides of the default.
 CONSISTENT = (0.90, 0.98)  #: Share of samples within the 95 % bound of the NEES.
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a comparison, each of which answers one question at a glance."""
+"""Figures of a comparison, one question each."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ambkit.result.report import Axis, Bars, Cells, Figure, Item, Line, Panel, P
 from ambkit.result.report.markup import symbols
 from ambkit.result.report.style import OF_KINDS
 
-TIMES = 3.0  #: So many times the best is as dark as it gets.
+TIMES = 3.0  #: Multiple of the best value that has the darkest colour.
 
 SHOWN = {
     "x": Axis("error of position", "µm rms", 1e6),
@@ -29,14 +29,14 @@ SHOWN = {
 
 
 def _styles(names: Iterable[str]) -> dict[str, str]:
-    """Return the style of each estimator, the same in all pictures."""
+    """Return the style of each estimator, the same in all figures."""
     names = list(names)
     known = list(dict.fromkeys([*KINDS, *names]))
     return {name: f"kind {known.index(name) % len(OF_KINDS)}" for name in names}
 
 
 def matrix_figure(bench: Any, id: str = "matrix") -> Figure:
-    """Show all estimators by all criteria, the darker the worse."""
+    """Plot all estimators over all criteria; darker is worse."""
     scores = list(bench.best.values())
     names = [name for name in CRITERIA if any(np.isfinite(s.mean(name)) for s in scores)]
     shade = np.column_stack([_shades(scores, name) for name in names])
@@ -93,11 +93,11 @@ SWEPT = {
                     "linear model is right; further out only filters that know the law stay near "
                     "it."),
 }  # fmt: skip
-"""What a row of cases is over, and what is to be seen in it."""
+"""Varied quantity of a sweep, and its title."""
 
 
 def sweep_figure(id: str, swept: Any) -> Figure:
-    """Show how the errors change with one thing, and the limit where it is known."""
+    """Plot the errors over one quantity, with the bound if it is known."""
     axis, title, caption = SWEPT[id]
     panels = []
     for signal in ("x", "f_d"):
@@ -116,18 +116,18 @@ def sweep_figure(id: str, swept: Any) -> Figure:
 
 
 def _from_zero(axis: Axis, items: Sequence[Item]) -> Axis:
-    """Begin the axis at zero, and end it where most is to be seen: one lost filter hides none."""
+    """Start the axis at zero, and limit it so that one diverged filter does not hide the rest."""
     points = [item for item in items if isinstance(item, Points) and np.isfinite(item.y).all()]
     if not points:
         return axis
-    # With their intervals; of a single run there are none.
+    # With confidence intervals, unless there is a single run.
     tops = [np.max(p.y + (0.0 if p.error is None else np.nan_to_num(p.error))) for p in points]
     highest = float(min(max(tops), 4 * np.median(tops)))
     return replace(axis, limits=(0.0, 1.05 * highest))
 
 
 def cost_figure(bench: Any) -> Figure:
-    """Show what a step costs against what it buys."""
+    """Plot the error over the time of a step."""
     scores = list(bench.best.values())
     items: list[Item] = []
     for name, style in _styles(bench.best).items():
@@ -160,7 +160,7 @@ def cost_figure(bench: Any) -> Figure:
 
 
 def efficiency_figure(bench: Any) -> Figure:
-    """Show how close each comes to the limit."""
+    """Plot the efficiency of each estimator."""
     names = list(bench.default)
     signals = {"x": "x", "v": "v", "f_d": r"$f_d$"}
     bars: list[Item] = [
@@ -178,7 +178,7 @@ def efficiency_figure(bench: Any) -> Figure:
 
 
 def run_figure(study: Any) -> Figure:
-    """Show one run: position, and the disturbance force as the estimators see it."""
+    """Plot one run: position, and the estimates of the disturbance force."""
     trial, field = study.first, study.field
     record, time = trial.record, Axis("time", "s")
     view = View(trial.plant)
@@ -189,7 +189,7 @@ def run_figure(study: Any) -> Figure:
     start = len(record) // 25
     for name, style in _styles(field).items():
         estimate = field[name].build(**study.best[name].values).run(record)
-        # The start in the dark would flatten all that follows.
+        # The initial transient would compress the rest.
         estimate_lines.append(
             Line(record.t[start:], estimate[load][start:], signal=style, label=name)
         )
@@ -215,7 +215,7 @@ def run_figure(study: Any) -> Figure:
 
 
 def cases_figure(benches: Mapping[str, Any]) -> Figure:
-    """Show the error of the disturbance force in several cases, relative to the linear filter's."""
+    """Plot the error of the disturbance force in several cases, relative to the linear filter's."""
     first = next(iter(benches.values()))
     names = list(first.best)
     base = "linear" if "linear" in names else names[0]

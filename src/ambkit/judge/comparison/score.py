@@ -1,4 +1,4 @@
-"""How estimators did in a case: each criterion stated once."""
+"""Scores of estimators in a case."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from ambkit.result.result import Result
 from ambkit.result.row import Part, Row, Section, put
 
 SHOWN = ("x", "v", "f_d", "nees", "nis", "lost")
-"""Criteria that are shown to all; the others are details."""
+"""Criteria in the main table; the others are details."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """How one estimator did, with one set of values."""
+    """Score of one estimator with one set of parameters."""
 
-    name: str  #: Of the estimator.
+    name: str  #: Name of the estimator.
     label: str
-    values: Mapping[str, float]  #: Of its tunables.
+    values: Mapping[str, float]  #: Values of its tunables.
     #: (runs,) By the names of :data:`ambkit.judge.comparison.criteria.CRITERIA`, in SI; NaN where a
     #: criterion does not apply to a run.
     figures: dict[str, Array]
-    tuning: Tuning | None = None  #: What was found; None where these are the defaults.
+    tuning: Tuning | None = None  #: Result of the tuning; None for the defaults.
 
     def mean(self, criterion: str) -> float:
-        """Mean over the runs in which it applies; NaN where it never does."""
+        """Mean over the runs in which it applies; NaN if it never does."""
         return mean(self.figures[criterion])
 
     def spread(self, criterion: str) -> float:
-        """Standard deviation over the runs; 0 of a single one."""
+        """Standard deviation over the runs; 0 for a single one."""
         values = self.figures[criterion]
         return float(values.std(ddof=1)) if values.size > 1 else 0.0
 
@@ -61,31 +61,31 @@ class Score:
 
 @dataclass(frozen=True, repr=False)
 class Bench(Result):
-    """The whole comparison in one case."""
+    """Comparison in one case."""
 
-    machine: Machine  #: What the estimators assume.
-    case: Case  #: What happened.
-    runs: int  #: Runs, and those left out since the rotor met a stop while the records were made.
+    machine: Machine  #: Machine assumed by the estimators.
+    case: Case  #: The case.
+    runs: int  #: Number of runs, and of those excluded because of contact.
     stopped: int
-    seed: int  #: First seed; evaluations of the tuning, 0: not tuned.
+    seed: int  #: First seed; evaluations of the tuning, 0 if not tuned.
     budget: int
-    #: By the names of the estimators; `tuned` is empty without tuning.
+    #: Scores by estimator; `tuned` is empty without tuning.
     default: Mapping[str, Score]
     tuned: Mapping[str, Score] = field(default_factory=dict)
-    #: Least RMSE of x, v, f_d over the axes that any estimator can have, of a single axis of x_m
-    #: too; empty where the truth is not as the filters' model, and there is no limit known.
+    #: Bound on the RMSE of x, v, f_d over the axes, for a single axis of x_m too; empty if the
+    #: truth differs from the filters' model, because no bound is known then.
     limit: Mapping[str, float] = field(default_factory=dict)
     raw: float = float("nan")  #: Root mean square error of the raw sensors along the axes [m].
-    #: (mapping of str to str) By estimator, unit of each value that can be tuned.
+    #: (mapping of str to str) By estimator, the unit of each tunable.
     units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     @property
     def best(self) -> Mapping[str, Score]:
-        """The tuned scores, or the default ones where nothing was tuned."""
+        """The tuned scores, or the default ones without tuning."""
         return self.tuned or self.default
 
     def efficiency(self, name: str, signal: str) -> float:
-        """Limit over root mean square error of a state; 1 is what nobody exceeds."""
+        """Bound over root mean square error of a state; at most 1."""
         return self.limit[signal] / math.sqrt(mean(self.best[name].figures[signal] ** 2))
 
     TITLE = "{0.machine.name}, case {0.case.name}: {0.case.title}"
@@ -149,7 +149,7 @@ class Bench(Result):
         return [*notes, *self._alike()]
 
     def _alike(self) -> list[str]:
-        """Say whose error cannot be told from the least one: paired over the runs."""
+        """Return whose error is not significantly above the least one: paired over the runs."""
         from scipy.stats import ttest_rel
 
         errors = {n: of.figures["f_d"] for n, of in self.best.items()}
@@ -195,7 +195,7 @@ class Bench(Result):
 
 
 class Benches(Result, dict[str, Bench]):
-    """The comparison in several cases, by their names."""
+    """The comparison in several cases, by name."""
 
     @property
     def _first(self) -> Bench:
@@ -267,7 +267,7 @@ class Benches(Result, dict[str, Bench]):
 
 
 def least(rows: Sequence[Row]) -> str:
-    """Say who has the least error of the disturbance force."""
+    """Return whose error of the disturbance force is least."""
     errors: dict[str, Any] = {r.of: r.value for r in rows if r.key == "f_d" and r.known}
     if not errors:
         return "no filter has finished a run"
@@ -280,13 +280,13 @@ def least(rows: Sequence[Row]) -> str:
 
 
 def mean(values: Array) -> float:
-    """Mean of what is finite; NaN of nothing."""
+    """Mean of the finite values; NaN if there are none."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else math.nan
 
 
 def half_width(values: Array) -> float:
-    """Half of the 95 % confidence interval of that mean (Student's t); NaN of a single value."""
+    """Half of the 95 % confidence interval of that mean (Student's t); NaN for a single value."""
     from scipy.stats import t
 
     known = values[np.isfinite(values)]

@@ -1,4 +1,4 @@
-"""Estimators over many seeds, each in its own loop, judged by the truth."""
+"""Estimators over many seeds, each in its own loop, against the truth."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ def compare(
     threads: int = 2,
     done: Callable[[], None] = lambda: None,
 ) -> dict[str, Score]:
-    """Monte Carlo over seeds: every estimator closes its own loop against the same noise."""
+    """Monte Carlo over seeds: every estimator closes its own loop with the same noise."""
     of_type(Machine, machine=machine)
     of_type(Scenario, scenario=scenario)
 
     def one(name: str, seed: int) -> list[float]:
         estimator, seeded_scenario = estimators[name](), scenario.model_copy(update={"seed": seed})
         run = simulate_run(machine, seeded_scenario, estimator=estimator, magnet=magnet)
-        assert run.estimate is not None  # an estimator was given
+        assert run.estimate is not None  # there is an estimator
         wrong = errors_along(run.estimate, run.record, estimator.view)
         errors = [rms(wrong[signal]) for signal in EVALUATED]
         done()
@@ -64,7 +64,7 @@ def compare(
 
 
 def comparison_figure(scores: Mapping[str, Mapping[str, Score]], what: str = "step") -> Figure:
-    """Show the errors of several filters as bars."""
+    """Plot the errors of several filters as bars."""
     axes = SHOWN | {"f_d": Axis("error of disturbance force", "N rms")}
     cases, names = list(scores), list(next(iter(scores.values())))
 

@@ -1,4 +1,4 @@
-"""A comparison: one case, how the errors grow with the step and a wrong k, and the limit."""
+"""Comparison in one case, with sweeps of step and magnet constant, and the bound."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from ambkit.machine.magnets import MagnetModel
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 from ambkit.result.row import Part, Row, Section
 
-HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)  #: Steps whose errors are shown, in travels.
+HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)  #: Heights of the steps, over the clearance.
 
 WRONG = (0.7, 0.85, 1.0, 1.15, 1.3)
-"""Magnet constants of the plant over the one that the estimators know."""
+"""Magnet constants of the plant, over the assumed one."""
 
 RULES, NODES = 5, 17
-"""Rules of the expert and nodes of the table, along current and displacement each."""
+"""Rules of the expert and nodes of the table, along current and displacement."""
 
 AROUND = (
     "How the errors grow with the distance from the centre, and with a magnet constant that is not "
@@ -60,36 +60,36 @@ TUNED = (
     "filter."
 )
 
-SWEEP_RUNS = 4  #: Runs at each point of these.
+SWEEP_RUNS = 4  #: Runs per point of a sweep.
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class Study(Bench):
-    """A comparison in one case, and in rows of cases around it."""
+    """A comparison in one case, with sweeps around it."""
 
-    field: Mapping[str, Candidate]  #: Who took part.
-    first: Trial  #: Its first run.
-    #: Errors by the height of the step, by the plant's magnet constant, and by the height of the
-    #: step where all is as the filters' model says; None where the report was not asked for.
+    field: Mapping[str, Candidate]  #: The estimators.
+    first: Trial  #: First run.
+    #: Errors over the height of the step, over the plant's magnet constant, and over the height of
+    #: the step with an exact model; None without report.
     steps: Sweep | None = None
     wrong_k: Sweep | None = None
     limit_steps: Sweep | None = None
-    #: The case in which the limit is known, with defaults, which are right there.
+    #: The case with a known bound, with the defaults, which are optimal there.
     model: Bench | None = None
-    #: Writes the filters that were tuned into a folder.
+    #: Writes the tuned filters into a folder.
     save_filters: Callable[[Any, Path], object] | None = None
-    #: Returns by kind whether they may fly.
+    #: Returns the objections to each kind.
     judge: Callable[[Any], Mapping[str, Sequence[Any]]] | None = None
-    machine_file: str | os.PathLike[str] | None = None  #: Where its machine is from.
-    #: Files with what kinds ask of their magnet, by kind.
+    machine_file: str | os.PathLike[str] | None = None  #: Origin of the machine.
+    #: Files with the magnet models of kinds.
     magnet_files: Mapping[str, str] = with_default(default_factory=dict)
 
     def file(self) -> Table:
         return per_run({self.case.name: self})
 
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
-        """Write the filters that were tuned, a file for each kind, into a folder."""
-        assert self.save_filters is not None  # who names products knows how
+        """Write the tuned filters into a folder, one file per kind."""
+        assert self.save_filters is not None  # set wherever products are named
         self.save_filters(self, path)
 
     @property
@@ -150,8 +150,8 @@ class Study(Bench):
 def learned(
     case: Case, machine: Any, names: Sequence[str], own: Mapping[str, MagnetModel] | None = None
 ) -> dict[str, MagnetModel]:
-    """Return the user's own maps, and those learned over all that a step reaches."""
-    # The expert has the paper's 25 rules. A table costs no more with more nodes, and has them.
+    """Return the user's maps, or maps learned over the range of the steps."""
+    # The expert has the paper's 25 rules. A table with more nodes costs no more, so it has more.
     results = dict(own or {})
     asking = [name for name in names if name in KINDS and KINDS[name].magnet is None]
     asking = [name for name in asking if name not in results]
@@ -190,7 +190,7 @@ def study(
     robustness: bool = True,
     done: Callable[[str], None] = lambda _text: None,
 ) -> Study:
-    """Compare estimators in one case, and in rows of cases around it."""
+    """Compare estimators in one case, with sweeps around it."""
     case = CASES[case] if isinstance(case, str) else case
     names = suited(names, machine)
     threads = threads or os.cpu_count() or 1
@@ -225,7 +225,7 @@ def study(
         **known,
         steps=row("errors by step", steps, SWEEP_RUNS, tuned),
         wrong_k=row("errors by k", wrong, SWEEP_RUNS, tuned),
-        # There the defaults are the truth.
+        # The defaults are exact there.
         limit_steps=row("the limit", walks, 2 * SWEEP_RUNS, None),
         model=bench(
             machine, CASES["model"], field, runs=max(runs, 32), seed=seed, threads=threads,
@@ -246,7 +246,7 @@ def across(
     magnets: Mapping[str, MagnetModel] | None = None,
     done: Callable[[str], None] = lambda _text: None,
 ) -> Benches:
-    """Compare estimators in several cases, tuned anew in each."""
+    """Compare estimators in several cases, tuned in each."""
     known: dict[tuple[bool, int], dict[str, MagnetModel]] = {}
 
     def compared(case: Case) -> Bench:

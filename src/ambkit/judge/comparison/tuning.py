@@ -28,10 +28,10 @@ from ambkit.machine.magnets import MagnetModel
 
 @dataclass(frozen=True)
 class Range:
-    """Where tuning looks for a value, evenly in its logarithm."""
+    """Range of a tunable on a logarithmic scale."""
 
-    name: str  #: As its kind calls it: ``noise.disturbance``, ``bandwidth``.
-    unit: str  #: SI.
+    name: str  #: Name, as in the kind: ``noise.disturbance``, ``bandwidth``.
+    unit: str  #: SI unit.
     default: float  #: Greater than 0.
     low: float
     high: float
@@ -39,19 +39,19 @@ class Range:
 
 @dataclass(frozen=True)
 class Candidate:
-    """An estimator that takes part."""
+    """An estimator in a comparison."""
 
-    name: str  #: As the user calls it.
-    label: str  #: As it stands in pictures.
-    #: ``build(**values)`` makes a fresh one, with values of its tunables.
+    name: str  #: Name.
+    label: str  #: Label in figures.
+    #: ``build(**values)`` makes a new one, with values of its tunables.
     build: Callable[..., Any]
-    tunable: tuple[Range, ...] = ()  #: What can be tuned of it.
-    #: Whether it can be in the simulated loop, which is C; one in Python runs beside it.
+    tunable: tuple[Range, ...] = ()  #: Its tunables.
+    #: Whether it can run in the simulated loop, which is C; one in Python runs beside it.
     in_loop: bool = True
 
     @property
     def defaults(self) -> dict[str, float]:
-        """Values of the tunables as they are without tuning."""
+        """Default values of the tunables."""
         return {item.name: item.default for item in self.tunable}
 
 
@@ -61,7 +61,7 @@ def candidates(
     magnets: Mapping[str, MagnetModel] | None = None,
     custom: Mapping[str, Any] | None = None,
 ) -> dict[str, Candidate]:
-    """Return who takes part, by name."""
+    """Return the candidates by name."""
     results = {}
     for name in names:
         if name in KINDS:
@@ -81,14 +81,14 @@ def candidates(
 
 
 def suited(names: Sequence[str], machine: Machine) -> list[str]:
-    """Return the names; where all kinds are named without those that take a single axis only."""
+    """Return the names; ``all`` excludes kinds for a single axis on machines of several."""
     if not set(KINDS) <= set(names):
         return list(names)
     return [name for name in names if name not in KINDS or KINDS[name].estimator.takes(machine)]
 
 
 def expand(text: str) -> list[str]:
-    """Split a list of names, such as ``linear,my.py:MyFilter``; ``all`` is every kind."""
+    """Split a list of names, such as ``linear,my.py:MyFilter``; ``all`` means every kind."""
     results: dict[str, None] = {}
     for name in filter(None, map(str.strip, text.split(","))):
         if name == "all":
@@ -104,7 +104,7 @@ def expand(text: str) -> list[str]:
 def candidate_of_kind(
     name: str, machine: Machine, magnet: MagnetModel | None = None, *, whole: bool = False
 ) -> Candidate:
-    """Return a kind of estimator as one who takes part."""
+    """Return a kind of estimator as a candidate."""
     kind = KINDS[name]
 
     def build(**values: float) -> Any:
@@ -112,7 +112,7 @@ def candidate_of_kind(
             key.removeprefix("noise."): v for key, v in values.items() if "noise." in key
         }
         own = KalmanFilter(machine).variances._asdict() if noise else {}
-        for key, item in own.items():  # of several axes all are scaled alike
+        for key, item in own.items():  # scales all axes alike
             if key in noise and isinstance(item, tuple):
                 scale = noise[key] / defaults[f"noise.{key}"]
                 noise[key] = tuple(scale * variance for variance in item)
@@ -134,23 +134,23 @@ def candidate_of_kind(
 
 
 SIGNALS = ("x", "v", "f_d")
-WORST = 10.0  #: What a run counts that is lost; the untuned linear filter's count 1.
+WORST = 10.0  #: Cost of a run in which it diverges; the untuned linear filter's is 1.
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """What tuning found."""
+    """Result of a tuning."""
 
-    values: Mapping[str, float]  #: Of the tunables.
-    #: Mean over x, v and f_d of the RMSE on the training runs, each relative to the untuned linear
-    #: filter's; with the values found, and with the defaults.
+    values: Mapping[str, float]  #: Values of the tunables.
+    #: Mean over x, v and f_d of the RMSE on the training runs, relative to the untuned linear
+    #: filter's: tuned, and with the defaults.
     objective: float
     default: float
-    evaluations: int  #: How many were made.
+    evaluations: int  #: Number of evaluations.
 
 
 def errors(build: Callable[[], Any], training: Sequence[Trial], first: int) -> Array:
-    """Return the RMSE of x, v, f_d on each training run, (runs, 3); infinite where it is lost."""
+    """Return the RMSE of x, v, f_d on each training run, (runs, 3); infinite if it diverges."""
     records = [trial.record for trial in training]
     built = build()
     if isinstance(built, Estimator) and built.view.single and records:
@@ -159,7 +159,7 @@ def errors(build: Callable[[], Any], training: Sequence[Trial], first: int) -> A
             built, y, u, truth=np.stack(truth, axis=-1), skip=first, history=(), threads=1
         )
         result = np.asarray(many.rmse, float)
-    else:  # of several axes, or the user's own in Python
+    else:  # several axes, or the user's class in Python
         result = np.empty((len(records), len(SIGNALS)))
         view = View(built.machine)
         for row, record in zip(result, records, strict=True):
@@ -178,15 +178,15 @@ def tune(
     first: int,
     seed: int = 0,
 ) -> Tuning:
-    """Find values of an estimator's tunables by a fixed number of evaluations."""
-    # The first evaluation is that of the defaults; up to half of them are scrambled Sobol points
-    # over the whole range; the rest go to a simplex from the best of these (Nelder and Mead 1965).
+    """Tune an estimator with a fixed number of evaluations."""
+    # The first evaluation is that of the defaults; up to half are scrambled Sobol points over the
+    # complete range; the rest go to a simplex from the best of these (Nelder and Mead 1965).
     # reference (3,)
 
     def cost(values: Mapping[str, float]) -> float:
         result = errors(lambda: candidate.build(**values), training, first) / reference
         with np.errstate(invalid="ignore"):
-            # A signal that it does not estimate at all is not in its mean.
+            # Signals that it does not estimate are not in the mean.
             finite_costs = [
                 float(np.minimum(c, WORST).mean()) for c in result.T if not np.isnan(c).any()
             ]
@@ -198,20 +198,20 @@ def tune(
 
 
 class Tried(NamedTuple):
-    """Values of the tunables, and what they cost."""
+    """Values of the tunables, and their cost."""
 
     values: Mapping[str, float]
     cost: float
 
 
 class Search(NamedTuple):
-    """All that was tried, in its order; the defaults first."""
+    """All evaluations in order; the defaults first."""
 
     tried: Sequence[Tried]
 
     @property
     def best(self) -> Tried:
-        """What costs least; the first of equals, and so the defaults where nothing is better."""
+        """The least cost; the first of equals, so the defaults if nothing is better."""
         return min(self.tried, key=lambda item: item.cost)
 
 
@@ -222,8 +222,8 @@ def search(
     seed: int = 0,
     done: Callable[[], None] = lambda: None,
 ) -> Search:
-    """Look for the values that cost least, by a fixed number of evaluations."""
-    # See `tune`, which says how.
+    """Return the values of least cost, with a fixed number of evaluations."""
+    # See `tune` for the method.
     trials: list[Tried] = []
 
     def at(point: Array) -> float:

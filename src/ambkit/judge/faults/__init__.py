@@ -1,4 +1,4 @@
-"""Faults that are injected into flights, and how estimators recover."""
+"""Fault injection into simulations, and the recovery of estimators."""
 
 from ambkit.judge.faults.fault_test import FaultCampaign, inject_faults
 from ambkit.judge.faults.faults import FAULTS, Fault

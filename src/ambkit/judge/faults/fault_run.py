@@ -1,4 +1,4 @@
-"""One flight through one fault, and what became of it."""
+"""One simulation with a fault, and its evaluation."""
 
 from __future__ import annotations
 
@@ -30,75 +30,75 @@ from ambkit.simulation.waveforms import Sine
 
 Mask = NDArray[np.bool_]
 
-BEFORE, AFTER = 50.0, 160.0  #: Flight before a fault and after it, in the plant's time constants.
-SETTLED = 30.0  #: From then on a clean flight counts [time constants].
-QUIET = 120.0  #: Flight without a fault between two mixtures [time constants].
+BEFORE, AFTER = 50.0, 160.0  #: Duration before and after a fault, in time constants of the plant.
+SETTLED = 30.0  #: Start of the evaluation of a fault-free run [time constants].
+QUIET = 120.0  #: Duration without a fault between two mixtures [time constants].
 
 TIMES = 5.0
-"""An error is back when it is within so many times the 99 % quantile of the clean flight's own."""
+"""Recovered means errors within this multiple of the fault-free run's 99 % quantile."""
 
-LAST = 0.2  #: Share of the flight after a fault by the end of which all must be back, and stay so.
+LAST = 0.2  #: Share of the time after a fault by whose end all errors must have recovered for good.
 
 
 @dataclass(frozen=True)
 class Band:
-    """What a clean flight keeps within, and its errors."""
+    """Errors of a fault-free run."""
 
-    #: By x, v, f_d: 99 % quantile of the magnitude of the estimate's error [m], [m/s], [N].
+    #: By x, v, f_d: 99 % quantile of the magnitude of the estimation error [m], [m/s], [N].
     errors: dict[str, float]
-    rms: dict[str, float]  #: The same errors' root mean squares.
+    rms: dict[str, float]  #: Their root mean squares.
     control: float  #: 99 % quantile of the control error |r - x| [m].
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one flight."""
+    """Outcome of one run."""
 
-    fault: str  #: Which.
+    fault: str  #: Name of the fault.
     estimator: str
     precision: str
-    #: Whether the controller was fed by it, or by the true measurement.
+    #: Whether it fed the controller, or the true measurement did.
     setting: Literal["closed loop", "open loop"]
-    seed: int  #: Of noise and fault.
-    samples: int  #: Length of the flight.
+    seed: int  #: Seed of noise and fault.
+    samples: int  #: Number of samples.
     #: Whether mean, covariance, innovation and its variance were finite in every sample.
     finite: bool
-    #: Whether the rotor met a stop, and whether it met it to the end.
+    #: Whether the rotor touched a stop, and whether it stayed there.
     levitation: Literal["kept", "touched", "lost"]
-    at_stop: float  #: Time on a stop [s].
-    #: Samples until estimate and, in the loop, rotor were back and stayed so; the most of all
-    #: faults in the flight. Counted from the fault's end; where the rotor was on a stop or, beside
-    #: the loop, out of its own band, from when that ended. Infinity: never; NaN: the rotor never
-    #: came back, so that there is nothing to judge.
+    at_stop: float  #: Time in contact [s].
+    #: Samples until estimate and, in the loop, rotor had recovered for good; the maximum over all
+    #: faults of the run. Counted from the end of the fault, or of contact or, in open loop, of the
+    #: rotor's excursion. Infinity: never; NaN: the rotor did not recover, so that there is nothing
+    #: to evaluate.
     recovery: float
     worst_x: float  #: Greatest error of the estimate from the fault's begin on [m], [N].
     worst_f_d: float
     after_x: float  #: The same from the point on from which recovery is counted.
     after_f_d: float
-    #: Root mean square error over the flight's last tenth, over the clean flight's own [1].
+    #: Root mean square error over the last tenth of the run, over that of the fault-free run [1].
     final_x: float
     final_f_d: float
-    held: bool  #: Whether the estimator still stood still at the end.
+    held: bool  #: Whether the estimator was held at the end.
 
     @property
     def recovered(self) -> bool:
-        """Whether all was finite, nothing stood still, and errors came back where that is known."""
+        """Whether all was finite, nothing was held, and errors recovered where that is known."""
         return self.finite and not self.held and self.recovery != math.inf
 
 
 @dataclass(frozen=True)
 class Flight:
-    """A flight: who flies, how, and with what noise."""
+    """Setup of a run: machine, controller, estimator and noise."""
 
-    machine: Machine  #: The plant, and what the estimator knows.
-    #: Its gains; what it is fed by is set here. None: the default of several axes.
+    machine: Machine  #: Plant, and prior of the estimator.
+    #: Controller gains; its input is set here. None: the default controllers of several axes.
     controller: PID | None
-    #: Whether the controller is fed by the estimate, or, in open loop, by the true measurement.
+    #: Whether the estimate feeds the controller; in open loop the true measurement does.
     in_loop: bool
-    seed: int  #: Of noise and fault.
-    precision: Precision = "float64"  #: Of the estimator.
-    reading: int = 0  #: Which of several readings the faults are of.
-    plant: Any = None  #: A plant of the user's in place of the machine, see `Scenario`.
+    seed: int  #: Seed of noise and fault.
+    precision: Precision = "float64"  #: Precision of the estimator.
+    reading: int = 0  #: Index of the reading with the faults.
+    plant: Any = None  #: The user's plant in place of the machine, see `Scenario`.
 
     @property
     def view(self) -> View:
@@ -107,19 +107,19 @@ class Flight:
 
     @property
     def at(self) -> int:
-        """Which axis the reading shows most of: faults that are none of a sensor are of it."""
+        """Axis with the largest share in the reading: other faults act there."""
         return int(np.argmax(np.abs(self.view.H @ self.view.displayed)[:, self.reading]))
 
     @property
     def axis(self) -> Machine:
-        """That axis, alone: the measure of all faults."""
+        """That isolated axis, the scale of all faults."""
         return self.view.isolated[self.at]
 
     def _own(self, times: float) -> int:
         return max(1, round(times * own_time(self.axis) / self.machine.sampling_time))
 
     def through(self, fault: Fault) -> tuple[Channel, list[slice]]:
-        """Return the flight's channel with one fault in it, and its window."""
+        """Return the run's channel with one fault, and its window."""
         before, length = self._own(BEFORE), fault.length(self.axis)
         start = 0 if fault.name == "lift-off" else before
         channel = self._channel(before + length + self._own(AFTER))
@@ -138,7 +138,7 @@ class Flight:
         return Channel(self.axis, n, self.precision, beside=not self.in_loop, seed=self.seed)
 
     def fly(self, channel: Channel, estimator: Estimator | None) -> Run:
-        """Fly it; without an estimator the controller is fed by the measurement, fault and all."""
+        """Simulate; without an estimator the faulty measurement feeds the controller."""
         axis = self.axis
         weight, period = axis.rotor.mass * GRAVITY, own_time(axis)
         duration = (channel.n - 1) * axis.sampling_time
@@ -159,7 +159,7 @@ class Flight:
         return simulate_run(machine, scenario, estimator=estimator, external_inputs=external_inputs)
 
     def _errors(self, run: Run) -> dict[str, Array]:
-        """Return magnitudes of the estimate's errors, of several axes the greatest (n,)."""
+        """Return magnitudes of the estimation errors, the maximum over the axes (n,)."""
         if run.estimate is None:
             return {}
         with np.errstate(over="ignore", invalid="ignore"):
@@ -167,7 +167,7 @@ class Flight:
             return {name: np.abs(item).max(axis=0) for name, item in result.items()}
 
     def _off(self, record: Record) -> Array:
-        """Return how far the axis is from its reference (n,) [m]."""
+        """Return the distance of the axis from its reference (n,) [m]."""
         name = self.view.machine.axes[self.at].name
         return np.asarray(np.abs(record[signal("r", name)] - self._places(record)[self.at]))
 
@@ -176,7 +176,7 @@ class Flight:
         return np.array([record[displacement(axis.name)] for axis in self.view.machine.axes])
 
     def _stopped(self, record: Record) -> Mask:
-        """Return where the rotor met a stop (n,)."""
+        """Return contact (n,)."""
         places = self._places(record)
         shares = [place / axis.clearance
                   for place, axis in zip(places, self.view.isolated, strict=True)]  # fmt: skip
@@ -186,7 +186,7 @@ class Flight:
         return np.asarray(np.max(rings, axis=0) >= 1 - 1e-6)
 
     def band(self, run: Run) -> Band:
-        """Return what a clean run keeps within."""
+        """Return the errors of a fault-free run."""
         first, record = self._own(SETTLED), run.record
         errors = {name: e[first:] for name, e in self._errors(run).items()}
         control = self._off(record)[first:]
@@ -199,14 +199,14 @@ class Flight:
     def evaluate(
         self, run: Run, windows: Sequence[slice], band: Band, *, fault: str, estimator: str
     ) -> Outcome:
-        """Say what became of a run."""
+        """Evaluate a run."""
         record, n = run.record, len(run.record)
         errors = self._errors(run)
         off_rotor = self._off(record) > TIMES * band.control
         stopped = self._stopped(record)
         out = np.zeros(n, dtype=bool)
         for name, error in errors.items():
-            out |= ~(error <= TIMES * band.errors[name])  # NaN is out
+            out |= ~(error <= TIMES * band.errors[name])  # NaN counts as out
         if self.in_loop:
             out |= off_rotor
         begins = _begins(windows, n, stopped if self.in_loop else stopped | off_rotor)
@@ -246,7 +246,7 @@ class Flight:
 
 
 def _begins(windows: Sequence[slice], n: int, disturbed: Mask) -> list[tuple[int, int]]:
-    """From where to where each fault's aftermath is judged; -1 where the rotor never came back."""
+    """Return start and end of the evaluation of each fault; -1 if the rotor never recovered."""
     results = []
     for place, window in enumerate(windows):
         end = windows[place + 1].start if place + 1 < len(windows) else n
@@ -258,7 +258,7 @@ def _begins(windows: Sequence[slice], n: int, disturbed: Mask) -> list[tuple[int
 
 
 def _recovery(out: Mask) -> float:
-    """Samples until none is out any more; infinity where one still is in the last of them."""
+    """Return the samples until all errors are within for good; infinity if not at the end."""
     where = np.flatnonzero(out)
     last = int(where[-1]) + 1 if where.size else 0
     return math.inf if last > (1 - LAST) * out.size else float(last)
@@ -275,7 +275,7 @@ def _held(estimate: Estimate) -> bool:
 
 
 def _greatest(errors: dict[str, Array], name: str, where: slice) -> float:
-    """Greatest error; infinity where one is not finite, NaN where there is none."""
+    """Return the largest error; infinity if one is not finite, NaN if there is none."""
     if name not in errors or errors[name][where].size == 0:
         return math.nan
     result = float(np.max(errors[name][where]))
@@ -283,13 +283,13 @@ def _greatest(errors: dict[str, Array], name: str, where: slice) -> float:
 
 
 BASELINE = "measurement"
-"""Stands for the loop without an estimator: the controller is fed by the measurement."""
+"""Name of the loop without an estimator: the measurement feeds the controller."""
 
 SETTINGS = ("open loop", "closed loop")
 
 
 def recovery_text(outcomes: Sequence[Outcome]) -> str:
-    """Say in a word or a number of samples what became of the same flight over the seeds."""
+    """Return the recovery over the seeds, as a word or a number of samples."""
     if not outcomes:
         return ""
     if any(not outcome.finite for outcome in outcomes):

@@ -1,4 +1,4 @@
-"""The fault campaign: every estimator through every fault, in the loop and beside it."""
+"""Fault-injection test: every estimator with every fault, in the loop and beside it."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from ambkit.result.report import Axis, Cells, Figure, Panel
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
-MIXTURE = "mixture"  #: Stands for the faults that are drawn at random.
+MIXTURE = "mixture"  #: Name of the random mixtures of faults.
 
 TEXTS = ("fault", "estimator", "precision", "setting", "levitation")
-"""What is told of a flight in words."""
+"""Outcomes in words."""
 
 FLIGHT_UNITS = {
     "at_stop": "s", "worst_x": "m", "worst_f_d": "N", "after_x": "m", "after_f_d": "N",
@@ -40,10 +40,10 @@ FLIGHT_UNITS = {
 
 @dataclass(frozen=True, repr=False)
 class FaultCampaign(Result):
-    """What became of a campaign."""
+    """Results of a fault-injection test."""
 
-    machine: Machine  #: Whose.
-    outcomes: tuple[Outcome, ...]  #: One a flight.
+    machine: Machine  #: Machine.
+    outcomes: tuple[Outcome, ...]  #: Outcome of each run.
 
     @property
     def estimators(self) -> list[str]:
@@ -57,7 +57,7 @@ class FaultCampaign(Result):
         return list(dict.fromkeys(outcome.fault for outcome in self.outcomes))
 
     def select(self, **criteria: str) -> list[Outcome]:
-        """Return the outcomes of which each named attribute is as given."""
+        """Return the outcomes with given attributes."""
         return [
             outcome
             for outcome in self.outcomes
@@ -66,9 +66,9 @@ class FaultCampaign(Result):
 
     @property
     def failures(self) -> list[Outcome]:
-        """Flights in which an estimator was not finite, stood still for ever or did not recover."""
-        # In the loop only what is not finite counts, unless the rotor stayed up: an estimator that
-        # went down with its rotor has nothing to come back to.
+        """Runs in which an estimator was not finite, was held forever or did not recover."""
+        # In the loop only non-finite values count, unless the rotor stayed levitated: an estimator
+        # whose rotor landed has no error band to return to.
         return [
             outcome
             for outcome in self.outcomes
@@ -80,7 +80,7 @@ class FaultCampaign(Result):
         ]
 
     def slowest(self, estimator: str) -> float:
-        """Most samples that it took to recover in open loop; infinity: it did not once."""
+        """Maximum number of samples until recovery in open loop; infinity if it once did not."""
         beside = self.select(estimator=estimator, setting="open loop")
         took = [item.recovery if item.recovered else math.inf for item in beside]
         return max((item for item in took if not math.isnan(item)), default=math.nan)
@@ -131,7 +131,7 @@ class FaultCampaign(Result):
         return result
 
     def _of(self, name: str) -> list[Row]:
-        """Return the figures of one estimator, or of the controller alone."""
+        """Return the figures of one estimator, or of the controller without one."""
         beside = self.select(estimator=name, setting="open loop")
         trials = self.select(estimator=name, setting="closed loop")
         own: list[Row] = []
@@ -159,7 +159,7 @@ class FaultCampaign(Result):
         ]  # fmt: skip
 
     def _slowest(self, fault: str, setting: str) -> str | None:
-        """Say which estimators were lost, or how many samples the slowest took to recover."""
+        """Return which estimators diverged, or the slowest recovery in samples."""
         of = {
             name: recovery_text(self.select(fault=fault, estimator=name, setting=setting))
             for name in self.estimators
@@ -209,16 +209,16 @@ class FaultCampaign(Result):
 
 
 SLOW = 1000.0
-"""Samples until recovery from which on a cell is as dark as that of one that came back can be."""
+"""Samples until recovery that have the darkest colour of a recovered cell."""
 
 
-FEW = 5  #: Columns that are as wide as their heads.
+FEW = 5  #: Number of columns up to which each is as wide as its head.
 RAISED = "\n\n\n"
-"""Below every other head, which so stands above its neighbours: they are wider than columns."""
+"""Lowered below the others, so that each head is above its neighbours: heads are the wider."""
 
 
 def faults_figure(campaign: FaultCampaign) -> Figure:
-    """Show what became of each estimator in each fault, in open and in closed loop."""
+    """Plot the outcome of each estimator with each fault, in open and in closed loop."""
     panels = [
         Panel(Axis(""), Axis(""), [_cells(campaign, setting)], title=setting)
         for setting in SETTINGS
@@ -263,7 +263,7 @@ def _shade(outcomes: Sequence[Outcome]) -> float:
 
 
 def chosen_faults(names: Iterable[str] | None) -> list[str]:
-    """Check names of faults; all of them where none is named."""
+    """Check names of faults; none means all of them."""
     results = list(FAULTS) if names is None else list(dict.fromkeys(names))
     for name in results:
         if name not in FAULTS:
@@ -272,7 +272,7 @@ def chosen_faults(names: Iterable[str] | None) -> list[str]:
 
 
 def _faults_of(flight: Flight, faults: Sequence[str], steps: int) -> list[str]:
-    """Return what a flight is flown through, without a fault first."""
+    """Return the faults of a run, the fault-free one first."""
     names = (CLEAN.name, *faults, *([MIXTURE] if steps else ()))
     return [name for name in names if FAULTS.get(name, CLEAN).in_loop or not flight.in_loop]
 
@@ -290,10 +290,10 @@ def inject_faults(
     plant: Any = None,
     threads: int = 2,
 ) -> FaultCampaign:
-    """Fly each estimator through faults of sensor, control signal, amplifier and load."""
+    """Simulate each estimator with faults of sensor, control signal, amplifier and disturbance."""
     of_type(Machine, machine=machine)
     at, named = _reading(machine, reading), chosen_faults(faults)
-    if not machine.single and "lift-off" in named:  # its own start has lift-off
+    if not machine.single and "lift-off" in named:  # lift-off includes its own start
         named.remove("lift-off")
     kinds = suited(list(KINDS), machine)
     built = factories(kinds if estimators is None else estimators, machine)
@@ -312,7 +312,7 @@ def inject_faults(
 
 
 def _reading(machine: Machine, name: str | None) -> int:
-    """Return which reading has a name, the first without one."""
+    """Return the reading with a name; without a name the first."""
     names = [reading.name for reading in machine.readings]
     if name is not None and name not in names:
         raise AmbkitError(f"{machine.name} has no reading {name}; there are {', '.join(names)}")
@@ -323,7 +323,7 @@ def _campaign(
     faults: Sequence[str], steps: int, done: Callable[[str], None],
     fault_test: Flight, estimator: str, build: Callable[..., Estimator] | None,
 ) -> Iterator[Outcome]:  # fmt: skip
-    """Fly an estimator, or the controller alone, through all faults, the clean one first."""
+    """Simulate an estimator, or the controller without one, with all faults."""
     band = None
     for name in _faults_of(fault_test, faults, steps):
         fault = FAULTS.get(name, CLEAN)

@@ -1,4 +1,4 @@
-"""The faults that estimators are put through, declared once, in the bearing's own measure.
+"""The injected faults, declared once, scaled by the machine.
 
 Lengths are in travels, forces in what the magnet can pull, times in the plant's own,
 ``sqrt(m/k_s)``, or in samples or seconds where that is what a fault is about. So each means the
@@ -20,14 +20,14 @@ from ambkit.simulation.external_inputs import Faults
 
 @dataclass(eq=False)
 class Channel:
-    """What the faults of a flight are written into, n samples."""
+    """Destination of the faults of a run of n samples."""
 
-    machine: Machine  #: Gives the measure.
-    n: int  #: Samples.
-    #: That of the estimator: what is huge and what is denormal depends on it.
+    machine: Machine  #: Machine that scales them.
+    n: int  #: Number of samples.
+    #: Precision of the estimator: it determines huge and denormal numbers.
     precision: Precision = "float64"
-    beside: bool = False  #: Whether the controller gets the true measurement.
-    seed: int = 0  #: Of what a fault draws.
+    beside: bool = False  #: Whether the true measurement feeds the controller.
+    seed: int = 0  #: Seed of random faults.
     faults: Faults = field(init=False)
     force: Array = field(init=False)
     place: float | None = field(init=False, default=None)
@@ -40,48 +40,48 @@ class Channel:
 
     @property
     def own(self) -> float:
-        """The plant's time constant [samples]."""
+        """Time constant of the plant [samples]."""
         return own_time(self.machine) / self.machine.sampling_time
 
     @property
     def travel(self) -> float:
-        """Travel as measured [m]."""
+        """Clearance as measured [m]."""
         return float(self.machine.sensor.gain * self.machine.clearance)
 
     @property
     def greatest(self) -> float:
-        """Force by the linear law at the current's limit and a stop [N]."""
+        """Force by the linear law at the current limit and a stop [N]."""
         machine, k = self.machine, ConstantStiffness.of(self.machine)
         return float(k.k_i * machine.current_max + k.k_s * machine.clearance)
 
     def read(self, window: slice, y: float | Array) -> None:
-        """Let the sensor read y [m], whatever the rotor does."""
+        """Replace the measurement by y [m]."""
         self.faults.y_times[window] = 0.0
         self.faults.y_plus[window] = y
 
     def tell(self, window: slice, u: float) -> None:
-        """Tell the estimator a control signal u [V], whatever the controller asks."""
+        """Report the control signal u [V] to the estimator in place of the controller's."""
         self.faults.u_times[window] = 0.0
         self.faults.u_plus[window] = u
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault."""
+    """An injected fault."""
 
-    name: str  #: As the user calls it.
-    about: str  #: What happens, in a few words.
+    name: str  #: Name.
+    about: str  #: Short description.
     #: ``put(channel, window)`` writes it into the samples of the window.
     put: Callable[[Channel, slice], None]
-    #: Length of the window, their sum: in the plant's time constants, in seconds, in samples.
+    #: Length of the window, the sum of time constants of the plant, seconds and samples.
     own: float = 0.0
     seconds: float = 0.0
     samples: int = 0
-    #: Whether it is flown with the estimator in the loop too, not only beside it.
+    #: Whether it is injected in closed loop too, not only in open loop.
     in_loop: bool = True
 
     def length(self, machine: Machine) -> int:
-        """Samples of its window."""
+        """Length of its window [samples]."""
         span = self.own * own_time(machine) + self.seconds
         return self.samples + round(span / machine.sampling_time)
 
@@ -153,7 +153,7 @@ def _overdriven(channel: Channel, window: slice) -> None:
     channel.tell(window, 100 * limit * channel.draw.choice([-1.0, 1.0]))
 
 
-_LONGEST = 2.0  # the last that a loop may survive, in time constants
+_LONGEST = 2.0  # the longest that a loop may survive, in time constants
 
 CLEAN = Fault("clean", "no fault", lambda _channel, _window: None)
 
@@ -201,7 +201,7 @@ FAULTS = {
               _overdriven, own=120, in_loop=False),
     )
 }  # fmt: skip
-"""All faults by name, each at one place of a flight."""
+"""All faults by name, each at one point of a run."""
 
 _MIXED = ("knock", "weak-amplifier", "nan-bursts", "outage-1ms", "stuck", "spikes", "offset",
           "rail", "late-1", "late-3", "huge-y", "greatest-y", "infinite-y", "denormal-y", "nan-u",
@@ -209,7 +209,7 @@ _MIXED = ("knock", "weak-amplifier", "nan-bursts", "outage-1ms", "stuck", "spike
 
 
 def mixture(channel: Channel, start: int, quiet: int, shortest: int, longest: int) -> list[slice]:
-    """Draw mixtures of one to three faults at a time, until the flight ends."""
+    """Draw mixtures of one to three simultaneous faults, until the run ends."""
     draw, at = channel.draw, start
     windows: list[slice] = []
     while True:
@@ -218,7 +218,7 @@ def mixture(channel: Channel, start: int, quiet: int, shortest: int, longest: in
             return windows
         window = slice(at, at + length)
         for name in draw.choice(_MIXED, draw.integers(1, 4), replace=False):
-            if name == "knock":  # a longer one would be no knock
+            if name == "knock":  # a longer one would be no shock
                 _knock(channel, slice(at, at + min(length, max(1, round(channel.own)))))
             else:
                 FAULTS[name].put(channel, window)

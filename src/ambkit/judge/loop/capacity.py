@@ -1,4 +1,4 @@
-"""What a loop asks of its machine: room that is moved in, copper loss, and the load it can bear."""
+"""Demands of a loop on its machine: displacement, copper loss, load capacity."""
 
 from __future__ import annotations
 
@@ -21,22 +21,23 @@ from ambkit.machine.magnets import magnet_of
 
 @dataclass(frozen=True)
 class Heating:
-    """The hottest coil of an axis, long at its operating point."""
+    """Hottest coil of an axis in continuous operation at its operating point."""
 
     # Incropera, DeWitt, Fundamentals of heat and mass transfer, chapter 5 (the lumped capacitance);
     # IEC 60028 for the temperature coefficient of annealed copper, 3.93e-3 1/K at 20 degrees
     # Celsius.
 
-    temperature: float  #: Of the coil [K]; infinite where it runs away.
-    limit: float | None  #: That is permitted [K]; None where it is not known.
-    loss: float  #: Of the axis's coils, each at its temperature [W]; infinite likewise.
-    #: How long the greatest current may flow from then on until the limit is reached [s]; infinite
-    #: where it never is, None where time constant or limit are not known.
+    temperature: float  #: Of the coil [K]; infinite for thermal runaway.
+    limit: float | None  #: Permissible temperature [K]; None if unknown.
+    #: Loss of the axis's coils at their temperatures [W]; infinite for thermal runaway.
+    loss: float
+    #: Time until the limit at maximum current from there on [s]; infinite if it is never reached,
+    #: None if time constant or limit are unknown.
     until_limit: float | None
 
 
 def heating(machine: Machine, squares: list[float]) -> Heating | None:
-    """Return how warm the coils of an axis become."""
+    """Return the steady-state temperature of the coils of an axis."""
     # A coil at the temperature ``Th`` has the resistance ``R (1 + a (Th - 293.15 K))``, and takes
     # the loss of its mean square of the current times that. Cooled by ``(Th - ambient)/R_th`` it
     # rests at
@@ -58,20 +59,20 @@ def heating(machine: Machine, squares: list[float]) -> Heating | None:
 
 
 def at_rest(coil: Coil, power: float) -> float:
-    """Return the temperature at which a coil rests [K]; infinite where it never does."""
+    """Return the steady-state temperature of a coil [K]; infinite for thermal runaway."""
     left, rest = _balance(coil, power)
     return math.inf if left <= 0 else rest / left
 
 
 def _balance(coil: Coil, power: float) -> tuple[float, float]:
-    """Return what a coil's temperature follows [1], [K]: ``tau Th' = rest - left Th``."""
+    """Return the coefficients of a coil's temperature [1], [K]: ``tau Th' = rest - left Th``."""
     rise = coil.thermal_resistance * power
     left = 1 - rise * coil.temperature_coefficient
     return left, coil.ambient + rise * (1 - coil.temperature_coefficient * REFERENCE)
 
 
 def _until_limit(coil: Coil, power: float, start: float) -> float | None:
-    """Return how long a loss may last from a temperature on [s]."""
+    """Return the time that a loss may last from a temperature on [s]."""
     tau, limit = coil.time_constant, coil.temperature_limit
     if tau is None or limit is None:
         return None
@@ -87,29 +88,29 @@ def _until_limit(coil: Coil, power: float, start: float) -> float | None:
 
 
 ROOM = (("A", 0.3), ("B", 0.4), ("C", 0.5))
-"""Zones of ISO 14839-2, and the shares of the least clearance below which the displacement is."""
+"""Zones of ISO 14839-2, and their limits as shares of the least clearance."""
 
-HIGHEST = 0.8  #: Of half the sampling rate, up to where loads are looked at.
-SIGMAS = 3.0  #: Of noise, what a peak is taken for.
+HIGHEST = 0.8  #: Highest frequency of the loads, over half the sampling rate.
+SIGMAS = 3.0  #: Standard deviations of noise that count as its peak.
 
 
 @dataclass(frozen=True, eq=False)
 class Capacity:
-    """The harmonic load that a loop bears at a frequency before something is at its limit."""
+    """Harmonic load capacity of a loop at a frequency, until something reaches its limit."""
 
     frequency: Array  #: (k,) Frequencies [Hz].
-    #: (k,) Amplitude of the load at which the current comes to its limit [N], with what holds the
-    #: rotor and noise in it.
+    #: Amplitude of the load at which the current reaches its limit [N], including levitation
+    #: current and noise.
     current: Array
     displacement: Array  #: (k,) At which the rotor leaves zone A of ISO 14839-2 [N].
-    #: (k,) At which the amplifier's voltage is at its limit [N]; None where there is none.
+    #: (k,) At which the amplifier's voltage reaches its limit [N]; None without limit.
     voltage: Array | None
-    #: Least and greatest constant load that a current within the range holds [N].
+    #: Least and greatest constant load that currents in the range hold [N].
     static: tuple[float, float]
 
     @property
     def least(self) -> tuple[float, float]:
-        """The smallest load that brings something to its limit [N], and its frequency [Hz]."""
+        """The smallest load that reaches a limit [N], and its frequency [Hz]."""
         all_ = [self.current, self.displacement]
         worst = np.min([*all_, *([] if self.voltage is None else [self.voltage])], axis=0)
         at = int(np.argmin(worst))
@@ -118,7 +119,7 @@ class Capacity:
 
 @dataclass(frozen=True, eq=False)
 class Demands:
-    """What a stable loop asks of an axis of its machine at its operating point."""
+    """Demands of a stable loop on an axis of its machine at its operating point."""
 
     # ISO 14839-2, Mechanical vibration: Vibration of rotating machinery equipped with active
     # magnetic bearings, Part 2: Evaluation of vibration.
@@ -127,11 +128,11 @@ class Demands:
     #: orders, and three times the noise's rms [m].
     displacement: float
     clearance: float  #: To the stops [m].
-    current: float  #: Greatest control current, likewise [A].
-    #: In the coils [W], warm where it is known how they warm; None without a resistance.
+    current: float  #: Maximum control current, likewise [A].
+    #: In the coils [W], at their temperatures if known; None without a resistance.
     copper_loss: float | None
-    heating: Heating | None  #: How warm they become; None where it is not known.
-    capacity: Capacity  #: What load it bears beside.
+    heating: Heating | None  #: Their temperatures; None if unknown.
+    capacity: Capacity  #: Load capacity beside these.
 
     @property
     def zone(self) -> str:
@@ -141,10 +142,10 @@ class Demands:
 
 
 class Turned(NamedTuple):
-    """What one line that turns with the rotor, or a multiple of it, moves: complex amplitudes."""
+    """Response along one line to an excitation at a multiple of the speed: complex amplitudes."""
 
     x: Complex  #: Displacements (p,) of the axes [m].
-    i: Complex  #: Demanded currents (p,) [A].
+    i: Complex  #: Commanded currents (p,) [A].
 
 
 def demands(
@@ -155,7 +156,7 @@ def demands(
     position_noise: Array,
     responses: Sequence[Turned],
 ) -> list[Demands]:
-    """Return what a stable loop asks of each axis of its machine."""
+    """Return the demands of a stable loop on each axis of its machine."""
     # Linear, and of the ideal coil: the voltage is that of its resistance and of its flux ``2 k
     # i/s``, which current and motion change. Of a radial bearing the displacement is that of the
     # orbit.
@@ -189,7 +190,7 @@ def squares_of_coils(machine: Machine, iu: float, square: float) -> list[float]:
 def _capacities(
     loop: Loop, of: Machine, point: OperatingPoint, displacement: Array, swing: Array
 ) -> list[Capacity]:
-    """Return for each axis what load along it is borne; it moves all axes."""
+    """Return the load capacity along each axis; a load moves all axes."""
     isolated, pairs, weights = isolated_axes(of), pairs_of(of), weights_of(of)
     x0, iu = np.atleast_1d(point.x), np.atleast_1d(point.iu)
     f = np.geomspace(1e-3 * loop.nyquist, HIGHEST * loop.nyquist, 400)
@@ -221,7 +222,7 @@ def _capacities(
 
 
 def _reached(room: Array, unit_demand: Array) -> Array:
-    """Return the load (k,) [N] that leaves an axis no room (p,), of which 1 N takes (k, p)."""
+    """Return the load (k,) [N] that uses up the margin of an axis (p,), of which 1 N takes (k, p)."""
     loads = np.divide(
         room, unit_demand, out=np.full(unit_demand.shape, np.inf), where=unit_demand > 0
     )
@@ -229,7 +230,7 @@ def _reached(room: Array, unit_demand: Array) -> Array:
 
 
 def orbit(x: NDArray[Any], pairs: Sequence[Sequence[int]]) -> Array:
-    """Return how far from the middle displacements (..., p) go within a turn [m]."""
+    """Return the largest distance from the centre of displacements (..., p) within a turn [m]."""
     # Of the two axes of a radial bearing that is the orbit's greater half axis.
     # x (..., p) [m]
     far: Array = np.abs(x).astype(float)
@@ -250,7 +251,7 @@ def pairs_of(of: Machine) -> list[tuple[int, ...]]:
 
 
 def of_runout(loop: Loop, of: Machine) -> list[Turned]:
-    """Return what each order of each sensor's runout does."""
+    """Return the response to each order of each sensor's runout."""
     speed, gains = abs(of.speed), [b.amplifier.gain for b in isolated_axes(of)]
     if not speed:
         return []
@@ -262,7 +263,7 @@ def of_runout(loop: Loop, of: Machine) -> list[Turned]:
             added, turn = np.zeros(len(readings), complex), 0
             for k, (at, lag) in enumerate(readings):
                 if at is sensor:
-                    # The next reading looks a quarter turn on.
+                    # The next reading is a quarter turn ahead.
                     late = np.exp(-0.5j * math.pi * line.order * turn)
                     added[k] = line.amplitude * at.gain * late / (1 + 2j * math.pi * f * lag)
                     turn += 1
@@ -272,7 +273,7 @@ def of_runout(loop: Loop, of: Machine) -> list[Turned]:
 
 
 def of_unbalance(loop: Loop, machine: Machine, point: OperatingPoint) -> Turned:
-    """Return what a machine's unbalance does at its speed."""
+    """Return the response to a machine's unbalance at its speed."""
     planes = machine.unbalances()
     columns = unbalance_columns(machine, point, [z for z, _, _ in planes])
     unbalance = np.array([amount * np.exp(1j * angle) for _, amount, angle in planes])
@@ -283,11 +284,11 @@ def of_unbalance(loop: Loop, machine: Machine, point: OperatingPoint) -> Turned:
 def voltage(
     machine: Machine, iu: float, at: float, f: Array, i: Complex, x: Complex
 ) -> list[tuple[float, Array]] | None:
-    """Return for each coil of an axis the voltage that is left to harmonics, and what they take."""
+    """Return for each coil of an axis the voltage left to harmonics, and their demand."""
     # f (k,) [Hz]; i (k,) [A]; x (k,) [m]
     amplifier, magnet = machine.amplifier, machine.magnet
     limit, R, bandwidth = amplifier.voltage_limit, amplifier.resistance, amplifier.bandwidth
-    if limit is None or R is None or bandwidth is None:  # they come together
+    if limit is None or R is None or bandwidth is None:  # given together
         return None
     s = 2j * math.pi * f
     flowing = i / (1 + 1j * f / bandwidth)

@@ -1,4 +1,4 @@
-"""A machine with its controllers, and the linear loop that a filter makes of them."""
+"""A machine with its controllers, and the linear loops of its filters."""
 
 from __future__ import annotations
 
@@ -37,26 +37,26 @@ from ambkit.machine.rotors.modes import end_of_range
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.plant import Plant
 
-PROMPT = 1e-12  #: Lag of an ideal sensor [s]: what is shorter than models tell from none.
+PROMPT = 1e-12  #: Lag of an ideal sensor [s], below the resolution of the models.
 
 
 @lru_cache(maxsize=4)
 def _plant_of(machine: Machine) -> Plant:
-    """Return the plant of a machine; each filter that is tried in its loop asks for it."""
+    """Return the plant of a machine, cached over filters."""
     return Plant(machine)
 
 
 class OutOfReachError(AmbkitError):
-    """A filter cannot be held to a ceiling on the peak of the sensitivity."""
+    """A filter cannot keep a limit on the sensitivity peak."""
 
     def __init__(self, message: str, nearest: Any = None) -> None:
         super().__init__(message)
-        #: What comes nearest to the ceiling (`ambkit.workflow.tune.Tuned`); None where none can.
+        #: The filter closest to the limit (`ambkit.workflow.tune.Tuned`); None if there is none.
         self.nearest = nearest
 
 
 def ideal_pieces(machine: Machine) -> dict[str, Machine]:
-    """Return a machine with one piece of its loop ideal, by the piece's name."""
+    """Return a machine with one element of its loop ideal, by the element's name."""
     results: dict[str, Machine] = {}
 
     def fast(amplifier: Any) -> Any:
@@ -77,7 +77,7 @@ def ideal_pieces(machine: Machine) -> dict[str, Machine]:
 
 
 class LoopOf:
-    """The loop of a machine at an operating point, with one filter or another."""
+    """The loop of a machine at an operating point, for any filter."""
 
     def __init__(
         self,
@@ -102,7 +102,7 @@ class LoopOf:
         self.top = end_of_range(self.machine.sampling_time, self.machine.speed)
 
     def turned(self, loop: Loop) -> list[Turned]:
-        """Return what turns with the rotor in a stable loop: runout, and unbalance or the orbit."""
+        """Return the synchronous response of a stable loop: runout, and unbalance or the orbit."""
         result = of_runout(loop, self.machine)
         if self.point.orbit is not None:
             result.append(Turned(self.point.orbit.x, self.point.orbit.demanded))
@@ -111,7 +111,7 @@ class LoopOf:
         return result
 
     def least(self) -> tuple[float, float]:
-        """Return the peaks of S and T that no controller can be below [1]; see `least_peaks`."""
+        """Return the least peaks of S and T of any controller [1]; see `least_peaks`."""
         p, m = len(self.isolated), len(self.shown[0])
         u, y = ([at.name for at in of] for of in (self.plant.inputs[:p], self.plant.outputs[:m]))
         from_u = self.plant.select(y, u)
@@ -121,22 +121,22 @@ class LoopOf:
         )
 
     def control_for(self, estimator: Any) -> Control:
-        """Return how the machine is controlled, the default for what feeds it where not given."""
+        """Return the controllers, by default those for the given feedback."""
         return settled(self.machine, self.control, "estimate" if estimator else "measurement")
 
     def choice(self, estimator: Any) -> str | None:
-        """Return what default controllers were chosen for what feeds them, in a sentence."""
+        """Return the selection of default controllers for the given feedback, in a sentence."""
         if not self.machine.turns or self._law or not is_default(self.control):
             return None
         return default_control(self.machine, "estimate" if estimator else "measurement").summary
 
     def fed_by(self, estimator: Any) -> list[PID]:
-        """Return the PIDs of the axes as an estimator feeds them or, None, the measurement."""
+        """Return the PIDs of the axes, fed by an estimator or, None, by the measurement."""
         feedback: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
         return pids_of(self.machine, self.control_for(estimator), feedback)
 
     def flown_by(self, estimator: Estimator | None, max_speed: float | None = None) -> Controllers:
-        """Return the controllers as they fly, fed by an estimator or the measurement."""
+        """Return the controllers as simulated, fed by an estimator or the measurement."""
         if self._law is not None:
             return self._law
         if custom := self.control.custom:
@@ -148,7 +148,7 @@ class LoopOf:
         return controllers_of(_plant_of(self.machine), control, estimator, fastest=max_speed)
 
     def plain(self, estimator: Estimator | None) -> str | None:
-        """Return a sentence where unbalance control is plain control at the machine's speed."""
+        """Return a sentence if unbalance control is off at the machine's speed."""
         if self.control.unbalance == "off":
             return None
         turn = self.flown_by(estimator).unbalance_control
@@ -158,8 +158,8 @@ class LoopOf:
         return turn.for_unbalance_of(self.machine).sentence(self.control.unbalance, speed, speed)
 
     def pids(self, estimator: Estimator | None = None) -> dict[str, PID]:
-        """Return the PIDs by what each is of: an axis, or a coordinate of the rotor."""
-        # None of a regulator.
+        """Return the PIDs by axis, or by coordinate of the rotor."""
+        # None for a regulator.
         control = self.control_for(estimator)
         if control.type == "lqg":
             return {}
@@ -174,7 +174,7 @@ class LoopOf:
         }
 
     def with_plant(self, plant: Machine, estimator: Estimator | None) -> LoopOf:
-        """Return the same controllers, as an estimator feeds them, with another plant."""
+        """Return the same controllers with estimate feedback and another plant."""
         control = self.control_for(estimator)
         return LoopOf(plant, control, point=self.point, law=self.flown_by(estimator))
 
@@ -185,13 +185,13 @@ class LoopOf:
         return moved
 
     def at_speed(self, speed: float, fed_by: Estimator | None) -> tuple[LoopOf, Estimator | None]:
-        """Return the same controllers at another speed [rad/s], and the filter, which knows it."""
+        """Return the same controllers and filter at another speed [rad/s]."""
         machine = self.machine.model_copy(update={"speed": speed})
         of = LoopOf(machine, self.control, point=self.point, law=self._law)
         return of, None if fed_by is None else fed_by.nominal.for_machine(machine)
 
     def with_controllers(self, fed_by: Estimator | None, max_speed: float) -> LoopOf:
-        """Return the same loop with its controllers chosen up to a speed [rad/s]."""
+        """Return the same loop with its controllers selected up to a speed [rad/s]."""
         moved = copy(self)
         moved._law = self.flown_by(fed_by, max_speed)
         return moved
@@ -207,20 +207,20 @@ class LoopOf:
         return moved
 
     def loop(self, estimator: Estimator | None = None) -> Loop:
-        """Return the loop whose controllers are fed by an estimator, or by the measurement."""
+        """Return the loop with an estimator, or with the measurement, feeding the controllers."""
         m = len(self.shown[0])
         inner, control, transform = self._by_states(estimator)
         K = compensator(control, inner, transform, self.plant.outputs[:m])
         return self.around(K)
 
     def around(self, compensator: LinearSystem) -> Loop:
-        """Return the loop of another compensator, from the measurements to u."""
+        """Return the loop with another compensator, from the measurements to u."""
         return Loop(self.plant, compensator, len(self.shown[0]), self.shown, self.added)
 
     def _by_states(
         self, estimator: Estimator | None
     ) -> tuple[LinearSystem | None, LinearSystem, Array]:
-        """Return estimator, controllers, and what these look at by the readings (q, m)."""
+        """Return estimator, controllers, and the controllers' inputs by the readings (q, m)."""
         control_law = self.flown_by(estimator)
         control = controllers(control_law, self.machine, measured=estimator is None)
         transform = control_law.shown
@@ -236,8 +236,8 @@ class LoopOf:
         return inner, control, transform
 
     def static_compliance(self, estimator: Estimator | None = None) -> float | None:
-        """Return the greatest deflection by a load at rest, if there were no integral [m/N]."""
-        # None where the loop would be unstable then, and of a regulator, which has none.
+        """Return the largest static deflection by a load, without integral action [m/N]."""
+        # None if the loop were unstable then, and for a regulator, which has none.
         if self.control.needs_estimate or self.control_for(estimator).type == "lqg":
             return None
         control_law = self.flown_by(estimator)
@@ -250,21 +250,21 @@ class LoopOf:
         return float(np.abs(np.diagonal(loop.compliance([0.0])[0])).max())
 
     def lqg(self) -> Loop:
-        """Return the loop of the linear-quadratic-Gaussian controller that needs least control."""
-        # It has state and loads from a Kalman filter of this very plant, told of the noise of
-        # sensors and amplifiers and the usual growth of the loads.
+        """Return the loop of the minimum-effort linear-quadratic-Gaussian controller."""
+        # Its states and disturbances are from a Kalman filter of this plant, with the noise of
+        # sensors and amplifiers and the default process noise.
         variances = KalmanFilter(self.machine).variances
         sensors, amplifiers = self.noise()
         noise = Noise(sensors, amplifiers, tuple(np.atleast_1d(variances.disturbance)))
         return self.around(LQG(self.plant, noise).compensator())
 
     def hinf(self) -> Loop:
-        """Return the loop of H-infinity controllers, of each axis one for the axis alone."""
+        """Return the loop of H-infinity controllers, one for each isolated axis."""
         parts = []
         for b in self.isolated:
             of = self if len(self.isolated) == 1 else LoopOf(b)
             result = hinf(of.plant.select([of.plant.outputs[0].name], [of.plant.inputs[0].name]))
-            gain = b.sensor.gain  # it is fed by the position
+            gain = b.sensor.gain  # fed by the position
             parts.append(replace(result, B=gain * result.B, D=gain * result.D))
         K = beside_each_other(parts, self.shown, [axis.name for axis in self.machine.axes])
         K = replace(K, inputs=(*self.plant.outputs[: len(self.shown[0])], *K.inputs[-len(parts) :]))
@@ -279,7 +279,7 @@ class LoopOf:
 
     def peak(self, estimator: Estimator | None = None) -> float:
         """Return the peak of abs(S) within the standard's range [1]."""
-        # Infinite where the loop is unstable or the estimator has no gain that it could be told of.
+        # Infinite if the loop is unstable or the estimator has no steady-state gain.
         try:
             loop = self.loop(estimator)
         except AmbkitError:
@@ -289,7 +289,7 @@ class LoopOf:
         return float(axis_peaks(loop, self.top).max())
 
     def check(self, estimator: Estimator, peak_limit: float) -> None:
-        """Refuse a ceiling on the peak of abs(S) that this filter cannot be held to."""
+        """Reject a limit on the peak of abs(S) that this filter cannot keep."""
         if not tells(estimator):
             raise OutOfReachError(
                 f"{estimator.name}: it has no steady-state gain, so the sensitivity "

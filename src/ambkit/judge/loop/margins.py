@@ -15,17 +15,17 @@ from ambkit.base.arrays import Array, Complex
 from ambkit.base.root import root
 from ambkit.control.linear.closed_loop import Loop
 
-LOWEST = 1e-6  #: Of half the sampling rate, where a grid begins.
+LOWEST = 1e-6  #: Lower end of a grid, over half the sampling rate.
 
 UNDAMPED = 1e-9
-"""Damping ratio of a pole below which L has no digits left at its frequency; S is zero there."""
+"""Damping ratio of a pole below which L is infinite at its frequency by rounding; S is zero."""
 
-GRID = 3000  #: Points of a grid, which finds what is refined.
+GRID = 3000  #: Points of a grid, before refinement.
 
 
 def grid(loop: Loop, points: int = GRID, near: int = 31) -> Array:
-    """Return frequencies (k,) [Hz] up to half the sampling rate that no feature lies between."""
-    # Logarithmic, linear, and closely about each pole of the open and the closed loop.
+    """Return frequencies (k,) [Hz] up to half the sampling rate, dense enough for all features."""
+    # Logarithmic, linear, and dense about each pole of the open and the closed loop.
     top = loop.nyquist
     poles = np.concatenate([loop.closed.poles(), loop.plant.poles(), loop.compensator.poles()])
     logs = np.log(poles[np.abs(poles) > 1e-6])
@@ -52,11 +52,11 @@ def highest(
 
 
 TOPS, REFINED = 6, 32
-"""So many of the highest peaks of a grid are refined, by steps of golden section (Kiefer 1953)."""
+"""Number of highest peaks of a grid that are refined, and steps of golden section (Kiefer 1953)."""
 
 
 def tops_of(gain: Callable[[Array], Array], f: Array, seen: Array) -> tuple[Array, Array]:
-    """Return the highest of curves (n,), of each between the neighbours of its peaks, and where."""
+    """Return the maxima of curves (n,), each refined between grid points, and their places."""
     # f, seen (n, m)
     beside = np.pad(seen, ((0, 0), (1, 1)), constant_values=-np.inf)
     tops = np.where((seen >= beside[:, :-2]) & (seen >= beside[:, 2:]), seen, -np.inf)
@@ -79,7 +79,7 @@ def tops_of(gain: Callable[[Array], Array], f: Array, seen: Array) -> tuple[Arra
 
 
 AXIS_GRID = 160
-"""Frequencies at which each axis of a loop is looked at, besides those of its own poles."""
+"""Number of frequencies for each axis of a loop, besides those of its poles."""
 
 
 def axis_peaks(loop: Loop, top: float) -> Array:
@@ -97,15 +97,14 @@ def axis_peaks(loop: Loop, top: float) -> Array:
 
 def peaks_by_poles(opened: Complex, closed: Complex, T: float, top: float) -> Array:
     """Return the highest abs(S) of loops up to a frequency (n,) [1]."""
-    # Seen along an axis with all other loops closed, the sensitivity is the ratio of two
-    # polynomials whose roots are known: ``S(z) = d det(zI - A_open)/det(zI - A_closed)``, where
-    # A_open has the loop of that axis open. So it takes no linear system at any frequency.
-    # opened (n, a); closed (n, b)
+    # The sensitivity of an axis with all other loops closed is a ratio of two polynomials with
+    # known roots: ``S(z) = d det(zI - A_open)/det(zI - A_closed)``, where A_open has the loop of
+    # that axis open. This needs no linear system at any frequency. opened (n, a); closed (n, b)
 
     def gain(f: Array) -> Array:
         """Return log abs(S) of each loop at frequencies of its own (n, k)."""
         z = np.exp(2j * np.pi * T * f)
-        with np.errstate(divide="ignore"):  # S is zero at a pole of the open loop on the circle
+        with np.errstate(divide="ignore"):  # S is zero at an open-loop pole on the unit circle
             return np.asarray(np.log(np.abs(_product(z, opened) / _product(z, closed))), float)
 
     lowest = AXIS_LOWEST * top
@@ -115,11 +114,11 @@ def peaks_by_poles(opened: Complex, closed: Complex, T: float, top: float) -> Ar
     return np.asarray(np.exp(tops_of(gain, f, gain(f))[0]))
 
 
-AXIS_LOWEST = 1e-4  #: Of the end of the range, where these begin.
+AXIS_LOWEST = 1e-4  #: Start of these, over the end of the range.
 
 
 def _product(z: Complex, poles: Complex) -> Complex:
-    """Return the product of z (n, k) less each of the poles (n, m) of its row."""
+    """Return the product of z (n, k) minus each of the poles (n, m) of its row."""
     result = z - poles[:, :1]
     for k in range(1, poles.shape[1]):
         result *= z - poles[:, k : k + 1]
@@ -127,7 +126,7 @@ def _product(z: Complex, poles: Complex) -> Complex:
 
 
 def zeros(of: Callable[[Array], Array], f: Array) -> Iterator[float]:
-    """Yield where a real function of the frequency changes its sign [Hz]."""
+    """Yield the sign changes of a real function of the frequency [Hz]."""
     # f (k,) [Hz]
     seen = of(f)
     for k in np.flatnonzero(seen[:-1] * seen[1:] < 0):
@@ -137,36 +136,36 @@ def zeros(of: Callable[[Array], Array], f: Array) -> Iterator[float]:
 
 @dataclass(frozen=True)
 class Margins:
-    """How far one axis's loop is from the limit of stability, all other loops closed."""
+    """Stability margins of one axis's loop, with all other loops closed."""
 
     # Seiler, Packard, Gahinet, An introduction to disk margins, 2020.
 
-    #: Greatest of abs(S) up to half the sampling rate [1], and where [Hz]; its inverse is the least
-    #: distance of the Nyquist curve from -1.
+    #: Maximum of abs(S) up to half the sampling rate [1], and its frequency [Hz]; its inverse is
+    #: the least distance of the Nyquist curve from -1.
     peak: float
     peak_frequency: float
-    complementary_peak: float  #: Greatest of abs(T) [1].
-    gain_up: float  #: By which factor the loop's gain can grow, and to which it can shrink [1].
+    complementary_peak: float  #: Maximum of abs(T) [1].
+    gain_up: float  #: Factors by which the loop gain can grow and shrink [1].
     gain_down: float
-    phase: float  #: Phase margin, either way [rad]; infinite where abs(L) is nowhere 1.
-    delay: float  #: Further dead time that the loop bears [s].
-    #: Size of the greatest symmetric disk margin: gain and phase may change together [1].
+    phase: float  #: Phase margin, in both directions [rad]; infinite if abs(L) is nowhere 1.
+    delay: float  #: Additional dead time up to instability [s].
+    #: Largest symmetric disk margin: simultaneous change of gain and phase [1].
     disk: float
-    crossover: float  #: Highest frequency at which abs(L) is 1 [Hz]; NaN where there is none.
-    #: From where on disturbances are not attenuated by 3 dB any more: abs(S) first reaches
-    #: 1/sqrt(2) from below [Hz]; NaN where it does not.
+    crossover: float  #: Highest frequency with abs(L) of 1 [Hz]; NaN if there is none.
+    #: Frequency up to which disturbances are attenuated by 3 dB: abs(S) first reaches 1/sqrt(2)
+    #: from below [Hz]; NaN if it does not.
     bandwidth: float
 
     @property
     def disk_gain(self) -> tuple[float, float]:
-        """Factors between which the disk lets the gain change."""
+        """Gain factors permitted by the disk."""
         if self.disk >= 2:
             return 0.0, math.inf
         return (2 - self.disk) / (2 + self.disk), (2 + self.disk) / (2 - self.disk)
 
     @property
     def disk_phase(self) -> float:
-        """By how much the disk lets the phase change, either way [rad]."""
+        """Phase change permitted by the disk, in both directions [rad]."""
         return 2 * math.atan(self.disk / 2)
 
 
@@ -218,14 +217,14 @@ def margins(
 
 
 class UnstablePole(NamedTuple):
-    """A pole of a closed loop that grows; of a pair the one above."""
+    """An unstable pole of a closed loop; of a pair the one with positive imaginary part."""
 
-    frequency: float  #: [Hz]; 0 of one that grows without swinging.
-    growth: float  #: Growth rate [1/s]; 0 on the limit of stability.
+    frequency: float  #: [Hz]; 0 for a real pole.
+    growth: float  #: Growth rate [1/s]; 0 on the stability limit.
 
     @property
     def doubling(self) -> float:
-        """Time in which it doubles [s]."""
+        """Time to double [s]."""
         return math.log(2) / self.growth if self.growth > 0 else math.inf
 
 
@@ -236,7 +235,7 @@ def rates(loop: Loop) -> Complex:
 
 
 def unstable_poles(loop: Loop) -> list[UnstablePole]:
-    """Return what grows in a closed, sampled loop, the fastest growing first."""
+    """Return the unstable poles of a closed, sampled loop, the fastest first."""
     grow = [rate for rate in rates(loop).tolist() if rate.real >= 0 and rate.imag >= 0]
     results = [UnstablePole(item.imag / (2 * math.pi), item.real) for item in grow]
     return sorted(results, key=lambda entry: -entry.growth)
@@ -244,7 +243,7 @@ def unstable_poles(loop: Loop) -> list[UnstablePole]:
 
 @dataclass(frozen=True)
 class BodeIntegral:
-    """Bode's integral: what is won at one frequency is lost at another."""
+    """Bode's integral: attenuation at one frequency costs amplification at another."""
 
     # Freudenberg, Looze, Frequency domain properties of scalar and multivariable feedback systems,
     # 1988; Sung, Hara, Properties of sensitivity and complementary sensitivity functions in
@@ -254,22 +253,22 @@ class BodeIntegral:
     #: continuous time over all angular frequencies [1/s].
     integral: float
     #: Sum over the unstable poles p of the open loop of ln abs(p), or in continuous time of their
-    #: real parts [1/s]: to it the integral is equal where the closed loop is stable.
+    #: real parts [1/s]: equal to the integral if the closed loop is stable.
     poles: float
 
     @property
     def holds(self) -> bool:
-        """Whether both are equal to six digits, of the larger of poles and 0.01."""
+        """Whether both agree to six digits, of the larger of poles and 0.01."""
         return abs(self.integral - self.poles) <= 1e-6 * max(self.poles, 0.01)
 
 
 def bode_integral(loop: Loop) -> BodeIntegral:
     """Return both sides of Bode's integral."""
     # By Gauss's rule in the logarithm of the frequency, between the frequencies of all poles and
-    # ever finer towards each: an integrator makes S zero at 0, an undamped pole makes it zero
-    # elsewhere. In continuous time it goes on until nothing is left of the tail, and to where the
-    # dead time turns slowly against it; and as poles of a closed loop with a dead time are not
-    # known, panels are halved until that changes nothing.
+    # refined towards each: an integrator makes S zero at 0, an undamped pole elsewhere. In
+    # continuous time it extends until the tail vanishes, and until the dead time varies slowly
+    # against it; as the poles of a closed loop with dead time are not known, panels are halved
+    # until the result converges.
     poles = np.concatenate([loop.plant.poles(), loop.compensator.poles()])
     if loop.plant.T is None:
         unit, low, high = 1.0, 1e-9, 1e10
@@ -318,9 +317,10 @@ def _gauss(of: Callable[[Array], Array], a: Array, b: Array) -> Array:
 
 
 TAIL = 1e7
-"""To where a dead time's turns are followed [rad/s]; beyond nothing is left of the open loop."""
+"""Upper end for the oscillation of a dead time [rad/s]; the open loop vanishes beyond."""
 
 HALVINGS, EXACT = 20, 1e-9
-"""How often panels are halved, and what may change then, over the sum of the unstable poles."""
+"""Maximum number of halvings, and tolerance, over the sum of the unstable poles."""
 
-GRADED, LEVELS = 0.3, 16  #: By which ratio panels shrink towards a pole's frequency, and how often.
+#: Ratio by which panels shrink towards a pole's frequency, and their number.
+GRADED, LEVELS = 0.3, 16

@@ -1,4 +1,4 @@
-"""Sensitivity from a record of a loop with an injected signal, and how well it is known."""
+"""Sensitivity from a record of a loop with an injected signal, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -15,46 +15,47 @@ from ambkit.data.record import Record
 
 Logged = Literal["after", "before"]
 
-LEVEL = 0.95  #: What an interval holds with, where nobody says it.
-SAME = 1e-5  #: Share of a signal's power in which one period may differ from the next: logs round.
-LEAST_PERIODS = 3  #: Whole periods, of which the first is left out: the loop settles in it.
+LEVEL = 0.95  #: Default confidence level.
+SAME = 1e-5  #: Relative power in which periods may differ: logs are rounded.
+#: Minimum number of periods; the first is excluded, because the loop settles in it.
+LEAST_PERIODS = 3
 
 LINE, BROAD = 1e-6, 1e-4
-"""Of the greatest power of the injected signal, what a frequency needs to be told: of a period's
-lines, and of a spectrum."""
+"""Minimum power at a frequency, over the maximum of the injected signal: of a period's lines, and
+of a spectrum.
+"""
 
 ORDER, HALF = 2, 7
-"""Order of the local polynomials, and frequencies to either side that each takes in."""
+"""Order of the local polynomials, and number of neighbouring frequencies on both sides."""
 
 APART = 1.0
-"""Beyond this share of the noise on one line, S is not told from the transient; 0.4 is usual."""
+"""Share of one line above which S is not separable from the transient; 0.4 is usual."""
 
-PER_DECADE = 40  #: Frequencies of a spectrum that are stated.
+PER_DECADE = 40  #: Density of the frequencies of a spectrum.
 
 CERTAIN = 10.0
-"""Ratio to the deviation of its parts from which on a magnitude is as good as normal."""
+"""Ratio to the standard deviation above which a magnitude is nearly normal."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredSensitivity:
-    """The sensitivity of one axis as a record tells it, all other loops closed."""
+    """Measured sensitivity of one axis, with all other loops closed."""
 
     # Pintelon, Schoukens, System identification: a frequency domain approach, 2012.
 
     frequency: Array  #: (k,) Frequencies [Hz], ascending.
     sensitivity: Complex  #: (k,) S at the measurement, complex [1].
-    #: (k,) Standard deviation of S: the root of what the square of its error's magnitude is
-    #: expected to be [1].
+    #: Standard deviation of S: the root of the expected squared magnitude of its error [1].
     std: Array
-    freedom: int  #: Degrees of freedom that this is known with.
-    periods: int  #: How many were looked at; 1 of a signal that does not come again.
-    sampling_time: float  #: Of the record [s].
+    freedom: int  #: Degrees of freedom of this estimate.
+    periods: int  #: Number of periods; 1 for an aperiodic signal.
+    sampling_time: float  #: Sampling time of the record [s].
 
     def interval(self, level: float = LEVEL) -> tuple[Array, Array]:
-        """Return low and high ends (k,) of what holds the magnitude of S, at each frequency [1]."""
-        # Rice's distribution of a magnitude under noise: of all true values those are within that
-        # do not make what was found too unlikely, either way. So it holds where S is small as well.
-        # That the noise itself is only known from the record makes it wider, as Student's t does.
+        """Return the confidence interval (k,) of the magnitude of S at each frequency [1]."""
+        # From Rice's distribution of a magnitude under noise: the true values for which the
+        # measured one is not too unlikely, on either side. It is valid for small S too. As the
+        # noise is estimated from the record, it is widened as by Student's t.
         ends = [
             _magnitudes(abs(S), std, self.freedom, level)
             for S, std in zip(self.sensitivity, self.std, strict=True)
@@ -64,17 +65,17 @@ class MeasuredSensitivity:
 
     @property
     def peak(self) -> float:
-        """Greatest magnitude that was measured [1]."""
+        """Largest measured magnitude [1]."""
         return float(np.abs(self.sensitivity).max())
 
     @property
     def peak_frequency(self) -> float:
-        """Where that is [Hz]."""
+        """Its frequency [Hz]."""
         return float(self.frequency[int(np.abs(self.sensitivity).argmax())])
 
     def peak_interval(self, level: float = LEVEL, top: float = math.inf) -> tuple[float, float]:
-        """What holds the greatest magnitude of S at all measured frequencies together [1]."""
-        # Each interval is as much wider as it takes for all of them to hold (Bonferroni).
+        """Simultaneous confidence interval of the largest magnitude of S at all frequencies [1]."""
+        # Each interval is widened so that all hold together (Bonferroni).
         within = self.frequency <= top
         low, high = self.interval(1 - (1 - level) / max(1, int(within.sum())))
         return float(low[within].max()), float(high[within].max())
@@ -86,20 +87,20 @@ class MeasuredSensitivity:
 
     @property
     def coherence(self) -> Array:
-        """Share (k,) of the measurement's power that the injected signal explains [1]."""
+        """Share (k,) of the measurement's power explained by the injected signal [1]."""
         power = np.abs(self.sensitivity) ** 2
-        # Of one average: as if the record were a single stretch of the signal.
+        # For one average: as if the record were a single segment of the signal.
         return np.asarray(power / (power + self.periods * self.std**2))
 
 
 def measured_sensitivity(record: Record, logged: Logged = "after") -> MeasuredSensitivity:
     """Return S from a record of the closed loop with a signal added to its measurement."""
-    # What is injected comes from outside and is known, so that nothing is biased by the feedback.
-    # Where it comes again after a whole number of samples, S is the mean of the periods' spectra
-    # over that of the signal, without leakage, and their scatter is its error; the first period is
-    # left out. Else, of a chirp or of noise, S and the transient are polynomials over few
-    # neighbouring frequencies (the local polynomial method), whose residuals tell the error.
-    # Pintelon, Schoukens, System identification: a frequency domain approach, 2012, chapters 2, 7.
+    # The injected signal is external and known, so the feedback causes no bias. If it is periodic
+    # with a whole number of samples, S is the mean of the periods' spectra over that of the signal,
+    # without leakage, and their scatter is its error; the first period is excluded. Otherwise, for
+    # a chirp or noise, S and the transient are polynomials over a few neighbouring frequencies (the
+    # local polynomial method), with the error from their residuals. Pintelon, Schoukens, System
+    # identification: a frequency domain approach, 2012, chapters 2, 7.
     added, y = record["injected"], record["y"]
     for name, values in (("injected", added), ("y", y)):
         if not np.isfinite(values).all():
@@ -122,7 +123,7 @@ def measured_sensitivity(record: Record, logged: Logged = "after") -> MeasuredSe
             added[full_periods].reshape(shape), seen[full_periods].reshape(shape), T
         )
     else:
-        # With the rest before and after it, as far as the record goes.
+        # With the samples before and after it, as far as the record extends.
         result = _by_polynomials(added, seen, T)
     if len(result.frequency) < 2:
         raise RecordError(
@@ -133,14 +134,14 @@ def measured_sensitivity(record: Record, logged: Logged = "after") -> MeasuredSe
 
 
 def _period(values: Array) -> int | None:
-    """Return after how many samples a signal comes again; None where it does not."""
+    """Return the period of a signal in samples; None if it has none."""
     n = len(values)
     size = 1 << (2 * n - 1).bit_length()
     spectrum = np.fft.rfft(values - values.mean(), size)
     common = np.fft.irfft(np.abs(spectrum) ** 2, size)[: n // 2 + 1]
     power = np.concatenate([[0.0], np.cumsum((values - values.mean()) ** 2)])
     lag = np.arange(len(common))
-    both = (power[n] - power[lag]) + power[n - lag]  # of what overlaps
+    both = (power[n] - power[lag]) + power[n - lag]  # of the overlap
     with np.errstate(invalid="ignore", divide="ignore"):
         differs = 1 - 2 * common / both
     apart = np.flatnonzero(differs > 0.1)
@@ -149,14 +150,14 @@ def _period(values: Array) -> int | None:
     again = np.flatnonzero(differs[apart[0] :] < SAME)
     if not len(again):
         return None
-    # Of a smooth signal the lags beside it are nearly as good.
+    # For a smooth signal the neighbouring lags are nearly as good.
     start = int(apart[0] + again[0])
     beside = differs[start : start + int(apart[0]) + 1]
     return start + int(np.argmin(beside))
 
 
 def _of_periods(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
-    """Return S from periods (m, n) of what was injected and seen."""
+    """Return S from periods (m, n) of injected and measured signal."""
     m, n = added.shape
     D = np.fft.rfft(added, axis=1).mean(axis=0)[1 : (n + 1) // 2]
     Y = np.fft.rfft(seen, axis=1)[:, 1 : (n + 1) // 2]
@@ -172,7 +173,7 @@ def _of_periods(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
 
 
 def _by_polynomials(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
-    """Return S by local polynomials in the frequency, of a record (n,) that is no period."""
+    """Return S by local polynomials in the frequency, from an aperiodic record (n,)."""
     n = len(added)
     D, Y = (np.fft.rfft(item - item.mean())[1 : (n + 1) // 2] for item in (added, seen))
     width = 2 * HALF + 1
@@ -184,7 +185,7 @@ def _by_polynomials(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
     total = np.concatenate([[0.0], np.cumsum(np.abs(D) ** 2)])
     power = (total[width:] - total[:-width]) / width
     middle = np.flatnonzero(power > BROAD * power.max()) + HALF
-    # As many as a picture shows: neighbours tell the same.
+    # Limited to the resolution of a figure: neighbours are redundant.
     place = np.round(PER_DECADE * np.log10(middle + 1)).astype(int)
     middle = middle[np.unique(place, return_index=True)[1]]
     r = np.arange(-HALF, HALF + 1)
@@ -208,19 +209,19 @@ def _by_polynomials(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
 
 
 def _magnitudes(result: float, std: float, freedom: int, level: float) -> tuple[float, float]:
-    """Return the ends of the interval of a magnitude [1], from its estimate and its deviation."""
+    """Return the interval of a magnitude [1], from its estimate and standard deviation."""
     from scipy.special import chndtrinc
     from scipy.stats import norm, t
 
     tail = (1 - level) / 2
-    # Of real and imaginary part each; as much wider as it is itself not known.
+    # Of real and imaginary part each, widened for its own uncertainty.
     part = std / math.sqrt(2) * float(t.isf(tail, freedom) / norm.isf(tail))
     half_width = part * float(norm.isf(tail))
     if result >= CERTAIN * part:
         return result - half_width, result + half_width
 
-    # The magnitudes with which less than was found has the chance of either tail; the function
-    # ends at 1e-300 in place of 0.
+    # The magnitudes for which the estimate is at the quantile of either tail; the function ends at
+    # 1e-300 instead of 0.
     ends = chndtrinc((result / part) ** 2, 2, np.array([1 - tail, tail]))
     low, high = (part * np.sqrt(np.where(ends > 1e-100, ends, 0.0))).tolist()
     return low, high

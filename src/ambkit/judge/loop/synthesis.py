@@ -1,4 +1,4 @@
-"""Bounds on the sensitivity of a loop, and the controllers of H-infinity and LQG that come near."""
+"""Bounds on the sensitivity of a loop, and H-infinity and LQG controllers near them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ambkit.models.linear import EDGE, LinearSystem, Signal
 
 
 def least_peaks(plant: LinearSystem) -> tuple[float, float]:
-    """The least peaks of S and T, by largest singular values, with any stabilising control."""
+    """Return the least peaks of S and T (largest singular values) of any stabilising controller."""
     # Both are 1 for a stable plant. Else ``S(p) y = 0`` at the unstable poles p with their
     # directions y, so that ``T(p) y = y``, and ``T = N H`` where N is all-pass and has the plant's
     # zeros outside of the unit circle, those at infinity to the order of the dead time in samples
@@ -35,7 +35,7 @@ def least_peaks(plant: LinearSystem) -> tuple[float, float]:
     if not len(plant.unstable()):
         return 1.0, 1.0
     A, B, C = _scaled(plant)
-    # What costs nothing but the measurements' squares: closed so, the plant is N.
+    # Minimum-energy control, which costs only measurements squared, makes the plant N.
     try:
         X = solve_discrete_are(A, B, C.T @ C, np.zeros((B.shape[1], B.shape[1])))
         root = np.linalg.cholesky(B.T @ X @ B).T
@@ -53,7 +53,7 @@ def least_peaks(plant: LinearSystem) -> tuple[float, float]:
 
 
 def _scaled(plant: LinearSystem) -> tuple[Array, Array, Array]:
-    """Return A, B, C with states counted in what a pulse of the controls makes of them."""
+    """Return A, B, C with states scaled by the response to a pulse of the controls."""
     pulsed = [plant.B]
     for _ in plant.A:
         pulsed.append(plant.A @ pulsed[-1])
@@ -63,7 +63,7 @@ def _scaled(plant: LinearSystem) -> tuple[Array, Array, Array]:
 
 
 def _growing(A: Array, grows: Callable[[complex], bool]) -> tuple[Array, Array]:
-    """Return a basis (n, k) of the states that the unstable poles move, and its own A (k, k)."""
+    """Return a basis (n, k) of the unstable subspace, and its dynamics (k, k)."""
     from scipy.linalg import schur
 
     def sort(real: float, imaginary: float = 0.0) -> bool:
@@ -81,15 +81,16 @@ def _ratio(gramian: Any, own: Any) -> float:
 
 
 PEAK, SLOW, AT_REST = 1.5, 0.3, 1e-4
-"""Weight of S: its peak that counts as 1, the bandwidth over the unstable pole, and S at rest."""
+"""Weight of S: normalised peak, bandwidth over the unstable pole, and static value."""
 
 STRONG = 10.0
-"""Weight of the control signal: how much of it counts as 1, over what the plant asks for at the
-frequency of its unstable pole."""
+"""Weight of the control signal, relative to the requirement of the plant at the frequency of its
+unstable pole.
+"""
 
 
 def hinf(plant: LinearSystem) -> LinearSystem:
-    """Return the controller that makes the worst of weighted S and K S least."""
+    """Return the H-infinity controller of the mixed sensitivities S and K S."""
     # S is weighted by ``(s/1.5 + 0.3 p)/(s + 3e-5 p)`` with the fastest unstable pole p, K S by 0.1
     # over what the plant answers at p. The sampled plant goes by Tustin's transform to continuous
     # time, and the controller back, which keeps every norm (Chen and Francis 1995). Time is counted
@@ -110,7 +111,7 @@ def hinf(plant: LinearSystem) -> LinearSystem:
     of_u = control.ss([], [], [], [[1 / STRONG]])
     try:
         with warnings.catch_warnings(), one_thread():
-            warnings.simplefilter("ignore", FutureWarning)  # of its own
+            warnings.simplefilter("ignore", FutureWarning)  # raised inside control
             K, _, _ = control.mixsyn(G, of_S, of_u, None)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
         raise AmbkitError(f"there is no H-infinity controller of this plant: {error}") from None
@@ -125,7 +126,7 @@ def hinf(plant: LinearSystem) -> LinearSystem:
 
 
 def _control() -> Any:
-    """Return python-control, where it can solve H-infinity's equations."""
+    """Return python-control if it can solve the H-infinity problem."""
     try:
         import control
         import slycot  # noqa: F401
@@ -137,7 +138,7 @@ def _control() -> Any:
 
 
 def beside_each_other(item: list[LinearSystem], transform: Array, names: list[str]) -> LinearSystem:
-    """Return controllers of axes as one, fed by what the readings show of the axes."""
+    """Return controllers of isolated axes as one, fed by the displacements of the axes."""
     # shown (p, m)
     from scipy.linalg import block_diag
 
@@ -152,21 +153,22 @@ def beside_each_other(item: list[LinearSystem], transform: Array, names: list[st
 
 
 LEAST_CONTROL = 1e-2
-"""Weight of the control signal beyond which nothing changes [m^2/V^2]: the controller does no more
-than to hold the rotor."""
+"""Weight of the control signal beyond which nothing changes [m^2/V^2]: minimum-effort
+stabilisation.
+"""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """What an LQG controller takes as noise; of several axes one number for each."""
+    """Noise model of an LQG controller; of several axes one number for each."""
 
     measurement: ArrayLike  #: Variances on the measurements [m^2].
     control: ArrayLike  #: Variances on the control signals [V^2].
-    load: ArrayLike  #: Growth of the loads' variances [N^2/s].
+    load: ArrayLike  #: Intensities of the disturbances' random walks [N^2/s].
 
 
 class LQG:
-    """Regulators of a plant by its state and its loads, as a Kalman filter knows them."""
+    """Regulators of a plant by states and disturbances estimated by a Kalman filter."""
 
     # Åström, Introduction to stochastic control theory, 1970.
 
@@ -178,7 +180,7 @@ class LQG:
         self.A = np.block([[A, plant.B[:, p:]], [np.zeros((p, n)), np.eye(p)]])
         self.B = np.vstack([self.b, np.zeros((p, p))])
         self.C = np.hstack([plant.C[:m], np.zeros((m, p))])
-        # States are counted in what control signals make of them, or digits are lost.
+        # States are scaled by the response to control signals; otherwise digits are lost.
         pulsed = [self.b]
         for _ in range(n + 1):
             pulsed.append(A @ pulsed[-1])
@@ -196,8 +198,8 @@ class LQG:
         self.M = np.linalg.solve(S / np.outer(unit, unit), self.C @ P / unit[:, None]).T / unit
 
     def compensator(self, weight: float = LEAST_CONTROL) -> LinearSystem:
-        """Return the controller that makes the mean of ``x^2 + weight u^2`` least, of all axes."""
-        # Beside, it cancels the loads at rest, and holds references.
+        """Return the controller that minimises the mean of ``x^2 + weight u^2`` over all axes."""
+        # It also cancels static disturbances, and tracks references.
         n, p, size, A = len(self.plant.A), self.axes, self.size, self.plant.A
         c = self.plant.C[-p:]
         scaled = A * size / size[:, None]
