@@ -21,7 +21,7 @@ class Text:
 class Equation:
     """A formula on its own line."""
 
-    source: str  #: LaTeX as `formula.mathml` understands it.
+    source: str  #: LaTeX as `markup.mathml` understands it.
     number: str = ""  #: Written beside it: ``"eq. 15"``.
 
 
