@@ -36,40 +36,39 @@ from ambkit.simulation.waveforms import Constant, Recorded, Sine
 
 Kind = Literal["multisine", "stepped-sine"]
 
-AMPLITUDES = (1e-3, 1e-2, 3e-2)  #: Of the air gap, where nobody says how far to go.
-SETTLED = 1e-4  #: To what the slowest mode has decayed before a sweep is looked at.
-LONGEST = 2.0  #: But no longer is waited [s].
-SLOWEST = 8.0  #: Lowest frequency, of the slowest that the period tells apart.
-PER_DECADE = {"multisine": 20, "stepped-sine": 10}  #: Frequencies of a sweep.
-SIZE = 20_000  #: Samples of a period of a multisine.
+AMPLITUDES = (1e-3, 1e-2, 3e-2)  #: Default amplitudes, over the air gap.
+SETTLED = 1e-4  #: Decay of the slowest mode before the measurement.
+LONGEST = 2.0  #: Maximum of that time [s].
+SLOWEST = 8.0  #: Lowest frequency, over the frequency resolution.
+PER_DECADE = {"multisine": 20, "stepped-sine": 10}  #: Density of the frequencies.
+SIZE = 20_000  #: Samples of a multisine's period.
 
 STEP, APART = 2000, 1.5
-"""Samples that one sine of many is looked at; and periods of its beat with the rotation, at least.
-"""
+"""Samples of one sine; and minimum number of periods of its beat with the rotation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Swept:
     """The simulated loop's sensitivity at one amplitude."""
 
-    amplitude: float  #: Greatest value of what was added to the measurement [m].
+    amplitude: float  #: Maximum of the injected signal [m].
     frequency: Array  #: (k,) Frequencies [Hz].
     sensitivity: Complex  #: (k,) S of the simulated, nonlinear loop [1].
-    model: Complex | None  #: (k,) S of the linear one [1]; None: there is none.
-    #: Whether the current came to a limit, the rotor to a stop, or the filter refused what it took
-    #: for outliers.
+    model: Complex | None  #: (k,) S of the linear loop [1]; None if there is none.
+    #: Whether the current was limited, the rotor touched a stop, or the filter rejected
+    #: measurements as outliers.
     limited: bool
 
     @property
     def deviation(self) -> float:
-        """Greatest distance from the linear model, of the model's magnitude [1]; NaN without."""
+        """Largest distance from the linear model, over the model's magnitude [1]; NaN without."""
         if self.model is None:
             return math.nan
         return float(np.max(np.abs(self.sensitivity - self.model) / np.abs(self.model)))
 
     @property
     def peak(self) -> float:
-        """Greatest magnitude of S [1]."""
+        """Largest magnitude of S [1]."""
         return float(np.abs(self.sensitivity).max())
 
 
@@ -78,24 +77,24 @@ SWEPT = ("amplitudes",)  #: Section of a sweep.
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(Result):
-    """A loop swept at several amplitudes, beside its linear model."""
+    """Sweeps of a loop at several amplitudes, with its linear model."""
 
     machine: Machine  #: The plant.
-    axis: int  #: Which was swept.
-    kind: Kind  #: What was added to the measurement.
-    fed_by: str  #: What feeds the controller.
-    loop: AssessedLoop | None  #: The linear model; None of a controller in Python.
-    swept: tuple[Swept, ...]  #: One for each amplitude.
-    top: float  #: End of the range that the zones are taken from [Hz].
+    axis: int  #: Axis of the injection.
+    kind: Kind  #: Injected signal.
+    fed_by: str  #: Feedback of the controller.
+    loop: AssessedLoop | None  #: Linear model; None for a controller in Python.
+    swept: tuple[Swept, ...]  #: One sweep for each amplitude.
+    top: float  #: Upper end of the zones' range [Hz].
 
     @property
     def name(self) -> str:
-        """Of the bearing, or of the machine and its axis."""
+        """Name of the machine and, if it has several, the axis."""
         return f"{self.machine.name} {self.machine.axes[self.axis].name}".rstrip()
 
     @property
     def model(self) -> AssessedAxis | None:
-        """What the linear model says of the axis; None: there is none."""
+        """The axis in the linear model; None if there is none."""
         return None if self.loop is None else list(self.loop.axes.values())[self.axis]
 
     TITLE = "{0.name}: {0.kind} of the simulated loop, controller fed by {0.fed_by}"
@@ -160,7 +159,7 @@ def sweep(
     axis: str | None = None,
     orbit: Given | bool = False,
 ) -> Sweep:
-    """Sweep the simulated loop through the summing point at its measurement."""
+    """Sweep the simulated loop with a signal added at its measurement."""
     if kind not in get_args(Kind):
         raise AmbkitError(f"kind must be one of {', '.join(get_args(Kind))}, is {kind!r}")
     of, name, loop = _linear(arguments, orbit)
@@ -185,7 +184,7 @@ def sweep(
 
 
 def _linear(arguments: LoopArguments, orbit: Any) -> tuple[LoopOf, str, AssessedLoop | None]:
-    """Return what is swept, what feeds its controllers, and its linear model, if it has one."""
+    """Return the axis, its feedback, and the linear model, if there is one."""
     machine, filters, controller, x, load = arguments
     if controller is not None and as_control(controller).custom:
         if orbit is not False:
@@ -215,7 +214,7 @@ class _Rig:
         self.scenario = Scenario(noise=False, controller=of.control_for(filter).fed_by(fed_by))
 
     def disturb(self, x: float, load: Mapping[str, float]) -> None:
-        """Hold the rotor at x along its axes [m] against constant loads [N]."""
+        """Hold the rotor at x along its axes [m] with constant disturbances [N]."""
         names = [axis.name for axis in self.of.machine.axes]
         forces: dict[str, Constant | Sine] = {
             name: Constant(value=load.get(name, 0.0)) for name in names
@@ -223,10 +222,10 @@ class _Rig:
         orbit = self.of.point.orbit
         if (
             orbit is not None and self.machine.rotor.type == "mass"
-        ):  # a body's comes of its unbalance
+        ):  # that of several axes follows from its unbalance
             assert self.model is not None
             f = self.machine.speed / (2 * math.pi)
-            # Held over each sample as it is simulated; its phase does not matter.
+            # Held over each sample, as simulated; its phase is irrelevant.
             size = float(abs(orbit.x[0] / self.model.compliance([f])[0, 0, 0]))
             forces = {"": Sine(amplitude=size, frequency=f, offset=load.get("", 0.0))}
         self.scenario = self.scenario.model_copy(update={
@@ -237,7 +236,7 @@ class _Rig:
         })  # fmt: skip
 
     def check(self) -> None:
-        """Refuse a loop without a linear model that does not hold the rotor by itself."""
+        """Reject a loop that has no linear model and does not levitate the rotor by itself."""
         if self.answer(np.zeros(self.settling), slice(-STEP, None))[1]:
             raise AmbkitError(
                 f"{self.machine.name}: without any signal the rotor comes to a stop, or a current "
@@ -246,11 +245,11 @@ class _Rig:
 
     @property
     def inner(self) -> Any:
-        """The estimator in the loop, made anew; None: there is none."""
+        """The estimator in the loop, made anew; None if there is none."""
         return next(iter(filter_arguments(self.filter, self.machine).values()), None)
 
     def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
-        """Return the measurement with what was added to it (n,) [m], and whether a limit is met."""
+        """Return the measurement with injected signal (n,) [m], and whether a limit was reached."""
         of, single = self.of, self.machine.single
         t = self.T * np.arange(len(added))
         waveform = Recorded.of(t, added)
@@ -273,7 +272,7 @@ class _Rig:
         return y @ of.shown[self.axis], limited
 
     def look(self, period: Array, line: NDArray[np.int_]) -> tuple[Complex, bool]:
-        """Add whole periods to the measurement, and return S at lines of their spectrum."""
+        """Inject whole periods, and return S at lines of their spectrum."""
         period_length = len(period)
         last = slice(-period_length, None)
         added = np.tile(period, 1 + math.ceil(self.settling / period_length))
@@ -284,9 +283,9 @@ class _Rig:
         return np.asarray(self._at_lines(y[last], line) / excitation), limited
 
     def _at_lines(self, y: Array, line: NDArray[np.int_]) -> Complex:
-        """Return the amplitudes of lines of a spectrum, beside what has not decayed yet."""
-        # A mode that is slower than anybody waits, such as that of an unbalance that an estimator
-        # still learns, would leak into a line nearby: it is fitted with the lines.
+        """Return the amplitudes of lines of a spectrum, corrected for undamped transients."""
+        # A mode that decays too slowly to wait for, such as that of an unbalance which an estimator
+        # still learns, would leak into a neighbouring line: it is fitted with the lines.
         n = np.arange(len(y))
         waves = np.exp(2j * np.pi * np.outer(n, line) / len(y))
         slow = np.power.outer(self.slow, n).T
@@ -295,7 +294,7 @@ class _Rig:
         return np.asarray(result[: len(line)] + 1j * result[len(line) : 2 * len(line)], complex)
 
     def swept(self, amplitude: float, frequency: Array, parts: list[tuple[Complex, bool]]) -> Swept:
-        """Return what simulated pieces say."""
+        """Return the sweep from simulated segments."""
         S = np.concatenate([item for item, _ in parts])
         model = None if self.model is None else self.model.of_axis(self.axis, frequency)
         return Swept(amplitude, frequency, S, model, any(limited for _, limited in parts))
@@ -313,16 +312,15 @@ class _Rig:
         return self.swept(amplitude, signal.frequencies[separate], [(S[separate], limited)])
 
     def stepped(self, amplitude: float) -> Swept:
-        """One frequency after the other, each from rest."""
+        """One frequency at a time, each from equilibrium."""
         low, high = SLOWEST / (SIZE * self.T), 0.45 / self.T
         count = round(PER_DECADE["stepped-sine"] * math.log10(high / low)) + 1
         parts = [self.sine(amplitude, float(f)) for f in np.geomspace(low, high, count)]
         return self.swept(amplitude, np.array([f for f, _ in parts]), [part for _, part in parts])
 
     def sine(self, amplitude: float, f: float) -> tuple[float, tuple[Complex, bool]]:
-        """Return what one sine of about a frequency [Hz] says, and of which exactly."""
-        # A whole number of samples in whole periods, some 2000 of them; beside the rotation enough
-        # to tell both apart.
+        """Return the response to one sine near a frequency [Hz], and its exact frequency."""
+        # Whole samples in whole periods, some 2000 of them; with rotation enough to separate both.
         turn = abs(self.machine.speed or 0.0) / (2 * math.pi) if self.turns else 0.0
         beat = 1 / max(abs(f - turn) * self.T, 1 / SIZE) if turn else 0.0
         periods = max(1, round(max(STEP, APART * beat) * f * self.T))
@@ -332,9 +330,9 @@ class _Rig:
 
 
 def _alone(line: NDArray[np.int_], turns: int) -> NDArray[np.bool_]:
-    """Return which lines of a spectrum no other comes to by the rotation."""
-    # Along an orbit the magnets' stiffness swings with the rotation and its double, and passes what
-    # is at one frequency on to others, so far away.
+    """Return which lines of a spectrum rotation does not mix with others."""
+    # Along an orbit the magnets' stiffness varies at the speed and twice the speed, and shifts
+    # components by these frequencies.
     isolated_mask = np.ones(len(line), bool)
     for away in (turns, 2 * turns) if turns else ():
         beside = np.concatenate([line + away, np.abs(line - away)])
@@ -343,5 +341,5 @@ def _alone(line: NDArray[np.int_], turns: int) -> NDArray[np.bool_]:
 
 
 def _refused(estimate: Estimate | None, last: slice) -> bool:
-    """Whether a filter took measurements for outliers."""
+    """Whether a filter rejected measurements as outliers."""
     return estimate is not None and bool((estimate.status[last] & Status.OUTLIER).any())

@@ -1,4 +1,4 @@
-"""The verdict on a loop: sensitivity, margins and noise, with a filter in it and without."""
+"""Assessment of a loop: sensitivity, margins and noise, with and without a filter."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import magnet_of
 
 TURNS, SAME = 60, 1e-6
-"""Iterations at most, and the relative change of an orbit at which they end."""
+"""Maximum number of iterations, and relative change of an orbit at which they end."""
 
-HELD = 0.9  #: Of the air gap, how far an orbit may go.
+HELD = 0.9  #: Maximum orbit, over the air gap.
 
 
 def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = None) -> LoopOf:
     """Return a loop at the operating point of its orbit."""
-    # Harmonic balance of the first order (Nayfeh and Mook 1979): what the magnets pull at the speed
-    # of rotation beyond their mean stiffnesses goes back into the loop, and their mean pull carries
-    # what it did at rest. Runout is not in the orbit.
+    # Harmonic balance of first order (Nayfeh and Mook 1979): the magnets' force at the speed of
+    # rotation beyond that of their mean stiffnesses is returned to the loop, and their mean force
+    # equals that in equilibrium. The orbit excludes runout.
     machine, single = of.machine, len(of.isolated) == 1
     if not machine.speed:
         raise AmbkitError(f"{machine.name} does not turn: it has no orbit")
@@ -68,7 +68,7 @@ def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = 
 
 
 def _flowing(of: LoopOf, demanded: Complex) -> Any:
-    """Return the currents that flow by those that are demanded: late, held, and behind."""
+    """Return the currents that follow from the commanded ones: delayed, held, and lagging."""
     T, f = of.machine.sampling_time, of.machine.speed / (2 * math.pi)
     late = np.exp(-2j * np.pi * f * ((of.machine.delay or 0.0) + T / 2)) * np.sinc(f * T)
     lags = [1 + 1j * f / b.amplifier.bandwidth if b.amplifier.bandwidth else 1 for b in of.isolated]
@@ -76,7 +76,7 @@ def _flowing(of: LoopOf, demanded: Complex) -> Any:
 
 
 def _forced(of: LoopOf, loop: Loop, amplitude: float) -> Orbit:
-    """Return the orbit of one axis that a load at the speed makes."""
+    """Return the orbit of one axis under a synchronous load."""
     f = np.array([of.machine.speed / (2 * math.pi)])
     demanded = of.isolated[0].amplifier.gain * loop.control_by_load(f)[0, :, 0]
     x = np.array([amplitude + 0j])
@@ -85,7 +85,7 @@ def _forced(of: LoopOf, loop: Loop, amplitude: float) -> Orbit:
 
 
 def _unbalanced(of: LoopOf, loop: Loop, scale: float) -> Orbit:
-    """Return the orbit of a machine's unbalance, with what its magnets pull beyond their means."""
+    """Return the orbit due to a machine's unbalance, with the magnets' nonlinear force."""
     machine = of.machine
     f = np.array([machine.speed / (2 * math.pi)])
     gains = np.array([b.amplifier.gain for b in of.isolated])
@@ -97,7 +97,7 @@ def _unbalanced(of: LoopOf, loop: Loop, scale: float) -> Orbit:
 
 
 def _beyond(of: LoopOf) -> Complex:
-    """Return the pull at the speed beyond that of the mean stiffnesses (p,) [N]."""
+    """Return the synchronous force beyond that of the mean stiffnesses (p,) [N]."""
     result = np.zeros(len(of.isolated), complex)
     if of.point.orbit is None:
         return result
@@ -112,7 +112,7 @@ def _beyond(of: LoopOf) -> Complex:
 
 
 def _carried(of: LoopOf, rest: OperatingPoint, swing: Orbit) -> Any:
-    """Return the mean currents with which the mean pull is what it is at rest."""
+    """Return the mean currents for which the mean force is that in equilibrium."""
     point = OperatingPoint(of.point.iu, rest.x, swing)
     results = []
     rests = zip(np.atleast_1d(rest.iu), np.atleast_1d(rest.x), strict=True)
@@ -135,14 +135,14 @@ def _within(machine: Any, of: LoopOf, result: Orbit) -> None:
             )
 
 
-MEASUREMENT = "measurement"  #: What the loop is called whose controller is fed by the measurement.
+MEASUREMENT = "measurement"  #: Name of the loop with the measurement as feedback.
 
 
 @one_thread()
 def assess(
     loop: LoopArguments, *, lqg: bool = False, hinf: bool = False, orbit: Given | bool = False
 ) -> Assessment:
-    """Assess a loop as ISO 14839-3 looks at it: broken at the measurement, filter and all."""
+    """Assess a loop as in ISO 14839-3: opened at the measurement, including the filter."""
     of = LoopOf(loop.machine, loop.controller, loop.position, loop.disturbance)
     amplitude = None if isinstance(orbit, bool) else in_si("orbit", orbit, "m")
 

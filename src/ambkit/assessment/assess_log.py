@@ -1,4 +1,4 @@
-"""The verdict on a loop from a record with an injected signal, beside what the model says."""
+"""Assessment of a loop from a record with an injected signal, compared with the model."""
 
 from __future__ import annotations
 
@@ -34,31 +34,31 @@ BASIS = (
 )
 
 
-MODELS = ("models",)  #: Section of the loops of the model.
+MODELS = ("models",)  #: Section of the model's loops.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AssessedLog(Result):
-    """A measured sensitivity, and what is said of it."""
+    """A measured sensitivity and its assessment."""
 
-    measured: MeasuredSensitivity  #: What the record tells.
-    top: float  #: End of the range that the zones are taken from [Hz].
-    peak: float  #: Greatest magnitude of S within it [1], and where [Hz].
+    measured: MeasuredSensitivity  #: Measurement.
+    top: float  #: Upper end of the zones' range [Hz].
+    peak: float  #: Largest magnitude of S within it [1], and its frequency [Hz].
     peak_frequency: float
-    #: What holds the greatest magnitude at the measured frequencies, with 95 % or more [1].
+    #: Confidence interval of the largest magnitude at the measured frequencies, 95 % or more [1].
     interval: tuple[float, float]
-    model: Assessment | None  #: The linear loops of the bearing, where it is given.
-    axis: int = 0  #: Which axis of a machine.
+    model: Assessment | None  #: Linear loops of the machine, if it is given.
+    axis: int = 0  #: Axis of the machine.
 
     @property
     def zone(self) -> str:
-        """Zone of the measured peak; ``"A or B"`` where its interval does not tell."""
+        """Zone of the measured peak; ``"A or B"`` if its interval covers both."""
         best, worst = (zone_of(end) for end in self.interval)
         return best if best == worst else f"{best} or {worst}"
 
     @property
     def name(self) -> str:
-        """Of the bearing, or of the machine and its axis; empty where none is given."""
+        """Name of the machine and, if it has several, the axis; empty without machine."""
         if self.model is None:
             return ""
         axes = self.model.of.axes
@@ -67,7 +67,7 @@ class AssessedLog(Result):
 
     @property
     def within(self) -> dict[str, float]:
-        """Share of the frequencies at which the interval holds each model's magnitude [1]."""
+        """Share of the frequencies at which the interval contains each model's magnitude [1]."""
         low, high = self.measured.interval()
         return {
             name: float(np.mean((low <= np.abs(S)) & (np.abs(S) <= high)))
@@ -76,7 +76,7 @@ class AssessedLog(Result):
 
     @property
     def deviation(self) -> dict[str, float]:
-        """Median distance of the measured S from each model's, of the model's magnitude [1]."""
+        """Median distance of the measured S from each model's, over the model's magnitude [1]."""
         result = self.measured.sensitivity
         return {name: float(np.median(np.abs(result / S - 1))) for name, S in self._models()}
 
@@ -154,7 +154,7 @@ class AssessedLog(Result):
 
 
 def assess_log(record: Record, loop: LoopArguments | None, logged: Logged) -> AssessedLog:
-    """Assess a loop by a record in which a signal was added to its measurement."""
+    """Assess a loop from a record with a signal added to its measurement."""
     axis = 0
     if loop is not None and not loop.machine.single:
         axis, record = of_one_axis(record, loop.machine)
@@ -177,7 +177,7 @@ def assess_log(record: Record, loop: LoopArguments | None, logged: Logged) -> As
 
 
 def of_one_axis(record: Record, machine: Machine) -> tuple[int, Record]:
-    """Which axis of a machine something was injected at, and the record of that axis alone."""
+    """Return the axis of the injection, and the record of that axis."""
     names = [axis.name for axis in machine.axes]
     injected_axes = [name for name in names if signal("injected", name) in record]
     if len(injected_axes) != 1:

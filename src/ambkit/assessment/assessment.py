@@ -1,4 +1,4 @@
-"""Loops of a machine, assessed beside each other: figures and pictures."""
+"""Assessed loops of a machine: figures and plots."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ BASIS = (
 NEEDED = (
     "give the amplifier's resistance, and under [coil] its thermal_resistance and temperature_limit"
 )
-"""What the temperature of coils is computed from."""
+"""Inputs of the coil temperatures."""
 
 LQG, HINF = "LQG", "H-infinity"
-"""Names of the loops of controllers that are designed as an optimum."""
+"""Names of the loops with optimal controllers."""
 
 CRITICAL, GRADES, PIECES = ("critical_speeds",), ("balance_grades",), ("pieces",)
-"""Sections of an assessment, beside its loops."""
+"""Sections of an assessment, besides its loops."""
 
 
 def _axes(loop: str) -> tuple[str, ...]:
@@ -62,16 +62,16 @@ def _poles_and_orbit(loop: AssessedLoop) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Assessment(Result):
-    """Loops of a machine and its controllers, assessed."""
+    """Assessment of a machine's loops."""
 
     signed = True
 
     of: LoopOf  #: Plant, controllers and operating point.
-    estimators: dict[str, Estimator]  #: Those in the loops.
-    #: Peaks of S and T, by their largest singular values, that no controller can be below with this
-    #: plant.
+    estimators: dict[str, Estimator]  #: Estimators in the loops.
+    #: Least peaks of S and T, by largest singular values, of any controller with this plant.
     least: tuple[float, float]
-    loops: dict[str, AssessedLoop]  #: By what the controllers are fed, the measurement first.
+    #: Loops by the feedback of the controllers, the measurement first.
+    loops: dict[str, AssessedLoop]
 
     @property
     def machine(self) -> Machine:
@@ -80,18 +80,18 @@ class Assessment(Result):
 
     @property
     def controllers(self) -> dict[str, PID]:
-        """Gains, with settings that were omitted tuned: by axis, or coordinate of the rotor."""
-        # As they are fed in the last of the loops.
+        """Gains, with omitted settings tuned: by axis, or coordinate of the rotor."""
+        # As in the last of the loops.
         return self.of.pids(self.estimators.get(list(self.loops)[-1]))
 
     @property
     def controller(self) -> PID:
-        """Those of the first axis or coordinate."""
+        """That of the first axis or coordinate."""
         return next(iter(self.controllers.values()))
 
     @property
     def point(self) -> OperatingPoint:
-        """Control current [A] and displacement [m] where it is linearised; of several (p,)."""
+        """Control current [A] and displacement [m] of the linearisation; with several axes (p,)."""
         point = self.of.point
         if len(self.of.axes) > 1:
             return point
@@ -99,12 +99,12 @@ class Assessment(Result):
 
     @property
     def top(self) -> float:
-        """End of the range that the zones are taken from [Hz]."""
+        """Upper end of the zones' range [Hz]."""
         return self.of.top
 
     @property
     def last(self) -> str:
-        """By what the controllers are fed in the last of the loops."""
+        """Feedback of the controllers in the last of the loops."""
         return list(self.loops)[-1]
 
     TITLE = "Verdict on the loop of {0.machine.name}"
@@ -237,7 +237,7 @@ class Assessment(Result):
 
     @cached_property
     def separations(self) -> Separations:
-        """How far the machine's speed is from each critical speed; none where it does not turn."""
+        """Separation of the machine's speed from each critical speed; empty at standstill."""
         machine = self.machine
         if not machine.turns:
             return Separations(0.0)
@@ -245,12 +245,12 @@ class Assessment(Result):
         return separations(machine, loop=self.of, fed_by=fed_by)
 
     def plain(self) -> list[str]:
-        """Return a sentence where unbalance control is plain control at the machine's speed."""
+        """Return a sentence if unbalance control is off at the machine's speed."""
         parts = {self.of.plain(estimator) for estimator in self.estimators.values()}
         return sorted(one for one in parts if one is not None)
 
     def grades(self, filter: str | None = None) -> list[Grade]:
-        """Return what unbalance of each balance quality grade would do at the machine's speed."""
+        """Return the response to the unbalance of each balance grade at the machine's speed."""
         loop = list(self.loops.values())[-1] if filter is None else self.loops[filter]
         machine = self.machine
         if not machine.turns or not loop.stable:
@@ -258,9 +258,9 @@ class Assessment(Result):
         return of_grades(loop.loop, machine, loop.of.point)
 
     def shares(self, filter: str | None = None) -> dict[str, float]:
-        """Return the peak of abs(S) as it is, and with each piece of the loop ideal in turn [1]."""
-        # The worst axis within the standard's range; controllers, filter and operating point stay
-        # as they are, so that the change is the piece's own. Infinite where the loop is unstable
+        """Return the peak of abs(S), and with each element of the loop ideal in turn [1]."""
+        # The worst axis within the standard's range; controllers, filter and operating point are
+        # unchanged, so that the difference is due to the element. Infinite if the loop is unstable
         # then.
         name = list(self.loops)[-1] if filter is None else filter
         estimator = self.estimators.get(name)
@@ -273,10 +273,10 @@ class Assessment(Result):
         return results
 
     def figure(self, filter: str | None = None) -> Figure:
-        """Return Bode of S with the zones, Nyquist, compliance and noise as a picture."""
-        # Of one axis with all loops that are stable; of several with all axes of one loop,
-        # singular values, and the determinant of the return difference. Of a loop that is unstable
-        # Nyquist, loop gain and poles of just this loop.
+        """Return a figure with Bode plot of S and zones, Nyquist plot, compliance and noise."""
+        # For one axis with all stable loops; for several with all axes of one loop, singular
+        # values, and the determinant of the return difference. For an unstable loop Nyquist plot,
+        # loop gain and poles of that loop.
         from ambkit.assessment.assessment_figure import Curves, assessment_figure, unstable_figure
 
         name = list(self.loops)[-1] if filter is None else filter
@@ -304,7 +304,7 @@ class Assessment(Result):
         )  # fmt: skip
 
     def alike(self, filter: str) -> list[list[str]]:
-        """Return the names of a loop's axes, those together whose curves are the same."""
+        """Return the names of a loop's axes, grouped by equal curves."""
         axes = list(self.loops[filter].axes.values())
 
         def alike(k: int, other: int) -> bool:
@@ -314,7 +314,7 @@ class Assessment(Result):
         return [[axes[k].name for k in same] for same in grouped(len(axes), alike)]
 
     def capacity_figure(self, filter: str | None = None) -> Figure:
-        """Return the load that each loop, or each of several axes, bears over the frequency."""
+        """Return the load capacity of each loop, or of each of several axes, over the frequency."""
         from ambkit.assessment.assessment_figure import capacity_figure
 
         demands: dict[str, tuple[float, float]] = {}

@@ -1,4 +1,4 @@
-"""Picture of an assessment: sensitivity with its zones, Nyquist, compliance, noise."""
+"""Figure of an assessment: sensitivity with its zones, Nyquist plot, compliance, noise."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from ambkit.judge.loop.margins import UnstablePole, grid, rates
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule, Vector
 
 LOOKS = ("measurement", "estimate", "series 2", "series 3", "series 4")
-"""Of the loops, in their order; further ones begin again."""
+"""Styles of the loops, in order, repeated as needed."""
 
-SHOWN = 1e-4  #: Of half the sampling rate, where pictures begin.
+SHOWN = 1e-4  #: Lower end of the frequency axis, over half the sampling rate.
 
 
 class Curves(NamedTuple):
-    """An axis of a stable loop, and what it is called."""
+    """An axis of a stable loop, with its label."""
 
     name: str
     loop: Loop
     axis: int = 0
 
 
-# What the Nyquist plot shows: the surroundings of -1, with circles that are nearly round.
+# Range of the Nyquist plot around -1, with nearly round circles.
 NYQUIST_REAL = Axis("real part of L", limits=(-3.2, 1.2))
 NYQUIST_IMAGINARY = Axis("imaginary part of L", limits=(-2.1, 2.1))
 
@@ -46,7 +46,7 @@ def assessment_figure(
     whole: Loop | None = None,
     left_out: Sequence[str] = (),
 ) -> Figure:
-    """Show stable loops of one axis, or the axes of one loop."""
+    """Plot stable loops of one axis, or the axes of one loop."""
     nyquist = loops[0].loop.nyquist
     frequency = Axis("frequency", "Hz", scale="log", limits=(SHOWN * nyquist, nyquist))
     bode = zone_lines(zones, top)
@@ -100,7 +100,7 @@ def assessment_figure(
 def unstable_figure(
     title: str, loop: Loop, axes: Sequence[str], poles: Sequence[UnstablePole]
 ) -> Figure:
-    """Show an unstable loop: Nyquist, loop gain and poles."""
+    """Plot an unstable loop: Nyquist, loop gain and poles."""
     nyquist = loop.nyquist
     f = grid(loop)
     f = f[f >= SHOWN * nyquist]
@@ -118,10 +118,10 @@ def unstable_figure(
         curves.append(near(Line(L.real, L.imag, signal=look, label=label)))
         gains.append(Line(f, 20 * np.log10(np.abs(L)), signal=look, label=label))
         phase = np.degrees(np.angle(L))
-        phase[1:][np.abs(np.diff(phase)) > 180] = np.nan  # where it comes in at the other end
+        phase[1:][np.abs(np.diff(phase)) > 180] = np.nan  # break the line where the phase wraps
         phases.append(Line(f, phase, signal=look, label=label))
     for item in poles:
-        if item.frequency > SHOWN * nyquist:  # the fastest growing is named
+        if item.frequency > SHOWN * nyquist:  # name the fastest growing
             text = f"{item.frequency:.4g} Hz, {item.growth:+.3g}/s" if item is poles[0] else ""
             gains.append(Rule(item.frequency, axis="x", signal="spike", label="", text=text))
     frequency = Axis("frequency", "Hz", scale="log", limits=(SHOWN * nyquist, nyquist))
@@ -146,7 +146,7 @@ def unstable_figure(
 
 
 def _of_poles(loop: Loop, poles: Sequence[UnstablePole]) -> Panel:
-    """Show the poles of a closed loop about those that grow."""
+    """Plot the poles of a closed loop around the unstable ones."""
     result = rates(loop)
     result = result[result.imag >= 0]
     max_growth = max((pole.growth for pole in poles), default=0.0)
@@ -169,7 +169,7 @@ def _of_poles(loop: Loop, poles: Sequence[UnstablePole]) -> Panel:
 
 
 def _noise(loop: Loop, axis: int, f: Vector) -> Vector:
-    """Return how noise at an axis's summing point comes to its control signal (k,) [V/m]."""
+    """Return the gain from noise at an axis's summing point to its control signal (k,) [V/m]."""
     result = loop.noise_to_control(f)
     return np.abs((result if loop.added is None else result @ loop.added)[:, axis, axis])
 
@@ -177,7 +177,7 @@ def _noise(loop: Loop, axis: int, f: Vector) -> Vector:
 def _of_whole(
     loop: Loop, frequency: Axis, zones: Sequence[tuple[str, float]], top: float
 ) -> list[Panel]:
-    """Show singular values of S, and the determinant of 1 + L about 0."""
+    """Plot singular values of S, and the determinant of 1 + L around 0."""
     f = grid(loop)
     f = f[f >= SHOWN * loop.nyquist]
     S = loop.along_axes(f)
@@ -213,7 +213,7 @@ def zone_lines(zones: Sequence[tuple[str, float]], top: float) -> list[Item]:
 def nyquist_panel(
     curves: Sequence[Item], zones: Sequence[tuple[str, float]] = (), label: str = ""
 ) -> Panel:
-    """Show open loops about -1, and the circles that they stay out of within the zones."""
+    """Plot open loops around -1, and the circles that bound the zones."""
     angle = np.linspace(0, 2 * np.pi, 181)
     marks: list[Item] = [
         Line(np.cos(angle) / limit - 1, np.sin(angle) / limit, signal="limit", label="")
@@ -224,7 +224,7 @@ def nyquist_panel(
 
 
 def near(line: Line) -> Line:
-    """Leave gaps where a curve is far outside of the Nyquist plot."""
+    """Omit a curve where it is far outside the Nyquist plot."""
     far: Vector = np.maximum(np.abs(line.x), np.abs(line.y))
     return Line(line.x, np.where(far < 10, line.y, np.nan), signal=line.signal, label=line.label)
 
@@ -234,7 +234,7 @@ def capacity_figure(
     loops: Mapping[str, Capacity],
     demands: Mapping[str, tuple[float, float]] | None = None,
 ) -> Figure:
-    """Show at which harmonic load current, displacement and voltage come to their limits."""
+    """Plot the harmonic load at which current, displacement and voltage reach their limits."""
     if not loops:
         raise AmbkitError("no loop is stable: there is nothing to draw")
     f = next(iter(loops.values())).frequency

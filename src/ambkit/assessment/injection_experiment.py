@@ -1,4 +1,4 @@
-"""The experiment that measures a loop's sensitivity: what to add to its measurement, how much."""
+"""Design of an experiment that measures a loop's sensitivity: signal and amplitude."""
 
 from __future__ import annotations
 
@@ -36,46 +36,46 @@ from ambkit.simulation.scenario import Injection as Added
 from ambkit.simulation.scenario import Scenario, along, by_axis, settled_scenario
 from ambkit.simulation.waveforms import Recorded
 
-PERIODS = 10  #: Of the signal: the first is left out, as the loop settles in it.
+PERIODS = 10  #: Periods of the signal: the first is excluded, because the loop settles in it.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Injection(Result):
-    """An experiment for the sensitivity, and what it would tell."""
+    """An experiment that measures the sensitivity, and its expected result."""
 
-    name: str  #: Of the bearing, or of the machine and its axis.
-    axis: str  #: Of a machine, at whose summing point the signal is added; else empty.
+    name: str  #: Name of the machine and, if it has several, the axis.
+    axis: str  #: Axis of the injection if the machine has several; else empty.
     excitation: Excitation  #: One period, of amplitude 1.
-    added: Array  #: (n,) What is to be added to the measurement [m].
+    added: Array  #: (n,) Signal to add to the measurement [m].
     band: tuple[float, float]  #: Lowest and highest frequency [Hz].
-    #: The experiment, simulated with noise: ``y``, ``injected``, ``iu`` and ``x`` of the axis.
+    #: Experiment simulated with noise: ``y``, ``injected``, ``iu`` and ``x`` of the axis.
     record: Record
-    limits: Limits  #: What it keeps within.
-    expected: MeasuredSensitivity  #: What that record tells.
+    limits: Limits  #: Limits.
+    expected: MeasuredSensitivity  #: Sensitivity from that record.
 
     @property
     def amplitude(self) -> float:
-        """Greatest value of the signal [m]."""
+        """Maximum of the signal [m]."""
         return float(np.abs(self.added).max())
 
     @property
     def period(self) -> float:
-        """How long a period is [s]."""
+        """Duration of a period [s]."""
         return len(self.excitation.values) * self.expected.sampling_time
 
     @property
     def periods(self) -> int:
-        """How often it comes."""
+        """Number of periods."""
         return PERIODS
 
     @property
     def error(self) -> Array:
-        """Half width (k,) of the expected 95 % interval of abs(S), of its value [1]."""
+        """Expected half width (k,) of the 95 % interval of abs(S), relative [1]."""
         low, high = self.expected.interval()
         return np.asarray((high - low) / 2 / np.abs(self.expected.sensitivity))
 
     def file(self) -> Record:
-        # Of a machine ``injected_NAME`` of its axis.
+        # With several axes ``injected_NAME``.
         low, high = self.band
         source = f"ambkit excite sensitivity, {low:.4g} to {high:.4g} Hz, for {self.name}"
         name = signal("injected", self.axis) if self.axis else "injected"
@@ -124,7 +124,7 @@ class Injection(Result):
 def injection_figure(
     name: str, record: Record, limits: Limits, expected: MeasuredSensitivity
 ) -> Figure:
-    """Show an experiment for the sensitivity over time, and the interval that it would give."""
+    """Plot an injection experiment over time, and the expected interval."""
     added = Line(record.t, record["injected"], signal="reference", label="added to the measurement")
     f, (low, high) = expected.frequency, expected.interval()
     S = np.abs(expected.sensitivity)
@@ -143,20 +143,21 @@ def injection_figure(
     )  # fmt: skip
 
 
-REST = 0.05  #: Of the experiment, before the signal begins.
+REST = 0.05  #: Share of the experiment before the signal begins.
 
 LINEAR = 0.05
-"""Of the air gap, how far the rotor goes where nobody says it: magnets are not linear."""
+"""Default limit of the displacement over the air gap, because magnets are nonlinear."""
 
 TRIES, SEEDS = 12, 3
-"""Simulations in which the amplitude is brought to a limit, and noises under which it keeps it."""
+"""Simulations that adjust the amplitude to the limits, and noise seeds that must keep them."""
 
 REFUSED = 1e-3
-"""Share of the measurements that a filter in the loop may take for outliers: one that refuses the
-signal is another loop."""
+"""Maximum share of measurements that a filter in the loop may reject: a filter that rejects the
+signal is a different loop.
+"""
 
-FILLED = 0.97  #: Part of a limit that is near enough to it.
-DURATION = 5.0  #: Of an experiment, where nobody says it [s].
+FILLED = 0.97  #: Share of a limit that is close enough to it.
+DURATION = 5.0  #: Default duration of an experiment [s].
 
 
 def design_injection(
@@ -169,12 +170,12 @@ def design_injection(
     displacement: Given | None = None,
     band: tuple[float, float] | None = None,
 ) -> Injection:
-    """Design the signal that tells the sensitivity, within limits on current and position."""
-    # A multisine of few lines, so that each has much power, again and again, so that the scatter
-    # between its periods tells the error. Its lines are away from hum and from orders of the speed.
-    # They are as high as the noise that comes to the same place, of sensor and amplifier: both are
-    # passed on by S, and each line is told equally well. Above the peak of S, where current by
-    # signal grows and S goes to 1, they fall as that current rises.
+    """Design a signal that measures the sensitivity, within limits on current and displacement."""
+    # A periodic multisine with few lines, so that each has much power, and the scatter between
+    # periods shows the error. Its lines avoid line noise and orders of the speed. Their amplitudes
+    # follow the noise of sensor and amplifier at the same point: S passes on both, so all lines
+    # have the same relative error. Above the peak of S, where the current per signal grows and S
+    # tends to 1, they fall as that current rises.
     of_type(Machine, machine=machine)
     current = in_si("current", current, "A")
     displacement = in_si("displacement", displacement, "m")
@@ -183,7 +184,7 @@ def design_injection(
 
 
 class _Run(NamedTuple):
-    """One simulation: the record of the axis, what it takes of all limits, and the estimate."""
+    """One simulation: the axis's record, its utilisation of the limits, and the estimate."""
 
     record: Record
     level: float
@@ -191,7 +192,7 @@ class _Run(NamedTuple):
 
 
 class _Experiment:
-    """The simulated loop, with noise, and a signal that is added to its measurement."""
+    """The simulated loop, with noise, and a signal added to its measurement."""
 
     def __init__(
         self, machine: Machine, scenario: Scenario, filter: Any, axis: str | None,
@@ -232,7 +233,7 @@ class _Experiment:
         )
 
     def checked(self, band: tuple[float, float] | None) -> tuple[float, float]:
-        """Return the band, given or not [Hz]."""
+        """Return the band [Hz], by default the complete one."""
         lowest, highest = 1 / (self.period * self.T), 0.45 / self.T
         band = band or (lowest, min(end_of_range(self.T, self.machine.speed), highest))
         period = f", one period of the signal that comes {PERIODS} times,"
@@ -248,7 +249,7 @@ class _Experiment:
         peak = self.loop.axes[list(self.loop.axes)[k]].peak_frequency
         m, p = loop.measurements, len(of.isolated)
         seen, shaken = of.shown[k], of.added[:, k]
-        if not self.axis:  # the one reading, as it is
+        if not self.axis:  # the only reading
             seen = shaken = np.ones(1)
 
         def demanded(f: Array) -> Array:
@@ -272,7 +273,7 @@ class _Experiment:
         return result
 
     def run(self, added: Array, other: int = 0) -> _Run:
-        """Simulate with a signal (n,) [m], and with other noise than the seed's."""
+        """Simulate with a signal (n,) [m], and with another noise seed."""
         there = Added.model_construct(axis=self.axis, position=Recorded.of(self.t, added))
         others = (
             Added.model_construct(axis=name, position=item)
@@ -296,7 +297,7 @@ class _Experiment:
         return _Run(record, level, run.estimate)
 
     def level(self, added: Array) -> float:
-        """How far the loop goes towards its limits under several noises; 1: up to one."""
+        """Return the utilisation of the loop's limits with several noise seeds; 1 is a limit."""
         most = 0.0
         for other in range(SEEDS):
             run = self.run(added, other)
@@ -307,7 +308,7 @@ class _Experiment:
         return most
 
     def at_the_limit(self, excitation: Excitation) -> Array:
-        """Return the signal as large as the limits allow, (n,) [m]."""
+        """Return the signal with the largest permitted amplitude, (n,) [m]."""
         unit = np.zeros(self.n)
         periods = np.tile(excitation.values, PERIODS)
         unit[self.rest : self.rest + len(periods)] = periods
@@ -335,6 +336,6 @@ class _Experiment:
 def _limits(
     machine: Machine, held: float, current: float | None, displacement: float | None
 ) -> Limits:
-    """Return the limits of an axis; by default of displacements within which magnets are linear."""
+    """Return the limits of an axis; by default of displacements with nearly linear magnets."""
     far = min(held + LINEAR * machine.magnet.air_gap, 0.5 * (held + machine.clearance))
     return Limits.of(machine, current, far if displacement is None else displacement)

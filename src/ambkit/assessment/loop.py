@@ -25,17 +25,17 @@ from ambkit.judge.loop.margins import (
 
 @dataclass(frozen=True, eq=False)
 class AssessedAxis:
-    """One axis of a stable loop, all other loops closed."""
+    """One axis of a stable loop, with all others closed."""
 
     name: str  #: Of the axis.
     margins: Margins  #: Of its loop.
-    peak: float  #: Greatest of abs(S) within the standard's range [1], and where [Hz].
+    peak: float  #: Maximum of abs(S) within the standard's range [1], and its frequency [Hz].
     peak_frequency: float
-    #: Standard deviations of the demanded current [A] and of the position [m] by the sensors' white
-    #: noise and the amplifiers' noise.
+    #: Standard deviations of the commanded current [A] and the position [m] due to the sensors'
+    #: white noise and the amplifiers' noise.
     current_noise: float
     position_noise: float
-    demands: Demands  #: What it asks of the machine, and what load it bears.
+    demands: Demands  #: Demands on the machine, and load capacity.
 
     @property
     def zone(self) -> str:
@@ -45,69 +45,69 @@ class AssessedAxis:
 
 @dataclass(frozen=True, eq=False)
 class AssessedLoop:
-    """One loop, of one axis or of several, and what is said of it."""
+    """Assessment of one loop, of one axis or several."""
 
-    name: str  #: By what its controllers are fed.
-    loop: Loop  #: The linear loop, to be asked for any response.
-    stable: bool  #: Whether it is; nothing below means anything else.
-    axes: dict[str, AssessedAxis]  #: By their names; empty of an unstable loop.
-    #: Greatest singular value of S up to half the sampling rate [1], and where [Hz]; NaN of an
-    #: unstable loop.
+    name: str  #: Feedback of its controllers.
+    loop: Loop  #: Linear loop, for further responses.
+    stable: bool  #: Whether it is stable; otherwise nothing below applies.
+    axes: dict[str, AssessedAxis]  #: By name; empty for an unstable loop.
+    #: Maximum of the largest singular value of S up to half the sampling rate [1], and its
+    #: frequency [Hz]; NaN for an unstable loop.
     largest: tuple[float, float]
-    integral: BodeIntegral  #: The check of all of it.
+    integral: BodeIntegral  #: Numerical check.
     of: LoopOf  #: Plant and operating point.
 
     @property
     def worst(self) -> AssessedAxis | None:
-        """The axis that decides the zone: that of the greatest peak; None of an unstable loop."""
-        # Of axes that are alike, the first: rounding does not choose.
+        """The axis with the greatest peak, which determines the zone; None for an unstable loop."""
+        # Of equal axes the first, independent of rounding.
         return max(self.axes.values(), key=lambda item: float(f"{item.peak:.9g}"), default=None)
 
     @property
     def margins(self) -> Margins | None:
-        """Those of the worst axis; None of an unstable loop."""
+        """Those of the worst axis; None for an unstable loop."""
         return None if self.worst is None else self.worst.margins
 
     @property
     def peak(self) -> float:
-        """Greatest of abs(S) of any axis within the standard's range [1]; NaN if unstable."""
+        """Maximum of abs(S) over the axes within the standard's range [1]; NaN if unstable."""
         return math.nan if self.worst is None else self.worst.peak
 
     @property
     def peak_frequency(self) -> float:
-        """Where that is [Hz]."""
+        """Frequency of the peak [Hz]."""
         return math.nan if self.worst is None else self.worst.peak_frequency
 
     @property
     def current_noise(self) -> float:
-        """Greatest standard deviation of a demanded current by noise [A]; NaN if unstable."""
+        """Maximum standard deviation of a commanded current due to noise [A]; NaN if unstable."""
         return max((axis.current_noise for axis in self.axes.values()), default=math.nan)
 
     @property
     def position_noise(self) -> float:
-        """Greatest standard deviation of a position by noise [m]; NaN if unstable."""
+        """Maximum standard deviation of a position due to noise [m]; NaN if unstable."""
         return max((axis.position_noise for axis in self.axes.values()), default=math.nan)
 
     @property
     def demands(self) -> Demands | None:
-        """Those of the axis that goes farthest in its clearance; None of an unstable loop."""
+        """Those of the axis with the largest share of its clearance; None for an unstable loop."""
         parts = [axis.demands for axis in self.axes.values()]
         return max(parts, key=lambda one: one.displacement / one.clearance, default=None)
 
     @property
     def zone(self) -> str:
-        """Zone A to D; ``"unstable"`` of a loop that is."""
+        """Zone A to D, or ``"unstable"``."""
         return zone_of(self.peak) if self.stable else "unstable"
 
     @property
     def unstable_poles(self) -> list[UnstablePole]:
-        """What grows, the fastest first; empty of a stable loop."""
+        """Unstable poles, the fastest first."""
         return [] if self.stable else unstable_poles(self.loop)
 
     @property
     def verdict(self) -> str:
         """The worst of the zones of peak and displacement, A to D, or unstable; D if saturated."""
-        # Beyond the limit of a current no displacement follows from a linear model.
+        # Beyond a current limit no displacement follows from a linear model.
         limits = dict(zip(self.of.axes, self.of.isolated, strict=True))
         saturated = any(
             axis.demands.current > limits[name].current_max for name, axis in self.axes.items()
@@ -117,7 +117,7 @@ class AssessedLoop:
 
 
 def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
-    """Return a loop with all that is said of it."""
+    """Assess a loop."""
     integral = bode_integral(loop)
     if not loop.is_stable:
         return AssessedLoop(name, loop, False, {}, (math.nan, math.nan), integral, of)

@@ -1,4 +1,4 @@
-"""The figures of merit of a loop, each stated once: a new one is one line here."""
+"""The figures of merit of a loop, each defined once: a new one is one line here."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ambkit.judge.loop.margins import UnstablePole
 from ambkit.result.row import At, Row, put
 from ambkit.rotordynamics.unbalance_response import Grade
 
-VERDICT = "zone overall"  #: Name of the row that judges a loop.
+VERDICT = "zone overall"  #: Row with the verdict on a loop.
 
 USUAL_GRADES = (2.5e-3, 6.3e-3)
 """Balance quality grades of most rotors on magnetic bearings [m/s]."""
@@ -31,17 +31,17 @@ PIECES = {
     "delay": "no dead time but the hold",
     "filter": "fed by the measurement",
 }
-"""How a loop is called of which one piece is ideal."""
+"""Name of a loop with one ideal element."""
 
 LESS_IS_WORSE = frozenset((
     "gain_margin_up", "phase_margin", "delay_margin", "disk_margin", "disk_gain", "disk_phase",
     "least_load", "time_to_coil_temperature_limit",
 ))  # fmt: skip
-"""Keys of the rows that are the worse the less they are."""
+"""Keys of the rows for which less is worse."""
 
 
 def of_axis(axis: AssessedAxis, of: LoopOf) -> list[Row]:
-    """Return the figures of one axis of a stable loop, all other loops closed."""
+    """Return the figures of one axis of a stable loop, with all others closed."""
     m, d, top = axis.margins, axis.demands, engineering(of.top, "Hz", 4)
     warm, load = d.heating, At("least_load_at", d.capacity.least[1])
     hottest = None if warm is None else warm.temperature
@@ -82,7 +82,7 @@ def of_axis(axis: AssessedAxis, of: LoopOf) -> list[Row]:
 
 
 def of_loop(loop: AssessedLoop) -> list[Row]:
-    """Return the figures of a loop: its own, and of each figure of its axes the worst."""
+    """Return the figures of a loop: its own, and the worst of each figure of its axes."""
     axes, check = [of_axis(axis, loop.of) for axis in loop.axes.values()], loop.integral
     several: list[Row] = []
     if loop.worst is not None and len(axes) > 1:
@@ -111,7 +111,7 @@ def of_loop(loop: AssessedLoop) -> list[Row]:
 
 
 def _worst(same: Sequence[Row]) -> Row:
-    """Return the worst of one figure of several axes; of axes that are alike the first."""
+    """Return the worst of one figure over several axes; of equal ones the first."""
 
     def badness(row: Row) -> Any:
         value: Any = row.value
@@ -119,7 +119,7 @@ def _worst(same: Sequence[Row]) -> Row:
             return value
         size = value[0] - value[1] if isinstance(value, tuple) else value
         share = size / row.below if isinstance(row.below, float) else size
-        rounded = float(f"{share:.9g}")  # rounding does not choose
+        rounded = float(f"{share:.9g}")  # independent of rounding
         return -rounded if row.key in LESS_IS_WORSE else rounded
 
     known = [row for row in same if row.value is not None]
@@ -127,7 +127,7 @@ def _worst(same: Sequence[Row]) -> Row:
 
 
 def of_grade(grade: Grade) -> list[Row]:
-    """Return what the unbalance of a balance quality grade would do."""
+    """Return the response to the unbalance of a balance quality grade."""
     return put([
         Row("grade", "grade", grade.grade, "mm/s"),
         Row("unbalance", "unbalance", grade.unbalance, "g mm"),
@@ -139,7 +139,7 @@ def of_grade(grade: Grade) -> list[Row]:
 
 
 def of_unstable_poles(poles: Sequence[UnstablePole]) -> list[Row]:
-    """Return what grows in an unstable loop."""
+    """Return the unstable poles of a loop."""
     return [
         row
         for place, pole in enumerate(poles, 1)
@@ -153,7 +153,7 @@ def of_unstable_poles(poles: Sequence[UnstablePole]) -> list[Row]:
 
 
 def facts_of(loop: AssessedLoop, of: LoopOf, estimator: Estimator | None) -> dict[str, str]:
-    """Return what the figures of one loop hold for."""
+    """Return the conditions of one loop's figures."""
     machine = of.machine
     facts = {"machine": machine.name, "controller fed by": loop.name, "held at": held_at(of)}
     if machine.speed:
@@ -194,7 +194,7 @@ def held_at(of: LoopOf) -> str:
 
 
 def _control(control: Control) -> dict[str, str]:
-    """Return how a machine is controlled, where it is not one PID an axis."""
+    """Return the controllers in words, unless there is one PID per axis."""
     facts: dict[str, str] = {}
     if control.type not in (None, "decentralised"):
         scheduled = ", gains scheduled by speed" if control.gain_scheduling else ""

@@ -1,4 +1,4 @@
-"""Pictures of a sensitivity that was measured, or swept in the simulated loop, over the model's."""
+"""Figures of a measured or swept sensitivity, over that of the model."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, 
 
 Zones = Sequence[tuple[str, float]]
 
-LOWEST = -30.0  #: Of a sensitivity, what is shown [dB].
+LOWEST = -30.0  #: Lower end of the sensitivity axis [dB].
 
 AMPLITUDES = ("series 1", "series 2", "series 3", "series 4")
-"""Looks of the sweeps, in their order; further ones begin again."""
+"""Styles of the sweeps, in order, repeated as needed."""
 
 
 def measured_figure(
@@ -31,7 +31,7 @@ def measured_figure(
     zones: Zones,
     top: float,
 ) -> Figure:
-    """Show a measured sensitivity with its 95 % interval, its open loop and the coherence."""
+    """Plot a measured sensitivity with its 95 % interval, its open loop and the coherence."""
     f, (low, high) = result.frequency, result.interval()
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f[0], 1.25 * f[-1]))
     bode = assessment_figure.zone_lines(zones, top)
@@ -80,7 +80,7 @@ def sweep_figure(
     zones: Zones,
     top: float,
 ) -> Figure:
-    """Show sweeps of the simulated loop over the linear model, if there is one."""
+    """Plot sweeps of the simulated loop, with the linear model if there is one."""
     f = np.concatenate([item[1] for item in swept])
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f.min(), 1.25 * f.max()))
     bode, off = assessment_figure.zone_lines(zones, top), list[Item]()
@@ -112,7 +112,7 @@ def sweep_figure(
 
 
 def _between(loop: Loop, f: Array) -> Array:
-    """Return frequencies of a model's curve (k,) [Hz] about those that were measured."""
+    """Return frequencies for a model's curve (k,) [Hz] in the measured range."""
     at = grid(loop)
     frequencies: Array = at[(at >= 0.8 * f.min()) & (at <= 1.25 * f.max())]
     return frequencies

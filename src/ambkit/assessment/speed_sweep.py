@@ -1,4 +1,4 @@
-"""A machine's loop over the speed of rotation: margins, modes, and the run-up through unbalance."""
+"""A machine's loop over the speed of rotation: margins, modes, and run-up with unbalance."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from ambkit.result.result import Result
 from ambkit.result.row import At, Row, Section, put
 from ambkit.rotordynamics.separation_margins import Separation, separations
 
-COUNT = 41  #: Speeds, where nobody says how many.
-COARSE, NEAR = 250, 9  #: Points of a grid that finds a peak at one speed, and about each pole.
+COUNT = 41  #: Default number of speeds.
+COARSE, NEAR = 250, 9  #: Points of the grid of a peak at one speed, and around each pole.
 MAXIMA = ("maxima",)  #: Section of the maxima.
 
 
@@ -45,7 +45,7 @@ class OverSpeed(Result):
     signed = True
 
     machine: Machine  #: The machine.
-    fed_by: str  #: What its controllers are fed by.
+    fed_by: str  #: Feedback of its controllers.
     axes: tuple[str, ...]  #: Names of its p axes.
     speed: Array  #: (n,) Speeds of rotation [rad/s], ascending.
     #: (n, p) Peak of abs(S) of each axis within the range of ISO 14839-3 [1]; NaN where the loop is
@@ -54,45 +54,45 @@ class OverSpeed(Result):
     largest: Array  #: (n,) Greatest singular value of S up to half the sampling rate [1].
     #: (n,) Of the closed loop at each speed, as rates [1/s].
     poles: tuple[NDArray[np.complex128], ...]
-    #: (n, p) How far the rotor goes from the middle: where it is held, unbalance, runout, and three
-    #: times the noise's rms [m].
+    #: (n, p) Largest distance from the centre: equilibrium, unbalance, runout, and three times the
+    #: rms noise [m].
     orbit: Array
-    current: Array  #: (n, p) Greatest control current, likewise [A].
-    #: (n, p) Greatest voltage of a coil without noise, of its limit [1]; None where there is none.
+    current: Array  #: (n, p) Maximum control current, likewise [A].
+    #: (n, p) Maximum coil voltage without noise, over its limit [1]; None without limit.
     voltage: Array | None
-    #: (n, p) Of the hottest coil, where the machine stays at the speed [K], infinite where it runs
-    #: away; None where it is not known how all of them warm.
+    #: (n, p) Of the hottest coil in continuous operation at the speed [K], infinite for thermal
+    #: runaway; None unless the cooling of all coils is known.
     temperature: Array | None
-    #: The check, at rest, at the machine's speed, and at the greatest.
+    #: Numerical check at standstill, at the machine's speed, and at the maximum.
     integrals: dict[float, BodeIntegral]
-    #: How far the machine's speed is from each critical speed.
+    #: Separation of the machine's speed from each critical speed.
     apart: tuple[Separation, ...] = ()
 
     @property
     def clearance(self) -> Array:
-        """What the touch-down bearings leave to each axis (p,) [m]."""
+        """Clearance along each axis (p,) [m]."""
         return np.array([axis.bearing.clearance for axis in self.machine.axes])
 
     @property
     def current_limit(self) -> Array:
-        """Greatest control current of each axis (p,) [A]."""
+        """Current limit of each axis (p,) [A]."""
         return np.array([axis.bearing.amplifier.current_limit for axis in self.machine.axes])
 
     @property
     def hottest(self) -> tuple[float, float] | None:
-        """Greatest temperature of a coil [K], and at which speed [rad/s]; None: not known."""
+        """Maximum coil temperature [K], and its speed [rad/s]; None if unknown."""
         return None if self.temperature is None else self._greatest(self.temperature)
 
     @property
     def temperature_limit(self) -> float | None:
-        """Least of the permitted temperatures of coils [K]; None: not known."""
+        """Lowest permissible coil temperature [K]; None if unknown."""
         coils = [axis.bearing.coil for axis in self.machine.axes]
         limits = [coil.temperature_limit for coil in coils if coil is not None]
         return min((limit for limit in limits if limit is not None), default=None)
 
     @property
     def worst(self) -> tuple[float, float]:
-        """Greatest peak of abs(S) [1], and at which speed [rad/s]; infinite if unstable there."""
+        """Maximum of abs(S) [1], and its speed [rad/s]; infinite if unstable there."""
         parts = np.where(np.isnan(self.peaks), np.inf, self.peaks).max(axis=1)
         at = int(np.argmax(parts))
         return float(parts[at]), float(self.speed[at])
@@ -104,12 +104,12 @@ class OverSpeed(Result):
 
     @property
     def farthest(self) -> tuple[float, float]:
-        """Greatest share of a clearance that the rotor takes [1], and at which speed [rad/s]."""
+        """Maximum share of a clearance [1], and its speed [rad/s]."""
         return self._greatest(self.orbit / self.clearance)
 
     @property
     def hardest(self) -> tuple[float, float]:
-        """Greatest share of a current limit that is asked [1], and at which speed [rad/s]."""
+        """Maximum share of a current limit [1], and its speed [rad/s]."""
         return self._greatest(self.current / self.current_limit)
 
     def _greatest(self, share: Array) -> tuple[float, float]:
@@ -204,8 +204,8 @@ def assess_over_speed(
     orbit: bool = False,
     apart: Sequence[Separation] | None = None,
 ) -> OverSpeed:
-    """Look at a machine's loop over its speed of rotation, whose gyroscopics change it."""
-    # apart: of the same loop, where it is known.
+    """Assess a machine's loop over its speed of rotation, with gyroscopics."""
+    # apart: separations of the same loop, if known.
     machine = arguments.machine
     fastest, limit = max_speed(machine, fastest), math.pi / machine.sampling_time
     if not fastest < limit:
@@ -243,7 +243,7 @@ def assess_over_speed(
 
 
 class _Run:
-    """A machine and its loop at one speed after the other."""
+    """A machine and its loop, at one speed after another."""
 
     def __init__(
         self, arguments: LoopArguments, fed_by: Estimator | None, orbit: bool, max_speed: float
@@ -260,14 +260,14 @@ class _Run:
         self.of = of.with_controllers(fed_by, max_speed)
 
     def loop(self, speed: float) -> tuple[LoopOf, Loop]:
-        """Return the loop at a speed [rad/s], and what it is of."""
+        """Return the loop at a speed [rad/s], and its `LoopOf`."""
         of, inner = self.of.at_speed(speed, self.fed_by)
         if self.orbit and speed:
             of = on_orbit(of, inner)
         return of, of.loop(inner)
 
     def at(self, speed: float) -> tuple[Any, ...]:
-        """Return what `OverSpeed` has at a speed [rad/s], from the peaks to the temperature."""
+        """Return `OverSpeed`'s quantities at a speed [rad/s], from the peaks to the temperature."""
         of, loop = self.loop(speed)
         with np.errstate(divide="ignore"):
             poles = np.asarray(np.log(loop.closed.poles()) / loop.T, complex)
@@ -287,7 +287,7 @@ class _Run:
     def asked(
         self, of: LoopOf, loop: Loop, responses: list[capacity.Turned]
     ) -> tuple[Array, Array, Array | None, Array | None]:
-        """Return of each axis displacement [m], current [A], voltage [1] and temperature [K]."""
+        """Return displacement [m], current [A], voltage [1] and temperature [K] of each axis."""
         p, pairs, point = loop.axes, capacity.pairs_of(of.machine), self.point
         noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
         gains = np.array([b.amplifier.gain for b in of.isolated])
@@ -311,7 +311,7 @@ class _Run:
         )  # fmt: skip
 
     def share(self, of: LoopOf, axis: int, responses: list[capacity.Turned]) -> float | None:
-        """Return the greatest voltage of an axis's coils, of its limit [1]."""
+        """Return the maximum voltage of an axis's coils, over its limit [1]."""
         b, limit = of.isolated[axis], of.isolated[axis].amplifier.voltage_limit
         iu, x = float(self.point.iu[axis]), float(self.point.x[axis])
         f = np.array([of.machine.speed / (2 * math.pi)])

@@ -1,4 +1,4 @@
-"""Pictures of a machine's loop over its speed: sensitivity, modes, and what a run-up asks."""
+"""Figures of a machine's loop over its speed: sensitivity, modes, and demands of a run-up."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule, 
 from ambkit.result.row import ZERO
 from ambkit.rotordynamics.campbell import SPEED
 
-SLOW = 2.0  #: Modes up to so many times the greatest peak's frequency or speed are shown.
-DAMPED = 0.995  #: Damping ratio from which on a mode does not swing.
+SLOW = 2.0  #: Upper end of the modes' axis, over the peak's frequency or the speed.
+DAMPED = 0.995  #: Damping ratio above which a mode counts as overdamped.
 
 
 def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure:
-    """Show sensitivity of each axis, and frequency and damping of the closed loop's modes."""
+    """Plot sensitivity of each axis, and frequency and damping of the closed loop's modes."""
     peaks: list[Item] = [
         Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
         for k, (name, limit) in enumerate(zones)
@@ -63,7 +63,7 @@ def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure
 
 
 def run_up_figure(result: Any) -> Figure:
-    """Show displacement, current and voltage in a slow run-up, beside their limits."""
+    """Plot displacement, current and voltage in a slow run-up, with their limits."""
     shares = result.orbit / result.clearance
     room: list[Item] = [
         Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
@@ -114,13 +114,13 @@ def run_up_figure(result: Any) -> Figure:
 
 
 def _share(label: str, values: Vector, least: float) -> Axis:
-    """Return an axis from 0 to beyond the limit, and beyond the values."""
+    """Return an axis from 0 to beyond limit and values."""
     highest = float(np.nanmax(values, initial=0.0))
     return Axis(label, "%", 100.0, limits=(0.0, max(least, 1.1 * highest)))
 
 
 def _of_axes(result: Any, values: Vector) -> list[Item]:
-    """Return a line for each axis, one for those that are the same."""
+    """Return a line for each axis, one for equal ones."""
 
     def alike(k: int, other: int) -> bool:
         return np.allclose(values[:, k], values[:, other], rtol=1e-3, equal_nan=True)
@@ -135,7 +135,7 @@ def _of_axes(result: Any, values: Vector) -> list[Item]:
 
 
 def _busy(result: Any) -> float:
-    """Return the frequency of the fastest mode that swings at rest with little damping [Hz]."""
+    """Return the frequency of the fastest lightly damped mode at standstill [Hz]."""
     poles = result.poles[0]
     swings = (poles.imag > 0) & (-poles.real < 0.7 * np.abs(poles))
     return float(poles.imag[swings].max(initial=0.0)) / (2 * math.pi)

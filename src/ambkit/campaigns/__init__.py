@@ -1,1 +1,1 @@
-"""Many machines sampled from their tolerances: here or on a cluster, stored and judged."""
+"""Many machines sampled from tolerances: simulated here or on a cluster, stored, evaluated."""

@@ -1,4 +1,4 @@
-"""A campaign's results: yield, worst machines, what drives them, and single runs repeated."""
+"""Results of a campaign: yield, worst machines, drivers, and replayed runs."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from ambkit.simulation.run_figure import simulation_figure
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Replayed(Result):
-    """A run of a study."""
+    """A replayed run of a study."""
 
     plan: Plan  #: The study.
-    number: int  #: Its number.
-    values: Mapping[str, Any]  #: What varied, in SI.
+    number: int  #: Number of the run.
+    values: Mapping[str, Any]  #: Varied quantities, in SI.
     planned: Planned  #: Plant, run and estimator.
-    run: Run  #: Record, with truth, and estimate.
-    row: Mapping[str, Any]  #: Figures and verdict, as they stand in the campaign's rows.
+    run: Run  #: Record with truth, and estimate.
+    row: Mapping[str, Any]  #: Figures and verdict, as in the campaign's rows.
 
     @property
     def plant(self) -> Machine:
-        """The bearing, or the machine, that was drawn."""
+        """The sampled machine."""
         return self.planned.machine
 
     TITLE = "{0.plan.study.name}, run {0.number}"
@@ -71,7 +71,7 @@ class Replayed(Result):
         return self.run.record
 
     def save_product(self, what: str, path: Path, beside: Mapping[str, Path]) -> None:
-        """Write the estimates, or the machine that was drawn."""
+        """Write the estimates, or the sampled machine."""
         if what == "machine":
             self.plant.save(path)
         elif self.run.estimate is None:
@@ -95,11 +95,11 @@ def replay(plan: Plan, number: int) -> Replayed:
     return Replayed(plan, number, sample.values, sample.planned, sample.planned.simulated(), row)
 
 
-DRIVEN = 3  #: Figures that are explained.
+DRIVEN = 3  #: Figures with sensitivity analysis.
 
 
 class Campaign(Result, Machines):
-    """The machines of a study that were simulated, and what is to be seen of them.
+    """Simulated machines of a study.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class Campaign(Result, Machines):
         return replay(self.plan, run)
 
     def indices(self, figure: str | None = None) -> Indices:
-        """Return what share of a figure's variance each quantity has, see `Indices`.
+        """Return the share of each quantity in a figure's variance, see `Indices`.
 
         Parameters
         ----------

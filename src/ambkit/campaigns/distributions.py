@@ -1,4 +1,4 @@
-"""What varies from machine to machine: how a study says it, and the distribution that it means."""
+"""Distributions of varied quantities, and their tables in a study."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from ambkit.base.config import Part
 from ambkit.base.config.text_types import Line, from_folder, to_folder
 from ambkit.campaigns.keys import Key
 
-LEAST, MOST = 2.0**-54, 1 - 2.0**-53  #: Between these lies what is made a quantile of.
+LEAST, MOST = 2.0**-54, 1 - 2.0**-53  #: Range of probabilities for which a quantile is computed.
 
 
 class Wrong(ValueError):
-    """What is wrong with one key of what varies."""
+    """An error at one key of a varied quantity."""
 
     def __init__(self, key: str, text: str) -> None:
         super().__init__(text)
@@ -38,7 +38,7 @@ class Wrong(ValueError):
 
 
 class _Bare(float):
-    """A number in a file, which has no unit."""
+    """A number in a file, without unit."""
 
 
 def _value(value: Any, info: ValidationInfo) -> Any:
@@ -62,7 +62,7 @@ Value = Annotated[
     PlainSerializer(_written),
     WithJsonSchema({"anyOf": [{"type": "string", "examples": ["2 mm"]}, {"type": "number"}]}),
 ]
-"""A text with its unit, or ``"5 %"`` of the nominal value; in Python also a number in SI."""
+"""A text with unit, or ``"5 %"`` of the nominal value; in Python also a number in SI."""
 
 
 class Marginal(ABC):
@@ -70,16 +70,16 @@ class Marginal(ABC):
 
     @abstractmethod
     def quantile(self, u: Array) -> Array:
-        """Return what probabilities (n,) between 0 and 1 lie below; of a choice its index."""
+        """Return the quantiles at probabilities (n,); for a choice indices."""
 
     def level(self, u: Array) -> Array:
-        """Return values of a grid's levels, `u` evenly from 0 to 1, both ends included."""
+        """Return grid levels, for `u` equidistant from 0 to 1 with both ends."""
         return self.quantile(u)
 
 
 @dataclass(frozen=True)
 class UniformOn(Marginal):
-    """Even between two ends."""
+    """Uniform between two ends."""
 
     low: float
     high: float
@@ -90,7 +90,7 @@ class UniformOn(Marginal):
 
 @dataclass(frozen=True)
 class NormalOf(Marginal):
-    """Normal, cut off at `low` and `high`, which may be infinite."""
+    """Normal, truncated at `low` and `high`, which may be infinite."""
 
     mean: float
     std: float
@@ -105,7 +105,7 @@ class NormalOf(Marginal):
         return np.asarray(np.clip(z, self.low, self.high))
 
     def level(self, u: Array) -> Array:
-        """Return levels: the ends where it has some, else those of three standard deviations."""
+        """Return levels: the ends, or three standard deviations if infinite."""
         low = max(self.low, self.mean - 3 * self.std)
         high = min(self.high, self.mean + 3 * self.std)
         return low + (high - low) * u
@@ -113,7 +113,7 @@ class NormalOf(Marginal):
 
 @dataclass(frozen=True)
 class OneOf(Marginal):
-    """One of some values, by its index."""
+    """One of several values, by index."""
 
     values: tuple[Any, ...]
     weights: tuple[float, ...]
@@ -128,7 +128,7 @@ class OneOf(Marginal):
 
 
 def _key_now(value: Any) -> Any:
-    """Read a key of earlier releases: scenario.control and scenario.feedback."""
+    """Return today's key for an earlier one: scenario.control and scenario.feedback."""
     if not isinstance(value, str):
         return value
     now = value.replace("scenario.control.", "scenario.controller.")
@@ -136,20 +136,21 @@ def _key_now(value: Any) -> Any:
 
 
 class Varied(Part):
-    """Something that varies."""
+    """A varied quantity."""
 
     what: Annotated[Line, BeforeValidator(_key_now)]
-    """Key of the bearing, such as magnet.air_gap, or of the run, such as
-    scenario.disturbance.amplitude."""
+    """Key of the machine, such as magnet.air_gap, or of the run, such as
+    scenario.disturbance.amplitude.
+    """
     levels: Annotated[int, Field(ge=2, le=100_000, strict=True)] | None = None
-    """How many values a grid has of it."""
+    """Number of its values on a grid."""
 
     def marginal(self, key: Key) -> Marginal:
         """Return the distribution."""
         raise NotImplementedError
 
     def in_units(self, key: Key) -> Varied:
-        """Return it with its numbers as texts with their unit, as they can stand in a file."""
+        """Return it with its numbers as texts with units, for a file."""
         if key.unit in ("", "1"):
             return self
 
@@ -166,7 +167,7 @@ class Varied(Part):
         return self.model_copy(update={name: said(getattr(self, name)) for name in names})
 
     def _number(self, name: str, key: Key, *, about: bool = False) -> float:
-        """Return one of the values in SI; of a share with `about` what it is of the nominal."""
+        """Return one of the values in SI; a share with `about` is relative to the nominal value."""
         value = getattr(self, name)
         if not key.unit:
             raise Wrong("what", f'{self.what} is no number: let it vary by type = "choice"')
@@ -186,7 +187,7 @@ class Varied(Part):
 
 
 class Uniform(Varied):
-    """Even between two ends, or around the nominal value."""
+    """Uniform between two ends, or around the nominal value."""
 
     type: Literal["uniform"] = "uniform"
     low: Value | None = None
@@ -194,7 +195,7 @@ class Uniform(Varied):
     high: Value | None = None
     """Upper end."""
     tolerance: Value | None = None
-    """Instead of the ends: how far from the nominal value at most, either way."""
+    """Instead of the ends: maximum deviation from the nominal value, in both directions."""
 
     def marginal(self, key: Key) -> Marginal:
         if self.tolerance is not None:
@@ -210,11 +211,11 @@ class Uniform(Varied):
 
 
 class Normal(Varied):
-    """Normally distributed."""
+    """Normal distribution."""
 
     type: Literal["normal"] = "normal"
     mean: Value | None = None
-    """Mean; without it the nominal value."""
+    """Mean. By default the nominal value."""
     std: Value
     """Standard deviation."""
 
@@ -228,7 +229,7 @@ class Normal(Varied):
 
 
 class Truncated(Normal):
-    """Normally distributed, without what lies beyond two ends."""
+    """Truncated normal distribution."""
 
     type: Literal["truncated"] = "truncated"  # type: ignore[assignment]
     low: Value
@@ -245,13 +246,13 @@ class Truncated(Normal):
 
 
 class Choice(Varied):
-    """One of several values, such as kinds of estimators."""
+    """One of several values, such as kinds of filters."""
 
     type: Literal["choice"] = "choice"
     values: Annotated[tuple[Value, ...], Field(min_length=1)]
-    """Those."""
+    """The values."""
     weights: tuple[Annotated[float, Field(gt=0)], ...] | None = None
-    """How often each is taken, beside the others; without it all as often."""
+    """Relative frequencies. By default equal."""
 
     def marginal(self, key: Key) -> Marginal:
         weights = self.weights or (1.0,) * len(self.values)

@@ -1,4 +1,4 @@
-"""Pictures of many machines: cumulative curves, what drives a figure, parallel coordinates."""
+"""Figures of many machines: cumulative distributions, drivers, parallel coordinates."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from ambkit.data.record_card import axis_of
 from ambkit.judge.loop.loop_of import ZONES
 from ambkit.result.report import Axis, Figure, Intervals, Item, Line, Note, Panel, Points, Rule
 
-TENTH = 0.1  #: Of the machines, those in which a quantity counts as low, and as high.
-SERIES = 4  #: Curves of one panel that have a look of their own.
-POINTS = 400  #: Of a cumulative curve: a million machines make no finer one.
-FAR = 0.995  #: Share of the machines that a curve shows where the rest lies far out.
-BEYOND = 2.0  #: How far beyond its ceiling, and beyond what was taken, a front is shown.
-FOLDED = 14  #: Characters of a line of a name.
-LINES = 80  #: Machines of each kind among parallel coordinates.
+TENTH = 0.1  #: Share of the machines with a quantity that counts as low, and as high.
+SERIES = 4  #: Curves with a style of their own in one panel.
+POINTS = 400  #: Points of a cumulative curve, for any number of machines.
+FAR = 0.995  #: Share of the machines on the axis of a curve with distant outliers.
+BEYOND = 2.0  #: Range of the axes of a front, over the limit and the selected point.
+FOLDED = 14  #: Characters per line of a name.
+LINES = 80  #: Machines of each class in parallel coordinates.
 
 LABELS = {
     "peak_S": "peak of |S|",
@@ -52,11 +52,11 @@ LABELS = {
     "touched": "samples in contact",
     "landed": "in contact at the end",
 }
-"""Figures of runs in words."""
+"""Names of figures in words."""
 
 
 def in_words(names: Sequence[str]) -> list[str]:
-    """Return keys of what varies in words: the last of each, and more where two are alike."""
+    """Return keys in words: the last part of each, and more where two are equal."""
 
     def last(name: str, steps: int) -> str:
         whose, rest = _whose(name)
@@ -73,7 +73,7 @@ def in_words(names: Sequence[str]) -> list[str]:
 
 
 def _whose(name: str) -> tuple[str, str]:
-    """Return which bearing, sensor or plane of a machine a key is of, and the rest of the key."""
+    """Return the bearing, sensor or plane of a key, and the rest of the key."""
     kind, which, rest = (*name.split(".", 2), "", "")[:3]
     counted = which.isdecimal() or which[:1].isupper()
     if kind in ("bearing", "sensor", "unbalance") and counted and rest:
@@ -85,27 +85,27 @@ _SAYS_NOTHING = ("scenario", "values", "value", "amplitude")
 
 
 def _folded(text: str) -> str:
-    """Return a name in lines that fit beside its neighbours."""
+    """Return a name broken into lines."""
     return "\n".join(wrap(text, FOLDED)) or text
 
 
 class Quantity(NamedTuple):
-    """A column of machines, to be shown."""
+    """A column over the machines, for a plot."""
 
-    name: str  #: In words.
+    name: str  #: Name in words.
     unit: str  #: SI.
-    values: Array  #: Of the machines (n,); of words their place in `words`.
-    words: Sequence[str] = ()  #: Of a choice its values.
+    values: Array  #: Values of the machines (n,); for words their index in `words`.
+    words: Sequence[str] = ()  #: Values of a choice.
 
     @property
     def axis(self) -> Axis:
-        """An axis with a prefix that fits."""
+        """Axis with a suitable prefix."""
         finite = np.abs(self.values[np.isfinite(self.values)])
         return axis_of(self.name, self.unit, np.atleast_1d(np.median(finite) if finite.size else 0))
 
 
 def quantity(campaign: Machines, name: str) -> Quantity:
-    """Return what varies, or a figure, to be shown."""
+    """Return a varied quantity or a figure for a plot."""
     plan = campaign.plan
     values = campaign.column(name)
     if name not in plan.names:
@@ -127,7 +127,7 @@ def _text(value: object, unit: str, digits: int = 6) -> str:
 
 
 def cumulative(campaign: Machines) -> Figure:
-    """Show which share of machines is at or below each value of figures, by the first choice."""
+    """Plot cumulative distributions of figures, by the first choice."""
     passes = campaign.plan.study.passes
     limits = {name: limit_of(name, limit) for name, limit in passes.at_most.items()}
     if passes.zone is not None:
@@ -171,7 +171,7 @@ def _groups(campaign: Machines) -> dict[str, NDArray[np.bool_]]:
 
 
 def _without_outliers(of: Quantity, limit: float | None) -> Axis:
-    """Return the axis of a quantity without what lies far out, but with its limit."""
+    """Return the axis of a quantity without outliers, but with its limit."""
     finite = of.values[np.isfinite(of.values)]
     if not finite.size:
         return of.axis
@@ -182,7 +182,7 @@ def _without_outliers(of: Quantity, limit: float | None) -> Axis:
 
 
 def tornado(campaign: Machines, figure: str) -> Figure:
-    """Show what each quantity does to a figure, the strongest on top."""
+    """Plot the effect of each quantity on a figure, the strongest on top."""
     of, Y = quantity(campaign, figure), campaign.column(figure)
     known = ~np.isnan(Y)
     swings: list[tuple[str, float, float, str]] = []
@@ -214,12 +214,12 @@ def tornado(campaign: Machines, figure: str) -> Figure:
 
 
 def _median(values: NDArray[np.float64]) -> float:
-    """Return the middle value, which may be infinite."""
+    """Return the median, which may be infinite."""
     return float(np.sort(values)[values.size // 2]) if values.size else np.nan
 
 
 def indices(result: Indices) -> Figure:
-    """Show which share of a figure's variance each quantity has."""
+    """Plot the share of each quantity in a figure's variance."""
     order = result.order
     shares = [("first order", result.first, result.first_confidence)]
     if result.total is not None and result.total_confidence is not None:
@@ -246,7 +246,7 @@ def _drivers(
     id: str, title: str, caption: str, names: Sequence[str],
     panels: Sequence[tuple[Axis, Array, Array, Sequence[str], str]],
 ) -> Figure:  # fmt: skip
-    """Show values of quantities, each with an interval and a text."""
+    """Plot values of quantities, each with an interval and a text."""
     folded = [_folded(name) for name in names]
     return Figure(
         id, title, caption,
@@ -258,7 +258,7 @@ def _drivers(
 
 
 def parallel(campaign: Machines) -> Figure:
-    """Show machines as lines through what varies and the first figures, in red those that fail."""
+    """Plot machines as lines through varied quantities and the first figures, failures in red."""
     names, passed = [*campaign.plan.names, *campaign.names_shown[:2]], campaign.column("passed")
     k = len(names)
     scaled, items = np.empty((passed.size, k)), list[Item]()
@@ -298,7 +298,7 @@ def front_figure(
     title: str, error: Sequence[float], peak: Sequence[float], best: NDArray[np.bool_],
     allowed: NDArray[np.bool_], peak_limit: float, chosen_index: int,
 ) -> Figure:  # fmt: skip
-    """Show error of the force against the peak of the sensitivity, of all that was tried."""
+    """Plot the force error over the sensitivity peak for all evaluations."""
     # best (n,); allowed (n,)
     x, y = np.asarray(peak, float), np.asarray(error, float)
     right, top = BEYOND * peak_limit, BEYOND * max(y[chosen_index], y[0])

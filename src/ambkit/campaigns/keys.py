@@ -1,4 +1,4 @@
-"""Numbers of a machine and of a run by their dotted keys, such as ``magnet.air_gap``."""
+"""Values of a machine and a run by dotted keys, such as ``magnet.air_gap``."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.drawing import drawing_of
 from ambkit.machine.parts import Magnet, magnet_constant
 
-OF_RUN = "scenario."  #: How keys of the run begin; all others are the machine's.
+OF_RUN = "scenario."  #: Prefix of the run's keys; all others are the machine's.
 
 
 class Key(NamedTuple):
-    """What stands at a key."""
+    """The value at a key."""
 
-    value: Any  #: Now, in SI; None where it is not said.
-    unit: str  #: SI unit of a number; empty of a word.
-    above: float | None = None  #: Limits of a number.
+    value: Any  #: Current value in SI; None if unset.
+    unit: str  #: SI unit of a number; empty for a word.
+    above: float | None = None  #: Exclusive lower limit of a number.
     at_least: float | None = None
 
     def allows(self, number: float) -> bool:
@@ -33,7 +33,7 @@ class Key(NamedTuple):
 
 
 def key_in(model: Document, key: str) -> Key:
-    """Return what stands at a key of a description."""
+    """Return the value at a key of a description."""
     here: Any = model
     place: SignalIn | None = None
     quantity: Quantity | None = None
@@ -60,7 +60,7 @@ def key_in(model: Document, key: str) -> Key:
 
 
 def by_places(model: Document, key: str) -> str:
-    """Return a key that is there with places instead of names: one quantity, one key."""
+    """Return a key with indices instead of names, unique for each quantity."""
     here: Any = model
     steps = []
     for step in _steps(model, key):
@@ -76,12 +76,12 @@ def by_places(model: Document, key: str) -> str:
 
 
 def _in_drawing(part: Any, step: str) -> bool:
-    """Whether the next keys are those of a magnet's drawing."""
+    """Return whether the next keys are those of a magnet's drawing."""
     return step == "drawing" and isinstance(part, Magnet) and part.has_drawing
 
 
 def _steps(model: Document, key: str) -> list[str]:
-    """Return the steps to a key; of a machine with one axis those of its long form."""
+    """Return the steps to a key; the short form of a machine with one axis is expanded."""
     return model._long_key(key).split(".")
 
 
@@ -90,7 +90,7 @@ def _value(part: BaseModel, key: str) -> Any:
 
 
 def _part(parts: tuple[Any, ...], step: str, key: str) -> Any:
-    """Return a part of a list by its name or its place."""
+    """Return an element of a list by name or index."""
     for at, part in enumerate(parts):
         if step in _called(part, at):
             return part
@@ -99,13 +99,13 @@ def _part(parts: tuple[Any, ...], step: str, key: str) -> Any:
 
 
 def _called(part: Any, at: int) -> tuple[str, ...]:
-    """Return what a part of a list is called: by its name, if it has one, and by its place."""
+    """Return the names of a list's element: its name, if it has one, and its index."""
     name = getattr(part, "name", None)
     return (str(at),) if name is None else (str(name), str(at))
 
 
 def changed(model: Any, values: Mapping[str, Any]) -> Any:
-    """Return a copy of a frozen description with values at dotted keys changed, unchecked."""
+    """Return a copy of a frozen description with values changed at dotted keys, unchecked."""
     tree: dict[str, Any] = {}
     for key, value in values.items():
         *tables, name = _steps(model, key)
@@ -138,9 +138,8 @@ def _changed(model: Any, tree: Mapping[str, Any]) -> Any:
 
 
 def _magnet(magnet: Magnet, values: dict[str, Any]) -> Magnet:
-    """Return a magnet with other values: its coil and its constant stay one."""
-    # The constant follows turns and area, and where the constant is what varies, the coil is left
-    # out.
+    """Return a magnet with other values, with coil and constant kept consistent."""
+    # The constant follows from turns and area; if the constant varies, the coil is omitted.
     if "drawing" in values:
         other = dict(magnet.drawing) | flattened(values["drawing"])
         values["drawing"] = tuple(other.items())

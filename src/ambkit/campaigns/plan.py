@@ -1,4 +1,4 @@
-"""A study made ready: from the number of a run to the machine that it is of."""
+"""A prepared study: from the number of a run to its machine."""
 
 from __future__ import annotations
 
@@ -37,27 +37,27 @@ from ambkit.simulation.planned import Planned
 from ambkit.simulation.scenario import Scenario, control_of, settled_scenario, wrong_for
 
 IN_PROPORTION = ("kp", "ki", "kd", "feed_forward")
-"""Gains of a PID that go with those of amplifier and sensor."""
+"""PID gains that scale with those of amplifier and sensor."""
 
 
 class Drawn(NamedTuple):
     """One machine of a study."""
 
-    run: int  #: Its number.
-    values: Mapping[str, Any]  #: What varies, by key: in SI, of a choice what was chosen.
-    planned: Planned  #: Plant, run, estimator.
-    wrong: str  #: Why there can be no such machine; empty where there can.
+    run: int  #: Number of the run.
+    values: Mapping[str, Any]  #: Varied quantities by key: in SI, or the value of a choice.
+    planned: Planned  #: Plant, scenario and estimator.
+    wrong: str  #: Reason if the machine is impossible; else empty.
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A study with its machine, its distributions and what is made once for all runs."""
+    """A study with its machine, distributions and everything common to all runs."""
 
-    study: Study  #: Checked.
+    study: Study  #: Checked study.
 
     @cached_property
     def nominal(self) -> Any:
-        """The machine that controllers and estimator know."""
+        """Nominal machine, for which controllers and estimators are designed."""
         return load_machine(self.study.machine)
 
     @property
@@ -67,12 +67,12 @@ class Plan:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Keys of what varies."""
+        """Keys of the varied quantities."""
         return tuple(item.what for item in self.study.vary)
 
     @cached_property
     def keys(self) -> tuple[Key, ...]:
-        """What stands there: units, nominal values, limits."""
+        """Their units, nominal values and limits."""
         study = self.study
         return tuple(
             key_of(item, self.nominal, study.scenario, study.estimator) for item in study.vary
@@ -86,7 +86,7 @@ class Plan:
 
     @cached_property
     def levels(self) -> tuple[int, ...]:
-        """How many values a grid has of each."""
+        """Number of grid levels of each."""
         return tuple(
             len(of.values) if isinstance(of, OneOf) else item.levels or 1
             for item, of in zip(self.study.vary, self.marginals, strict=True)
@@ -94,24 +94,24 @@ class Plan:
 
     @cached_property
     def runs(self) -> int:
-        """How many at most."""
+        """Maximum number of runs."""
         if self.study.sampling == "grid":
             return math.prod(self.levels) * self.study.repeats
         return self.study.runs or 0
 
     @property
     def parts(self) -> int:
-        """How many pieces they are computed in."""
+        """Number of parts."""
         return -(-self.runs // self.study.part)
 
     def span(self, part: int) -> tuple[int, int]:
-        """Return the runs of a part, from the one to before the other."""
+        """Return the first run of a part, and that after its last."""
         size = self.study.part
         return part * size, min((part + 1) * size, self.runs)
 
     @cached_property
     def correlation(self) -> Array | None:
-        """Correlation matrix (k, k) of the normal scores; None where nothing is correlated."""
+        """Correlation matrix (k, k) of the normal scores; None without correlation."""
         if not self.study.correlation:
             return None
         matrix = np.eye(len(self.names))
@@ -122,7 +122,7 @@ class Plan:
 
     @cached_property
     def scenario(self) -> Any:
-        """The run, with the study's seed and controllers that are made for the nominal machine."""
+        """Scenario, with the study's seed and the controllers of the nominal machine."""
         run = self.study.scenario.model_copy(update={"seed": self.study.seed})
         if "none" in self._estimator_names and run.feedback is None:
             run = run.fed("measurement")
@@ -134,7 +134,7 @@ class Plan:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash of all that the rows follow from, files that the study names among it."""
+        """Hash of everything that determines the rows, including files named by the study."""
         named = [self.study.estimator, *map(str, self._choices("estimator"))]
         of, files_of = self.nominal, {"magnet": {*FILES}}
         without: Any = {"bearings": {"__all__": files_of}, "rotor": {"file"}}
@@ -153,7 +153,7 @@ class Plan:
 
     @cached_property
     def described(self) -> Study:
-        """The study as it can stand in a file: numbers that were given in SI have their units."""
+        """The study in the form of a file, with units."""
         study, passes = self.study, self.study.passes
         vary = tuple(item.in_units(key) for item, key in zip(study.vary, self.keys, strict=True))
         at_most = {
@@ -169,31 +169,31 @@ class Plan:
         return of.values if isinstance(of, OneOf) else ()
 
     def points(self, first: int, stop: int) -> Array:
-        """Return what runs get of each quantity (n, k), in SI, of choices their index."""
+        """Return the values of each quantity in some runs (n, k), in SI, for choices indices."""
         return sampling.values(self, sampling.uniforms(self, first, stop))
 
     def noise(self, first: int, stop: int) -> NDArray[np.uint64]:
         """Return the numbers (n,) of the noise of runs."""
-        # Each its own; only the points of one group of Saltelli's have the same, so that they
-        # differ by what varies alone.
+        # Independent, except within a group of Saltelli's points, whose runs differ in the varied
+        # quantities only.
         run = np.arange(first, stop, dtype=np.uint64)
         if self.study.sampling == "saltelli":
             return run // np.uint64(len(self.marginals) + 2)
         return run
 
     def machines(self, points: Array, noise: NDArray[np.uint64], first: int) -> Iterator[Drawn]:
-        """Yield the machines at points, one after the other."""
+        """Yield the machines at points."""
         # points (n, k); noise (n,)
         allowed = self.allowed(points)
         for at, row in enumerate(points):
-            values = {  # in SI, of a choice what was chosen
+            values = {  # in SI, or the value of a choice
                 name: of.values[int(value)] if isinstance(of, OneOf) else float(value)
                 for name, of, value in zip(self.names, self.marginals, row, strict=True)
             }
             yield self._drawn(first + at, values, int(noise[at]), bool(allowed[at]))
 
     def allowed(self, points: Array) -> NDArray[np.bool_]:
-        """Return at which points (n, k) each number is within the limits of its key (n,)."""
+        """Return at which points (n, k) all numbers are within the limits of their keys (n,)."""
         allowed = np.ones(len(points), bool)
         for place, (key, of) in enumerate(zip(self.keys, self.marginals, strict=True)):
             if not isinstance(of, OneOf) and key.unit:
@@ -219,7 +219,7 @@ class Plan:
         return Drawn(run, values, self._planned(plant, scenario, estimator, noise), wrong)
 
     def beyond(self, values: Mapping[str, Any]) -> str:
-        """Say which value is out of its range."""
+        """Return which value is out of its range."""
         for name, key in zip(self.names, self.keys, strict=True):
             if isinstance(values[name], float) and not key.allows(values[name]):
                 return f"{name} is {values[name]:.4g} {key.unit}"
@@ -230,7 +230,7 @@ class Plan:
         return tuple(n for n in self.names if n == "controller" or n.startswith(OF_RUN))
 
     def _scenario(self, values: Mapping[str, Any]) -> Any:
-        """Return the run; where nothing of it varies always the same object."""
+        """Return the scenario; if nothing in it varies, always the same object."""
         run_values = tuple((name, values[name]) for name in self._of_run)
         return self._scenarios(run_values) if run_values else self.scenario
 
@@ -249,7 +249,7 @@ class Plan:
 
     @cached_property
     def controllers(self) -> dict[str, Control]:
-        """The controllers to choose from, made for the nominal machine."""
+        """The controllers of the study, designed for the nominal machine."""
         nominal, run, tuned = self.nominal, self.scenario, self.scenario.controller
         pids = {axis.name: PID.textbook(nominal[axis.name]) for axis in nominal.axes}
         known = {
@@ -268,8 +268,8 @@ class Plan:
     def _planned(
         self, plant: Any, run: Scenario, estimator: Estimator | None, noise: int
     ) -> Planned:
-        """Return a run whose controllers go by the nominal gains of amplifiers and sensor."""
-        # The simulated ones divide by the plant's. What they lack is a factor on their gains.
+        """Return a run whose controllers use the nominal gains of amplifiers and sensor."""
+        # The simulated controllers divide by the plant's gains; the ratio is a factor on theirs.
         if self.several or run.controller.type == "lqg":
             ratio = relative_gains(plant, self.nominal)
             made = self._made(run, estimator).scaled(ratio)
@@ -299,7 +299,7 @@ class Plan:
 
     @cached_property
     def estimators(self) -> dict[str, Estimator | None]:
-        """The estimators by name, each knowing the nominal machine; None for ``"none"``."""
+        """The estimators by name, designed for the nominal machine; None for ``"none"``."""
         from ambkit.estimate.named import factories
 
         names = self._estimator_names
@@ -309,14 +309,14 @@ class Plan:
         return made | ({"none": None} if "none" in names else {})
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process cannot find again by itself: no file has to be there."""
+        """Exclude what another process can recompute; no file is needed there."""
         return {name: getattr(self, name) for name in ("study", "nominal", "estimators")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
 
     def with_design(self, estimator: Estimator, controller: Control | None) -> Plan:
-        """Return the plan with another filter, and another controller if one is given."""
+        """Return the plan with another filter and, if given, another controller."""
         made: dict[str, Any] = {"estimators": {self.study.estimator: estimator}}
         if controller is not None:
             made["scenario"] = self.scenario.model_copy(update={"controller": controller})
@@ -325,7 +325,7 @@ class Plan:
         return other
 
     def check(self) -> None:
-        """Make all that is made once, so that what cannot be is said before any run."""
+        """Build everything common to all runs, which reports errors before the first run."""
         if wrong := list(wrong_for(self.scenario, self.nominal)):
             raise AmbkitError(f"{self.study.name}: scenario.{'; scenario.'.join(wrong)}")
         if "none" in self.estimators and self.scenario.feedback == "estimate":
@@ -342,7 +342,7 @@ class Plan:
 
 
 def _without_folders(data: Any) -> Any:
-    """Return plain data with files by their names alone: a study may move with its files."""
+    """Return plain data with file names without folders: a study may move with its files."""
     if isinstance(data, dict):
         return {key: _without_folders(item) for key, item in data.items()}
     if isinstance(data, list):

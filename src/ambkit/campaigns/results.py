@@ -1,4 +1,4 @@
-"""The machines of a campaign: yield, figures, the worst of them, read as they are asked for."""
+"""Machines of a campaign, read on demand: yield, figures, worst ones."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from ambkit.campaigns.worker import schema
 class Share(NamedTuple):
     """A share of runs, and its confidence interval."""
 
-    passed: int  #: How many of them.
-    of: int  #: Of how many.
+    passed: int  #: Number that passed.
+    of: int  #: Number of runs.
     low: float  #: Lower end [1].
     high: float  #: Upper end [1].
 
@@ -35,32 +35,31 @@ class Share(NamedTuple):
 
     @property
     def value(self) -> float:
-        """The share itself [1]; NaN of none."""
+        """The share itself [1]; NaN for no runs."""
         return self.passed / self.of if self.of else math.nan
 
     @property
     def width(self) -> float:
-        """Of the interval [1]."""
+        """Width of the interval [1]."""
         return self.high - self.low
 
 
 def clopper_pearson(count: int, of: int, confidence: float = 0.95) -> Share:
-    """Return a share with the interval of Clopper and Pearson (1934)."""
-    # It holds the true share at least as often as the confidence says, however few the runs. After
-    # Sobol points or a Latin hypercube it is wider than need be: these cover more evenly than
-    # chance.
+    """Return a share with the Clopper-Pearson interval (1934)."""
+    # Its coverage is at least the confidence for any number of runs. For Sobol points or a Latin
+    # hypercube it is conservative, because they cover more evenly than chance.
     from scipy.stats import binomtest
 
     ends = binomtest(count, of).proportion_ci(confidence) if of else (0.0, 1.0)
     return Share(count, of, *map(float, ends))
 
 
-GROWTH = 1.25  #: A study that may stop is looked at whenever it has grown by this.
+GROWTH = 1.25  #: Growth of a study between two tests of its stopping criterion.
 
 
 def looks(parts: int, size: int, least: int) -> list[int]:
-    """Return after how many parts a study that may stop is looked at, the last one its end."""
-    # They depend on the study alone, so that where it stops depends on neither order nor cluster.
+    """Return the numbers of parts at which the stopping criterion is tested; the last is all."""
+    # They depend on the study only, so the end depends on neither order nor cluster.
     result, at = [], max(1, -(-least // size))
     while at < parts:
         result.append(at)
@@ -69,7 +68,7 @@ def looks(parts: int, size: int, least: int) -> list[int]:
 
 
 class Counted:
-    """The parts of a folder, counted."""
+    """Passed runs in the parts of a folder."""
 
     def __init__(self, place: Folder) -> None:
         self.plan = place.plan
@@ -79,29 +78,29 @@ class Counted:
                 self.add(part, place.column(part, "passed"))
 
     def add(self, part: int, passed: Any) -> None:
-        """Count a part by its column (n,) of those that passed."""
+        """Add a part by its column (n,) of passed runs."""
         self.passed[part] = int(passed.sum())
 
     @property
     def runs(self) -> int:
-        """Finished, all parts together."""
+        """Finished runs of all parts."""
         return sum(stop - first for first, stop in map(self.plan.span, self.passed))
 
     def share(self, parts: Iterable[int]) -> Share:
-        """Return the share of good machines in some parts."""
+        """Return the yield in some parts."""
         spans = [(part, self.plan.span(part)) for part in parts]
         of = sum(stop - first for _, (first, stop) in spans)
         count = sum(self.passed[part] for part, _ in spans)
         return clopper_pearson(count, of, self.plan.study.confidence)
 
     def enough(self, end: int) -> bool:
-        """Whether the parts before one give as narrow an interval as the study wants."""
+        """Return whether the parts before one give an interval as narrow as required."""
         stop = self.plan.study.stop
         return stop is not None and self.share(range(end)).width <= stop.width
 
     @property
     def end(self) -> int | None:
-        """The part before which the study ended; None where it has not."""
+        """Number of parts after which the study ended; None if it has not."""
         for end in looks_of(self.plan):
             if not all(part in self.passed for part in range(end)):
                 return None
@@ -110,36 +109,36 @@ class Counted:
         return None
 
     def counting(self) -> tuple[int, ...]:
-        """Return the parts that count: up to the end, or of an unfinished campaign all."""
+        """Return the evaluated parts: up to the end, or all of an unfinished campaign."""
         end = self.end
         return tuple(sorted(self.passed)) if end is None else tuple(range(end))
 
 
 def looks_of(plan: Plan) -> list[int]:
-    """Return after how many parts a study is looked at, the last one its end."""
+    """Return the numbers of parts at which the stopping criterion is tested; the last is all."""
     stop = plan.study.stop
     return [plan.parts] if stop is None else looks(plan.parts, plan.study.part, stop.least)
 
 
 SHOWN = ("peak_S", "f_d_rms", "x_rms", "tracking_peak", "displacement_peak", "recovery")
-"""Figures that summaries tell of, where they apply."""
+"""Figures in summaries, if they apply."""
 
-QUANTILES = (0.05, 0.5, 0.95, 0.99)  #: Of each figure.
-WORST = 5  #: Machines that are told one by one.
+QUANTILES = (0.05, 0.5, 0.95, 0.99)  #: Quantiles of each figure.
+WORST = 5  #: Number of worst machines that are listed.
 
 
 class Worst(NamedTuple):
-    """A machine at the end of a list."""
+    """One of the worst machines."""
 
-    run: int  #: Its number.
-    figure: str  #: By which it is the worst.
-    value: float  #: Of that figure, in SI.
-    values: dict[str, Any]  #: What varied, in SI.
-    command: str  #: Which replays it.
+    run: int  #: Number of the run.
+    figure: str  #: Figure by which it is ranked.
+    value: float  #: Its value, in SI.
+    values: dict[str, Any]  #: Varied quantities, in SI.
+    command: str  #: Command that replays it.
 
 
 class Machines:
-    """The runs of a study, as they lie in their folder.
+    """The runs of a study in their folder.
 
     Columns are read when they are asked for: a million runs need not be held at once.
     """
@@ -154,7 +153,7 @@ class Machines:
 
     @property
     def runs(self) -> Path:
-        """The folder that pandas, polars and DuckDB read as it lies."""
+        """The folder for pandas, polars and DuckDB."""
         return self.folder / RUNS
 
     @cached_property
@@ -162,7 +161,7 @@ class Machines:
         return Folder(self.folder, self.plan)
 
     def column(self, name: str) -> NDArray[Any]:
-        """Return a column of all runs (n,), in its SI unit.
+        """Return a column over all runs (n,), in its SI unit.
 
         Parameters
         ----------
@@ -177,7 +176,8 @@ class Machines:
         if name not in self.columns:
             raise AmbkitError(f"there is no column {name}; there are {', '.join(self.columns)}")
         if name not in self._read:
-            # What summaries tell of is read at once: a file is opened for all of its columns.
+            # Columns of summaries are read together, because a file is opened for all of its
+            # columns.
             usual = {"run", "passed", "fails", "zone", "touched", *SHOWN, *self.plan.names}
             names = [item for item in self.columns if item in usual] if name in usual else [name]
             tables = [self._place.table(part, names) for part in self.parts]
@@ -199,7 +199,7 @@ class Machines:
 
     @cached_property
     def by_choice(self) -> dict[str, dict[str, Share]]:
-        """Yield of each value of each choice."""
+        """Yield for each value of each choice."""
         passed, result = self.column("passed"), {}
         for name, of, key in zip(self.plan.names, self.plan.marginals, self.plan.keys, strict=True):
             if not isinstance(of, OneOf):
@@ -217,7 +217,7 @@ class Machines:
 
     @cached_property
     def fails(self) -> dict[str, int]:
-        """How many machines fail by each criterion; one may fail by several."""
+        """Number of machines that fail each criterion; one may fail several."""
         results: dict[str, int] = {}
         reasons, counts = np.unique(self.column("fails").astype(str), return_counts=True)
         for reason, count in zip(reasons, counts, strict=True):
@@ -227,7 +227,7 @@ class Machines:
 
     @cached_property
     def zones(self) -> dict[str, int]:
-        """How many machines are in each zone of ISO 14839-3; empty without margins."""
+        """Number of machines in each zone of ISO 14839-3; empty without margins."""
         if "zone" not in self.columns:
             return {}
         names, counts = np.unique(self.column("zone").astype(str), return_counts=True)
@@ -236,25 +236,25 @@ class Machines:
 
     @cached_property
     def quantiles(self) -> dict[str, dict[float, float]]:
-        """Quantiles of figures, by name; infinite where so many machines have no finite one."""
+        """Quantiles of figures, by name; infinite where too few values are finite."""
         results = {}
         for name in self.names_shown:
             values = np.sort(self.column(name))
             values = values[~np.isnan(values)]
-            # Of the values themselves: between a finite and an infinite one there is none.
+            # Without interpolation, which is undefined between a finite and an infinite value.
             at = {q: float(values[min(int(q * values.size), values.size - 1)]) for q in QUANTILES}
             results[name] = at
         return results
 
     @cached_property
     def names_shown(self) -> tuple[str, ...]:
-        """Figures that summaries tell of: they apply to some run."""
+        """Figures in summaries that apply to at least one run."""
         names = [name for name in SHOWN if name in self.columns]
         names += [name for name in self.plan.study.passes.at_most if name not in names]
         return tuple(name for name in names if not np.isnan(self.column(name)).all())
 
     def worst(self, by: str | None = None, count: int = WORST) -> list[Worst]:
-        """Return the worst machines, the very worst first.
+        """Return the worst machines, worst first.
 
         Parameters
         ----------
@@ -273,7 +273,7 @@ class Machines:
         if by not in UNITS:
             raise AmbkitError(f"there is no figure {by}; there are {', '.join(UNITS)}")
         values = self.column(by)
-        valid = ~np.isnan(self.column("touched"))  # a machine that cannot be was not
+        valid = ~np.isnan(self.column("touched"))  # an impossible machine was not
         order = np.argsort(-np.where(np.isnan(values) | ~valid, -np.inf, values), kind="stable")
         indices = [int(at) for at in order[:count] if valid[at] and not np.isnan(values[at])]
         run, folder = self.column("run"), shlex.quote(str(self.folder))

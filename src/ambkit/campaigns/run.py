@@ -1,4 +1,4 @@
-"""A campaign: its parts computed here or on a cluster, and written as they come."""
+"""Execution of a campaign: parts computed here or on a cluster, and written as they finish."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from ambkit.campaigns.worker import Rows, compute, part_of, versions
 from ambkit.estimate.batch import processors
 from ambkit.result.result import Statement
 
-AHEAD = 3  #: Parts that wait for each thread of the cluster, so that none runs dry.
+AHEAD = 3  #: Queued parts per thread of the cluster, so that none is idle.
 
-PATIENCE = 60.0  #: How long a scheduler may be away before the campaign gives up [s].
+PATIENCE = 60.0  #: Maximum absence of a scheduler before the campaign fails [s].
 
 
 def of(
     scheduler: Any, plan: Plan, parts: Iterable[int], patience: float = 0.0
 ) -> Iterator[tuple[int, Rows]]:
-    """Yield parts as the workers of a cluster finish them, in no order."""
-    # A worker that dies has its parts computed by others; where the scheduler goes away and comes
-    # back, the parts that were not finished are given to it again.
+    """Yield parts as the workers of a cluster finish them, in any order."""
+    # Parts of a worker that dies are computed by others; if the scheduler restarts, the unfinished
+    # parts are submitted again.
     from concurrent.futures import CancelledError
 
     from distributed import Client, KilledWorker
@@ -64,14 +64,14 @@ def of(
 
 
 def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator[tuple[int, Rows]]:
-    """Yield parts from a cluster, with never more under way than it can hold in its hands."""
+    """Yield parts from a cluster, with a limited number in progress."""
     from distributed import as_completed
 
     threads = sum(client.nthreads().values()) or 1
     waiting = iter(parts)
 
     def given(part: int) -> Any:
-        # Pure, under a name of its own: a part that is asked for twice is computed once.
+        # Pure, under a fixed key: a part that is submitted twice is computed once.
         key = f"{plan.fingerprint[:16]}-{part}"
         return client.submit(part_of, pickled, part, versions(), key=key, retries=2)
 
@@ -93,7 +93,7 @@ def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator
 
 @contextmanager
 def scheduler(where: str, workers: int | None = None) -> Iterator[Any]:
-    """Give a cluster of our own, or the address of one."""
+    """Yield a local cluster, or the address of a scheduler."""
     distributed = library("distributed", "--cluster", "campaign")
     if where == "local":
         with distributed.LocalCluster(
@@ -112,7 +112,7 @@ def scheduler(where: str, workers: int | None = None) -> Iterator[Any]:
 
 
 def _slurm() -> Any:
-    """Return a cluster whose workers are jobs of Slurm, as the user's Dask configuration has it."""
+    """Return a cluster of Slurm jobs, according to the user's Dask configuration."""
     jobs = library("dask_jobqueue", "--cluster slurm", "campaign", "dask-jobqueue")
     try:
         return jobs.SLURMCluster()
@@ -132,9 +132,9 @@ def campaign(
     threads: int | None = None,
     done: Step = silent,
 ) -> Campaign:
-    """Simulate the machines of a study, or go on where that was interrupted."""
-    # The rows follow from the study alone, bit for bit: not from threads, order, cluster or from
-    # how often it was interrupted.
+    """Simulate the machines of a study, or resume it."""
+    # The rows depend on the study only, bit for bit: not on threads, order, cluster or
+    # interruptions.
     plan = Plan(study)
     plan.check()
     if cluster is None and workers is not None:
@@ -155,7 +155,7 @@ def campaign(
 
 
 class Begun(NamedTuple):
-    """A study, its folder, how many runs that has already, and of how many."""
+    """A study, its folder, and numbers of finished and of all runs."""
 
     study: Study
     folder: Path
@@ -164,7 +164,7 @@ class Begun(NamedTuple):
 
 
 def begun(study: Study | str | os.PathLike[str], folder: str | os.PathLike[str] | None) -> Begun:
-    """Return how far a campaign has come; without a folder it is named as the study's file."""
+    """Return the progress of a campaign; the default folder is named as the study's file."""
     of_type(Study, str, os.PathLike, study=study)
     if folder is None:
         if isinstance(study, Study):
@@ -184,7 +184,7 @@ Hands = Callable[[Plan, list[int]], Iterator[tuple[int, Rows]]]
 def _hands(
     cluster: str | None, workers: int | None, threads: int | None, tell: Step
 ) -> Iterator[Hands]:
-    """Give what computes parts, in no order, and tells of their runs: this process or a cluster."""
+    """Yield the executor of parts, which reports their runs: this process or a cluster."""
     if cluster is None:
         yield partial(_here, threads=threads, tell=tell)
         return
@@ -212,12 +212,12 @@ def _here(
             tell("", steps=runs)
 
         rows = compute(plan, first, stop, threads=threads, done=count)
-        tell("", steps=stop - first - told)  # those that cannot be flown
+        tell("", steps=stop - first - told)  # impossible machines
         yield part, rows
 
 
 def status(folder: str | os.PathLike[str]) -> Statement:
-    """State how far the campaign in a folder is; one that is at work is not disturbed."""
+    """Return the progress of the campaign in a folder, without disturbing one that runs."""
     place = Folder.existing(folder)
     plan, counted = place.plan, Counted(place)
     parts = counted.counting()

@@ -1,4 +1,4 @@
-"""Points of what varies: each a pure function of the study's seed and the run's number.
+"""Sample points: each a pure function of the study's seed and the run's number.
 
 So runs can be computed in any order, in any number of pieces, on any machine.
 """
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ambkit.base.arrays import Array
 from ambkit.campaigns.distributions import LEAST, MOST
 
-_WORDS = 4  # that Philox gives for one value of its counter (Salmon et al. 2011)
+_WORDS = 4  # Philox words per value of its counter (Salmon et al. 2011)
 _RANDOM, _STRATA = 1, 2  # streams of a seed
 
 
@@ -37,7 +37,7 @@ def uniforms(plan: Any, first: int, stop: int) -> Array:
 
 
 def counted(seed: int, k: int, first: int, stop: int) -> Array:
-    """Return even random numbers (stop - first, k) of runs, by their numbers (Philox)."""
+    """Return uniform random numbers (stop - first, k) of runs, by their numbers (Philox)."""
     blocks = -(-k // _WORDS)
     philox = np.random.Philox(key=np.array([seed, _RANDOM], np.uint64)).advance(first * blocks)
     numbers = np.random.Generator(philox).random((stop - first, blocks * _WORDS))
@@ -46,7 +46,7 @@ def counted(seed: int, k: int, first: int, stop: int) -> Array:
 
 @lru_cache(maxsize=1)
 def _strata(seed: int, k: int, runs: int) -> list[NDArray[np.uint32]]:
-    """Return in which stratum of each dimension each run lies (McKay, Beckman, Conover 1979)."""
+    """Return the stratum of each run in each dimension (McKay, Beckman, Conover 1979)."""
     rng = np.random.Generator(np.random.Philox(key=np.array([seed, _STRATA], np.uint64)))
     return [rng.permutation(np.arange(runs, dtype=np.uint32)) for _ in range(k)]
 
@@ -59,14 +59,14 @@ def _sobol(seed: int, k: int, first: int, stop: int) -> Array:
     if first:
         points.fast_forward(first)
         return np.asarray(points.random(stop - first), float)
-    # SciPy warns of a first piece whose length is no power of 2, as if there were no other.
+    # SciPy warns of a first piece whose length is no power of 2, although it continues.
     return np.asarray(points.random_base2(max(0, (stop - 1).bit_length()))[:stop], float)
 
 
 def _saltelli(seed: int, k: int, first: int, stop: int) -> Array:
     """Return points for Sobol indices, in groups of k + 2 (Saltelli et al. 2010)."""
-    # Of each group the first is a point A, then A with one coordinate after the other from a point
-    # B, and at last B: as ``SALib.sample.sobol`` has them without second order.
+    # The first point of each group is A, then A with one coordinate at a time from a point B, and
+    # finally B: as in ``SALib.sample.sobol`` without second order.
     group, place = np.divmod(np.arange(first, stop), k + 2)
     both = _sobol(seed, 2 * k, int(group[0]), int(group[-1]) + 1)[group - group[0]]
     A, B = both[:, :k], both[:, k:]
@@ -82,7 +82,7 @@ def _grid(plan: Any, first: int, stop: int) -> Array:
 
 
 def values(plan: Any, u: Array) -> Array:
-    """Return what runs get of each quantity: a value in SI, of a choice its index."""
+    """Return the values of each quantity in some runs: in SI, for a choice its index."""
     # u (n, k); returns (n, k)
     from scipy.special import ndtr, ndtri
 
@@ -96,7 +96,7 @@ def values(plan: Any, u: Array) -> Array:
         scores = ndtri(u)
         mixed = np.zeros_like(scores)
         for j, column in enumerate(np.linalg.cholesky(plan.correlation).T):
-            mixed += scores[:, [j]] * column  # in this order whatever the number of rows
+            mixed += scores[:, [j]] * column  # in this order for any number of rows
         u = np.where(
             (plan.correlation != np.eye(len(plan.correlation))).any(axis=1), ndtr(mixed), u
         )

@@ -1,4 +1,4 @@
-"""Sobol indices by SALib: what drives a figure."""
+"""Sobol indices by SALib."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 def problem_of(plan: Plan) -> dict[str, Any]:
-    """Return what varies as SALib has it: names, bounds and distributions, in SI."""
-    # A choice is its index, even from 0 to the number of its values.
+    """Return the varied quantities for SALib: names, bounds and distributions, in SI."""
+    # A choice is its index, uniform from 0 to the number of its values.
     bounds: list[list[float]] = []
     dists: list[str] = []
     for of in plan.marginals:
@@ -42,7 +42,7 @@ def problem_of(plan: Plan) -> dict[str, Any]:
 
 
 def vary_from(problem: Mapping[str, Any]) -> tuple[Varied, ...]:
-    """Return what varies by SALib's problem dictionary, whose names are keys and values in SI."""
+    """Return varied quantities from SALib's problem dictionary: names are keys, values in SI."""
     names, bounds = problem.get("names"), problem.get("bounds")
     if not isinstance(names, list | tuple) or bounds is None or len(names) != len(bounds):
         raise AmbkitError("a problem of SALib has as many bounds as names")
@@ -67,36 +67,36 @@ def vary_from(problem: Mapping[str, Any]) -> tuple[Varied, ...]:
     return tuple(results)
 
 
-ENOUGH = 20_000  #: Runs of points that were not drawn for indices that are looked at.
-LEAST = 64  #: And so many at least; of points for indices so many groups.
-RESAMPLES = 100  #: Bootstrap samples, of which the confidence comes.
+ENOUGH = 20_000  #: Maximum number of evaluated runs for points that were not sampled for indices.
+LEAST = 64  #: Minimum number of these; for points sampled for indices, of groups.
+RESAMPLES = 100  #: Bootstrap samples for the confidence intervals.
 
 
 class Indices(NamedTuple):
-    """Shares of a figure's variance over the machines (Sobol 1993)."""
+    """Shares of quantities in a figure's variance over the machines (Sobol 1993)."""
 
-    figure: str  #: Of which.
-    method: str  #: By which they were found.
-    names: tuple[str, ...]  #: What varies.
-    first: Array  #: (k,) Share that each has by itself, and half its confidence interval [1].
+    figure: str  #: Name of the figure.
+    method: str  #: Method.
+    names: tuple[str, ...]  #: Keys of the varied quantities.
+    first: Array  #: (k,) First-order index, and half of its confidence interval [1].
     first_confidence: Array
-    #: (k,) With all its interactions; only points of ``sampling = "saltelli"`` tell.
+    #: (k,) Total index; only for ``sampling = "saltelli"``.
     total: Array | None
     total_confidence: Array | None
-    used: int  #: Runs, and those without a finite figure.
+    used: int  #: Evaluated runs, and those without a finite figure.
     left_out: int
 
     @property
     def order(self) -> NDArray[np.int_]:
-        """Places of the names, what drives most first."""
+        """Order of the names, largest share first."""
         return np.argsort(-(self.first if self.total is None else self.total), kind="stable")
 
 
 def indices(campaign: Machines, figure: str) -> Indices:
-    """Return what share of a figure's variance each quantity has."""
-    # Of points of Saltelli's by his estimators, first order and total. Of other points the first
-    # order alone: by RBD-FAST (Tarantola, Gatelli, Mara 2006), of choices by the variance of the
-    # means. There the noise of the runs is in no quantity's share.
+    """Return the share of each quantity in a figure's variance."""
+    # For Saltelli's points by his estimators, first order and total. For others first order only:
+    # by RBD-FAST (Tarantola, Gatelli, Mara 2006), for choices by the variance of the means. The
+    # noise of the runs is in no quantity's share then.
     rbd_fast, sobol = (
         library(f"SALib.analyze.{name}", "indices", "campaign") for name in ("rbd_fast", "sobol")
     )
@@ -145,13 +145,13 @@ def _enough(figure: str, values: Array, count: int) -> None:
 
 
 def _columns(campaign: Machines) -> Array:
-    """Return what varied (n, k), of choices the index."""
+    """Return the varied quantities (n, k), for choices the index."""
     parts = [campaign.plan.points(*campaign.plan.span(part)) for part in campaign.parts]
     return np.concatenate(parts)
 
 
 def _of_choice(level: Array, Y: Array, confidence: float) -> tuple[float, float]:
-    """Return the share of the variance between levels, without what chance makes of it."""
+    """Return the share of the variance between levels, corrected for chance."""
     from scipy.special import ndtri
 
     def share(at: Any) -> float:

@@ -1,4 +1,4 @@
-"""The folder of a campaign: what it is of, and its rows in parts that are whole or not there.
+"""Folder of a campaign: its study, and its rows in parts that are written atomically.
 
 ::
 
@@ -48,7 +48,7 @@ class Folder:
 
     @classmethod
     def existing(cls, path: str | os.PathLike[str]) -> Folder:
-        """Return the folder of a campaign that was begun."""
+        """Return the folder of a campaign that has begun."""
         path = Path(path)
         if not (path / ABOUT).is_file():
             raise AmbkitError(f"{path}: there is no campaign in it: it has no {ABOUT}")
@@ -57,7 +57,7 @@ class Folder:
         return result
 
     def begin(self) -> None:
-        """Make the folder, or make sure that it is of this study and this version."""
+        """Create the folder, or verify that it belongs to this study and version."""
         files.make_folder(self.path)
         if (self.path / ABOUT).is_file():
             self._check(self._about())
@@ -74,7 +74,7 @@ class Folder:
             files.write_text(self.path / ABOUT, json_text(self._is_of(), indent=2) + "\n")
         if not os.access(self.path / RUNS, os.W_OK):
             raise AmbkitError(f"{self.path / RUNS}: cannot be written")
-        for name in (RUNS, TRACES):  # a campaign that was killed had not finished writing these
+        for name in (RUNS, TRACES):  # incomplete files of a campaign that was killed
             for left in (self.path / name).glob(".*.tmp"):
                 with suppress(OSError):
                     left.unlink()
@@ -117,7 +117,7 @@ class Folder:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Keep others from working in the folder; a process that is killed lets go of it."""
+        """Lock the folder; the lock of a killed process is released."""
         try:
             import fcntl
         except ImportError:  # Windows
@@ -140,7 +140,7 @@ class Folder:
             os.close(lock)
 
     def done(self) -> set[int]:
-        """Return which parts are there."""
+        """Return which parts exist."""
         results = set()
         with suppress(FileNotFoundError, NotADirectoryError):
             for item in os.scandir(self.path / RUNS):
@@ -149,7 +149,7 @@ class Folder:
         return results
 
     def write(self, part: int, rows: Rows) -> None:
-        """Put a part in place, its traces before its rows."""
+        """Move a part into place, its traces before its rows."""
         from pyarrow import parquet
 
         for name, table in ((TRACES, rows.traces), (RUNS, rows.runs)):
@@ -163,10 +163,10 @@ class Folder:
                 ):
                     parquet.write_table(table, file)
                     file.flush()
-                    os.fsync(file.fileno())  # before its name says that it is whole
+                    os.fsync(file.fileno())  # before its name marks it as complete
 
     def file(self, part: int, name: str = RUNS) -> Path:
-        """Return where a part is."""
+        """Return the path of a part."""
         return self.path / name / f"part-{part:06d}.parquet"
 
     def column(self, part: int, name: str) -> Any:
@@ -180,7 +180,7 @@ class Folder:
 
         path = self.file(part)
         try:
-            with parquet.ParquetFile(path) as file:  # a dataset would take pandas in
+            with parquet.ParquetFile(path) as file:  # a dataset would import pandas
                 result = file.read(columns)
         except (OSError, pa.ArrowException) as error:
             message = str(error).partition("\n")[0]
@@ -197,7 +197,7 @@ class Folder:
 
 
 def array_of(column: pa.ChunkedArray) -> Any:
-    """Return a column as an array (n,); of texts that repeat each is kept once."""
+    """Return a column as an array (n,); repeated texts are stored once."""
     import pyarrow as pa
 
     if not pa.types.is_string(column.type):

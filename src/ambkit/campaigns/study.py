@@ -1,4 +1,4 @@
-"""STUDY.toml: which machine, what varies, what is recorded, how many runs, and when it is enough.
+"""STUDY.toml: machine, varied quantities, recorded data, number of runs, stopping criterion.
 
 ::
 
@@ -49,7 +49,7 @@ from ambkit.simulation.scenario import Scenario
 
 Way = Literal["sobol", "latin-hypercube", "random", "grid", "saltelli"]
 
-MOST_RUNS = 10**9  #: Runs of a study: a Sobol sequence of 30 bits has no more.
+MOST_RUNS = 10**9  #: Maximum number of runs: the length of a Sobol sequence of 30 bits.
 
 
 def _is_filter_file(value: Any) -> bool:
@@ -59,7 +59,7 @@ def _is_filter_file(value: Any) -> bool:
 
 
 def _file_or_name(is_file: Callable[[Any], bool]) -> tuple[BeforeValidator, PlainSerializer]:
-    """Return how a text is read and written that is a file beside the study, or a name."""
+    """Return the type of a text that is a file beside the study, or a name."""
 
     def read(value: Any, info: ValidationInfo) -> Any:
         return from_folder(value, info) if is_file(value) else value
@@ -84,40 +84,41 @@ class Study(Document):
     name: Annotated[Name, Field(min_length=1)]
     """Short name."""
     description: Description = ""
-    """What it is to find out."""
+    """Purpose."""
     machine: MachineName
-    """The nominal machine: a preset, or a file. Controllers and estimator know it and no other."""
+    """Nominal machine: a preset, or a file. Controllers and filters are designed for it."""
     estimator: EstimatorName = DEFAULT
-    """In the loop, or beside it where the controller is fed by the measurement: a kind, a filter's
-    file, or none."""
+    """Filter in the loop, or beside it with the measurement as feedback: a kind, a filter file, or
+    none.
+    """
     synchronous: tuple[Literal["unbalance", "runout"], ...] = ()
-    """What turns with a machine's rotor and is estimated too."""
+    """Synchronous quantities that are estimated too."""
     runs: Annotated[int, Field(ge=1, le=MOST_RUNS, strict=True)] | None = None
-    """How many at most; a grid has as many as it has points."""
+    """Maximum number of runs; a grid has as many as it has points."""
     repeats: Annotated[int, Field(ge=1, strict=True)] = 1
-    """Runs at each point of a grid, with noise of their own."""
+    """Runs at each point of a grid, with independent noise."""
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
-    """Of points and noise."""
+    """Random seed of points and noise."""
     sampling: Way = "sobol"
-    """How points are chosen; "saltelli" for Sobol indices."""
+    """Sampling method; "saltelli" for Sobol indices."""
     confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
-    """Of the intervals."""
+    """Confidence of the intervals."""
     part: Annotated[int, Field(ge=1, le=100_000, strict=True)] = 1000
     """Runs that are computed and written together."""
     scenario: Scenario = Scenario()
-    """What happens in a run."""
+    """Scenario of a run."""
     controllers: dict[Name, Control] = Field(default_factory=dict)
-    """Controllers to choose from, by names; what is not said of one is tuned."""
+    """Controllers to choose from, by name; omitted settings are tuned."""
     vary: tuple[Vary, ...] = ()
-    """What varies from run to run."""
+    """Quantities that vary from run to run."""
     correlation: tuple[Correlated, ...] = ()
-    """What of that varies together."""
+    """Correlations between these."""
     record: Recorded = Recorded()
-    """What is kept."""
+    """Data to store."""
     passes: Passes = Passes()
-    """Which machines are good."""
+    """Criteria of a good machine."""
     stop: Stop | None = None
-    """When fewer runs are enough."""
+    """Criterion for an early end."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -127,7 +128,7 @@ class Study(Document):
 
 
 def load(study: Study | str | os.PathLike[str]) -> Study:
-    """Return a study that is given, or the one in a file."""
+    """Return a study, or the one in a file."""
     if isinstance(study, Study):
         return study
     path = Path(study)

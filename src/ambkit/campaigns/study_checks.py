@@ -1,4 +1,4 @@
-"""What is wrong with a study: keys that are not there, values that cannot be."""
+"""Checks of a study: unknown keys, impossible values."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from ambkit.machine.loading import load_machine
 
 Problem = tuple[str, str]
 
-MOST_DIMENSIONS = 1000  #: Quantities that vary.
+MOST_DIMENSIONS = 1000  #: Maximum number of varied quantities.
 
 CONTROLLERS = ("tuned", "textbook", *TYPES)
-"""Controllers that every machine has, but for those of tilt, which a mass has not."""
+"""Controllers of every machine, but for those of tilt, which a mass has not."""
 
 NOT_VARIED = {
     "sampling_time": "is the controller's, and no tolerance",
@@ -30,18 +30,18 @@ NOT_VARIED = {
     "type": "says what the machine is, and is no tolerance",
     "file": "says what the machine is, and is no tolerance",
 }
-"""Keys of a machine that cannot vary, and why."""
+"""Keys of a machine that cannot vary, with reasons."""
 
 NOT_VARIED_OF_RUN = {
     "seed": "is the study's seed",
     "run": "is the run's own number",
     "duration": "is one for all runs",
 }
-"""Keys of a run that cannot vary, and why."""
+"""Keys of a run that cannot vary, with reasons."""
 
 
 def contradictions(read: Read) -> Iterator[Problem]:
-    """Yield (key, what is wrong) of a study."""
+    """Yield (key, problem) of a study."""
     plant = None
     try:
         if isinstance(read("machine"), str):
@@ -58,7 +58,7 @@ def contradictions(read: Read) -> Iterator[Problem]:
     if plant is None or not isinstance(vary, tuple):
         return
     run = read("scenario")
-    if not isinstance(run, Document):  # it is wrong itself
+    if not isinstance(run, Document):  # reported by itself
         return
     seen = dict[str, int]()
     for at, item in enumerate(vary):
@@ -86,7 +86,7 @@ def contradictions(read: Read) -> Iterator[Problem]:
 
 
 def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:
-    """Return what stands at the key of what varies."""
+    """Return the value at the key of a varied quantity."""
     what = varied.what
     if what in ("estimator", "controller"):
         if not isinstance(varied, Choice):
@@ -101,7 +101,7 @@ def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:
 
 
 def completed(run: Any, plant: Any) -> Any:
-    """Return a scenario whose controller has all its gains, tuned to the nominal machine."""
+    """Return a scenario with complete controller gains, tuned to the nominal machine."""
     from ambkit.simulation.scenario import Scenario, settled_scenario
 
     if not plant.single:
@@ -194,7 +194,7 @@ def _grid(here: str, varied: Varied, sampling: Any) -> Iterator[Problem]:
 
 
 def _sensor_gain(here: str, varied: Varied, scenario: Any) -> Iterator[Problem]:
-    """A controller that is fed by the measurement takes the rotor elsewhere by a wrong gain."""
+    """Reject a sensor gain error with measurement feedback: it moves the rotor elsewhere."""
     from ambkit.simulation.waveforms import Constant
 
     if varied.what != "sensor.gain" or getattr(scenario, "controller", None) is None:
@@ -208,7 +208,7 @@ def _sensor_gain(here: str, varied: Varied, scenario: Any) -> Iterator[Problem]:
 def _choices(
     here: str, varied: Varied, key: Key, plant: Any, run: Any, read: Read
 ) -> Iterator[Problem]:
-    """Check words to choose from, each where it would stand."""
+    """Check the values of choices, each in its place."""
     if not isinstance(varied, Choice) or key.unit:
         return
     controllers = read("controllers")

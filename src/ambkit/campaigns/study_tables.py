@@ -1,4 +1,4 @@
-"""Tables of a study: what is kept, which machines are good, when it is enough."""
+"""Tables of a study: stored data, criteria of a good machine, stopping criterion."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from ambkit.campaigns.distributions import Value
 from ambkit.data.signals import signal
 from ambkit.simulation.run_figures import FIGURES
 
-ZONES = ("A", "B", "C", "D")  #: Zones of ISO 14839-3, the best first.
+ZONES = ("A", "B", "C", "D")  #: Zones of ISO 14839-3, best first.
 
 TRACES = ("r", "y", "u", "x", "v", "f_d", "x_m", "iu", "f_mag")
-"""Signals of a run, and with ``_estimate`` behind it each state of its estimator."""
+"""Signals of a run; with suffix ``_estimate`` each state of its estimator."""
 
 UNITS = {name: figure.unit for name, figure in FIGURES.items()} | {"peak_S": "1"}
 """Of the figures of a run."""
 
 
 def traces_of(plant: Any) -> tuple[str, ...]:
-    """Return the signals that a run of a machine has."""
+    """Return the signals of a machine's run."""
     if plant is None or plant.single:
         return TRACES
     axes = [axis.name for axis in plant.axes]
@@ -34,47 +34,47 @@ def traces_of(plant: Any) -> tuple[str, ...]:
 
 
 class Correlated(Part):
-    """Two quantities that vary together."""
+    """Correlation of two varied quantities."""
 
     between: tuple[Line, Line]
     """Their keys."""
     coefficient: Annotated[float, Field(gt=-1, lt=1)]
-    """Correlation of their normal scores; of normal ones their own."""
+    """Correlation of their normal scores; for normal distributions their own."""
 
 
 class Recorded(Part):
-    """What is kept of a run besides its figures."""
+    """Data of a run that is stored besides its metrics."""
 
     margins: Annotated[bool, Field(strict=True)] = True
-    """Whether the peak of the sensitivity is found, and its zone."""
+    """Whether to compute the sensitivity peak and its zone."""
     traces: tuple[Line, ...] = ()
-    """Signals that are kept, such as x or f_d_estimate."""
+    """Signals to store, such as x or f_d_estimate."""
     every: Annotated[int, Field(ge=1, strict=True)] = 100
-    """Of each so many runs one has its traces kept."""
+    """Store the signals of one run in so many."""
     settling: Annotated[float, Quantity("s", "20 ms", at_least=0)] = 0.0
-    """At the start of a run, how long errors do not count [s]."""
+    """Initial time of a run that is not evaluated [s]."""
     band: Annotated[float, Field(gt=0, lt=1)] = 0.05
-    """Share of the travel within which a rotor has recovered from a load."""
+    """Share of the clearance within which a rotor has recovered from a disturbance."""
 
 
 class Passes(Part):
-    """What a machine must be to count as good."""
+    """Criteria of a good machine."""
 
     zone: Literal["A", "B", "C"] | None = None
-    """Worst zone of ISO 14839-3 that is allowed; without it, any."""
+    """Worst permissible zone of ISO 14839-3. By default any."""
     contact: Annotated[bool, Field(strict=True)] = False
     """Whether the rotor may touch a stop."""
     at_most: dict[Name, Value] = Field(default_factory=dict)
-    """Limits of figures, by their names, such as recovery = "50 ms"."""
+    """Limits of metrics by name, such as recovery = "50 ms"."""
 
 
 class Stop(Part):
-    """When fewer runs are enough."""
+    """Criterion for an early end."""
 
     width: Annotated[float, Quantity("1", "0.02", above=0)]
-    """The confidence interval of the yield is no wider than this [1]."""
+    """Maximum width of the confidence interval of the yield [1]."""
     least: Annotated[int, Field(ge=1, strict=True)] = 1000
-    """But so many runs at least."""
+    """Minimum number of runs."""
 
 
 def limit_of(name: str, limit: float | str) -> float:
@@ -84,6 +84,6 @@ def limit_of(name: str, limit: float | str) -> float:
     unit = UNITS[name]
     if isinstance(limit, str):
         return units.parse(limit, unit)
-    if unit != "1" and type(limit) is not float:  # out of a file
+    if unit != "1" and type(limit) is not float:  # from a file
         raise ValueError(f"{limit:g} has no unit, write it in {unit}")
     return float(limit)

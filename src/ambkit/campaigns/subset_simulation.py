@@ -1,4 +1,4 @@
-"""How likely a failure is that hardly a machine has: subset simulation (Au and Beck 2001)."""
+"""Probability of rare failures: subset simulation (Au and Beck 2001)."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from ambkit.result.result import Statement
 
 Limit = Callable[[Array], Array]
 
-SHARE = 0.1  #: Of the samples of a level, those that the next one begins from.
-REPETITIONS = 5  #: Independent ones that share the runs of a level.
-ALIKE = 0.2  #: Cosine between the means of what fails in two of them, below which modes differ.
-REACH = 1.0  #: How far a component steps at most, in its standard deviations.
-MOST_LEVELS = 20  #: Levels: a probability of about 1e-20 is the least that is looked for.
-NOISE_FROM = 1 << 40  #: Numbers of the noise of these runs begin here, beyond those of any study.
+SHARE = 0.1  #: Share of a level's samples from which the next one starts.
+REPETITIONS = 5  #: Independent repetitions, which share the runs of a level.
+ALIKE = 0.2  #: Cosine between the mean failure points of two repetitions below which modes differ.
+REACH = 1.0  #: Maximum step of a component, in its standard deviations.
+MOST_LEVELS = 20  #: Maximum number of levels, for probabilities down to about 1e-20.
+NOISE_FROM = 1 << 40  #: Start of the noise numbers of these runs, beyond those of any study.
 
 
 class Rare(NamedTuple):
-    """The probability of a rare failure."""
+    """Probability of a rare failure."""
 
-    probability: float  #: That the figure is at or above the limit [1].
+    probability: float  #: Probability that the figure reaches the limit [1].
     low: float  #: Confidence interval [1], from independent repetitions.
     high: float
     variation: float  #: Coefficient of variation of the estimate [1].
-    thresholds: tuple[float, ...]  #: Of the first repetition's levels, the limit at last.
-    runs: int  #: That were simulated.
+    thresholds: tuple[float, ...]  #: Levels of the first repetition, ending with the limit.
+    runs: int  #: Number of simulated runs.
     repetitions: int = 1
     several_modes: bool = False  #: Whether repetitions failed in different directions.
 
@@ -54,7 +54,7 @@ class _Repetition(NamedTuple):
     probability: float
     thresholds: tuple[float, ...]
     runs: int
-    failed: Array  #: Mean of the points that fail (d,).
+    failed: Array  #: Mean of the failed points (d,).
 
 
 def subset(
@@ -67,11 +67,11 @@ def subset(
     confidence: float = 0.95,
     done: Callable[..., None] = lambda text="", steps=1: None,
 ) -> Rare:
-    """Return how likely a function of standard normal numbers is at or above a limit."""
-    # Within a repetition the levels depend on each other, and all its chains descend from a few
-    # points: nothing in it tells a mode of failure that it has not seen. So the interval is that of
-    # independent repetitions, whose results are nearly lognormal: Cox's, with Student's quantile
-    # (Olsson, Confidence intervals for the mean of a log-normal distribution, J. Stat. Educ. 2005).
+    """Return the probability that a function of standard normal numbers reaches a limit."""
+    # Within a repetition the levels are dependent, and all chains start from a few points: it
+    # cannot indicate a failure mode that it missed. Hence the interval is that of independent
+    # repetitions, whose results are nearly lognormal: Cox's, with Student's quantile (Olsson,
+    # Confidence intervals for the mean of a log-normal distribution, J. Stat. Educ. 2005).
     from scipy.special import stdtrit
 
     count = REPETITIONS
@@ -122,7 +122,7 @@ def _repetition(
     thresholds: list[float] = []
     while True:
         rank = np.argsort(-g, kind="stable")
-        # Between the last that goes on and the first that does not.
+        # Between the last sample that continues and the first that does not.
         ends = g[rank[chains - 1]], g[rank[chains]]
         b = float(ends[0] if not np.isfinite(ends).all() else 0.5 * (ends[0] + ends[1]))
         last = b >= above
@@ -147,7 +147,7 @@ def _repetition(
 
 
 def _known(g: Array) -> Array:
-    """Return values with none for the least of all."""
+    """Return values with NaN replaced by the smallest value."""
     return np.where(np.isnan(g), -np.inf, g)
 
 
@@ -160,7 +160,7 @@ def _walk(
     rng: np.random.Generator,
     done: Callable[..., None],
 ) -> tuple[Array, Array]:
-    """Let chains (c, k) walk within a level; return their points and values."""
+    """Move chains (c, k) within a level; return their points and values."""
     points, values = [u], [g]
     for _ in range(length - 1):
         step = rng.uniform(-REACH, REACH, u.shape)
@@ -185,9 +185,9 @@ def rare_failure(
     threads: int | None = None,
     done: Callable[..., None] = lambda text="", steps=1: None,
 ) -> Rare:
-    """Return how likely a machine of a study has a figure at or above a limit."""
-    # Each candidate of a chain has noise of its own: the walk is over the machines and their noise.
-    # A machine that cannot be fails.
+    """Return the probability that a machine of a study reaches a limit of a figure."""
+    # Each candidate of a chain has its own noise: the chain walks over machines and noise. An
+    # impossible machine fails.
     from scipy.special import ndtr
 
     own = load_class(figure)[1] if MARK in figure else None
@@ -224,7 +224,7 @@ def rare_failure(
 
 
 def _own(name: str, limit: Callable[..., Any], columns: dict[str, Array]) -> Array:
-    """Return a user's limit state of runs (n,), from their figures and what varies, by name."""
+    """Return a user's limit state over runs (n,), from figures and quantities by name."""
     try:
         values = np.asarray(limit(columns), float)
     except Exception as error:
@@ -240,7 +240,7 @@ def _own(name: str, limit: Callable[..., Any], columns: dict[str, Array]) -> Arr
 def rare_in_folder(
     folder: str | os.PathLike[str], figure: str, above: Given, **options: Any
 ) -> Statement:
-    """Estimate a rare failure of a campaign's machines, and keep it in its folder."""
+    """Estimate a rare failure of a campaign's machines, and store it in its folder."""
     place = Folder.existing(folder)
     if figure not in UNITS and MARK not in figure:
         raise AmbkitError(f"there is no figure {figure}; there are {', '.join(UNITS)}")
@@ -253,7 +253,7 @@ def rare_in_folder(
 
 
 def told(folder: Path) -> list[str]:
-    """Return what was found of rare failures, in sentences."""
+    """Return the results of rare failures, in sentences."""
     results = []
     for path in sorted(folder.glob("rare-*.json")):
         try:
@@ -266,7 +266,7 @@ def told(folder: Path) -> list[str]:
 
 
 def sentence(figure: str, above: float, result: Rare) -> str:
-    """Say how likely a failure is."""
+    """Return the probability of a failure in words."""
     unit, levels = UNITS.get(figure, "1"), len(result.thresholds)
     limit = f"{above:g}" if unit == "1" else engineering(above, unit)
     times = f", {result.repetitions} times" if result.repetitions > 1 else ""

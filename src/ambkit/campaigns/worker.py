@@ -1,4 +1,4 @@
-"""A part of a study computed: hundreds of machines drawn, flown, judged, and put into a table."""
+"""Computation of a part of a study: machines sampled, simulated, evaluated, tabulated."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ if TYPE_CHECKING:
 
 
 class Rows(NamedTuple):
-    """What a part gave."""
+    """Result of a part."""
 
     runs: pa.Table  #: A row for each run.
-    traces: pa.Table | None  #: A row for each sample of those runs whose traces are kept.
+    traces: pa.Table | None  #: A row for each sample of the runs with stored traces.
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of what computes: on others the last digits may differ."""
+    """Return the versions of the numerical libraries, which determine the last digits."""
     own = {name: version(name) for name in ("ambkit", "numpy", "scipy")}
     return own | {"python": platform.python_version()}
 
@@ -95,11 +95,11 @@ def compute(
 
 
 class Flown(NamedTuple):
-    """What became of machines."""
+    """Results of some machines."""
 
     columns: dict[str, Any]  #: Figures, counts, margins and verdict, by name.
     traces: Mapping[int, Run]  #: By the numbers of the runs.
-    wrong: list[str]  #: Why a machine cannot be; empty where it can.
+    wrong: list[str]  #: Reasons why machines are impossible; empty if they are not.
 
 
 def fly(
@@ -112,7 +112,7 @@ def fly(
     threads: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> Flown:
-    """Draw machines at points, fly and judge them."""
+    """Sample machines at points, simulate and evaluate them."""
     # points (n, k); noise (n,)
     samples: list[Drawn] = []
     record = plan.study.record
@@ -145,7 +145,7 @@ def fly(
 
 
 def _spread(many: Many, can: Sequence[int], n: int) -> dict[str, Any]:
-    """Return the columns of all machines, where some cannot be."""
+    """Return the columns of all machines, if some are impossible."""
     columns: dict[str, Any] = {}
     for name, values in many.columns().items():
         empty: Any = np.zeros(n, values.dtype)
@@ -157,7 +157,7 @@ def _spread(many: Many, can: Sequence[int], n: int) -> dict[str, Any]:
 
 
 def _fails(plan: Plan, columns: Mapping[str, Any], samples: Sequence[Drawn]) -> list[str]:
-    """Return by which of its criteria each machine fails, with commas between; empty: by none."""
+    """Return the criteria that each machine fails, separated by commas; empty if none."""
     passes = plan.study.passes
     against: dict[str, NDArray[np.bool_]] = {
         "impossible": np.array([bool(sample.wrong) for sample in samples], bool)
@@ -167,14 +167,14 @@ def _fails(plan: Plan, columns: Mapping[str, Any], samples: Sequence[Drawn]) -> 
         against["zone"] = ~np.isin(columns["zone"], allowed)
     if not passes.contact:
         against["contact"] = ~(np.asarray(columns["touched"]) == 0)
-    for name, limit in passes.at_most.items():  # what does not apply is not below its limit
+    for name, limit in passes.at_most.items():  # values that do not apply are not below the limit
         against[name] = ~(np.asarray(columns[name]) <= limit_of(name, limit))
     named = np.array(list(against))
     return [",".join(named[row]) for row in np.column_stack(list(against.values()))]
 
 
 def schema(plan: Plan) -> pa.Schema:
-    """Return the columns of the rows, each with its unit."""
+    """Return the columns of the rows with their units."""
     import pyarrow as pa
 
     fields = [("run", pa.int64(), "")]
@@ -199,7 +199,7 @@ def table(plan: Plan, columns: Mapping[str, Any]) -> pa.Table:
 
 
 def traces_table(plan: Plan, runs: Mapping[int, Run]) -> pa.Table:
-    """Return chosen signals of runs as one table, a row for each sample."""
+    """Return selected signals of runs as one table, a row for each sample."""
     import pyarrow as pa
 
     names = plan.study.record.traces
@@ -231,26 +231,27 @@ def signal(run: Run, name: str) -> Array:
         raise AmbkitError(f"{name}: {error}") from None
 
 
-AT_ONCE = 512  #: Loops side by side.
+AT_ONCE = 512  #: Loops evaluated together.
 
 
 def peaks(runs: Sequence[Planned], threads: int | None = None) -> Array:
     """Return the peak of abs(S) of each run's loop within the standard's range (n,) [1]."""
-    # Of the worst axis, at the machine's own speed. Infinite where the loop is unstable or nothing
-    # holds the rotor; NaN where the estimator settles to no gain. Loops of one axis with a PID are
-    # looked at many at once.
+    # Of the worst axis, at the machine's own speed. Infinite if the loop is unstable or there is no
+    # stabilising controller; NaN if the estimator has no steady-state gain. Loops of one axis with
+    # a PID are evaluated in batches.
     result = np.full(len(runs), np.nan)
     points: dict[int, OperatingPoint] = {}
     groups: dict[Any, list[int]] = {}
     single_axes: list[int] = []
     for at, run in enumerate(runs):
         law = run.scenario.controller
-        if not run.machine.single or law.needs_estimate or law.block:  # of as many states as others
+        # with equal numbers of states
+        if not run.machine.single or law.needs_estimate or law.block:
             single_axes.append(at)
             continue
         try:
             points[at] = OperatingPoint.equilibrium(run.machine)
-        except AmbkitError:  # nothing holds the rotor
+        except AmbkitError:  # no stabilising controller
             result[at] = math.inf
             continue
         fed = _fed(run)
@@ -269,22 +270,22 @@ def peaks(runs: Sequence[Planned], threads: int | None = None) -> Array:
 
 
 def peak_of(run: Planned) -> float:
-    """Return the peak of one, see `peaks`."""
+    """Return the peak of one run, see `peaks`."""
     fed = _fed(run)
     if fed is not None and not tells(fed):
         return math.nan
     try:
         of = LoopOf(run.machine, run.scenario.controller, law=run.controllers)
-    except AmbkitError:  # nothing holds the rotor
+    except AmbkitError:  # no stabilising controller
         return math.inf
     return of.peak(fed)
 
 
 def _highest(runs: Sequence[Planned], points: Sequence[OperatingPoint]) -> Array:
-    """Return the peaks of loops alike (n,)."""
+    """Return the peaks of loops of equal structure (n,)."""
     try:
         opened, closed = _poles(runs, points)
-    except AmbkitError:  # an estimator of one of them has no gain
+    except AmbkitError:  # one of the estimators has no gain
         if len(runs) == 1:
             return np.array([math.inf])
         return np.concatenate([
@@ -326,7 +327,7 @@ def _poles(runs: Sequence[Planned], points: Sequence[OperatingPoint]) -> tuple[C
 
 
 def _estimators(estimator: Estimator, points: Sequence[OperatingPoint]) -> LinearSystem:
-    """Return an estimator with its gain at points; of constant stiffness it is one for all."""
+    """Return an estimator with its gain at points; with constant stiffness one for all."""
     n = len(points)
     if isinstance(estimator.magnet, ConstantStiffness) or not estimator.by_model:
         one = estimator_at(estimator, points[0])

@@ -222,7 +222,7 @@ def _capacities(
 
 
 def _reached(room: Array, unit_demand: Array) -> Array:
-    """Return the load (k,) [N] that uses up the margin of an axis (p,), of which 1 N takes (k, p)."""
+    """Return the load (k,) [N] that exhausts the margin of an axis (p,); 1 N takes (k, p)."""
     loads = np.divide(
         room, unit_demand, out=np.full(unit_demand.shape, np.inf), where=unit_demand > 0
     )
