@@ -1,1 +1,1 @@
-"""Controllers as data: blocks, gains, synthesis, and the linear loop they are judged by."""
+"""Controllers as data: blocks, gains, synthesis, and the linear loop for their margins."""

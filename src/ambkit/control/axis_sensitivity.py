@@ -1,4 +1,4 @@
-"""Peaks of the sensitivity of a machine's axes, for many controllers of the same plant."""
+"""Sensitivity peaks of a machine's axes, for many controllers of the same plant."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 from ambkit.models.linear import LinearSystem
 
-TOP = 2000.0  #: Up to there a loop is looked at [Hz], or up to half the sampling rate.
+TOP = 2000.0  #: Maximum frequency [Hz], or half the sampling rate.
 
 POINTS, NEAR, WITHIN = 200, 21, 0.06
-"""Points of a grid of frequencies, about each swinging mode, and how far a controller moves it."""
+"""Points of the frequency grid, around each oscillatory mode, and the range of its shift."""
 
 
 class Sensitivities:
-    """A machine's loops, each axis with its own PID and all others closed."""
+    """Loops of a machine, each axis with its own PID and all others closed."""
 
     def __init__(self, machine: Machine, *, estimated: bool) -> None:
         point = OperatingPoint.of_machine(machine)
@@ -45,9 +45,9 @@ class Sensitivities:
             self.estimator = E[:, :, :m], E[:, :, m:]
 
     def peaks(self, pids: Sequence[Any]) -> Array:
-        """Return the peak of abs(S) of each axis (p,) [1], be the loop stable or not."""
-        # The controllers' response is written out, as `controller` has it in states: hundreds are
-        # asked.
+        """Return the peak of abs(S) of each axis (p,) [1], for stable and unstable loops."""
+        # The controllers' response is evaluated directly, not in states as in `controller`, because
+        # there are hundreds of them.
         gains = [(pid.kp, pid.ki, pid.kd, pid.derivative_filter) for pid in pids]
         kp, ki, kd, T_f = np.array(gains).T
         z, T, p = self.z[:, None], self.T, len(pids)
@@ -67,7 +67,7 @@ class Sensitivities:
 
 
 def sensitivities(machine: Machine, *, estimated: bool) -> Sensitivities | None:
-    """A machine's loops; None where nothing holds it in the middle, or no filter takes it."""
+    """Loops of a machine; None if nothing holds it at the centre, or no filter is possible."""
     try:
         return Sensitivities(machine, estimated=estimated)
     except (AmbkitError, ValueError):
@@ -76,7 +76,7 @@ def sensitivities(machine: Machine, *, estimated: bool) -> Sensitivities | None:
 
 def shown_along_axes(machine: Machine) -> Array:
     """Return the displacements along the axes (p, m), by the readings."""
-    # It is that of the rigid rotor which explains all readings best.
+    # From the rigid-body motion that fits all readings best.
     positions = machine.rigid_positions
     H = geometry.matrix([axis.line for axis in machine.axes], positions)
     C = geometry.matrix([r.line for r in machine.readings], positions)

@@ -21,19 +21,19 @@ from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.models.plant import Plant
 
 FLAT = 0.05
-"""Share of the clearance within which an axis at rest is held by the stiffnesses of the middle."""
+"""Share of the clearance within which the stiffnesses of the centre hold."""
 
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """Estimator, controllers, lift-off and landing of a machine: what flies."""
+    """Estimator, controllers, lift-off and landing of a machine."""
 
     plant: Plant  #: The machine.
-    estimator: Estimator  #: That feeds the controllers, or looks after the sensors beside them.
-    law: Controllers  #: Of all axes.
+    estimator: Estimator  #: Estimator that feeds the controllers, or monitors the sensors.
+    law: Controllers  #: Controllers of all axes.
     sequence: LiftOff | None  #: Lift-off and landing; None: levitated from the start.
-    fed: bool  #: Whether the estimator feeds the controllers; else the readings do.
-    pid: Control = field(default_factory=Control)  #: How a single axis is controlled, complete.
+    fed: bool  #: Whether the estimate feeds the controllers; else the readings do.
+    pid: Control = field(default_factory=Control)  #: Complete controller of a single axis.
 
     @classmethod
     def of_axis(
@@ -47,25 +47,25 @@ class Controller:
 
     @property
     def first_axis(self) -> Machine:
-        """The first axis, of a single one all that is held."""
+        """The first axis, the only one of a single axis."""
         return self.plant.isolated[0]
 
     @property
     def coils(self) -> int:
-        """How many coils its magnet has: i0 + iu, and of a pair i0 - iu."""
+        """Number of coils of its magnet: i0 + iu, and of a pair i0 - iu."""
         return 2 if self.first_axis.magnet.type == "two-sided" else 1
 
     @cached_property
     def down(self) -> Array:
-        """Where the rotor lies along the axes (p,) [m]."""
+        """Contact position along the axes (p,) [m]."""
         if self.plant.machine.single:
             return np.array([lies_at(self.first_axis)])
         return np.asarray(self.plant.H @ self.plant.resting())
 
     @cached_property
     def _held(self) -> tuple[Array, Array]:
-        """Currents that hold the rotor in the middle (p,) [A], and more a metre away [A/m]."""
-        # On the line through the middle and where it lies, as magnets pull harder the nearer it is.
+        """Levitation currents at the centre (p,) [A], and their slope [A/m]."""
+        # Of the line through the centre and the contact position.
         nothing, down = np.zeros(len(self.down)), self.down
         (_, middle), (_, lying) = (self.plant.equilibrium(at, nothing) for at in (nothing, down))
         k = [ConstantStiffness.of(item) for item in self.plant.isolated]
@@ -76,7 +76,7 @@ class Controller:
         return middle, slope
 
     def integrals(self, currents: Array, place: Array) -> Array:
-        """Return the integrals (q,) [A] with which a rotor is held at rest."""
+        """Return the integrals (q,) [A] in equilibrium."""
         # currents (p,) [A]; place (p,) [m]
         view = self.estimator.view
         q = np.zeros(view.H.shape[1])
@@ -85,12 +85,12 @@ class Controller:
         return self.law.integrals(currents, place, states if self.fed else None)
 
     def integral(self, current: float, x: float) -> float:
-        """Return the integral [A] with which a single axis is held at rest."""
+        """Return the integral [A] of a single axis in equilibrium."""
         return float(self.integrals(np.array([current]), np.array([x]))[0])
 
     @property
     def fields(self) -> dict[str, Any]:
-        """The fields of ``amb_control`` and of what it points to, by their names."""
+        """Fields of ``amb_control`` and of the structs it points to, by name."""
         e, view, sequence = self.estimator, self.estimator.view, self.sequence
         start, by_reading = view.start_form(e.states, e.levitation_current)
         middle, slope = self._held
@@ -116,14 +116,14 @@ class Controller:
         )
 
     def in_core(self, **other: Any) -> Any:
-        """Return the core's controller, around the core's estimator."""
+        """Return the core's controller, with the core's estimator."""
         return self.estimator.engine.core.Control(self.estimator.core, self.fields | other)
 
     def run(
         self, y: ArrayLike, r: ArrayLike, fly: ArrayLike, *, transferred: float | None = None,
         other: dict[str, Any] | None = None,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """Run an axis along readings from power-on, as the exported C does: to the last bit."""
+        """Run a single axis along readings from power-on, with the bits of the exported C."""
         # y (n,) [m]; r (n,) [m]; fly (n,)
         number = np.dtype(self.estimator.precision).type
         position, _ = self.estimator.in_si(y, np.zeros(0))
@@ -140,20 +140,20 @@ class Controller:
 
 
 def lies_at(machine: Machine) -> float:
-    """Return where a rotor lies [m]: on the stop to which its weight pulls it."""
+    """Return the contact position of a rotor [m]: the stop in the direction of its weight."""
     travel: float = machine.clearance
     return travel if machine.weight > 0 else -travel
 
 
 def settling_of(estimator: Estimator) -> int:
-    """Return the plant's time constant in samples, at least one, as many as 16 bits count."""
+    """Return the plant's time constant in samples, at least one, at most 16 bits."""
     isolated = isolated_axes(estimator.machine)
     samples = max(own_time(item) for item in isolated) / isolated[0].sampling_time
     return min(max(round(samples), 1), MOST_COUNTED)
 
 
 def bound_of(estimator: Estimator) -> float:
-    """Return how many caps a mean may be away: ten, or what an observer's transients reach."""
+    """Return the limit of a mean in clearances: ten, or the transients of an observer."""
     far = estimator.core.own.get("far")
     if far is None:
         return 10.0

@@ -32,24 +32,22 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.plant import Plant
 
 TYPES = ("decentralised", "translation and tilt", "lqg")  #: From simple to linear-quadratic.
-OF_CURRENTS = "fed_back"  #: Begins the names of feedback that is of currents, as against positions.
-FAR = 1e9  #: No reference is beyond it [m].
+OF_CURRENTS = "fed_back"  #: Prefix of feedback to currents, as opposed to positions.
+FAR = 1e9  #: Maximum reference [m].
 
 
 @dataclass(frozen=True)
 class Controllers:
-    """PIDs of combinations of the axes' positions, and feedback of an estimator's states."""
+    """PIDs of combinations of the axes' displacements, and feedback of an estimator's states."""
 
     pids: list[list[float]]  #: Gains, limits and sections of each, see `gains_of`.
-    names: tuple[str, ...]  #: What each PID is of: an axis, or a coordinate of the rigid rotor.
-    of_axes: Array  #: (q, p) Of the axes' positions, what each PID looks at.
-    spread: Array  #: (p, q) What each PID's current [A] is to the axes' [A].
-    lead: Array  #: (q,) What each integral is ahead at a reference of 1 [A/m].
-    shown: Array  #: (q, m) Of the readings, what each PID looks at where these feed it.
+    names: tuple[str, ...]  #: Axis or rigid-body coordinate of each PID.
+    of_axes: Array  #: (q, p) Input of each PID, by the axes' displacements.
+    spread: Array  #: (p, q) Current of each axis [A] by those of the PIDs [A].
+    lead: Array  #: (q,) Change of each integral per metre of reference [A/m].
+    shown: Array  #: (q, m) Input of each PID by the readings, if these feed it.
     feedback: dict[str, Array] = field(default_factory=dict)  #: (q, n), (p, n) By name.
-    unbalance_control: UnbalanceControl | None = (
-        None  #: Synchronous motion that is left to the rotor.
-    )
+    unbalance_control: UnbalanceControl | None = None  #: Synchronous motion that is not controlled.
     schedule: GainSchedule | None = None  #: Of the PIDs' gains, over the speed of rotation.
 
     def pids_at(self, speed: float) -> list[list[float]]:
@@ -60,7 +58,7 @@ class Controllers:
         return [row + pid[len(row) :] for row, pid in zip(rows, self.pids, strict=True)]
 
     def scaled(self, ratio: Array) -> Controllers:
-        """Return controllers that demand so many times the current of each axis (p,)."""
+        """Return controllers with the current of each axis multiplied by a factor (p,)."""
         if (ratio == 1).all():
             return self
         feedback = {
@@ -75,7 +73,7 @@ class Controllers:
         return replace(self, spread=spread, feedback=feedback, unbalance_control=turn)
 
     def integrals(self, currents: Array, place: Array, states: Array | None) -> Array:
-        """Return the integrals (q,) of a rotor that is held."""
+        """Return the integrals (q,) in equilibrium."""
         # currents (p,) [A]; place (p,) [m]; states (n,)
         if states is not None and "fed_back" in self.feedback:
             currents = currents - self.feedback["fed_back"] @ states
@@ -85,7 +83,7 @@ class Controllers:
 
 
 def relative_gains(machine: Machine, other: Machine) -> Array:
-    """Return the gains of the amplifiers (p,) in those of another machine like it [1]."""
+    """Return the gains of the amplifiers (p,), relative to those of a similar machine [1]."""
     return np.array([
         own.bearing.amplifier.gain / its.bearing.amplifier.gain
         for own, its in zip(machine.axes, other.axes, strict=True)
@@ -99,7 +97,7 @@ def controllers_of(
     pids: Sequence[PID] | None = None,
     fastest: float | None = None,
 ) -> Controllers:
-    """Return the controllers that a machine is flown with."""
+    """Return the controllers of a machine."""
     if estimator is None and control.of_estimate:
         text = 'is made of the estimate: feedback must be "estimate"'
         raise AmbkitError(f"{control.of_estimate} {text}")
@@ -134,9 +132,9 @@ def controllers_of(
 def pids_of(
     machine: Machine, control: Control, feedback: Literal["measurement", "estimate"]
 ) -> list[PID]:
-    """Return the PID of each axis of decentralised control, with what is not said tuned."""
+    """Return the PID of each axis of decentralised control, with omitted settings tuned."""
     names = [axis.name for axis in machine.axes]
-    if control.custom:  # which has none
+    if control.custom:  # a class has none
         return [PID()] * len(names)
     own = _stated(control, names)
     if all(pid.model_fields_set >= GAINS for pid in own):
@@ -149,7 +147,7 @@ def pids_of(
 
 
 def _stated(control: Control, names: list[str]) -> list[PID]:
-    """Return what is said of axes or coordinates, of each alone or of all."""
+    """Return the stated settings of each axis or coordinate, its own or common ones."""
     if unknown := [name for name in control.pid if name not in names]:
         raise AmbkitError(
             f"controller.pid.{unknown[0]}: there is no {unknown[0]}; known: {', '.join(names)}"
@@ -184,13 +182,13 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
 
 
 def gains_of(pid: PID, T: float, low: float, high: float) -> list[float]:
-    """Return a PID as ``amb_pid`` has it after T, and the sections behind it one by one."""
+    """Return a PID in the form of ``amb_pid`` after T, followed by its sections."""
     return [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup, pid.setpoint_weight,
             low, high, *chain.from_iterable(sections_of(pid.block, T))]  # fmt: skip
 
 
 def behind(gains: Sequence[float]) -> list[Sequence[float]]:
-    """Return the sections behind a PID, from what `gains_of` has of it."""
+    """Return the sections behind a PID, from the result of `gains_of`."""
     return [gains[k : k + 5] for k in range(8, len(gains), 5)]
 
 
@@ -216,7 +214,7 @@ def _decentralised(plant: Plant, pids: Sequence[PID], estimator: Estimator | Non
 
 
 def _seen(plant: Plant, filter: Any, axis: int, sees: Mapping[str, float]) -> tuple[Array, Array]:
-    """Return what a PID sees, by the readings (m,) and by the estimated displacements (q,)."""
+    """Return the input of a PID, by the readings (m,) and by the estimated displacements (q,)."""
     readings, states, C = plant.machine.readings, [], np.zeros((len(plant.machine.readings), 0))
     if filter is not None:
         C = filter.view.C
@@ -241,7 +239,7 @@ def _seen(plant: Plant, filter: Any, axis: int, sees: Mapping[str, float]) -> tu
 def _fed_forward(
     plant: Plant, pids: Sequence[PID], estimator: Estimator | None
 ) -> dict[str, Array]:
-    """Return the currents (p, n) that take shares of the estimated loads back at once."""
+    """Return the currents (p, n) that cancel shares of the estimated disturbances."""
     shares = np.array([pid.feed_forward for pid in pids])
     if not shares.any():
         return {}
@@ -255,7 +253,7 @@ def _fed_forward(
 
 
 def _check_states(estimator: Estimator, which: str) -> None:
-    """Refuse an estimator without the states that a controller needs."""
+    """Reject an estimator without the states that a controller needs."""
     for role in ("position", "velocity", "disturbance force"):
         if not _places(estimator, role):
             raise AmbkitError(
@@ -265,9 +263,9 @@ def _check_states(estimator: Estimator, which: str) -> None:
 
 
 def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
-    """One PID for each coordinate of the rigid rotor, tuned to its own mass and stiffness."""
-    # Each counts in metres at the radius at which the magnets are, and in amperes of a first axis
-    # that were to hold the coordinate alone.
+    """One PID for each rigid-body coordinate, tuned to its mass or inertia and stiffness."""
+    # Each is scaled to metres at the radius of the magnets, and to amperes of an axis that would
+    # hold the coordinate alone.
     masses = dict(zip(plant.machine.rigid_positions, plant.machine.masses, strict=False))
     stated = _stated(control, list(masses))
     k = [ConstantStiffness.of(isolated) for isolated in plant.isolated]
@@ -303,12 +301,12 @@ def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
 
 @lru_cache(maxsize=64)
 def _weightless(axis: Machine, mass: float) -> Machine:
-    """Return an axis with another mass, which nothing pulls."""
+    """Return an axis with another mass, without weight."""
     return axis.replace(rotor__mass=mass, rotor__gravity="none")
 
 
 def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controllers:
-    """The states are fed back; the PIDs only pass the references on."""
+    """State feedback; the PIDs only pass the references on."""
     if by_speed and plant.machine.speed:
         feedback, ahead = scheduled(plant, estimator)
     else:
@@ -318,7 +316,7 @@ def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controller
     passed = [[1.0, 0.0, 0.0, 0.0, 1.0, 1.0, -FAR, FAR]] * p
     nothing = np.zeros((p, len(estimator.states)))
     return Controllers(
-        # What a PID is ahead is all of the reference.
+        # The references act through the integrals only.
         passed, tuple(axis.name for axis in plant.machine.axes), np.eye(p), ahead, -np.ones(p),
         shown_along_axes(plant.machine),
         feedback | {"position": nothing, "velocity": nothing},
@@ -326,13 +324,13 @@ def _regulated(plant: Plant, estimator: Estimator, by_speed: bool) -> Controller
 
 
 def _rows(estimator: Estimator, sensor_rows: Array) -> dict[str, Array]:
-    """Return what PIDs see of the estimator's states (q, n), by what they see of coordinates."""
+    """Return the inputs of PIDs by the estimator's states (q, n), from those by coordinates."""
     position, velocity = estimator.view.along(sensor_rows, estimator.states)
     return {"position": position, "velocity": velocity}
 
 
 def _rigid(plant: Plant) -> Array:
-    """Return displacements along the axes by the coordinates of the rigid rotor (p, q)."""
+    """Return displacements along the axes by the rigid-body coordinates (p, q)."""
     lines = [axis.line for axis in plant.machine.axes]
     return np.asarray(geometry.matrix(lines, plant.machine.rigid_positions))
 
@@ -342,13 +340,13 @@ def _places(estimator: Estimator, role: str) -> list[int]:
 
 
 def _currents(plant: Plant) -> Array:
-    """Return the currents (p, q) of one of each force and torque on the rigid rotor."""
+    """Return the currents (p, q) per unit force and torque on the rigid rotor."""
     k_i = np.array([ConstantStiffness.of(isolated).k_i for isolated in plant.isolated])
     return np.asarray(np.linalg.pinv(_rigid(plant).T) / k_i[:, None])
 
 
 def _against_gyroscopics(plant: Plant, estimator: Estimator) -> Array:
-    """Return the currents (p, n) that take the gyroscopic torques back, for each rad/s."""
+    """Return the currents (p, n) that cancel the gyroscopic torques, per rad/s."""
     machine = plant.machine
     q, n = len(machine.rigid_positions), len(machine.positions)
     torques = -machine.masses[:q, None] * plant.model.spin[n : n + q, n : n + q]  # on the rotor

@@ -1,4 +1,4 @@
-"""The default controllers of a machine that turns, chosen on the margins over its speed range."""
+"""Default controllers of a rotating machine, selected by the margins over its speed range."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import ENOUGH
 from ambkit.machine.machine import Machine
 
-AS_GOOD = 1.1  #: Ratio to the lowest peak within which, in zone A, the simplest is chosen.
-EQUAL = 1.01  #: That ratio beyond zone A, where the lowest peak is chosen.
+AS_GOOD = 1.1  #: Ratio to the lowest peak within which, in zone A, the simplest is selected.
+EQUAL = 1.01  #: The same ratio beyond zone A, where the lowest peak is selected.
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
-"""Zones of ISO 14839-3, and the peaks of abs(S) below which they are; D is beyond."""
+"""Zones of ISO 14839-3, and the upper limits of abs(S); D is beyond."""
 
 ZONE_A = ZONES[0][1]  #: Peak of abs(S) at which zone A ends.
 
 
 def zone_of(peak: float) -> str:
-    """Return the zone of a peak of abs(S) [1], A to D; ``"unstable"`` of an infinite one."""
+    """Return the zone of a peak of abs(S) [1], A to D; ``"unstable"`` if infinite."""
     if math.isinf(peak):
         return "unstable"
     return next((name for name, limit in ZONES if peak < limit), "D")
@@ -33,21 +33,21 @@ def zone_of(peak: float) -> str:
 
 @dataclass(frozen=True)
 class DefaultControl:
-    """The default controllers of a machine."""
+    """Default controllers of a machine."""
 
-    machine: str  #: Its name.
-    fastest: float  #: The end of the speed range that was looked at [rad/s].
-    chosen: Candidate  #: The result; decentralised control if none holds the rotor.
+    machine: str  #: Name of the machine.
+    fastest: float  #: End of the speed range [rad/s].
+    chosen: Candidate  #: Selected candidate; decentralised control if none holds the rotor.
     candidates: tuple[Candidate, ...] = ()  #: All candidates, in order.
 
     @property
     def held(self) -> bool:
-        """Whether the rotor is held over the speed range, as far as that was looked at."""
+        """Whether the rotor is held over the evaluated speed range."""
         return not self.candidates or self.chosen.stable
 
     @property
     def summary(self) -> str:
-        """What was chosen and its peak, or that nothing was found and what was tried."""
+        """Selection and its peak, or what was tried without success."""
         span = f"from 0 to {abs(self.fastest) * 30 / math.pi:,.0f} rpm"
         if not self.candidates:
             return f"default controller: {name_of(self.chosen.control)}"
@@ -78,7 +78,7 @@ class DefaultControl:
 
 
 def _listed(candidates: Iterable[Candidate]) -> str:
-    """Return candidates, by what fed them."""
+    """Return candidates in words, by their feedback."""
     groups = itertools.groupby(candidates, key=lambda item: item.feedback)
     parts = (f", fed by the {fed_by}: {', '.join(map(str, of))}" for fed_by, of in groups)
     return ";".join(parts).replace(";,", ";")
@@ -87,12 +87,12 @@ def _listed(candidates: Iterable[Candidate]) -> str:
 def default_control(
     machine: Machine, feedback: Feedback = "estimate", max_speed: float = 0.0
 ) -> DefaultControl:
-    """Return the controllers that a machine has by default, up to its speed or a faster one."""
-    # A machine that does not turn has decentralised PIDs. Of one that turns the structures are
-    # tried in turn, from simple to linear-quadratic, on the peak of abs(S) of its worst axis with
-    # all others closed, from rest to the fastest speed [rad/s], gyroscopics, dead time and the
-    # linear Kalman filter with its default noise in the loop: the first whose peak is at most
-    # `ENOUGH`, or that of `best_of`.
+    """Return the default controllers of a machine up to its speed or a higher one."""
+    # A machine at standstill has decentralised PIDs. For a rotating one the structures are tried in
+    # turn, from simple to linear-quadratic, by the peak of abs(S) of the worst axis with all others
+    # closed, from standstill to the highest speed [rad/s], with gyroscopics, dead time and the
+    # linear Kalman filter with default noise in the loop: selected is the first with a peak of at
+    # most `ENOUGH`, or that of `best_of`.
     max_speed = max(abs(machine.speed), max_speed)
     if not max_speed or machine.rotor.type == "mass":
         return DefaultControl(machine.name, 0.0, Candidate(PIDS[0], feedback, math.nan, 0.0))
@@ -100,7 +100,7 @@ def default_control(
 
 
 def is_default(control: Control) -> bool:
-    """Whether the structure of controllers is left to be chosen."""
+    """Return whether the structure of controllers is left open."""
     if control.custom:
         return False
     stated_gains = control.model_fields_set & PID.model_fields.keys()
@@ -110,7 +110,7 @@ def is_default(control: Control) -> bool:
 def settled(
     machine: Machine, control: Control, feedback: Feedback, max_speed: float = 0.0
 ) -> Control:
-    """Return controllers with their type, of a single axis with all gains; held or not."""
+    """Return controllers with their type, and for a single axis with all gains; held or not."""
     if machine.single:
         control = control.fed_by(control.feedback or feedback).completed(machine)
     if control.type is not None:
@@ -125,7 +125,7 @@ def settled(
 def _chosen(machine: Machine, feedback: Feedback, max_speed: float) -> DefaultControl:
     try:
         loops = Candidates(machine, max_speed)
-    except AmbkitError:  # nothing holds the rotor in the middle
+    except AmbkitError:  # no levitation at the centre
         nothing = Candidate(PIDS[0], feedback, math.nan, 0.0)
         return DefaultControl(machine.name, max_speed, nothing)
     results = tuple(loops.in_turn(feedback))
@@ -133,8 +133,8 @@ def _chosen(machine: Machine, feedback: Feedback, max_speed: float) -> DefaultCo
 
 
 def best_of(candidates: Sequence[Candidate]) -> Candidate:
-    """Return the first whose peak is low enough, of candidates from simple to complicated."""
-    # That is `ENOUGH`; else near the lowest in zone A; beyond it every bit of margin counts.
+    """Return the first with a low peak, of candidates from simple to complicated."""
+    # Low means `ENOUGH`, else close to the lowest in zone A; beyond, the lowest.
     lowest = min(item.peak for item in candidates)
     limit = max(ENOUGH, EQUAL * lowest, min(AS_GOOD * lowest, ZONE_A))
     return next(item for item in candidates if item.peak <= limit)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 
-MOST_COUNTED = 65535  #: Samples that an unsigned int of 16 bits counts.
+MOST_COUNTED = 65535  #: Maximum of an unsigned int of 16 bits.
 
 
 class Mode(IntEnum):
-    """What a controller is doing; ``amb_flight_mode``."""
+    """Mode of a controller; ``amb_flight_mode``."""
 
     OFF = 0
     WAITING = 1
@@ -27,26 +27,25 @@ class Mode(IntEnum):
 
 
 class LiftOff(Part):
-    """When the currents are on: lift-off, landing, and what ends a flight."""
+    """Lift-off and landing: commands, times, and conditions of a trip."""
 
-    # With ``start = "landed"`` the rotor lies on the stop to which its weight pulls it, and both
-    # coils are without current until it lifts. It lifts when the estimate has settled, from where
-    # it lies.
+    # With ``start = "landed"`` the rotor is in contact at the stop in the direction of its weight,
+    # and both coils are without current. It lifts from there when the estimate has settled.
 
     start: Annotated[float, Quantity("s", "50 ms", at_least=0)] = 0.0
-    """When it is told to fly [s]."""
+    """Time of the command to levitate [s]."""
     stop: Annotated[float, Quantity("s", "0.8 s", at_least=0)] | None = None
-    """When it is told to land [s]; without, never."""
+    """Time of the command to land [s]. By default never."""
     wait: Annotated[float, Quantity("s", "20 ms", at_least=0)] = 0.02
-    """How long the estimate must have been settled [s]."""
+    """Time for which the estimate must have been settled [s]."""
     lift: Annotated[float, Quantity("s", "0.2 s", above=0)] = 0.2
-    """How long the way up takes [s]."""
+    """Duration of the rise [s]."""
     land: Annotated[float, Quantity("s", "0.2 s", above=0)] = 0.2
-    """How long the way down takes [s]."""
+    """Duration of the landing [s]."""
     lost: Annotated[float, Quantity("s", "50 ms", at_least=0)] = 0.05
-    """How long the controller goes on with what cannot be used, until it trips [s]."""
+    """Trip after this time without a usable position [s]."""
     overload: Annotated[float, Quantity("s", "0.1 s", at_least=0)] = 0.1
-    """How long a current stays at its limit, until it trips [s]."""
+    """Trip after this time at a current limit [s]."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -55,7 +54,7 @@ class LiftOff(Part):
             yield "stop", f"must be after start, {read('start'):g} s; is {stop:g} s"
 
     def fly(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return whether it is told to fly, 1 or 0."""
+        """Return the command to levitate, 1 or 0."""
         # t (n,) [s]
         command = t >= self.start
         return (command if self.stop is None else command & (t < self.stop)).astype(float)

@@ -1,4 +1,4 @@
-"""A PID controller of one axis, its blocks, and the gains that it has by default."""
+"""PID controller of one axis, its blocks, and default gains."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from ambkit.control.stabilising_controller import chosen, textbook, two_digits, 
 from ambkit.machine.force_laws import axis_of
 from ambkit.machine.machine import Machine
 
-SCHEDULED = ("kp", "ki", "kd", "derivative_filter")  #: What of a PID follows the speed.
+SCHEDULED = ("kp", "ki", "kd", "derivative_filter")  #: Settings that a gain schedule changes.
 
 
 class ScheduledGains(Part):
-    """Gains of a PID at a speed of rotation; those that are left out are the PID's own."""
+    """Gains of a PID at a speed of rotation; omitted ones are the PID's own."""
 
     speed: Annotated[float, Quantity("rad/s", "6000 rpm", at_least=0)]
-    """The speed, whichever way the rotor turns [rad/s]."""
+    """Speed, in either direction [rad/s]."""
     kp: Annotated[float, Quantity("A/m", "3000 A/m", at_least=0)] | None = None
     """Proportional gain [A/m]."""
     ki: Annotated[float, Quantity("A/(m s)", "20000 A/(m s)", at_least=0)] | None = None
@@ -47,8 +47,8 @@ class GainSchedule:
 
     @classmethod
     def of(cls, pids: Sequence[Any]) -> GainSchedule | None:
-        """Return that of PIDs, with a node at each speed of any of them; None without any."""
-        # The own gains of a PID are those at rest.
+        """Return that of several PIDs, with a node at each speed of any; None without any."""
+        # A PID's own gains are those at standstill.
         speeds = sorted({0.0, *(row.speed for pid in pids for row in pid.schedule)})
         if len(speeds) == 1 and not any(pid.schedule for pid in pids):
             return None
@@ -81,7 +81,7 @@ def schedule_fields(schedule: GainSchedule | None) -> dict[str, Any]:
 
 
 class PID(Part):
-    """The position controller: its output is the control current that it demands.
+    """Position controller with the control current as output.
 
     ``iu = kp (b r - position) + ki integral(r - position) - kd velocity`` with the reference r and
     the set-point weight b (Åström and Hägglund 1995). The defaults hold the `zittau_axial` bearing,
@@ -99,27 +99,29 @@ class PID(Part):
     derivative_filter: Annotated[float, Quantity("s", "0.2 ms", at_least=0)] = 0.3e-3
     """Time constant of the low-pass in the derivative [s]."""
     anti_windup: Annotated[float, Quantity("s", "25 ms", above=0)] = 38e-3
-    """Tracking time: how fast the integral gives way at the current limit [s]."""
+    """Tracking time of the anti-windup: how fast a current limit reduces the integral [s]."""
     setpoint_weight: Annotated[float, Quantity("1", "0.5", at_least=0)] = 0.5
-    """Of the reference, the share that kp sees [1]; the integral always sees all of it."""
+    """Set-point weight: share of the reference that kp acts on [1]."""
     feed_forward: Annotated[float, Quantity("1", "1", at_least=0)] = 0.0
-    """Share of the estimated disturbance force that a current takes back at once [1]."""
+    """Share of the estimated disturbance force that is cancelled [1]."""
     sees: Annotated[
         dict[Name, Annotated[float, Field(allow_inf_nan=False)]],
         BeforeValidator(lambda value: {value: 1.0} if isinstance(value, str) else value),
     ] = Field(default_factory=dict)  # fmt: skip
-    """Of a rotor that is a body, its input: a reading, such as one not beside its magnet,
-    an estimated displacement, or a weighted sum; without, the displacement of its axis."""
+    """With several axes, its input: a reading, such as a non-collocated one, an estimated
+    displacement, or a weighted sum. By default the displacement of its axis.
+    """
     block: tuple[AnyBlock, ...] = ()
-    """What its current passes in turn before it is held to the limits, such as a notch."""
+    """Blocks in series that filter its current before the limits, such as a notch."""
 
     schedule: tuple[ScheduledGains, ...] = ()
-    """Gains at speeds of rotation, of a rotor that is a body: linear between them, the last beyond.
-    The gains above are those at rest."""
+    """Gains at speeds of rotation, with several axes: interpolated linearly, constant beyond the
+    last. The gains above are those at standstill.
+    """
 
     @model_serializer(mode="wrap")
     def _only_what_was_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out what was not given: it is tuned to the bearing, whatever that will be."""
+        """Omit unset values: they are tuned to the machine, which is not known yet."""
         data: dict[str, Any] = handler(self)
         stated_fields = self.model_fields_set
         return {
@@ -141,7 +143,7 @@ class PID(Part):
 
     @classmethod
     def for_bearing(cls, machine: Machine) -> Self:
-        """Return the gains that the margins of a bearing's loop allow, see `holding.chosen`.
+        """Return gains by the margins of a machine's loop, see `stabilising_controller.chosen`.
 
         Parameters
         ----------
@@ -152,7 +154,7 @@ class PID(Part):
 
     @classmethod
     def textbook(cls, machine: Machine) -> Self:
-        """Return gains by a rule of thumb, with which a step overshoots by a half.
+        """Return gains by a rule of thumb, with which a step overshoots by half its height.
 
         ``kp = 4 k_s/k_i``, a damping of 0.56, and all of the reference to kp.
 
@@ -164,7 +166,7 @@ class PID(Part):
         return cls(**textbook(axis_of(machine))._asdict())
 
     def completed(self, machine: Machine) -> Self:
-        """Return the controller with what was not given tuned to a bearing, see `for_bearing`.
+        """Return the controller with unset values tuned to a machine, see `for_bearing`.
 
         The set-point weight goes with the proportional gain that is flown, given or not.
 
@@ -180,7 +182,7 @@ class PID(Part):
 
 
 def overlaid(pid: Any, overrides: PID, machine: Machine) -> Any:
-    """Return a PID with what another states instead of its own, and a weight that fits."""
+    """Return a PID with the stated values of another, and a consistent set-point weight."""
     stated = {name: getattr(overrides, name) for name in overrides.model_fields_set}
     all_, changed = vars(pid) | stated, {*stated, "setpoint_weight"}
     if stated.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in stated:
@@ -190,8 +192,8 @@ def overlaid(pid: Any, overrides: PID, machine: Machine) -> Any:
 
 
 def integral_lead(pid: PID, r: float) -> float:
-    """Return the current [A] by which the integral is ahead where a rotor is held at r [m]."""
+    """Return the change of the integral's current in equilibrium at r [m]."""
     return (1 - pid.setpoint_weight) * pid.kp * r
 
 
-GAINS = frozenset(Gains._fields)  #: What is to be known of a PID.
+GAINS = frozenset(Gains._fields)  #: The gains of a complete PID.

@@ -1,4 +1,4 @@
-"""The linear-quadratic regulator of a machine, by an estimator's states."""
+"""Linear-quadratic regulator of a machine, by an estimator's states."""
 
 from __future__ import annotations
 
@@ -19,18 +19,20 @@ REGULATED = (
     "position", "velocity", "bending", "bending velocity", "current", "past control",
     "lagged force",
 )  # fmt: skip
-"""Roles of the states that the controls move."""
+"""Roles of the controllable states."""
 
 SHARE = 0.2  #: Share of an axis's current for a deflection of a tenth of its clearance.
-MIDDLES = (0.5, 0.6, 0.7)  #: Shares of the machine's speed for the middle node of the gains.
-BETWEEN = (0.15, 0.3, 0.45, 0.6, 0.8, 0.9)  #: Shares of the speed at which gains are judged.
+#: Candidates for the middle node of the gain schedule, over the machine's speed.
+MIDDLES = (0.5, 0.6, 0.7)
+#: Speeds between the nodes at which gains are evaluated, over the machine's speed.
+BETWEEN = (0.15, 0.3, 0.45, 0.6, 0.8, 0.9)
 
 
 def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     """Return the feedback (p, n) of an estimator's states, and (p, p) of the axes' references."""
-    # The currents are ``iu = -K x + F r`` [A]. Least is the mean of the squared deflections in
-    # tenths of the travel and of the currents in a share of their limits (Bryson and Ho 1975). The
-    # estimated loads are cancelled at rest, and references held.
+    # The currents are ``iu = -K x + F r`` [A]. Minimised is the mean of the squared deflections in
+    # tenths of the clearance and of the currents in a share of their limits (Bryson and Ho 1975).
+    # The static part of the estimated disturbances is cancelled, and references are tracked.
     from scipy.linalg import solve_discrete_are
 
     isolated, along = plant.isolated, estimator.view.along_axes(estimator.states)[0]
@@ -43,7 +45,7 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     limit = np.array([min(abs(item.current_min), item.current_max) for item in isolated])
     weight = np.diag(1 / (SHARE * limit) ** 2)
     seen = C / (0.1 * travel)[:, None]
-    # States are counted in what the currents make of them, or digits are lost.
+    # States are scaled by the response to the currents, otherwise digits are lost.
     pulsed = [B * limit]
     for _ in range(n):
         pulsed.append(A @ pulsed[-1])
@@ -56,8 +58,8 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
             f"{estimator.machine.name}: there is no regulator of this machine"
         ) from None
     K_own = np.linalg.solve(weight + moved.T @ P @ moved, moved.T @ P @ scaled)
-    # At rest: x = A x + B u + E f with C x = r; with the least currents, where there are more axes
-    # than coordinates.
+    # Static: x = A x + B u + E f with C x = r; minimum currents if there are more axes than
+    # coordinates.
     E = model.A[np.ix_(own, loads)] / size[:, None]
     rest = np.block([[np.eye(n) - scaled, -moved], [C * size, np.zeros((p, p))]])
     targets = np.block([[E, np.zeros((n, p))], [np.zeros((p, len(loads))), np.eye(p)]])
@@ -70,11 +72,11 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
 
 
 def scheduled(plant: Plant, estimator: Estimator) -> tuple[dict[str, Array], Array]:
-    """Return feedback whose gains follow the speed of rotation, and (p, p) of the references."""
-    # By the speed W it is K_0 + W K_1 + W^2 K_2, equal to that of `regulator` at rest, at the
-    # machine's speed, and at the one of `MIDDLES` that leaves most damping between. As gyroscopics
-    # turn with W, even powers are of what they leave in its plane, odd ones of what they take
-    # across. The references' gains are those of the machine's speed.
+    """Return feedback scheduled over the speed, and (p, p) of the references."""
+    # At the speed W it is K_0 + W K_1 + W^2 K_2, equal to that of `regulator` at standstill, at the
+    # machine's speed, and at the one of `MIDDLES` with the largest damping in between. Gyroscopic
+    # terms are proportional to W; even powers act within a plane, odd ones across. The references'
+    # gains are those at the machine's speed.
     machine, names = plant.machine, [state.name for state in estimator.states]
     filters = {
         share: KalmanFilter(machine.model_copy(update={"speed": share * machine.speed}))
@@ -90,7 +92,7 @@ def scheduled(plant: Plant, estimator: Estimator) -> tuple[dict[str, Array], Arr
         return np.tensordot(powers, [known[node] for node in nodes], axes=1)
 
     def radius(result: Array) -> float:
-        """Return the greatest spectral radius of the regulated model between the nodes."""
+        """Return the largest spectral radius of the regulated model between the nodes."""
         parts = (
             A - B @ np.tensordot([1.0, share, share**2], result, axes=1)[:, own]
             for share, (_, own, A, B) in models.items()

@@ -1,4 +1,4 @@
-"""The synchronous motion that controllers leave to the rotor, at each speed.
+"""Unbalance control: the synchronous motion that the controllers do not react to, over speed.
 
 What goes round with the rotor is Re(Z U exp(j W t)) for an unbalance U, with its dynamics at that
 speed: masses, gyroscopics, bending with its damping. No current moves the estimated unbalance.
@@ -27,28 +27,30 @@ from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.parts.synchronous import unbalance_planes
 from ambkit.models.plant import Plant
 
-NODES, RIGID = 129, 33  #: Speeds of the table, of a flexible rotor and of a rigid one.
+NODES, RIGID = 129, 33  #: Number of speeds in the table, for a flexible and a rigid rotor.
 LEAST, MOST = 1.5, 3.0
-"""Ratio of the orbit without reaction to that under plain control: all is left, nothing is left."""
+"""Ratio of the orbits up to which it acts fully, and from which it is off."""
 NEIGHBOURHOOD = 0.02  #: Relative error of a critical speed of the model.
 FULL, NONE = 0.3, 0.5
-"""Shares of the travel, and of the greatest current: where the estimated unbalance takes more than
-the first, less of its motion is left to the rotor, from the second on none. Zones A and C of
-ISO 14839-2 end there. The core holds them too (``AMB_UNBALANCE_FULL``)."""
+"""Limits as shares of the clearance and of the current limit: if the estimated unbalance takes more
+than the first, the share of unbalance control decreases, from the second on it is off. Zones A
+and C of ISO 14839-2 end there. Also in the core (``AMB_UNBALANCE_FULL``).
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class UnbalanceControl:
-    """What is left to the rotor, as ``amb_unbalance_control`` has it."""
+    """Tables of ``amb_unbalance_control``."""
 
-    first: float  #: The first speed, without compensation, and the steps [rad/s].
+    first: float  #: First speed, below which it is off, and the step [rad/s].
     step: float
-    start: int  #: Which state is the first of the unbalance's.
+    start: int  #: Index of the first unbalance state.
     motion: Array  #: (nodes, moved, w) Positions and velocities [m/(kg m)], angles in rad.
-    current: Array  #: (nodes, p, w) That it needs [A/(kg m)].
-    share: Array  #: (nodes,) Of the free or held motion [1].
-    reach: Array  #: (p, moved / 2) Share of an axis's travel that a position takes [1/m], [1/rad].
-    ampere: Array  #: (p,) Share of an axis's greatest control current that 1 A takes [1/A].
+    current: Array  #: (nodes, p, w) Currents for it [A/(kg m)].
+    share: Array  #: (nodes,) Share of the free or compensated motion [1].
+    #: (p, moved / 2) Share of an axis's clearance per unit of a position [1/m], [1/rad].
+    reach: Array
+    ampere: Array  #: (p,) Share of an axis's current limit per ampere [1/A].
 
     @property
     def counts(self) -> dict[str, int]:
@@ -61,11 +63,11 @@ class UnbalanceControl:
         return self._between(self.motion, speed), self._between(self.current, speed)
 
     def share_at(self, speed: float) -> float:
-        """Return what share of the motion is left to the rotor at a speed [rad/s], of any size."""
+        """Return the share of unbalance control at a speed [rad/s], for small unbalance."""
         return float(self._between(self.share, speed))
 
     def limited(self, speed: float, unbalance: Array) -> float:
-        """Return what share of that is left of an unbalance as large as this, as in C."""
+        """Return the factor on that share for a large unbalance, as in C."""
         # unbalance (w,) [kg m]
         motion, current = self.at(speed)
         across = np.stack([-unbalance[1::2], unbalance[::2]], axis=1).ravel()
@@ -75,7 +77,7 @@ class UnbalanceControl:
         return float(np.clip((NONE**2 - squared_share) / (NONE**2 - FULL**2), 0.0, 1.0))
 
     def for_unbalance_of(self, machine: Machine) -> UnbalanceControl:
-        """Return the same, limited as the core limits it for a machine's unbalance."""
+        """Return the same with the limit that the core applies for a machine's unbalance."""
         sizes = np.zeros(self.motion.shape[2])
         planes = unbalance_planes(machine)
         for z, amount, angle in machine.unbalances() if machine.speed else []:
@@ -88,7 +90,7 @@ class UnbalanceControl:
         )
 
     def sentence(self, name: str, low: float, high: float) -> str | None:
-        """Return where it is plain control between two speeds [rad/s]; None where it is not."""
+        """Return where it is off between two speeds [rad/s], in words; None if nowhere."""
         speeds = np.abs(self.first + self.step * np.arange(len(self.share)))
         inner = speeds[(speeds > abs(low)) & (speeds < abs(high))]
         speed_grid = np.array(sorted({abs(low), *map(float, inner), abs(high)}))
@@ -130,7 +132,7 @@ def unbalance_control_fields(turn: UnbalanceControl | None) -> dict[str, Any]:
 
 
 def check_unbalance(estimator: Estimator) -> None:
-    """Raise AmbkitError where an estimator has no unbalance among its states."""
+    """Raise AmbkitError if an estimator has no unbalance states."""
     if not any(state.role == "unbalance" for state in estimator.states):
         raise AmbkitError(
             f"{estimator.name}: it has no unbalance among its states, which the controllers are "
@@ -146,10 +148,10 @@ def unbalance_control(
     start: float | None = None,
     max_speed: float | None = None,
 ) -> UnbalanceControl:
-    """Return the motion that controllers are to leave to the rotor, over the speeds."""
-    # Less of it, and in the end nothing, is left where the orbit would be considerably larger than
-    # under plain control: where the magnets' reaction is what damps, as near a critical speed of
-    # the free rotor, or of the one that is held still. That is a ratio, whatever the unbalance.
+    """Return the tables of unbalance control over the speeds."""
+    # It fades out where the orbit would be considerably larger than without it: where the magnets'
+    # reaction is the source of damping, as near a critical speed of the free or the held rotor. The
+    # ratio is independent of the amount of unbalance.
     check_unbalance(estimator)
     machine = plant.machine
     top = max(abs(machine.speed), abs(max_speed or 0.0))
@@ -183,7 +185,7 @@ def unbalance_control(
 
 
 def _shares(larger: Array, speeds: Array) -> Array:
-    """Return what is left to the rotor at each speed, by how much larger its orbit would be."""
+    """Return the share at each speed, by the ratio of the orbits."""
     near = np.maximum(NEIGHBOURHOOD * np.abs(speeds), 1.01 * abs(speeds[1] - speeds[0]))
     worst = [
         larger[np.abs(speeds - speed) <= far].max() for speed, far in zip(speeds, near, strict=True)
@@ -192,7 +194,7 @@ def _shares(larger: Array, speeds: Array) -> Array:
 
 
 def _sizes(plant: Plant, usual: list[float]) -> Array:
-    """Return how large the unbalance is in each plane [kg m]: as described, or as is usual."""
+    """Return the unbalance of each plane [kg m]: as described, or a typical one."""
     unbalances: dict[float, float] = {}
     for z, amount, _ in plant.machine.unbalances() if plant.machine.speed else []:
         unbalances[z] = unbalances.get(z, 0.0) + amount
@@ -201,7 +203,7 @@ def _sizes(plant: Plant, usual: list[float]) -> Array:
 
 
 def _real(Z: Complex) -> Array:
-    """Return what acts on (x, y) of each plane: Re(Z (x + j y))."""
+    """Return the matrix on (x, y) of each plane: Re(Z (x + j y))."""
     return np.stack([Z.real, -Z.imag], axis=-1).reshape(len(Z), -1)
 
 
@@ -237,11 +239,11 @@ class _Rotor:
         return np.asarray(-(speed**2) * np.eye(q) - A[:, :q] - 1j * speed * A[:, q:])
 
     def given(self, speed: float) -> Complex:
-        """Return the accelerations (q, p) by 1 N of each magnet that turns at a speed."""
+        """Return the accelerations (q, p) per newton of each magnet, rotating at a speed."""
         return np.asarray(self.give * np.array([item.at(speed)[1] for item in self.behind]))
 
     def left(self, speed: float, unbalance: str) -> tuple[Complex, Complex]:
-        """Return the positions (q, planes) of a rotor free or held still, and its currents."""
+        """Return the positions (q, planes) of a free or compensated rotor, and its currents."""
         D = self.dynamics(speed)
         moved = np.asarray(np.linalg.solve(D, speed**2 * self.push), complex)
         if unbalance == "force-free":
@@ -251,9 +253,8 @@ class _Rotor:
         return np.asarray(moved + give @ held, complex), held / self.k_i
 
     def plain(self, speed: float, control: ControlLaw) -> Complex:
-        """Return the positions (q, planes) under plain control."""
-        # The estimator has the unbalance among its states, so that its mean turns as the rotor
-        # does.
+        """Return the positions (q, planes) without unbalance control."""
+        # The estimator has unbalance states, so that its mean follows the synchronous motion.
         T, q = self.T, len(self.still)
         kp, ki, kd = np.array([pid[:3] for pid in control.pids_at(speed)]).T[:, :, None]
         of, z = control.feedback, np.exp(1j * speed * T)
@@ -262,7 +263,7 @@ class _Rotor:
         for power, name in enumerate(("fed_back", "fed_back_by_speed")):
             rows = rows + speed**power * of.get(name, 0.0)
         late, own = 1 / self.ahead(speed), np.eye(len(rows), dtype=complex)
-        for at, axis, state in self.currents:  # what answers to the currents themselves
+        for at, axis, state in self.currents:  # response to the currents themselves
             past = state.role == "past control"
             own[:, axis] -= rows[:, at] * (
                 z ** -int(state.name.rsplit("_", 1)[1]) if past else late[axis]
@@ -279,12 +280,12 @@ class _Rotor:
         return np.asarray(np.linalg.solve(D, speed**2 * self.push), complex)
 
     def orbits(self, moved: Complex, sizes: Array) -> Array:
-        """Return how far it goes: at most of a travel [1], and where its planes are [m]."""
+        """Return the orbit: maximum share of a clearance [1], and in the unbalance planes [m]."""
         at_axes, at_planes = (np.abs(rows @ moved) @ sizes for rows in (self.H, self.planes))
         return np.array([(at_axes / self.travel).max(), at_planes.max()])
 
     def ahead(self, speed: float) -> Complex:
-        """Return by what a demanded current is ahead of the current (p,): lag, delay, hold."""
+        """Return the lead of the commanded current (p,): lag, dead time, hold."""
         late = np.exp(1j * speed * (self.delay + self.T / 2)) / np.sinc(
             speed * self.T / (2 * math.pi)
         )

@@ -1,4 +1,4 @@
-"""A controller of the user's: an object with ``step(y, r, estimate)`` in place of the PIDs."""
+"""A controller of the user: an object with ``step(y, r, estimate)`` in place of the PIDs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ambkit.machine.machine import Machine
 
 @runtime_checkable
 class ControllerProtocol(Protocol):
-    """What a controller of one's own has: a step.
+    """Interface of the user's controller.
 
     Its class is made with the machine, or without arguments, anew for each run. It is named as
     ``file.py:Class``, in Python its class is given.

@@ -1,4 +1,4 @@
-"""What a bearing may have beside: noise that is not white, runout, stops that bounce."""
+"""Optional parts: noise that is not white, runout, coils, compliant touch-down bearings."""
 
 import math
 from collections.abc import Iterator
@@ -10,13 +10,13 @@ from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.units import engineering
 
-LONGEST_DELAY = 16  #: Samples of the longest delay of the loop (sim/parts.h).
+LONGEST_DELAY = 16  #: Samples of the longest dead time of the loop (sim/parts.h).
 
-SHORTEST_LAG = 1e-3  #: Samples of the shortest lag: nobody can tell a shorter one from none.
+SHORTEST_LAG = 1e-3  #: Samples of the shortest lag that differs from none.
 
 
 class ColouredNoise(Part):
-    """Noise of first order on the measured position, beside the white one."""
+    """First-order coloured noise of the measured position, besides the white noise."""
 
     variance: Annotated[float, Quantity("m^2", "1 µm^2", above=0)]
     """Variance [m^2]."""
@@ -25,45 +25,45 @@ class ColouredNoise(Part):
 
 
 class Hum(Part):
-    """A narrow line in the measured position, of random phase."""
+    """Line noise: a narrow-band component of the measured position, with random phase."""
 
     frequency: Annotated[float, Quantity("Hz", "50 Hz", above=0)]
     """Frequency [Hz]."""
     amplitude: Annotated[float, Quantity("m", "5 µm", above=0)]
-    """Amplitude [m]; of a line that wanders, in the quadratic mean."""
+    """Amplitude [m]; of a line with finite width its root mean square."""
     bandwidth: Annotated[float, Quantity("Hz", "0.5 Hz", at_least=0)] = 0.0
-    """How fast amplitude and phase wander: half the width of the line, 3 dB below its top [Hz]."""
+    """Half width of the line at -3 dB, by which amplitude and phase vary [Hz]."""
 
 
 class Runout(Part):
-    """Unroundness of what the sensor looks at: ``amplitude cos(order speed t + phase)``."""
+    """Runout of the sensor target: ``amplitude cos(order speed t + phase)``."""
 
     order: Annotated[int, Field(ge=1, le=5, strict=True)]
-    """How often a revolution, 1 to 5."""
+    """Order: periods per revolution, 1 to 5."""
     amplitude: Annotated[float, Quantity("m", "3 µm", above=0)]
     """Amplitude [m]."""
     phase: Annotated[float, Quantity("rad", "30 deg")] = 0.0
     """Phase at the start [rad]."""
 
 
-REFERENCE = 293.15  #: At which the resistance of coils is given: 20 degrees Celsius [K].
+REFERENCE = 293.15  #: Reference temperature of coil resistances: 20 degrees Celsius [K].
 
 
 class Coil(Part):
-    """How each coil of an axis warms: one body, cooled by what is about it."""
+    """Thermal model of each coil of an axis: one body with one cooling path."""
 
-    # The amplifier's resistance is that at 293.15 K, and grows in proportion to the temperature.
+    # The amplifier's resistance is that at 293.15 K; it is linear in the temperature.
 
     thermal_resistance: Annotated[float, Quantity("K/W", "1.5 K/W", above=0)]
-    """From a coil to what cools it [K/W]."""
+    """Thermal resistance from a coil to its coolant [K/W]."""
     time_constant: Annotated[float, Quantity("s", "20 min", above=0)] | None = None
-    """With which it warms: its heat capacity times that [s]."""
+    """Thermal time constant: heat capacity times resistance [s]."""
     ambient: Annotated[float, Quantity("K", "313 K", above=0)] = REFERENCE
-    """Temperature of what cools it [K]; 273.15 K is 0 degrees Celsius."""
+    """Temperature of the coolant [K]; 273.15 K is 0 degrees Celsius."""
     temperature_limit: Annotated[float, Quantity("K", "403 K", above=0)] | None = None
-    """Permitted temperature of the winding [K]: of its insulation, with what a hot spot adds."""
+    """Permissible temperature of the winding [K]: that of its insulation, less hot spots."""
     temperature_coefficient: Annotated[float, Quantity("1/K", "3.93e-3 1/K", at_least=0)] = 3.93e-3
-    """Of its resistance at 293.15 K, by how much a kelvin adds [1/K]: that of annealed copper."""
+    """Temperature coefficient of the resistance at 293.15 K [1/K]. By default copper's."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -74,19 +74,20 @@ class Coil(Part):
 
 
 class Stop(Part):
-    """A stop with the force ``stiffness d^1.5 (1 + 3/2 damping d')`` at the depth d, no pull."""
+    """Touch-down bearing with contact force ``stiffness d^1.5 (1 + 3/2 damping d')`` at depth d."""
 
-    # Hunt and Crossley, Coefficient of restitution interpreted as damping in vibroimpact, 1975. An
-    # impact with the velocity v comes back with ``(1 - damping v) v`` where that loss is small.
+    # Hunt and Crossley, Coefficient of restitution interpreted as damping in vibroimpact, 1975.
+    # After an impact at v the rotor rebounds at ``(1 - damping v) v`` for a small loss. The force
+    # never pulls.
 
     stiffness: Annotated[float, Quantity("N/m^1.5", "1e8 N/m^1.5", above=0)]
     """Stiffness [N/m^1.5]."""
     damping: Annotated[float, Quantity("s/m", "0.3 s/m", at_least=0)] = 0.0
-    """Loss of the coefficient of restitution by the velocity of the impact [s/m]."""
+    """Decrease of the coefficient of restitution per impact velocity [s/m]."""
     friction: Annotated[float, Quantity("1", "0.1", at_least=0)] | None = None
-    """Coefficient of friction of a ring about two axes, where the rotor slides along it [1]."""
+    """Coefficient of sliding friction between rotor and ring, with two axes [1]."""
     radius: Annotated[float, Quantity("m", "20 mm", above=0)] | None = None
-    """Radius of the rotor in it [m], with friction."""
+    """Radius of the rotor at the ring [m], required with friction."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -99,14 +100,14 @@ class Stop(Part):
 
 
 def delay_contradictions(T: float, delay: float | None) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with the dead time of a loop that is sampled every T [s]."""
+    """Yield errors of the dead time of a loop with the sampling time T [s]."""
     if delay is not None and delay > LONGEST_DELAY * T:
         limit = f"{LONGEST_DELAY} samples, {engineering(LONGEST_DELAY * T, 's')}"
         yield "delay", f"must be at most {limit}; is {engineering(delay, 's')}"
 
 
 def eddy_current_contradictions(T: float, bearings: Any) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with the solid iron of magnets in a loop that is sampled every T [s]."""
+    """Yield errors of the solid iron of magnets in a loop with the sampling time T [s]."""
     least, most = 1e-3 / (2 * math.pi * T), 0.5 / T
     for at, bearing in enumerate(bearings if isinstance(bearings, tuple) else ()):
         corner = bearing.magnet.eddy_current_corner
@@ -117,7 +118,7 @@ def eddy_current_contradictions(T: float, bearings: Any) -> Iterator[tuple[str, 
 
 
 def voltage_contradictions(read: Read) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with the voltage of an amplifier for its magnet."""
+    """Yield errors of an amplifier's voltage limit for its magnet."""
     voltage, R = read("amplifier.voltage_limit"), read("amplifier.resistance")
     if voltage is not None and R is not None:
         needed = R * (read("magnet.bias_current") + read("amplifier.current_limit"))
@@ -128,13 +129,13 @@ def voltage_contradictions(read: Read) -> Iterator[tuple[str, str]]:
 
 
 def coil_contradictions(read: Read) -> Iterator[tuple[str, str]]:
-    """Yield what a coil that warms needs beside."""
+    """Yield missing values of a coil's thermal model."""
     if read("coil") is not None and read("amplifier.resistance") is None:
         yield "amplifier.resistance", "missing: with it a coil warms by its current"
 
 
 def gap_contradictions(read: Read) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong between gap, bias current and the limits of travel and current."""
+    """Yield contradictions of gap, bias current and the limits of displacement and current."""
     way, gap = read("clearance"), read("magnet.air_gap")
     if way >= gap:
         limit = f"magnet.air_gap, {engineering(gap, 'm')}"
@@ -148,7 +149,7 @@ def gap_contradictions(read: Read) -> Iterator[tuple[str, str]]:
 def line_contradictions(
     T: float, speed: float | None, runout: Any, hum: Any
 ) -> Iterator[tuple[str, str]]:
-    """Yield (key of the sensor, what is wrong) for lines too fast for the sampling time T [s]."""
+    """Yield (key of the sensor, error) for lines too fast for the sampling time T [s]."""
     for at, line in enumerate(runout if isinstance(runout, tuple) else ()):
         frequency = line.order * (speed or 0.0) / (2 * math.pi)
         if 2 * T * frequency >= 1:

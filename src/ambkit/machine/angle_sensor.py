@@ -1,4 +1,4 @@
-"""The sensor of the rotor's angle: pulses, an encoder, or a speed signal."""
+"""Sensor of the rotor's angle: pulses, an encoder, or a speed signal."""
 
 from collections.abc import Iterator
 from typing import Annotated, Literal
@@ -8,37 +8,37 @@ from pydantic import Field
 from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 
-SLOWEST = 100.0  #: A rotor is at least as fast, where nothing is said of its speed [rad/s].
+SLOWEST = 100.0  #: Default minimum speed [rad/s].
 SENSORS = ("pulses", "encoder", "speed")  #: In the order of ``amb_angle_sensor``.
 
 
 class AngleSensor(Part):
-    """How angle and speed of the rotor are measured; without one the speed is known exactly."""
+    """Sensor of the rotor's angle and speed; without one the speed is known exactly."""
 
     type: Literal["pulses", "encoder", "speed"] = "pulses"
     """``"pulses"`` of marks that pass (keyphasor), an incremental ``"encoder"``, or a signal of the
     ``"speed"``."""
     per_turn: Annotated[int, Field(ge=1, strict=True)] = 1
-    """Pulses a turn, or steps of the encoder."""
+    """Pulses per turn, or steps of the encoder."""
     angle_noise: Annotated[float, Quantity("rad", "0.5 deg", above=0)] = 1e-3
     """Standard deviation of a pulse's or an encoder's angle [rad]."""
     speed_noise: Annotated[float, Quantity("rad/s", "3 rpm", above=0)] = 0.1
     """Standard deviation of a reading of the speed signal [rad/s]."""
     latency: Annotated[float, Quantity("s", "5 ms", at_least=0)] = 0.0
-    """By which a reading comes late [s]; it is taken back."""
+    """Latency of a reading [s]; it is compensated."""
     latency_error: Annotated[float, Quantity("s", "0.2 ms", at_least=0)] = 0.0
-    """Standard deviation of what is not known of the latency [s]."""
+    """Standard deviation of the error of the latency [s]."""
     gain_error: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    """Standard deviation of the speed signal's gain [1]: 0.01 is 1 %."""
+    """Standard deviation of the gain error of the speed signal [1]: 0.01 is 1 %."""
     acceleration: Annotated[float, Quantity("rad/s^2", "100 rad/s^2", above=0)] = 100.0
-    """Usual acceleration of the rotor [rad/s^2]; it may change by so much in a second."""
+    """Typical acceleration of the rotor [rad/s^2]; it may change by this amount within a second."""
     max_speed: Annotated[float, Quantity("rad/s", "15000 rpm", above=0)] | None = None
-    """Highest speed that is followed [rad/s]; without it 1.25 times the machine's."""
+    """Maximum speed of the estimate [rad/s]. By default 1.25 times the machine's."""
     reverses: bool = False
-    """Whether the rotor turns both ways; pulses do not tell which."""
+    """Whether the rotor spins in both directions; pulses do not show which."""
 
     def range(self, speed: float) -> tuple[float, float]:
-        """Return the speeds that are followed, of a machine with a speed of its own [rad/s]."""
+        """Return the speed range of the estimate for a machine with a speed of its own [rad/s]."""
         most = self.max_speed or 1.25 * max(abs(speed), SLOWEST)
         if self.reverses:
             return -most, most
@@ -46,12 +46,12 @@ class AngleSensor(Part):
 
     @property
     def direction_assumed(self) -> bool:
-        """Whether the rotor turns both ways and no reading tells which."""
+        """Whether the rotor spins in both directions and no reading shows which."""
         return self.reverses and self.type == "pulses"
 
     @property
     def channel(self) -> tuple[str, str]:
-        """Name and unit of its readings in a record."""
+        """Name and unit of its signal in a record."""
         names = {"pulses": ("pulse", "s"), "encoder": ("angle_reading", "rad")}
         return names.get(self.type, ("speed_reading", "rad/s"))
 

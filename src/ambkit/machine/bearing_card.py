@@ -1,4 +1,4 @@
-"""A bearing: the force of its magnet, over current and displacement."""
+"""Figure and description of a machine with one axis: force over current and displacement."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ambkit.result.card import Card, settings_card, value
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Points, Rule
 
 SHARES = {"series 2": -0.5, "estimate": 0.0, "series 3": 0.5}
-"""Of the range of what the lines stand for, by their signals."""
+"""Lines of the figure, as signed shares of the range."""
 
 
 def bearing_figure(machine: Any) -> Figure:
-    """Show what its magnet pulls with, and the current that carries the rotor."""
+    """Plot the magnet force, and the levitation current."""
     magnet, travel = magnet_of(machine), machine.clearance
     iu = np.linspace(machine.current_min, machine.current_max, 121)
     x = np.linspace(-travel, travel, 121)
@@ -46,7 +46,7 @@ def bearing_figure(machine: Any) -> Figure:
 
 
 def bearing_card(of: Any) -> Card:
-    """Describe a bearing by what its file says, and by the stiffnesses that follow."""
+    """Describe a machine with one axis by its file and the resulting stiffnesses."""
     linear = ConstantStiffness.of(of)
     centre = (
         f"k_i {value(linear.k_i, 'N/A')}, k_s {value(linear.k_s, 'N/m')}, "

@@ -1,4 +1,4 @@
-"""What a machine is made of: a rotor, and bearings, sensors and unbalance at their places.
+"""Components of a machine: rotor, and bearings, sensors and unbalance at their places.
 
 Places are measured along the shaft, which is z: from the centre of mass, or of a rotor by a table
 of its shaft or by matrices from where these begin. Across it are x, against gravity where the shaft
@@ -30,14 +30,14 @@ from ambkit.machine.rotors.descriptions import MatrixRotor, ModalRotor, ShaftRot
 from ambkit.machine.rotors.shaft_elements import inertia_contradictions
 
 Label = Annotated[str, StringConstraints(pattern=r"^([A-Za-z][A-Za-z0-9]{0,7})?$")]
-"""Short name of a bearing or a sensor, of which names of signals are made."""
+"""Short name of a bearing or a sensor, used in names of signals."""
 
 Place = Annotated[float, Quantity("m", "-0.25 m")]
 Angle = Annotated[float, Quantity("rad", "45 deg")]
 
 
 class MassRotor(Part):
-    """One mass with one translation, the rotor of a machine with one axis."""
+    """A mass with one translation, the rotor of a machine with one axis."""
 
     type: Literal["mass"] = "mass"
     """Moves along one axis."""
@@ -47,11 +47,12 @@ class MassRotor(Part):
         float | Literal["-x", "+x", "none"],
         WordOrQuantity("rad", "45 deg", words=("-x", "+x", "none")),
     ]
-    """Direction in which gravity pulls; "none" for a horizontal axis, or an angle from -x [rad]: of
-    a bearing whose axis stands slanted, "45 deg"."""
+    """Direction of gravity; "none" for a horizontal axis, or for an inclined axis its angle from -x
+    [rad], such as "45 deg".
+    """
 
     centre: ClassVar = 0.0  #: Place of the centre of mass [m].
-    transverse_inertia: ClassVar = math.inf  #: It does not tilt [kg m^2].
+    transverse_inertia: ClassVar = math.inf  #: It has no tilt [kg m^2].
     polar_inertia: ClassVar = 0.0  #: It does not rotate [kg m^2].
 
     def bending(self, magnets: tuple[float, ...]) -> None:
@@ -62,21 +63,21 @@ class RigidRotor(Part):
     """A rigid rotor."""
 
     type: Literal["rigid"] = "rigid"
-    """Does not bend."""
+    """Rigid."""
     mass: Annotated[float, Quantity("kg", "3.3 kg", above=0)]
     """Mass m [kg]."""
     transverse_inertia: Annotated[float, Quantity("kg m^2", "0.125 kg m^2", above=0)]
-    """Moment of inertia I_t across the shaft, about the centre of mass [kg m^2]."""
+    """Transverse moment of inertia I_t about the centre of mass [kg m^2]."""
     polar_inertia: Annotated[float, Quantity("kg m^2", "0.0036 kg m^2", above=0)]
-    """Moment of inertia I_p about the shaft [kg m^2]."""
+    """Polar moment of inertia I_p about the shaft [kg m^2]."""
     gravity: Literal["-x", "-z", "none"] = "-x"
-    """Direction in which gravity pulls: "-x" where the shaft lies, "-z" where it stands."""
+    """Direction of gravity: "-x" for a horizontal shaft, "-z" for a vertical one."""
     first_end: Place | None = None
-    """Place of the end towards -z [m]; with it nothing may be beyond."""
+    """Position of the end towards -z [m], the limit of all places if given."""
     second_end: Place | None = None
-    """Place of the end towards +z [m]; with it nothing may be beyond."""
+    """Position of the end towards +z [m], the limit of all places if given."""
 
-    centre: ClassVar = 0.0  #: Place of the centre of mass, from where places are measured [m].
+    centre: ClassVar = 0.0  #: Position of the centre of mass, the origin of places [m].
 
     def bending(self, magnets: tuple[float, ...]) -> None:
         """Return its bending modes: none."""
@@ -100,7 +101,7 @@ class RigidRotor(Part):
 
 
 def _kind_of_rotor(rotor: Any) -> str:
-    """Return the kind that a rotor says it is of; where it says nothing, what its keys are of."""
+    """Return the type of a rotor, as stated or by its keys."""
     if not isinstance(rotor, dict):
         return str(getattr(rotor, "type", ""))
     of_keys = {"section": "shaft", "file": "matrices", "mode": "modes"}
@@ -116,39 +117,39 @@ AnyRotor = Annotated[
     | Annotated[MassRotor, Tag("mass")],
     Discriminator(_kind_of_rotor),
 ]
-"""A rotor of any kind, by its type."""
+"""A rotor of any type."""
 
 Body = RigidRotor | ShaftRotor | MatrixRotor | ModalRotor | MassRotor
-"""A rotor as a machine has it."""
+"""The rotor of a machine."""
 
 ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor, MassRotor)
 
 
 class PlacedBearing(Part):
-    """A bearing of the machine: the magnets of each of its axes, and where they are."""
+    """A bearing of the machine: the magnets of its axes, and its place."""
 
-    # A radial one has two axes, NAME1 at its angle and NAME2 a quarter turn on; a thrust bearing
-    # has one, NAME, along the shaft.
+    # A radial bearing has two axes, NAME1 at its angle and NAME2 a quarter turn ahead; a thrust
+    # bearing has one, NAME, along the shaft.
 
     renamed: ClassVar = {"travel_limit": "clearance"}
     name: Label = ""
     """Short name, letters and digits."""
     type: Literal["radial", "thrust", "single"] = "radial"
-    """Across the shaft, with two axes, or along it; or the one axis of a mass."""
+    """Radial with two axes, or axial; or the one axis of a mass."""
     place: Place = 0.0
-    """Where its force acts, along the shaft [m]."""
+    """Position of its force along the shaft [m]."""
     angle: Angle = 0.0
-    """From x, which is against gravity, to its first axis, towards y [rad]."""
+    """Angle of its first axis from x, which is against gravity, towards y [rad]."""
     clearance: Annotated[float, Quantity("m", "0.2 mm", above=0)]
-    """How far the rotor may go until it meets the touch-down bearing [m]; less than the air gap."""
+    """Clearance: displacement at contact with the touch-down bearing [m]; less than the air gap."""
     magnet: Magnet
     """The electromagnets of an axis."""
     amplifier: Amplifier
     """The amplifier of an axis."""
     stop: Stop | None = None
-    """The touch-down bearing, which gives way and bounces; without it a stiff one."""
+    """The touch-down bearing with stiffness and damping. By default stiff."""
     coil: Coil | None = None
-    """How the coils warm; without it nobody asks."""
+    """Thermal model of the coils. By default none."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -166,22 +167,22 @@ class PlacedBearing(Part):
 
 
 class PlacedSensor(Sensor):
-    """A position sensor of the machine, and where it looks."""
+    """A position sensor of the machine, and its place."""
 
-    # A radial one has two readings, NAME1 at its angle and NAME2 a quarter turn on; a single one
-    # has the first of them, NAME, and an axial one looks along the shaft.
+    # A radial sensor has two readings, NAME1 at its angle and NAME2 a quarter turn ahead; a single
+    # one has one, NAME; an axial one measures along the shaft.
 
     name: Label = ""
     """Short name, letters and digits."""
     type: Literal["radial", "single", "axial"] = "radial"
-    """Across the shaft with two readings or one, or along it."""
+    """Radial with two readings or one, or axial."""
     place: Place = 0.0
-    """Where it looks at the rotor, along the shaft [m]."""
+    """Position of its target along the shaft [m]."""
     angle: Angle = 0.0
-    """From x, which is against gravity, to its first reading, towards y [rad]."""
+    """Angle of its first reading from x, which is against gravity, towards y [rad]."""
 
     def tables(self) -> dict[str, Any]:
-        values = super().tables()  # of the one sensor of a mass only what a file has
+        values = super().tables()  # a mass has one sensor, described by the values of the file
         return (
             {key: values[key] for key in Sensor.model_fields} if self.type == "single" else values
         )
@@ -196,14 +197,15 @@ class Unbalance(Part):
     """Unbalance in a plane across the shaft: by its amount, or by a balance quality grade."""
 
     place: Place
-    """Where the plane is, along the shaft [m]."""
+    """Position of the plane along the shaft [m]."""
     amount: Annotated[float, Quantity("kg m", "50 g mm", above=0)] | None = None
     """Mass times radius [kg m]; or else grade."""
     grade: Annotated[float, Quantity("m/s", "2.5 mm/s", above=0)] | None = None
-    """Balance quality grade of the rotor, G 2.5 is 2.5 mm/s [m/s]; the plane has its share of what
-    ISO 21940-11 permits at the machine's speed."""
+    """Balance quality grade of the rotor, G 2.5 is 2.5 mm/s [m/s]; the plane has its share of the
+    permissible unbalance at the machine's speed (ISO 21940-11).
+    """
     angle: Angle = 0.0
-    """From x to it, at the start [rad]."""
+    """Angle from x at the start [rad]."""
 
     unwritten = ("amount", "grade")
 

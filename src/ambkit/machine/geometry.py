@@ -1,4 +1,4 @@
-"""Where things are on a rotor: its coordinates, the axes of its bearings, its readings.
+"""Geometry of a rotor: its coordinates, the axes of its bearings, its readings.
 
 The coordinates are q = (x, y, th_x, th_y), and z where there is a thrust bearing; a point of the
 shaft at the place z moves by ``x + z th_y`` and ``y - z th_x``. A flexible rotor has m1_x, m1_y
@@ -21,21 +21,21 @@ from ambkit.machine.components import Body, PlacedBearing, PlacedSensor
 from ambkit.machine.parts import along_x
 from ambkit.machine.rotors.modes import Bending
 
-POSITIONS = ("x", "y", "th_x", "th_y")  #: The coordinates across the shaft [m, m, rad, rad].
+POSITIONS = ("x", "y", "th_x", "th_y")  #: The radial coordinates [m, m, rad, rad].
 
 
 class Line(NamedTuple):
-    """A direction at a place: along it a magnet pulls, or a sensor looks."""
+    """A direction at a place, of a magnet force or a sensor."""
 
-    place: float  #: Where, from the centre of mass [m].
-    cosine: float  #: Of its angle from x; NaN along the shaft.
-    sine: float  #: Of its angle from x; NaN along the shaft.
+    place: float  #: Position from the centre of mass [m].
+    cosine: float  #: Cosine of its angle from x; NaN along the shaft.
+    sine: float  #: Sine of its angle from x; NaN along the shaft.
     shape: tuple[float, ...] = ()
-    """How far each bending mode is out there, by where it is largest [1]."""
+    """Mode shapes there, with maximum 1 [1]."""
 
     @classmethod
     def across(cls, place: float, angle: float, shape: tuple[float, ...] = ()) -> Line:
-        """Return a direction across the shaft; exactly along an axis where it is within 1e-12."""
+        """Return a radial direction; exactly along a coordinate if within 1e-12."""
         ways = (math.cos(angle), math.sin(angle))
         cosine, sine = (float(round(way)) if abs(way - round(way)) < 1e-12 else way for way in ways)
         return cls(place, cosine, sine, shape)
@@ -47,7 +47,7 @@ class Line(NamedTuple):
 
     @property
     def translation(self) -> bool:
-        """Whether it is the one direction in which a mass moves; that has no place."""
+        """Whether it is the only direction of a mass, which has no place."""
         return math.isnan(self.place)
 
     @property
@@ -57,7 +57,7 @@ class Line(NamedTuple):
 
     @property
     def form(self) -> dict[str, float]:
-        """The displacement there, as a linear form of the coordinates that it depends on."""
+        """The displacement there, as a linear form of its coordinates."""
         if self.translation:
             return {"x": 1.0}
         if self.axial:
@@ -74,47 +74,47 @@ class Axis(NamedTuple):
     """An axis of a bearing."""
 
     name: str  #: Such as ``A1``.
-    line: Line  #: Along which its magnets pull.
-    bearing: PlacedBearing  #: Whose axis it is.
+    line: Line  #: Direction of its magnet force.
+    bearing: PlacedBearing  #: Its bearing.
 
 
 class Reading(NamedTuple):
-    """What a sensor shows."""
+    """A reading of a sensor."""
 
     name: str  #: Such as ``A1``.
-    line: Line  #: Along which it looks.
-    sensor: PlacedSensor  #: Whose reading it is.
+    line: Line  #: Direction of the measurement.
+    sensor: PlacedSensor  #: Its sensor.
 
 
-TRANSLATION = Line(math.nan, 1.0, 0.0)  #: Along the one coordinate of a mass.
+TRANSLATION = Line(math.nan, 1.0, 0.0)  #: Along the only coordinate of a mass.
 
 
 class Shaft(NamedTuple):
-    """What turns a place on a rotor into lines."""
+    """Conversion of places on a rotor into directions."""
 
-    centre: float = 0.0  #: Place of the centre of mass [m].
+    centre: float = 0.0  #: Position of the centre of mass [m].
     bending: Bending | None = None  #: Its bending modes, if it has any.
     translation: bool = False  #: Whether it is a mass with one coordinate.
 
     @classmethod
     def of(cls, rotor: Body, bearings: tuple[PlacedBearing, ...]) -> Shaft:
-        """Return that of a rotor in bearings."""
+        """Return that of a machine's rotor."""
         places = tuple(bearing.place for bearing in bearings if bearing.type == "radial")
         return cls(rotor.centre, rotor.bending(places), rotor.type == "mass")
 
     def line(self, place: float, angle: float) -> Line:
-        """Return a direction across the shaft."""
+        """Return a radial direction."""
         if self.translation:
             return TRANSLATION
         out = () if self.bending is None else tuple(self.bending.shape(place).tolist())
         return Line.across(place - self.centre, angle, out)
 
 
-RIGID = Shaft()  #: Of a rotor that does not bend, or of which that is not asked.
+RIGID = Shaft()  #: For a rigid rotor, or without bending.
 
 
 def axes_of(bearings: tuple[PlacedBearing, ...], shaft: Shaft = RIGID) -> tuple[Axis, ...]:
-    """Return the axes of bearings, in their order."""
+    """Return the axes of bearings, in order."""
     return tuple(
         Axis(name, line, bearing)
         for bearing in bearings
@@ -125,7 +125,7 @@ def axes_of(bearings: tuple[PlacedBearing, ...], shaft: Shaft = RIGID) -> tuple[
 
 
 def readings_of(sensors: tuple[PlacedSensor, ...], shaft: Shaft = RIGID) -> tuple[Reading, ...]:
-    """Return the readings of sensors, in their order."""
+    """Return the readings of sensors, in order."""
     return tuple(
         Reading(name, line, sensor)
         for sensor in sensors
@@ -147,7 +147,7 @@ def _lines(
 
 
 def matrix(lines: list[Line], positions: tuple[str, ...]) -> Array:
-    """Return the displacements along lines by the coordinates (lines, positions)."""
+    """Return the displacements along directions by the coordinates (lines, positions)."""
     forms = [line.form for line in lines]
     return np.array([[form.get(q, 0.0) for q in positions] for form in forms])
 
@@ -155,7 +155,7 @@ def matrix(lines: list[Line], positions: tuple[str, ...]) -> Array:
 def masses(
     rotor: Body, positions: tuple[str, ...], bending: Bending | None = None
 ) -> dict[str, float]:
-    """Return what moves with each coordinate [kg] or [kg m^2]."""
+    """Return mass or inertia of each coordinate [kg] or [kg m^2]."""
     of = {"th_x": rotor.transverse_inertia, "th_y": rotor.transverse_inertia}
     if bending is not None:
         for name, mass in zip(bending.names, bending.mass.tolist(), strict=True):
@@ -164,8 +164,8 @@ def masses(
 
 
 def compliance(rotor: Body, axes: tuple[Axis, ...]) -> Array:
-    """Return the acceleration along each axis by a force of 1 N along each (p, p) [1/kg]."""
-    # Of the rigid body: for less time than a bending takes it is more.
+    """Return the acceleration along each axis due to a force of 1 N along each (p, p) [1/kg]."""
+    # Of the rigid body; flexible modes make it larger at high frequency.
     positions = positions_of(axes)
     H = matrix([axis.line for axis in axes], positions)
     inverse = 1 / np.array(list(masses(rotor, positions).values()))
@@ -173,8 +173,8 @@ def compliance(rotor: Body, axes: tuple[Axis, ...]) -> Array:
 
 
 def supporting_forces(rotor: Body, axes: tuple[Axis, ...], gravity: float) -> Array:
-    """Return the forces along the axes that carry the rotor's weight (p,) [N]."""
-    # Where more axes carry it than are needed, those of the least sum of squares.
+    """Return the forces along the axes that balance the rotor's weight (p,) [N]."""
+    # If the axes are redundant, the solution with the least sum of squares.
     positions = positions_of(axes)
     weight = weight_of(rotor, positions, gravity)
     H = matrix([axis.line for axis in axes], positions)
@@ -182,7 +182,7 @@ def supporting_forces(rotor: Body, axes: tuple[Axis, ...], gravity: float) -> Ar
 
 
 def weight_of(rotor: Body, positions: tuple[str, ...], gravity: float) -> Array:
-    """Return the force of gravity on each coordinate [N]; a free rotor is not bent by it."""
+    """Return the force of gravity on each coordinate [N]; it does not bend a free rotor."""
     if rotor.type == "mass":
         return np.array([along_x(rotor.gravity) * rotor.mass * gravity])
     falls = {"-x": "x", "-z": "z"}.get(rotor.gravity)
@@ -190,20 +190,20 @@ def weight_of(rotor: Body, positions: tuple[str, ...], gravity: float) -> Array:
 
 
 def positions_of(axes: tuple[Axis, ...]) -> tuple[str, ...]:
-    """Return the coordinates of the rigid body of a rotor with bearings of these axes."""
+    """Return the rigid-body coordinates of a rotor with bearings of these axes."""
     if any(axis.line.translation for axis in axes):
         return ("x",)
     return POSITIONS + (("z",) if any(axis.line.axial for axis in axes) else ())
 
 
 def modal_positions(bending: Bending | None) -> tuple[str, ...]:
-    """Return the coordinates by which a rotor bends."""
+    """Return the modal coordinates."""
     names = () if bending is None else bending.names
     return tuple(f"{name}_{plane}" for name in names for plane in "xy")
 
 
 def bent_by(machine: Any, forces: Array) -> Array:
-    """Return how far a rotor at rest is bent by forces along its axes (2 modes,) [m]."""
+    """Return the static modal displacements due to forces along the axes (2 modes,) [m]."""
     if machine.bending is None:
         return np.zeros(0)
     H = matrix([axis.line for axis in machine.axes], modal_positions(machine.bending))

@@ -1,4 +1,4 @@
-"""A machine by its name, a preset or a TOML file, and its levitation current."""
+"""A machine by name, preset or TOML file, and its levitation current."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from ambkit.machine.magnets import Law, magnet_of
 
 
 def levitation_current(machine: Machine, plant: MagnetModel, x: float, balance: float) -> float:
-    """Control current [A] that holds the rotor at x [m] against ``balance`` [N], within limits."""
-    # Asked a dozen times, for each of a million machines: the C magnet itself, in place.
+    """Return the control current [A] that balances ``balance`` [N] at x [m], within limits."""
+    # Called a dozen times for each of a million machines: the C magnet itself, in place.
     magnet, i, s = plant.in_core(core_module()), np.empty(1), np.array([x], float)
 
     def force(iu: float) -> float:
@@ -28,7 +28,7 @@ def levitation_current(machine: Machine, plant: MagnetModel, x: float, balance: 
     low, high = machine.current_min, machine.current_max
     at_low, at_high = force(low), force(high)
     if at_low * at_high > 0:
-        # No current can hold it there: start from the end that comes closest.
+        # No current balances it: start from the limit that comes closest.
         return low if abs(at_low) < abs(at_high) else high
     return root(force, low, high, 1e-15 * (high - low))
 
@@ -36,8 +36,8 @@ def levitation_current(machine: Machine, plant: MagnetModel, x: float, balance: 
 def levitation_current_at(
     machine: Machine, x: float = 0.0, load: float = 0.0, magnet: MagnetModel | None = None
 ) -> float:
-    """Control current [A] with which a magnet, by default its own, carries weight and load at x."""
-    # Both the flight of each machine of a campaign and its margins need it.
+    """Return the control current [A] with which a magnet balances weight and disturbance at x."""
+    # Used by simulation and margins of each machine of a campaign.
     known = machine.levitation_currents if magnet is None else {}
     if (x, load) not in known:
         law = magnet if isinstance(magnet, Law) else magnet_of(machine)

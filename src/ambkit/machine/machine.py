@@ -1,4 +1,4 @@
-"""The machine: a rotor on its bearings, with sensors, from TOML with units."""
+"""The machine: a rotor on magnetic bearings, with sensors, from TOML with units."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
 
 
 class Machine(Shown, Document):
-    """A rotor on magnetic bearings: one axis, or several that the rotor and its rotation couple.
+    """A rotor on magnetic bearings, with one axis or several.
 
     Frozen, and checked as a whole: from TOML (`load`, `from_toml`, `preset`) or from Python, where
     numbers are SI and strings carry units. One with a single axis is read and written in a short
@@ -87,29 +87,29 @@ class Machine(Shown, Document):
     name: Annotated[Name, Field(min_length=1)]
     """Short name."""
     description: Description = ""
-    """What it is, in a sentence."""
+    """Description, in a sentence."""
     source: Description = ""
-    """Where its values come from."""
+    """Origin of its values."""
     sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)]
-    """Sampling time T of controller and estimator [s]."""
+    """Sampling time T of controller and filter [s]."""
     delay: Annotated[float, Quantity("s", "0.15 ms", above=0)] | None = None
-    """Dead time from a sample to the change of the control currents that it leads to [s]."""
+    """Dead time from a sampling instant to the change of the control currents [s]."""
     speed: Annotated[float, Quantity("rad/s", "12000 rpm")] = 0.0
-    """Speed of rotation, from x towards y [rad/s]; of a mass, of which runout has frequencies."""
+    """Speed of rotation, from x towards y [rad/s]; for a mass, the frequency of its runout."""
     rotor: AnyRotor
-    """The rotor: rigid, one that bends, or a mass along one axis."""
+    """The rotor: rigid, flexible, or a mass along one axis."""
     bearings: Annotated[tuple[PlacedBearing, ...], Field(min_length=1, alias="bearing")]
     """The bearings."""
     sensors: Annotated[tuple[PlacedSensor, ...], Field(min_length=1, alias="sensor")]
     """The position sensors."""
     unbalance: tuple[Unbalance, ...] = ()
-    """Unbalance, by its planes."""
+    """Unbalance by plane."""
     angle: AngleSensor | None = None
-    """Sensor of the rotor's angle or speed; without it the filter knows the speed exactly."""
+    """Sensor of the rotor's angle or speed. By default the filter knows the speed exactly."""
 
     unwritten = ("unbalance", "angle")
 
-    if TYPE_CHECKING:  # in either form
+    if TYPE_CHECKING:  # in both forms
 
         def __init__(self, /, **data: Any) -> None: ...
 
@@ -159,7 +159,7 @@ class Machine(Shown, Document):
 
     @classmethod
     def preset(cls, name: str) -> Self:
-        """Return a machine that comes with ambkit.
+        """Return a preset machine.
 
         Parameters
         ----------
@@ -174,7 +174,7 @@ class Machine(Shown, Document):
         return cls.from_toml(presets.text(name), name=f"{name}.toml")
 
     def model_post_init(self, context: Any, /) -> None:
-        """Choose how many bending modes are kept, where the rotor does not fix it."""
+        """Select the number of bending modes, unless the rotor states it."""
         if isinstance(self.rotor, OfMatrices) and self.rotor.modes_up_to is None:
             highest = enough(self.rotor, self.sampling_time, self.speed, self.rotor.modes_within)
             self.__dict__["rotor"] = self.rotor.model_copy(update={"modes_up_to": highest})
@@ -210,41 +210,41 @@ class Machine(Shown, Document):
 
     @property
     def clearance(self) -> float:
-        """Greatest displacement of its one axis [m], where the rotor meets a stop."""
+        """Clearance of its one axis [m]."""
         return self._one.clearance
 
     @property
     def stop(self) -> Stop | None:
-        """The stop of its one axis; without it the rotor stays where it touches one."""
+        """The touch-down bearing of its one axis; without it contact is inelastic."""
         return self._one.stop
 
     @property
     def coil(self) -> Coil | None:
-        """How the coils of its one axis warm, if that is known."""
+        """The thermal model of the coils of its one axis, if there is one."""
         return self._one.coil
 
     @cached_property
     def shaft(self) -> Shaft:
-        """Where its places are on the rotor."""
+        """The geometry of its places."""
         return Shaft.of(self.rotor, self.bearings)
 
     def __eq__(self, other: object) -> bool:
-        # Without what was made of them, which refers to them again.
+        # Without cached objects, which refer to them again.
         return type(self) is type(other) and all(
             getattr(self, key) == getattr(other, key) for key in type(self).model_fields
         )
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with values by field, or by magnet, ... of its one axis, unchecked."""
+        """Return a copy with values by field, or by a table of its one axis, unchecked."""
         update = dict(short_form.updates(self, update or {}))
         copy = super().model_copy(update=update, deep=deep)
-        for made in copy.__dict__.keys() - type(self).model_fields:  # of another rotor, perhaps
+        for made in copy.__dict__.keys() - type(self).model_fields:  # the rotor may have changed
             del copy.__dict__[made]
         return copy
 
     @property
     def bending(self) -> Bending | None:
-        """Its bending modes; None of a rigid rotor."""
+        """Its bending modes; None for a rigid rotor."""
         return self.shaft.bending
 
     @cached_property
@@ -254,7 +254,7 @@ class Machine(Shown, Document):
 
     @cached_property
     def readings(self) -> tuple[Reading, ...]:
-        """What its sensors show."""
+        """The readings of its sensors."""
         return geometry.readings_of(self.sensors, self.shaft)
 
     @property
@@ -264,16 +264,16 @@ class Machine(Shown, Document):
 
     @cached_property
     def positions(self) -> tuple[str, ...]:
-        """Coordinates of the rotor: of its rigid body, and m1_x, m1_y, ... where it bends [m]."""
+        """Coordinates of the rotor: rigid body, and modal coordinates m1_x, m1_y, ... [m]."""
         return self.rigid_positions + geometry.modal_positions(self.bending)
 
     @property
     def masses(self) -> NDArray[np.float64]:
-        """What moves with each coordinate (q,) [kg] or [kg m^2]."""
+        """Mass or inertia of each coordinate (q,) [kg] or [kg m^2]."""
         return np.array(list(geometry.masses(self.rotor, self.positions, self.bending).values()))
 
     def line(self, place: float, angle: float) -> Line:
-        """Return a direction across the shaft.
+        """Return a radial direction.
 
         Parameters
         ----------
@@ -286,14 +286,14 @@ class Machine(Shown, Document):
 
     @property
     def effective_masses(self) -> NDArray[np.float64]:
-        """What each axis alone has to move (p,) [kg]: ``1/(1/m + z^2/I_t)``."""
+        """Effective mass of each isolated axis (p,) [kg]: ``1/(1/m + z^2/I_t)``."""
         if self.rotor.type == "mass":
-            return np.array([self.rotor.mass])  # 1/(1/m) is not m
+            return np.array([self.rotor.mass])  # 1/(1/m) rounds
         return np.asarray(1 / np.diag(geometry.compliance(self.rotor, self.axes)))
 
     @property
     def coupling(self) -> float:
-        """Greatest inertial coupling of two axes [1].
+        """Largest inertial coupling of two axes [1].
 
         It is the acceleration of one by the force of the other, over the mean of their own.
         """
@@ -303,18 +303,18 @@ class Machine(Shown, Document):
 
     @property
     def turns(self) -> bool:
-        """Whether its rotor turns about the shaft; a mass has a speed only for runout."""
+        """Whether its rotor spins; the speed of a mass concerns runout only."""
         return self.speed != 0 and self.rotor.type != "mass"
 
     @property
     def control_unit(self) -> str:
-        """SI unit of the control signals: A where all are currents, else V."""
+        """SI unit of the control signals: A if all are currents, else V."""
         units = {axis.bearing.amplifier.control_unit for axis in self.axes}
         return "A" if units == {"A"} else "V"
 
     @cached_property
     def single(self) -> bool:
-        """Whether it has one axis and one reading, without names: its signals are y and u."""
+        """Whether it has one axis and one reading, whose signals y and u have no suffix."""
         bearings, sensors = self.bearings, self.sensors
         return (
             len(bearings) == len(sensors) == 1
@@ -323,11 +323,11 @@ class Machine(Shown, Document):
         )
 
     def __getitem__(self, axis: str) -> Machine:
-        """Return an axis as a machine of one axis, see `isolated_axis`."""
+        """Return an isolated axis, see `isolated_axis`."""
         return self.isolated_axis(axis)
 
     def isolated_axis(self, axis: str) -> Machine:
-        """Return an axis as a machine of its own, with the mass that is effective there.
+        """Return an axis as a machine of its own, with its effective mass.
 
         Its motion is that of the machine's only where the axes do not couple, see
         :attr:`coupling`. It has no weight but on a one-sided magnet.
@@ -351,7 +351,7 @@ class Machine(Shown, Document):
 
     @cached_property
     def _isolated_axes(self) -> dict[str, Machine]:
-        """The axes that were isolated so far, by their names: many need the same ones."""
+        """Cache of isolated axes, by name."""
         return {}
 
     def _make_isolated(self, axis: str) -> Machine:
@@ -362,9 +362,9 @@ class Machine(Shown, Document):
         result = self.axes[at]
         sensor = self._nearest(result)
         if not self.speed:
-            sensor = updated(sensor, {"runout": ()})  # without a speed it has no frequency
+            sensor = updated(sensor, {"runout": ()})  # undefined without speed
         mass, stop = float(self.effective_masses[at]), result.bearing.stop
-        stop = stop and updated(stop, {"friction": None, "radius": None})  # those are of a ring
+        stop = stop and updated(stop, {"friction": None, "radius": None})  # properties of a ring
         return Machine(**{
             "name": axis, "sampling_time": self.sampling_time, "delay": self.delay,
             "speed": abs(self.speed),
@@ -375,7 +375,7 @@ class Machine(Shown, Document):
 
     @cached_property
     def levitation_currents(self) -> dict[tuple[float, float], float]:
-        """Control currents [A] by displacement [m] and load [N]: those computed so far."""
+        """Cache of control currents [A], by displacement [m] and disturbance [N]."""
         return {}
 
     @property
@@ -385,17 +385,17 @@ class Machine(Shown, Document):
 
     @property
     def current_min(self) -> float:
-        """Least control current iu [A]; a one-sided coil's current i0 + iu stays positive."""
+        """Minimum control current iu [A]; a one-sided coil's current i0 + iu stays positive."""
         return current_limits(self.amplifier.current_limit, self.magnet)[0]
 
     @property
     def current_max(self) -> float:
-        """Greatest control current iu [A]."""
+        """Maximum control current iu [A]."""
         return self.amplifier.current_limit
 
     @property
     def levitation_current(self) -> float:
-        """Control current iu [A] that carries the rotor at rest at x = 0.
+        """Control current iu [A] in equilibrium at x = 0.
 
         It solves ``F(iu, 0) + weight = 0``; ideal iron, two-sided:
         ``iu = -weight s0^2 / (4 k i0)``, one-sided: ``iu = s0 sqrt(-weight/k) - i0``.
@@ -403,7 +403,7 @@ class Machine(Shown, Document):
         return levitation_current_of(reader(self))
 
     def lag_of(self, sensor: Sensor) -> float:
-        """Return a sensor's lag in models and plants [s]: one too short to tell is 0.001 samples.
+        """Return a sensor's lag in models and plants [s], at least 0.001 samples.
 
         Parameters
         ----------
@@ -413,13 +413,13 @@ class Machine(Shown, Document):
         return max(sensor.lag, SHORTEST_LAG * self.sampling_time)
 
     def _gravity_of(self, axis: Axis) -> Any:
-        """Gravity along an isolated axis: that of a mass; a body's is carried by the bias."""
+        """Gravity along an isolated axis: that of a mass; the bias carries that of a body."""
         if self.rotor.type == "mass":
             return self.rotor.gravity
         return "none" if axis.bearing.magnet.type == "two-sided" else "-x"
 
     def _nearest(self, axis: Axis) -> PlacedSensor:
-        """Return the sensor that looks where an axis is, or next to it."""
+        """Return the sensor at an axis, or the nearest one."""
 
         def away(sensor: PlacedSensor) -> tuple[bool, float]:
             away = abs(sensor.place - axis.bearing.place)
@@ -458,7 +458,7 @@ class Machine(Shown, Document):
         yield from eddy_current_contradictions(read("sampling_time"), read("bearings"))
         if read("bearings.0.type") == "single" and all(
             isinstance(read(f"{key}s.1.type"), float)
-            for key in short_form.LISTS  # there is none
+            for key in short_form.LISTS  # none given
         ):
             yield from mass_contradictions(read)
             return
@@ -491,4 +491,4 @@ class Machine(Shown, Document):
 Bearing = Machine  #: A machine, by the name that one with a single axis had; read for one release.
 
 ONLY = {"name": "", "type": "single", "place": 0.0, "angle": 0.0}
-"""Where the bearing and the sensor of a machine with one axis are."""
+"""Place of the bearing and the sensor of a machine with one axis."""

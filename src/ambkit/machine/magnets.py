@@ -1,4 +1,4 @@
-"""What a magnet pulls with: constant stiffness, the closed law, or the law of saturating iron.
+"""Magnet models: constant stiffness, the closed law, or the law of saturating iron.
 
 `magnet_of` gives the one that a bearing describes; who wants to know anything of a bearing's magnet
 asks that. Each model of a magnet (these, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`)
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 
 def own_time(machine: IsolatedAxis) -> float:
-    """Return ``sqrt(m/k_s)``, in which the uncontrolled rotor falls away by e [s]."""
+    """Return ``sqrt(m/k_s)``: the uncontrolled rotor departs by a factor of e in that time [s]."""
     return math.sqrt(machine.rotor.mass / typical_stiffness(machine))
 
 
 def typical_stiffness(machine: IsolatedAxis) -> float:
-    """Return ``|k_s|`` [N/m], or ``k_i i0/s0`` of a magnet that has none in the middle."""
-    # Both are the same of ideal iron. A Lorentz actuator is an example of the second.
+    """Return ``|k_s|`` [N/m], or ``k_i i0/s0`` if it is zero in the centre."""
+    # Both are equal for ideal iron. A Lorentz actuator is an example of the second.
     k, m = ConstantStiffness.of(machine), machine.magnet
     return float(abs(k.k_s or k.k_i * m.bias_current / m.air_gap))
 
@@ -94,7 +94,7 @@ class ConstantStiffness:
 
 
 def magnet_of(machine: IsolatedAxis) -> Law:
-    """Return the magnet that a machine describes: its force map or drawing, or else its law.
+    """Return the magnet of a machine: its force map or drawing, or its law.
 
     Parameters
     ----------
@@ -116,5 +116,5 @@ def magnet_of(machine: IsolatedAxis) -> Law:
 
 
 def bias_force_of(magnet: MagnetModel, machine: IsolatedAxis) -> float:
-    """Force at iu = 0, x = 0 [N] of what an estimator knows, or else of the bearing's magnet."""
+    """Return the force at iu = 0, x = 0 [N] of a magnet model, or of the machine's magnet."""
     return (magnet if isinstance(magnet, Law) else magnet_of(machine)).bias_force

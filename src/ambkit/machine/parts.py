@@ -1,4 +1,4 @@
-"""The bearing: magnet, rotor, amplifier and sensor, from TOML with units."""
+"""Parts of an axis: magnet, rotor, amplifier and sensor, from TOML with units."""
 
 import math
 from collections.abc import Iterator
@@ -29,13 +29,13 @@ from ambkit.machine.laws import LawKeys
 from ambkit.machine.magnets import MU_0, magnet_of
 
 GRAVITY = 9.81
-"""Acceleration of free fall [m/s^2], as both rigs of the presets were calculated with."""
+"""Acceleration of gravity [m/s^2] in both rigs of the presets."""
 
 
 UNREADABLE = {
     "type": "two-sided", "magnet_constant": "1 N m^2/A^2", "air_gap": "1 m", "bias_current": "1 A",
 }  # fmt: skip
-"""What stands for the keys of a drawing that is wrong: that is stated, they are no mistake."""
+"""Placeholder for the keys of an invalid drawing, whose error is reported instead."""
 
 
 def magnet_constant(turns: float, pole_area: float, pole_angle: float = 0.0) -> float:
@@ -44,7 +44,7 @@ def magnet_constant(turns: float, pole_area: float, pole_angle: float = 0.0) -> 
 
 
 def _constant_or_coil(schema: dict[str, Any]) -> None:
-    """Tell the JSON schema that a magnet has either a magnet constant or a coil."""
+    """State in the JSON schema that a magnet has either a magnet constant or a coil."""
     schema["required"].remove("magnet_constant")
     alternatives = (["magnet_constant"], ["turns", "pole_area"])
     schema["oneOf"] = [{"required": keys} for keys in alternatives]
@@ -54,10 +54,10 @@ def _constant_or_coil(schema: dict[str, Any]) -> None:
 
 
 IRON = ("iron_length", "relative_permeability", "saturation")
-"""What describes iron that saturates; all of it or none."""
+"""Parameters of saturating iron; all of them or none."""
 
 
-FILES = ("force_map", "force_channels")  #: What names a file.
+FILES = ("force_map", "force_channels")  #: Keys that name a file.
 
 
 def _pairs(tables: Any) -> tuple[tuple[str, Any], ...]:
@@ -76,50 +76,54 @@ def _tables(pairs: tuple[tuple[str, Any], ...]) -> dict[str, Any]:
 
 
 class Magnet(LawKeys):
-    """The electromagnets of one axis, and the law of their force."""
+    """The electromagnets of one axis, and their force law."""
 
     # With the magnet constant k, the bias current i0, the gap s0, the control current iu and the
-    # displacement x, a two-sided magnet pulls with ``F = k [((i0 + iu)/(s0 - x))^2 - ((i0 - iu)/(s0
-    # + x))^2]`` (paper, eq. 1, without its second equality, a slip), a one-sided one with its first
-    # half alone: x is positive towards it. Iron that saturates takes from that
+    # displacement x, the force of a two-sided magnet is ``F = k [((i0 + iu)/(s0 - x))^2 - ((i0 -
+    # iu)/(s0 + x))^2]`` (paper, eq. 1, without its second equality, a slip), that of a one-sided
+    # one the first half alone: x is positive towards it. Saturating iron reduces it
     # (`ambkit.SaturatingLaw`).
 
     model_config = ConfigDict(json_schema_extra=_constant_or_coil)
     unwritten = ("drawing", "both_axes")
 
     type: Literal["two-sided", "one-sided"]
-    """Pulls both ways, or one way with gravity as the counter-force."""
+    """Two magnets in opposite directions, or one against gravity."""
     turns: Annotated[int, Field(gt=0, le=1_000_000, strict=True)] | None = None
     """Turns N of one coil; with pole_area instead of magnet_constant."""
     pole_area: Annotated[float, Quantity("m^2", "400 mm^2", above=0)] | None = None
     """Cross section A of one air gap [m^2]; with turns instead of magnet_constant."""
     pole_angle: Annotated[float, Quantity("rad", "22.5 deg", at_least=0)] | None = None
-    """Angle between the pull of a pole and the axis [rad], by whose cosine turns and pole_area give
-    less; without it 0."""
+    """Angle between the force of a pole and the axis [rad], whose cosine reduces the force from
+    turns and pole_area. By default 0.
+    """
     iron_length: Annotated[float, Quantity("m", "0.2 m", above=0)] | None = None
-    """Mean length of the flux in the iron of one magnet [m]; with it saturation and the next."""
+    """Mean length of the flux path in the iron of one magnet [m]; if it saturates."""
     relative_permeability: Annotated[float, Quantity("1", "2000", above=0)] | None = None
     """Relative permeability mu_r of that iron, far from saturation [1]."""
     saturation: Annotated[float, Quantity("T", "1.6 T", above=0)] | None = None
-    """Flux density Bs at which that iron is saturated [T]."""
+    """Saturation flux density Bs of that iron [T]."""
     force_map: FilePath | None = None
-    """A file with the measured or computed force, points of iu, x and f_mag: the surface through
-    them is the magnet, and the law only what goes on where there are none. Or a drawing (.toml),
-    whose field is solved; type, magnet_constant, air_gap, bias_current and, of iron that conducts,
-    eddy_current_corner or _lag are then the drawing's unless stated here."""
+    """File with the measured or computed force, points of iu, x and f_mag: the surface through them
+    is the magnet, and the law extrapolates it. Or a drawing (.toml), whose field is solved;
+    type, magnet_constant, air_gap, bias_current and, with conducting iron, eddy_current_corner
+    or _lag are then the drawing's unless stated here.
+    """
     drawing: Annotated[
         tuple[tuple[str, Any], ...], BeforeValidator(_pairs), PlainSerializer(_tables),
         WithJsonSchema({"type": "object"}),
     ] = ()  # fmt: skip
     """Values that differ from the drawing's, by its keys, as ``drawing.iron.saturation = "1.7 T"``;
-    its gap and bias current are air_gap and bias_current."""
+    its gap and bias current are air_gap and bias_current.
+    """
     both_axes: bool = False
-    """Of a radial bearing's drawing: the plant has the force over currents and displacements of
-    both axes, which share their iron; filters keep to one axis each."""
+    """For a radial bearing's drawing: the plant has the force over currents and displacements of
+    both axes, which share their iron; filters model the axes separately.
+    """
     force_channels: FilePath | None = None
-    """A TOML file that says which columns of the force map mean what, where it has other names."""
+    """TOML file with the meaning of the force map's columns, if their names differ."""
     force_scale: Annotated[float, Quantity("1", "1", above=0)] | None = None
-    """By how much the force is larger than the force map's [1]; without it 1."""
+    """Factor on the force of the force map [1]. By default 1."""
     magnet_constant: Annotated[float, Quantity("N m^2/A^2", "6.7 N mm^2/A^2", above=0)]
     """Magnet constant k [N m^2/A^2] as of ideal iron, or else turns and pole_area."""
     air_gap: Annotated[float, Quantity("m", "2 mm", above=0)]
@@ -127,10 +131,12 @@ class Magnet(LawKeys):
     bias_current: Annotated[float, Quantity("A", "1.5 A", above=0)]
     """Bias current i0 [A]."""
     eddy_current_lag: Annotated[float, Quantity("s", "50 µs", above=0)] | None = None
-    """Time constant with which eddy currents in the iron let the force lag [s]; none without."""
+    """Time constant of the force's lag due to eddy currents in the iron [s]. By default none."""
     eddy_current_corner: Annotated[float, Quantity("Hz", "100 Hz", above=0)] | None = None
-    """Corner f_c of the half-order lag 1/(1 + sqrt(s/(2 pi f_c))) of a magnet of solid iron [Hz],
-    as five lags of first order over the three decades up to 1/(2 pi sampling_time)."""
+    """Corner frequency f_c of the half-order lag 1/(1 + sqrt(s/(2 pi f_c))) of a magnet of solid
+    iron [Hz], approximated by five first-order lags over the three decades up to 1/(2 pi
+    sampling_time).
+    """
 
     @model_validator(mode="before")
     @classmethod
@@ -141,7 +147,7 @@ class Magnet(LawKeys):
             from ambkit.machine.forces.drawing import stated_by
 
             stated = UNREADABLE
-            with suppress(AmbkitError):  # which `_contradictions` states
+            with suppress(AmbkitError):  # reported by `_contradictions`
                 changes = dict(_pairs(data.get("drawing", ())))
                 stated = stated_by(from_folder(data["force_map"], info), changes)
             if "eddy_current_lag" in data or "eddy_current_corner" in data:
@@ -153,7 +159,7 @@ class Magnet(LawKeys):
             return data
         constant = _coil_constant(read_unchecked(cls, data, info.context))
         if math.isnan(constant):
-            constant = 1.0  # turns or pole_area is wrong or missing: that is told, k is no mistake
+            constant = 1.0  # turns or pole_area is wrong or missing, and reported
         return data | {"magnet_constant": engineering(constant, "N m^2/A^2", digits=None)}
 
     @model_serializer(mode="wrap")
@@ -175,9 +181,9 @@ class Magnet(LawKeys):
         return str(self.force_map).endswith(".toml")
 
     def with_constant(self, constant: float) -> dict[str, float | None]:
-        """Return what :meth:`Machine.replace` is to change for another magnet constant."""
-        # A coil would contradict it, and is left out; where the iron saturates and so needs its
-        # turns, the pole area is what changes. A force map is scaled as much.
+        """Return the changes for :meth:`Machine.replace` to another magnet constant."""
+        # A coil would contradict it, and is omitted; saturating iron needs its turns, so the pole
+        # area changes instead. A force map is scaled.
         ratio = constant / self.magnet_constant
         changes: dict[str, float | None] = {}
         if self.force_map is not None:
@@ -252,27 +258,27 @@ def _coil_constant(read: Read) -> float:
 
 
 class Amplifier(Part):
-    """The current amplifier: iu = gain u, within the limit."""
+    """Current amplifier: iu = gain u, within the limit."""
 
-    # Where the control signal is a current, gain and noise variance are given in A/A and A^2. All
-    # numbers of u are then in A, and records and exports say so; filters' files name its unit V.
+    # If the control signal is a current, gain and noise variance have the units A/A and A^2. All
+    # values of u are then in A, and records and exports state it; filter files keep the unit V.
 
     gain: Annotated[float, Quantity("A/V", "1 A/V", at_least=1e-9, at_most=1e9, also=("A/A", "1"))]
-    """Gain k_ui [A/V], control current by control signal; [A/A] where that is a current."""
+    """Gain k_ui [A/V], control current per control signal; [A/A] if that is a current."""
     current_limit: Annotated[float, Quantity("A", "1.5 A", above=0)]
-    """Greatest control current |iu| [A]."""
+    """Maximum control current |iu| [A]."""
     noise_variance: Annotated[float, Quantity("V^2", "8e-5 V^2", above=0, also=("A^2",))]
     """Variance of the noise on the control signal [V^2], or [A^2] (paper: process noise)."""
     bandwidth: Annotated[float, Quantity("Hz", "2 kHz", above=0)] | None = None
-    """Corner frequency of the current, which follows as a first-order lag [Hz]; at once without."""
+    """Bandwidth of the current as a first-order lag [Hz]. By default infinite."""
     voltage_limit: Annotated[float, Quantity("V", "150 V", above=0)] | None = None
-    """Greatest voltage of a coil, either way [V]; with bandwidth and resistance."""
+    """Maximum voltage of a coil, in both directions [V]; requires bandwidth and resistance."""
     resistance: Annotated[float, Quantity("ohm", "2 ohm", above=0)] | None = None
-    """Resistance R of a coil [ohm]: what voltage it takes, and what loss."""
+    """Resistance R of a coil [ohm], for voltage and loss."""
 
     @property
     def control_unit(self) -> str:
-        """SI unit of the control signal: V, or A where the gain was given in A/A."""
+        """SI unit of the control signal: V, or A if the gain is in A/A."""
         return "A" if isinstance(self.gain, InOther) else "V"
 
     @classmethod
@@ -290,8 +296,8 @@ class Sensor(Part):
 
     renamed: ClassVar = {"noise_rise": "position_noise"}
 
-    # It sees the displacement and the runout, bends it to ``x (1 + quadratic x + cubic x^2)``, and
-    # lags; then come gain, noise and rounding.
+    # Displacement plus runout, distorted to ``x (1 + quadratic x + cubic x^2)``, then lag, gain,
+    # noise and quantisation.
 
     gain: Annotated[float, Quantity("1", "1", at_least=1e-9, at_most=1e9)]
     """Gain K_Sen [1]."""
@@ -300,20 +306,21 @@ class Sensor(Part):
     noise_variance: Annotated[float, Quantity("m^2", "83 µm^2", above=0)]
     """Variance of the noise on the measured position [m^2], at x = 0."""
     position_noise: Annotated[float, Quantity("1/m", "-90 1/m")] = 0.0
-    """By which share of it the standard deviation of the noise rises with the position shown [1/m];
-    not below an eighth, nor above eight times."""
+    """Relative increase of the noise's standard deviation with the measured position [1/m]; limited
+    to factors of an eighth and eight.
+    """
     quantisation: Annotated[float, Quantity("m", "0.5 µm", above=0)] | None = None
-    """Step of the measured position [m]; none without."""
+    """Step of the measured position [m]. By default none."""
     quadratic: Annotated[float, Quantity("1/m", "20 1/m")] = 0.0
-    """Part of the sensor's non-linearity [1/m]."""
+    """Coefficient of the sensor's non-linearity [1/m]."""
     cubic: Annotated[float, Quantity("1/m^2", "1e4 1/m^2")] = 0.0
-    """Part of the sensor's non-linearity [1/m^2]."""
+    """Coefficient of the sensor's non-linearity [1/m^2]."""
     coloured_noise: ColouredNoise | None = None
-    """Noise of first order, beside the white one."""
+    """First-order coloured noise, besides the white noise."""
     hum: tuple[Hum, ...] = ()
-    """Narrow lines in the measured position."""
+    """Line noise of the measured position."""
     runout: tuple[Runout, ...] = ()
-    """Runout at multiples of the bearing's speed."""
+    """Runout at multiples of the speed of rotation."""
 
     unwritten = ("position_noise", "quadratic", "cubic", "hum", "runout")
 
@@ -322,7 +329,7 @@ _DIRECTION = {"-x": -1.0, "+x": 1.0, "none": 0.0}
 
 
 def along_x(gravity: Any) -> float:
-    """Share of gravity that pulls along +x; NaN of what is no direction."""
+    """Share of gravity along +x; NaN for an invalid direction."""
     if isinstance(gravity, str):
         return _DIRECTION.get(gravity, math.nan)
     share = -math.cos(gravity) if isinstance(gravity, float) else math.nan
@@ -330,10 +337,10 @@ def along_x(gravity: Any) -> float:
 
 
 def levitation_current_of(read: Read, enough: float = 0.0) -> float:
-    """Return the current that carries the rotor at x = 0; 0 where ``enough`` [A] carries it."""
+    """Return the current in equilibrium at x = 0; 0 if ``enough`` [A] does not suffice."""
     weight = along_x(read("rotor.gravity")) * read("rotor.mass") * GRAVITY
     magnet: Any = read("magnet")
-    if not isinstance(magnet, Magnet):  # it has a mistake
+    if not isinstance(magnet, Magnet):  # invalid
         magnet = SimpleNamespace(**{key: read(f"magnet.{key}") for key in Magnet.model_fields})
     wrong = any(isinstance(value, float) and math.isnan(value) for value in vars(magnet).values())
     if wrong or math.isnan(weight) or (magnet.type == "one-sided" and not weight < 0):
@@ -350,10 +357,10 @@ def levitation_current_of(read: Read, enough: float = 0.0) -> float:
         if enough > 0 and law.carries(-weight, *current_limits(enough, magnet)):
             return 0.0
         return law.current_for(-weight)
-    except AmbkitError:  # which is told of the force map
+    except AmbkitError:  # reported with the force map
         return math.nan
 
 
 def current_limits(limit: float, magnet: Any) -> tuple[float, float]:
-    """Least and greatest control current [A]; a one-sided coil's current i0 + iu stays positive."""
+    """Minimum and maximum control current [A]; a one-sided coil's i0 + iu stays positive."""
     return -min(limit, magnet.bias_current) if magnet.type == "one-sided" else -limit, limit

@@ -22,7 +22,7 @@ from ambkit.machine.parts import GRAVITY, along_x, levitation_current_of
 def beyond_the_rotor(
     read: Read, bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
 ) -> Iterator[tuple[str, str]]:
-    """Yield what is at a place where there is no rotor."""
+    """Yield parts at places beyond the rotor."""
     if any(bearing.type == "single" for bearing in bearings):
         return  # a mass has no places
     first, second = read("rotor.first_end"), read("rotor.second_end")
@@ -42,7 +42,7 @@ def beyond_the_rotor(
 def loose(
     bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
 ) -> Iterator[tuple[str, str]]:
-    """Yield which coordinate no bearing holds, or no sensor sees."""
+    """Yield coordinates that no bearing supports, or no sensor measures."""
     if any(bearing.type == "single" for bearing in bearings):
         return
     axes, readings = geometry.axes_of(bearings), geometry.readings_of(sensors)
@@ -66,13 +66,13 @@ def loose(
             yield f"{key}.0", text
 
 
-NODE = 0.02  #: Of where a mode is largest: what is out less than that is at a node of it.
+NODE = 0.02  #: Share of a mode's maximum below which a place counts as a node.
 
 
 def unseen(
     read: Read, bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
 ) -> Iterator[tuple[str, str]]:
-    """Yield which mode is too fast for the sampling, or at whose nodes all sensors are."""
+    """Yield modes that are too fast for the sampling, or with nodes at all sensors."""
     rotor, T = read("rotor"), read("sampling_time")
     if not (bearings and sensors and isinstance(rotor, ROTORS)):
         return
@@ -100,12 +100,12 @@ def unseen(
 
 
 def _reach(axes: tuple[Axis, ...]) -> float:
-    """Return the greatest distance of a bearing from the centre of mass [m]."""
+    """Return the largest distance of a bearing from the centre of mass [m]."""
     return max((abs(axis.line.place) for axis in axes), default=0.0) or 1.0
 
 
 def mass_contradictions(read: Read) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with the one axis of a mass."""
+    """Yield contradictions of the one axis of a mass."""
 
     def of_axis(key: str) -> Any:
         return read(key if key.startswith("rotor.") else f"bearings.0.{key}")
@@ -138,7 +138,7 @@ def mass_contradictions(read: Read) -> Iterator[tuple[str, str]]:
 
 
 def double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]:
-    """Yield which names stand for two things."""
+    """Yield names that are used twice."""
     names = [item.name for item in placed]
     lines = geometry.axes_of(placed) if key == "bearing" else geometry.readings_of(placed)
     of_lines = [line.name for line in lines]
@@ -152,7 +152,7 @@ def double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]
 
 
 def too_fast(read: Read, sensors: tuple[PlacedSensor, ...]) -> Iterator[tuple[str, str]]:
-    """Yield what is too fast for the sampling."""
+    """Yield parts that are too fast for the sampling."""
     T, speed = read("sampling_time"), abs(read("speed"))
     if T * speed >= math.pi:
         limit = f"half the sampling frequency, {engineering(0.5 / T, 'Hz')}"
@@ -164,7 +164,7 @@ def too_fast(read: Read, sensors: tuple[PlacedSensor, ...]) -> Iterator[tuple[st
 
 
 def unbalance_contradictions(read: Read) -> Iterator[tuple[str, str]]:
-    """Yield which unbalance by a grade is not defined."""
+    """Yield unbalances whose grade is not defined."""
     planes, speed = read("unbalance"), read("speed")
     graded = [
         at for at, plane in enumerate(planes if isinstance(planes, tuple) else ())
@@ -189,7 +189,7 @@ def too_heavy(
     sensors: tuple[PlacedSensor, ...],
     construct: Callable[..., Any],
 ) -> Iterator[tuple[str, str]]:
-    """Yield which axis has too little current for its share of the weight."""
+    """Yield axes with too little current for their share of the weight."""
     rotor, T = read("rotor"), read("sampling_time")
     if not (bearings and sensors and isinstance(rotor, ROTORS)) or math.isnan(T):
         return
@@ -209,7 +209,7 @@ def too_heavy(
             try:
                 law = magnet_of(machine.isolated_axis(axis.name))
                 needed = abs(law.current_for(float(force)))
-            except AmbkitError:  # what is wrong with the bearing alone is told there
+            except AmbkitError:  # errors of the bearing itself are reported there
                 continue
             current = one.amplifier.current_limit
             if needed > current:

@@ -1,4 +1,4 @@
-"""The short form of a machine with one axis: how it is read and written, and its keys.
+"""The short form of a machine with one axis: reading, writing and keys.
 
 ``[magnet]``, ``[amplifier]``, ``[stop]`` and ``[coil]`` are those of its bearing, ``[rotor]`` has
 the clearance, and ``[sensor]`` is no list.
@@ -26,8 +26,9 @@ from ambkit.machine.components import PlacedSensor
 from ambkit.machine.parts import Amplifier, Magnet, Sensor
 
 LISTS = ("bearing", "sensor")  #: Keys that are lists in the long form.
-OF_BEARING = ("magnet", "amplifier", "stop", "coil")  #: Tables of the one bearing.
-CLEARANCE = ("clearance", "travel_limit")  #: Keys of [rotor] that are the bearing's; now, and once.
+OF_BEARING = ("magnet", "amplifier", "stop", "coil")  #: Tables of its one bearing.
+#: Keys of [rotor] that belong to the bearing; today's, and an earlier one.
+CLEARANCE = ("clearance", "travel_limit")
 ABOVE = ("name", "description", "source", "sampling_time", "delay", "speed")
 
 TABLES: dict[str, tuple[str, ...]] = {
@@ -50,7 +51,7 @@ def is_short(data: Any) -> bool:
 
 
 def expanded(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
-    """Return a description in the long form, and what is wrong with keys of the short one."""
+    """Return a description in the long form, and the errors of short-form keys."""
     problems: list[Problem] = []
     tables: dict[str, Any] = {"": _known("", data, problems)}
     for table in tables[""].keys() & TABLES.keys():
@@ -76,7 +77,7 @@ def expanded(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
 
 
 def _known(table: str, part: Mapping[str, Any], problems: list[Problem]) -> dict[str, Any]:
-    """Return what stands at the keys of a table that are known, and report the others."""
+    """Return the known keys of a table, and report the others."""
     keys = TABLES[table]
     once = {"rotor": CLEARANCE, "sensor": tuple(Sensor.renamed)}.get(table, ())
     for key in part:
@@ -89,7 +90,7 @@ def _known(table: str, part: Mapping[str, Any], problems: list[Problem]) -> dict
 
 
 def moved(problems: list[Problem], own: list[Problem]) -> list[Problem]:
-    """Return problems of the long form with keys of the short one, and its own."""
+    """Return errors of the long form with short-form keys, and its own."""
     meant = {problem.meant for problem in own}
     results = list(own)
     for problem in problems:
@@ -106,7 +107,7 @@ def moved(problems: list[Problem], own: list[Problem]) -> list[Problem]:
 
 
 def short_path(path: tuple[str | int, ...]) -> tuple[str | int, ...]:
-    """Return where something stands in the short form."""
+    """Return the short-form path of a value."""
     match path:
         case ("bearing", 0, "clearance"):
             return ("rotor", "clearance")
@@ -114,20 +115,20 @@ def short_path(path: tuple[str | int, ...]) -> tuple[str | int, ...]:
             return tuple(rest)
         case ("sensor", 0, *rest):
             return ("sensor", *rest)
-        case ("rotor", "mass", step, *rest):  # pydantic names the kind
+        case ("rotor", "mass", step, *rest):  # pydantic inserts the type
             return ("rotor", step, *rest)
     return path
 
 
 def short_text(text: str) -> str:
-    """Return a message that begins with a key of the long form with that of the short one."""
+    """Return a message with the short form of its initial key."""
     if text.startswith("bearing[0].clearance"):
         return text.replace("bearing[0]", "rotor", 1)
     return text.removeprefix("bearing[0].").replace("sensor[0].", "sensor.", 1)
 
 
 def long_key(key: str) -> str:
-    """Return a dotted key of the short form as one of the long form; others as they are."""
+    """Return a dotted short-form key in the long form; others unchanged."""
     table, _, rest = key.partition(".")
     if table in OF_BEARING:
         return f"bearing.0.{key}"
@@ -137,7 +138,7 @@ def long_key(key: str) -> str:
 
 
 def shortened(long: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is written of a machine with one axis."""
+    """Return the description of a machine with one axis in the short form."""
     bearing, sensor, rotor = long["bearing"][0], long["sensor"][0], long["rotor"]
     parts = dict(bearing)
     parts["rotor"] = {key: rotor.get(key, bearing["clearance"]) for key in TABLES["rotor"]}
@@ -147,7 +148,7 @@ def shortened(long: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def tables_of(machine: Any) -> dict[str, Any]:
-    """Return the values of a machine with one axis by the keys of the short form."""
+    """Return the values of a machine with one axis by short-form keys."""
     bearing, rotor = machine.bearings[0], machine.rotor
     values = {
         "rotor": {"mass": rotor.mass, "gravity": rotor.gravity, "clearance": bearing.clearance},
@@ -180,7 +181,7 @@ def with_schema(long: dict[str, Any]) -> dict[str, Any]:
 
 
 def updates(machine: Any, update: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield the fields of a machine that an update by keys of a file, or by fields, changes."""
+    """Yield the fields of a machine that change with keys of a file, or fields."""
     of_bearing = (*OF_BEARING, "clearance")
     if own := {key: value for key, value in update.items() if key in of_bearing}:
         yield "bearings", (updated(machine._one, own),)

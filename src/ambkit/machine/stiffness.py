@@ -95,7 +95,7 @@ class StiffnessMap:
         return k_i, k_s
 
     def force_rms(self, model: ForceFunction | None = None, *, samples: int = 120) -> float:
-        """How far a model of the force is from this one: RMS over the area of the box [N].
+        """RMS difference of the force to that of a model, over the area of the grid [N].
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ class StiffnessMap:
         return float(np.sqrt(np.mean((_asked(self.force, iu, x) - other) ** 2)))
 
     def in_core(self, core: ModuleType) -> Table:
-        """Build the C implementation: bilinear between the nodes, held at the edge outside.
+        """Build the C implementation: bilinear between the nodes, constant outside.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ class StiffnessMap:
 
     @property
     def fingerprint(self) -> str:
-        """Sixteen hexadecimal digits that change with any node or stiffness."""
+        """Sixteen hexadecimal digits, a hash of nodes and stiffnesses."""
         digest = hashlib.sha256()
         for array in (self.current, self.displacement, self.k_i, self.k_s):
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
@@ -162,9 +162,9 @@ class StiffnessMap:
 
 
 def operating_points(machine: Machine) -> tuple[Array, Array]:
-    """Return the nodes of the paper's 25 operating points (Tables 2 and 3), for any bearing."""
-    # Five control currents [A] over what the amplifier gives, and five displacements [m] over half
-    # the travel to either side.
+    """Return the nodes of the paper's 25 operating points (Tables 2 and 3), for any machine."""
+    # Five control currents [A] over the range of the amplifier, and five displacements [m] over
+    # half of the clearance in both directions.
     half_travel = machine.clearance / 2
     return (
         np.linspace(machine.current_min, machine.current_max, 5),
@@ -269,7 +269,7 @@ def local_stiffness(
     currents = iu[..., np.newaxis] + delta_current * _STEP_CURRENT
     displacements = x[..., np.newaxis] + delta_displacement * _STEP_DISPLACEMENT
     y = _asked(force, currents, displacements) - _bias(force)
-    # Counted in steps, both columns are of one size: A of eq. 28 in metres would mix 1 and 1e-4.
+    # Scaled by the steps, both columns are of one size: A of eq. 28 in metres would mix 1 and 1e-4.
     # QR instead of (A'A)^-1 of eq. 31, which would square the condition number.
     a = np.stack([currents / delta_current, displacements / delta_displacement], axis=-1)
     q, r = np.linalg.qr(a)
@@ -280,7 +280,7 @@ def local_stiffness(
 
 
 def _asked(force: ForceFunction, iu: Array, x: Array) -> Array:
-    """Ask the force function, and hold it to one finite force a point."""
+    """Evaluate the force function, and check for one finite force per point."""
     answer = np.asarray(force(iu, x), dtype=float)
     if answer.shape != iu.shape:
         raise AmbkitError(
@@ -301,7 +301,7 @@ def _bias(force: ForceFunction) -> float:
 
 
 def _nodes(name: str, values: ArrayLike | None, usual: Array, unit: str) -> Array:
-    """Return nodes, a list of two finite, ascending numbers or more."""
+    """Return nodes, at least two finite, ascending numbers."""
     nodes = usual if values is None else np.array(values, dtype=float)
     if nodes.ndim != 1 or nodes.size < 2:
         raise AmbkitError(f"{name} must be a list of at least 2 nodes, has shape {nodes.shape}")

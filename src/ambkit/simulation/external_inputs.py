@@ -1,4 +1,4 @@
-"""External inputs of a run: disturbance forces, noise, faults, and a plant of the user."""
+"""External inputs of a run: disturbance forces, noise, faults, and the user's plant."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ NONE = {"late": 0.0, "y_times": 1.0, "y_plus": 0.0, "u_times": 1.0, "u_plus": 0.
 
 @dataclass(frozen=True, eq=False)
 class Faults:
-    """What is wrong between plant, controller and estimator, one value a sample, all (n,)."""
+    """Faults of sensors, control signals and amplifiers, one value per sample, all (n,)."""
 
-    # Of several axes (n, readings) of what is measured, and (n, axes) of the rest.
+    # With several axes (n, readings) for measurements, and (n, axes) for the rest.
 
-    #: The measurement is that of so many samples ago, 0 or more; between two of them on the line
-    #: through both. One that grows by 1 a sample is a sensor that is stuck [samples].
+    #: Delay of the measurement in samples, at least 0, interpolated linearly. A delay that grows by
+    #: 1 per sample is a stuck sensor [samples].
     late: Array
-    #: It is then multiplied by the one [1] and added to the other [m].
+    #: Factor on the measurement [1], and offset [m].
     y_times: Array
     y_plus: Array
-    #: The same for the control signal that the estimator is told [1], [V]; the amplifier gets the
+    #: The same for the control signal reported to the estimator [1], [V]; the amplifier gets the
     #: true one.
     u_times: Array
     u_plus: Array
-    #: Share of the amplifier's range that is left, which nobody is told [1].
+    #: Remaining share of the amplifier's range, unknown to controller and estimator [1].
     current: Array
-    #: Whether the controller, where it is fed by the measurement, gets the true one.
+    #: Whether a controller with measurement feedback gets the true measurement.
     beside: bool = False
 
     @classmethod
@@ -44,7 +44,7 @@ class Faults:
         return cls(**{name: np.full(n, value) for name, value in NONE.items()}, beside=beside)
 
     def among(self, reading: int, readings: int, axis: int, axes: int) -> Faults:
-        """Return the same faults of one of several readings, and of one of several axes."""
+        """Return the same faults for one of several readings, and for one of several axes."""
         if readings == axes == 1:
             return self
         results = {}
@@ -57,37 +57,37 @@ class Faults:
 
     @property
     def series(self) -> dict[str, Array]:
-        """All that has one value a sample, by name."""
+        """All series by name."""
         return {name: item for name, item in vars(self).items() if name != "beside"}
 
 
 @dataclass(frozen=True, eq=False)
 class ExternalInputs:
-    """Series that a run is given from outside, one value a sample."""
+    """External series of a run, one value per sample."""
 
-    # Of p axes and m readings; of a single axis each is (n,) or (n, 1).
+    # With p axes and m readings; for a single axis each is (n,) or (n, 1).
 
     #: (n, p) Force on the rotor, added to the scenario's [N].
     disturbance: Array | None = None
-    #: (n, m) Noise on the measured positions, in place of all that the sensors have [m].
+    #: (n, m) Noise of the measured positions, in place of the sensors' own [m].
     sensor_noise: Array | None = None
-    #: (n,) Factor on the force of the plant's magnets, such as that of a drifting magnet constant
-    #: [1]. Where the rotor hovers at the start, it is held as if the factor were 1.
+    #: (n,) Factor on the force of the plant's magnets, such as a drifting magnet constant [1]. The
+    #: initial equilibrium is that for a factor of 1.
     magnet_scale: Array | None = None
-    #: Faults of sensors, control signals and amplifiers. The record's y and u are those that the
-    #: estimator gets, with NaN for infinity.
+    #: Faults of sensors, control signals and amplifiers. The record's y and u are those of the
+    #: estimator, with NaN for infinity.
     faults: Faults | None = None
-    #: Where the rotor is at the start [m], of several axes (p,). Neither controller nor estimator
-    #: is told: they start as if it hovered at the reference.
+    #: Initial position of the rotor [m], with several axes (p,). Controller and estimator start as
+    #: in equilibrium at the reference.
     place: float | Array | None = None
     #: (n, m) Added to the measured positions [m]; NaN: lost.
     readings: Array | None = None
     #: (n, p) Added to the references after the start [m]; NaN: none.
     references: Array | None = None
-    #: (n,) With a sequence, whether it is told to fly [1]; by default as the sequence says.
+    #: (n,) With a sequence, the command to levitate [1]; by default as in the sequence.
     fly: Array | None = None
-    #: As exported: fields of ``amb_control`` of another value than the sequence's, and an estimator
-    #: that starts where its first readings show the rotor.
+    #: As in an export: fields of ``amb_control`` with values other than the sequence's, and an
+    #: estimator that starts at its first readings.
     exported: dict[str, Any] | None = None
 
 
@@ -95,14 +95,14 @@ _OF_READINGS = ("sensor_noise", "readings", "fault late", "fault y_times", "faul
 
 
 def columns(name: str, axes: int, readings: int) -> int:
-    """Return how many columns a series has."""
+    """Return the number of columns of a series."""
     if name in ("magnet_scale", "fly"):
         return 1
     return readings if name in _OF_READINGS else axes
 
 
 def series_of(external_inputs: ExternalInputs) -> Iterator[tuple[str, Array]]:
-    """All that has one value a sample and must be a number, by name."""
+    """All series that must be finite, by name."""
     for name in ("disturbance", "sensor_noise", "magnet_scale", "readings", "references", "fly"):
         if getattr(external_inputs, name) is not None:
             yield name, getattr(external_inputs, name)
@@ -114,7 +114,7 @@ def series_of(external_inputs: ExternalInputs) -> Iterator[tuple[str, Array]]:
 
 @runtime_checkable
 class PlantProtocol(Protocol):
-    """What a plant of one's own has: a step.
+    """Interface of the user's plant.
 
     Its class is made with the machine, or without arguments, anew for each run. It is named as
     ``file.py:Class``, in Python its class is given. Noise, quantisation and limits of the currents

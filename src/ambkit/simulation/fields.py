@@ -1,4 +1,4 @@
-"""A plant and its controllers as C takes them: by the fields of ``amb_plant``."""
+"""Plant and controllers as fields of ``amb_plant``."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from ambkit.simulation.scenario import Scenario
 
 
 class StraightLine:
-    """A single axis and its PID, whose plant is unrolled in C."""
+    """A single axis and its PID, with an unrolled plant in C."""
 
     def __init__(
         self, machine: Machine, scenario: Scenario, magnet: MagnetModel | None, at: float,
@@ -44,12 +44,12 @@ class StraightLine:
         self.held = levitation_current_at(machine, at, load, magnet) if levitated else 0.0
         self.held_at = at if levitated else 0.0
         self.place = lies_at(machine) if scenario.start == "landed" else self.held_at
-        # What was demanded before the start is the controller's own, and known.
+        # The command before the start is the controller's own, and known.
         self.current = min(max(self.held, machine.current_min), machine.current_max)
 
     @property
     def states(self) -> dict[str, tuple[int, str]]:
-        """Place and unit of the states that are recorded."""
+        """Index and unit of the recorded states."""
         return {"x": (0, "m"), "v": (1, "m/s"), "x_m": (2, "m")}
 
     def moved(self, X: Array) -> Array | None:
@@ -64,7 +64,7 @@ class StraightLine:
     def arguments(
         self, core: ModuleType, estimator: Estimator | None, elsewhere: Any
     ) -> dict[str, Any]:
-        """Return what a core is told of plant, controller and start."""
+        """Return the arguments of a core for plant, controller and start."""
         machine, pid = self.machine, self.scenario.controller
         precision = "float64" if estimator is None else estimator.precision
         coil = None if self.coil is None else core.Law("closed", **self.coil)
@@ -85,7 +85,7 @@ class StraightLine:
         }  # fmt: skip
         sequence = self.scenario.sequence
         if estimator is not None and (sequence is not None or pid.needs_estimate):
-            # It divides by the gain that its estimator knows, and not by the plant's.
+            # It divides by the nominal amplifier gain rather than the plant's.
             known = relative_gains(estimator.view.machine, machine)
             whole = Controller.of_axis(machine, estimator, pid, sequence)
             whole = replace(whole, law=whole.law.scaled(known))
@@ -98,7 +98,7 @@ class StraightLine:
 
 
 class InLoops:
-    """Any machine and its controllers, whose plant is loops over the pattern of its model."""
+    """Any machine and its controllers; the plant is loops over the pattern of its model."""
 
     def __init__(
         self, machine: Machine, scenario: Scenario, estimator: Estimator | None,
@@ -115,7 +115,7 @@ class InLoops:
             lies = scenario.start == "landed"
             self.place = plant.resting() if lies else np.zeros_like(self.place)
             self.current = np.zeros(len(machine.axes))
-            if scenario.controller.type != "lqg":  # whose integrals alone know of the weight
+            if scenario.controller.type != "lqg":  # only the PIDs' integrals balance the weight
                 self.held = self.current, np.zeros_like(self.current), None
         self.fed = estimator if scenario.feedback == "estimate" else None
         if not isinstance(made, Controllers):
@@ -124,7 +124,7 @@ class InLoops:
 
     @property
     def states(self) -> dict[str, tuple[int, str]]:
-        """Place and unit of the states that are recorded."""
+        """Index and unit of the recorded states."""
         values, moving = self.plant.model.states, 2 * len(self.machine.positions)
         results = {f"q_{values[k].name}": (k, values[k].unit) for k in range(moving)}
         shown = {at.name: (k, at.unit) for k, at in enumerate(values) if at.role == "sensor"}
@@ -142,7 +142,7 @@ class InLoops:
     def arguments(
         self, core: ModuleType, estimator: Estimator | None, elsewhere: Any, **other: Any
     ) -> dict[str, Any]:
-        """Return what a core is told of plant, controllers and start."""
+        """Return the arguments of a core for plant, controllers and start."""
         machine, scenario = self.machine, self.scenario
         precision = "float64" if estimator is None else estimator.precision
         gains = [axis.bearing.amplifier.gain for axis in machine.axes]

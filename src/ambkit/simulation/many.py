@@ -1,4 +1,4 @@
-"""Many closed loops of the nonlinear plant in one call, for Monte Carlo and campaigns."""
+"""Many closed loops with the nonlinear plant in one call, for Monte Carlo and campaigns."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ from ambkit.simulation.planned import Planned
 from ambkit.simulation.plans import Counts, Plans
 from ambkit.simulation.run_figures import FIGURES, FLAGS
 
-CHUNK = 256  #: Axes that are planned and simulated together: many times as many as there are lanes.
+CHUNK = 256  #: Axes per batch: a multiple of the number of SIMD lanes.
 
 
 @dataclass(frozen=True)
 class Many:
-    """What many runs gave, in their order."""
+    """Results of many runs, in order."""
 
     #: (runs,) By the names of :data:`FIGURES`, in SI; NaN where one does not apply.
     figures: Mapping[str, Array]
-    #: (runs,) By the names of :class:`ambkit.Status` in lower case: samples at which it was said.
+    #: (runs,) By the names of :class:`ambkit.Status` in lower case: number of samples with the
+    #: flag.
     status: Mapping[str, Counts]
 
     def __len__(self) -> int:
         return len(self.figures["touched"])
 
     def columns(self) -> dict[str, Array | Counts]:
-        """Return all figures and, as ``samples_missing`` and so on, the counts of flags."""
+        """All figures and, as ``samples_missing`` and so on, the counts of flags."""
         return {**self.figures, **{f"samples_{name}": n for name, n in self.status.items()}}
 
 
@@ -46,7 +47,7 @@ def simulate_many(
     instructions: str | None = None,
     done: Callable[[int], None] | None = None,
 ) -> Many:
-    """Simulate many closed loops and judge each by the truth, without keeping its samples.
+    """Simulate many closed loops and evaluate each against the truth, without storing samples.
 
     The numbers are those of `simulate_run`, run by run and to the last bit, whatever the order, the
     threads, the lanes and what else is in the batch.
@@ -108,14 +109,14 @@ def simulate_many(
 
 
 def _chunks(runs: Iterable[Planned]) -> Iterator[list[Planned]]:
-    """Return the runs in parts, which are smaller where a run takes longer."""
+    """Return the runs in batches, which are smaller for longer runs."""
     rest = iter(runs)
     for first in rest:
         yield [first, *islice(rest, CHUNK // len(first.machine.axes) - 1)]
 
 
 def _columns(names: Iterable[str], parts: Sequence[NDArray[Any]], kind: Any) -> dict[str, Any]:
-    """Return each column of tables that stand one below the other."""
+    """Return the columns of tables stacked vertically."""
     return {
         name: np.concatenate([part[:, k] for part in parts]) if parts else np.empty(0, kind)
         for k, name in enumerate(names)

@@ -16,7 +16,7 @@ from ambkit.simulation.scenario import Scenario
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """One run of many: what is simulated, and with which noise.
+    """One run of many: machine, scenario and noise.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Planned:
         return self.scenario.seed, self.scenario.run if self.number is None else self.number
 
     def simulated(self) -> Run:
-        """Simulate it by itself, with every sample kept."""
+        """Simulate it with all samples."""
         scenario = self.scenario.model_copy(update={"run": self.key[1]})
         estimator = None if self.estimator is None else copied(self.estimator)
         return simulate_run(

@@ -1,4 +1,4 @@
-"""Runs planned for the core, which simulates and judges many of them at once."""
+"""Preparation of runs for the core, which simulates and evaluates many at once."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from ambkit.simulation.scenario import AXES, along
 
 Counts = NDArray[np.int64]
 
-LEAST = 50  #: Samples that a step, or a load, must be followed by to be judged.
+LEAST = 50  #: Minimum number of samples after a step or a disturbance for its evaluation.
 
-MOST_PLANS = 4096  #: That are kept for runs that come later.
+MOST_PLANS = 4096  #: Maximum number of cached plans.
 
 
 class Windows(NamedTuple):
-    """Where the figures of an axis are taken; sample numbers, as of ``amb_windows``."""
+    """Windows of the figures of an axis, as sample numbers of ``amb_windows``."""
 
-    first: int  #: The first that errors count from.
-    step_from: int  #: The last step of the reference ...
-    step_to: int  #: ... and the next change; the same where there is none.
+    first: int  #: First evaluated sample.
+    step_from: int  #: Last step of the reference ...
+    step_to: int  #: ... and the next change; equal if there is none.
     height: float  #: Of that step [m].
-    load_from: int  #: The last change of a load; the number of samples where there is none.
+    load_from: int  #: Last change of a disturbance; the number of samples if there is none.
 
 
 def windows(r: Array, f_d: Array, first: int) -> list[Windows]:
-    """Find where step responses and a recovery can be seen, axis by axis."""
+    """Return the windows of step responses and recovery, axis by axis."""
     # r (n, p) [m]; f_d (n, p) [N]
     n = len(r)
     steps, loads = (np.flatnonzero((of[1:] != of[:-1]).any(axis=1)) + 1 for of in (r, f_d))
@@ -52,7 +52,7 @@ def windows(r: Array, f_d: Array, first: int) -> list[Windows]:
             start = int(changes[-1])
             later, others = loads[loads > start], steps[steps > start]
             stop = min(int(of[0]) if of.size else n for of in (later, others))
-            # A load that never rests leaves no step response to be seen.
+            # No step response can be evaluated with a disturbance that never settles.
             if later.size <= 1 and stop - start >= LEAST:
                 at = Windows(first, start, stop, float(own[start] - own[start - 1]), load)
         result.append(at)
@@ -60,16 +60,16 @@ def windows(r: Array, f_d: Array, first: int) -> list[Windows]:
 
 
 class Ready(NamedTuple):
-    """Runs that are planned."""
+    """Prepared runs."""
 
-    numbers: NDArray[np.uint64]  #: Of each run (runs,).
+    numbers: NDArray[np.uint64]  #: (runs,) Number of each run.
     by_core: dict[ModuleType, dict[Any, list[int]]]
-    """Places of the runs of each plan, by the core that it is for."""
-    own: list[Loop]  #: Loops with classes of the user, which fail in silence until they are asked.
+    """Indices of the runs of each plan, by core."""
+    own: list[Loop]  #: Loops with classes of the user, whose errors are reported on request.
 
 
 class Plans:
-    """Plans what is not planned yet, and simulates it; see `simulate_many` for the arguments."""
+    """Preparation and simulation of runs; see `simulate_many` for the arguments."""
 
     def __init__(
         self, settling: float, band: float, threads: int, instructions: str | None
@@ -78,14 +78,14 @@ class Plans:
             raise ValueError(f"threads must be 1 or more, got {threads}")
         self.settling, self.band = settling, band
         self.threads, self.instructions = threads, instructions
-        # By the identity of what a run is made of, which is kept, so that no other takes its place.
+        # By the identity of a run's objects, which are retained so that no other has the same.
         self._plans: dict[tuple[int, ...], tuple[Planned, ModuleType, Any]] = {}
         self._signals: dict[tuple[Any, ...], tuple[Any, Array]] = {}
         self._rows: dict[int, tuple[Estimator, Any]] = {}
         self._last: tuple[Any, tuple[Array, Array], list[Windows]] | None = None
 
     def ready(self, runs: Sequence[Planned]) -> Ready:
-        """Return runs as cores want them."""
+        """Return runs in the form of the core."""
         for kept in (self._plans, self._signals, self._rows):
             if len(kept) > MOST_PLANS:
                 kept.clear()
@@ -131,7 +131,7 @@ class Plans:
         return result[1:]
 
     def _loop(self, planned: Planned) -> Loop:
-        """Return the loop of a run: an estimator that changes meanwhile is its own."""
+        """Return the loop of a run; an estimator with a changing state is copied."""
         estimator, speed = planned.estimator, planned.scenario.speed
         if estimator is not None:
             stands = speed is None and estimator.view.speed in (None, planned.machine.speed)
@@ -145,7 +145,7 @@ class Plans:
         )  # fmt: skip
 
     def _sampled(self, planned: Planned) -> Sampled:
-        """Return the signals of a scenario, each of which many runs share."""
+        """Return the signals of a scenario, shared by many runs."""
         of, machine, T = planned.scenario, planned.machine, planned.machine.sampling_time
         names = ("",) if machine.single else tuple(axis.name for axis in machine.axes)
 
@@ -161,10 +161,10 @@ class Plans:
         )
 
     def _windows(self, loop: Loop) -> Array:
-        """Return where figures are taken, (p, 7) by the fields of ``amb_windows``."""
+        """Return the windows of the figures, (p, 7) by the fields of ``amb_windows``."""
         machine, (r, f_d) = loop.machine, loop.series
         first = first_of(self.settling, machine.sampling_time, len(r))
-        key = id(r), id(f_d), first  # of signals that nothing was added to they are shared
+        key = id(r), id(f_d), first  # shared while unmodified
         if self._last is None or self._last[0] != key:
             self._last = key, (r, f_d), windows(r, f_d, first)
         clearances = [axis.bearing.clearance for axis in machine.axes]
@@ -172,7 +172,7 @@ class Plans:
         return np.array([(*at, self.band * clearance, clearance) for at, clearance in pairs])
 
     def _along(self, estimator: Estimator) -> Any:
-        """Return displacements, velocities and loads of the axes by the states of an estimator."""
+        """Return displacements, velocities and disturbances of the axes, by an estimator's states."""
         if id(estimator) not in self._rows:
             states, machine = estimator.states, estimator.view.machine
             parts: list[Any] = list(estimator.view.along_axes(states))
@@ -186,12 +186,12 @@ class Plans:
         return self._rows[id(estimator)][1]
 
     def _made(self, loop: Loop, planned: Planned) -> tuple[Any, bool]:
-        """Return the plan of a run, and whether that serves all numbers."""
+        """Return the plan of a run, and whether it serves all numbers."""
         estimator, machine, stds = loop.estimator, loop.machine, loop.white_noise
         if estimator is not None and loop.calls_python:
             estimator.reset(loop.start)
         series: Any = (None, None)
-        own = stds is None or machine.angle is not None  # of each run: what is drawn in Python
+        own = stds is None or machine.angle is not None  # of each run: noise drawn in Python
         if own:
             loop.scenario = loop.scenario.model_copy(update={"run": planned.key[1]})
         if stds is None:

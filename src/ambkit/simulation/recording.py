@@ -1,4 +1,4 @@
-"""The record of a run, and the noise that is drawn for it."""
+"""The record of a run, and its noise."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ambkit.simulation.scenario import Scenario, by_axis
 CONTROL, SENSOR = 0, 1
 """Streams of an axis and its reading: of the control signal, and of the sensor from here on."""
 
-STREAMS = 64  #: Of each axis and its reading.
+STREAMS = 64  #: Streams per axis and reading.
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,11 @@ class Stream:
     number: int = 0  #: Of the stream.
 
     def next(self, by: int = 1) -> Stream:
-        """Return the stream that is so many farther."""
+        """Return the stream with an offset."""
         return replace(self, number=self.number + by)
 
     def normal(self, std: float, n: int) -> Array:
-        """Return the first n normal numbers of this standard deviation."""
+        """Return the first n normal numbers with a standard deviation."""
         return np.asarray(std * core_module().normal_noise(self.seed, self.run, self.number, n))
 
     def share(self) -> float:
@@ -74,8 +74,7 @@ def drawn(machine: Machine, scenario: Scenario, n: int) -> tuple[Array, Array]:
 
 def white(machine: Machine, scenario: Scenario) -> tuple[list[float], list[float]] | None:
     """Return the standard deviations of the noise on control signals [V] and readings [m]."""
-    # They are all that there is to know of `drawn`; None where a sensor has noise that is not
-    # white.
+    # They describe `drawn` completely; None for a sensor with noise that is not white.
     axes, sensors = machine.axes, [reading.sensor for reading in machine.readings]
     if not scenario.noise:
         return [0.0] * len(axes), [0.0] * len(sensors)
@@ -86,9 +85,9 @@ def white(machine: Machine, scenario: Scenario) -> tuple[list[float], list[float
 
 
 def _not_white(machine: Machine) -> list[tuple[int, Any]]:
-    """Return the parts that are noise of sensors, each with the number of its stream."""
-    # Of the streams of a reading, the first kind has one, the second those from there on, and
-    # others eight each from the last one down.
+    """Return the noise parts of sensors, each with its stream."""
+    # Of a reading's streams, the first kind has one, the second those from there on, and others
+    # eight each from the last one down.
     sizes, found = [Typical(1.0, 1.0, 1.0, 1.0)] * len(machine.axes), []  # they scale a filter
     for place, kind in enumerate(SENSOR_NOISE):
         first = 1 + place if place < 2 else STREAMS - 8 * (place - 1)
@@ -100,8 +99,8 @@ def _not_white(machine: Machine) -> list[tuple[int, Any]]:
 
 
 def by_equations(part: Any, T: float, n: int, stream: Stream) -> Array:
-    """Return n samples of what a part with states adds to its reading [m], exact at every T."""
-    # Stationary where it has such a distribution, else from zero on.
+    """Return n samples of the output of a part with states [m], exact at every T."""
+    # Stationary if possible, else from zero.
     plan = Plan(T)
     plan.measure(part.measurement, "m", 1.0, {})
     plan.add(part)
@@ -139,7 +138,7 @@ def recorded(
     form: StraightLine | InLoops, t: Array, out: dict[str, Any], series: dict[str, Array],
     begin: int,
 ) -> Record:  # fmt: skip
-    """Return the record of what C says, from a sample on."""
+    """Return the record of C's results, from a sample on."""
     machine, scenario = form.machine, form.scenario
     axes = [axis.name for axis in machine.axes]
     force = form.force(out["force"])
@@ -172,7 +171,7 @@ def recorded(
         signals = {name: signals[name] for name in UNITS}
     for name, _ in by_axis(scenario, "injection", axes[0]):
         signals[signal("injected", name)] = series["injected"][:, axes.index(name)], "m"
-    # Just after the sample, where the voltage is limited: that of a coil, and of a pair's other.
+    # Just after the sample, if the voltage is limited: that of a coil, and of a pair's other.
     for name in ("u_coil", "u_coil_2"):
         if name in out:
             signals[name] = np.asarray(out[name], float), "V"
@@ -199,5 +198,5 @@ def recorded(
 
 @lru_cache(maxsize=64)
 def _said(machine: Machine) -> str:
-    """Return a machine as text, which many runs of it share."""
+    """Return a machine as text, shared by many of its runs."""
     return machine.to_toml()

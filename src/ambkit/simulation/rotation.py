@@ -1,4 +1,4 @@
-"""How the rotor turns in a run, and what the sensor of its angle shows of that."""
+"""Rotation in a run, and the readings of its angle sensor."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from ambkit.machine.machine import Machine
 from ambkit.simulation.recording import STREAMS, Stream
 from ambkit.simulation.scenario import Scenario
 
-OWN = STREAMS * 1000  #: Streams of the angle's sensor: past those of any axis.
+OWN = STREAMS * 1000  #: Streams of the angle sensor: after those of all axes.
 
 
 def angles(speed: Array, T: float) -> Array:
-    """Return the angle at samples (n,) of a speed that grows evenly in between (n,) [rad]."""
+    """Return the angle at samples (n,) for a speed that is linear in between (n,) [rad]."""
     return np.asarray(np.concatenate([[0.0], np.cumsum(T * (speed[:-1] + speed[1:]) / 2)]))
 
 
 def angle_readings(machine: Machine, scenario: Scenario, speed: Array) -> Array:
-    """Return the readings of the angle's sensor at samples (n,); NaN where there is none."""
+    """Return the readings of the angle sensor at samples (n,); NaN where there are none."""
     sensor, T = machine.angle, machine.sampling_time
-    assert sensor is not None  # who asks has one
+    assert sensor is not None  # callers have one
     stream = Stream(scenario.seed, scenario.run, OWN)
     on = 1.0 if scenario.noise else 0.0
     # The errors of latency and gain are drawn once for the run.
@@ -43,7 +43,7 @@ def angle_readings(machine: Machine, scenario: Scenario, speed: Array) -> Array:
 
 
 def _pulses(sensor: AngleSensor, t: Array, angle: Array, latency: float, white: Array) -> Array:
-    """Return the time since a pulse came within the sample before (n,) [s]."""
+    """Return the time since a pulse within the last sample (n,) [s]."""
     T = t[1]
     marks = angle * sensor.per_turn / (2 * math.pi)
     if np.abs(np.diff(marks)).max() > 1:
@@ -51,8 +51,8 @@ def _pulses(sensor: AngleSensor, t: Array, angle: Array, latency: float, white: 
             f"angle.per_turn: {sensor.per_turn} pulses a turn come more than one a sample; must be "
             'fewer, or of an "encoder"'
         )
-    # A pulse comes where the angle passes a mark that noise has moved; stretches of one direction
-    # begin where the rotor turns back.
+    # A pulse occurs where the angle passes a mark with noise; segments of one direction begin where
+    # the rotor reverses.
     way = np.sign(np.diff(angle))
     ends = np.flatnonzero(np.diff(way) != 0) + 1
     result, used = np.full(len(t), np.nan), 0

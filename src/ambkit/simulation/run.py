@@ -1,4 +1,4 @@
-"""A machine and a scenario make a record: the closed loop, run in one call into C (``sim/``)."""
+"""Simulation of a machine in a scenario: the closed loop in one call into C (``sim/``)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from ambkit.simulation.simulated import Run as Run
 
 
 def samples(machine: Machine, scenario: Scenario) -> int:
-    """Return how many samples a run has."""
+    """Return the number of samples of a run."""
     T, most = machine.sampling_time, _memory() // _BYTES
     if scenario.duration / T > most:
         raise AmbkitError(
@@ -54,11 +54,11 @@ def samples(machine: Machine, scenario: Scenario) -> int:
     return max(2, round(scenario.duration / T) + 1)
 
 
-_BYTES = 400  # of memory that a sample takes, with all that is made of it
+_BYTES = 400  # of memory per sample, including derived data
 
 
 def _memory() -> int:
-    """Return how much memory the machine has [bytes]; 8 GB where that cannot be asked."""
+    """Return the memory of the computer [bytes]; 8 GB if unknown."""
     if not hasattr(os, "sysconf"):
         return 8 * 10**9
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
@@ -82,7 +82,7 @@ def simulate_run(machine: Machine, scenario: Scenario, **given: Any) -> Run:
 
 
 class Sampled(NamedTuple):
-    """The signals of a scenario at the samples, a column an axis."""
+    """Signals of a scenario at the samples, one column per axis."""
 
     t: Array  #: (n,) [s].
     reference: Array  #: (n, p) [m].
@@ -91,19 +91,19 @@ class Sampled(NamedTuple):
 
     @classmethod
     def of(cls, machine: Machine, scenario: Scenario) -> Sampled:
-        """Sample a scenario as often as a machine is sampled."""
+        """Sample a scenario at a machine's sampling time."""
         t = machine.sampling_time * np.arange(samples(machine, scenario), dtype=float)
         names = tuple(axis.name for axis in machine.axes)
         return cls(t, *(along(scenario, what, names, t) for what in AXES))
 
 
 class Loop:
-    """A closed loop that can stop between two samples, and go on with another estimator."""
+    """A closed loop that can stop between two samples, and continue with another estimator."""
 
-    # What is simulated is that of :func:`simulate_run`, and in stretches it is the same, to the
-    # last bit, as in one go. In between, `estimator` may be replaced by one that goes on where the
-    # old one is, see :meth:`ambkit.Estimator.transfer_from`: so a filter is learned anew in flight.
-    # `controllers` are made already, as for another machine, or are the PID of each axis.
+    # The simulation is that of :func:`simulate_run`; in segments it has the same bits as in one
+    # run. In between, `estimator` may be replaced by one that continues its state, see
+    # :meth:`ambkit.Estimator.transfer_from`: a filter can be retrained during a run. `controllers`
+    # are ready-made, or the PID of each axis.
 
     def __init__(
         self,
@@ -148,13 +148,13 @@ class Loop:
             "own_controller": None if own is None else OwnController(own, machine),
             "own_plant": None if plant is None else OwnPlant(plant, machine),
         }
-        self._goes: Any = None  # the loop's state, between two stretches
-        self._turns: tuple[Any, Any] = None, None  # an estimator, and its model that turns
-        self._heard: NDArray[Any] | None = None  # what that one hears of the rotation
+        self._goes: Any = None  # state of the loop between two segments
+        self._turns: tuple[Any, Any] = None, None  # an estimator, and its rotating model
+        self._heard: NDArray[Any] | None = None  # its inputs from the rotation
         self._at = 0
 
     def _impose(self, magnet: MagnetModel | None) -> None:
-        """Check and put in what is given from outside."""
+        """Check and apply the external inputs."""
         machine, n, external_inputs = self.machine, self._t.size, self.external_inputs
         p, m = len(machine.axes), len(machine.readings)
         if magnet is not None and not self._straight:
@@ -173,10 +173,10 @@ class Loop:
         self._y_injected = self._injected
         if not self._straight:
             self._y_injected = self._injected @ np.linalg.pinv(shown_along_axes(machine)).T
-        # A sensor adds its noise that neither rounds it nor has more of it at some places.
+        # For sensors without quantisation or position-dependent noise, the noise is additive.
         sensors = [reading.sensor for reading in machine.readings]
         adds = [at.quantisation is None and not at.position_noise for at in sensors]
-        if not all(adds) and self._injected.any():  # after what the sensor does to its noise
+        if not all(adds) and self._injected.any():  # after the sensor's effect on its noise
             faults = Faults.none(n) if self._faults is None else self._faults
             if self._faults is None and not self._straight:
                 faults = faults.among(0, m, 0, p)
@@ -213,15 +213,15 @@ class Loop:
 
     @property
     def start(self) -> Array:
-        """The states (n,) from which the estimator goes on [unit of each state]."""
-        assert self.estimator is not None  # who asks has one
+        """Initial states (n,) of the estimator [unit of each state]."""
+        assert self.estimator is not None  # callers have one
         return np.ravel(
             self.estimator.equilibrium_state(self._form.place, current=self._form.current)
         )
 
     @cached_property
     def noise(self) -> tuple[Array, Array]:
-        """On control signals (n, p) [V] and on readings (n, m) [m], what is injected among it."""
+        """On control signals (n, p) [V] and on readings (n, m) [m], including injections."""
         noise_u, noise_y = drawn(self.machine, self.scenario, self._t.size)
         if self.external_inputs.sensor_noise is not None:
             noise_y = self.external_inputs.sensor_noise.reshape(noise_y.shape)
@@ -233,14 +233,14 @@ class Loop:
 
     @cached_property
     def readings(self) -> Array | None:
-        """The readings of the angle's sensor (n,); None where there is none."""
+        """Readings of the angle sensor (n,); None if there is none."""
         if self.machine.angle is None or self._speed is None:
             return None
         return angle_readings(self.machine, self.scenario, self._speed[:-1])
 
     @property
     def white_noise(self) -> tuple[list[float], list[float]] | None:
-        """Standard deviations of the noise (p,) [V], (m,) [m], where it is white and no more."""
+        """Standard deviations of the noise (p,) [V], (m,) [m], if it is white only."""
         given = self.external_inputs.sensor_noise, self.external_inputs.readings
         if any(item is not None for item in given) or self._injected.any():
             return None
@@ -253,7 +253,7 @@ class Loop:
 
     @property
     def precision(self) -> Literal["float64", "float32"]:
-        """In which all is computed: that of the estimator."""
+        """Precision of the computation: that of the estimator."""
         return "float64" if self.estimator is None else self.estimator.precision
 
     @property
@@ -265,12 +265,12 @@ class Loop:
 
     @property
     def calls_python(self) -> bool:
-        """Whether a class of the user is in it, which has a state for one run."""
+        """Whether it contains a class of the user, whose state serves one run."""
         own = self.estimator is not None and not self.estimator.side_by_side
         return own or any(part is not None for part in self._own.values())
 
     def check(self) -> None:
-        """Raise what classes of the user failed with meanwhile."""
+        """Raise errors of the user's classes that occurred meanwhile."""
         for own in (*self._own.values(), self.estimator):
             if isinstance(own, OwnStep):
                 own.check()
@@ -299,7 +299,7 @@ class Loop:
         return core_arguments | self._own | of_form | self._turning(here)
 
     def _turning(self, here: slice) -> dict[str, Any]:
-        """Return the arguments of a core: rotation, moving base and failing power."""
+        """Return the arguments of a core: rotation, base motion, power failure."""
         if self._speed is None or self._base is None:
             return {}
         if (estimator := self.estimator) is not None and self._turns[0] is not estimator:
@@ -319,7 +319,7 @@ class Loop:
         }  # fmt: skip
 
     def _stretch(self, until: float | None) -> slice:
-        """Return the samples that come next, checked."""
+        """Return the next samples, checked."""
         precision, T, n = self.precision, self.machine.sampling_time, self._t.size
         if self._at == 0:
             self._began_in = precision
@@ -339,18 +339,18 @@ class Loop:
         return slice(self._at, end)
 
     def _simulate(self, here: slice, state: Any) -> dict[str, Any]:
-        """Return what C says of some samples."""
+        """Return C's results for some samples."""
         noise_u, noise_y = (np.ascontiguousarray(of[here], self.precision) for of in self.noise)
         result: dict[str, Any] = self.core.simulate(
             **self.arguments(here), noise_u=noise_u, noise_y=noise_y, state=state
         )
         self.check()
-        if self._own["own_plant"] is not None:  # which does not say how its magnets pull
+        if self._own["own_plant"] is not None:  # its magnet force is unknown
             result["force"] = np.full_like(result["force"], np.nan)
         return result
 
     def run(self, until: float | None = None) -> Run:
-        """Go on, to the end of the scenario or to a time before it."""
+        """Simulate to the end of the scenario, or to a time before it."""
         here, estimator = self._stretch(until), self.estimator
         if self._goes is None:
             self._goes = self.core.LoopState()

@@ -1,4 +1,4 @@
-"""A simulated run: what happened over time, and orbits in the bearings of a machine."""
+"""Figure of a simulated run: signals over time, and orbits in the bearings."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from ambkit.machine.components import PlacedBearing
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule
 from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
 
-TURNS = 5  #: Revolutions that an orbit shows dark, up to the end of the run.
+TURNS = 5  #: Revolutions of an orbit in a dark colour, at the end of the run.
 
-AXES = ("first axis", "second axis")  #: Of a radial bearing, as they are called.
+AXES = ("first axis", "second axis")  #: Axes of a radial bearing.
 DISPLACEMENT = Axis("displacement", "µm", 1e6)
 _ACROSS = Axis("$x$, against gravity", "µm", 1e6), Axis("$y$", "µm", 1e6)
 
 
 def simulation_figure(run: Any) -> Figure:
-    """Show what happened in a simulated run, and what the estimator said to it."""
+    """Plot the signals of a simulated run, with the estimates."""
     record, estimate = run.record, run.estimate
     if not run.machine.single:
         return _machine_figure(run)
@@ -73,7 +73,7 @@ def simulation_figure(run: Any) -> Figure:
 
 
 def _machine_figure(run: Any) -> Figure:
-    """Show the orbits of the rotor in its radial bearings, displacements and currents."""
+    """Plot the orbits of the rotor in its radial bearings, displacements and currents."""
     record, machine = run.record, run.machine
     t = record.t
     on, full_time = run.fed, replace(TIME, limits=(float(t[0]), float(t[-1])))
@@ -151,7 +151,7 @@ def _orbit(run: Any, bearing: PlacedBearing) -> Panel:
 
 
 def _last_turns(run: Any) -> slice:
-    """Return the samples of the last revolutions; of a rotor that hardly turns the last tenth."""
+    """Return the samples of the last revolutions; the last tenth at low speed."""
     speed, t = run.record["speed"], run.record.t
     angle = np.concatenate([[0.0], np.cumsum(np.abs(speed[:-1]) * np.diff(t))])
     first = int(np.searchsorted(angle, angle[-1] - TURNS * 2 * math.pi))

@@ -1,4 +1,4 @@
-"""What a run is judged by, from its truth: figures by name, and how often each flag was said."""
+"""Figures of merit of a run, against its truth, and counts of status flags."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from ambkit.estimate.estimate import Status
 
 
 class Figure(NamedTuple):
-    """A number that a run is judged by."""
+    """A figure of merit of a run."""
 
     unit: str  #: SI.
     about: str
-    """What it is, in a sentence; of several axes it is of the worst, where it is of an axis."""
+    """Description, in a sentence; with several axes it is of the worst, if it is of an axis."""
 
 
 FIGURES: dict[str, Figure] = {
@@ -42,14 +42,14 @@ FIGURES: dict[str, Figure] = {
     "orbit_share": Figure("1", "The same as a share of the travel in that bearing, of the worst "
                           "bearing."),
 }  # fmt: skip
-"""All figures by name, in the order of the arrays; NaN where one does not apply to a run."""
+"""All figures by name, in the order of the arrays; NaN if one does not apply to a run."""
 
 FLAGS = tuple(str(flag.name).lower() for flag in Status if flag)
-"""Names of what a step had to say."""
+"""Names of the status flags."""
 
 
 def first_of(settling: float, T: float, n: int) -> int:
-    """Return the first sample that errors count from."""
+    """Return the first evaluated sample."""
     first = max(1, round(settling / T))
     if first >= n:
         raise ValueError(

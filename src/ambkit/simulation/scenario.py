@@ -1,4 +1,4 @@
-"""What happens in a run: reference, disturbance, speed, noise, and who controls it."""
+"""A scenario: reference, disturbance, speed, noise and controllers of a run."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ class Disturbance(Part):
 
     @property
     def signal(self) -> Waveform:
-        """What it is over time."""
+        """Its waveform."""
         return self.force
 
 
 class Reference(Part):
-    """Where the rotor is to be along an axis of a bearing."""
+    """Reference position along an axis of a bearing."""
 
     axis: str
     """Name of the axis, such as A1."""
@@ -61,7 +61,7 @@ class Reference(Part):
 
     @property
     def signal(self) -> Waveform:
-        """What it is over time."""
+        """Its waveform."""
         return self.position
 
 
@@ -69,14 +69,14 @@ class Injection(Reference):
     """A signal at the summing point of an axis, where its controller takes its position."""
 
     position: Annotated[Signal, SignalIn("m", "1 um")]
-    """What is added to the readings, as if the rotor were there [m]."""
+    """Signal added to the readings, as if the rotor were there [m]."""
 
 
 class Base(Part):
-    """A motion of the foundation, with which bearings and sensors go: earthquake, ship, shock."""
+    """Acceleration of the foundation, with bearings and sensors: earthquake, ship, shock."""
 
     direction: Literal["x", "y", "z"]
-    """Along which direction of the machine."""
+    """Direction in the machine's coordinates."""
     acceleration: Annotated[Signal, SignalIn("m/s^2", "5 m/s^2")]
     """The acceleration [m/s^2]."""
 
@@ -87,20 +87,20 @@ _ONE_OR_MORE = Discriminator(lambda raw_value: ONE_OR_MORE[isinstance(raw_value,
 
 _STARTS_BEFORE = {"hover": "levitated", "rest": "landed"}
 
-AXES = ("reference", "disturbance", "injection")  #: Signals that an axis has each.
+AXES = ("reference", "disturbance", "injection")  #: Signals of an axis.
 
-OF_MACHINE = frozenset({"speed", "off", "base"})  #: Keys of a machine whose rotor is a body.
+OF_MACHINE = frozenset({"speed", "off", "base"})  #: Keys of a machine with several axes.
 
 
 OF_BODY = {
     key: Control.model_fields[key].default
     for key in ("cross_feedback", "gain_scheduling", "unbalance", "unbalance_from")
 }
-"""Keys of the controllers of such a rotor, and their defaults."""
+"""Keys of its controllers, and their defaults."""
 
 
 class Scenario(Described, Document):
-    """A run: what is demanded of a machine, what disturbs it, and who controls it.
+    """A run: reference, disturbances, and controllers of a machine.
 
     Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI.
 
@@ -117,56 +117,59 @@ class Scenario(Described, Document):
     """
 
     duration: Annotated[float, Quantity("s", "0.5 s", above=0)] = 0.5
-    """How long the run lasts [s]."""
+    """Duration of the run [s]."""
     start: Annotated[
         Literal["levitated", "landed", "released"],
         BeforeValidator(lambda raw_value: _STARTS_BEFORE.get(raw_value, raw_value)),
     ] = "levitated"
-    """At the start: in equilibrium at the reference; without current, lying in the touch-down
-    bearings; or without current in the middle, from where the rotor falls."""
+    """Initial state: in equilibrium at the reference; without current in contact with the
+    touch-down bearings; or without current at the centre.
+    """
     noise: Annotated[bool, Field(strict=True)] = True
-    """Whether amplifiers and sensors are noisy."""
+    """Whether amplifiers and sensors have noise."""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
     """Seed of the noise."""
     run: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
-    """Number of the run among those of this seed: with it, the key of the noise."""
+    """Number of the run with this seed; both are the key of the noise."""
     substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 4
-    """Steps of the integrator in one sample."""
+    """Integration steps per sample."""
     reference: Annotated[
         _One | Annotated[tuple[Reference, ...], _LIST],
         _ONE_OR_MORE, SignalIn("m", "0.5 mm"),
     ] = Constant(value=0.0)  # fmt: skip
-    """Position that the rotor is to take [m]: of the first axis, or a list with axes."""
+    """Reference position [m]: of the first axis, or a list with axes."""
     disturbance: Annotated[
         _One | Annotated[tuple[Disturbance, ...], _LIST],
         _ONE_OR_MORE, SignalIn("N", "3 N"),
     ] = Constant(value=0.0)  # fmt: skip
-    """Force on the rotor besides magnets, weight and unbalance [N]: along the first axis, or a list
-    with axes."""
+    """Disturbance force on the rotor [N]: along the first axis, or a list with axes."""
     injection: Annotated[
         _One | Annotated[tuple[Injection, ...], _LIST],
         _ONE_OR_MORE, SignalIn("m", "1 um"),
     ] = Constant(value=0.0)  # fmt: skip
-    """What is added to the measurement before controller and estimator take it [m]: of the first
-    axis, or a list with axes."""
+    """Signal added to the measurement at the input of controller and estimator [m]: of the first
+    axis, or a list with axes.
+    """
     controller: Annotated[Control, BeforeValidator(as_control)] = Field(
         default=Control(), validation_alias=AliasChoices("controller", "control")
     )
-    """The controllers. Of one axis, what is not said is tuned to it; of several they are chosen on
-    the margins over the machine's speed range."""
+    """The controllers. Omitted settings are tuned; with several axes the structure is selected by
+    the margins over the machine's speed range.
+    """
     speed: Annotated[Signal, SignalIn("rad/s", "3000 rpm")] | None = None
-    """Speed of rotation, such as a run-up [rad/s]; the machine's own without."""
+    """Speed of rotation, such as a run-up [rad/s]. By default the machine's."""
     off: Annotated[float, Quantity("s", "0.3 s", at_least=0)] | None = None
-    """From when on no magnet has any current, as where the power fails: the rotor drops into its
-    touch-down bearings [s]."""
+    """Time of a power failure, from which on all magnet currents are zero: the rotor drops onto its
+    touch-down bearings [s].
+    """
     sequence: LiftOff | None = None
-    """Lift-off and landing, of all axes together, and what looks after the flight; without, it
-    flies from the start."""
+    """Lift-off and landing of all axes, and trips. By default levitation from the start."""
     plant: OwnClass | None = None
-    """A plant of one's own that flies in place of the machine: ``"file.py:Class"``, or in Python
-    the class; see `PlantProtocol`."""
+    """The user's plant in place of the machine: ``"file.py:Class"``, or in Python the class; see
+    `PlantProtocol`.
+    """
     base: tuple[Base, ...] = ()
-    """How the foundation moves; displacements and readings are relative to it."""
+    """Motion of the foundation; displacements and readings are relative to it."""
 
     @model_validator(mode="before")
     @classmethod
@@ -187,11 +190,11 @@ class Scenario(Described, Document):
 
     @property
     def feedback(self) -> Literal["measurement", "estimate"] | None:
-        """What is said to feed the controllers."""
+        """Stated feedback of the controllers."""
         return self.controller.feedback
 
     def fed(self, feedback: Literal["measurement", "estimate"]) -> Self:
-        """Return the same run with controllers that are fed by the one or the other.
+        """Return the same run with the given feedback of the controllers.
 
         Parameters
         ----------
@@ -218,7 +221,7 @@ class Scenario(Described, Document):
 
 
 def by_axis(scenario: Scenario, what: str, first: str) -> list[tuple[str, Any]]:
-    """Return the signals at a key that are not zero throughout, each with its axis."""
+    """Return the nonzero signals at a key, each with its axis."""
     # first: name of the machine's first axis, which a signal without an axis is of
     waveforms = getattr(scenario, what)
     if isinstance(waveforms, tuple):
@@ -236,7 +239,7 @@ def along(scenario: Scenario, what: str, axes: tuple[str, ...], t: NDArray[np.fl
 
 
 def wrong_for(scenario: Scenario, machine: Machine) -> Iterator[str]:
-    """Yield what a scenario says that a machine has not, whose rotor is a body or a mass."""
+    """Yield keys of a scenario that do not apply to a machine."""
     axes = [axis.name for axis in machine.axes]
     for what in AXES:
         for at, (axis, _) in enumerate(by_axis(scenario, what, axes[0])):
@@ -267,7 +270,7 @@ def check_for(scenario: Scenario, machine: Machine) -> None:
         raise AmbkitError("; ".join(wrong))
 
 
-TIMES = 2001  #: Times in a run at which its speed is looked at.
+TIMES = 2001  #: Times of a run at which its speed is evaluated.
 
 
 def fastest_of(machine: Machine, scenario: Scenario) -> float:
@@ -279,7 +282,7 @@ def fastest_of(machine: Machine, scenario: Scenario) -> float:
 
 
 def feedback_of(scenario: Scenario) -> Feedback:
-    """Return what feeds the controllers of a scenario: the estimate where it is not stated."""
+    """Return the feedback of a scenario's controllers: by default the estimate."""
     return scenario.feedback or "estimate"
 
 
@@ -296,7 +299,7 @@ def control_of(machine: Machine, scenario: Scenario) -> Control:
 
 
 def settled_scenario(machine: Machine, scenario: Scenario) -> Scenario:
-    """Return a scenario with controllers and feedback chosen where they are not stated."""
+    """Return a scenario with controllers and feedback selected where they are omitted."""
     if is_default(scenario.controller):
         result = default_for(machine, scenario)
         if not result.held:

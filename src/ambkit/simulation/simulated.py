@@ -1,4 +1,4 @@
-"""A simulated run, and what it came to."""
+"""Result of a simulated run."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ TURNING = ("synchronous",)  #: Sections of its rows.
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(Result):
-    """A simulated run: what happened, and what the estimator said meanwhile."""
+    """A simulated run with its estimate."""
 
-    machine: Machine  #: What was simulated.
-    #: Measurements and control signals, and the truth. Of one axis ``y``, ``u``, ``r``, ``x``,
-    #: ``v``, ``x_m``, ``iu``, ``f_mag``, ``f_d``. Of several each reading ``y_NAME`` [m], each
-    #: axis's ``u_NAME`` [V], displacement ``s_NAME`` [m], current ``iu_NAME`` [A], magnet force
-    #: ``f_mag_NAME`` [N] and load ``f_d_NAME`` [N]; the rotor's coordinates and velocities; the
-    #: speed of rotation [rad/s]. With lift-off and landing the ``mode``,
-    #: `ambkit.control.lift_off_sequence.Mode`.
+    machine: Machine  #: Simulated machine.
+    #: Measurements and control signals, and the truth. With one axis ``y``, ``u``, ``r``, ``x``,
+    #: ``v``, ``x_m``, ``iu``, ``f_mag``, ``f_d``. With several each reading ``y_NAME`` [m], and for
+    #: each axis control signal ``u_NAME`` [V], displacement ``s_NAME`` [m], current ``iu_NAME``
+    #: [A], magnet force ``f_mag_NAME`` [N] and disturbance ``f_d_NAME`` [N]; the rotor's
+    #: coordinates and velocities; the speed of rotation [rad/s]. With lift-off and landing the
+    #: ``mode``, `ambkit.control.lift_off_sequence.Mode`.
     record: Record
-    estimate: Estimate | None  #: What the estimator said meanwhile.
-    status: NDArray[np.uint16]  #: (n,) The sum of the flags of estimator and controllers, `Status`.
-    #: (n,) With lift-off and landing, whether what feeds the controllers could be used.
+    estimate: Estimate | None  #: Estimate during the run.
+    status: NDArray[np.uint16]  #: (n,) Sum of the flags of estimator and controllers, `Status`.
+    #: (n,) With lift-off and landing, whether the controllers' input was usable.
     usable: NDArray[np.bool_] | None = None
-    #: What its estimator says of unbalance and runout at the end, where it flies then.
+    #: Estimated unbalance and runout at the end, if it levitates then.
     turning: Sequence[Any] = ()
-    #: Returns the critical speeds near the speed at the end, see `ambkit.campbell`.
+    #: Returns the critical speeds near the final speed, see `ambkit.campbell`.
     near_critical: Callable[[], Any] | None = None
-    #: Returns whether its filter may fly, and what may help where the rotor does not as it should.
+    #: Returns the adequacy of its filter, and advice if the rotor does not levitate properly.
     judge: Callable[[Any], tuple[Sequence[Any], Sequence[str]]] | None = None
 
     @cached_property
@@ -57,18 +57,18 @@ class Run(Result):
 
     @property
     def adequacy(self) -> Sequence[Any]:
-        """Whether its filter may fly, where that is judged."""
+        """Adequacy of its filter, if it was judged."""
         return self._judged[0]
 
     @property
     def title(self) -> str:
-        """Of what machine, how long."""
+        """Machine and duration."""
         t, seed = self.record.t, self.record.meta["seed"]
         return f"{self.machine.name}, seed {seed}: {figure(t[-1], 's')} simulated, {len(t)} samples"
 
     @property
     def finding(self) -> str:
-        """Whether it flew without touching a stop, and how well it was estimated."""
+        """Whether it levitated without contact, and the accuracy of the estimate."""
         contact_text = "contact with a stop" if self.samples_at_the_stop else "no contact"
         if self.estimate is None:
             return f"{self.title}; {contact_text}."
@@ -76,10 +76,10 @@ class Run(Result):
 
     @cached_property
     def rows(self) -> list[Row]:
-        """Greatest displacement and current, errors of the estimate, and what turns."""
+        """Maximum displacement and current, errors of the estimate, and synchronous quantities."""
         record, t, at = self.record, self.record.t, self.first_touch
         modes = [f"{mode['mode']} from {figure(mode['since'], 's')}" for mode in self.modes]
-        # It is there by the end of the sample.
+        # Contact is recorded at the end of the sample.
         touch = None if at is None else At("first_touch", t[min(at + 1, len(t) - 1)], "s")
         results = [
             Row("samples", "samples", len(record)),
@@ -117,7 +117,7 @@ class Run(Result):
 
     @property
     def series(self) -> dict[str, Any]:
-        """Modes of lift-off and landing, critical speeds near the speed at the end."""
+        """Modes of lift-off and landing, critical speeds near the final speed."""
         results: dict[str, Any] = {"machine": self.machine.name}
         if "mode" in self.record:
             results["modes"] = self.modes
@@ -129,23 +129,23 @@ class Run(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What is to be said of its speed, and of the controller where it tripped."""
+        """Remarks on its speed, and on the controller if it tripped."""
         remarks = [self._apart.sentence()] if self._apart else []
         if any(mode["mode"] == "tripped" for mode in self.modes):
             remarks.append("The sequence tripped: see lost and overload in [sequence].")
         return [*remarks, *self._judged[1]]
 
     def file(self) -> Record:
-        """Return the record, which is what is written as ``.csv`` and ``.parquet``."""
+        """Return the record, for ``.csv`` and ``.parquet``."""
         return self.record
 
     def figures(self) -> list[Figure]:
-        """Return its figure: of several axes with orbits."""
+        """Return its figure: with several axes with orbits."""
         return [simulation_figure(self)]
 
     @property
     def modes(self) -> list[dict[str, Any]]:
-        """What lift-off and landing did, and since when [s]."""
+        """Modes of lift-off and landing, with their times [s]."""
         if "mode" not in self.record:
             return []
         t, mode = self.record.t, self.record["mode"]
@@ -154,17 +154,17 @@ class Run(Result):
 
     @property
     def final_speed(self) -> float:
-        """The speed at the end [rad/s]."""
+        """Final speed [rad/s]."""
         return float(self.record["speed"][-1]) if "speed" in self.record else self.machine.speed
 
     @cached_property
     def _apart(self) -> Any:
-        """The critical speeds near the speed at the end."""
+        """Critical speeds near the final speed."""
         return () if self.near_critical is None else self.near_critical()
 
     @property
     def nis(self) -> float:
-        """Mean normalised innovation squared in flight; NaN without an estimate."""
+        """Mean normalised innovation squared during levitation; NaN without an estimate."""
         if self.estimate is None:
             return math.nan
         first, end = self._in_flight
@@ -175,7 +175,7 @@ class Run(Result):
 
     @property
     def _currents(self) -> dict[str, NDArray[np.float64]]:
-        """The control currents of each axis (n,) while magnets have any [A]."""
+        """Control currents of each axis (n,) until a power failure [A]."""
         return {axis: self.record[signal("iu", axis)][self.fed] for axis in self.axes}
 
     @property
@@ -189,10 +189,9 @@ class Run(Result):
 
     @cached_property
     def _in_flight(self) -> tuple[int, int | None]:
-        """The first sample in which the rotor flew, and the one after it last did."""
-        # A rotor that lies has the touch-down bearings' forces, which no filter knows, and a filter
-        # takes the magnets for switched on; so it is after a power failure. 0 and None: all of the
-        # record.
+        """First sample of levitation, and the one after its last."""
+        # Outside levitation contact forces act, which filters do not model, and the magnets may be
+        # off. 0 and None: all of the record.
         if "mode" not in self.record:
             return 0, self.fed.stop
         mode = self.record["mode"]
@@ -204,7 +203,7 @@ class Run(Result):
 
     @property
     def axes(self) -> list[str]:
-        """The names of the axes; a single one has none."""
+        """Names of the axes; empty for a single one."""
         return [axis.name for axis in self.machine.axes]
 
     def displacement(self, axis: str) -> str:
@@ -213,18 +212,18 @@ class Run(Result):
 
     @property
     def fed(self) -> slice:
-        """The samples in which magnets have current: up to where the power fails."""
-        # From then on no control current says so: it takes from one side what it gives the other.
+        """Samples with magnet current: up to a power failure."""
+        # Later the control current, a difference of two coil currents, does not show it.
         off = self.record.meta.get("scenario", {}).get("off")
         return slice(None) if off is None else slice(int(np.searchsorted(self.record.t, off)))
 
     @property
     def samples_at_the_stop(self) -> int:
-        """Samples in which a stop was touched."""
+        """Samples with contact."""
         return int(self.record.meta["stop_touched"])
 
     @property
     def first_touch(self) -> int | None:
-        """The first of those samples; None where there is none."""
+        """First of those samples; None if there is none."""
         result = self.record.meta["first_touch"]
         return None if result is None else int(result)

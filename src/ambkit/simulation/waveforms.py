@@ -1,4 +1,4 @@
-"""Signals over time: what a reference or a disturbance does.
+"""Waveforms of references and disturbances.
 
 A signal has no unit of its own: its values are in that of its place (a reference in m, a
 disturbance in N). Times are seconds from the start of the run.
@@ -37,7 +37,7 @@ def _plain_list(value: Any) -> Any:
 def _serialized(
     values: tuple[float, ...], one_by_one: SerializerFunctionWrapHandler, info: SerializationInfo
 ) -> Any:
-    """Return numbers as they are; only a file has each one written with its unit."""
+    """Return numbers unchanged; only a file needs units."""
     return values if info.context is None else one_by_one(values)
 
 
@@ -71,7 +71,7 @@ class Waveform(Part, ABC):
 
 
 class Constant(Waveform):
-    """The same value throughout."""
+    """A constant."""
 
     type: Literal["constant"] = "constant"
     value: Value
@@ -82,7 +82,7 @@ class Constant(Waveform):
 
 
 class Step(Waveform):
-    """Zero, and from a time on another value."""
+    """Zero until a time, then constant."""
 
     type: Literal["step"] = "step"
     amplitude: Value
@@ -95,15 +95,15 @@ class Step(Waveform):
 
 
 class Ramp(Waveform):
-    """Zero, then rising evenly, then holding what it has reached."""
+    """Zero, then linear, then constant."""
 
     type: Literal["ramp"] = "ramp"
     slope: Annotated[float, Quantity("@/s")]
-    """Change per second."""
+    """Slope per second."""
     start: Time = 0.0
-    """Time at which it begins to rise [s]."""
+    """Start of the ramp [s]."""
     end: Time | None = None
-    """Time at which it stops rising [s]; without it, never."""
+    """End of the ramp [s]. By default none."""
 
     def _at(self, t: Array) -> Any:
         end = math.inf if self.end is None else self.end
@@ -135,7 +135,7 @@ class Sine(Waveform):
 
 
 class Impulse(Waveform):
-    """A short push of a given area, even over its duration.
+    """Rectangular pulse with a given integral.
 
     Each sample is the mean over the interval up to the next one, so that the area is kept however
     short the push is.
@@ -143,11 +143,11 @@ class Impulse(Waveform):
 
     type: Literal["impulse"] = "impulse"
     area: Annotated[float, Quantity("@ s")]
-    """Integral over time: of a force, the momentum it gives."""
+    """Integral over time: for a force, its momentum."""
     time: Time
-    """Time at which it begins [s]."""
+    """Start [s]."""
     duration: Annotated[float, Quantity("s", "1 ms", above=0)]
-    """How long it lasts [s]."""
+    """Duration [s]."""
 
     def _at(self, t: Array) -> Any:
         last = t[-1] - t[-2] if t.size > 1 else self.duration
@@ -157,15 +157,15 @@ class Impulse(Waveform):
 
 
 class HalfSine(Waveform):
-    """Half a period of a sine and nothing before and after it: the shock of IEC 60068-2-27."""
+    """Half a period of a sine: the shock of IEC 60068-2-27."""
 
     type: Literal["half-sine"] = "half-sine"
     amplitude: Value
-    """Greatest value."""
+    """Maximum."""
     time: Time = 0.0
-    """Time at which it begins [s]."""
+    """Start [s]."""
     duration: Annotated[float, Quantity("s", "11 ms", above=0)]
-    """How long it lasts [s]."""
+    """Duration [s]."""
 
     def _at(self, t: Array) -> Any:
         part = (t - self.time) / self.duration
@@ -173,11 +173,11 @@ class HalfSine(Waveform):
 
 
 class Sequence(Waveform):
-    """One value after the other, each held until the next; zero before the first."""
+    """Values in sequence, each held until the next; zero before the first."""
 
     type: Literal["sequence"] = "sequence"
     times: Times
-    """Times at which the values begin [s], increasing."""
+    """Start times of the values [s], increasing."""
     values: Values
     """The values."""
 
@@ -191,14 +191,14 @@ class Sequence(Waveform):
 
 
 class Recorded(Waveform):
-    """A recorded signal, interpolated; it holds its first value before, its last one after.
+    """Recorded signal, interpolated; constant before and after.
 
     Either `file` and `signal`, or `times` and `values`.
     """
 
     type: Literal["recorded"] = "recorded"
     file: FilePath | None = None
-    """A recording (see `Record`), from where the scenario's file lies."""
+    """A recording (see `Record`), relative to the scenario's file."""
     signal: str | None = None
     """Name of the signal in the recording."""
     times: Times | None = None
@@ -208,7 +208,7 @@ class Recorded(Waveform):
 
     @classmethod
     def of(cls, t: NDArray[Any], values: NDArray[Any]) -> Self:
-        """Return samples unchecked: the check takes longer than many a simulation.
+        """Return samples unchecked: the check takes longer than many simulations.
 
         Parameters
         ----------
@@ -249,11 +249,11 @@ class Recorded(Waveform):
 
 
 class Sum(Waveform):
-    """Several signals at once; in Python also ``Step(...) + Sine(...)``."""
+    """Sum of several waveforms; in Python also ``Step(...) + Sine(...)``."""
 
     type: Literal["sum"] = "sum"
     parts: tuple["Signal", ...]
-    """The signals to add."""
+    """The waveforms."""
 
     def _at(self, t: Array) -> Any:
         return sum((part.sample(t) for part in self.parts), np.zeros_like(t))
@@ -269,7 +269,7 @@ _ROUNDING = 1e-12
 
 
 def _reached(t: Array, time: float) -> NDArray[np.bool_]:
-    """Whether a time is reached, with room for the rounding in t = k T."""
+    """Return whether a time is reached, with tolerance for the rounding in t = k T."""
     return t * (1 + _ROUNDING) >= time
 
 

@@ -1,4 +1,4 @@
-"""Blocks behind a PID; the list here is all that knows of them."""
+"""Blocks behind a PID, registered here."""
 
 from collections.abc import Iterable, Sequence
 from typing import Annotated
@@ -17,8 +17,8 @@ AnyBlock = Annotated[
     BeforeValidator(as_block),
 ]
 
-MOST = 8  #: Sections of second order behind a PID, as many as ``AMB_SECTIONS`` of the core.
-NOTHING = 1e-9  #: A gain at rest that is none.
+MOST = 8  #: Maximum number of second-order sections behind a PID, ``AMB_SECTIONS`` of the core.
+NOTHING = 1e-9  #: A static gain that counts as zero.
 
 
 def sections_of(blocks: Sequence[Block], T: float) -> list[list[float]]:
@@ -35,7 +35,7 @@ def sections_of(blocks: Sequence[Block], T: float) -> list[list[float]]:
 
 
 def gain_at_rest(sections: Iterable[Sequence[float]]) -> float:
-    """Return what sections in series do to a constant."""
+    """Return the static gain of sections in series."""
     gain = 1.0
     for b0, b1, b2, a1, a2 in sections:
         gain *= (b0 + b1 + b2) / (1 + a1 + a2)

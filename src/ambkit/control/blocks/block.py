@@ -1,4 +1,4 @@
-"""Blocks behind a PID: what its demand passes before it is held to its limits."""
+"""Blocks behind a PID, which filter its output before the limits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ambkit.base.errors import AmbkitError
 
 
 class Block(Part):
-    """A filter in the path of one signal, stated in continuous time."""
+    """A filter of one signal, defined in continuous time."""
 
     @abstractmethod
     def polynomials(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -20,11 +20,11 @@ class Block(Part):
 
     @property
     def exact(self) -> float:
-        """Frequency at which the sampled filter is the continuous one [Hz]; 0: at rest."""
+        """Frequency at which the sampled filter equals the continuous one [Hz]; 0: static."""
         return float(getattr(self, "frequency", 0.0))
 
     def sections(self, T: float) -> list[list[float]]:
-        """Return the sections b0, b1, b2, a1, a2 that it is at a sampling time [s]."""
+        """Return the sections b0, b1, b2, a1, a2 at a sampling time [s]."""
         # By the bilinear transformation, prewarped to `exact` (Franklin, Powell and Workman 1998,
         # section 6.1).
         f = self.exact
@@ -52,7 +52,7 @@ class Biquad(Block):
     zero_frequency: Annotated[float, Quantity("Hz", "85 Hz", above=0)]
     """Frequency of the zeros [Hz]."""
     zero_damping: Annotated[float, Quantity("1", "0.05")]
-    """Damping ratio of the zeros [1]; negative: they are in the right half-plane."""
+    """Damping ratio of the zeros [1]; negative in the right half-plane."""
     pole_frequency: Annotated[float, Quantity("Hz", "120 Hz", above=0)]
     """Frequency of the poles [Hz]."""
     pole_damping: Annotated[float, Quantity("1", "0.5", above=0)]
@@ -87,11 +87,11 @@ class Notch(Block):
 
     type: Literal["notch"] = "notch"
     frequency: Annotated[float, Quantity("Hz", "85 Hz", above=0)]
-    """Where it is [Hz]."""
+    """Centre frequency [Hz]."""
     damping: Annotated[float, Quantity("1", "0.2", above=0)] = 0.2
     """Damping ratio d of its poles, half its relative width [1]."""
     depth: Annotated[float, Quantity("1", "0.1", at_least=0)] = 0.0
-    """Share that passes at the frequency [1]."""
+    """Gain at the centre frequency [1]."""
 
     def polynomials(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         w = 2 * math.pi * self.frequency
@@ -104,7 +104,7 @@ class SecondOrder(Block):
 
     type: Literal["second-order"] = "second-order"
     frequency: Annotated[float, Quantity("Hz", "1.5 kHz", above=0)]
-    """Its corner [Hz]."""
+    """Corner frequency [Hz]."""
     damping: Annotated[float, Quantity("1", "0.7", above=0)] = 0.7
     """Damping ratio d [1]."""
 

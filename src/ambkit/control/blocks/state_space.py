@@ -21,7 +21,7 @@ def _listed(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-INFINITE = 1e8  #: A zero that is farther out is none.
+INFINITE = 1e8  #: Magnitude beyond which a zero is infinite.
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Vector = Annotated[
@@ -34,26 +34,26 @@ Rows = Annotated[tuple[tuple[Number, ...], ...], BeforeValidator(_listed)]
 class StateSpace(Block):
     """``dx/dt = A x + B e`` and ``iu = C x + D e``, or the same from sample to sample."""
 
-    # In TOML either the matrices or `file`, a MAT-file with them.
-    # It is flown as sections of second order, so its poles must be stable and it must have a gain
-    # at rest: the integral is that of the PID.
+    # In TOML either the matrices or `file`, a MAT-file with them. It is implemented as second-order
+    # sections, so its poles must be stable and its static gain finite: integral action belongs to
+    # the PID.
 
     type: Literal["state space"] = "state space"
     A: Rows
-    """Matrix of the states (n, n) [1/s], sampled [1]."""
+    """State matrix (n, n) [1/s], sampled [1]."""
     B: Vector
-    """Of its input (n)."""
+    """Input matrix (n)."""
     C: Vector
-    """Of its output (n)."""
+    """Output matrix (n)."""
     D: Number = 0.0
-    """From input to output."""
+    """Feedthrough."""
     sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)] | None = None
-    """With it the matrices are those from one sample to the next [s]."""
+    """Sampling time of discrete matrices [s]. By default they are continuous."""
 
     @model_validator(mode="before")
     @classmethod
     def _from_file(cls, data: Any, info: ValidationInfo) -> Any:
-        """Take the matrices A, B, C, D, and T of a sampled system, from a MAT-file."""
+        """Read the matrices A, B, C, D, and T of a sampled system, from a MAT-file."""
         if not isinstance(data, dict) or "file" not in data:
             return data
         path = from_folder(data["file"], info)
@@ -108,11 +108,11 @@ class StateSpace(Block):
         })  # fmt: skip
 
     def polynomials(self) -> Any:
-        """Refuse: a system of any order has none of second order."""
+        """Reject: a system of any order has no second-order polynomials."""
         raise NotImplementedError
 
     def sections(self, T: float) -> list[list[float]]:
-        """Return the sections b0, b1, b2, a1, a2 that it is at a sampling time [s]."""
+        """Return the sections b0, b1, b2, a1, a2 at a sampling time [s]."""
         from scipy import linalg, signal
 
         if self.sampling_time is not None and not math.isclose(self.sampling_time, T):
@@ -132,7 +132,7 @@ class StateSpace(Block):
         zeros, poles = zeros[np.abs(zeros) < INFINITE], np.linalg.eigvals(A)
         at_rest = (C @ np.linalg.solve(one - A, B) + D).item()
         gain = at_rest * np.prod(1 - poles).real / np.prod(1 - zeros).real
-        late = len(poles) - len(zeros)  # samples, for which there are zeros at 0
+        late = len(poles) - len(zeros)  # samples of delay, zeros at 0
         rows = signal.zpk2sos([*zeros, *[0.0] * late], poles, gain)
         for _ in range(late):
             row = next(row for row in rows if row[2] == 0)
@@ -141,7 +141,7 @@ class StateSpace(Block):
 
 
 def as_block(given: Any) -> Any:
-    """Take a system of python-control for a block."""
+    """Convert a system of python-control into a block."""
     if isinstance(given, Block | dict):
         return given
     return StateSpace.of(given) if hasattr(given, "A") or hasattr(given, "num") else given

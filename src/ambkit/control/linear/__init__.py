@@ -1,1 +1,1 @@
-"""The loop within its limits: plant, controller and estimator as linear systems."""
+"""The linearised loop: plant, controller and estimator as linear systems."""

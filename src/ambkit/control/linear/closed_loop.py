@@ -1,4 +1,4 @@
-"""A plant and a compensator in a loop, broken at the measurement."""
+"""Closed loop of a plant and a compensator, opened at the measurement."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from ambkit.models.linear import LinearSystem, Signal
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A loop of m measurements, c controls, l loads and q positions, seen along a axes."""
+    """A loop of m measurements, c controls, l disturbances and q positions, with a axes."""
 
-    # It is sampled; or in continuous time, with a dead time that has no states there: then only
-    # what is asked of the broken loop has an answer.
+    # Sampled; or in continuous time with a dead time without states, for which only the open loop
+    # is available.
 
-    #: Inputs: c control signals [V], then l loads [N]; outputs: m measurements, then q positions
-    #: [m]. From control to measurement without feedthrough.
+    #: Inputs: c control signals [V], then l disturbances [N]; outputs: m measurements, then q
+    #: positions [m]. No feedthrough from control to measurement.
     plant: LinearSystem
     compensator: LinearSystem  #: Inputs: m measurements, references [m]; outputs: u [V].
     measurements: int = 1  #: m.
-    shown: Array | None = None  #: (a, m) Axes' positions by the measurements; None: the same.
-    added: Array | None = None  #: (m, a) Measurements by what is added at the axes.
+    shown: Array | None = None  #: (a, m) Axes' displacements by the measurements; None: identity.
+    added: Array | None = None  #: (m, a) Measurements by the signals added at the axes.
     delay: float = 0.0  #: Dead time of a loop in continuous time [s].
 
     @property
@@ -41,10 +41,10 @@ class Loop:
 
     @cached_property
     def closed(self) -> LinearSystem:
-        """The closed loop, from all that comes from outside."""
-        # Inputs: m noises ``n_y`` on the measurements [m], l loads [N], c noises ``n_u`` on the
-        # control signals [V], the references [m]. Outputs: m readings without the noise [m], q
-        # positions [m], c control signals [V] as the compensator gives them.
+        """The closed loop, from all external signals."""
+        # Inputs: m noises ``n_y`` on the measurements [m], l disturbances [N], c noises ``n_u`` on
+        # the control signals [V], the references [m]. Outputs: m readings without the noise [m], q
+        # positions [m], c control signals [V] of the compensator.
         P, K, m = self.plant, self.compensator, self.measurements
         c = len(K.outputs)
         B_u, B_f, C_y = P.B[:, :c], P.B[:, c:], P.C[:m]
@@ -70,21 +70,21 @@ class Loop:
 
     @cached_property
     def is_stable(self) -> bool:
-        """Whether all poles of the closed, sampled loop are within the unit circle."""
+        """Whether all poles of the closed, sampled loop are inside the unit circle."""
         return bool((np.abs(self.closed.poles()) < 1).all())
 
     def unstable_poles(self) -> Complex:
-        """Return the unstable poles of the open loop: of plant and compensator, each alone."""
+        """Return the unstable poles of the open loop: those of plant and compensator."""
         return np.concatenate([self.plant.unstable(), self.compensator.unstable()])
 
     @cached_property
     def _broken(self) -> tuple[LinearSystem, LinearSystem]:
-        """Plant and compensator between control signals and measurements."""
+        """Plant and compensator in series."""
         y, u = slice(self.measurements), slice(len(self.compensator.outputs))
         return self.plant.part(y, u), self.compensator.part(u, y)
 
     def open(self, frequency: ArrayLike) -> Complex:
-        """Return the open loop L (k, m, m) at the measurements, such that ``S = 1/(1 + L)``."""
+        """Return the open loop L (k, m, m) at the measurements, with ``S = 1/(1 + L)``."""
         # frequency (k,) [Hz]
         P, K = (part.response(frequency) for part in self._broken)
         L = -P @ K
@@ -94,13 +94,13 @@ class Loop:
         return np.asarray(L)
 
     def sensitivity(self, frequency: ArrayLike) -> Complex:
-        """Return S (k, m, m): from what is added to the measurements to the measurements [1]."""
+        """Return S (k, m, m): from a signal added to the measurements to the measurements [1]."""
         # frequency (k,) [Hz]
         L = self.open(frequency)
         return np.asarray(np.linalg.inv(np.eye(self.measurements) + L))
 
     def along_axes(self, frequency: ArrayLike) -> Complex:
-        """S (k, a, a) from what is added at the axes' summing points to the positions there."""
+        """S (k, a, a) from signals added at the axes' summing points to the displacements there."""
         # Its diagonal is the sensitivity of each axis with all other loops closed.
         # frequency (k,) [Hz]
         S = self.sensitivity(frequency)
@@ -114,7 +114,7 @@ class Loop:
         return np.asarray(self.along_axes(frequency)[:, axis, axis])
 
     def largest_sensitivity(self, frequency: ArrayLike) -> Array:
-        """Return the largest singular value of S along the axes (k,) [1]; of one, its magnitude."""
+        """Return the largest singular value of S along the axes (k,) [1]."""
         # frequency (k,) [Hz]
         return np.asarray(np.linalg.norm(self.along_axes(frequency), 2, axis=(1, 2)))
 
@@ -131,7 +131,7 @@ class Loop:
         return slice(m, m + len(self.plant.inputs) - len(self.compensator.outputs))
 
     def driven(self, columns: Complex, frequency: float) -> tuple[Complex, Complex]:
-        """Amplitudes of positions (q,) [m] and of control signals (c,) [V] under a rotation."""
+        """Return positions (q,) [m] and control signals (c,) [V] under a rotating load."""
         # columns (n,)
         closed = self.closed
         B = np.zeros((len(closed.A), 1), complex)
@@ -142,7 +142,7 @@ class Loop:
         return np.asarray(closed.C[self._positions] @ X), np.asarray(closed.C[-c:] @ X)
 
     def compliance(self, frequency: ArrayLike) -> Complex:
-        """Return the positions by the loads (k, q, l) [m/N]; a load is held over each sample."""
+        """Return the positions by the disturbances (k, q, l) [m/N], held over each sample."""
         # frequency (k,) [Hz]
         return self._of(self._positions, self._loads, frequency)
 
@@ -152,7 +152,7 @@ class Loop:
         return np.asarray(np.linalg.inv(self.compliance(frequency)))
 
     def control_by_load(self, frequency: ArrayLike) -> Complex:
-        """The control signals by the loads (k, c, l) [V/N]; a load is held over each sample."""
+        """Return the control signals by the disturbances (k, c, l) [V/N], held over each sample."""
         # frequency (k,) [Hz]
         controls = slice(-len(self.compensator.outputs), None)
         return self._of(controls, self._loads, frequency)
@@ -176,7 +176,7 @@ class Loop:
         columns = [*range(m), *range(shaken, shaken + c)]
         variances = np.concatenate([np.atleast_1d(var_y), np.atleast_1d(var_u)])
         G, D, C = closed.B[:, columns], closed.D[m:, columns], closed.C[m:]
-        # A sum of squares over ever longer times (Smith 1968): no digit is lost between units.
+        # Sum of squares by doubling (Smith 1968): no digits are lost between units.
         power, X = closed.A, (G * variances) @ G.T
         for _ in range(DOUBLINGS):
             grown = power @ X @ power.T
@@ -186,4 +186,4 @@ class Loop:
         return np.asarray(C @ X @ C.T + (D * variances) @ D.T)
 
 
-DOUBLINGS = 40  #: After so many a sum is over 10^12 samples.
+DOUBLINGS = 40  #: Doublings up to a sum over 10^12 samples.

@@ -1,4 +1,4 @@
-"""The plant of a loop as a linear system, at an operating point: of one axis, or of several."""
+"""The plant of a loop as a linear system, at an operating point."""
 
 from __future__ import annotations
 
@@ -24,34 +24,33 @@ from ambkit.models.parts.synchronous import SynchronousForce, across
 from ambkit.models.plant import Plant
 from ambkit.models.plant_parts import between_magnet_and_rotor
 
-TURN = 64  #: Angles over which means are taken along an orbit.
+TURN = 64  #: Angles of the mean over an orbit.
 
 POSITION, VELOCITY = Signal("position", "m"), Signal("velocity", "m/s")
 
 
 class Orbit(NamedTuple):
-    """What turns about an operating point: complex amplitudes, of ``Re(amplitude e^(j angle))``."""
+    """Motion about an operating point: complex amplitudes, of ``Re(amplitude e^(j angle))``."""
 
-    # Numbers of one axis; of a machine arrays (p,), one for each axis.
+    # Scalars for one axis; for several arrays (p,).
 
-    iu: Any  #: Of the current that flows [A].
+    iu: Any  #: Of the true current [A].
     x: Any  #: Of the displacement [m].
-    demanded: Any  #: Of the current that is demanded [A].
+    demanded: Any  #: Of the commanded current [A].
 
 
 class OperatingPoint(NamedTuple):
     """The operating point of a linearised loop: control current [A] and displacement [m]."""
 
-    # Numbers of one axis; of a machine arrays (p,), one for each axis. With an orbit about it
-    # the tangents are their means over a turn: the first term of the harmonic series of a loop
-    # whose stiffness swings with the rotation (Wereley 1991).
+    # Scalars for one axis; for several arrays (p,). With an orbit the tangents are averaged over a
+    # turn: the first term of the harmonic series of a loop with periodic stiffness (Wereley 1991).
 
     iu: Any
     x: Any
     orbit: Orbit | None = None
 
     def along_orbit(self) -> list[tuple[Any, Any]]:
-        """Return currents [A] and displacements [m] of each axis over a turn; of a rest one."""
+        """Return currents [A] and displacements [m] of each axis over a turn."""
         turn = np.exp(2j * np.pi * np.arange(TURN) / TURN)
         swing = self.orbit
         if swing is None:
@@ -61,7 +60,7 @@ class OperatingPoint(NamedTuple):
 
     @classmethod
     def equilibrium(cls, machine: Machine, x: float = 0.0, load: float = 0.0) -> OperatingPoint:
-        """Return the point at which the magnet carries weight and load."""
+        """Return the operating point in equilibrium with weight and disturbance."""
         travel = machine.clearance
         if not abs(x) <= travel:
             raise AmbkitError(
@@ -77,17 +76,17 @@ class OperatingPoint(NamedTuple):
 
     @classmethod
     def nearest(cls, machine: Machine) -> OperatingPoint:
-        """Return the equilibrium at the centre; without a current where none holds it there."""
+        """Return the equilibrium at the centre; zero current if there is none."""
         try:
             return cls.equilibrium(machine)
-        except AmbkitError:  # it is not held at the centre, but perhaps elsewhere
+        except AmbkitError:  # there is none at the centre, but perhaps elsewhere
             return cls(0.0, 0.0)
 
     @classmethod
     def of_machine(
         cls, machine: Machine, load: Mapping[str, float] | None = None, x: float = 0.0
     ) -> OperatingPoint:
-        """Return the point at which the magnets carry the rotor at x of its axes, and loads."""
+        """Return the equilibrium at x of the axes, with disturbances."""
         names, loads = [axis.name for axis in machine.axes], dict(load or {})
         for name in loads:
             if name not in names:
@@ -111,14 +110,14 @@ class OperatingPoint(NamedTuple):
 
 
 def of_axes(signal: Signal, axes: Sequence[str]) -> tuple[Signal, ...]:
-    """Return a signal once for each axis, with its name at the end; without axes itself alone."""
+    """Return a signal name for each axis, with the axis as suffix; unchanged without axes."""
     return tuple(Signal(named(signal.name, axis), signal.unit) for axis in axes) or (signal,)
 
 
 def plant(of: Machine, point: OperatingPoint, *, continuous: bool = False) -> LinearSystem:
-    """Return amplifiers, dead time, magnets, rotor and sensors, from u and load to y and x."""
-    # Within the limits of current and voltage, without rounding and noise; of a bent sensor the
-    # slope at the operating point.
+    """Return the plant from u and disturbance to y and x: amplifiers, magnets, rotor, sensors."""
+    # Within the limits of current and voltage, without quantisation and noise; for a nonlinear
+    # sensor the slope at the operating point.
     system = _linear(of, machine_parts(of, noise=False), point, continuous=continuous)
     B, C, isolated = system.B.copy(), system.C, isolated_axes(of)
     B[:, : len(isolated)] *= [b.amplifier.gain for b in isolated]
@@ -145,7 +144,7 @@ def plant(of: Machine, point: OperatingPoint, *, continuous: bool = False) -> Li
 
 
 def plants(bearings: Sequence[Machine], points: Sequence[OperatingPoint]) -> LinearSystem:
-    """Return `plant` of bearings whose parts are alike, as matrices (bearings, ...)."""
+    """Return `plant` of machines of equal structure, as matrices (machines, ...)."""
     values = [machine_parts(b, noise=False) for b in bearings]
     parts = [_stacked(of) for of in zip(*values, strict=True)]
     core = core_module()
@@ -160,7 +159,7 @@ def plants(bearings: Sequence[Machine], points: Sequence[OperatingPoint]) -> Lin
 
 
 def alike(machine: Machine) -> tuple[Any, ...]:
-    """Return what bearings must have in common for `plants`."""
+    """Return the structure that machines must share for `plants`."""
     amplifier, sensor = machine.amplifier, machine.sensor
     return (
         machine.sampling_time, machine.delay, amplifier.bandwidth is None, bool(sensor.lag),
@@ -169,12 +168,12 @@ def alike(machine: Machine) -> tuple[Any, ...]:
 
 
 def _stacked(parts: Sequence[Any]) -> Any:
-    """Return parts that are alike as one, with arrays for the numbers that differ."""
+    """Return parts of equal structure as one, with arrays for the values that differ."""
     first = parts[0]
     changes: dict[str, Any] = {}
     for field in fields(first):
         values = [getattr(part, field.name) for part in parts]
-        typical = "size" in field.name or field.name == "growth"  # none of which moves the plant
+        typical = "size" in field.name or field.name == "growth"  # no effect on the plant
         if typical or all(value == values[0] for value in values):
             continue
         if isinstance(values[0], Mapping):
@@ -185,8 +184,8 @@ def _stacked(parts: Sequence[Any]) -> Any:
 
 
 def unbalance_columns(machine: Machine, point: OperatingPoint, places: Sequence[float]) -> Complex:
-    """Return what a sample of unbalance of 1 kg m leaves in the plant's states (n, planes)."""
-    # Each turns with the rotor, from x towards y: its force within the sample does.
+    """Return the change of the plant's states within a sample per kg m of unbalance (n, planes)."""
+    # Each rotates from x towards y, within the sample too.
     unbalance_parts: list[Part] = [
         SynchronousForce(1.0, 1.0, machine.speed, f"U{k}", *across(machine, z))
         for k, z in enumerate(places)
@@ -199,7 +198,7 @@ def unbalance_columns(machine: Machine, point: OperatingPoint, places: Sequence[
 def _linear(
     of: Machine, parts: Sequence[Part], point: OperatingPoint, *, continuous: bool = False
 ) -> LinearSystem:
-    """Return the parts of a plant with its magnets' tangents at an operating point."""
+    """Return the linear parts of a plant at an operating point."""
     k_i, k_s = np.array([
         [float(np.mean(k)) for k in magnet_of(b).tangent(iu, x)]
         for b, (iu, x) in zip(isolated_axes(of), point.along_orbit(), strict=True)

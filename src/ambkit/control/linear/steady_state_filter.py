@@ -1,4 +1,4 @@
-"""An estimator in a loop, linear at an operating point, with the gain that it settles to."""
+"""An estimator in a loop, linear at an operating point, with its steady-state gain."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ambkit.models.linear import LinearSystem, Signal
 
 
 def tells(estimator: Estimator) -> bool:
-    """Whether an estimator of this kind settles to a gain, with which `estimator_at` has it."""
+    """Return whether an estimator of this kind has a steady-state gain, as in `estimator_at`."""
     return estimator.nominal.steady is not None
 
 
@@ -26,11 +26,11 @@ def estimator_at(
     point: OperatingPoint,
     outputs: tuple[Array, Sequence[Signal]] | None = None,
 ) -> LinearSystem:
-    """Return an estimator at an operating point, with the gain that it settles to."""
-    # The force in its mean is linearised by the tangents of what it knows of its magnet;
-    # covariances of the linear and the adaptive filter grow by the stiffnesses through the origin,
-    # as they do in the core. A filter that finds its noise online has the noise that it starts
-    # from, one that learns its magnet the known one.
+    """Return an estimator at an operating point, with its steady-state gain."""
+    # The force in its mean is linearised by the tangents of its magnet model; covariances of the
+    # linear and the adaptive filter use the stiffnesses through the origin, as in the core. A
+    # filter with estimated noise has its initial noise, one that estimates its magnet the described
+    # one.
     estimator = estimator.nominal
     own = estimator.linear_system()
     if own is not None:
@@ -47,7 +47,7 @@ def estimator_at(
 
 
 def estimators_at(estimator: Estimator, points: Sequence[OperatingPoint]) -> LinearSystem:
-    """Return what `estimator_at` does of one axis at points, as matrices (points, ...)."""
+    """Return `estimator_at` of one axis at several points, as matrices (points, ...)."""
     inner = estimator.nominal
     magnet = inner.magnet.in_core(core_module())
     iu, x = np.array([(point.iu, point.x) for point in points], float).T.copy()
@@ -108,9 +108,9 @@ def settled_gain(estimator: Estimator, point: OperatingPoint) -> tuple[Array, Ar
 
 
 def _settled(estimator: Estimator, model: LinearModel) -> tuple[Array, Array]:
-    """Return the gain (..., n, m) that a Kalman filter settles to, and the states that it moves."""
-    # A state of noise or load that nothing drives is found once, and its gain goes to zero: it is
-    # none of them (n,).
+    """Return the steady-state gain (..., n, m) of a Kalman filter, and which states it moves."""
+    # A noise or disturbance state without process noise is learned once, and its gain tends to
+    # zero: it is excluded (n,).
     from scipy.linalg import solve_discrete_are
 
     states = estimator.model.states
@@ -119,12 +119,11 @@ def _settled(estimator: Estimator, model: LinearModel) -> tuple[Array, Array]:
     state_indices = np.array([
         k for k, at in enumerate(states) if at.role not in follows or np.all(Q[..., k, k] > 0)
     ])  # fmt: skip
-    # The states are counted in their own units, or the equation loses its digits between newtons
-    # and micrometres.
+    # States are scaled, because the equation loses its digits between newtons and micrometres.
     units = np.array(estimator.default_std())[state_indices]
     A, noise = (of[..., state_indices, :][..., state_indices] for of in (model.A, Q))
     A, noise = A * units / units[:, None], noise / np.outer(units, units)
-    noisy = np.sqrt(np.atleast_1d(model.R))  # and the measurements in their noise
+    noisy = np.sqrt(np.atleast_1d(model.R))  # and the measurements by their noise
     H, R = model.H[:, state_indices] * units / noisy[:, None], np.eye(len(noisy))
     try:
         P = _doubled(A, H, noise, R) if A.ndim > 2 else solve_discrete_are(A.T, H.T, noise, R)
@@ -134,13 +133,13 @@ def _settled(estimator: Estimator, model: LinearModel) -> tuple[Array, Array]:
     return units[:, None] * K / noisy, state_indices
 
 
-MOST_DOUBLINGS = 50  #: A filter that has not settled after 2^50 samples does not.
+MOST_DOUBLINGS = 50  #: Doublings: a filter that has not settled after 2^50 samples does not.
 
 
 def _doubled(A: Array, H: Array, Q: Array, R: Array) -> Array:
-    """Return the covariances (k, n, n) before the measurement that many filters settle to."""
-    # By doubling: each step goes as far as all before (Anderson 1978, Second-order convergent
-    # algorithms for the steady-state Riccati equation).
+    """Return the steady-state covariances (k, n, n) before the measurement of several filters."""
+    # By doubling: each step doubles the horizon (Anderson 1978, Second-order convergent algorithms
+    # for the steady-state Riccati equation).
     one = np.eye(A.shape[-1])
     back: Array = np.swapaxes(A, -1, -2)
     seen, P = np.broadcast_to(H.T @ np.linalg.solve(R, H), Q.shape), Q
@@ -159,8 +158,8 @@ def _doubled(A: Array, H: Array, Q: Array, R: Array) -> Array:
 
 
 def tangents_known(magnet: Any, method: str, point: OperatingPoint) -> tuple[Any, Any]:
-    """Return k_i [N/A] and k_s [N/m] at an operating point, as an estimator's magnets have them."""
-    # Numbers of one axis, arrays (p,) of several.
+    """Return k_i [N/A] and k_s [N/m] at an operating point, by an estimator's magnet models."""
+    # Scalars for one axis, arrays (p,) for several.
     held = magnet.in_core(core_module())
     parts = held if isinstance(held, list) else [held]
     results = [

@@ -1,1 +1,1 @@
-"""The force as points, a grid or a surface: measured, or computed elsewhere."""
+"""The force as points, a grid or a surface: measured, or computed by other tools."""

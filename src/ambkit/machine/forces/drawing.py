@@ -1,4 +1,4 @@
-"""The force of a magnet that a machine states by its drawing."""
+"""Force of a magnet that a machine describes by its drawing."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def points_of(solved: MagnetMap) -> ForcePoints:
 
 
 def load_drawing(path: str | os.PathLike[str]) -> Drawing:
-    """Return the drawing in a file, checked, read once for each state of the file."""
+    """Return the drawing in a file, checked, and cached for each state of the file."""
     try:
         return _read(os.fspath(path), os.stat(path).st_mtime_ns)
     except OSError as error:
@@ -58,7 +58,7 @@ def _read(path: str, _changed: int) -> Drawing:
 
 
 def stated_by(path: str, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys of ``[magnet]`` that a drawing with some changes states."""
+    """Return the keys of ``[magnet]`` that follow from a drawing with some changes."""
     drawing = drawing_of(path, changes)
     lag = {}
     if conducts(drawing):
@@ -77,7 +77,7 @@ def stated_by(path: str, changes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def drawing_of(path: str, changes: Mapping[str, Any]) -> Drawing:
-    """Return the drawing in a file with other values at some dotted keys."""
+    """Return the drawing in a file with changed values at some dotted keys."""
     drawing = load_drawing(path)
     if not changes:
         return drawing
@@ -87,7 +87,7 @@ def drawing_of(path: str, changes: Mapping[str, Any]) -> Drawing:
 
 
 def computed_force(machine: IsolatedAxis) -> Law:
-    """Return the force of a drawing with the tolerances of a machine, by the law it prefers."""
+    """Return the force of a drawing with the tolerances of a machine, by its preferred law."""
     m = machine.magnet
     drawing, changes = load_drawing(m.force_map), _changes(m)
     ends = machine.current_min, machine.current_max, machine.clearance
@@ -111,7 +111,7 @@ def computed_force_of_both(machine: IsolatedAxis) -> TwoAxisMap:
 
 
 def _changes(magnet: Any) -> dict[str, Any]:
-    """Return the values that a machine's drawing has otherwise than the file, in SI."""
+    """Return the values, in SI, in which a machine's drawing differs from the file."""
     drawing, own = load_drawing(magnet.force_map), dict(magnet.drawing)
     other = drawing.replace(**own) if own else drawing
     changes = {key: value_in(other, key) for key in own} | {"geometry.air_gap": magnet.air_gap}
@@ -121,7 +121,7 @@ def _changes(magnet: Any) -> dict[str, Any]:
     if share == 1.0:
         return changes
     changes = {key: new for key, new in changes.items() if not key.startswith("geometry.magnet")}
-    return changes | {"geometry.magnet": permanent.scaled(share)}  # as strong as the bias
+    return changes | {"geometry.magnet": permanent.scaled(share)}  # with the strength of the bias
 
 
 @lru_cache(maxsize=16)
@@ -146,7 +146,7 @@ def _force(
 
 
 def _box(drawing: Drawing, low: float, high: float, clearance: float) -> Box:
-    """Return the box of a map that covers a machine's ranges, one for all that differ little."""
+    """Return the range of a map that covers a machine's, shared by machines that differ little."""
     bias, gap = drawing.bias_current, drawing.geometry.air_gap
 
     def steps(value: float, step: float) -> float:

@@ -1,4 +1,4 @@
-"""A machine's force law with the magnet constant and air gap that measured points have."""
+"""A machine's force law with magnet constant and air gap fitted to measured points."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ ForceFunction = Callable[[Any, Any], Array]
 
 
 def refitted(machine: Any, points: ForcePoints) -> Any:
-    """Return the bearing with magnet constant and air gap as measured points have them."""
-    # By least squares, beside a constant force that may be the load cell's zero.
+    """Return the machine with magnet constant and air gap fitted to measured points."""
+    # By least squares, with a constant force for the zero of the load cell.
     constant, gap = fitted_law(machine, points)[0]
     return machine.replace(**machine.magnet.with_constant(constant), magnet__air_gap=gap)
 
@@ -28,7 +28,7 @@ def refitted(machine: Any, points: ForcePoints) -> Any:
 def fitted_law(
     machine: IsolatedAxis, points: ForcePoints
 ) -> tuple[tuple[float, float], Law, ForceFunction]:
-    """Return magnet constant and air gap, that law, and its force with the offset."""
+    """Return the fitted magnet constant and air gap, the law, and its force with the offset."""
     from scipy.optimize import least_squares
 
     weight = 1.0 if points.standard_error is None else 1 / points.standard_error
@@ -39,7 +39,7 @@ def fitted_law(
 
     def law(p: Array) -> Law:
         constant, gap = values(p)
-        # Not checked: on its way the search may pass a bearing that could not hold its rotor.
+        # Not checked: the search may pass a machine that could not hold its rotor.
         return law_of(_changed(machine, magnet=_changed(m, magnet_constant=constant, air_gap=gap)))
 
     def force(p: Array) -> ForceFunction:
@@ -59,7 +59,7 @@ def fitted_law(
 
 
 def _changed(part: Any, **values: Any) -> Any:
-    """Return a copy, not checked, of a machine or its magnet, or of what stands for them."""
+    """Return a copy, not checked, of a machine, its magnet, or their equivalents."""
     if hasattr(part, "model_copy"):
         return part.model_copy(update=values)
     return SimpleNamespace(**vars(part) | values)

@@ -1,4 +1,4 @@
-"""The force map that a bearing names, as a surface; found once for each file and law."""
+"""The force map of a machine as a surface, cached for each file and law."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from ambkit.machine.forces.force_surface import ForceSurface
 
 
 def surface_of(machine: IsolatedAxis) -> ForceSurface:
-    """Return the surface through the force map of a bearing."""
+    """Return the surface of a machine's force map."""
     m = machine.magnet
     scale = 1.0 if m.force_scale is None else m.force_scale
-    # Of the law that the map was measured beside: a scale moves both, and finds the same surface.
+    # For the law at the scale of the measurement: a scale changes both, and the surface is the
+    # same.
     law = tuple((key, getattr(m, key)) for key in LAW)
     box = machine.current_min, machine.current_max, machine.clearance
     constant = float(f"{m.magnet_constant / scale:.12g}")
@@ -27,7 +28,7 @@ def surface_of(machine: IsolatedAxis) -> ForceSurface:
 
 
 def surface_in(path: str | os.PathLike[str], machine: IsolatedAxis) -> ForceSurface:
-    """Return the surface through the points of a force map of its own, with the usual columns."""
+    """Return the surface of another force map with the standard columns."""
     points = load_force_points(path)
     try:
         with progress("finding the force"):
@@ -37,7 +38,7 @@ def surface_in(path: str | os.PathLike[str], machine: IsolatedAxis) -> ForceSurf
 
 
 def true_magnet(plant: Any, machine: Any) -> Any:
-    """Return the true magnet of a plant with one axis, read where it is a force map."""
+    """Return the true magnet of a plant with one axis, if it is a force map."""
     if plant is not None and len(machine.axes) > 1:
         count = len(machine.axes)
         raise AmbkitError(f"plant is the magnet of one axis, and {machine.name} has {count}")
@@ -47,7 +48,7 @@ def true_magnet(plant: Any, machine: Any) -> Any:
 
 
 def points_of(path: str, channels: str | None) -> ForcePoints:
-    """Return the points of a force map, read once for each state of its files."""
+    """Return the points of a force map, cached for each state of its files."""
     return _read(*_files(path, channels))
 
 
@@ -55,11 +56,11 @@ LAW = (
     "type", "air_gap", "bias_current", "turns", "iron_length", "relative_permeability",
     "saturation", "force_map",
 )  # fmt: skip
-"""What a law has besides its constant."""
+"""Parameters of a law besides its constant."""
 
 
 def _files(path: str | None, channels: str | None) -> tuple[Any, ...]:
-    """Return names and times of change: a file that was written anew is read anew."""
+    """Return names and times of change, so that a changed file is read again."""
     named = [name for name in (path, channels) if name is not None and os.path.exists(name)]
     return path, channels, tuple(os.stat(name).st_mtime_ns for name in named)
 

@@ -20,12 +20,12 @@ from ambkit.data.files.tables import Table, read_log, read_table
 class ForcePoints:
     """Points at which the force was measured, for :func:`ambkit.train`."""
 
-    # They may lie anywhere, and the same point may be measured again.
+    # They may be scattered and repeated.
 
     current: Array  #: (n,) Control current [A].
     displacement: Array  #: (n,) Displacement [m].
-    force: Array  #: (n,) Whole force of the magnet [N].
-    #: (n,) Standard errors of the forces [N], > 0; None where they are not known.
+    force: Array  #: (n,) Magnet force [N].
+    #: (n,) Standard errors of the forces [N], > 0; None if unknown.
     standard_error: Array | None = None
 
     def __post_init__(self) -> None:
@@ -64,7 +64,7 @@ class ForcePoints:
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write them as ``.csv`` or ``.parquet``, as ``ambkit train map`` reads them."""
+        """Write them as ``.csv`` or ``.parquet`` for ``ambkit train map``."""
         columns = {"iu": self.current, "x": self.displacement, "f_mag": self.force}
         if self.standard_error is not None:
             columns["f_std"] = self.standard_error
@@ -74,7 +74,7 @@ class ForcePoints:
     def within(
         self, currents: tuple[float, float], displacements: tuple[float, float]
     ) -> NDArray[np.bool_]:
-        """Say which points lie in a box, its edges included; True or False for each (n,)."""
+        """Return which points are in a box, including its edges (n,)."""
         inside = np.ones(len(self), dtype=bool)
         for values, (low, high) in ((self.current, currents), (self.displacement, displacements)):
             rounding = 1e-9 * (high - low)
@@ -90,11 +90,11 @@ NAMES = (
     "schema force'): --channels of 'ambkit check' and 'ambkit train', whose --out FILE.csv "
     "writes the points with these columns"
 )
-"""What helps where a file has other columns."""
+"""Advice for a file with other columns."""
 
 
 class ForceChannels(Document):
-    """What the columns of a force map mean, as in a channel map of a log, without times."""
+    """Meaning of the columns of a force map, as in a channel map, without time."""
 
     # ::
     #     [signals.iu]
@@ -110,7 +110,7 @@ class ForceChannels(Document):
     #     unit = "N"
 
     signals: dict[str, Channel]
-    """iu, x and f_mag, and f_std where the force's standard error is known."""
+    """iu, x and f_mag, and f_std if the standard error of the force is known."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -128,14 +128,14 @@ class ForceChannels(Document):
                     yield f"signals.{name}", f"{known}; known are {', '.join(units)}"
 
     def columns(self, path: str | os.PathLike[str]) -> Mapping[str, NDArray[np.float64]]:
-        """Return the columns of a file in SI, by the names of the signals."""
+        """Return the columns of a file in SI, by signal."""
         return ChannelMap(signals=self.signals, sampling_time=1.0).apply(read_log(path)).signals
 
 
 def load_force_points(
     path: str | os.PathLike[str], channels: str | os.PathLike[str] | None = None
 ) -> ForcePoints:
-    """Read measured points of the force: a row each, anywhere and in any order."""
+    """Read measured points of the force, one per row, in any order."""
     # ::
     #     iu [A],x [mm],f_mag [N],f_std [N]
     #     -1.5,-0.48,-11.9,0.2
@@ -146,7 +146,7 @@ def load_force_points(
         try:
             columns = read_table(path).columns
         except RecordError as error:
-            read_log(path)  # which raises where it is not the columns that are wrong
+            read_log(path)  # raises if the columns are not the problem
             raise RecordError([*error.problems, f"{path}: {NAMES}"]) from None
     for name in COLUMNS:
         if name not in columns:

@@ -1,4 +1,4 @@
-"""The force as a smooth surface through measured points: the bearing's law, and a correction.
+"""Smooth force surface through measured points: the machine's law, and a correction.
 
 The law is the described one, or with the magnet constant and air gap that fit the points, where
 these are likelier so.
@@ -34,34 +34,36 @@ if TYPE_CHECKING:
 
 
 LAW_SHARE, LEAST_SHARE = 0.2, 0.05
-"""By how much a law is wrong, before anything is measured, and at least: in parts of the spread of
-its force. Points that find it right do not say that it is so where there are none."""
+"""Prior and minimum error of a law, over the spread of its force. Points that agree with it do not
+prove that it is right elsewhere.
+"""
 
 SCALE, SHORTEST, FARTHEST = 0.5, 0.3, 1.0
-"""How far an error of the law reaches, before anything is measured, and at least, and at most: in
-parts of the area with points. What is shorter 5x5 rules could not follow, nor would it be told from
-noise; beyond the area nothing that was learned goes on for long."""
+"""Correlation length of the law's error: prior, minimum and maximum, over the area of the points.
+5x5 rules could not follow a shorter one, nor could it be separated from noise; beyond the area a
+correction soon ends.
+"""
 
 DOUBT = (3.0, 2.0, 2.0, 30.0)
-"""Factors within which these are known before: the law's error, its reach in current and in
-displacement, and the points' scatter, which is taken for a tenth of the law's error."""
+"""Prior standard deviations, as factors: of the law's error, its correlation length in current and
+in displacement, and the scatter of the points, whose prior is a tenth of the law's error.
+"""
 
 BEST = 1e-3
-"""No point is taken to be known better than this part of the law's error: the force is smooth, but
-not smooth without end."""
+"""Minimum error of a point, over the law's error: limits the smoothness."""
 
-MOST = 1000  #: More points are averaged with their neighbours first: the work grows with the cube.
+MOST = 1000  #: Beyond this number, neighbouring points are averaged first: the effort is cubic.
 
 FITTED = 12
-"""So many points let magnet constant and air gap of the law be fitted before it is corrected."""
+"""Minimum number of points for fitting magnet constant and air gap of the law."""
 
-JUDGES = 200  #: Of so many points the law's error and its reach are found.
+JUDGES = 200  #: Points for estimating the law's error and its correlation length.
 
 
 class ForceSurface(PatchedForce):
-    """Force from measured points: a magnet, as plant and as what an estimator knows."""
+    """Force from measured points: the magnet of a plant or of a filter."""
 
-    refitted = False  #: Whether the law is corrected as it fits the points, or as described.
+    refitted = False  #: Whether the corrected law is fitted to the points, or the described one.
 
     # As a function it is the force itself, and can be given to :func:`ambkit.stiffness_map`; the C
     # core has it as smooth patches over the bearing's currents and travel, which are as near to it
@@ -104,24 +106,24 @@ class ForceSurface(PatchedForce):
         self._factor, self._pull = _solved(self._at, off, error, result)
 
     def _base(self) -> Law:
-        """Return the law that is corrected: the described one, or as it fits the points."""
+        """Return the law that is corrected: the described or the fitted one."""
         if self.refitted:
             return fitted_law(self.machine, self.points)[1]
         return law_of(self.machine)
 
     def _off(self, at: Array) -> tuple[Array, Array, Array]:
-        """Return places (2, n), and how far the points are from the law, with standard errors."""
+        """Return places (2, n), and the points' deviations from the law with standard errors."""
         off = self.points.force - self._law.force(*at)
         known = self.points.standard_error
         error = np.ones_like(off) if known is None else known
         return _averaged((at - self._origin) / self._extent, off, error)
 
     def _learned(self, at: Array, law_error: float | None) -> _Found:
-        """Find which law is corrected, and how wrong it is, from some of the points."""
+        """Select the law to correct and estimate its error, from some of the points."""
         share = np.linspace(0, 1, 41)
         box = np.meshgrid(*(self._origin + share * self._extent))
         results = []
-        # Who says how wrong the described law is means that one.
+        # A stated error refers to the described law.
         fits = law_error is None and len(self.points) >= FITTED
         for self.refitted in (False, True) if fits else (False,):
             self._law = self._base()
@@ -131,7 +133,7 @@ class ForceSurface(PatchedForce):
             learned, surprise = _found(
                 places[:, few], off[few], error[few], known, float(np.std(spread)), law_error
             )
-            # Schwarz 1978: two parameters more.
+            # Schwarz 1978: two more parameters.
             results.append((surprise + self.refitted * np.log(few.size), self.refitted, learned))
         _, self.refitted, best = min(results, key=lambda item: item[0])
         return best
@@ -142,7 +144,7 @@ class ForceSurface(PatchedForce):
         return self._scale * np.asarray(self._law.force(iu, x)) + self.correction(iu, x)
 
     def correction(self, iu: ArrayLike, x: ArrayLike) -> Array:
-        """By how much the force is larger than the law's [N] at places (iu [A], x [m])."""
+        """Return the difference of the force to the law's [N] at places (iu [A], x [m])."""
         iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
         places = self._places(iu, x)
         parts = np.array_split(places, 1 + places.shape[1] * self._pull.size // 2_000_000, axis=1)
@@ -150,7 +152,7 @@ class ForceSurface(PatchedForce):
         return np.asarray(self._scale * self.law_error**2 * result.reshape(iu.shape))
 
     def noise(self, points: ForcePoints) -> Array:
-        """Return the standard deviations of points (n,) [N]: their own, or else the scatter."""
+        """Return the standard deviations of points (n,) [N]: their own, or the scatter."""
         if points.standard_error is not None:
             return points.standard_error
         assert self.scatter is not None
@@ -163,7 +165,7 @@ class ForceSurface(PatchedForce):
         iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
         shared = self.law_error**2 * _alike(self._at, self._places(iu, x), self._reach)
         reduction = np.sum(solve_triangular(self._factor, shared, lower=True) ** 2, axis=0)
-        # Before: the law's error and the offset's.
+        # Prior: the law's error and the offset's.
         left = np.maximum(2 * self.law_error**2 - reduction, 0)
         return np.asarray(self._scale * np.sqrt(left).reshape(iu.shape))
 
@@ -179,8 +181,8 @@ class _Found(NamedTuple):
 
 def smooth(a: Array, b: Array, length_scale: Array) -> Array:
     """Return the correlation (n, m) of a law's errors at places (2, n) and (2, m)."""
-    # Matérn's, nu = 5/2 (Rasmussen and Williams 2006, eq. 4.17): its surfaces bend smoothly.
-    # a (2, n); b (2, m); reach (2, 1)
+    # Matérn's, nu = 5/2 (Rasmussen and Williams 2006, eq. 4.17): twice differentiable. a (2, n); b
+    # (2, m); reach (2, 1)
     from scipy.spatial.distance import cdist
 
     far = np.sqrt(5) * cdist((a / length_scale).T, (b / length_scale).T)
@@ -188,13 +190,13 @@ def smooth(a: Array, b: Array, length_scale: Array) -> Array:
 
 
 def _alike(a: Array, b: Array, length_scale: Array) -> Array:
-    """Correlation of the law's errors at places (2, n) and (2, m), plus 1 for the offset."""
+    """Return the correlation of the law's errors at places (2, n), (2, m), plus the offset's 1."""
     return smooth(a, b, length_scale) + 1
 
 
 def _solved(at: Array, off: Array, error: Array, result: _Found) -> tuple[Array, Array]:
-    """Return the Cholesky factor of the points' covariance (n, n) [N], and how each pulls (n,)."""
-    # The pull [1/N] is the inverse of the covariance times the distances from the law.
+    """Return the Cholesky factor of the points' covariance (n, n) [N], and the weights (n,)."""
+    # The weights [1/N] are the inverse of the covariance times the deviations from the law.
     from scipy.linalg import cho_solve
 
     noise = np.hypot(result.scatter * error, BEST * result.law_error)
@@ -206,7 +208,7 @@ def _solved(at: Array, off: Array, error: Array, result: _Found) -> tuple[Array,
 def _found(
     at: Array, off: Array, error: Array, known: bool, spread: float, law_error: float | None
 ) -> tuple[_Found, float]:
-    """Find what a surface needs to know, by the largest posterior density; and its logarithm."""
+    """Return the parameters of a surface with maximum posterior density, and its logarithm."""
     from scipy.optimize import minimize
 
     prior_std = np.log(DOUBT)
@@ -239,7 +241,7 @@ def _found(
 
 
 def _averaged(at: Array, off: Array, error: Array) -> tuple[Array, Array, Array]:
-    """Average points of a cell, where there are too many, by their variances."""
+    """Average neighbouring points, weighted by their variances, if there are too many."""
     if off.size <= MOST:
         return at, off, error
     side = int(np.sqrt(MOST))

@@ -1,4 +1,4 @@
-"""A smooth force of current and displacement, as bicubic patches for the C core."""
+"""A smooth force over current and displacement, as bicubic patches for the C core."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
     from ambkit._core import Magnet
 
 
-ACCURACY = 1e-4  #: How far the patches may be from the force, in parts of its root mean square.
+ACCURACY = 1e-4  #: Maximum error of the patches, over the rms force.
 
 FIRST, FINEST = 8, 64
-"""Cells from the origin to the farther end of an axis: at first, and at most."""
+"""Initial and maximum number of cells from the origin to the farther end of an axis."""
 
 
 class Patches(NamedTuple):
-    """Force less that at the origin, and its derivatives, at the nodes of a grid."""
+    """The force minus that at the origin, and its derivatives, at the nodes of a grid."""
 
-    current: Array  #: Nodes of the control current (columns,) [A], evenly spaced, one of them 0.
-    displacement: Array  #: Nodes of the displacement (rows,) [m], evenly spaced, one of them 0.
+    current: Array  #: Nodes of the control current (columns,) [A], equidistant, including 0.
+    displacement: Array  #: Nodes of the displacement (rows,) [m], equidistant, including 0.
     force: Array  #: (rows, columns) [N].
     by_current: Array  #: dF/diu (rows, columns) [N/A].
     by_displacement: Array  #: dF/dx (rows, columns) [N/m].
     by_both: Array  #: Mixed derivative (rows, columns) [N/(A m)].
     error: float
-    """The largest distance from the force that was found [N], in the middles between nodes."""
+    """Largest error that was observed [N], at the centres of the cells."""
 
 
 def patches(
@@ -44,9 +44,8 @@ def patches(
     currents: tuple[float, float],
     displacements: tuple[float, float],
 ) -> Patches:
-    """Sample a force, each time twice as finely, until the middles between the nodes are right."""
-    # The derivatives at the nodes are those of the bicubic spline through them, which the patches
-    # then are.
+    """Sample a force, halving the cells until the error at their centres is small."""
+    # The derivatives at the nodes are those of the bicubic spline, so the patches reproduce it.
     from scipy.interpolate import RectBivariateSpline
 
     cells = FIRST
@@ -93,7 +92,7 @@ class PatchedForce(Law):
     """A magnet whose force is a function of current and displacement."""
 
     points: ForcePoints
-    """Points that it goes through."""
+    """Measured points."""
     _scale = 1.0
 
     def __call__(self, iu: ArrayLike, x: ArrayLike) -> Array:
@@ -101,7 +100,7 @@ class PatchedForce(Law):
         raise NotImplementedError
 
     def scaled(self, factor: float) -> Self:
-        """Return the same for a force so many times as large."""
+        """Return the same for a force multiplied by a factor."""
         other = copy.copy(self)
         other._scale = factor * self._scale
         p = self.patches
@@ -113,7 +112,7 @@ class PatchedForce(Law):
 
     @cached_property
     def patches(self) -> Patches:
-        """What the C core has of it, over the machine's currents and its travel."""
+        """Patches for the C core, over the machine's currents and displacements."""
         b, travel = self.machine, self.machine.clearance
         return patches(self, (b.current_min, b.current_max), (-travel, travel))
 
@@ -132,5 +131,5 @@ class PatchedForce(Law):
 
     @property
     def bias_force(self) -> float:
-        """Force at iu = 0, x = 0 [N], with all that the points have in common."""
+        """Force at iu = 0, x = 0 [N], including an offset of the points."""
         return float(self(0.0, 0.0))

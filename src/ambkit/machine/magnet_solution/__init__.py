@@ -1,1 +1,1 @@
-"""What follows from the field of a magnet: stiffnesses, limits, errors of laws, pictures."""
+"""Results of a magnet's field: stiffnesses, limits, errors of force laws, figures."""

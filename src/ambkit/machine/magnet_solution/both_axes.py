@@ -1,4 +1,4 @@
-"""Rows and picture of the map of both axes of a radial bearing."""
+"""Rows and figure of the two-axis map of a radial bearing."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ambkit.result.row import Row, put
 
 SECTION = ("both axes",)
 PLACES = {"centre": 0.0, "half of the ranges": 0.5}
-"""Where stiffnesses are stated, in parts of the greatest currents and displacements."""
+"""Operating points of the stiffnesses, over the maximum current and displacement."""
 
 
 def both_axes_rows(m: TwoAxisMap) -> list[Row]:
-    """Return stiffnesses along and across, inductances, and how far the axes are coupled."""
+    """Return direct and cross stiffnesses, inductances, and the coupling of the axes."""
     rows: list[Row] = []
     for of, share in PLACES.items():
         place = share * m.ranges
@@ -46,7 +46,7 @@ _ALONG = np.array([1.0, 0.0, 1.0, 0.0])[:, None]
 
 
 def both_axes_figure(name: str, m: TwoAxisMap) -> Figure:
-    """Show by how much current and displacement of y change the force along x."""
+    """Plot the change of the force along x by current and displacement of y."""
     i, y = (r * np.linspace(-1, 1, 61) for r in (m.ranges[1], m.ranges[3]))
     other = np.stack(np.meshgrid(i, y))
     panels = []

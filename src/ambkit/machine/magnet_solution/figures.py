@@ -1,4 +1,4 @@
-"""Pictures of a magnet's solution: the field, flux density along the gap, the map."""
+"""Figures of a magnet's solution: field, flux density along the gap, force map."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from ambkit.machine.magnetostatics.field import FieldSolver, Solution
 from ambkit.machine.magnetostatics.magnet_map import MagnetMap
 from ambkit.result.report import Axis, Figure, Heatmap, Item, Line, Panel, Points
 
-PIXELS = 300  #: Along the longer side of the field's picture.
+PIXELS = 300  #: Pixels along the longer side of the field plot.
 FLUX_LINES = 24
 QUARTERS = ([0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5])  #: Of a triangle of second order.
 DENSITY = Axis("flux density", "T")
 
 
 def field_figure(drawing: Drawing, solver: FieldSolver, field: Solution) -> Figure:
-    """Show the flux density with lines of flux and the outlines."""
+    """Plot the flux density with lines of flux and the outlines."""
     from matplotlib.tri import LinearTriInterpolator, Triangulation
 
     layout = drawing.layout
@@ -44,7 +44,7 @@ def field_figure(drawing: Drawing, solver: FieldSolver, field: Solution) -> Figu
     mean = np.abs(field.B).mean(axis=1)
     density = np.where(at >= 0, mean[at], 0.0)
     potential = LinearTriInterpolator(fine, field.a[: len(nodes)])(*grid).filled(0.0)
-    if layout.axial is not None:  # with the bias flux, from the rotor to the back iron
+    if layout.axial is not None:  # with bias flux, from the rotor to the back iron
         places = grid[0] + 1j * grid[1]
         angle = np.angle(places * 1j**1.5) / (2 * np.pi)  # cut between two poles
         bent = (layout.axial.share(np.abs(places)) < 1) | (np.abs(angle) > 0.45)
@@ -88,11 +88,11 @@ def _flux_lines(x: Array, y: Array, potential: Array) -> list[Item]:
 def gap_figure(
     drawing: Drawing, solver: FieldSolver, bias_field: Solution, field: Solution
 ) -> Figure:
-    """Show the flux density along the gap, at the bias current and at the greatest."""
+    """Plot the flux density along the gap, at bias and at maximum current."""
     layout = drawing.layout
     chosen = solver.in_gap
     places = solver.at().elements.places[chosen].mean(axis=1)
-    if layout.axisymmetric and layout.bias.size > 1:  # of two gaps, where the currents add
+    if layout.axisymmetric and layout.bias.size > 1:  # for two gaps, where the currents add
         chosen, places = chosen[places.imag > 0], places[places.imag > 0]
     if len(layout.directions) > 1:
         along, axis = np.angle(places), Axis("angle", "deg", 180 / np.pi)
@@ -115,7 +115,7 @@ def gap_figure(
 
 
 def map_figure(name: str, m: MagnetMap) -> Figure:
-    """Show the force over current and displacement."""
+    """Plot the force over current and displacement."""
     iu, x = (np.linspace(axis[0], axis[-1], 61) for axis in (m.current, m.displacement))
     force = m.force_at(*np.meshgrid(iu, x))
     return Figure(
@@ -130,7 +130,7 @@ def map_figure(name: str, m: MagnetMap) -> Figure:
 
 
 def dynamics_figure(name: str, dynamics: Dynamics) -> Figure:
-    """Show the current stiffness over frequency with eddy currents, and the lag fitted."""
+    """Plot the current stiffness over frequency with eddy currents, and the fitted lag."""
     stiffness, corner = dynamics.stiffness, dynamics.corner
     fine = np.geomspace(FREQUENCIES[0], FREQUENCIES[-1], 121)
     fitted = lag(fine, corner, dynamics.order)

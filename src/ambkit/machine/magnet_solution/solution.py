@@ -1,4 +1,4 @@
-"""What follows from a magnet's drawing: stiffnesses, limits, errors of the force laws."""
+"""Results of a magnet's drawing: stiffnesses, limits, errors of the force laws."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
-STEP = 1e-3  #: Of currents and displacements, in parts of their range, for a derivative.
+STEP = 1e-3  #: Step of currents and displacements for derivatives, over their range.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MagnetSolution(Result):
-    """The map of a magnet from its drawing, and the field at its greatest current."""
+    """The force map of a magnet from its drawing, and the field at maximum current."""
 
     drawing: Drawing
     map: MagnetMap
     solver: FieldSolver
-    field: Solution  #: With bias and greatest control current, the rotor in the centre.
+    field: Solution  #: With bias and maximum control current, rotor centred.
     bias_field: Solution  #: With the bias current alone.
-    coupling: float | None  #: Force across in parts of that along, the rotor displaced across.
+    coupling: float | None  #: Force across over force along, with the rotor displaced across.
     laws: list[LawError]
     dynamics: Dynamics | None = None
     both_axes: TwoAxisMap | None = None
@@ -65,14 +65,14 @@ class MagnetSolution(Result):
 
     @cached_property
     def stiffness(self) -> tuple[float, float]:
-        """k_i [N/A] and k_s [N/m] in the centre."""
+        """k_i [N/A] and k_s [N/m] with the rotor centred."""
         iu, x = STEP * self.map.current[-1], STEP * self.map.displacement[-1]
         at = self.map.force_at([iu, -iu, 0, 0], [0, 0, x, -x])
         return float(at[0] - at[1]) / (2 * iu), float(at[2] - at[3]) / (2 * x)
 
     @cached_property
     def inductance(self) -> float:
-        """Of the coils that pull one way, in the centre [H]."""
+        """Inductance of the coils of one side, rotor centred [H]."""
         iu = STEP * self.map.current[-1]
         low, high = self.map.flux_at([-iu, iu], 0.0).tolist()
         rise: float = (high - low) / (2 * iu)
@@ -173,7 +173,7 @@ class MagnetSolution(Result):
 
 
 def solve(drawing: Drawing, both_axes: bool = False) -> MagnetSolution:
-    """Return what follows from a drawing."""
+    """Solve a drawing."""
     layout, bias_current = drawing.layout, drawing.bias_current
     if both_axes and len(layout.directions) < 2:
         raise AmbkitError(f"both_axes: a {drawing.geometry.type} magnet has one axis")
@@ -183,7 +183,7 @@ def solve(drawing: Drawing, both_axes: bool = False) -> MagnetSolution:
         bias = solver.at().solve(bias_current * layout.bias)
         most = bias_current * layout.bias + drawing.limit * layout.control[0]
         full = solver.at().solve(most, bias.a)
-        if layout.opposed:  # the other core's force, at the current that is left to it
+        if layout.opposed:  # the force of the opposite core, at its reduced current
             less = solver.at().solve((bias_current - drawing.limit) * layout.bias, bias.a)
             full = full._replace(force=full.force - less.force)
         coupling = _coupling(drawing, solver, full)
@@ -216,7 +216,7 @@ def _rows_of(dynamics: Dynamics) -> list[Row]:
 
 
 def _coupling(drawing: Drawing, solver: FieldSolver, full: Solution) -> float | None:
-    """Return by how much the greatest current changes the force across, displaced across."""
+    """Return the effect of a displacement across on the force at maximum current."""
     layout, bias_current = drawing.layout, drawing.bias_current
     if len(layout.directions) < 2:
         return None

@@ -1,1 +1,1 @@
-"""The magnet from its drawing: geometry, mesh, nonlinear magnetostatic field, force map."""
+"""A magnet from its drawing: geometry, mesh, nonlinear magnetostatic field, force map."""

@@ -24,35 +24,36 @@ class Winding(Part):
     """The coils and their currents."""
 
     turns: Annotated[float, Field(gt=0, le=1e6)]
-    """Turns of one coil, or the mean of coils that differ."""
+    """Turns per coil, or their mean."""
     bias_current: Annotated[float, Quantity("A", "3 A", above=0)] | None = None
-    """Bias current [A]; none where permanent magnets make the bias."""
+    """Bias current [A]; none with permanent magnets."""
     control_limit: Annotated[float, Quantity("A", "3 A", above=0)] | None = None
-    """Greatest control current of the map, either way [A]; by default the bias current, or the
-    current of ideal iron whose law is that of the permanent magnets."""
+    """Maximum control current of the map, in both directions [A]. By default the bias current, or
+    that equivalent to the permanent magnets with ideal iron.
+    """
     voltage: Annotated[float, Quantity("V", "150 V", above=0)] | None = None
-    """Voltage of the amplifier [V], for the slew rate of the force."""
+    """Amplifier voltage [V], for the slew rate of the force."""
 
 
 class Drawing(Document):
-    """A magnet, from which its force follows by finite elements."""
+    """A magnet whose force follows from finite elements."""
 
     name: Name
     """Name of the magnet."""
     description: Description = ""
-    """What it is."""
+    """Description."""
     geometry: AnyGeometry
-    """Its dimensions."""
+    """Dimensions."""
     winding: Winding
-    """Its coils."""
+    """Coils."""
     iron: Iron
-    """The iron of the stator, and of the rotor unless that has its own."""
+    """Iron of the stator, and by default of the rotor."""
     rotor_iron: Iron | None = None
-    """The iron of the rotor."""
+    """Iron of the rotor."""
     clearance: Annotated[float, Quantity("m", "0.25 mm", above=0)] | None = None
-    """Greatest displacement of the map [m]; by default half the air gap."""
+    """Maximum displacement of the map [m]. By default half of the air gap."""
     end_factor: Annotated[float, Quantity("1", "1.02", above=0)] = 1.0
-    """Factor of the stack's length for the flux around its ends, of a plane section [1]."""
+    """Factor on the length of the stack for the flux at its ends, of a plane section [1]."""
 
     unwritten = ("description", "end_factor")
 
@@ -68,7 +69,7 @@ class Drawing(Document):
             )
 
     def check(self, name: str) -> None:
-        """Refuse outlines that cross, by the name of the file."""
+        """Reject intersecting outlines, with the name of the file."""
         try:
             checked_outlines(self.layout)
         except AmbkitError as error:
@@ -76,17 +77,17 @@ class Drawing(Document):
 
     @property
     def displacement_range(self) -> float:
-        """Greatest displacement of its map [m]."""
+        """Maximum displacement of its map [m]."""
         return self.geometry.air_gap / 2 if self.clearance is None else self.clearance
 
     @property
     def bias_current(self) -> float:
-        """Bias current [A]; of magnets or a bias coil, that of control coils with ideal iron."""
+        """Bias current [A]; with magnets or a bias coil, that of control coils with ideal iron."""
         return self.geometry.ideal_bias(self._windings)
 
     @property
     def limit(self) -> float:
-        """Greatest control current [A]."""
+        """Maximum control current [A]."""
         limit = self.winding.control_limit
         return self.bias_current if limit is None else limit
 
@@ -103,10 +104,10 @@ class Drawing(Document):
 
     @property
     def magnet_constant(self) -> float:
-        """K of ideal iron without fringes [N m^2/A^2]."""
+        """k of ideal iron without fringing [N m^2/A^2]."""
         return self.geometry.magnet_constant(self.winding.turns)
 
     def key(self, *more: object) -> str:
-        """Return the hash of what a solution depends on."""
+        """Return the hash of all inputs of a solution."""
         physics = self.model_dump(exclude={"name", "description", "clearance", "winding"})
         return hashlib.sha256(repr((physics, self.winding.turns, *more)).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Eddy currents and losses of iron: force and flux linkage over frequency, and the lag like them.
+"""Eddy currents and losses in iron: force and flux linkage over frequency, and the fitted lag.
 
 Small changes about the bias field: (K + j w M) a = currents, with the tangent stiffness K of the
 magnetostatic field and the conductivity matrix M of solid iron in a body of revolution. Solid poles
@@ -22,48 +22,48 @@ from ambkit.machine.magnetostatics.field import FieldSolver, Skin
 from ambkit.machine.magnetostatics.iron import Curve
 from ambkit.machine.magnetostatics.magnet_map import VERSION, kept
 
-FREQUENCIES = np.geomspace(1.0, 1000.0, 7)  #: Of the fit [Hz].
+FREQUENCIES = np.geomspace(1.0, 1000.0, 7)  #: Frequencies of the fit [Hz].
 
-IN_SKIN = 1.5  #: Length of edges at the surface of iron, in skin depths at the highest frequency.
+IN_SKIN = 1.5  #: Length of edges at the iron's surface, in skin depths at the highest frequency.
 
 
-REPORTED = {100: 4, 1000: 6}  #: Frequencies of losses [Hz], by their places.
-DENSITY = 7650.0  #: Of iron [kg/m^3].
+REPORTED = {100: 4, 1000: 6}  #: Frequencies of the reported losses [Hz], by index.
+DENSITY = 7650.0  #: Density of iron [kg/m^3].
 
 
 class Dynamics(NamedTuple):
-    """Small changes by control current at `FREQUENCIES`."""
+    """Small-signal response to the control current at `FREQUENCIES`."""
 
-    stiffness: NDArray[np.complex128]  #: Of the force, in parts of that at rest.
+    stiffness: NDArray[np.complex128]  #: Force, over the static one.
     flux: NDArray[np.complex128]  #: Flux linkage [H].
     hysteresis: Array  #: Loss [W/A^2].
     laminated: bool
 
     @property
     def order(self) -> float:
-        """Of the lag."""
+        """Order of the lag."""
         return 1.0 if self.laminated else 0.5
 
     @property
     def corner(self) -> float:
-        """Corner of the lag that is nearest [Hz]."""
+        """Corner frequency of the best lag [Hz]."""
         return fitted_corner(FREQUENCIES, self.stiffness, self.order)
 
     @property
     def eddy_loss(self) -> Array:
-        """Loss of eddy currents (n,) [W/A^2], of the current's amplitude."""
+        """Eddy current loss (n,) [W/A^2], per squared current amplitude."""
         return np.asarray(-np.pi * FREQUENCIES * self.flux.imag)
 
 
 def conducts(drawing: Drawing) -> bool:
-    """Whether a drawing's iron has eddy currents that are followed: in circles, or in sheets."""
+    """Whether a drawing's iron has modelled eddy currents: in the section, or in sheets."""
     curves = [r.iron for r in drawing.layout.regions if r.iron is not None]
     circles = drawing.layout.axisymmetric
     return any(curve.conductivity and (circles or curve.lamination) for curve in curves)
 
 
 def _skin(omega: float) -> Skin:
-    """Return by what sheets are worse than their static reluctivity at an angular frequency."""
+    """Return the dynamic over the static reluctivity of sheets at an angular frequency."""
 
     def factor(curve: Curve, slope: Array) -> NDArray[np.complex128]:
         if not curve.lamination or omega == 0:
@@ -77,7 +77,7 @@ def _skin(omega: float) -> Skin:
 def dynamic_stiffness(
     drawing: Drawing, frequencies: Array = FREQUENCIES, fineness: float = 1.0
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], Array]:
-    """Return force in parts of that at rest, flux linkage and hysteresis loss as of `Dynamics`."""
+    """Return force over the static one, flux linkage and hysteresis loss, as in `Dynamics`."""
     layout = drawing.layout
     curves = [r.iron for r in layout.regions if r.iron is not None and r.iron.conductivity]
     solid = [curve for curve in curves if not curve.lamination]
@@ -114,7 +114,7 @@ def dynamic_stiffness(
 
 
 def dynamics_of(drawing: Drawing) -> Dynamics:
-    """Return the dynamics at `FREQUENCIES`, solved once."""
+    """Return the dynamics at `FREQUENCIES`, cached."""
 
     def solve() -> tuple[Array, ...]:
         with progress("solving the eddy currents"):
@@ -135,8 +135,8 @@ def lag(frequencies: Array, corner: float, order: float = 0.5) -> NDArray[np.com
 def fitted_corner(
     frequencies: Array, stiffness: NDArray[np.complex128], order: float = 0.5
 ) -> float:
-    """Return the corner [Hz] whose lag is nearest to a dynamic stiffness."""
-    from scipy.optimize import minimize_scalar  # not at a simulation's start
+    """Return the corner frequency [Hz] of the lag closest to a dynamic stiffness."""
+    from scipy.optimize import minimize_scalar  # not imported by a simulation
 
     def off(log_corner: float) -> float:
         ratio = stiffness / lag(frequencies, float(np.exp(log_corner)), order)

@@ -35,8 +35,8 @@ N, _DN = _shapes(_AT)  #: Shape functions (points, 6) at the points of the quadr
 class Elements:
     """Gradients and weights of a mesh at one displacement of its nodes."""
 
-    # With `common` (m, q, 6), all triangles share one more unknown: its gradient is that of the
-    # nodal values that each point of the quadrature has for it.
+    # With `common` (m, q, 6), all triangles share one more unknown, whose gradient is that of these
+    # nodal values at each quadrature point.
 
     def __init__(
         self, nodes: Points, triangles: NDArray[np.intp], common: Array | None = None
@@ -54,7 +54,7 @@ class Elements:
                 (x_r.real[:, :, None] * by_s - x_s.real[:, :, None] * by_r) / det[:, :, None],
             ],
             axis=3,
-        )  #: (m, q, 6, 2); 7 where one unknown is common.
+        )  #: (m, q, 6, 2); 7 with a common unknown.
         if common is not None:
             more = np.einsum("mqat,mqa->mqt", self.gradient, common)
             self.gradient = np.concatenate([self.gradient, more[:, :, None]], axis=2)
@@ -68,7 +68,7 @@ class Elements:
         )
 
     def vector(self, values: Array, at: NDArray[np.intp] | slice = ALL) -> Array:
-        """Assemble a vector (n,) from those of some elements (m, 6)."""
+        """Assemble a vector (n,) from element vectors (m, 6)."""
         return np.bincount(self.triangles[at].ravel(), values.ravel(), self.count).astype(float)
 
     def load(self, density: Array) -> Array:
@@ -76,7 +76,7 @@ class Elements:
         return self.vector((density * self.weight) @ self.N)
 
     def matrix(self, values: Array, at: NDArray[np.intp] | slice = ALL) -> sparse.csc_matrix:
-        """Assemble a matrix (n, n) from those of some elements (m, 6, 6)."""
+        """Assemble a matrix (n, n) from element matrices (m, 6, 6)."""
         triangles = self.triangles[at]
         nodes = triangles.shape[1]
         rows = np.repeat(triangles, nodes, axis=1).ravel()

@@ -1,4 +1,4 @@
-"""The magnetostatic field of a layout, and from it force and flux linkage.
+"""The magnetostatic field of a layout, and its force and flux linkage.
 
 The vector potential a (r A_phi where axisymmetric) minimises energy less the work of the currents
 (Newton with line search). The rotor moves by displacing the nodes of the gap, so force and flux
@@ -26,21 +26,21 @@ from ambkit.machine.magnetostatics.iron import Curve
 from ambkit.machine.magnetostatics.layout import AxialCircuit, Layout, Points, flat
 from ambkit.machine.magnetostatics.mesh import mesh_of
 
-PRECISION = 1e-9  #: Newton ends where a step changes the energy by less than this part of it.
-STEPS = 60  #: Of Newton, at most.
-LEAST_B = 1e-9  #: Flux density of which permeability is asked at least [T].
+PRECISION = 1e-9  #: Relative change of the energy at which Newton's method ends.
+STEPS = 60  #: Maximum number of Newton steps.
+LEAST_B = 1e-9  #: Minimum flux density for the permeability [T].
 
 
 Skin = Callable[[Curve, Array], NDArray[np.complex128]]
-"""By what the differential reluctivity (m, q) [m/H] of iron is greater in a changing field."""
+"""Factor on the differential reluctivity (m, q) [m/H] of iron in an alternating field."""
 
 
 class Solution(NamedTuple):
     """A field."""
 
     a: Array  #: (n,) Vector potential [Vs/m]; times the radius where axisymmetric [Vs].
-    # Where the layout has an axial circuit, its flux by length follows as one more.
-    force: Array  #: (directions,) On the rotor [N].
+    # With an axial circuit, its flux per length is appended.
+    force: Array  #: (directions,) Force on the rotor [N].
     flux: Array  #: (coils,) Flux linkages [Vs].
     coenergy: float  #: [J]
     B: Points  #: (m, points) Flux density [T].
@@ -88,8 +88,8 @@ class FieldSolver:
         return self._positions[key]
 
     def _angles(self, axial: AxialCircuit) -> Array:
-        """Return the potential (m, q, 6) of a unit of radial flux in and between the irons."""
-        # Radial flux is the curl of an angle, which each triangle continues from its first corner.
+        """Return the potential (m, q, 6) of a unit of radial flux in the irons and between them."""
+        # Radial flux is the curl of an angle, continued in each triangle from its first corner.
         nodes = self.mesh.nodes[self.mesh.triangles]
         share = axial.share(np.abs(nodes @ N.T))
         nodes = np.where((share > 0).any(axis=1, keepdims=True), nodes, 1.0)  # 0 may be a corner
@@ -98,7 +98,7 @@ class FieldSolver:
 
     @cached_property
     def follows(self) -> Array:
-        """By how much each node follows the rotor (n,): 1 in it, 0 in the stator."""
+        """Displacement of each node by that of the rotor (n,): 1 in it, 0 in the stator."""
         mesh = self.mesh
         parts = []
         for chosen in (self.moves, ~self.moves & ~self.air):
@@ -112,12 +112,12 @@ class FieldSolver:
 
     @cached_property
     def in_gap(self) -> NDArray[np.intp]:
-        """Triangles between stator and rotor, where these are nearest."""
+        """Triangles between stator and rotor, at the smallest distance."""
         strain = np.linalg.norm(self.at().elements.grad(self.follows), axis=2).mean(axis=1)
         return np.flatnonzero(self.air & (strain > 0.7 * np.quantile(strain[self.air], 0.98)))
 
     def _distance(self, inside: NDArray[np.bool_]) -> Array:
-        """Return the distances (n,) of nodes from the surface of a part, 0 in it."""
+        """Return the distances (n,) of nodes from a part, 0 inside."""
         nodes = self.mesh.nodes
         sides = self.mesh.triangles[self.air][:, [[1, 3, 2], [2, 4, 0], [0, 5, 1]]].reshape(-1, 3)
         a, middle, b = nodes[sides[inside[sides].all(axis=1)]].T
@@ -161,7 +161,7 @@ class Position:
         return self.elements.matrix(values, at)
 
     def _energy(self, a: Array, source: Array) -> tuple[float, Array, list[tuple[Array, Array]]]:
-        """Return energy less work [J], grad a (m, q, 2), and of each iron H/B and its bend."""
+        """Return energy minus work [J], grad a (m, q, 2), and H/B of each iron, and its slope."""
         s, linear = self.solver, self.solver.linear
         gradient = self.elements.grad(a)
         b = np.hypot(gradient[..., 0], gradient[..., 1]) / self.radius
@@ -178,7 +178,7 @@ class Position:
         return energy - float(source @ a), gradient, state
 
     def solve(self, currents: Array, start: Array | None = None) -> Solution:
-        """Return the field of currents (coils,) [A]; `start` (n,) is a potential near it."""
+        """Return the field of currents (coils,) [A]; `start` (n,) is an initial potential."""
         s, e, free = self.solver, self.elements, self.solver.free
         source = np.asarray(currents, dtype=float) @ s.coils + self.magnets
         a = np.zeros(e.count) if start is None else start
@@ -226,8 +226,8 @@ class Position:
         return matrix, residual
 
     def tangent(self, a: Array, skin: Skin | None = None) -> tuple[sparse.csc_matrix, Array]:
-        """Return the tangent stiffness (n, n) and how the force follows the potential (n,)."""
-        # Of small changes about a potential; the force is that along the first direction.
+        """Return the tangent stiffness (n, n), and the derivative of the force (n,)."""
+        # For small changes of a potential; the force is that along the first direction.
         source = np.zeros(self.elements.count)
         _, gradient, state = self._energy(a, source)
         g, strain, density = self._shell(gradient)
@@ -241,7 +241,7 @@ class Position:
         return self._linearised(a, gradient, state, source, skin)[0], force
 
     def _shell(self, gradient: Array) -> tuple[Array, Array, Array]:
-        """Return grad a, that of what follows the rotor, and reluctivity by volume, in air."""
+        """Return grad a, that of the rotor's nodes, and reluctivity times volume, in air."""
         s = self.solver
         between = np.flatnonzero(s.air)
         density = (self.volume / self.radius**2)[between] * s.reluctivity[between, None]

@@ -1,4 +1,4 @@
-"""Magnetisation of iron: by its grade, by saturation and permeability, or by a table."""
+"""Magnetisation of iron: by grade, by saturation and permeability, or by a table."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ the greatest permeability [T], c_a, c_b and n of Roschke's approximation
 ``mu_r = 1 + (mu_i - 1 + c_a b) / (1 + c_b b + b^n)``, ``b = B/B_m``. Values of the Modelica
 Standard Library, ``Modelica.Magnetic.FluxTubes.Material.SoftMagnetic`` (BSD-3-Clause)."""
 
-HIGHEST = 2.6  #: Flux density to which a curve of a formula is sampled [T].
+HIGHEST = 2.6  #: Maximum flux density of a sampled formula [T].
 
 
 class Curve:
@@ -42,15 +42,15 @@ class Curve:
 
         self.stacking, self._end = 1.0 if iron is None else iron.stacking_factor, float(B[-1])
         self.conductivity = (iron and iron.conductivity) or 0.0  #: [S/m]
-        self.lamination = (iron and iron.lamination) or 0.0  #: Thickness of sheets [m]; 0: solid.
-        self.hysteresis = (iron and iron.hysteresis_loss) or 0.0  #: [W/kg]
+        self.lamination = (iron and iron.lamination) or 0.0  #: Thickness of sheets [m]; 0 if solid.
+        self.hysteresis = (iron and iron.hysteresis_loss) or 0.0  #: Specific hysteresis loss [W/kg]
         self._h = PchipInterpolator(B, H)
         self._slope, self._energy = self._h.derivative(), self._h.antiderivative()
         self._h_end, self._w_end = float(H[-1]), float(self._energy(B[-1]))
 
     def at(self, b: Array) -> tuple[Array, Array, Array]:
         """Return H [A/m], dH/dB [A/(m T)] and energy density [J/m^3] at flux densities [T]."""
-        b = b / self.stacking  # the sheets carry the flux
+        b = b / self.stacking  # the flux is in the sheets
         inside = np.minimum(b, self._end)
         beyond = b - inside
         h = self._h(inside) + beyond / MU_0
@@ -79,11 +79,11 @@ class Iron(Part):
     stacking_factor: Annotated[float, Quantity("1", "0.97", above=0, at_most=1)] = 1.0
     """Share of the stack that is iron [1]."""
     conductivity: Annotated[float, Quantity("S/m", "4.5e6 S/m", above=0)] | None = None
-    """Electrical conductivity of the iron [S/m], for its eddy currents; none without."""
+    """Electrical conductivity of the iron [S/m], for eddy currents. By default none."""
     lamination: Annotated[float, Quantity("m", "0.35 mm", above=0)] | None = None
-    """Thickness of the sheets [m]; solid without."""
+    """Thickness of the sheets [m]. By default solid."""
     hysteresis_loss: Annotated[float, Quantity("W/kg", "2 W/kg", above=0)] | None = None
-    """Of 1.5 T at 50 Hz [W/kg]; by frequency and the square of flux density (Steinmetz)."""
+    """Hysteresis loss at 1.5 T and 50 Hz [W/kg], as frequency times squared flux density."""
 
     unwritten = ("flux_density", "field_strength", "stacking_factor")
 

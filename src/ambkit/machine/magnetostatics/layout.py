@@ -17,33 +17,33 @@ Points = NDArray[np.complex128]
 
 
 class Region(NamedTuple):
-    """A closed outline and what fills it; it replaces what earlier regions have there."""
+    """A closed outline with its material; it overlays earlier regions."""
 
     outline: Points  #: (n,) Its corners in order, anticlockwise.
-    key: str  #: The key of the drawing that its size comes from.
+    key: str  #: Key of the drawing that determines its size.
     iron: Curve | None = None
-    moves: bool = False  #: With the rotor.
-    coil: int = -1  #: Number of the coil whose turns fill it.
-    turns: float = 0.0  #: Negative where they carry the current into the plane.
-    remanence: complex = 0.0  #: Of a permanent magnet [T], with its direction.
-    permeability: float = 1.0  #: Relative, of what is no iron.
+    moves: bool = False  #: Whether it moves with the rotor.
+    coil: int = -1  #: Index of the coil in it.
+    turns: float = 0.0  #: Negative if they carry the current into the plane.
+    remanence: complex = 0.0  #: Of a permanent magnet [T], with direction.
+    permeability: float = 1.0  #: Relative, except for iron.
 
 
 class AxialCircuit(NamedTuple):
-    """What drives flux along the axis, through the rotor of one plane into that of another."""
+    """Source of axial flux, through the rotor from one plane into the other."""
 
-    rotor: tuple[float, float]  #: Radii of the rotor iron, which it enters evenly [m].
-    stator: tuple[float, float]  #: Radii of the back iron, which it leaves evenly [m].
-    length: float  #: Of the stack of one plane [m].
+    rotor: tuple[float, float]  #: Radii of the rotor iron, over which it enters uniformly [m].
+    stator: tuple[float, float]  #: Radii of the back iron, over which it leaves uniformly [m].
+    length: float  #: Length of the stack of one plane [m].
     mmf: float  #: Of magnets [A].
     reluctance: float  #: Of magnets [A/Wb].
     iron: Curve  #: Of the rotor between the planes,
     area: float  #: its cross section [m^2],
     distance: float  #: and its length [m].
-    turns: int = 0  #: Of the bias coil, which is the last one; 0: there is none.
+    turns: int = 0  #: Turns of the bias coil, which is the last one; 0 if there is none.
 
     def share(self, radius: Array) -> Array:
-        """Return the part of the flux that is radial at radii [m]."""
+        """Return the radial share of the flux at radii [m]."""
         parts = [np.clip((radius**2 - a**2) / (b**2 - a**2), 0.0, 1.0)
                  for a, b in (self.rotor, self.stator)]  # fmt: skip
         return np.asarray(parts[0] - parts[1])
@@ -60,21 +60,21 @@ class AxialCircuit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Regions within a boundary on which the flux is confined."""
+    """Regions within a boundary that no flux crosses."""
 
     boundary: Region
     regions: Sequence[Region]
-    directions: Sequence[complex]  #: Of the rotor's displacements, one or two unit vectors.
-    bias: Array  #: (coils,) Current of each coil by bias current.
-    control: Array  #: (directions, coils) Current of each coil by control current.
+    directions: Sequence[complex]  #: Unit vectors of the rotor's displacements, one or two.
+    bias: Array  #: (coils,) Current of each coil per bias current.
+    control: Array  #: (directions, coils) Current of each coil per control current.
     depth: float = float("nan")
-    """Length across the plane [m]; NaN: the section is axisymmetric about its imaginary axis."""
+    """Length across the plane [m]; NaN if the section is axisymmetric about its imaginary axis."""
     circles: Sequence[tuple[complex, float]] = ()
-    """Centre and radius [m] of those that outlines follow."""
+    """Centre and radius [m] of the circles in outlines."""
     opposed: bool = False
-    """Whether the same magnet pulls the other way, too, with a field of its own."""
+    """Whether an equal magnet acts in the opposite direction, with a separate field."""
     axial: AxialCircuit | None = None
-    """What drives a bias flux across the plane; the depth is that of two planes."""
+    """Source of a bias flux across the plane; the depth is that of two planes."""
 
     @property
     def axisymmetric(self) -> bool:
@@ -88,12 +88,12 @@ class Layout:
 
 
 def rectangle(low: complex, high: complex) -> Points:
-    """Return the outline of a rectangle from two of its corners."""
+    """Return the outline of a rectangle by two corners."""
     return np.array([low, high.real + 1j * low.imag, high, low.real + 1j * high.imag])
 
 
 def arc(radius: float, begin: float, end: float, centre: complex = 0.0) -> Points:
-    """Return points on an arc at two angles and between, a few degrees apart."""
+    """Return points on an arc between two angles, a few degrees apart."""
     count = max(2, 1 + round(abs(end - begin) / np.radians(5)))
     return np.asarray(centre + radius * np.exp(1j * np.linspace(begin, end, count)))
 
@@ -104,7 +104,7 @@ def circle(radius: float) -> Points:
 
 
 def contains(outline: Points, places: Points) -> NDArray[np.bool_]:
-    """Say which places (n,) lie within an outline, by the crossings of a ray."""
+    """Return which places (n,) are within an outline, by the crossings of a ray."""
     a, b = outline, np.roll(outline, -1)
     above = (a.imag > places[:, None].imag) != (b.imag > places[:, None].imag)
     rise = np.where(b.imag == a.imag, 1.0, b.imag - a.imag)

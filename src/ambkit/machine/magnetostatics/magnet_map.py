@@ -1,4 +1,4 @@
-"""Force and flux linkage over currents and displacements, solved once for each drawing.
+"""Force and flux linkage over currents and displacements, cached for each drawing.
 
 Both are derivatives of one coenergy, a spline fitted to both: no closed loop does work.
 """
@@ -25,44 +25,44 @@ from ambkit.base.threads import one_thread
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.field import FieldSolver
 
-NODES = (11, 7)  #: Currents and displacements of a map.
-VERSION = 3  #: Of what is computed; maps of others are solved anew.
+NODES = (11, 7)  #: Number of currents and displacements of a map.
+VERSION = 3  #: Version of the computation; maps of others are solved again.
 
 
 class Box(NamedTuple):
     """Bias current and ranges of a map."""
 
     bias: float  #: [A]
-    low: float  #: Least control current [A].
-    high: float  #: Greatest [A].
-    displacement_range: float  #: Greatest displacement either way [m].
+    low: float  #: Minimum control current [A].
+    high: float  #: Maximum control current [A].
+    displacement_range: float  #: Maximum displacement in both directions [m].
 
 
 @dataclass(frozen=True, eq=False)
 class MagnetMap:
-    """The map of one axis of a magnet, with a spline of the coenergy between its points."""
+    """Map of one axis of a magnet, with a spline of the coenergy."""
 
-    # Of the coenergy times what would make it a polynomial if the iron were ideal.
+    # The spline is of the coenergy times a weight, which makes it a polynomial for ideal iron.
 
     gap: float  #: [m]
     two_sided: bool
     current: Array  #: (n,) Control current [A].
     displacement: Array  #: (m,) [m]
     force: Array  #: (m, n) [N]
-    flux: Array  #: (m, n) Flux linkage that works on the control current [Vs].
+    flux: Array  #: (m, n) Flux linkage per control current [Vs].
     left_out: Array  #: (3, k) Current, displacement and force of points that are not fitted.
 
     def __len__(self) -> int:
         return self.force.size
 
     def weight(self, x: Array) -> tuple[Array, Array]:
-        """Return by what the coenergy is multiplied, and its slope [1/m], at displacements [m]."""
+        """Return the weight of the coenergy, and its derivative [1/m], at displacements [m]."""
         u = x / self.gap
         return (1 - u**2, -2 * u / self.gap) if self.two_sided else (1 - u, -1 / self.gap + 0 * u)
 
     @cached_property
     def _spline(self) -> tuple[Any, float]:
-        """The weighted coenergy over (current, displacement), and how far points are off it."""
+        """The weighted coenergy over (current, displacement), and its error at the points."""
         from scipy.interpolate import NdBSpline
 
         axes = self.current, self.displacement
@@ -81,7 +81,7 @@ class MagnetMap:
 
     @property
     def inconsistency(self) -> float:
-        """How far points are from derivatives of one energy, in parts of the largest."""
+        """Largest deviation from a field with one energy, relative."""
         return self._spline[1]
 
     def _slopes(self, spline: Any, places: Array) -> tuple[Array, Array]:
@@ -111,14 +111,14 @@ class MagnetMap:
 
 
 def _knots(nodes: Array) -> tuple[Array, int]:
-    """Return the knots of a spline with one coefficient more than nodes, and its order."""
+    """Return the knots of a spline with one more coefficient than nodes, and its order."""
     order = min(len(nodes), 5 if len(nodes) > 8 else 7)
     inner = np.linspace(nodes[0], nodes[-1], len(nodes) - order + 2)
     return np.concatenate([[nodes[0]] * order, inner, [nodes[-1]] * order]), order
 
 
 def box_of(drawing: Drawing) -> Box:
-    """Return the bias current and the ranges that a drawing states."""
+    """Return the bias current and the ranges of a drawing."""
     bias, limit = drawing.bias_current, drawing.limit
     low = -min(limit, bias) if drawing.geometry.sides == "one-sided" else -limit
     return Box(bias, low, limit, drawing.displacement_range)
@@ -127,7 +127,7 @@ def box_of(drawing: Drawing) -> Box:
 def map_of(
     drawing: Drawing, box: Box | None = None, nodes: tuple[int, int] = NODES, fineness: float = 1.0
 ) -> MagnetMap:
-    """Return the map of a drawing, from the cache where it was solved before."""
+    """Return the map of a drawing, cached."""
     one_sided = drawing.geometry.sides == "one-sided"
     box = box_of(drawing) if box is None else box
     about = drawing.geometry.air_gap, not one_sided
@@ -136,7 +136,7 @@ def map_of(
 
 
 def kept(key: str, solve: Callable[[], tuple[Array, ...]]) -> tuple[Array, ...]:
-    """Return arrays from the user's cache, solved where they are not in it."""
+    """Return arrays from the user's cache, after solving them if they are missing."""
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ambkit" / "magnets"
     path = root / f"{key}.npz"
     with suppress(OSError, ValueError, KeyError, EOFError, BadZipFile), np.load(path) as file:
@@ -152,7 +152,7 @@ def kept(key: str, solve: Callable[[], tuple[Array, ...]]) -> tuple[Array, ...]:
 def _solved(
     drawing: Drawing, box: Box, nodes: tuple[int, int], fineness: float
 ) -> tuple[Array, ...]:
-    """Solve the points of a map; half of them where the others follow by symmetry."""
+    """Solve the points of a map; half of them if the others follow by symmetry."""
     layout = drawing.layout
     current = np.linspace(box.low, box.high, nodes[0])
     displacement = -box.displacement_range * np.cos(np.pi * np.arange(nodes[1]) / (nodes[1] - 1))
@@ -179,7 +179,7 @@ def _solved(
             for column in range(begin, nodes[0]):
                 result[:, row, column], start = point(float(current[column]), x, start)
         forces = np.array([point(*at)[0][0] for at in left_out])
-        if layout.opposed:  # the same core behind the rotor, with the other current and place
+        if layout.opposed:  # an equal core behind the rotor, with opposite current and displacement
             forces -= np.array([point(-iu, -x)[0][0] for iu, x in left_out])
     if layout.opposed:
         result = result - result[:, ::-1, ::-1]

@@ -1,4 +1,4 @@
-"""Triangles that follow outlines: Delaunay refinement with a size that the air gap sets.
+"""Triangular mesh of outlines: Delaunay refinement, with a size that depends on the air gap.
 
 Ruppert's algorithm (J. Algorithms 18, 1995) in rounds: edges whose diametral circle has a vertex
 are halved, then circumcentres of triangles too large or too flat become vertices.
@@ -18,12 +18,13 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.magnetostatics.layout import Layout, Points, contains, flat
 
-GRADE = 0.5  #: By how much triangles grow with the distance from the gap.
-IN_GAP, AT_CORNER = 1.5, 0.1  #: Edges in the gap, and at corners beside it, in widths of the gap.
-LARGEST = 0.08  #: Longest edge, in parts of the whole section.
+GRADE = 0.5  #: Growth of triangles with the distance from the gap.
+#: Edges in the gap, and at corners beside it, over the width of the gap.
+IN_GAP, AT_CORNER = 1.5, 0.1
+LARGEST = 0.08  #: Longest edge, over the size of the section.
 SAMPLES = 400  #: Points along the section at which the width of the gap is measured.
 ROUNDS = 80
-MOST = 100_000  #: Corners; drawings have a thousand to some ten thousand.
+MOST = 100_000  #: Maximum number of corners; drawings have one to some ten thousand.
 FLAT = 1.3  #: Circumradius by shortest edge above which a triangle is too flat (about 22 degrees).
 
 
@@ -31,8 +32,9 @@ class Mesh(NamedTuple):
     """Triangles of second order: corners and midpoints of their edges."""
 
     nodes: Points  #: (n,) Corners first.
-    triangles: NDArray[np.intp]  #: (m, 6) Corners 0 1 2, midpoints of 12, 20 and 01.
-    region: NDArray[np.intp]  #: (m,) The last region that has it; -1 for the air around.
+    triangles: NDArray[np.intp]  #: (m, 6) Corners 0 1 2, midpoints of edges 12, 20 and 01.
+    #: (m,) Index of the last region that contains it; -1 for the surrounding air.
+    region: NDArray[np.intp]
     rim: NDArray[np.bool_]  #: (n,) Whether a node is on the boundary.
 
 
@@ -41,7 +43,7 @@ Circles = Sequence[tuple[complex, float]]
 
 
 def mesh_of(layout: Layout, fineness: float = 1.0, skin: float | None = None) -> Mesh:
-    """Return the mesh of a layout; a greater fineness has shorter edges everywhere."""
+    """Return the mesh of a layout; a larger fineness means shorter edges everywhere."""
     # skin: length of edges at the surface of iron that conducts [m]
     points, edges = checked_outlines(layout)
     size = _sizes(layout, fineness, skin)
@@ -60,8 +62,8 @@ def mesh_of(layout: Layout, fineness: float = 1.0, skin: float | None = None) ->
 
 
 def checked_outlines(layout: Layout) -> tuple[Points, NDArray[np.intp]]:
-    """Return vertices and edges of all outlines, none twice, cut where others touch."""
-    # Raises where outlines cross.
+    """Return unique vertices and edges of all outlines, cut at contacts."""
+    # Raises if outlines intersect.
     outlines = [layout.boundary.outline, *(region.outline for region in layout.regions)]
     scale = float(np.abs(layout.boundary.outline).max())
     rounded = np.round(np.concatenate(outlines) / (1e-9 * scale))
@@ -139,7 +141,7 @@ def _sizes(layout: Layout, fineness: float, skin: float | None) -> Size:
 
 
 def _middle(points: Points, edges: NDArray[np.intp], circles: Circles) -> Points:
-    """Return the middles of edges (n, 2), on their circles where both ends are."""
+    """Return the midpoints of edges (n, 2), on their circles if both ends are."""
     a, b = points[edges[:, 0]], points[edges[:, 1]]
     middle = 0.5 * (a + b)
     for centre, radius in circles:
@@ -185,7 +187,7 @@ def _refined(
 
 
 def _circumcentres(points: Points, size: Size) -> Points:
-    """Return centres of triangles that are too large or too flat, not too near to each other."""
+    """Return circumcentres of triangles that are too large or too flat, with a minimum distance."""
     triangles = Delaunay(flat(points)).simplices
     a, b, c = points[triangles].T
     u, v = b - a, c - a
@@ -210,7 +212,7 @@ def _circumcentres(points: Points, size: Size) -> Points:
 
 
 def _followed(points: Points, edges: NDArray[np.intp], outline: Points, layout: Layout) -> Points:
-    """Return an outline whose arcs are as fine as the mesh's."""
+    """Return an outline with arcs as fine as the mesh."""
     ends = np.roll(outline, -1)
     pairs = np.column_stack([np.arange(len(outline)), len(outline) + np.arange(len(outline))])
     chain = np.concatenate([outline, ends])

@@ -1,4 +1,4 @@
-"""The map of a magnet whose dimensions are a little off its drawing's.
+"""The map of a magnet with dimensions slightly different from its drawing's.
 
 For each number that differs, two rough maps beside a rough nominal one give the second-order change
 of force and flux linkage; many machines of a drawing then take a few fields, not one each.
@@ -20,12 +20,12 @@ from ambkit.machine.magnetostatics.magnet_map import Box, MagnetMap, map_of
 STEP, MOST = (
     0.04,
     0.1,
-)  #: Of a number, in parts of it: of the differences, and of what they hold for.
-ROUGH = (7, 5), 0.5  #: Nodes and fineness of the maps that are compared.
+)  #: Relative step of the differences, and their range of validity.
+ROUGH = (7, 5), 0.5  #: Nodes and fineness of the maps for differences.
 
 
 def value_in(drawing: Drawing, key: str) -> Any:
-    """Return what stands at a dotted key."""
+    """Return the value at a dotted key."""
     here: Any = drawing
     for step in key.split("."):
         here = getattr(here, step)
@@ -39,7 +39,7 @@ def map_near(drawing: Drawing, changes: Mapping[str, Any], box: Box) -> MagnetMa
         old = value_in(drawing, key)
         if isinstance(old, float) and 0 < abs(new - old) <= MOST * abs(old):
             near[key] = new
-        elif new != old:  # too far, or no number
+        elif new != old:  # too different, or not a number
             drawing = drawing.replace(**{key: new})
     base = _map(drawing, box)
     if not near:
@@ -63,7 +63,7 @@ def _map(drawing: Drawing, box: Box, *how: Any) -> MagnetMap:
 
 @lru_cache(maxsize=64)
 def _differences(drawing: Drawing, box: Box, key: str) -> tuple[Array, Array, float]:
-    """Return the first and second difference by the number at a key, and its step."""
+    """Return the first and second difference by the value at a key, and its step."""
     base, old = _map(drawing, box), value_in(drawing, key)
     step = STEP * abs(old)
     less, middle, more = (

@@ -23,11 +23,11 @@ from ambkit.machine.magnetostatics.field import FieldSolver
 from ambkit.machine.magnetostatics.magnet_map import VERSION, Box, box_of, kept
 
 DEGREE, OF_SUMS = 10, 6
-POINTS, LEFT_OUT = 120, 12  #: Solved and fitted; solved and not fitted.
-FINENESS = 0.6  #: Of the mesh; its forces differ by 0.05 % from those of 1.
+POINTS, LEFT_OUT = 120, 12  #: Points solved for the fit; points for its validation.
+FINENESS = 0.6  #: Fineness of the mesh; its forces differ by 0.05 % from those with 1.
 NEAR, WEIGHT = 0.05, 300.0
-"""Where slopes in the centre are fitted, in parts of the range, and their weight."""
-SWAPPED = [1, 0, 3, 2]  #: Axes of a term or a place with x and y exchanged.
+"""Range of the slope fit in the centre, over that of the map, and its weight."""
+SWAPPED = [1, 0, 3, 2]  #: Components of a term or a place with x and y exchanged.
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +36,12 @@ class TwoAxisMap:
 
     # A place is (i_x, i_y, x, y), in amperes and metres.
 
-    ranges: Array  #: (4,) Greatest of each, either way.
-    coefficients: Array  #: (terms,) Of the coenergy [J], for `terms(DEGREE)` of place / range.
-    sums: Array  #: (terms of both orders,) Of the flux linkages of opposite quadrants, added [Vs].
-    error: float  #: Largest error of a force at the places left out [N].
+    ranges: Array  #: (4,) Maximum of each, in both directions.
+    #: (terms,) Coefficients of the coenergy [J], for `terms(DEGREE)` of place / range.
+    coefficients: Array
+    #: (terms of both orders,) Those of the sums of flux linkages of opposite quadrants [Vs].
+    sums: Array
+    error: float  #: Largest error of a force at the validation points [N].
 
     @cached_property
     def energy_terms(self) -> tuple[NDArray[np.intp], Array]:
@@ -48,7 +50,7 @@ class TwoAxisMap:
         return np.vstack([some, some[:, SWAPPED]]), np.tile(self.coefficients, 2)
 
     def derivative(self, place: ArrayLike, *by: int) -> Array:
-        """Return the coenergy's derivative at places (4, ...) by their components `by`."""
+        """Return the coenergy's derivative at places (4, ...) by the components `by`."""
         orders = [by.count(axis) for axis in range(4)]
         degrees, coefficients = self.energy_terms
         u = np.asarray(place, float) / self.ranges.reshape(4, *[1] * (np.ndim(place) - 1))
@@ -61,7 +63,7 @@ class TwoAxisMap:
         return np.stack([self.derivative(place, axis) for axis in (2, 3)])
 
     def flux_at(self, place: ArrayLike) -> Array:
-        """Return the flux linkages (2, ...) [Vs] that work on the control currents."""
+        """Return the flux linkages (2, ...) [Vs] per control current."""
         return np.stack([self.derivative(place, axis) for axis in (0, 1)])
 
     def linkages_at(self, place: ArrayLike) -> Array:
@@ -74,7 +76,7 @@ class TwoAxisMap:
         return np.asarray(0.5 * np.concatenate([added + less, added - less]))
 
     def scaled(self, factor: float) -> TwoAxisMap:
-        """Return the same for forces so many times as large."""
+        """Return the same with forces multiplied by a factor."""
         return replace(
             self, coefficients=factor * self.coefficients, sums=factor * self.sums,
             error=factor * self.error,
@@ -82,7 +84,7 @@ class TwoAxisMap:
 
     @cached_property
     def coupling(self) -> float:
-        """Greatest change of a force by the other axis [N]."""
+        """Largest change of a force by the other axis [N]."""
         box = np.stack(np.meshgrid(*(r * np.linspace(-1, 1, 7) for r in self.ranges)))
         single = box * np.array([1.0, 0.0, 1.0, 0.0]).reshape(4, 1, 1, 1, 1)
         return float(np.abs(self.force_at(box)[0] - self.force_at(single)[0]).max())
@@ -98,7 +100,7 @@ class TwoAxisMap:
 
 @cache
 def _both(degree: int) -> NDArray[np.intp]:
-    """Return the degrees (terms, 4) of terms that mirrors leave as they are."""
+    """Return the degrees (terms, 4) of terms that are invariant under reflections."""
     all_of = np.indices([degree + 1] * 4).reshape(4, -1).T
     even = (all_of[:, :2] + all_of[:, 2:]) % 2 == 0
     return np.asarray(all_of[even.all(axis=1) & (all_of.sum(axis=1) <= degree)], dtype=np.intp)
@@ -106,7 +108,7 @@ def _both(degree: int) -> NDArray[np.intp]:
 
 @cache
 def terms(degree: int) -> NDArray[np.intp]:
-    """Return the degrees (terms, 4), without those that exchange x and y of another."""
+    """Return the degrees (terms, 4), one of each pair with x and y exchanged."""
     every = _both(degree)
     return every[[tuple(one) <= tuple(one[SWAPPED]) for one in every]]
 
@@ -121,7 +123,7 @@ def _products(u: Array, degrees: NDArray[np.intp], orders: Sequence[int]) -> Arr
 
 
 def _places(count: int) -> Array:
-    """Return places (4, 2 + count) of [-1, 1]: two near the centre, others in an eighth."""
+    """Return places (4, 2 + count) in [-1, 1]: two near the centre, others in an eighth of it."""
     # Additive recurrence by the root of g^5 = g + 1 (Roberts 2018), which fills a box evenly.
     steps = 1.1673039782614187 ** -np.arange(1.0, 5.0)
     u = -np.cos(np.pi * ((0.5 + np.outer(steps, np.arange(count))) % 1.0))
@@ -131,7 +133,7 @@ def _places(count: int) -> Array:
 
 
 def two_axis_map(drawing: Drawing, box: Box | None = None) -> TwoAxisMap:
-    """Return the map of both axes of a radial bearing, from the cache where it was solved."""
+    """Return the two-axis map of a radial bearing, cached."""
     box = box_of(drawing) if box is None else box
     ranges = np.repeat([max(box.high, -box.low), box.displacement_range], 2)
     key = drawing.key("both axes", box, POINTS, DEGREE, VERSION)
@@ -150,7 +152,7 @@ def _fitted(drawing: Drawing, bias: float, ranges: Array) -> tuple[Array, ...]:
             solved.append([s.coenergy, *(layout.control @ s.flux), *s.force, *s.flux])
             done()
     values = np.array(solved).T
-    slopes = values[1:5] * ranges[:, None]  # by u
+    slopes = values[1:5] * ranges[:, None]  # per u
     some, fit = terms(DEGREE), slice(POINTS + 2)
     weight = np.where(np.arange(POINTS + 2) < 2, WEIGHT, 1.0)
     rows = [_products(u, degrees, orders) for degrees in (some, some[:, SWAPPED])

@@ -1,4 +1,4 @@
-"""The paper's own figures: Tables 2 to 6, in SI, as printed.
+"""The paper's Tables 2 to 6, in SI, as printed.
 
 The CSV files beside this module are the tables in the paper's units (A, mm, N/A, N/mm).
 """

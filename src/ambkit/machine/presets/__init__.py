@@ -1,4 +1,4 @@
-"""Machines that come with ambkit, as commented TOML to start one's own from."""
+"""Preset machines, as commented TOML to start from."""
 
 import difflib
 from importlib import resources
@@ -16,7 +16,7 @@ def names() -> tuple[str, ...]:
 
 
 def text(name: str) -> str:
-    """Return the TOML of a preset as it stands in its file, with comments."""
+    """Return the TOML of a preset, with comments."""
     return path(name).read_text(encoding="utf-8")
 
 

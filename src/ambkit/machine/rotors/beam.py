@@ -1,4 +1,4 @@
-"""Beam elements of a shaft by Timoshenko, with rotary inertia and gyroscopics.
+"""Timoshenko beam elements of a shaft, with rotary inertia and gyroscopics.
 
 Each node has a deflection w across the shaft [m] and a turn th of its cross section [rad], positive
 where w grows along the shaft. With what shear adds to bending, ``Phi = 12 E I / (kappa G A L^2)``,
@@ -24,15 +24,15 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 RIGID = 1e-3
-"""A rigid motion has no stiffness: its frequency squared against that of the first bending."""
+"""Squared frequency of a rigid-body mode, over that of the first bending mode."""
 
 
 class Element(NamedTuple):
-    """A piece of shaft of one cross section."""
+    """A piece of shaft with constant cross section."""
 
     length: float  #: L [m].
     outer: float  #: Outer diameter [m].
-    inner: float  #: Inner diameter, 0 of a full shaft [m].
+    inner: float  #: Inner diameter, 0 for a solid shaft [m].
     density: float  #: [kg/m^3].
     youngs: float  #: Young's modulus E [Pa].
     poisson: float  #: Poisson's ratio [1].
@@ -49,7 +49,7 @@ class Element(NamedTuple):
 
     @property
     def shear(self) -> float:
-        """Phi, what shear adds to bending [1]."""
+        """Shear parameter Phi [1]."""
         nu, ratio = self.poisson, (self.inner / self.outer) ** 2
         # Cowper, The shear coefficient in Timoshenko's beam theory, 1966: the hollow circle.
         square = (1 + ratio) ** 2
@@ -59,11 +59,11 @@ class Element(NamedTuple):
 
 
 class Shapes(NamedTuple):
-    """Shape functions (points, 4) of (w, th) at both ends, at shares of an element's length."""
+    """Shape functions (points, 4) of (w, th) at both ends, at relative places of an element."""
 
     w: Array  #: Deflection [m/m, m/rad].
     slope: Array  #: Its slope [1/m, 1].
-    th: Array  #: Turn of the cross section [1/m, 1].
+    th: Array  #: Rotation of the cross section [1/m, 1].
     bend: Array  #: Its derivative along the shaft [1/m^2, 1/m].
 
 
@@ -85,26 +85,26 @@ def shapes(share: Array, length: float, shear: float) -> Shapes:
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
-    """A rotor in one plane through its shaft: ``M q'' + (D - j speed G) q' + K q = f``."""
+    """A rotor in one plane along its shaft: ``M q'' + (D - j speed G) q' + K q = f``."""
 
-    # q: w and th of each node, one after the other; of both planes as x + j y. SI: metres, radians.
+    # q: w and th of each node in sequence; both planes as x + j y. SI: metres, radians.
 
     M: Array  #: Masses (2 nodes, 2 nodes).
     K: Array  #: Stiffnesses.
     G: Array  #: Polar inertias: symmetric.
-    D: Array | None  #: Dampings of what stands still, or None where nothing is said of them.
-    place: Array  #: Places of the nodes along the shaft, rising (nodes,) [m].
+    D: Array | None  #: Non-rotating damping, or None.
+    place: Array  #: Places of the nodes along the shaft, ascending (nodes,) [m].
     shear: Array
-    """Phi of each element between them (nodes - 1,); 0: the turn of a node is w's slope."""
+    """Phi of each element between them (nodes - 1,); 0: the rotation is the slope of w."""
     D_internal: Array | None = None
-    """Dampings of what turns with the rotor: ``D_internal (q' - j speed q)``."""
+    """Rotating damping: ``D_internal (q' - j speed q)``."""
 
     @cached_property
     def free_modes(self) -> tuple[Array, Array]:
-        """Squares of the frequencies (all,) [1/s^2] and bending modes (2 nodes, all) of mass 1."""
+        """Squared frequencies (all,) [1/s^2] and bending modes (2 nodes, all) of unit mass."""
         from scipy.linalg import eigh
 
-        # Turns count in lengths of the shaft, or small numbers would be lost beside great ones.
+        # Rotations are scaled by the length of the shaft, against loss of digits.
         size = np.ones(len(self.M))
         size[1::2] = 2 / (self.place[-1] - self.place[0])
         scale = np.outer(size, size)
@@ -141,7 +141,7 @@ def element_matrices(element: Element) -> tuple[Array, Array, Array]:
 class Disc(NamedTuple):
     """A rigid disc on a node."""
 
-    place: float  #: From where the shaft begins [m].
+    place: float  #: Distance from the start of the shaft [m].
     mass: float  #: [kg].
     transverse_inertia: float  #: About a diameter [kg m^2].
     polar_inertia: float  #: About the shaft [kg m^2].
@@ -164,11 +164,11 @@ def assemble(elements: list[Element], discs: list[Disc]) -> Matrices:
     return Matrices(M, K, G, None, place, np.array([item.shear for item in elements]))
 
 
-FINEST = 60  #: Elements in a shaft's length, at least, but for sections that are one element each.
+FINEST = 60  #: Minimum number of elements per shaft length, except for sections of one element.
 
 
 def divided(sections: list[Element], cuts: list[float]) -> list[Element]:
-    """Return sections in elements that end at all cuts, short against the shaft."""
+    """Return sections divided at all cuts, into short elements."""
     longest = sum(item.length for item in sections) / FINEST
     result, start = [], 0.0
     for section in sections:

@@ -36,35 +36,38 @@ Gravity = Literal["-x", "-z", "none"]
 
 
 class OfMatrices(Part):
-    """A rotor whose modes are computed from its matrices."""
+    """A rotor with modes computed from its matrices."""
 
     gravity: Gravity = "-x"
-    """Direction in which gravity pulls: "-x" where the shaft lies, "-z" where it stands."""
+    """Direction of gravity: "-x" for a horizontal shaft, "-z" for a vertical one."""
     modes_up_to: Frequency | None = None
-    """Up to which frequency bending modes are kept [Hz]; without it as many as `modes_within` needs
-    up to 2 kHz or three times the speed (ISO 14839-3)."""
+    """Upper limit of the frequencies of retained bending modes [Hz]. By default as many modes as
+    `modes_within` requires up to 2 kHz or three times the speed (ISO 14839-3).
+    """
     modes_within: Annotated[float, Quantity("1", "1 %", above=0)] = 0.01
-    """Greatest error by the modes left out, of whirl frequencies, critical speeds and the
-    sensitivity, against the full matrices [1]."""
+    """Maximum error of the modal truncation, of whirl frequencies, critical speeds and the
+    sensitivity, against the full matrices [1].
+    """
     damping_ratio: Ratio | None = None
-    """Damping ratio of each bending mode, by what stands still [1]; without it by the damping of
-    the matrices."""
+    """Damping ratio of each bending mode, non-rotating [1]. By default from the damping matrix."""
     internal_damping_ratio: Ratio | None = None
-    """And by what turns with the rotor: fits, laminations, its material [1]. Above the critical
-    speed of a mode it drives the whirl."""
+    """The same of the rotating parts: fits, laminations, material [1]. Above the critical speed of
+    a mode it destabilises the whirl.
+    """
     residual: Annotated[bool, Field(strict=True)] = False
-    """Whether the static compliance of the modes left out is kept at the magnets, by one more
-    shape for each: where a stiff magnet or a high gain feels it."""
+    """Whether to retain the residual flexibility at the magnets, by one static shape for each: it
+    matters for a stiff magnet or a high gain.
+    """
 
     @property
     def matrices(self) -> beam.Matrices:
-        """Those of the free rotor, in one plane."""
+        """Matrices of the free rotor, in one plane."""
         raise NotImplementedError
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with other values, which are not checked."""
+        """Return a copy with other values, unchecked."""
         copy = super().model_copy(update=update, deep=deep)
-        for computed in ("matrices", "body", "_known", "every_mode"):  # of the rotor as it was
+        for computed in ("matrices", "body", "_known", "every_mode"):  # of the previous rotor
             copy.__dict__.pop(computed, None)
         return copy
 
@@ -75,7 +78,7 @@ class OfMatrices(Part):
 
     @property
     def mass(self) -> float:
-        """Its mass [kg]."""
+        """Mass [kg]."""
         return self.body.mass
 
     transverse_inertia = property(attrgetter("body.transverse_inertia"))
@@ -97,7 +100,7 @@ class OfMatrices(Part):
 
     @property
     def _highest(self) -> float:
-        """Up to where modes are kept [Hz]; a machine chooses it where the file does not."""
+        """Upper limit of the retained modes [Hz], selected by the machine by default."""
         if self.modes_up_to is not None:
             return self.modes_up_to
         first = math.sqrt(self.matrices.free_modes[0][0]) / (2 * math.pi)
@@ -118,23 +121,23 @@ class OfMatrices(Part):
 
 
 class ShaftRotor(OfMatrices):
-    """A rotor by a table of its shaft: sections one after the other, and discs on them."""
+    """A rotor by a table of its shaft: sections in sequence, and discs."""
 
-    # All places of its machine are measured from where the shaft begins.
+    # All places of its machine are relative to the start of the shaft.
 
     type: Literal["shaft"]
     """A table of the shaft."""
     section: Annotated[tuple[Section, ...], Field(min_length=1, max_length=500)]
-    """Its sections, from its beginning on."""
+    """Sections, from the start on."""
     disc: Annotated[tuple[Disc, ...], Field(max_length=500)] = ()
-    """Rigid discs on it."""
+    """Rigid discs."""
     material: Annotated[tuple[Material, ...], Field(max_length=100)] = ()
     """Materials by name."""
     unwritten = (*OfMatrices.unwritten, "disc", "material")
 
     @cached_property
     def matrices(self) -> beam.Matrices:
-        """Those of the free rotor, in one plane."""
+        """Matrices of the free rotor, in one plane."""
         return _of_shaft(self.section, self.disc, self.material)
 
     @classmethod
@@ -172,7 +175,7 @@ class ShaftRotor(OfMatrices):
 def _of_shaft(
     section: tuple[Section, ...], disc: tuple[Disc, ...], material: tuple[Material, ...]
 ) -> beam.Matrices:
-    """Return the matrices of a shaft; a description is checked, and then used."""
+    """Return the matrices of a shaft, cached between check and use."""
     known = NAMED | {m.name: (m.density, m.youngs_modulus, m.poisson_ratio) for m in material}
     sections = [
         beam.Element(s.length, s.outer_diameter, s.inner_diameter, *known[s.material])
@@ -183,9 +186,9 @@ def _of_shaft(
 
 
 class MatrixRotor(OfMatrices):
-    """A rotor by matrices M, K, G and perhaps D of the free rotor at nodes, in a file."""
+    """A rotor by matrices M, K, G and optionally D of the free rotor at nodes, in a file."""
 
-    # All places of its machine are measured from where the file's places are.
+    # All places of its machine are relative to the origin of the file's places.
 
     type: Literal["matrices"]
     """Matrices in a file."""
@@ -194,7 +197,7 @@ class MatrixRotor(OfMatrices):
 
     @cached_property
     def matrices(self) -> beam.Matrices:
-        """Those of the free rotor, in one plane."""
+        """Matrices of the free rotor, in one plane."""
         about = Path(self.file).stat() if Path(self.file).exists() else None
         return _of_file(self.file, about and (about.st_mtime_ns, about.st_size))
 
@@ -224,7 +227,7 @@ class MatrixRotor(OfMatrices):
 
 @lru_cache(maxsize=16)
 def _of_file(path: str, about: tuple[int, int] | None) -> beam.Matrices:
-    """Return the matrices of a file, read again where it was written again."""
+    """Return the matrices of a file, read again if it has changed."""
     return read_matrices(path)
 
 
@@ -233,7 +236,7 @@ def _is_wrong(highest: float | None) -> bool:
 
 
 def _no_mode(rotor: OfMatrices, key: str) -> Iterator[tuple[str, str]]:
-    """Yield that a rotor is not free, that no body is like that, or that no mode is kept."""
+    """Yield if a rotor is not free, has impossible inertia, or no mode is retained."""
     try:
         squares, _ = rotor.matrices.free_modes
         body = rotor.body
@@ -267,24 +270,24 @@ def _overdamped(ratios: Mapping[str, float | None]) -> Iterator[tuple[str, str]]
 
 
 class MeasuredMode(Part):
-    """A bending mode of the free rotor as it was measured: struck, and seen along the shaft."""
+    """A measured bending mode of the free rotor, such as from an impact test."""
 
     frequency: Frequency
-    """Frequency, at rest [Hz]."""
+    """Frequency, at standstill [Hz]."""
     damping_ratio: Ratio
-    """Damping ratio by what stands still [1]."""
+    """Damping ratio, non-rotating [1]."""
     internal_damping_ratio: Ratio | None = None
-    """And by what turns with the rotor [1]."""
+    """Damping ratio of the rotating parts [1]."""
     mass: Annotated[float, Quantity("kg", "1.45 kg", above=0)]
-    """Modal mass: of the shape as it stands here [kg]."""
+    """Modal mass for this scaling of the shape [kg]."""
     places: Annotated[
         tuple[Annotated[float, Quantity("m", "-0.25 m")], ...], Field(min_length=2, max_length=1000)
     ]
-    """Where its shape was measured, rising [m]; the outermost beyond all magnets and sensors."""
+    """Places of the shape's points, ascending [m]; the outermost beyond all magnets and sensors."""
     shape: Annotated[
         tuple[Annotated[float, Quantity("1", "0.8")], ...], Field(min_length=2, max_length=1000)
     ]
-    """Deflection at these places [1]; between them by a cubic spline."""
+    """Deflection at these places [1]; interpolated by a cubic spline."""
 
     unwritten = ("internal_damping_ratio",)
 
@@ -304,34 +307,34 @@ class MeasuredMode(Part):
 
 
 class ModalRotor(Part):
-    """A rotor by its rigid body and its measured bending modes."""
+    """A rotor by its rigid body and measured bending modes."""
 
-    # All places of its machine are measured from the centre of mass. What gyroscopics do to the
-    # modes was not measured: they turn its rigid body alone.
+    # All places of its machine are relative to the centre of mass. Gyroscopic effects on the modes
+    # were not measured: they act on the rigid body only.
 
     type: Literal["modes"]
     """Measured modes."""
     mass: Annotated[float, Quantity("kg", "3.3 kg", above=0)]
     """Mass m [kg]."""
     transverse_inertia: Annotated[float, Quantity("kg m^2", "0.125 kg m^2", above=0)]
-    """Moment of inertia I_t across the shaft, about the centre of mass [kg m^2]."""
+    """Transverse moment of inertia I_t about the centre of mass [kg m^2]."""
     polar_inertia: Annotated[float, Quantity("kg m^2", "0.0036 kg m^2", above=0)]
-    """Moment of inertia I_p about the shaft [kg m^2]."""
+    """Polar moment of inertia I_p about the shaft [kg m^2]."""
     gravity: Gravity = "-x"
-    """Direction in which gravity pulls: "-x" where the shaft lies, "-z" where it stands."""
+    """Direction of gravity: "-x" for a horizontal shaft, "-z" for a vertical one."""
     mode: Annotated[tuple[MeasuredMode, ...], Field(min_length=1, max_length=10)]
-    """Its bending modes, the slowest first."""
+    """Bending modes, the slowest first."""
 
-    centre: ClassVar = 0.0  #: Place of the centre of mass, from where places are measured [m].
+    centre: ClassVar = 0.0  #: Position of the centre of mass, the origin of places [m].
 
     @property
     def first_end(self) -> float:
-        """From where on all shapes were measured [m]."""
+        """Start of the range in which all shapes were measured [m]."""
         return max(item.places[0] for item in self.mode)
 
     @property
     def second_end(self) -> float:
-        """Up to where all shapes were measured [m]."""
+        """End of the range in which all shapes were measured [m]."""
         return min(item.places[-1] for item in self.mode)
 
     def bending(self, magnets: tuple[float, ...]) -> Bending:

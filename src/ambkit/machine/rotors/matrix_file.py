@@ -31,7 +31,7 @@ NEEDED = ("M", "K", "G", "node", "direction", "place")
 OPTIONAL = ("D", "D_internal")
 DIRECTIONS = ("x", "y", "z", "th_x", "th_y", "th_z")
 MOST_NODES = 1000
-SAME = 1e-6  #: Rounding of another program's, against the greatest entry of the same kind.
+SAME = 1e-6  #: Tolerance for rounding by other programs, over the maximum entry of the same kind.
 
 
 def read_matrices(path: str | os.PathLike[str]) -> Matrices:
@@ -68,7 +68,7 @@ def _content(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
 def _array(
     path: str | os.PathLike[str], file: zipfile.ZipFile, member: zipfile.ZipInfo
 ) -> NDArray[Any]:
-    """Read one array, of no objects: those would run a stranger's code."""
+    """Read one array, without objects: those could execute code."""
     name = member.filename
     with file.open(member) as stream:
         shape, kind, head = _head(stream, name)
@@ -98,7 +98,7 @@ def _head(stream: IO[bytes], name: str) -> tuple[tuple[int, ...], np.dtype[Any],
 
 
 class _Whole:
-    """The matrices as the file has them, in SI."""
+    """The matrices of the file, in SI."""
 
     def __init__(self, results: Mapping[str, NDArray[Any]]) -> None:
         length, mass = (
@@ -109,7 +109,7 @@ class _Whole:
         if not 2 <= nodes <= MOST_NODES:
             raise ValueError(f"place must be of 2 to {MOST_NODES} nodes, is of {nodes}")
         self.direction = [_word(item) for item in np.ravel(results["direction"])]
-        if len(self.direction) == 1 and np.size(results["node"]) > 1:  # MATLAB's rows of characters
+        if len(self.direction) == 1 and np.size(results["node"]) > 1:  # character rows of MATLAB
             self.direction = [item.strip() for item in np.ravel(results["direction"]).tolist()]
         unknown = [item for item in self.direction if item not in DIRECTIONS]
         if unknown:
@@ -122,7 +122,7 @@ class _Whole:
             raise ValueError(f"node must be {n} whole numbers from 0 to {nodes - 1}")
         self.node = node.astype(int)
         turns = np.array([item.startswith("th") for item in self.direction])
-        in_si = np.where(turns, length, 1.0)  # a force of one unit of length a second squared
+        in_si = np.where(turns, length, 1.0)  # a force of one unit of length per second squared
         scale = mass * np.outer(in_si, in_si)
         self.matrices: dict[str, Array] = {}
         for name in ("M", "K", "G", *OPTIONAL):
@@ -135,7 +135,7 @@ class _Whole:
             self.matrices[name] = values * scale
 
     def rows(self, *directions: str) -> list[int]:
-        """Return where directions of the nodes stand, node after node in the order of places."""
+        """Return the rows of the nodes' directions, node by node in the order of places."""
         results = {
             (at, to): k for k, (at, to) in enumerate(zip(self.node, self.direction, strict=True))
         }
@@ -153,9 +153,9 @@ class _Whole:
 
 
 def _in_one_plane(shaft: _Whole) -> Matrices:
-    """Return the matrices of one plane of a shaft that is round, and check that it is."""
+    """Return the matrices of one plane, after checking that the shaft is axisymmetric."""
     x, y = shaft.rows("x", "th_y"), shaft.rows("y", "th_x")
-    signs = np.where(np.arange(len(y)) % 2, -1.0, 1.0)  # the turn in the y plane is -th_x
+    signs = np.where(np.arange(len(y)) % 2, -1.0, 1.0)  # the rotation in the y plane is -th_x
     both = np.outer(signs, signs)
     others = [k for k, to in enumerate(shaft.direction) if to in ("z", "th_z")]
     of: dict[str, Array] = {}
@@ -198,7 +198,7 @@ def _in_one_plane(shaft: _Whole) -> Matrices:
 
 
 def _strains_only(internal: Array, place: Array) -> None:
-    """Raise ValueError where a motion of the rigid rotor is damped by what turns with it."""
+    """Raise ValueError if rotating damping resists a rigid-body motion."""
     rigid = np.zeros((2, len(internal)))
     rigid[0, ::2] = 1.0
     rigid[1, ::2], rigid[1, 1::2] = place - place.mean(), 1.0
@@ -211,7 +211,7 @@ def _strains_only(internal: Array, place: Array) -> None:
 
 
 def _sizes(A: Array, rows: list[int]) -> Array:
-    """Return the greatest entry of each kind: of deflections and turns, and between both."""
+    """Return the maximum entry of each kind: of deflections, rotations, and between both."""
     part = np.abs(A[rows])
     kind = np.arange(len(rows)) % 2
     of_kind = [max(part[kind == k].max(), 1e-300) for k in (0, 1)]
@@ -231,7 +231,7 @@ def _unit(results: Mapping[str, NDArray[Any]], what: str, base: str) -> float:
 
 
 def _word(value: Any) -> str:
-    """Return a text, out of whatever arrays it is in."""
+    """Return a text from any nesting of arrays."""
     while isinstance(value, np.ndarray):
         if value.size != 1:
             raise ValueError("direction and units must be texts")

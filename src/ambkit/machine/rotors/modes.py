@@ -1,4 +1,4 @@
-"""Modes of a free rotor: the rigid body, bending up to a frequency, and what is left out.
+"""Modes of a free rotor: rigid body, bending modes up to a frequency, residual flexibility.
 
 In one plane the rotor moves by ``w(z) = x + z tilt + sum over k of phi_k(z) m_k``, with z from the
 centre of mass and each shape scaled to 1 m/m where it is largest. Modes of a free rotor are
@@ -17,47 +17,50 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.machine.rotors.beam import Matrices, shapes
 
-RANGE = 2000.0  #: Up to there ISO 14839-3 looks at least [Hz], or up to three times the speed.
+RANGE = 2000.0  #: Minimum upper end of ISO 14839-3's range [Hz]; else three times the speed.
 
 BEYOND = 1.15
-"""Up to which multiple of its speed a machine is compared, as it is run in a test [1]."""
+"""Maximum speed of the comparison, over the machine's: overspeed test [1]."""
 
-SPARE = 1.25  #: Up to which multiple of the range modes are kept: their tails reach into it [1].
+SPARE = 1.25  #: Upper end of the retained modes, over the range: their tails reach into it [1].
 
 SHARP = 0.01
-"""Of the tolerance, the share that a whirl may be off: a regulator that knows a mode is as sharp as
-the mode is damped, and near it the sensitivity is off by many times the whirl's share [1]."""
+"""Share of the tolerance for whirl frequencies: a regulator with a modelled mode is as sharp as the
+mode is damped, and near it the error of the sensitivity is a multiple of that of the whirl [1].
+"""
 
 STEPS = 3  #: Speeds at which whirls are compared: errors grow with the speed.
 
-STILL = 1e-6  #: Of the first bending mode, below which a whirl is a rigid translation.
+STILL = 1e-6  #: Share of the first bending frequency below which a whirl is a rigid translation.
 
 
 class WhirlError(NamedTuple):
-    """Where the whirl of the kept modes is farthest from that of the full matrices."""
+    """Whirl with the largest truncation error."""
 
-    share: float = 0.0  #: Of the frequency [1].
-    kept: float = math.nan  #: Frequency with the modes kept [rad/s].
-    full: float = math.nan  #: Frequency with the full matrices, negative backwards [rad/s].
-    speed: float = 0.0  #: At which speed of rotation [rad/s].
+    share: float = 0.0  #: Relative error of the frequency [1].
+    kept: float = math.nan  #: Frequency of the truncated model [rad/s].
+    #: Frequency with the full matrices, negative for backward whirl [rad/s].
+    full: float = math.nan
+    speed: float = 0.0  #: Speed of rotation [rad/s].
     left_out: float = math.nan
-    """Whirl within the range that the kept modes do not have, negative backwards [rad/s]; NaN:
-    there is none."""
-    left_out_at: float = 0.0  #: At which speed of rotation [rad/s].
+    """Whirl within the range that the truncated model lacks, negative for backward whirl [rad/s];
+    NaN: none.
+    """
+    left_out_at: float = 0.0  #: Its speed of rotation [rad/s].
 
     @property
     def error(self) -> float:
-        """The share [1]; infinite where a whirl is left out."""
+        """The relative error [1]; infinite if a whirl is missing."""
         return self.share if math.isnan(self.left_out) else math.inf
 
 
 def end_of_range(T: float, speed: float | None = None) -> float:
-    """Return up to where the standard looks at a loop [Hz]."""
+    """Return the upper end of the standard's range [Hz]."""
     return min(max(RANGE, 3 * abs(speed or 0.0) / (2 * math.pi)), 0.5 / T)
 
 
 def speeds_of(speed: float) -> Array:
-    """Return the speeds at which a machine of a speed is compared, but for rest [rad/s]."""
+    """Return the speeds at which models are compared, except standstill [rad/s]."""
     return np.linspace(0.0, BEYOND * abs(speed), STEPS + 1)[1:] if speed else np.zeros(0)
 
 
@@ -77,7 +80,7 @@ def whirl_error(
     rotor: Any, reduced_bending: Bending, highest: float, speeds: Sequence[float] | Array,
     modes: int | None = None,
 ) -> WhirlError:  # fmt: skip
-    """Return where the whirl of kept modes is farthest from that of the full matrices."""
+    """Return the whirl with the largest truncation error."""
     worst, still = WhirlError(), STILL * float(reduced_bending.frequency[0])
     for speed in map(float, speeds):
         full, some = (
@@ -101,9 +104,9 @@ def whirl_error(
 
 
 def enough(rotor: Any, T: float, speed: float, tolerance: float) -> float:
-    """Return up to which frequency to keep modes, so that whirls and sensitivity are right [Hz]."""
-    # All modes within the range of ISO 14839-3 and a quarter beyond are kept, and so many more that
-    # every whirl in that range is right up to `BEYOND` times the speed, to the share `SHARP` of the
+    """Return the upper limit of retained modes for accurate whirls and sensitivity [Hz]."""
+    # All modes within 1.25 times the range of ISO 14839-3 are retained, and as many more as give
+    # every whirl in that range up to `BEYOND` times the speed the accuracy `SHARP` times the
     # tolerance; none is faster than half the sampling rate.
     every = rotor.every_mode
     f = every.frequency / (2 * math.pi)
@@ -127,25 +130,25 @@ def above(f: Array, n: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Bending:
-    """Bending modes of a free rotor, beside its rigid body."""
+    """Bending modes of a free rotor, besides its rigid body."""
 
-    frequency: Array  #: (modes,) Undamped, at rest [rad/s].
-    mass: Array  #: (modes,) Modal masses, of shapes that are 1 where they are largest [kg].
-    #: (2 + modes, 2 + modes) Of what stands still, over x, tilt and the modes [N s/m], [N s].
+    frequency: Array  #: (modes,) Undamped, at standstill [rad/s].
+    mass: Array  #: (modes,) Modal masses, for shapes with maximum 1 [kg].
+    #: (2 + modes, 2 + modes) Non-rotating, over x, tilt and the modes [N s/m], [N s].
     damping: Array
     #: (1 + modes, 1 + modes) Polar inertias over tilt and the modes [kg m^2], [kg m], [kg].
     polar: Array
-    #: Deflection of each mode (modes,) [1] at a place [m], from where the rotor's are measured.
+    #: Deflection of each mode (modes,) [1] at a place [m] in the rotor's coordinate.
     shape: Callable[[float], Array]
-    ends: tuple[float, float]  #: Between which places there are shapes [m].
-    #: (modes, modes) Of what turns with the rotor, over the modes [N s/m]: of the velocity that is
-    #: left where one turns with it.
+    ends: tuple[float, float]  #: Range of the shapes [m].
+    #: (modes, modes) Rotating damping over the modes [N s/m]: of the velocity relative to the
+    #: rotating frame.
     internal: Array
-    left_out: tuple[float, ...] = ()  #: Frequencies of some bending modes beyond [rad/s].
-    #: Compliance (places, places) [m/N] of all that is left out, of a slow force.
+    left_out: tuple[float, ...] = ()  #: Frequencies of some truncated bending modes [rad/s].
+    #: Residual flexibility (places, places) [m/N] of all truncated modes.
     residual: Residual | None = None
-    #: How many of the last modes are none: static deflections by forces at places, which keep the
-    #: compliance of what is left out (Rubin 1975).
+    #: Number of last modes that are static deflections by forces at places, for the residual
+    #: flexibility (Rubin 1975).
     attached: int = 0
 
     @property
@@ -155,7 +158,7 @@ class Bending:
 
     @property
     def damping_ratio(self) -> Array:
-        """Of each mode alone, at rest (modes,) [1]."""
+        """Of each uncoupled mode, at standstill (modes,) [1]."""
         both = np.diag(self.damping)[2:] + np.diag(self.internal)
         return np.asarray(both / (2 * self.mass * self.frequency))
 
@@ -170,15 +173,15 @@ class Body:
     """A rotor as a rigid body."""
 
     mass: float  #: m [kg].
-    centre: float  #: Place of the centre of mass [m].
-    transverse_inertia: float  #: About it, I_t and I_p [kg m^2].
+    centre: float  #: Position of the centre of mass [m].
+    transverse_inertia: float  #: I_t and I_p about the centre of mass [kg m^2].
     polar_inertia: float
-    first_end: float  #: Places of the first and of the last node [m].
+    first_end: float  #: Position of the first and of the last node [m].
     second_end: float
 
 
 def body_of(matrices: Matrices) -> Body:
-    """Return the rigid body that matrices describe."""
+    """Return the rigid body of matrices."""
     z = matrices.place
     across, tilted = np.zeros((2, 2 * len(z)))
     across[::2], tilted[::2], tilted[1::2] = 1.0, z, 1.0
@@ -193,9 +196,9 @@ def body_of(matrices: Matrices) -> Body:
 
 @dataclass(frozen=True, eq=False)
 class OverNodes:
-    """Shapes of deflections that are known at nodes, between them by the beam's functions."""
+    """Shapes from deflections at nodes, interpolated by the beam's functions."""
 
-    vectors: Array  #: w and th of each node, of each mode (2 nodes, modes).
+    vectors: Array  #: w and th of each node for each mode (2 nodes, modes).
     place: Array  #: Of the nodes (nodes,) [m].
     shear: Array  #: Phi of each element (nodes - 1,).
 
@@ -216,15 +219,15 @@ class OverNodes:
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """Static compliance of the modes that are left out."""
+    """Residual flexibility of the truncated modes."""
 
     over: OverNodes
-    modes: Array = field(repr=False)  #: All bending modes (2 nodes, all), of mass 1 [kg].
-    squares: Array = field(repr=False)  #: Their frequencies squared (all,) [1/s^2].
-    kept: int  #: How many of them are kept.
+    modes: Array = field(repr=False)  #: All bending modes (2 nodes, all), of unit mass [kg].
+    squares: Array = field(repr=False)  #: Their squared frequencies (all,) [1/s^2].
+    kept: int  #: Number of retained modes.
 
     def __call__(self, places: Sequence[float]) -> Array:
-        """Return deflections by slow forces (places, places) [m/N]."""
+        """Return static deflections (places, places) [m/N]."""
         rows = np.array([self.over.row(place) for place in places]) @ self.modes[:, self.kept :]
         return np.asarray((rows / self.squares[self.kept :]) @ rows.T)
 
@@ -277,7 +280,7 @@ def reduced(
 
 
 def _internal(matrices: Matrices, vectors: Array, ratio: float | None, sizes: Array) -> Array:
-    """Return the damping of what turns with the rotor, over modes with these m omega."""
+    """Return the rotating damping over modes with given m omega."""
     if ratio is not None:
         return np.diag(2 * ratio * sizes)
     if matrices.D_internal is None:
@@ -289,7 +292,7 @@ def _internal(matrices: Matrices, vectors: Array, ratio: float | None, sizes: Ar
 def _attached(
     over: OverNodes, modes: Array, squares: Array, places: Sequence[float]
 ) -> tuple[Array, Array]:
-    """Return shapes of mass 1 and frequencies that give way as all of these modes do at places."""
+    """Return unit-mass shapes and frequencies with the static compliance of all modes at places."""
     from scipy.linalg import eigh
 
     rows = np.array([over.row(place) for place in dict.fromkeys(places)]) @ modes

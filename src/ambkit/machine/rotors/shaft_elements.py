@@ -1,4 +1,4 @@
-"""What a shaft is made of: materials, sections one after the other, discs on them."""
+"""Elements of a shaft: materials, sections in sequence, discs."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Length = Annotated[float, Quantity("m", "120 mm", above=0)]
 
 NAMED = {"steel": (7850.0, 210e9, 0.3), "aluminium": (2700.0, 70e9, 0.33),
          "titanium": (4430.0, 114e9, 0.34)}  # fmt: skip
-"""Density [kg/m^3], Young's modulus [Pa] and Poisson's ratio [1] of what everybody knows."""
+"""Density [kg/m^3], Young's modulus [Pa] and Poisson's ratio [1] of common materials."""
 
 
 class Material(Part):
-    """A material, by the name by which sections and discs call it."""
+    """A material, with the name used by sections and discs."""
 
     name: Name
     """Its name."""
@@ -31,7 +31,7 @@ class Material(Part):
     youngs_modulus: Annotated[float, Quantity("Pa", "210 GPa", above=0)]
     """Young's modulus E [Pa]."""
     poisson_ratio: Annotated[float, Quantity("1", "0.3", at_least=0)] = 0.3
-    """Poisson's ratio [1], of which the shear modulus follows."""
+    """Poisson's ratio [1], for the shear modulus."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -40,14 +40,14 @@ class Material(Part):
 
 
 class Section(Part):
-    """A piece of shaft of one cross section."""
+    """A piece of shaft with constant cross section."""
 
     length: Length
     """Length [m]."""
     outer_diameter: Annotated[float, Quantity("m", "32 mm", above=0)]
     """Outer diameter [m]."""
     inner_diameter: Annotated[float, Quantity("m", "10 mm", at_least=0)] = 0.0
-    """Of the bore [m]."""
+    """Diameter of the bore [m]."""
     material: Name = "steel"
     """One of rotor.material, or "steel", "aluminium" or "titanium"."""
 
@@ -57,24 +57,24 @@ class Section(Part):
 
 
 class Disc(Part):
-    """A rigid disc on the shaft: by mass and inertias, or by its geometry."""
+    """A rigid disc on the shaft: by mass and inertias, or by geometry."""
 
     place: Annotated[float, Quantity("m", "323 mm", at_least=0)]
-    """Of its centre, from where the shaft begins [m]."""
+    """Distance of its centre from the start of the shaft [m]."""
     mass: Annotated[float, Quantity("kg", "2.6 kg", above=0)] | None = None
-    """Mass [kg], with both inertias; or else its geometry."""
+    """Mass [kg], with both inertias; or the geometry instead."""
     transverse_inertia: Annotated[float, Quantity("kg m^2", "0.02 kg m^2", above=0)] | None = None
     """Moment of inertia about a diameter [kg m^2]."""
     polar_inertia: Annotated[float, Quantity("kg m^2", "0.04 kg m^2", above=0)] | None = None
     """Moment of inertia about the shaft [kg m^2]."""
     width: Length | None = None
-    """Along the shaft [m]."""
+    """Length along the shaft [m]."""
     outer_diameter: Annotated[float, Quantity("m", "120 mm", above=0)] | None = None
     """Outer diameter [m]."""
     inner_diameter: Annotated[float, Quantity("m", "32 mm", at_least=0)] = 0.0
-    """Of the hole in it [m]."""
+    """Diameter of the bore [m]."""
     material: Name = "steel"
-    """As of a section."""
+    """As for a section."""
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -112,7 +112,7 @@ class Disc(Part):
 
 
 def inertia_contradictions(read: Read) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with the moments of inertia of a body: a thin disc has the most I_p."""
+    """Yield errors of the moments of inertia of a body: a thin disc has the largest I_p."""
     I_t, I_p = read("transverse_inertia"), read("polar_inertia")
     if I_p > 2 * I_t * (1 + 1e-9):
         limit = f"{engineering(2 * I_t, 'kg m^2')}, twice transverse_inertia"

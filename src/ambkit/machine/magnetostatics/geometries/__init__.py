@@ -1,4 +1,4 @@
-"""The geometries of magnets; they are listed here only."""
+"""The geometries of magnets, registered here."""
 
 from typing import Annotated
 

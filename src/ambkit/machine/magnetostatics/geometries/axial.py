@@ -35,7 +35,7 @@ class Pot(Geometry):
 
     def _pot(self, windings: Windings, radii: tuple[float, float], face: float, way: int,
              coil: int) -> list[Region]:  # fmt: skip
-        """Return core and coil whose inner pole has these radii; its face at z, its back along."""
+        """Return core and coil for radii of the inner pole; face at z, back iron along `along`."""
         inside, inner = radii
         slot, outer = inner + self.slot_width, inner + self.slot_width + self.outer_pole
         root, back = (
@@ -111,7 +111,7 @@ class Thrust(Pot):
 
 
 class Ball(Pot):
-    """A pot magnet that carries a ball below it."""
+    """A pot magnet above a ball."""
 
     type: Literal["pot-and-ball"] = "pot-and-ball"
     inner_diameter: Annotated[float, Quantity("m", "20 mm", above=0)]

@@ -1,4 +1,4 @@
-"""E-core and U-core beside a flat rotor, such as a guide rail or a bar."""
+"""E-core and U-core at a flat rotor, such as a guide rail or a bar."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from ambkit.machine.magnetostatics.layout import Layout, Region, rectangle
 
 
 class Core(Geometry):
-    """A laminated core whose legs face a bar; two-sided, the same core again behind the bar."""
+    """Laminated core facing a bar; if two-sided, with an equal core behind the bar."""
 
     window_share: ClassVar[float] = 1.0
-    """Share of a window that a winding has to itself [1]."""
+    """Share of a window that belongs to one winding [1]."""
     sides: Literal["two-sided", "one-sided"] = "two-sided"
-    """Cores on both sides of the rotor, or on one; their fields do not meet."""
+    """Cores on both sides of the rotor, or on one; their fields are separate."""
     leg_width: Annotated[float, Quantity("m", "10 mm", above=0)]
     """Width of an outer leg [m]."""
     leg_height: Annotated[float, Quantity("m", "25 mm", above=0)]
-    """From the pole face to the back iron [m]."""
+    """Height from the pole face to the back iron [m]."""
     window_width: Annotated[float, Quantity("m", "15 mm", above=0)]
-    """Between two legs [m]."""
+    """Distance of two legs [m]."""
     back_iron: Annotated[float, Quantity("m", "10 mm", above=0)]
     """Thickness of the back iron [m]."""
     coil_width: Annotated[float, Quantity("m", "10 mm", above=0)]
@@ -48,7 +48,7 @@ class Core(Geometry):
     def _layout(
         self, windings: Windings, legs: list[tuple[float, float]], wound: list[int]
     ) -> Layout:
-        """Return the section of legs, each from and to a height; `wound` have coils."""
+        """Return the section of legs, each from and to a height; those in `wound` have coils."""
         gap, height = self.air_gap, self.leg_height
         root, back = gap + height, gap + height + self.back_iron
         low, high = legs[0][0], legs[-1][1]

@@ -1,4 +1,4 @@
-"""What the geometries have in common."""
+"""Common parts of the geometries."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from ambkit.machine.force_law import MU_0
 from ambkit.machine.magnetostatics.iron import Curve
 from ambkit.machine.magnetostatics.layout import Layout
 
-CLEAR = 0.04  #: Of a pole's height, between a winding and the iron around.
+CLEAR = 0.04  #: Clearance between a winding and the surrounding iron, over the pole's height.
 
 
 class Windings(NamedTuple):
-    """What a section is filled with."""
+    """Currents and turns of a section."""
 
-    turns: float  #: Of one coil.
+    turns: float  #: Turns of one coil.
     iron: Curve
     rotor_iron: Curve
-    bias_current: float = 0.0  #: Of the bias coil or coils [A]; 0 where magnets make the bias.
+    bias_current: float = 0.0  #: Current of the bias coils [A]; 0 with permanent magnets.
 
 
 class PermanentMagnet(Part):
@@ -62,11 +62,11 @@ class Geometry(Part):
     """Dimensions of a magnet."""
 
     air_gap: Annotated[float, Quantity("m", "0.5 mm", above=0)]
-    """Air gap with the rotor in the centre [m]."""
+    """Air gap with the rotor centred [m]."""
 
     @property
     def permanent(self) -> PermanentMagnet | None:
-        """The permanent magnet that makes the bias, if one does."""
+        """The permanent magnet that creates the bias, if there is one."""
         return getattr(self, "magnet", None)
 
     def layout(self, windings: Windings) -> Layout:
@@ -74,11 +74,11 @@ class Geometry(Part):
         raise NotImplementedError
 
     def magnet_constant(self, turns: float) -> float:
-        """Return k of ideal iron without fringes [N m^2/A^2], as `ClosedLaw` takes it."""
+        """Return k of ideal iron without fringing [N m^2/A^2], as in `ClosedLaw`."""
         raise NotImplementedError
 
     def ideal_bias(self, windings: Windings) -> float:
-        """Return the bias current [A] whose law is nearest: with ideal iron, that of the coils."""
+        """Return the equivalent bias current [A]; with ideal iron, that of the coils."""
         return windings.bias_current
 
 

@@ -1,4 +1,4 @@
-"""Homopolar radial bearing: two planes of poles, all of one polarity in each, and a bias between.
+"""Homopolar radial bearing: two planes of poles of opposite polarity, with a bias between them.
 
 The field is three-dimensional. It is modelled by the section of one plane: the bias flux comes
 into its rotor along the axis, evenly over the iron, and leaves its back iron in the same way. Both
@@ -29,11 +29,11 @@ class Homopolar(Ring):
 
     type: Literal["homopolar"] = "homopolar"
     plane_distance: Annotated[float, Quantity("m", "25 mm", above=0)]
-    """Between the stacks of the two planes [m]."""
+    """Distance between the stacks of the two planes [m]."""
     magnet: PermanentMagnet | None = None
     """The magnets between the planes, magnetised along the axis; or bias_turns."""
     magnet_area: Annotated[float, Quantity("m^2", "600 mm^2", above=0)] | None = None
-    """Cross section of all magnets together [m^2]."""
+    """Total cross section of the magnets [m^2]."""
     bias_turns: Annotated[int, Field(gt=0, le=1_000_000, strict=True)] | None = None
     """Turns of the bias coil around the axis, which carries the bias current."""
 

@@ -42,7 +42,7 @@ class HybridThrust(Geometry):
     slot_depth: Annotated[float, Quantity("m", "15 mm", above=0)]
     """Axial depth of a slot, from the pole face to the back iron [m]."""
     radial_gap: Annotated[float, Quantity("m", "1 mm", above=0)]
-    """Between the rim of the disc and the shoe [m]."""
+    """Radial gap between the rim of the disc and the shoe [m]."""
     shoe_thickness: Annotated[float, Quantity("m", "4 mm", above=0)]
     """Radial thickness of the shoe between the magnet and the radial gap [m]."""
     magnet_height: Annotated[float, Quantity("m", "10 mm", above=0)]
@@ -50,7 +50,7 @@ class HybridThrust(Geometry):
     magnet: PermanentMagnet
     """The ring."""
     back_iron: Annotated[float, Quantity("m", "8 mm", above=0)]
-    """Thickness of the iron around [m]."""
+    """Thickness of the surrounding iron [m]."""
 
     sides: ClassVar[Literal["two-sided"]] = "two-sided"
 

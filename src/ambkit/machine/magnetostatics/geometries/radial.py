@@ -17,7 +17,7 @@ from ambkit.machine.force_law import MU_0
 from ambkit.machine.magnetostatics.geometries.geometry import CLEAR, Geometry, Windings
 from ambkit.machine.magnetostatics.layout import Layout, Region, arc, circle
 
-AROUND = 1.15  #: Radius of the boundary by that of the stator.
+AROUND = 1.15  #: Radius of the boundary, over that of the stator.
 OPPOSITE = np.array([[1.0, 0, -1, 0], [0, 1, 0, -1]])  #: Control currents of the quadrants.
 
 
@@ -25,13 +25,13 @@ class Pole(NamedTuple):
     """A pole of a ring."""
 
     at: float  #: [rad]
-    sign: int  #: Of its turns: positive current drives flux outwards, or inwards.
+    sign: int  #: Direction of its turns: positive current drives flux outwards, or inwards.
     width: float  #: [m]
-    coil: int  #: Number of its coil; negative, it has none.
+    coil: int  #: Index of its coil; negative without.
 
 
 class Ring(Geometry):
-    """Poles around a rotor; opposite quadrants pull along an axis."""
+    """Poles around a rotor; opposite quadrants act along an axis."""
 
     rotor_diameter: Annotated[float, Quantity("m", "60 mm", above=0)]
     """Outer diameter of the rotor iron [m]."""
@@ -40,7 +40,7 @@ class Ring(Geometry):
     pole_width: Annotated[float, Quantity("m", "9 mm", above=0)]
     """Width of a pole [m]."""
     pole_height: Annotated[float, Quantity("m", "22 mm", above=0)]
-    """From the bore to the back iron [m]."""
+    """Height from the bore to the back iron [m]."""
     back_iron: Annotated[float, Quantity("m", "10 mm", above=0)]
     """Thickness of the back iron [m]."""
     coil_width: Annotated[float, Quantity("m", "5 mm", above=0)]
@@ -52,7 +52,7 @@ class Ring(Geometry):
 
     @classmethod
     def places(cls, read: Read) -> list[Pole]:
-        """Return the poles by rising angle; the first quadrant lies about the x axis."""
+        """Return the poles by ascending angle; the first quadrant is about the x axis."""
         raise NotImplementedError
 
     @classmethod
@@ -83,7 +83,7 @@ class Ring(Geometry):
             yield "pole_height", "leaves no room for the winding"
 
     def _ring(self, windings: Windings) -> tuple[list[Region], list[tuple[complex, float]]]:
-        """Return the regions of the section, and the circles that they follow."""
+        """Return the regions of the section, and the circles of their outlines."""
         rotor, bore = self.rotor_diameter / 2, self.rotor_diameter / 2 + self.air_gap
         root = bore + self.pole_height
         outer = root + self.back_iron
@@ -118,7 +118,7 @@ class Ring(Geometry):
 
 
 class Radial(Ring):
-    """Poles of equal turns in four quadrants, whose flux returns by those beside them."""
+    """Poles with equal turns in four quadrants, whose flux returns through their neighbours."""
 
     # With an odd number of poles in a quadrant, above one, the middle pole is twice as wide.
 
@@ -143,7 +143,7 @@ class Radial(Ring):
 
 
 def _winding(bore: float, height: float, width: float, coil: float) -> tuple[float, float]:
-    """Return from where to where a winding stands beside a pole, along it [m]."""
+    """Return start and end of a winding along its pole [m]."""
     root, clear = bore + height, CLEAR * height
     edges = math.sqrt(bore**2 - width**2 / 4), math.sqrt(max(root**2 - (width / 2 + coil) ** 2, 0))
     return edges[0] + clear, edges[1] - clear
