@@ -1,1 +1,1 @@
-"""What every room stands on and none is about: errors, units, TOML with units, files, text."""
+"""Foundations of all rooms: errors, units, TOML with units, files, text."""

@@ -1,4 +1,4 @@
-"""Types of arrays, and arrays as callers give them."""
+"""Types of arrays, and conversion of callers' arrays."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def real(name: str, values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray
 
 
 def check_finite(**values: ArrayLike) -> None:
-    """Refuse what is not finite, by its name."""
+    """Reject values that are not finite, with their name."""
     for name, value in values.items():
         array = real(name, value)
         wrong = array[~np.isfinite(array)]
@@ -34,12 +34,12 @@ def check_finite(**values: ArrayLike) -> None:
 
 
 def rms(values: Array) -> float:
-    """Return the root mean square; NaN where any is."""
+    """Return the root mean square; NaN if any value is."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 def interpolated(values: Array) -> Array:
-    """Return samples (n,) with straight lines where some are missing; zeros if all are."""
+    """Return samples (n,) with missing ones interpolated linearly; zeros if all are missing."""
     known = np.isfinite(values)
     if known.all():
         return values
@@ -48,19 +48,19 @@ def interpolated(values: Array) -> Array:
 
 
 def block_means(values: Array, size: int, first: int = 0) -> Array:
-    """Return means over blocks of samples, from one on; what fills no block is left out."""
+    """Return means over blocks of samples, from the second on; an incomplete block is omitted."""
     count = (values.size - first) // size
     return np.asarray(values[first : first + count * size].reshape(count, size).mean(axis=1))
 
 
 def stretches(where: Bools) -> list[tuple[int, int]]:
-    """Return from where to before where an array (n,) is true, each time that it is."""
+    """Return start and end of each interval in which an array (n,) is true."""
     edges = np.flatnonzero(np.diff(np.r_[False, where, False]))
     return [(a, b) for a, b in edges.reshape(-1, 2).tolist()]
 
 
 def grouped(count: int, alike: Callable[[int, int], bool]) -> list[list[int]]:
-    """Return the numbers below a count, each with those before it whose first is alike."""
+    """Return the numbers below a count in groups, each with its predecessors of equal key."""
     results: list[list[int]] = []
     for k in range(count):
         same = next((of for of in results if alike(k, of[0])), None)

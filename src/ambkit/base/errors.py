@@ -1,4 +1,4 @@
-"""Errors that the user can mend: the command line prints them without a traceback."""
+"""Errors that the user can correct: the command line prints them without a traceback."""
 
 import re
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from ambkit.base.escaping import lines
 
 
 class AmbkitError(Exception):
-    """Something the user gave cannot be used; the message names it, its place and its limit.
+    """Invalid input; the message has its name, place and limit.
 
     Parameters
     ----------
@@ -21,23 +21,23 @@ class AmbkitError(Exception):
         super().__init__(lines(message))
 
 
-TOLD = 10  #: Problems of one file that are told one by one; the rest is counted.
+TOLD = 10  #: Maximum number of reported problems of a file; the rest is counted.
 
 
 def shortened(problems: list[str], limit: int = TOLD) -> list[str]:
-    """Return the first problems, and how many more there are."""
+    """Return the first problems, and the number of the others."""
     left = len(problems) - limit
     return [*problems[:limit], f"and {left} more"] if left > 1 else problems
 
 
 def _count(lines: list[str]) -> int:
-    """Return how many problems there are, with those that `shortened` only counts."""
+    """Return the number of problems, including those that `shortened` only counts."""
     rest = [match for line in lines if (match := re.fullmatch(r"(?:.*: )?and (\d+) more", line))]
     return len(lines) + sum(int(match[1]) - 1 for match in rest)
 
 
 class _Problems(AmbkitError):
-    """Several mistakes told at once, one line each."""
+    """Several errors at once, one per line."""
 
     def __init__(self, problems: str | Iterable[str], title: str = "") -> None:
         self.problems = (problems,) if isinstance(problems, str) else tuple(problems)
@@ -49,22 +49,22 @@ class _Problems(AmbkitError):
 
 
 class ConfigError(_Problems):
-    """An invalid description: `problems` has a line ``file:line: key: what is wrong`` for each."""
+    """An invalid description: `problems` has a line ``file:line: key: error`` for each."""
 
 
 class RecordError(_Problems):
-    """A recording that cannot be read, or that lacks what is asked of it; `problems` lists why."""
+    """A record that cannot be read, or lacks required signals; `problems` has the reasons."""
 
 
 class ExtraMissing(AmbkitError):
-    """A library that only some users need is not installed."""
+    """An optional library that is not installed."""
 
     def __init__(self, what: str, library: str, extra: str) -> None:
         super().__init__(f"{what}: needs {library}: pip install 'ambkit[{extra}]'")
 
 
 def library(module: str, what: str, extra: str, name: str = "") -> Any:
-    """Import a library that only some users need, or say how it is installed."""
+    """Import an optional library, or raise an error that states how to install it."""
     try:
         return import_module(module)
     except ImportError:

@@ -1,4 +1,4 @@
-"""Text of others (names, descriptions, paths) made harmless wherever it is written.
+"""Escaping of foreign text (names, descriptions, paths) for every output.
 
 Templates have these functions as filters (`FILTERS`); Jinja escapes HTML, a library writes XML.
 """
@@ -18,22 +18,22 @@ _MARKDOWN = re.compile(r"[\\`*_{}\[\]<>&|~$#!:@]|^(?:[-+=]|\d+(?=[.)](?:\s|$)))"
 
 
 def one_line(text: object) -> str:
-    r"""Write what cannot be printed as an escape, ``\x1b``, and a line's end as ``\n``."""
-    # These are control characters, which move a terminal's cursor and are no XML; marks that turn
-    # the direction of writing; what has no width; and halves of surrogate pairs, which no file
-    # takes.
+    r"""Return what cannot be printed as an escape, ``\x1b``, and a line's end as ``\n``."""
+    # These are control characters, which move a terminal's cursor and are invalid in XML; marks
+    # that reverse the direction of writing; zero-width characters; and halves of surrogate pairs,
+    # which no file accepts.
     return _escaped(str(text), lambda char: char.encode("unicode_escape").decode())
 
 
 def lines(text: object) -> str:
-    """Write a text of several lines such that a terminal shows it and does nothing else."""
+    """Escape a text of several lines for a terminal."""
     return "\n".join(map(one_line, str(text).split("\n")))
 
 
 def _escaped(text: str, escape: Callable[[str], str]) -> str:
     if text.isprintable():
         return text
-    # The widths of a space (Zs) are not "printable", and harmless.
+    # Spaces (Zs) are not "printable", but harmless.
     return "".join(
         char if char.isprintable() or unicodedata.category(char) == "Zs" else escape(char)
         for char in text
@@ -41,13 +41,13 @@ def _escaped(text: str, escape: Callable[[str], str]) -> str:
 
 
 def c_comment(text: object) -> str:
-    """Write a text within a C comment (MISRA C:2012): nothing in it opens or closes one."""
-    # Trigraphs are parted too: one of them is a backslash, which would join two lines.
+    """Escape a text for a C comment (MISRA C:2012): it neither opens nor closes one."""
+    # Trigraphs are separated too: one of them is a backslash, which would join two lines.
     return _TOUCHING.sub(" ", one_line(text))
 
 
 def markdown(text: object) -> str:
-    """Write a text within a paragraph of Markdown: no link, picture, formula, HTML or emphasis."""
+    """Escape a text for a paragraph of Markdown: no link, picture, formula, HTML or emphasis."""
     return _MARKDOWN.sub(  # "1." begins a list, "1\." does not
         lambda match: f"{match[0]}\\" if match[0].isdigit() else f"\\{match[0]}",
         one_line(text).strip(),

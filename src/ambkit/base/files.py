@@ -1,4 +1,4 @@
-"""Reading and writing files such that a failure is one clear line and leaves the old file whole."""
+"""Reading and writing of files, atomically and with clear errors."""
 
 import hashlib
 import os
@@ -13,13 +13,13 @@ from types import ModuleType
 from ambkit.base import memory_limit
 from ambkit.base.errors import AmbkitError
 
-DOCUMENT_SHARE = 100  #: Memory to read a document, in sizes of the file: a pipe may never end.
+DOCUMENT_SHARE = 100  #: Memory to read a document, over the size of the file: a pipe may never end.
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary file beside `path`, and put it instead of `path` at the end."""
-    # If the body of the ``with`` fails, the temporary file goes and `path` stays as it was.
+    """Yield a temporary file beside `path`, which replaces `path` at the end."""
+    # If the body of the ``with`` fails, the temporary file is removed and `path` is unchanged.
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
@@ -28,7 +28,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     except OSError as error:
         raise AmbkitError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
-        with suppress(OSError):  # not there: put in place above, or never made
+        with suppress(OSError):  # replaced above, or never made
             temporary.unlink()
 
 
@@ -44,7 +44,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
 
 
 def sha256(path: str | os.PathLike[str]) -> str:
-    """Return the hash of what a file holds, in hexadecimal digits."""
+    """Return the hash of a file, in hexadecimal digits."""
     try:
         return hashlib.sha256(memory_limit.read_bytes(path)).hexdigest()
     except OSError as error:
@@ -52,7 +52,7 @@ def sha256(path: str | os.PathLike[str]) -> str:
 
 
 def make_folder(path: str | os.PathLike[str]) -> Path:
-    """Make a folder, and those above it, where they are not there yet."""
+    """Create a folder with its parents, if it does not exist."""
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -62,9 +62,8 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def replacing_in(path: str | os.PathLike[str], first: str = "") -> Iterator[Path]:
-    """Give a temporary folder, whose files go into `path` at the end."""
-    # If the body of the ``with`` fails, as on a full disk, `path` stays as it was; where it was not
-    # there, it is not made.
+    """Yield a temporary folder, whose files are moved into `path` at the end."""
+    # If the body of the ``with`` fails, as on a full disk, `path` is unchanged, or not created.
     path = Path(path)
     new = [entry for entry in (path, *path.parents) if not entry.exists()]
     temporary = path / f".{os.getpid()}.tmp"
@@ -79,12 +78,12 @@ def replacing_in(path: str | os.PathLike[str], first: str = "") -> Iterator[Path
             os.replace(file, place)
     except OSError as error:
         raise AmbkitError(f"{path}: cannot be written: {error.strerror or error}") from error
-    except AmbkitError as error:  # of a file in it: it is known by where it was to stand
+    except AmbkitError as error:  # of a file in it: reported at its destination
         raise AmbkitError(str(error).replace(str(temporary), str(path))) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
         for item in new:
-            with suppress(OSError):  # it holds what was written
+            with suppress(OSError):  # it contains what was written
                 item.rmdir()
 
 
@@ -103,7 +102,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def installed_folder(name: str, source: str) -> Path:
-    """Return a folder by its name beside the package, or by its place in the repository."""
+    """Return a folder beside the package, or at its place in the repository."""
     for candidate in (_PACKAGE / name, _PACKAGE.parents[1] / source):
         if candidate.is_dir():
             return candidate
@@ -111,7 +110,7 @@ def installed_folder(name: str, source: str) -> Path:
 
 
 def module_beside(folder: str, name: str) -> ModuleType:
-    """Import a module of a folder that comes with ambkit and is no part of the package."""
+    """Import a module of a folder that comes with ambkit outside the package."""
     place = str(installed_folder(folder, folder))
     if place not in sys.path:
         sys.path.insert(0, place)

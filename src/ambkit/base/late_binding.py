@@ -1,4 +1,4 @@
-"""Functions of upper rooms behind methods of lower ones, as the package's root binds them."""
+"""Functions of upper rooms as methods of lower ones, bound by the package's root."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 
 TYPE_CHECKING = False  # without importing typing before a command starts
 
-PLACES: dict[str, str] = {}  #: Module and function by the name by which each is called.
+PLACES: dict[str, str] = {}  #: Module and function by name.
 
 
 def call(name: str, *args: Any, **options: Any) -> Any:
-    """Call the function by its name; its module is imported now."""
+    """Call a function by name, importing its module now."""
     module, _, function = PLACES[name].partition(":")
     return getattr(import_module(f"ambkit.{module}"), function)(*args, **options)

@@ -1,4 +1,4 @@
-"""How much memory a file may take to read, by what it declares: a small one can unpack to more."""
+"""Memory limit for reading a file, from its declared sizes: a small one can unpack to more."""
 
 import os
 import stat
@@ -6,15 +6,16 @@ import stat
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import parse
 
-LIMIT = 8e9  #: Memory that reading one file may take [byte], where `VARIABLE` does not say.
+LIMIT = 8e9  #: Default memory limit for reading one file [byte].
 VARIABLE = "AMBKIT_READ_MEMORY"  #: Environment variable with another limit, such as ``16 GB``.
-TEXT_SHARE = 7  #: Memory to read a CSV, in sizes of the file, measured with 9 digits a number.
-STREAM_SHARE = 100  #: The least for a pipe or a device, of which nobody knows whether it ends.
+#: Memory to read a CSV, over the size of the file, measured with 9 digits per number.
+TEXT_SHARE = 7
+STREAM_SHARE = 100  #: Minimum for a pipe or a device, which may never end.
 _LEAST = 1 << 20
 
 
 def limit() -> float:
-    """Return how much memory reading one file may take [byte]."""
+    """Return the memory limit for reading one file [byte]."""
     limit_text = os.environ.get(VARIABLE, "")
     if not limit_text:
         return LIMIT
@@ -28,7 +29,7 @@ def limit() -> float:
 
 
 def check(path: str | os.PathLike[str], size: float, hint: str = "", *, whole: bool = True) -> None:
-    """Refuse a file that takes more memory to read than it may."""
+    """Reject a file that needs more memory than the limit."""
     allowed = limit()
     if size > allowed:
         needed = _shown(size) if whole else f"more than {_shown(allowed)}"
@@ -40,7 +41,7 @@ def check(path: str | os.PathLike[str], size: float, hint: str = "", *, whole: b
 
 
 def read_bytes(path: str | os.PathLike[str], share: float = 1.0) -> bytes:
-    """Read a whole file, of which each byte takes `share` bytes of memory; a device never ends."""
+    """Read a complete file, with `share` bytes of memory per byte."""
     with open(path, "rb") as file:
         status = os.fstat(file.fileno())
         check(path, share * status.st_size)

@@ -21,7 +21,7 @@ from pydantic import (
 from ambkit.base.config.text_types import from_folder, to_folder
 from ambkit.base.errors import AmbkitError
 
-MARK = ".py:"  #: What such a name has.
+MARK = ".py:"  #: Part of such a name.
 
 
 def _checked(value: Any, info: ValidationInfo) -> Any:
@@ -38,21 +38,21 @@ OwnClass = Annotated[
     Any, PlainValidator(_checked), WithJsonSchema({"type": "string"}),
     PlainSerializer(_written, when_used="json-unless-none"),
 ]  # fmt: skip
-"""A class of the user's in a document, or ``file.py:Class``, whose file runs when it is flown."""
+"""A class of the user in a document, or ``file.py:Class``, whose file is executed."""
 
 
 def is_class(value: Any) -> bool:
-    """Say whether it is a class, or names one in a file."""
+    """Return whether it is a class, or the name of one in a file."""
     return isinstance(value, type) or (isinstance(value, str) and MARK in value)
 
 
 def name_of(make: Any) -> str:
-    """Return what a class, or a file's, is called."""
+    """Return the name of a class."""
     return make if isinstance(make, str) else str(getattr(make, "__name__", "own"))
 
 
 def load_class(text: str) -> tuple[str, Callable[..., Any]]:
-    """Return name and class, or function, of what a user has in a Python file."""
+    """Return name and class, or function, from a user's Python file."""
     path, _, name = text.rpartition(":")
     if not Path(path).is_file():
         raise AmbkitError(f"{path}: there is no such file")
@@ -61,7 +61,7 @@ def load_class(text: str) -> tuple[str, Callable[..., Any]]:
     assert spec is not None  # it ends with .py
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[module_name] = module  # dataclasses look it up
+    sys.modules[module_name] = module  # for dataclasses
     try:
         spec.loader.exec_module(module)
     except Exception as error:
@@ -76,7 +76,7 @@ def load_class(text: str) -> tuple[str, Callable[..., Any]]:
 
 
 def made(name: str, make: Callable[..., Any], machine: Any) -> Any:
-    """Return an object of a class, made with the machine or without arguments."""
+    """Return an object of a class, constructed with the machine or without arguments."""
     try:
         takes = len(inspect.signature(make).parameters)
     except (TypeError, ValueError):
@@ -94,7 +94,7 @@ def made(name: str, make: Callable[..., Any], machine: Any) -> Any:
 
 
 class OwnStep:
-    """An object with ``step``, which C calls."""
+    """An object with ``step``, called by C."""
 
     name: str
     wrapped: Any
@@ -105,11 +105,11 @@ class OwnStep:
     _failed: BaseException | None = None
 
     def plain(self, values: list[float]) -> Any:
-        """Return an array, of a single axis its number."""
+        """Return an array, or its number for a single axis."""
         return values[0] if self._single else np.array(values)
 
     def numbers(self, count: int, *arguments: Any) -> list[float]:
-        """Return what ``step`` does, NaN once it failed: no exception may reach C."""
+        """Call ``step``; NaN once it failed: no exception may reach C."""
         if self._failed is None:
             try:
                 result = np.ravel(np.asarray(self.wrapped.step(*arguments), float))
@@ -117,12 +117,12 @@ class OwnStep:
                     raise ValueError(f"it returned {result.size} numbers")
                 self._sample += 1
                 return result.tolist()
-            except BaseException as error:  # Ctrl-C too
+            except BaseException as error:  # including Ctrl-C
                 self._failed = error
         return [np.nan] * count
 
     def check(self) -> None:
-        """Raise what ``step`` raised."""
+        """Raise the exception of ``step``."""
         error, self._failed = self._failed, None
         if error is None:
             return
@@ -135,7 +135,7 @@ class OwnStep:
 
 
 class OwnPart(OwnStep):
-    """An object with ``step``, made anew for a run."""
+    """An object with ``step``, made anew for each run."""
 
     def __init__(self, make: Any, machine: Any, call: str, returns: str) -> None:
         self.name = name_of(make)

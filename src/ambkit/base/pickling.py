@@ -1,4 +1,4 @@
-"""Copies and pickles of what holds a state in the C core."""
+"""Copying and pickling of objects with a state in the C core."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any, Self
 
 @cache
 def own_version() -> str:
-    """Return the version of ambkit; asked for anew, a file would be parsed each time."""
+    """Return the version of ambkit, cached, because it is parsed from a file."""
     return version("ambkit")
 
 
 class Copyable:
-    """Copied and pickled with its live state: the copy goes on alone from where the original is.
+    """Copied and pickled with its state: the copy continues independently.
 
     It is made anew from the arguments of its constructor, and given the state. `copy.copy` shares
     bearing, magnet and the like with the original, which no step changes; the state never.
@@ -26,11 +26,11 @@ class Copyable:
     """
 
     core: Any
-    _of_core: tuple[str, ...] = ("core",)  # attributes that belong to the core's own object
+    _of_core: tuple[str, ...] = ("core",)  # attributes of the core's own object
     _made: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __new__(cls, *args: Any, **options: Any) -> Self:
-        """Keep the arguments of the constructor."""
+        """Store the arguments of the constructor."""
         self = super().__new__(cls)
         self._made = args, options
         return self

@@ -1,4 +1,4 @@
-"""How far work is: a bar on a terminal or in a notebook; lines where a command writes to a pipe."""
+"""Progress: a bar on a terminal or in a notebook; lines if a command writes to a pipe."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from typing import Any
 
 from ambkit.base import escaping
 
-Step = Callable[..., None]  #: Called after each step, with a text that says what is done next.
+Step = Callable[..., None]  #: Called after each step, with a text on the next one.
 
 _LINES_APART = 5.0  # s between two lines
-_REDRAWN = 0.1  # s between two pictures in a notebook; each one is a message to the browser
+_REDRAWN = 0.1  # s between two updates in a notebook; each one is a message to the browser
 
 
 @contextmanager
 def progress(
     what: str, total: int | None = None, *, unit: str = "", begun: int = 0
 ) -> Iterator[Step]:
-    """Show progress: in a notebook below its cell, else on stderr; of a library on terminals."""
+    """Show progress: in a notebook below its cell, else on stderr (of a library if a terminal)."""
     notebook = in_notebook()
     if not notebook and not sys.stderr.isatty():
         yield _in_lines(what, total, unit, begun) if any(of_a_command) else silent
@@ -55,13 +55,13 @@ def progress(
 
 
 class Rate:
-    """How fast steps are done, and how long the rest will take."""
+    """Speed of the steps, and remaining time."""
 
     def __init__(self, unit: str) -> None:
         self.unit, self.start, self.done = unit, time.monotonic(), 0
 
     def told(self, steps: int, total: int | None, begun: int = 0) -> str:
-        """Count steps, and return their number, rate and the time left in words."""
+        """Count steps, and return their number, rate and remaining time in words."""
         self.done += steps
         rate = self.done / max(time.monotonic() - self.start, 1e-9)
         of = "" if total is None else f" of {total:,}"
@@ -72,7 +72,7 @@ class Rate:
 
 
 def duration(seconds: float) -> str:
-    """Return a time as people say it: 45 s, 3 min, 2 h 05 min."""
+    """Return a time in words: 45 s, 3 min, 2 h 05 min."""
     rounded_seconds = round(seconds)
     if rounded_seconds < 120:
         return f"{rounded_seconds} s"
@@ -81,16 +81,16 @@ def duration(seconds: float) -> str:
 
 
 def in_notebook() -> bool:
-    """Whether a notebook looks on: Jupyter, JupyterLab, VS Code, Colab."""
+    """Return whether it runs in a notebook: Jupyter, JupyterLab, VS Code, Colab."""
     ask = getattr(sys.modules.get("IPython"), "get_ipython", None)
     return ask is not None and getattr(ask(), "kernel", None) is not None
 
 
-of_a_command: list[bool] = []  #: Whether the process is a command, once it is known.
+of_a_command: list[bool] = []  #: Whether the process is a command, once known.
 
 
 def _in_lines(what: str, total: int | None, unit: str, begun: int) -> Step:
-    """Return what writes a line to stderr now and then."""
+    """Return a function that writes a line to stderr from time to time."""
     rate, last, lock = Rate(unit), time.monotonic(), threading.Lock()
 
     def tell(text: str = "", steps: int = 1) -> None:
@@ -107,15 +107,15 @@ def _in_lines(what: str, total: int | None, unit: str, begun: int) -> Step:
 
 
 def silent(_text: str = "", steps: int = 1) -> None:
-    """Tell nobody of progress."""
+    """Report nothing."""
 
 
-left: list[str] = []  #: What an interrupted command leaves, where it states it.
+left: list[str] = []  #: State of an interrupted command.
 
 
 @contextmanager
 def interrupted_says(text: str) -> Iterator[None]:
-    """State what a command leaves where it is interrupted within this."""
+    """Report a state if the command is interrupted within this context."""
     left.append(text)
     yield
     left.pop()
@@ -123,7 +123,7 @@ def interrupted_says(text: str) -> Iterator[None]:
 
 @contextmanager
 def _below_the_cell(bar: Any) -> Iterator[Callable[[], None]]:
-    """Show a bar as an output that is drawn anew, and take it away at the end."""
+    """Show a bar as an output that is updated, and removed at the end."""
     from IPython.display import display
 
     lock, last = threading.Lock(), 0.0  # steps may come from several threads

@@ -1,4 +1,4 @@
-"""What callers give to a function: quantities in SI or with their unit, and objects of a type."""
+"""Arguments of functions: quantities in SI or with units, and objects of a type."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Given = float | str  #: A quantity as an argument: a number in SI, or text with 
 
 Kind = TypeVar("Kind")
 
-_SHOWN = 40  # characters of what was given
+_SHOWN = 40  # characters of the value in a message
 
 
 @overload
@@ -39,7 +39,7 @@ def in_si(name: str, value: Any, unit: str) -> float | None:
 
 
 def seeds_in(seeds: int | range | str) -> range:
-    """Return seeds, stated by their number from 0 on, as ``"FIRST:N"``, or as a range."""
+    """Return seeds, given by their number from 0 on, as ``"FIRST:N"``, or as a range."""
     if isinstance(seeds, range) and seeds and seeds.start >= 0 and seeds.step == 1:
         return seeds
     match = re.fullmatch(r"(?:(\d{1,9}):)?(\d{1,9})", str(seeds).strip(), re.ASCII)
@@ -51,7 +51,7 @@ def seeds_in(seeds: int | range | str) -> range:
 
 
 def of_type(*expected_types: type, **arguments: Any) -> None:
-    """Refuse what is not of a type, in a line."""
+    """Reject an object of another type."""
     for name, value in arguments.items():
         if isinstance(value, expected_types):
             continue
@@ -68,7 +68,7 @@ def of_type(*expected_types: type, **arguments: Any) -> None:
 
 
 def all_of_type(expected_type: type[Kind], **argument: Any) -> list[Kind]:
-    """Return what may be one or several of a type as a list, and refuse all else, in a line."""
+    """Return one or several objects of a type as a list, and reject all others."""
     ((name, value),) = argument.items()
     several = list(value) if isinstance(value, list | tuple) else [value]
     for one in several:
@@ -77,7 +77,7 @@ def all_of_type(expected_type: type[Kind], **argument: Any) -> list[Kind]:
 
 
 def names_in(*others: type, **argument: Any) -> list[Any]:
-    """Return names that are given, one or several, as a list, and refuse all else, in a line."""
+    """Return one or several names as a list, and reject all others."""
     ((name, value),) = argument.items()
     one = isinstance(value, (str, os.PathLike, *others)) or not isinstance(value, Iterable)
     several = [value] if one else list(value)

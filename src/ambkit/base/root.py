@@ -1,4 +1,4 @@
-"""A root between two numbers, without SciPy: to load its `optimize` takes longer than most runs."""
+"""A root between two numbers, without SciPy: its `optimize` loads longer than most runs take."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 
-RELATIVE = 4 * 2.0**-52  #: What an interval may be wide, of the root, beside the tolerance.
-MOST = 200  #: Steps; ten are usual.
+RELATIVE = 4 * 2.0**-52  #: Tolerance relative to the root, in addition to the absolute one.
+MOST = 200  #: Maximum number of steps; ten are typical.
 
 Point = tuple[float, float]
 
 
 def root(f: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
-    """Return the root of f between numbers at which its signs differ."""
+    """Return the root of f between numbers with opposite signs."""
     # Brent, Algorithms for Minimization without Derivatives, 1973, ch. 4, step by step as SciPy's
     # `brentq` has it: the same bits. `far` is the other side of the root, `last` the point before.
     last, at, f_last, f_at = low, high, f(low), f(high)
@@ -31,7 +31,7 @@ def root(f: Callable[[float], float], low: float, high: float, tolerance: float)
         if f_at == 0 or abs(half) < least:
             return at
         trial = math.inf
-        with suppress(ZeroDivisionError):  # of numbers next to nothing: no secant
+        with suppress(ZeroDivisionError):  # of tiny numbers: no secant
             if abs(before) > least and abs(f_at) < abs(f_last):
                 trial = _secant((last, f_last), (at, f_at), (far, f_far))
         good = 2 * abs(trial) < min(abs(before), 3 * abs(half) - least)

@@ -1,4 +1,4 @@
-"""What Python and its libraries do beside the work: threads of BLAS, garbage collections."""
+"""Threads of BLAS, and garbage collection."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let BLAS and LAPACK compute in the thread that calls them; a context, or a decorator."""
-    # Where matrices are small and many, threads would wait for each other.
+    """Restrict BLAS and LAPACK to the calling thread; a context, or a decorator."""
+    # With many small matrices, threads would wait for each other.
     with _libraries().limit(limits=1):
         yield
 
 
 @contextmanager
 def rare_collections() -> Iterator[None]:
-    """Let the garbage collector run only after many new objects; a context, or a decorator."""
-    # The machines of a part live until its end, and Python would look through the modules, too,
-    # each time a quarter more of them are there.
+    """Run the garbage collector only after many new objects; a context, or a decorator."""
+    # The machines of a part live until its end, and Python would scan all modules at each quarter
+    # more.
     before = gc.get_threshold()
     gc.set_threshold(RARELY, *before[1:])
     try:
@@ -36,7 +36,7 @@ def rare_collections() -> Iterator[None]:
 
 @contextmanager
 def pool_of(threads: int) -> Iterator[ThreadPoolExecutor]:
-    """Give a pool of threads; after Ctrl-C, what still waits is not run first."""
+    """Yield a pool of threads; Ctrl-C cancels those that wait."""
     pool = ThreadPoolExecutor(threads)
     try:
         yield pool
@@ -44,7 +44,7 @@ def pool_of(threads: int) -> Iterator[ThreadPoolExecutor]:
         pool.shutdown(cancel_futures=True)
 
 
-RARELY = 200_000  #: New objects until the garbage collector runs.
+RARELY = 200_000  #: New objects between two garbage collections.
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Units at the boundary: read ``"2 mm"`` into SI, print SI for humans.
+"""Units at the boundary: parse ``"2 mm"`` into SI, format SI for humans.
 
 Numbers pass through `decimal.Decimal`, so that ``"2 mm"`` is exactly the float ``0.002`` and a
 value survives any number of trips through a file unchanged.
@@ -22,10 +22,10 @@ _REVOLUTIONS = ("rpm", "krpm", "rps", "revolution/min", "revolution/s")
 _PREFIXES = {"M": 6, "k": 3, "": 0, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15}
 
 Root = tuple[Decimal, dict[str, Any]]
-"""The factor of a unit to pint's root units, and the exponents of these; none is zero."""
+"""Factor of a unit to pint's root units, and their exponents; none is zero."""
 
-# pint's import and registry take a second, more than most commands do. Units made of these, each a
-# number times others, have the size that pint gives, and are known without it.
+# pint's import and registry take a second, longer than most commands. Products of these units have
+# the same size as in pint, and need no import.
 _ROOTS = {"g": "gram", "m": "meter", "s": "second", "A": "ampere", "K": "kelvin", "rad": "radian"}
 _TURN = "6.283185307179586476925286766"
 _COMMON = {
@@ -44,7 +44,7 @@ _COMMON = {
     "min": ("60", "s"),
 }
 _SPELLINGS = {"mil": "thou", "mils": "thou", "Volt": "V", "Volts": "V", "Amps": "A", "Second": "s"}
-"""As instruments write them; pint's mil is an angle."""
+"""Notations of instruments; pint's mil is an angle."""
 _SPELLED = re.compile(rf"\b({'|'.join(_SPELLINGS)})\b")
 _SHIFTS = {"G": 9, **_PREFIXES, "c": -2, "u": -6, "μ": -6}
 _FACTOR = re.compile(
@@ -62,16 +62,16 @@ def _registry() -> "UnitRegistry[Any]":
 
 @cache
 def _root(unit: str) -> Root:
-    if len(unit) > _LONGEST:  # pint's time grows with the square of it
+    if len(unit) > _LONGEST:  # pint's time is quadratic in it
         raise ValueError(f'"{unit[:20]}..." is not a known unit')
-    if "," in unit:  # pint would read over it
+    if "," in unit:  # pint would ignore it
         raise ValueError(f'"{unit}" is not a known unit')
     unit = _SPELLED.sub(lambda match: _SPELLINGS[match[0]], unit)
     return _common_root(unit) or _root_by_pint(unit)
 
 
 def _common_root(unit: str) -> Root | None:
-    """Return the root of a product of common units; None of any other, which is left to pint."""
+    """Return the root of a product of common units; None for any other."""
     size, exponents, end = Decimal(1), dict.fromkeys(_ROOTS.values(), 0), 0
     while end < len(unit):
         match = _FACTOR.match(unit, end)
@@ -108,12 +108,12 @@ def _root_by_pint(unit: str) -> Root:
         parsed = registry.parse_units(unit)
         scale, root = registry.get_root_units(parsed)
         offset = registry.Quantity(Decimal(0), parsed).m_as(root)
-    except Exception:  # pint passes on whatever its tokenizer and evaluator raise
+    except Exception:  # pint passes on any error of its tokenizer and evaluator
         raise ValueError(f'"{unit}" is not a known unit') from None
     if offset != 0:
         raise ValueError(f"{unit} does not start at zero, use {root:~} instead")
     size = Decimal(str(scale))
-    if not 0 < float(size) < math.inf:  # of an exponent of many digits
+    if not 0 < float(size) < math.inf:  # of an exponent with many digits
         raise ValueError(f'"{unit}" is too large or too small a unit')
     return size, dict(registry.Quantity(1, root).unit_items())
 
@@ -121,8 +121,8 @@ def _root_by_pint(unit: str) -> Root:
 @cache
 def _decimal_factor(from_unit: str, to_unit: str) -> Decimal:
     (source, source_root), (target, target_root) = _root(from_unit), _root(to_unit)
-    # pint would count an angle as a plain number, and let "50 rad/s" pass as 50 Hz. Revolutions a
-    # minute are a frequency all the same.
+    # pint treats an angle as a plain number, and would accept "50 rad/s" as 50 Hz. Revolutions per
+    # minute are a frequency nevertheless.
     if source_root != target_root and (from_unit in _REVOLUTIONS and target_root == _root("Hz")[1]):
         return source / _root("revolution")[0] / target
     if source_root != target_root:
@@ -131,12 +131,12 @@ def _decimal_factor(from_unit: str, to_unit: str) -> Decimal:
 
 
 def factor(from_unit: str, to_unit: str) -> float:
-    """Return what a number in `from_unit` is multiplied with to give `to_unit`."""
+    """Return the factor from `from_unit` to `to_unit`."""
     return float(_decimal_factor(from_unit, to_unit))
 
 
 def parse(text: str, unit: str) -> float:
-    """Read a number with its unit, and give it in `unit`."""
+    """Parse a number with its unit, and return it in `unit`."""
     comma = _DECIMAL_COMMA.match(text)
     excerpt = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
     if comma:
@@ -153,7 +153,7 @@ def parse(text: str, unit: str) -> float:
         value = float(Decimal(number) * _decimal_factor(unit_text or "1", unit))
     except ValueError as error:
         raise ValueError(f'"{excerpt}": {error}') from None
-    except DecimalException:  # of an exponent that not even a Decimal has
+    except DecimalException:  # of an exponent that a Decimal cannot have
         value = math.inf
     if not math.isfinite(value):
         raise ValueError(f'"{excerpt}" is too large or too small a number')
@@ -161,10 +161,10 @@ def parse(text: str, unit: str) -> float:
 
 
 def base_unit(text: str) -> str:
-    """Return the SI base units that a number with its unit is measured in."""
+    """Return the SI base units of a number with its unit."""
     match = _QUANTITY.fullmatch(text)
     if match is None or not match[2]:
-        parse(text, "m")  # which says what is wrong with it
+        parse(text, "m")  # which raises the error
         raise ValueError(f'"{text[:_SHOWN]}" has no unit')
     symbols = {root: symbol for symbol, root in _ROOTS.items()} | {"gram": "kg"}
     powers = (f"{symbols.get(root, root)}^{n}" for root, n in _root(match[2])[1].items())
@@ -172,7 +172,7 @@ def base_unit(text: str) -> str:
 
 
 def engineering(value: float, unit: str, digits: int | None = 6, like: float | None = None) -> str:
-    """Print a value as an engineer writes it: ``0.002, "m"`` gives ``"2 mm"``."""
+    """Format a value in engineering notation: ``0.002, "m"`` gives ``"2 mm"``."""
     if not math.isfinite(value):
         return f"{value} {unit}"
     exact = Decimal(repr(float(value)) if digits is None else f"{value:.{digits}g}")
@@ -182,7 +182,7 @@ def engineering(value: float, unit: str, digits: int | None = 6, like: float | N
     least = Decimal(1).scaleb(-power)
     chooses = abs(exact)
     if like is not None and math.isfinite(like) and like != 0:
-        # Rounded like a value with the usual digits, so that 9999.99 and its error agree.
+        # Rounded as with the usual digits, so that 9999.99 and its error agree.
         chooses = abs(Decimal(f"{like:.4g}"))
     if not symbol or chooses == 0 or least <= chooses < 10_000:
         return f"{_plain(exact)} {unit}"
@@ -193,8 +193,8 @@ def engineering(value: float, unit: str, digits: int | None = 6, like: float | N
 
 
 def figure(number: Any, unit: str, digits: int = 4, like: float | None = None) -> str:
-    """Print a value of a table, or several by their names; a dash where there is none."""
-    # The error of a value, or what it is compared with, takes the value's prefix: `like`.
+    """Format a value of a table, or several by name; a dash if there is none."""
+    # The error of a value, or its reference, uses the value's prefix: `like`.
     if isinstance(number, dict):
         return ", ".join(f"{k} {figure(item, unit, digits, like)}" for k, item in number.items())
     if number is None or not math.isfinite(number):
@@ -205,14 +205,14 @@ def figure(number: Any, unit: str, digits: int = 4, like: float | None = None) -
 def interval(
     low: float, high: float, unit: str, digits: int | None = 6, like: float | None = None
 ) -> str:
-    """Print an interval, with its unit once where both ends have the same."""
+    """Format an interval, with a common unit written once."""
     first, last = (engineering(end, unit, digits, like) for end in (low, high))
     number, _, of = first.partition(" ")
     return f"{number if last.endswith(f' {of}') else first} to {last}"
 
 
 def with_error(value: float, error: float) -> str:
-    """Print a plain number with its error, both to the place of the error's second digit."""
+    """Format a plain number with its error, both to the second digit of the error."""
     if not math.isfinite(error):
         return f"{value:.3g}"
     if abs(value) >= 1e12 or error >= 1e6:
@@ -224,32 +224,32 @@ def with_error(value: float, error: float) -> str:
 
 
 def rpm(speed: float, digits: int = 5) -> str:
-    """Print a speed of rotation [rad/s] in revolutions a minute, without an exponent."""
+    """Format a speed of rotation [rad/s] in revolutions per minute, without exponent."""
     turns = speed * 30 / math.pi
     return f"{Decimal(f'{turns:.{digits}g}'):f} rpm" if math.isfinite(turns) else f"{turns} rpm"
 
 
 def percent(share: float, digits: int = 2) -> str:
-    """Print a share in percent, without an exponent."""
+    """Format a share in percent, without exponent."""
     return f"{Decimal(f'{100 * share:.{digits}g}'):f} %" if math.isfinite(share) else "–"
 
 
 def typeset(text: str) -> str:
-    """Typeset what `engineering` prints: ``"-6 mm^2"`` becomes ``"−6 mm²"``."""
-    # No line ends between a number and its unit, within a unit, or before an error.
+    """Typeset the result of `engineering`: ``"-6 mm^2"`` becomes ``"−6 mm²"``."""
+    # No line break between a number and its unit, within a unit, or before an error.
     text = text.replace("^2", "²").replace(" ± ", "\u00a0±\u00a0")
-    text = re.sub(r"(?<![\w.)])-(?=[\d.∞])", "−", text)  # not in words, nor in "ISO 14839-3"
+    text = re.sub(r"(?<![\w.)])-(?=[\d.∞])", "−", text)  # neither in words, nor in "ISO 14839-3"
     return _WITHIN_QUANTITY.sub("\u00a0", text)
 
 
 def _plain(number: Decimal) -> str:
-    """Print without needless zeros; with an exponent only where it is shorter."""
+    """Format without trailing zeros; with an exponent only if that is shorter."""
     number = number.normalize()
     return f"{number:f}" if -6 < number.adjusted() < 7 else f"{number:e}".replace("e+", "e")
 
 
 def _split(unit: str) -> tuple[str, str, int, str, int]:
-    """Split a unit into (before, symbol, power, after, power of ten of the prefix it carries)."""
+    """Split a unit into (before, symbol, power, after, power of ten of its prefix)."""
     numerator = unit.partition("/")[0]
     terms = list(re.finditer(r"([A-Za-zΩ]+)(?:\^(\d+))?", numerator))
     if not terms:

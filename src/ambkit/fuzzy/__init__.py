@@ -1,1 +1,1 @@
-"""The expert: a fuzzy network that gives the stiffnesses, and its training from a map."""
+"""The expert: a fuzzy network for the stiffnesses, and its training on a map."""

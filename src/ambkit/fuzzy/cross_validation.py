@@ -1,4 +1,4 @@
-"""What to believe of a magnet: its law, the surface through measured points, or a network.
+"""Selection of a magnet model: force law, surface through measured points, or network.
 
 Points are left out, each model is found from the others, and held to those left out: points here
 and there, which says how well it goes between its neighbours, and whole blocks, which says how well
@@ -31,10 +31,10 @@ LAW, REFITTED, SURFACE, NETWORK = "the law", "the law, refitted", "the surface",
 
 @dataclass(frozen=True)
 class LeftOut:
-    """How a model does at points that it was not made from."""
+    """Error of a model at points left out."""
 
-    name: str  #: Of the model.
-    #: RMS error at points left out one by one, a fifth at a time, and at whole blocks [N].
+    name: str  #: Name of the model.
+    #: RMS error for random fifths of the points, and for blocks of them [N].
     random: float
     blocks: float
 
@@ -46,13 +46,13 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """The models by their errors, and the one to take."""
+    """Errors of the models, and the selected one."""
 
-    models: tuple[LeftOut, ...]  #: From the simplest on.
+    models: tuple[LeftOut, ...]  #: From simple to complicated.
 
     @property
     def chosen(self) -> LeftOut:
-        """The one whose larger error is the least; the simpler one of two alike within 5 %."""
+        """The one with the least larger error; the simpler one of two within 5 %."""
         limit = 1.05 * min(model.worse for model in self.models)
         return next(model for model in self.models if model.worse <= limit)
 
@@ -60,7 +60,7 @@ class ModelChoice:
         return next(model for model in self.models if model.name == name)
 
     def against(self, chosen_name: str) -> str:
-        """Say in a sentence what speaks against a model; nothing where it is the one to take."""
+        """Return a sentence against a model, unless it is the selected one."""
         best, network, law = self.chosen, self[NETWORK], self[LAW]
         worst = [
             engineering(model.worse, "N", 3) for model in (network, law, best, self[chosen_name])
@@ -86,7 +86,7 @@ def choose_model(
     note: Callable[[str], None] = lambda text: None,
     **training: Any,
 ) -> ModelChoice | None:
-    """Find by points left out what to believe of a magnet."""
+    """Select the model of a magnet by cross-validation."""
     box = box_of(machine, surface.points)
     points = surface.points.where(surface.points.within(*box))
     _, by_blocks = blocks_of(points, box)
@@ -114,7 +114,7 @@ def _models(
     machine: Machine, surface: ForceSurface, known: ForcePoints, box: Any, shape: Shape,
     training: dict[str, Any],
 ) -> list[tuple[str, ForceFunction]]:  # fmt: skip
-    """Return the models as some points give them."""
+    """Return the models fitted to some points."""
     through = ForceSurface(machine, known, like=surface)
     network = train(map_of(machine, through, box, shape), **training)
     return [
@@ -125,24 +125,24 @@ def _models(
     ]
 
 
-CLEAR = 0.2  #: The law's k_i or k_s is clearly positive from this part of its largest on.
+CLEAR = 0.2  #: Share of its maximum from which the law's k_i or k_s is clearly positive.
 
 
 @dataclass(frozen=True)
 class WrongSign:
-    """Where a trained stiffness is not positive though the bearing's law is clearly so."""
+    """Region in which a trained stiffness is not positive though the force law's clearly is."""
 
-    share: float  #: Of the box.
+    share: float  #: Share of the range.
     current: float  #: The worst place [A], [m].
     displacement: float
-    least: float  #: The trained stiffness there, and the law's [N/A] or [N/m].
+    least: float  #: Minimum of the trained stiffness, and the law's there [N/A] or [N/m].
     law: float
 
 
 def wrong_signs(expert: Expert, machine: Machine) -> dict[str, WrongSign]:
-    """Return where a trained k_i or k_s is not positive though the bearing's law is clearly so."""
-    # Towards the ends of a one-sided magnet's box the law's own k_i and k_s, which share the force
-    # between them, go through zero; there a sign tells nothing.
+    """Return where a trained k_i or k_s is not positive though the force law's clearly is."""
+    # Near the ends of a one-sided magnet's range the law's own k_i and k_s, which share the force,
+    # cross zero; signs are not significant there.
     box = range_grid(expert)
     results = {}
     known = evaluate_stiffness(magnet_of(machine), *box)

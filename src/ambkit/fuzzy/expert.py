@@ -37,12 +37,12 @@ Method = Literal["least-squares", "steepest-gradient"]
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-# 1 / (2 sigma^2) must be a number in single precision, too.
+# 1 / (2 sigma^2) must be finite in single precision too.
 _Width = Annotated[float, Field(ge=1e-9, le=1e9)]
 
 
 class Rule(Part):
-    """One rule: a row of the paper's Table 6, with its entries of Tables 4 and 5."""
+    """A rule: a row of the paper's Table 6, with its entries of Tables 4 and 5."""
 
     current: _Finite
     """Centre in the control current [A] (tau of eq. 32)."""
@@ -59,14 +59,14 @@ class Rule(Part):
 
 
 class Training(Part):
-    """How a network came by its widths and weights, with its learning curves (paper, Fig. 10)."""
+    """Training of a network: method and learning curves (paper, Fig. 10)."""
 
-    # The curves are RMS errors over the training samples, from the untrained network on.
+    # The curves are RMS errors over the training samples, starting with the untrained network.
 
     method: Method
-    """What trained it."""
+    """Method of the training."""
     weights: bool
-    """The weights were trained as well as the widths."""
+    """Whether the weights were trained too."""
     force_rms: tuple[_Finite, ...]
     """Learning curve of the force [N]."""
     k_i_rms: tuple[_Finite, ...]
@@ -76,7 +76,7 @@ class Training(Part):
 
 
 class Expert(Shown, Part):
-    """A fuzzy basis function network that gives k_i and k_s at (iu, x).
+    """A fuzzy basis function network for k_i and k_s at (iu, x).
 
     Two inputs, scaled such that distances in them compare; Gaussian rules; two outputs, whose rules
     share their centres and have each their own widths and weights. Outside its box the network
@@ -84,30 +84,31 @@ class Expert(Shown, Part):
     """
 
     format: Literal["ambkit expert"] = "ambkit expert"
-    """What the file is."""
+    """Type of the file."""
     version: int = 1
-    """Version of the file's layout."""
+    """Version of the file format."""
     source: Description
-    """What the network describes."""
+    """Machine or map that the network describes."""
     source_hash: Line = ""
-    """Fingerprint of the stiffness map that it was made from."""
+    """Fingerprint of its stiffness map."""
     normalised: bool = True
-    """The memberships are divided by their sum (Wang and Mendel 1992), so that an output is a
-    weighted mean of the rules' conclusions. False: eq. 33 as printed."""
+    """Whether the memberships are divided by their sum (Wang and Mendel 1992), so that an output is
+    a weighted mean of the rules' conclusions. False: eq. 33 as printed.
+    """
     per_ampere: _Positive
     """Scale of the current [1/A]."""
     per_metre: _Positive
     """Scale of the displacement [1/m]."""
     current_range: tuple[_Finite, _Finite]
-    """The box in the control current [A]."""
+    """Range of the control current [A]."""
     displacement_range: tuple[_Finite, _Finite]
-    """The box in the displacement [m]."""
+    """Range of the displacement [m]."""
     force_bias: _Finite = 0.0
     """Force at iu = 0, x = 0 [N]: zero for a two-sided magnet."""
     rules: Annotated[tuple[Rule, ...], Field(max_length=MAX_RULES)]
-    """The rules, in the order of the paper's Table 6: through the currents first."""
+    """The rules in the order of the paper's Table 6: the current varies first."""
     training: Training | None = None
-    """How it was trained; None: it was not."""
+    """Training; None if untrained."""
 
     def __repr__(self) -> str:
         return f"<Expert of {len(self.rules)} rules for {one_line(self.source)}>"
@@ -218,7 +219,7 @@ class Expert(Shown, Part):
         )
 
     def scaled(self, factor: float) -> Self:
-        """Return the expert of a magnet whose constant is a multiple of this one's.
+        """Return the expert of a magnet with a scaled constant.
 
         The magnet constant is a factor on the force, and so on every k_i and k_s: the rules stay
         where they are, with their widths, and only what they conclude changes. Training anew on
@@ -239,7 +240,7 @@ class Expert(Shown, Part):
 
         changed: dict[str, Any] = {
             "source": f"{self.source}, magnet constant times {factor:g}",
-            "source_hash": "",  # it is of the other map
+            "source_hash": "",  # it is that of the other map
             "force_bias": factor * self.force_bias,
             "rules": tuple(_times(r, factor, "weight_k_i", "weight_k_s") for r in self.rules),
         }
@@ -249,7 +250,7 @@ class Expert(Shown, Part):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a network that `save` wrote; it equals the saved one to the last bit.
+        """Read a network written by `save`, with the same bits.
 
         Parameters
         ----------
@@ -278,12 +279,12 @@ class Expert(Shown, Part):
                 for p in Problem.unpack(error)
             ]
             raise ConfigError([": ".join(filter(None, parts)) for parts in results], name) from None
-        except ValueError:  # of int(), which takes only so many digits
+        except ValueError:  # raised by int() for too many digits
             digits = f"more than {sys.get_int_max_str_digits()} digits"
             raise AmbkitError(f"{name}: has an integer of {digits}") from None
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the network as JSON, a line for each rule, through a temporary file.
+        """Write the network as JSON, one line per rule, through a temporary file.
 
         Parameters
         ----------

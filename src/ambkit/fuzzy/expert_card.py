@@ -1,4 +1,4 @@
-"""An expert as it was trained."""
+"""Figure and description of an expert."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PLACE = Axis("displacement $x$", "mm", 1e3)
 
 
 def training_figure(expert: Any, stiff: StiffnessMap) -> Figure:
-    """Show how an expert learned, and by how much its force is off over the box."""
+    """Plot the learning curve of an expert, and its force error over the range."""
     iu, x = (_fine(nodes[0], nodes[-1]) for nodes in (stiff.current, stiff.displacement))
     grid = np.meshgrid(iu, x)
     off = expert.force(*grid) - np.asarray(stiff.force(*grid))
@@ -38,7 +38,7 @@ def training_figure(expert: Any, stiff: StiffnessMap) -> Figure:
 
 
 def expert_figure(expert: Any) -> Figure:
-    """Show what an expert says over its box, and how it learned if it was trained."""
+    """Plot an expert over its range, and its learning curve if it was trained."""
     iu, x = _fine(*expert.current_range), _fine(*expert.displacement_range)
     force = Heatmap(iu, x, expert.force(*np.meshgrid(iu, x)), Axis("force", "N"), diverging=True)
     return Figure(
@@ -81,7 +81,7 @@ def _stiffnesses(expert: Any, iu: Array, x: Array) -> list[Panel]:
 
 
 def expert_card(of: Any) -> Card:
-    """Describe an expert by its box, its rules and its training."""
+    """Describe an expert by its range, its rules and its training."""
     (low_i, high_i), (low_x, high_x) = of.current_range, of.displacement_range
     rows = [
         ("rules", str(len(of.rules))),

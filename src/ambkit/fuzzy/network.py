@@ -1,4 +1,4 @@
-"""From arrays to a fuzzy basis function network in C, and how its inputs are scaled."""
+"""The fuzzy basis function network in C, and the scaling of its inputs."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def network(core: ModuleType, expert: Any, widths: Array, weights: Array) -> Fuz
 
 
 def scale_factors(stiff: StiffnessMap, scaling: Scaling) -> tuple[float, float]:
-    """Return what currents and displacements are multiplied with, (1/A, 1/m); see `Expert`."""
+    """Return the scale factors of currents and displacements, (1/A, 1/m); see `Expert`."""
     if scaling == "unit":
         return 1.0, 1e3
     if scaling == "grid":

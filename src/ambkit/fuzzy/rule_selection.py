@@ -1,4 +1,4 @@
-"""How many rules measured points carry: cross-validation, and the smallest network that is enough.
+"""Number of rules for measured points: the smallest sufficient network by cross-validation.
 
 Whole blocks of the box are left out, not points: errors that are alike for neighbours would not be
 seen, and more rules would look better than they are (Roberts et al. 2017).
@@ -32,32 +32,33 @@ Box = tuple[tuple[float, float], tuple[float, float]]
 CANDIDATES: tuple[Shape, ...] = (
     (2, 2), (3, 3), (4, 3), (3, 4), (4, 4), (5, 3), (3, 5), (5, 5), (7, 5), (5, 7), (7, 7),
 )  # fmt: skip
-"""Grids of rules that are tried, as far as the points allow."""
+"""Candidate grids of rules, as far as the points allow."""
 
-BLOCKS = 6  #: Blocks a side of the box.
+BLOCKS = 6  #: Blocks per side of the range.
 
 FOLDS = 5
-"""Sets of blocks. A block of column i and row j is of set i + 2 j: so no two of a set touch."""
+"""Number of folds. A block of column i and row j is in fold i + 2 j: no two of a fold touch."""
 
-FEWEST = 20  #: Points in the box that cross-validation needs: four or so for each set.
+FEWEST = 20  #: Minimum number of points for cross-validation: about four per fold.
 
 PATIENCE = 3
-"""So many larger networks in a row that are no better end the search: they cost the most."""
+"""Number of larger networks without improvement that ends the search: they cost the most."""
 
 EPOCHS = 30
-"""Steps of least squares in each training here: what the rest of them changes is less than the
-standard errors, and costs five times as much."""
+"""Steps of least squares in each training: further ones change less than the standard errors, at
+five times the cost.
+"""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A grid of rules, and how it does on points that it was not trained on."""
+    """A grid of rules, and its cross-validation error."""
 
     shape: Shape  #: Rules along the current, and along the displacement.
-    #: RMS error at the points left out, in its standard deviation as it should be: the point's own,
-    #: and that of what the others tell of the force there. 1 is as good as can be.
+    #: RMS error at the points left out, over the expected standard deviation of the point and the
+    #: prediction from the others. The optimum is 1.
     error: float
-    standard_error: float  #: Of `error`, from its scatter over the blocks.
+    standard_error: float  #: Standard error of `error`, from its scatter over the blocks.
 
     @property
     def rules(self) -> int:
@@ -66,23 +67,23 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        """As ``--rules`` takes it: ``"5x3"``."""
+        """Name for ``--rules``: ``"5x3"``."""
         return f"{self.shape[0]}x{self.shape[1]}"
 
 
 @dataclass(frozen=True)
 class RuleChoice:
-    """What cross-validation says about the number of rules."""
+    """Cross-validation of the number of rules."""
 
-    candidates: tuple[Candidate, ...]  #: What was tried, from few rules to many.
-    #: The same error of the force that the networks were trained on: what the points left tell of
-    #: those left out. The best that any number of rules could do.
+    candidates: tuple[Candidate, ...]  #: Candidates, from few rules to many.
+    #: The same error of the force that the networks were trained on, a bound for any number of
+    #: rules.
     surface_error: float
-    folds: int  #: Sets of blocks that were left out, one after the other.
+    folds: int  #: Number of folds.
 
     @property
     def best(self) -> Candidate:
-        """The one with the least error."""
+        """The candidate with the least error."""
         return min(self.candidates, key=lambda c: c.error)
 
     @property
@@ -98,7 +99,7 @@ class RuleChoice:
 
     @property
     def sentence(self) -> str:
-        """Which rules cross-validation chose, and why."""
+        """Selected rules, with the reason."""
         name, best, limit = self.chosen.name, self.best.name, f"{self.limit:.3g}"
         why = (
             f"the best; no smaller one is within a standard error ({limit})"
@@ -128,7 +129,7 @@ def choose_rules(
     note: Callable[[str], None] = lambda text: None,
     **training: Any,
 ) -> RuleChoice:
-    """Choose the number of rules by cross-validation and the one-standard-error rule."""
+    """Select the number of rules by cross-validation and the one-standard-error rule."""
     if threads is not None and threads < 1:
         raise AmbkitError(f"threads must be 1 or more, is {threads}")
     training = briefly(training)
@@ -154,7 +155,7 @@ def choose_rules(
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
 
         def evaluate(force: Callable[[int], ForceFunction]) -> tuple[float, float]:
-            """Error, and its standard error, of the force that is found without each fold."""
+            """Return error and standard error of the force, each fold predicted by the others."""
 
             def squares(k: int) -> Array:
                 left = points.where(folds[k])
@@ -180,7 +181,7 @@ def choose_rules(
 
 
 def _allowed(candidates: Sequence[Shape] | None, remain: int) -> list[Shape]:
-    """Return the grids that so many points allow, from few rules to many."""
+    """Return the grids permitted by a number of points, from few rules to many."""
     shapes = []
     for shape in sorted(CANDIDATES if candidates is None else candidates, key=np.prod):
         if min(shape) >= 2 and shape[0] * shape[1] <= remain:
@@ -196,13 +197,13 @@ def _allowed(candidates: Sequence[Shape] | None, remain: int) -> list[Shape]:
 def measured_map(
     machine: Machine, points: ForcePoints | ForceSurface, shape: Shape = (5, 5)
 ) -> StiffnessMap:
-    """Return the stiffnesses of a measured force, where the rotor can be and points are."""
+    """Return the stiffnesses of a measured force, in the range of rotor and points."""
     surface = ForceSurface(machine, points) if isinstance(points, ForcePoints) else points
     return map_of(machine, surface, box_of(machine, surface.points), shape)
 
 
 def map_of(machine: Machine, surface: ForceSurface, box: Box, shape: Shape) -> StiffnessMap:
-    """Return the stiffnesses of a surface over a box, at so many nodes a side."""
+    """Return the stiffnesses of a surface over a range, with so many nodes per side."""
     return stiffness_map(
         machine,
         currents=np.linspace(*box[0], shape[0]),
@@ -212,7 +213,7 @@ def map_of(machine: Machine, surface: ForceSurface, box: Box, shape: Shape) -> S
 
 
 def box_of(machine: Machine, points: ForcePoints) -> Box:
-    """Lowest and highest current [A] and displacement [m] of points and bearing together."""
+    """Return the common range of points and machine: current [A] and displacement [m]."""
     travel = machine.clearance
     box = []
     for name, values, low, high, unit in (
@@ -230,21 +231,21 @@ def box_of(machine: Machine, points: ForcePoints) -> Box:
 
 
 def _spread(surface: ForceSurface, left_out: ForcePoints) -> Array:
-    """Standard deviation of points about a surface that does not know them (n,) [N]."""
+    """Standard deviation of points about a surface that excludes them (n,) [N]."""
     of_surface = surface.standard_error(left_out.current, left_out.displacement)
     return np.asarray(np.hypot(surface.noise(left_out), of_surface))
 
 
 def briefly(training: dict[str, Any]) -> dict[str, Any]:
-    """Return options of a training with fewer steps of least squares, where none are stated."""
+    """Return training options with fewer steps of least squares, unless they are stated."""
     default = training.get("method", "least-squares") == "least-squares"
     return {"epochs": EPOCHS} | training if default else training
 
 
 def blocks_of(points: ForcePoints, box: Box) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the block of each point, row by row, and the set that it is left out with."""
+    """Return the block of each point, row by row, and its fold."""
     (first, last), (left, right) = box
-    # A grid's lines are to lie inside blocks, not on their borders.
+    # Lines of a grid must be inside blocks, not on their borders.
     column = np.round((points.current - first) / (last - first) * (BLOCKS - 1))
     row = np.round((points.displacement - left) / (right - left) * (BLOCKS - 1))
     i, j = (np.clip(line, 0, BLOCKS - 1).astype(np.int64) for line in (column, row))
@@ -252,8 +253,8 @@ def blocks_of(points: ForcePoints, box: Box) -> tuple[NDArray[np.int64], NDArray
 
 
 def _error(squares: Array, block: NDArray[np.int64]) -> tuple[float, float]:
-    """Root of the mean square, and its standard error by the scatter of blocks."""
-    # A ratio of sums over blocks, points being not as many in each (Cochran 1977, section 6.3).
+    """Return the root mean square, and its standard error by the scatter of blocks."""
+    # A ratio of sums over blocks, because the numbers of points differ (Cochran 1977, section 6.3).
     _, place = np.unique(block, return_inverse=True)
     size, total = np.bincount(place), np.bincount(place, squares)
     mean, many = float(squares.mean()), size.size
@@ -262,13 +263,13 @@ def _error(squares: Array, block: NDArray[np.int64]) -> tuple[float, float]:
     return error, float(np.sqrt(variance)) / (2 * error) if error > 0 else 0.0
 
 
-MOST_SHOWN = 400  #: More points would hide what lies below them.
-FEW = 60  #: So many points are shown large.
-NEARBY = 7  #: Of the 61 places along the box each way, within which the largest error is shown.
+MOST_SHOWN = 400  #: Maximum number of points shown: more would hide the surface.
+FEW = 60  #: Number of points up to which they are large.
+NEARBY = 7  #: Number of neighbours, of 61 places per axis, over which the maximum error is shown.
 
 
 def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> Figure:
-    """Put a measured force before the picture of a training."""
+    """Add a measured force before the figure of a training."""
     from scipy.ndimage import maximum_filter
 
     iu = np.linspace(stiff.current[0], stiff.current[-1], 61)
@@ -276,13 +277,13 @@ def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> 
     grid = np.meshgrid(iu, x)
     axes = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
     points = surface.points.where(
-        surface.points.within((iu[0], iu[-1]), (x[0], x[-1]))  # the picture shows the box
+        surface.points.within((iu[0], iu[-1]), (x[0], x[-1]))  # the figure shows the range
     )
     step = -(-len(points) // MOST_SHOWN)
     look = "measurement" if len(points) <= FEW else "place"
     marks = Points(points.current[::step], points.displacement[::step], signal=look)
     moved = Heatmap(iu, x, surface.correction(*grid), Axis("force", "N"), diverging=True)
-    # Between the rows of a grid the error goes up and down; the eye wants its height.
+    # The error oscillates between the rows of a grid; shown is its envelope.
     worst = maximum_filter(surface.standard_error(*grid), NEARBY, mode="nearest")
     known = Heatmap(iu, x, worst, Axis("standard error", "N"), lines=4)
     panels = [
@@ -293,7 +294,7 @@ def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> 
 
 
 def with_choice(figure: Figure, choice: RuleChoice) -> Figure:
-    """Put the choice of the number of rules before the picture of a training."""
+    """Add the selection of the number of rules before the figure of a training."""
     caption = (
         "Error at points that the network was not trained on, with its standard error; 1 is as "
         f"good as can be. The smallest network below the line is taken, {choice.chosen.name}. "

@@ -29,7 +29,7 @@ from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
 
 class Outputs(NamedTuple):
-    """Answers of a network at n samples; the first axis is the output, k_i [N/A] or k_s [N/m]."""
+    """Outputs of a network at n samples; the first axis is k_i [N/A] or k_s [N/m]."""
 
     value: Array  #: (2, n) k_i and k_s.
     #: (2, n, rules) Their derivatives with respect to ln(width) and weight of each rule.
@@ -38,7 +38,7 @@ class Outputs(NamedTuple):
 
 
 class TrainingSet:
-    """Samples all over the box of a stiffness map, and what a network answers there."""
+    """Samples over the range of a stiffness map, and a network's outputs there."""
 
     # inputs (2, n) Control current [A] and displacement [m].
     # force (n,) Force relative to ``F(0, 0)`` [N].
@@ -65,23 +65,24 @@ class TrainingSet:
         net = network(core_module(), start, np.exp(log_widths), weights)
         u = np.stack([net.basis(of_k_s, *self.inputs) for of_k_s in (False, True)])
         value = np.einsum("onr,or->on", u, weights)
-        # d u / d ln(sigma) = u d^2 / sigma^2; the sum in the denominator takes the mean off w.
+        # d u / d ln(sigma) = u d^2 / sigma^2; the denominator's sum subtracts the mean of w.
         mean = value[:, :, np.newaxis] if start.normalised else 0.0
         squares = self._square_distance * np.exp(-2 * log_widths)[:, np.newaxis, :]
         return Outputs(value, u * squares * (weights[:, np.newaxis, :] - mean), u)
 
     def errors(self, value: Array) -> tuple[float, float, float]:
-        """RMS errors of answers (2, n): of the force [N], of k_i [N/A], of k_s [N/m]."""
+        """RMS errors of outputs (2, n): of the force [N], of k_i [N/A], of k_s [N/m]."""
         k_i, k_s = value - self.stiffness
         return rms(np.sum(value * self.inputs, axis=0) - self.force), rms(k_i), rms(k_s)
 
 
-# What an error of k_i or k_s counts, against an equal error of the force: so much that both stay
-# close to the LSM machine's, so little that the force stays the aim.
+# Weight of an error of k_i or k_s, relative to an equal error of the force: both stay close to
+# those of the LSM, and the force remains the objective.
 STIFFNESS_SHARE = 0.3
-# What it costs to change a width e-fold, or a weight by the largest weight, against an error of
-# the whole force. Without, the minimum is a flat valley in which widths run off to zero and
-# weights to hundreds of times the stiffness, and cancel; single precision would not survive that.
+# Cost of an e-fold change of a width, or of a weight by the largest weight, relative to an error of
+# the complete force. Without it the minimum is a flat valley in which widths tend to zero and
+# weights to hundreds of times the stiffness, with cancellation, which single precision cannot
+# represent.
 WIDTH_COST, WEIGHT_COST = 1e-3, 3e-3
 
 
@@ -98,7 +99,7 @@ def train(
     samples: int = 21,
 ) -> Expert:
     """Train a network with one rule at each node of a stiffness map (paper, section D)."""
-    # The same input always gives the same result: nothing is random, every rule starts alike.
+    # The result is deterministic: all rules start equal.
     of_type(Machine, StiffnessMap, source=source)
     if method not in ("least-squares", "steepest-gradient"):
         raise AmbkitError(f'method must be "least-squares" or "steepest-gradient", is {method!r}')
@@ -132,7 +133,7 @@ def train(
 
 
 class _Trained(NamedTuple):
-    """Parameters (2, rules), and RMS errors of force, k_i and k_s from the start on."""
+    """Parameters (2, rules), and RMS errors of force, k_i and k_s over the steps."""
 
     log_widths: Array
     weights: Array
@@ -140,11 +141,11 @@ class _Trained(NamedTuple):
 
 
 class LeastSquares:
-    """Residuals of a network and their Jacobian, as functions of one vector of changes."""
+    """Residuals of a network and their Jacobian, as functions of a vector of changes."""
 
-    # The vector holds the changes of ln(width) and, where they are trained, of the weights, in
+    # The vector contains the changes of ln(width) and, if they are trained, of the weights, in
     # units of the output's largest; each (2, rules). The residuals are relative to the RMS of the
-    # force: neither units nor the size of the bearing matter.
+    # force, independent of units and the size of the machine.
 
     def __init__(self, data: TrainingSet, weights: bool) -> None:
         self.data = data
@@ -160,7 +161,7 @@ class LeastSquares:
         self._latest: tuple[bytes, Outputs] | None = None
 
     def start(self) -> Array:
-        """Return the vector of no change."""
+        """Return the zero vector."""
         return np.zeros(self._cost.size)
 
     def parameters(self, change: Array) -> tuple[Array, Array]:
@@ -176,7 +177,7 @@ class LeastSquares:
         return np.concatenate([self._per_newton * np.r_[force, own.ravel()], self._cost * change])
 
     def jacobian(self, change: Array) -> Array:
-        """Derivatives of the residuals (3 n + size, size); notes the errors for the curve."""
+        """Return the derivatives of the residuals (3 n + size, size); records the errors."""
         outputs, inputs = self._outputs(change), self.data.inputs
         self.curve.append(self.data.errors(outputs.value))
         # Axes: kind of parameter, output o, sample n, rule r.
@@ -189,7 +190,7 @@ class LeastSquares:
         return np.concatenate([self._per_newton * samples, np.diag(self._cost)])
 
     def _outputs(self, change: Array) -> Outputs:
-        """Evaluate the network; residuals and Jacobian at one point share the work."""
+        """Evaluate the network once for residuals and Jacobian at a point."""
         key = change.tobytes()
         if self._latest is None or self._latest[0] != key:
             self._latest = key, self.data.outputs(*self.parameters(change))
@@ -198,13 +199,13 @@ class LeastSquares:
 
 @lru_cache(maxsize=64)
 def _least_squares(task: bytes) -> _Trained:
-    """Levenberg and Marquardt's method (Moré 1978), from the start until it converges."""
-    # The same task comes again: a network is compared with others and then trained, say.
+    """Minimise by Levenberg and Marquardt's method (Moré 1978) until convergence."""
+    # Cached: a network is compared with others and then trained.
     from scipy.optimize import least_squares
 
     data, weights, epochs = pickle.loads(task)
     problem = LeastSquares(data, weights)
-    # MINPACK's own QR: for 100 parameters the threads of a BLAS cost more than they bring.
+    # MINPACK's own QR: for 100 parameters the threads of a BLAS do not pay.
     solution = least_squares(
         problem.residuals,
         problem.start(),
@@ -221,7 +222,7 @@ def _least_squares(task: bytes) -> _Trained:
 
 
 def _steepest_gradient(data: TrainingSet, epochs: int, learning_rate: float) -> _Trained:
-    """Widths down the gradient of each output's mean square error (paper, after eq. 33)."""
+    """Widths by gradient descent of each output's mean square error (paper, after eq. 33)."""
     log_widths, weights = np.log(data.start.widths), data.start.weights
     mean_square = np.mean(data.stiffness**2, axis=1)
     value = data.outputs(log_widths, weights).value
@@ -235,7 +236,7 @@ def _steepest_gradient(data: TrainingSet, epochs: int, learning_rate: float) -> 
         error = outputs.value - data.stiffness
         square = np.mean(error**2, axis=1) / mean_square
         gradient = 2 * np.einsum("on,onr->or", error, outputs.by_log_width) / error.shape[1]
-        # The outputs learn side by side, each at its own pace.
+        # The outputs are trained in parallel, each with its own step size.
         helped = square < least
         log_widths[helped], least[helped] = trial[helped], square[helped]
         descent[helped] = -(gradient / mean_square[:, np.newaxis])[helped]

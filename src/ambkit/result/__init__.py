@@ -1,1 +1,1 @@
-"""What a verb returns: rows, series and figures, and the tellers that show them."""
+"""Results of the verbs: rows, series and figures, and the tellers that present them."""

@@ -1,4 +1,4 @@
-"""A small table and a picture, as HTML of a notebook; the picture also as a plot."""
+"""A small table and a figure, as HTML for a notebook."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from ambkit.result.report.figure import WIDTH, Figure
 from ambkit.result.row import Stated
 from ambkit.result.tables import table, tables
 
-LONGEST = 300  #: Characters of a cell or a note; a description may have thousands.
-MOST_ROWS = 24  #: Rows of a table; of more it says how many there are.
-LIGHT = 110  #: Pixels per inch of a picture that stands in a notebook, and is kept with it.
+LONGEST = 300  #: Maximum characters of a cell or a note; a description may have thousands.
+MOST_ROWS = 24  #: Maximum rows of a table; the number of the others is stated.
+LIGHT = 110  #: Pixels per inch of a figure that is stored in a notebook.
 
 _LEFT = ' style="text-align:left"'
 
 
 @dataclass(frozen=True)
 class Card:
-    """What a notebook shows of an object."""
+    """Content of an object's card in a notebook."""
 
-    title: str  #: What it is; like all texts here as it stands, not yet escaped.
-    rows: Sequence[Sequence[str]]  #: The table: in each row first what it tells.
-    figure: Figure | None  #: The picture.
-    headers: Sequence[str] = ()  #: Over the columns; none where a row is a name and a value.
+    title: str  #: Title; like all texts here not yet escaped.
+    rows: Sequence[Sequence[str]]  #: The table, each row with its name first.
+    figure: Figure | None  #: The figure.
+    headers: Sequence[str] = ()  #: Column heads; none if rows are names and values.
     notes: Sequence[str] = ()  #: Sentences below the table.
 
     def html(self) -> str:
-        """Return table and picture as HTML that loads and runs nothing."""
-        # The classes keep MathJax from reading other people's names as formulas.
+        """Return table and figure as HTML that loads and runs nothing."""
+        # The classes keep MathJax from reading names as formulas.
         return "\n".join(
             [
                 '<div class="tex2jax_ignore mathjax_ignore">',
@@ -68,8 +68,8 @@ class Card:
 
 
 def image(figure: Figure) -> str:
-    """Return a figure as an image of HTML, with its description for those who do not see it."""
-    from PIL import Image  # which matplotlib writes its PNGs with
+    """Return a figure as an HTML image, with its description as alternative text."""
+    from PIL import Image  # used by matplotlib for PNGs
 
     drawn = Image.open(BytesIO(figure.image(".png", LIGHT))).convert("RGB")
     light = BytesIO()
@@ -88,15 +88,15 @@ def _text(text: str) -> str:
 
 
 def value(number: Any, unit: str, digits: int = 4) -> str:
-    """Print a value with its unit for a table; a dash where there is none."""
+    """Format a value with its unit for a table; a dash if there is none."""
     return typeset(figure(number, unit, digits))
 
 
-SPAN = ("from", "to", "rms")  #: Heads of what `spread` returns.
+SPAN = ("from", "to", "rms")  #: Heads of the columns of `spread`.
 
 
 def spread(values: Any, unit: str) -> list[str]:
-    """Return least and greatest of what is known of a signal, and its root mean square."""
+    """Return minimum and maximum of the known values of a signal, and its root mean square."""
     known = values[np.isfinite(values)]
     if not known.size:
         return ["–"] * len(SPAN)
@@ -107,7 +107,7 @@ def spread(values: Any, unit: str) -> list[str]:
 def settings_card(
     of: Any, more: Sequence[Sequence[str]] = (), figure: Figure | None = None
 ) -> Card:
-    """Describe what stands in a file by what it sets, its parts one below the other."""
+    """Describe a file's object by its settings, part by part."""
     rows = [("", ", ".join(settings_of(of, value)))]
     for name, values in of.tables().items():
         part = getattr(of, name, values)

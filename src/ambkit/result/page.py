@@ -1,4 +1,4 @@
-"""A result as a page, to be read and, where it is judged, to be signed off."""
+"""A result as a page, for reading and, if it is judged, for signature."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from ambkit.result.report.page import illustrated_page
 from ambkit.result.row import Part, Stated
 from ambkit.result.tables import by_name, remarks
 
-INDENT = "\N{NO-BREAK SPACE}" * 3  #: Before the name of a figure that belongs to the last.
+INDENT = "\N{NO-BREAK SPACE}" * 3  #: Indentation of a figure that belongs to the previous one.
 
-Key = tuple[str, tuple[str, ...]]  #: Of a table: its result, and its section.
+Key = tuple[str, tuple[str, ...]]  #: Key of a table: its result, and its section.
 
 SIGNED = (
     "| | name | date | signature |\n|---|---|---|---|\n"
     "| assessed by | | | |\n| reviewed by | | | |\n"
 )
-"""Where a page is signed."""
+"""Signature fields."""
 
 
 def write_result(results: Sequence[Stated], path: str | os.PathLike[str]) -> None:
-    """Write results on one page, which has the title and the facts of the first."""
+    """Write results on one page, with title and facts of the first."""
     first, signed = results[0], any(result.signed for result in results)
     notes = "\n".join(
         f"- {markdown(typeset(note))}" for result in results for note in remarks(result)
@@ -68,12 +68,12 @@ def write_result(results: Sequence[Stated], path: str | os.PathLike[str]) -> Non
 
 
 def limited(results: Sequence[Stated]) -> bool:
-    """Return whether some row has a limit."""
+    """Return whether a row has a limit."""
     return any(row.kept is not None for result in results for row in result.rows)
 
 
 def short(results: Sequence[Stated]) -> str:
-    """Return in a sentence which limits are not kept."""
+    """Return in a sentence which limits are violated."""
     missed = [
         f"{row.name.strip()} ({row.of})" if row.of else row.name.strip()
         for result in results
@@ -86,7 +86,7 @@ def short(results: Sequence[Stated]) -> str:
 
 
 def _chapter(part: Part, tables: dict[Key, TableBlock]) -> Chapter:
-    """Return a chapter, whose tables are taken out of the others."""
+    """Return a chapter, and remove its tables from the others."""
     size = len(part.section or ())
     own = [key for key in tables if part.section and key[1][:size] == part.section]
     lead, _, text = part.lead.partition("\n\n")

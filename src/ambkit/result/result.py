@@ -1,4 +1,4 @@
-"""What a verb returns, and how it is written: by one teller for each form."""
+"""Result of a verb, and its output: one teller for each form."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ENDINGS = "must end in .json, .csv, .tex, .html, .png, .svg or .pdf"
 
 
 class Result(Stated, Drawn):
-    """A result: it tells in every form what it states."""
+    """A result, written in every form from one statement."""
 
     __slots__ = ()
 
@@ -45,13 +45,13 @@ class Result(Stated, Drawn):
             for name in (*row.section, *([row.of] if row.of else []), *within):
                 place = place.setdefault(name, {})
             place |= _stated(replace(row, key=key))
-        adequacy = getattr(self, "adequacy", None)  # of a filter that it found
+        adequacy = getattr(self, "adequacy", None)  # of a filter in it
         if isinstance(adequacy, list | tuple):
             results["adequacy"] = [finding._asdict() for finding in adequacy]
         return _merged(results, self.series)
 
     def to_json(self) -> str:
-        """Return `to_dict` as JSON; what is not a finite number is null.
+        """Return `to_dict` as JSON; non-finite numbers are null.
 
         Returns
         -------
@@ -61,7 +61,7 @@ class Result(Stated, Drawn):
         return escaping.json_text(plain(self.to_dict()), indent=2, allow_nan=False)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return a table with a line for each row, numbers in SI.
+        """Return a table with one line per row, numbers in SI.
 
         Returns
         -------
@@ -83,7 +83,7 @@ class Result(Stated, Drawn):
         )  # fmt: skip
 
     def to_latex(self) -> str:
-        """Return its tables as LaTeX, which needs the packages booktabs and textcomp.
+        """Return its tables as LaTeX, for the packages booktabs and textcomp.
 
         Returns
         -------
@@ -128,7 +128,7 @@ class Result(Stated, Drawn):
             raise AmbkitError(f"{path} {ENDINGS}")
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the machine or the filter that it found; refused by a result that found none.
+        """Write its machine or filter; raises if it has none.
 
         Parameters
         ----------
@@ -143,11 +143,11 @@ class Result(Stated, Drawn):
         raise AmbkitError(f"{path} {ENDINGS}")
 
     def file(self) -> Any:
-        """Return what is written as ``.csv`` and ``.parquet``; None: the rows, as ``.csv``."""
+        """Return the content of ``.csv`` and ``.parquet``; None: the rows, as ``.csv``."""
         return None
 
     def page(self, path: str | os.PathLike[str]) -> None:
-        """Write it as a page, with all its tables and pictures.
+        """Write it as a page, with all its tables and figures.
 
         Parameters
         ----------
@@ -159,18 +159,18 @@ class Result(Stated, Drawn):
         write_result([self], path)
 
     def figure(self) -> Figure:
-        """Return its main picture."""
+        """Return its main figure."""
         return self.figures()[0]
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the finding, the first table, the main picture."""
+        """Return a notebook's view: finding, first table, main figure."""
         from ambkit.result.card import card_of
 
         return card_of(self).html()
 
 
 def _stated(row: Row) -> dict[str, Any]:
-    """Return what a row says, by its keys in JSON."""
+    """Return the data of a row, by JSON keys."""
     more = {
         row.error_key: row.error,
         "interval_95": row.interval,
@@ -195,12 +195,12 @@ def _merged(first: dict[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def plain(data: Any) -> Any:
-    """Turn results into what JSON knows; what is not a finite number becomes null."""
+    """Convert results to JSON types; non-finite numbers become null."""
     if isinstance(data, dict):
         return {str(key): plain(item) for key, item in data.items()}
     if isinstance(data, list | tuple):
         return [plain(item) for item in data]
-    if hasattr(data, "tolist"):  # of NumPy, array or scalar
+    if hasattr(data, "tolist"):  # NumPy array or scalar
         return plain(data.tolist())
     if isinstance(data, float):
         return data if math.isfinite(data) else None
@@ -209,12 +209,12 @@ def plain(data: Any) -> Any:
 
 @dataclass(frozen=True)
 class Document:
-    """A text, and what it says as data."""
+    """A text with the same content as data."""
 
-    text: str  #: What is printed and written.
-    data: Any  #: The same for machines.
-    notes: Sequence[str] = ()  #: What is wrong, or still to be done.
-    exit_code: int = 0  #: Of a command.
+    text: str  #: Text.
+    data: Any  #: Content as data.
+    notes: Sequence[str] = ()  #: Errors, or remaining steps.
+    exit_code: int = 0  #: Exit code of a command.
 
     def __str__(self) -> str:
         return self.text

@@ -1,4 +1,4 @@
-"""One figure of merit, stated once: a number in SI, and all that is to be shown with it."""
+"""One figure of merit, stated once: a number in SI with everything needed to present it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def decibels(factor: float) -> str:
 
 
 class Form(NamedTuple):
-    """How a number of some unit is shown, where engineering notation does not suit."""
+    """Format of the numbers of a unit for which engineering notation is unsuitable."""
 
     si: str  #: Unit of the number itself.
     text: Callable[[Any], str]
@@ -45,7 +45,7 @@ FORMS = {
 
 
 class At(NamedTuple):
-    """Where a figure is taken: at which frequency, speed or time."""
+    """Condition of a figure: frequency, speed or time."""
 
     key: str
     value: float
@@ -54,27 +54,25 @@ class At(NamedTuple):
 
 @dataclass(frozen=True)
 class Row:
-    """One figure of merit of one thing: of a loop, an axis, an estimator."""
+    """One figure of merit of one object: a loop, an axis, an estimator."""
 
-    key: str  #: In JSON; of figures that stand together such as ``rmse.x``.
-    name: str  #: As it is shown; two blanks before the name of one that belongs to the last.
-    value: (
-        Value | Mapping[str, Any]
-    )  #: In SI; None where it is not known; of several axes by their names.
-    unit: str = "1"  #: Of SI, or one of `FORMS`.
+    key: str  #: Key in JSON; groups such as ``rmse.x``.
+    name: str  #: Displayed name; two blanks in front for one that belongs to the previous.
+    value: Value | Mapping[str, Any]  #: In SI; None if unknown; a mapping by name for several axes.
+    unit: str = "1"  #: SI unit, or one of `FORMS`.
     digits: int = 4
-    of: str = ""  #: What it is of: a column of the table.
-    section: tuple[str, ...] = ()  #: The table that it stands in: its place in JSON.
+    of: str = ""  #: Object: a column of the table.
+    section: tuple[str, ...] = ()  #: Table, and its place in JSON.
     symbol: str = ""
     error: float | None = None  #: Standard error.
-    error_key: str = "standard_error"  #: What `error` is, in JSON.
-    interval: tuple[float, float] | None = None  #: Of 95 %.
+    error_key: str = "standard_error"  #: Meaning of `error`, in JSON.
+    interval: tuple[float, float] | None = None  #: 95 % interval.
     at: At | None = None
-    below: float | str | None = None  #: It is to be below this number; a zone, not worse.
-    least: float | None = None  #: It is to be at least this.
+    below: float | str | None = None  #: Upper limit; for a zone the worst permitted.
+    least: float | None = None  #: Lower limit.
     note: str = ""
-    detail: bool = False  #: Whether it is shown only to those who ask for more.
-    like: float | None = None  #: Value whose prefix it takes: the one that it is the error of.
+    detail: bool = False  #: Whether it is for verbose output only.
+    like: float | None = None  #: Value whose prefix it uses: the one that it is an error of.
 
     @property
     def known(self) -> bool:
@@ -83,7 +81,7 @@ class Row:
 
     @property
     def kept(self) -> bool | None:
-        """Whether it keeps its limit; None where there is none, or it is not known."""
+        """Whether it is within its limit; None if there is no limit, or the value is unknown."""
         value: Any = self.value
         if not self.known:
             return None
@@ -99,7 +97,7 @@ class Row:
         return FORMS[self.unit].si if self.unit in FORMS else self.unit
 
     def text(self) -> str:
-        """Return the value as it is shown, with its unit and its error."""
+        """Return the displayed value with unit and error."""
         value, error = self.value, self.error
         assert not isinstance(value, Mapping)  # `singles` are shown
         if not error or not isinstance(value, float) or self.unit in FORMS:
@@ -112,7 +110,7 @@ class Row:
         return f"{with_error(float(number), float(of))} {unit}".rstrip()
 
     def shown(self, value: Value, digits: int | None = None) -> str:
-        """Return a number of this row's unit as text; a dash where there is none."""
+        """Return a number of this row's unit as text; a dash if there is none."""
         digits = self.digits if digits is None else digits
         if isinstance(value, bool):
             return "yes" if value else "no"
@@ -134,7 +132,7 @@ class Row:
         return engineering(value, self.unit, digits, self.like)
 
     def limit(self) -> str:
-        """Return its limit as text; empty where there is none."""
+        """Return its limit as text; empty if there is none."""
         if self.least is not None:
             return f"at least {self._round(self.least)}"
         if isinstance(self.below, str):
@@ -145,18 +143,18 @@ class Row:
         return f"{limit:g}" if self.unit in ("1", "|S|") else self.shown(limit, 3)
 
     def place(self) -> str:
-        """Return where it is taken, as text; empty where that is not known."""
+        """Return its condition as text; empty if unknown."""
         if self.at is None or not math.isfinite(self.at.value):
             return ""
         return Row("", "", self.at.value, self.at.unit, 4).text()
 
     def confidence(self) -> str:
-        """Return its interval as text; empty where there is none."""
+        """Return its interval as text; empty if there is none."""
         return "" if self.interval is None else self.shown(self.interval)
 
 
 def singles(rows: Iterable[Row]) -> Iterator[Row]:
-    """Yield rows of one value each: of several by name, such as by axis, one for each of them."""
+    """Yield rows with one value each: a mapping, such as by axis, gives several."""
     for row in rows:
         if not isinstance(row.value, Mapping):
             yield row
@@ -168,15 +166,16 @@ def singles(rows: Iterable[Row]) -> Iterator[Row]:
 
 
 def put(rows: list[Row], **where: Any) -> list[Row]:
-    """Return rows of one thing, put into a section and a column."""
+    """Return rows of one object, with their section and column."""
     return [replace(row, **where) for row in rows]
 
 
 class Section(NamedTuple):
-    """How the rows of a section are shown."""
+    """Layout of a section's rows."""
 
     title: str
-    across: bool = False  #: A line for each thing and a column for each figure, not turned.
+    #: One line per object and one column per figure, instead of the transpose.
+    across: bool = False
 
 
 class Part(NamedTuple):
@@ -184,26 +183,26 @@ class Part(NamedTuple):
 
     title: str
     lead: str = ""  #: Markdown.
-    section: tuple[str, ...] | None = None  #: Its tables are of the sections that begin so.
-    figures: Sequence[Figure] = ()  #: Those that are in `figures` too are shown here only.
+    section: tuple[str, ...] | None = None  #: Its tables are of the sections with this prefix.
+    figures: Sequence[Figure] = ()  #: Figures; those in `figures` too are shown here only.
 
 
 class Stated:
-    """What a result states, for the tellers."""
+    """Content of a result, for the tellers."""
 
     __slots__ = ()
 
     signed: ClassVar[bool] = False
-    """Whether its page is a verdict, to be signed off."""
+    """Whether its page is a verdict, to be signed."""
 
     TITLE: ClassVar[str] = ""
-    """What it is; ``{0.machine.name}`` stands for what the result itself says."""
+    """Title; ``{0.machine.name}`` stands for attributes of the result."""
     SECTIONS: ClassVar[Mapping[tuple[str, ...], Section]] = {}
-    """How sections are shown; in their titles ``{0...}`` as in `TITLE`."""
+    """Layout of the sections; in their titles ``{0...}`` as in `TITLE`."""
 
     @property
     def title(self) -> str:
-        """What it is, and of what."""
+        """Title with its object."""
         return self.TITLE.format(self)
 
     @property
@@ -218,7 +217,7 @@ class Stated:
 
     @property
     def sections(self) -> Mapping[tuple[str, ...], Section]:
-        """How each section of the rows is shown."""
+        """Layout of each section of the rows."""
         return {
             name: Section(title.format(self), across)
             for name, (title, across) in self.SECTIONS.items()
@@ -226,26 +225,26 @@ class Stated:
 
     @property
     def chapters(self) -> Sequence[Part]:
-        """Chapters of the page after the first, which has all that is in none of them."""
+        """Chapters of the page after the first, which has the remaining content."""
         return ()
 
     @property
     def facts(self) -> Mapping[str, str]:
-        """What it holds for."""
+        """Conditions."""
         return {}
 
     @property
     def notes(self) -> Sequence[str]:
-        """Sentences to be read with it."""
+        """Remarks."""
         return ()
 
     @property
     def series(self) -> Mapping[str, Any]:
-        """All that is no figure of merit, as it stands in JSON."""
+        """Content besides the figures of merit, as in JSON."""
         return {}
 
     def figures(self) -> Sequence[Figure]:
-        """Return its pictures, the main one first.
+        """Return its figures, the main one first.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""What a notebook shows of an object: a card, or its picture."""
+"""Views of an object in a notebook: a card, or its figure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 class Drawn:
-    """An object with a figure, that can be plotted."""
+    """An object with a figure."""
 
     __slots__ = ()
 
@@ -18,13 +18,13 @@ class Drawn:
         raise NotImplementedError
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows."""
+        """Return the notebook's view."""
         from ambkit.result.card import image
 
         return image(self.figure())
 
     def plot(self, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
-        """Draw it: interactive in a notebook, or with matplotlib to go on with.
+        """Plot it: interactive in a notebook, or with matplotlib for further use.
 
         Parameters
         ----------
@@ -60,12 +60,12 @@ class Drawn:
 
 
 class Described:
-    """An object that notebooks show as a card; one from a file by what it sets."""
+    """An object with a card in notebooks; one from a file by its settings."""
 
     __slots__ = ()
 
     def _card(self) -> Card:
-        """Return what a notebook shows."""
+        """Return the notebook's view."""
         from ambkit.result.card import settings_card
 
         return settings_card(self)
@@ -76,7 +76,7 @@ class Described:
 
 
 class Shown(Described, Drawn):
-    """An object that notebooks show as a table with a picture."""
+    """An object with a table and a figure in notebooks."""
 
     __slots__ = ()
 

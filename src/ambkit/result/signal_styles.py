@@ -1,4 +1,4 @@
-"""Axes that the pictures share, and which filter looks how."""
+"""Common axes of figures, and styles of filters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _OTHERS = ("another", "another 2", "another 3", "another 4")
 
 
 def looks(names: Iterable[str]) -> Iterator[tuple[str, str | None]]:
-    """Style and label of each filter's lines; one without its own style takes what is left."""
+    """Return style and label of each filter's lines; one without a style takes an unused one."""
     others = cycle(_OTHERS)
     for name in names:
         yield (_SIGNALS[name], None) if name in _SIGNALS else (next(others), label(name))

@@ -1,4 +1,4 @@
-"""The tables of a result, as the terminal, LaTeX, the card and the page show them."""
+"""Tables of a result, for terminal, LaTeX, card and page."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 Key = TypeVar("Key")
 
-MISSED = "✗"  #: Stands behind what does not keep its limit.
+MISSED = "✗"  #: Mark of a value beyond its limit.
 
 
 def tables(result: Stated, *, verbose: bool = True) -> Iterator[Table]:
-    """Yield the table of each section, without what is not known of anything."""
+    """Yield the table of each section, without rows that are unknown throughout."""
     for _, of in by_name(result, verbose=verbose):
         yield of
 
@@ -39,7 +39,7 @@ def by_name(result: Stated, *, verbose: bool = True) -> Iterator[tuple[tuple[str
 
 
 def remarks(result: Stated, *, verbose: bool = True) -> list[str]:
-    """Return the notes of the rows, and then those of the result."""
+    """Return the notes of the rows, then those of the result."""
     own = [
         f"{row.name.strip()}: {row.note}"
         for row in result.rows
@@ -49,7 +49,7 @@ def remarks(result: Stated, *, verbose: bool = True) -> list[str]:
 
 
 def _down(rows: Sequence[Row]) -> list[list[str]]:
-    """Return head and lines: figures below each other, what they are of beside each other."""
+    """Return head and lines, with figures as rows and objects as columns."""
     columns = list(dict.fromkeys(row.of for row in rows))
     more = _more(rows)
     lines = [["", *columns, *(head for head, _ in more)]]
@@ -66,7 +66,7 @@ def _down(rows: Sequence[Row]) -> list[list[str]]:
 
 
 def _across(rows: Sequence[Row]) -> list[list[str]]:
-    """Return head and lines: one line for each thing, its figures beside each other."""
+    """Return head and lines, with objects as rows and figures as columns."""
     names = list(dict.fromkeys(row.name for row in rows))
     more = _more(rows)
     lines = [["", *map(str.strip, names), *(head for head, _ in more)]]
@@ -78,7 +78,7 @@ def _across(rows: Sequence[Row]) -> list[list[str]]:
 
 
 def _more(rows: Sequence[Row]) -> list[tuple[str, Callable[[Row], str]]]:
-    """Return head and text of the further columns that some row has."""
+    """Return head and text of optional columns."""
     known = (("95 % interval", Row.confidence), ("limit", Row.limit))
     return [(head, tell) for head, tell in known if any(map(tell, rows))]
 
@@ -92,17 +92,17 @@ def _cell(row: Row) -> str:
 
 
 def _grouped(rows: Sequence[Row], key: Callable[[Row], Key]) -> Iterator[tuple[Key, list[Row]]]:
-    """Yield the rows of each key, in the order of their first rows."""
+    """Yield the rows of each key, in order of first occurrence."""
     for name in dict.fromkeys(map(key, rows)):
         yield name, [row for row in rows if key(row) == name]
 
 
-GAP = 3  #: Columns of the screen between two columns of a table, and beside them.
-LINE = 24  #: Columns of the screen that names and sentences have in a table, if they need as many.
+GAP = 3  #: Characters between two columns of a table, and at its sides.
+LINE = 24  #: Minimum characters for names and sentences in a table, if they need as many.
 
 
 class Table(NamedTuple):
-    """A table for humans, drawn as wide as there is room; no name and no number is cut."""
+    """A table as wide as the terminal; no name or number is truncated."""
 
     title: str
     headers: list[str]
@@ -110,7 +110,7 @@ class Table(NamedTuple):
     wide: bool
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Any]:
-        """Draw it, in parts one below the other where its columns need more than the width."""
+        """Print it, in several parts if its columns need more than the width."""
         from rich.text import Text
 
         if self.title:
@@ -125,7 +125,7 @@ class Table(NamedTuple):
             yield self._drawn({place: columns[place] for place in part}, spread)
 
     def _drawn(self, columns: dict[int, tuple[str, ...]], widths: list[int]) -> Any:
-        """Draw some of the columns, by their places, with these widths."""
+        """Print some of the columns, by index, with these widths."""
         from rich import box, table
         from rich.text import Text
 
@@ -147,14 +147,14 @@ class Table(NamedTuple):
 def table(
     title: str, headers: Sequence[str], rows: Iterable[Sequence[str]], *, wide: bool = False
 ) -> Table:
-    """Build a table whose first column names its rows."""
+    """Build a table with row names in the first column."""
     cells = [[escaping.lines(cell) for cell in row] for row in rows]
     return Table(escaping.lines(title), [escaping.lines(head) for head in headers], cells, wide)
 
 
 def _widths(cells: Sequence[str], *, words: bool) -> tuple[int, int]:
-    """Return the least width of a column that cuts nothing, and the width of its longest cell."""
-    # A number stays with its unit; lines of `words` end between any two, but not too early.
+    """Return the minimum width of a column without truncation, and that of its longest cell."""
+    # A number stays with its unit; lines of `words` break between any two, but not too early.
     from rich.cells import cell_len
 
     least = [1]
@@ -166,7 +166,7 @@ def _widths(cells: Sequence[str], *, words: bool) -> tuple[int, int]:
 
 
 def _parts(least: Sequence[int], room: int) -> list[list[int]]:
-    """Return the columns that fit beside each other, the first one in each part."""
+    """Return groups of columns that fit the width, each with the first column."""
     parts = [[0]]
     for place in range(1, len(least)):
         part = [*parts[-1], place]
@@ -178,7 +178,7 @@ def _parts(least: Sequence[int], room: int) -> list[list[int]]:
 
 
 def _spread(widths: Sequence[tuple[int, int]], room: int) -> list[int]:
-    """Return each column's width between its least and its whole: those that lack most get more."""
+    """Distribute the width over the columns, between minimum and full width."""
     sizes = [least for least, _ in widths]
     lacks = [full_width - least for least, full_width in widths]
     for _ in range(min(sum(lacks), room + 1 - sum(sizes) - GAP * len(sizes))):
@@ -198,7 +198,7 @@ _WRITTEN = {
 
 
 def latex(result: Stated) -> str:
-    """Return the tables, one below the other; they need the packages booktabs and textcomp."""
+    """Return the tables in sequence; they need the packages booktabs and textcomp."""
     return "\n\n".join(map(_tabular, tables(result)))
 
 
@@ -211,7 +211,7 @@ def _tabular(of: Table) -> str:
 
 
 def escaped(text: str) -> str:
-    """Write a text such that LaTeX sets it as it stands."""
+    """Escape a text for LaTeX."""
     line = one_line(text).replace("  ", "\N{NO-BREAK SPACE}" * 2)
     line = typeset(line) if line[:1].isdigit() or line[:1] == "-" else line
     return re.sub(".", lambda at: _WRITTEN.get(at[0], at[0]), line)

@@ -1,4 +1,4 @@
-"""The Campbell diagram of a machine: where its poles go with the speed of rotation."""
+"""Campbell diagram of a machine: its poles over the speed of rotation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ambkit.rotordynamics.separation_margins import Separations, separations
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Campbell(WhirlModes, Result):
-    """Poles of a rotor in its magnets, over the speed of rotation."""
+    """Poles of a levitated rotor over the speed of rotation."""
 
     TITLE = "Campbell diagram of {0.machine.name}"
 
@@ -79,7 +79,7 @@ class Campbell(WhirlModes, Result):
 
 
 def campbell(machine: Machine, fastest: Given | None = None, *, count: int = 121) -> Campbell:
-    """Return how the poles of a rotor go with its speed, held by the gains of a simulation."""
+    """Return the poles of a rotor over its speed, with the gains of a simulation."""
     return Campbell(**vars(whirl_modes(machine, fastest, count=count)))
 
 
@@ -87,7 +87,7 @@ IDEAL = (
     "Modes are those with ideal sensors and amplifiers; the separation is that of the closed loop, "
     "with all of its lags."
 )
-"""Why the critical speeds of the diagram are not those of the separation."""
+"""Difference between the critical speeds of the diagram and those of the separation margins."""
 
 SPEED = Axis("speed of rotation", "rpm", 30 / math.pi)
 FREQUENCY = Axis("frequency", "Hz", 1 / (2 * math.pi))
@@ -95,7 +95,7 @@ DAMPING = Axis("damping ratio")
 
 
 def campbell_figure(result: Campbell) -> Figure:
-    """Show frequencies and damping of a rotor's modes over its speed."""
+    """Plot frequencies and damping of a rotor's modes over its speed."""
     speed, poles, whirl = result.speed, result.poles, result.whirl
     line_styles = {"forward": "series 1", "backward": "series 2", "axial": "series 3"}
     frequencies: list[Item] = [

@@ -1,4 +1,4 @@
-"""What an estimator says at the end of a record of what turns with the rotor: unbalance, runout."""
+"""Estimated unbalance and runout at the end of a record."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
 from ambkit.result.row import Row, put
 
-TOLD = 0.5  #: Share of the initial standard deviation that remains: no information.
-CLEAR = 3.0  #: Least amplitude, in standard deviations, that has an angle.
+TOLD = 0.5  #: Remaining share of the initial standard deviation that means no information.
+CLEAR = 3.0  #: Minimum amplitude, in standard deviations, with a defined angle.
 
 
 @dataclass(frozen=True, eq=False)
 class Harmonic:
-    """A vector that rotates with the rotor, at the angle where the record began."""
+    """A vector that rotates with the rotor, at its angle at the start of the record."""
 
     name: str  #: ``U1``: unbalance of the first plane; ``r1_La``: runout of a sensor, order 1.
-    role: str  #: What it is.
+    role: str  #: Role of the states.
     unit: str  #: Of cosine and sine: kg m of unbalance, m of runout.
     cosine: float  #: Of the vector, in `unit`.
     sine: float
-    covariance: Array  #: (2, 2) Of these two, in `unit` squared.
-    start: float  #: Standard deviation of each at the start, in `unit`.
-    start_share: float  #: Share of the variance without information in the record [1].
-    order: int = 1  #: Turns that it makes in one of the rotor.
+    covariance: Array  #: (2, 2) Covariance of these, in `unit` squared.
+    start: float  #: Initial standard deviation of each, in `unit`.
+    start_share: float  #: Share of the variance on which the record has no information [1].
+    order: int = 1  #: Turns per turn of the rotor.
 
     @property
     def std(self) -> float:
-        """Standard deviation in the direction that is known least, in `unit`."""
+        """Standard deviation in the least known direction, in `unit`."""
         return math.sqrt(max(float(np.linalg.eigvalsh(self.covariance)[-1]), 0.0))
 
     @property
     def by_start(self) -> bool:
-        """Whether what is not known of it is mostly what was not known at the start."""
-        # So it is at a constant speed, where unbalance and runout cannot be told apart.
+        """Whether most of the uncertainty is that at the start."""
+        # That is the case at constant speed, at which unbalance and runout cannot be separated.
         return self.start_share > 0.5
 
     @property
     def amplitude(self) -> tuple[float, float] | None:
         """Amplitude and its standard deviation, in `unit`."""
-        # None where the start says more than the record, or where it is not clear of 0: then
-        # cosine, sine and their covariance are all that can be said.
+        # None if the initial variance dominates, or the amplitude is not significant: then only
+        # cosine, sine and their covariance are meaningful.
         size = math.hypot(self.cosine, self.sine)
         if self.by_start or size <= CLEAR * self.std:
             return None
@@ -56,7 +56,7 @@ class Harmonic:
 
     @property
     def angle(self) -> tuple[float, float] | None:
-        """Angle and its standard deviation [rad]; None where there is no amplitude."""
+        """Angle and its standard deviation [rad]; None without an amplitude."""
         size = self.amplitude
         if size is None:
             return None
@@ -65,7 +65,7 @@ class Harmonic:
         return math.atan2(self.sine, self.cosine), std
 
     def rows(self, of: tuple[str, ...]) -> list[Row]:
-        """Return its figures; cosine and sine are shown where there is no amplitude."""
+        """Return its figures; cosine and sine are shown without an amplitude."""
         unit, known = "g mm" if self.role == "unbalance" else "m", self.amplitude is not None
         (cc, cs), (_, ss) = self.covariance
         both = math.sqrt(cc * ss)
@@ -95,7 +95,7 @@ class Harmonic:
 
 
 def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:
-    """Return what turns with the rotor, by an estimator that has just run along a record.
+    """Return the synchronous quantities of an estimator after a record.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:
 
 
 def _start_shares(covariance: Array, start: Sequence[float], places: list[int]) -> dict[int, float]:
-    """Return of the first of each pair what `Harmonic.start_share` says."""
+    """Return `Harmonic.start_share` of the first of each pair."""
     scale = 1 / np.array(start)[places]
     values, ways = np.linalg.eigh(scale[:, None] * covariance[np.ix_(places, places)] * scale)
     untold = np.where(values > TOLD**2, values, 0.0)
@@ -144,6 +144,6 @@ def _start_shares(covariance: Array, start: Sequence[float], places: list[int]) 
 
 
 def _turned(estimator: Estimator, record: Record) -> float:
-    """Return by how much the rotor turned along a record [rad]."""
+    """Return the rotor's angle at the end of a record [rad]."""
     speed = record.signals.get("speed", np.full(len(record.t), estimator.machine.speed))
     return float(np.sum((speed[1:] + speed[:-1]) / 2 * np.diff(record.t)))

@@ -1,4 +1,4 @@
-"""What is to be said of a machine: poles, modes left out, collocation, damping, separation."""
+"""Description of a machine: poles, modal truncation, collocation, damping, separation."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from ambkit.models.continuous import open_loop
 from ambkit.models.machine_parts import machine_model
 from ambkit.rotordynamics.separation_margins import separations
 
-COUPLED = 0.01  #: Inertial coupling from which on axes are not independent.
-MATTERS = 0.01  #: Residual compliance, relative to the magnets', that is reported.
-SHAKEN = 0.5  #: Share of a mode's own damping below which that is reported.
+COUPLED = 0.01  #: Inertial coupling above which axes are not independent.
+MATTERS = 0.01  #: Residual compliance, relative to the magnets', above which it is reported.
+SHAKEN = 0.5  #: Share of a mode's own damping below which the loss is reported.
 
 
 class Remark(NamedTuple):
-    """What is odd about a machine and may be right."""
+    """An anomaly of a machine that may be intended."""
 
     text: str
-    path: tuple[str | int, ...] = ()  #: The key that it is about, if it is one.
+    path: tuple[str | int, ...] = ()  #: Key of the machine, if there is one.
 
 
 def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
-    """Return what a machine is in a few words, and remarks."""
+    """Return a short description of a machine, and remarks."""
     model = machine_model(machine)
     about = [
         machine.name,
@@ -56,7 +56,7 @@ def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
 
 
 def _of_the_poles(machine: Machine) -> str:
-    """State the unstable poles, and those of the isolated axes."""
+    """Return the unstable poles, and those of the isolated axes, in words."""
     linear, masses = stiffnesses(machine), machine.effective_masses
     same: dict[tuple[str, str], list[str]] = {}
     for axis, mass, k in zip(machine.axes, masses, linear, strict=True):
@@ -84,7 +84,7 @@ def _of_the_poles(machine: Machine) -> str:
 
 
 def of_shared_iron(machine: Machine) -> Iterator[Remark]:
-    """Yield what filters neglect where the axes of a bearing share their iron."""
+    """Yield what filters neglect if the axes of a bearing share their iron."""
     for at, bearing in enumerate(machine.bearings):
         if bearing.magnet.both_axes:
             axis = next(a.name for a in machine.axes if a.bearing is bearing)
@@ -97,7 +97,7 @@ def of_shared_iron(machine: Machine) -> Iterator[Remark]:
 
 
 def of_bending(machine: Machine) -> Iterator[Remark]:
-    """Yield what is to be said of how a machine's rotor bends."""
+    """Yield remarks on the bending of a machine's rotor."""
     bending = machine.bending
     if bending is None:
         return
@@ -129,7 +129,7 @@ def _kept(machine: Machine, bending: Bending) -> str:
 
 
 def _left_out(machine: Machine, bending: Bending) -> Iterator[Remark]:
-    """Yield what the modes left out would have given way."""
+    """Yield the residual flexibility of truncated modes."""
     if bending.residual is None:
         return
     first = f", from {_hertz(bending.left_out[0])} on," if bending.left_out else ""
@@ -163,7 +163,7 @@ def _left_out(machine: Machine, bending: Bending) -> Iterator[Remark]:
 
 
 def _nodes(machine: Machine, bending: Bending) -> Iterator[Remark]:
-    """Yield which sensors and magnets are at nodes, and where there is one between both."""
+    """Yield sensors and magnets at nodes, and nodes between them."""
     modes = len(bending.frequency) - bending.attached
     of_keys: dict[str, tuple[PlacedSensor | PlacedBearing, ...]] = {
         "sensor": machine.sensors,
@@ -197,7 +197,7 @@ def _nodes(machine: Machine, bending: Bending) -> Iterator[Remark]:
 
 
 def _held(machine: Machine, bending: Bending) -> Remark:
-    """Say how the controllers of a simulation hold the rotor, or that they do not."""
+    """Return how the controllers of a simulation levitate the rotor, or that they do not."""
     result = holding(machine)
     if not result.held:
         pole = result.growing[0] if result.growing else complex(result.poles.real.max())

@@ -1,4 +1,4 @@
-"""Shapes of a rotor's bending modes, and where its magnets and sensors are on them."""
+"""Shapes of a rotor's bending modes, with its magnets and sensors."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
 MODES = ("modes",)  #: Section of its rows.
-POINTS = 401  #: Places along the shaft.
+POINTS = 401  #: Points along the shaft.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModeShapes(Result):
-    """Bending modes of the free rotor that its model keeps."""
+    """Retained bending modes of the free rotor."""
 
-    machine: str  #: Its name.
-    frequency: Array  #: (modes,) Undamped, at rest [rad/s].
-    damping_ratio: Array  #: (modes,) Of each mode alone [1].
-    mass: Array  #: (modes,) Modal masses of shapes that are 1 where they are largest [kg].
-    place: Array  #: (n,) Along the shaft, as the machine's places are measured [m].
+    machine: str  #: Name of the machine.
+    frequency: Array  #: (modes,) Undamped, at standstill [rad/s].
+    damping_ratio: Array  #: (modes,) Of each uncoupled mode [1].
+    mass: Array  #: (modes,) Modal masses for shapes with maximum 1 [kg].
+    place: Array  #: (n,) Along the shaft, in the machine's coordinate [m].
     shape: Array  #: (n, modes) Deflections there [1].
     magnets: Mapping[str, tuple[float, Array]]  #: Place [m], deflections [1].
     sensors: Mapping[str, tuple[float, Array]]
@@ -74,7 +74,7 @@ class ModeShapes(Result):
 
 
 def mode_shapes(machine: Machine) -> ModeShapes:
-    """Return the bending modes of a machine's free rotor, as far as its model keeps them."""
+    """Return the retained bending modes of a machine's free rotor."""
     bending = machine.bending
     if bending is None:
         raise AmbkitError(f"{machine.name}: its rotor is rigid, and has no bending modes")
@@ -101,7 +101,7 @@ SHAPE = Axis("shape", limits=(-1.15, 1.15))
 
 
 def mode_shapes_figure(result: ModeShapes) -> Figure:
-    """Show each mode's shape, with magnets and sensors where they are on it."""
+    """Plot each mode shape with magnets and sensors."""
     panels, place = [], result.place
     for k, frequency in enumerate(result.frequency):
         items: list[Item] = [

@@ -1,4 +1,4 @@
-"""How far a speed of operation is from each critical speed, after API 617."""
+"""Separation of an operating speed from each critical speed, after API 617."""
 
 # API 617, Axial and centrifugal compressors and expander-compressors, and API RP 684, 6.8.2.10,
 # with the amplification factor AF: below the operating speed the lesser of 16 % and
@@ -31,27 +31,27 @@ from ambkit.judge.whirl_modes import DAMPED, CriticalSpeed, followed, whirl_mode
 from ambkit.machine.machine import Machine
 from ambkit.result.row import Row, put
 
-SHARE, ABOVE = 0.17, 0.10  #: Factor of the margin; what is added above the operating speed.
-MOST = 0.16  #: The greatest margin that a critical speed below the operating speed needs.
-MOST_SPEED = 0.99  #: Highest speed of the search, of half a revolution a sample.
-BASIS = "API 617"  #: Where the margins are from.
+SHARE, ABOVE = 0.17, 0.10  #: Factor of the margin; addition above the operating speed.
+MOST = 0.16  #: Maximum margin for a critical speed below the operating speed.
+MOST_SPEED = 0.99  #: Highest speed of the search, over half a revolution per sample.
+BASIS = "API 617"  #: Origin of the margins.
 
 
 @dataclass(frozen=True)
 class Separation:
-    """The distance of an operating speed from one critical speed."""
+    """Separation of an operating speed from one critical speed."""
 
     critical: CriticalSpeed  #: The critical speed.
-    speed: float  #: Of operation [rad/s].
+    speed: float  #: Operating speed [rad/s].
 
     @property
     def margin(self) -> float:
-        """Distance, of the operating speed [1]."""
+        """Distance over the operating speed [1]."""
         return abs(self.critical.speed / self.speed - 1)
 
     @property
     def needed(self) -> float:
-        """Margin that is required [1]: none of a mode that is critically damped."""
+        """Required margin [1]: none for a critically damped mode."""
         factor = self.critical.amplification
         if factor < DAMPED:
             return 0.0
@@ -60,11 +60,11 @@ class Separation:
 
     @property
     def kept(self) -> bool:
-        """Whether the speed is far enough."""
+        """Whether the margin is sufficient."""
         return self.margin >= self.needed
 
     def text(self) -> str:
-        """Return a margin that is not kept as one phrase."""
+        """Return an insufficient margin as one phrase."""
         return (
             f"{rpm(self.critical.speed)} (margin {100 * self.margin:.3g} %, required "
             f"{100 * self.needed:.3g} %, amplification factor {self.critical.amplification:.3g})"
@@ -84,17 +84,17 @@ class Separation:
 
 
 class Separations(list[Separation]):
-    """The distances of an operating speed from all critical speeds up to an end."""
+    """Separation of an operating speed from all critical speeds up to an end."""
 
     def __init__(
         self, speed: float, critical: Iterable[CriticalSpeed] = (), end: float = 0.0
     ) -> None:
         super().__init__(Separation(one, speed) for one in critical)
-        self.speed = speed  #: Of operation [rad/s].
-        self.end = end  #: Of the search [rad/s].
+        self.speed = speed  #: Operating speed [rad/s].
+        self.end = end  #: End of the search [rad/s].
 
     def sentence(self) -> str:
-        """Return whether the margins are kept."""
+        """Return whether the margins are sufficient."""
         if not self:
             return f"no critical speed up to {rpm(self.end)}"
         near = ", ".join(one.text() for one in self if not one.kept)
@@ -108,9 +108,9 @@ def separations(
     machine: Machine, speed: float | None = None, loop: LoopOf | None = None,
     fed_by: Estimator | None = None, max_speed: float = 0.0,
 ) -> Separations:  # fmt: skip
-    """Return the distances of a speed from all critical speeds up to twice of it, or further."""
-    # Of the closed loop, with the controllers that are flown by default where none is given; where
-    # nothing holds the rotor, of the Campbell diagram.
+    """Return the separation of a speed from all critical speeds, at least up to twice the speed."""
+    # For the closed loop, by default with the default controllers; without stabilising controllers
+    # for the Campbell diagram.
     speed = abs(machine.speed if speed is None else speed)
     if not speed:
         return Separations(speed)
@@ -120,10 +120,10 @@ def separations(
             chosen = default_control(machine).chosen
             loop = LoopOf(machine, chosen.control)
             fed_by = KalmanFilter(machine) if chosen.feedback == "estimate" else None
-        elif fed_by is not None and not tells(fed_by):  # it stands for one that settles to no gain
+        elif fed_by is not None and not tells(fed_by):  # replaces one without steady-state gain
             fed_by = KalmanFilter(machine, synchronous=fed_by.options.get("synchronous", ()))
         criticals = loop_criticals(loop, fed_by, top)
-    except (AmbkitError, ValueError):  # nothing holds the rotor, or no filter takes it
+    except (AmbkitError, ValueError):  # no stabilising controller, or no filter for the machine
         criticals = whirl_modes(machine, top).criticals
     return Separations(speed, criticals, top)
 
@@ -131,26 +131,26 @@ def separations(
 At = Callable[[float], tuple[LoopOf, Loop]]
 
 COUNT, LEAST = 21, 0.01
-"""Speeds of the poles; lowest over highest: at rest an estimator of unbalance does not settle."""
+"""Speeds of the poles; lowest over highest: an unbalance estimator needs rotation to settle."""
 
 PEAK, NARROWEST, END = 1.3, 0.002, 1.2
-"""Response over that three widths beside it; least width; end over the greatest speed."""
+"""Minimum ratio to the response three widths beside it; minimum width; end over maximum speed."""
 
 HALF_POWER, BETWEEN = math.sqrt(0.5), 6
-"""Of a peak, how far the response falls between it and the next, and speeds looked at there."""
+"""Depth of the valley between two peaks, as a share, and number of speeds evaluated there."""
 
-ACROSS = np.linspace(-3, 3, 13)  #: Speeds about each pole of a peak of several, in widths.
-SAME = 1e-6  #: Distance of two critical speeds, over the lower one, up to which they are one.
-SHARP = 1e-4  #: Accuracy of the speed of a peak of several poles, of it.
-OVERDAMPED = 1e-3  #: Imaginary part of a pole that is rounding, relative to the pole.
+ACROSS = np.linspace(-3, 3, 13)  #: Speeds around each pole of a common peak, in widths.
+SAME = 1e-6  #: Relative distance of two critical speeds, up to which they count as one.
+SHARP = 1e-4  #: Relative accuracy of a common peak's speed.
+OVERDAMPED = 1e-3  #: Relative imaginary part of a pole that is rounding.
 
 POLE_SHARE = 0.1
-"""Share of a pole in the unbalance response, below which it is a filter's or a backward whirl's."""
+"""Share of a pole in the unbalance response below which it is a filter pole or a backward whirl."""
 
 
 @one_thread()
 def loop_criticals(of: LoopOf, fed_by: Estimator | None, max_speed: float) -> list[CriticalSpeed]:
-    """Return the critical speeds of a loop up to a speed [rad/s], with the damping there."""
+    """Return the critical speeds of a loop up to a speed [rad/s], with damping."""
     of = of.with_controllers(fed_by, max_speed)
 
     @lru_cache(maxsize=8)
@@ -185,16 +185,15 @@ def loop_criticals(of: LoopOf, fed_by: Estimator | None, max_speed: float) -> li
 
 
 def _response(at: At, speed: float) -> float:
-    """Return the size of the response to unbalance at the bearings."""
+    """Return the magnitude of the unbalance response at the bearings."""
     return float(np.linalg.norm(sum(_parts(*at(speed))[1])))
 
 
 def _distinct(at: At, criticals: list[CriticalSpeed], end: float) -> list[CriticalSpeed]:
-    """Return critical speeds, each peak of the response once."""
-    # Where poles of rotor and filter are coupled, two of them make one peak. Two peaks are distinct
-    # where the response between them falls to half the power, by which API 684 defines the
-    # amplification factor.
-    # Of a rotor that is the same in x and y, a whirl and its mirror image are one.
+    """Return distinct critical speeds, one for each peak of the response."""
+    # Coupled poles of rotor and filter make one peak. Two peaks are distinct if the response
+    # between them falls to half the power, by which API 684 defines the amplification factor. For a
+    # rotor that is symmetric in x and y, a whirl and its mirror image are one.
     groups: list[list[CriticalSpeed]] = []
     for critical in criticals:
         last = groups[-1][-1] if groups else critical
@@ -215,7 +214,7 @@ def _valley(at: At, low: float, high: float) -> bool:
 
 
 def _peak_of(at: At, group: list[CriticalSpeed], end: float) -> CriticalSpeed:
-    """Return the one peak of several poles, with the damping ratio of its half-power points."""
+    """Return the common peak of several poles, with the damping ratio of its half-power points."""
     from scipy import optimize
 
     across = [(1 + one.damping_ratio * ACROSS) * one.speed for one in group]
@@ -229,7 +228,7 @@ def _peak_of(at: At, group: list[CriticalSpeed], end: float) -> CriticalSpeed:
 
 
 def _is_peak(at: At, critical: CriticalSpeed, max_speed: float) -> bool:
-    """Return whether the response to unbalance peaks there, as by no pole of a filter alone."""
+    """Return whether the unbalance response has a peak there, not just a filter pole."""
     width = max(critical.damping_ratio, NARROWEST)
     size = {}
     for off in (-3, -1, 0, 1, 3):
@@ -241,14 +240,14 @@ def _is_peak(at: At, critical: CriticalSpeed, max_speed: float) -> bool:
 
 
 def _share(of: LoopOf, loop: Loop, rate: complex) -> float:
-    """Return the share of a pole in the response to unbalance at the bearings."""
+    """Return the share of a pole in the unbalance response at the bearings."""
     poles, parts = _parts(of, loop)
     k = int(np.argmin(np.abs(poles - np.exp(rate * loop.T))))
     return float(np.linalg.norm(parts[k]) / np.linalg.norm(sum(parts)))
 
 
 def _parts(of: LoopOf, loop: Loop) -> tuple[Complex, list[Complex]]:
-    """Return the poles, and what each adds to the positions (axes, bearings) by unbalance there."""
+    """Return the poles, and the contribution of each to the positions (axes, bearings)."""
     places = sorted({bearing.place for bearing in of.machine.bearings})
     columns = unbalance_columns(of.machine, of.point, places)
     poles, right = np.linalg.eig(loop.closed.A)

@@ -1,4 +1,4 @@
-"""The spectrum of a rotor's motion over the speed: what a run-up excites."""
+"""Spectrum of a rotor's motion over the speed, as in a run-up."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from ambkit.result.signal_styles import TIME
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Waterfall(Result):
-    """Amplitude spectra of stretches of a run, one after the other."""
+    """Amplitude spectra of successive segments of a run."""
 
-    signal: str  #: Whose.
+    signal: str  #: Name of the signal.
     unit: str  #: Its unit.
-    t: Array  #: (n,) Middle of each stretch [s].
+    t: Array  #: (n,) Centre of each segment [s].
     speed: Array  #: (n,) Speed of rotation there [rad/s].
     frequency: Array  #: (m,) [Hz].
     amplitude: Array  #: (n, m) Of each line, in the signal's unit.
@@ -93,11 +93,11 @@ def waterfall(
 
 
 FREQUENCY = Axis("frequency", "Hz")
-RANGE = 60.0  #: Decibels that are told apart below the highest line.
+RANGE = 60.0  #: Dynamic range of the plot [dB].
 
 
 def waterfall_figure(result: Waterfall) -> Figure:
-    """Show spectra over time, with once and twice the speed of rotation."""
+    """Plot spectra over time, with once and twice the speed of rotation."""
     one, unit = (1e-6, "µm") if result.unit == "m" else (1.0, result.unit)
     decibels = 20 * np.log10(np.maximum(result.amplitude / one, 1e-30))
     most = 10 * math.ceil(float(decibels.max()) / 10)

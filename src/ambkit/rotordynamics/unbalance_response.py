@@ -1,4 +1,4 @@
-"""How far unbalance moves a rotor on its controllers, over its speed."""
+"""Unbalance response of a levitated rotor over its speed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from ambkit.result.row import At, Row
 class UnbalanceResponse(Result):
     """Amplitude of the synchronous motion over the speed."""
 
-    machine: Machine  #: Whose unbalance it is.
+    machine: Machine  #: The machine.
     speed: Array  #: (n,) Speeds of rotation [rad/s].
     amplitude: Array  #: (n, p) Along each axis [m].
 
@@ -78,7 +78,7 @@ def unbalance_response(
     ahead, across = plant.unbalance()
     q = len(machine.positions)
     unbalance_input = np.zeros(len(standstill), complex)
-    unbalance_input[q : 2 * q] = ahead - 1j * across  # velocities stand after the positions
+    unbalance_input[q : 2 * q] = ahead - 1j * across  # velocities follow the positions
     speed = np.linspace(fastest / count, fastest, count)
     one = np.eye(len(standstill))
     results = [
@@ -93,7 +93,7 @@ AMPLITUDE = Axis("amplitude", "µm", 1e6)
 
 
 def unbalance_response_figure(result: UnbalanceResponse) -> Figure:
-    """Show how far each axis moves."""
+    """Plot the response along each axis."""
     machine, speed, amplitude = result.machine, result.speed, result.amplitude
     moves = amplitude.T
     alike = grouped(len(moves), lambda k, j: np.allclose(moves[j], moves[k], rtol=1e-3))
@@ -116,24 +116,24 @@ def unbalance_response_figure(result: UnbalanceResponse) -> Figure:
 
 
 GRADES = (0.4e-3, 1e-3, 2.5e-3, 6.3e-3, 16e-3, 40e-3)
-"""Balance quality grades of ISO 21940-11 that rotors on magnetic bearings have [m/s]."""
+"""Balance quality grades of ISO 21940-11 for rotors on magnetic bearings [m/s]."""
 
 
 class Grade(NamedTuple):
-    """What the unbalance that a grade permits does at a machine's speed, whatever its angles."""
+    """Response to the unbalance permitted by a grade at a machine's speed, for the worst angles."""
 
     grade: float  #: Balance quality grade [m/s].
-    unbalance: float  #: That it permits, of all planes together [kg m].
-    force: float  #: Of it, were it in one plane [N].
-    displacement: float  #: Greatest half axis of an orbit at a bearing [m].
-    clearance_share: float  #: Greatest share of a clearance that the orbits take [1].
-    current: float  #: Greatest amplitude of a demanded current [A].
+    unbalance: float  #: Permissible unbalance, sum of all planes [kg m].
+    force: float  #: Its force, if in one plane [N].
+    displacement: float  #: Largest half axis of an orbit at a bearing [m].
+    clearance_share: float  #: Largest share of a clearance [1].
+    current: float  #: Largest amplitude of a commanded current [A].
 
 
 def of_grades(loop: Loop, machine: Machine, point: OperatingPoint) -> list[Grade]:
-    """Return what the unbalance of each grade would do."""
-    # In the planes that are described, or else at the outer bearings; the planes' shares as the
-    # machine's own are graded, and their angles as bad as can be.
+    """Return the response to the unbalance of each grade."""
+    # In the described planes, or at the outer bearings; divided among the planes as the machine's
+    # own grades, at the worst angles.
     isolated, pairs = isolated_axes(machine), pairs_of(machine)
     travel = np.array([b.clearance for b in isolated])
     per_grade = [
@@ -153,7 +153,7 @@ def of_grades(loop: Loop, machine: Machine, point: OperatingPoint) -> list[Grade
 
 
 def permitted(machine: Machine, grade: float) -> list[Unbalance]:
-    """Return the unbalance that a grade permits, plane by plane."""
+    """Return the permissible unbalance of a grade, plane by plane."""
     places = unbalance_planes(machine)
     places = places if len(places) < 3 else [places[0], places[-1]]
     if len(places) == 2 and places[0] * places[1] >= 0:
@@ -164,8 +164,8 @@ def permitted(machine: Machine, grade: float) -> list[Unbalance]:
 
 
 def grade_of(machine: Machine) -> float | None:
-    """Return the balance quality grade of a machine's unbalance at its speed [m/s]; None: none."""
-    # The planes' amounts are added up.
+    """Return the balance quality grade of a machine's unbalance at its speed [m/s], or None."""
+    # The amounts of the planes are added.
     if not machine.speed or not machine.unbalance:
         return None
     total_unbalance = sum(amount for _, amount, _ in machine.unbalances())
@@ -173,8 +173,8 @@ def grade_of(machine: Machine) -> float | None:
 
 
 def unbalance_forces(machine: Machine) -> NDArray[np.float64]:
-    """The amplitudes of the forces along the axes that do what the unbalance does (p,) [N]."""
-    # To the rigid rotor, at the machine's speed.
+    """Return the amplitudes of the forces along the axes equivalent to the unbalance (p,) [N]."""
+    # For the rigid rotor, at the machine's speed.
     positions = machine.rigid_positions
     H = geometry.matrix([axis.line for axis in machine.axes], positions)
     forces = np.zeros(len(positions), complex)

@@ -172,7 +172,7 @@ class Plans:
         return np.array([(*at, self.band * clearance, clearance) for at, clearance in pairs])
 
     def _along(self, estimator: Estimator) -> Any:
-        """Return displacements, velocities and disturbances of the axes, by an estimator's states."""
+        """Return displacements, velocities and disturbances of the axes, by estimator states."""
         if id(estimator) not in self._rows:
             states, machine = estimator.states, estimator.view.machine
             parts: list[Any] = list(estimator.view.along_axes(states))

@@ -1,4 +1,4 @@
-"""From TOML with units to checked, frozen models; every problem with its file and line."""
+"""Validation of TOML with units into frozen models; every error with file and line."""
 
 from ambkit.base.config.document import Document, Part, Read, read_unchecked, reader
 from ambkit.base.config.problems import unknown_key

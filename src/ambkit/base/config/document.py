@@ -1,4 +1,4 @@
-"""Descriptions in TOML: frozen, validated models whose mistakes are all reported at once.
+"""Descriptions in TOML: frozen, validated models whose errors are all reported at once.
 
 A `Document` is made of `Part` models. Each key is declared once, with unit, limits and example;
 checks, messages, the TOML that is written and the JSON schema follow from that.
@@ -46,35 +46,35 @@ from ambkit.base.errors import ConfigError, shortened
 
 Read = Callable[[str], Any]
 
-TOLD = 20  #: Problems of a description that are told one by one; the rest is counted.
+TOLD = 20  #: Maximum number of reported problems; the rest is counted.
 
 
-if TYPE_CHECKING:  # it has no public name
+if TYPE_CHECKING:  # no public name
     from pydantic._internal._model_construction import ModelMetaclass as _Model
 else:
     _Model = type(BaseModel)
 
 _OF_PYDANTIC = frozenset(name for name in dir(BaseModel) if not name.startswith("_"))
-"""What no user looks for among the names of a description."""
+"""Inherited names that are hidden."""
 
 
-@dataclass_transform(kw_only_default=True, field_specifiers=(Field,))  # as pydantic's own
+@dataclass_transform(kw_only_default=True, field_specifiers=(Field,))  # as for pydantic
 class _OwnNames(_Model):
-    """Makes `dir` and completion of a class show what ambkit has, and not pydantic."""
+    """Restricts `dir` and completion of a class to ambkit's names."""
 
     def __dir__(cls) -> list[str]:
         return [name for name in super().__dir__() if name not in _OF_PYDANTIC]
 
 
 class Part(BaseModel, metaclass=_OwnNames):
-    """A table of a description: frozen, without unknown keys, its mistakes in words."""
+    """A table of a description: frozen, without unknown keys, with readable errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     renamed: ClassVar[Mapping[str, str]] = {}
     """Keys of earlier versions, which are read for one release, and their names of today."""
     unwritten: ClassVar[tuple[str, ...]] = ()
-    """Keys that are not written where they have their defaults."""
+    """Keys that are not written if they have their defaults."""
 
     def __init__(self, /, **data: Any) -> None:
         try:
@@ -83,7 +83,7 @@ class Part(BaseModel, metaclass=_OwnNames):
             problems = [f"{self._title()}.{text}" for _, text in located(error, data)]
             raise ConfigError(problems) from None
 
-    # Pydantic then builds nested models without this method, and so collects all their errors.
+    # Pydantic then builds nested models without this method, and collects all their errors.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     def __dir__(self) -> list[str]:
@@ -95,12 +95,12 @@ class Part(BaseModel, metaclass=_OwnNames):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        """Yield (key, what is wrong) for values that are fine alone and not together."""
-        # In a key ``runout.0.order`` the number is the place in a list.
+        """Yield (key, error) for values that contradict each other."""
+        # In a key ``runout.0.order`` the number is the index in a list.
         yield from ()
 
     def contradictions(self, known: Any = None) -> Iterator[str]:
-        """Yield what is wrong with a copy whose values were changed unchecked (`model_copy`).
+        """Yield the errors of a copy whose values were changed unchecked (`model_copy`).
 
         Values are not held to limits of their own again, only to each other.
 
@@ -126,7 +126,7 @@ class Part(BaseModel, metaclass=_OwnNames):
                         yield from (f"{key}[{at}].{text}" for text in item.contradictions(same))
 
     def tables(self) -> dict[str, Any]:
-        """Return its values by their keys in a file."""
+        """Return its values by the keys of a file."""
         return {key: vars(self)[name] for key, name in names_of(type(self)).items()}
 
     @model_serializer(mode="wrap")
@@ -145,7 +145,7 @@ class Part(BaseModel, metaclass=_OwnNames):
         properties = handler.resolve_ref_schema(json_schema)["properties"]
         for name, field in fields_of(cls).items():
             quantity = quantity_of(field)
-            if quantity and isinstance(field.default, float):  # as a file would say it
+            if quantity and isinstance(field.default, float):  # as in a file
                 properties[name]["default"] = quantity.write(field.default)
             elif isinstance(field.default, BaseModel):  # its keys have their own defaults
                 del properties[name]["default"]
@@ -166,7 +166,7 @@ class Part(BaseModel, metaclass=_OwnNames):
         except ValidationError as error:
             problems = [
                 in_words(cls, e) for e in error.errors(include_url=False)
-                if not (e["type"] == "too_short" and e["input"])  # its items are what is wrong
+                if not (e["type"] == "too_short" and e["input"])  # the errors are in its items
             ]  # fmt: skip
             meant = {p.meant for p in problems}
             problems = [p for p in problems if not (p.missing and p.path in meant)]
@@ -178,7 +178,7 @@ class Part(BaseModel, metaclass=_OwnNames):
 
 
 class Document(Part):
-    """A description that stands in a TOML file of its own."""
+    """A description with a TOML file of its own."""
 
     def __repr__(self) -> str:
         name = getattr(self, "name", "") or getattr(self, "source", "")
@@ -236,7 +236,7 @@ class Document(Part):
         return model
 
     def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
-        """Return the description as TOML with units; `from_toml` gives back an equal one.
+        """Return the description as TOML with units; `from_toml` returns an equal one.
 
         Parameters
         ----------
@@ -247,7 +247,7 @@ class Document(Part):
         return escaping.toml_text(self.model_dump(exclude_none=True, context=context))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write `to_toml` to a file (through a temporary one).
+        """Write `to_toml` to a file, through a temporary one.
 
         Parameters
         ----------
@@ -289,12 +289,12 @@ class Document(Part):
         return type(self)(**data)
 
     def _long_key(self, key: str) -> str:
-        """Return a dotted key of its file as that of its fields."""
+        """Return a dotted key of its file as one of its fields."""
         return key
 
     @classmethod
     def json_schema(cls) -> dict[str, Any]:
-        """Return the JSON schema of the TOML file, for editors that complete and check."""
+        """Return the JSON schema of the TOML file, for completion and checks in editors."""
         schema = cls.model_json_schema()
         return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
@@ -303,9 +303,9 @@ _Made = TypeVar("_Made", bound=BaseModel)
 
 
 def updated(model: _Made, update: Mapping[str, Any]) -> _Made:
-    """Return a copy with other values, which were checked: `model_copy`, five times as fast."""
+    """Return a copy with other, checked values: `model_copy`, five times as fast."""
     own, kind = vars(model), type(model)
-    made = kind.__new__(kind)  # of which nothing is computed yet
+    made = kind.__new__(kind)  # without cached values
     values = {**{name: own[name] for name in kind.model_fields}, **update}
     object.__setattr__(made, "__dict__", values)
     object.__setattr__(made, "__pydantic_fields_set__", model.model_fields_set | update.keys())
@@ -315,7 +315,7 @@ def updated(model: _Made, update: Mapping[str, Any]) -> _Made:
 
 
 def _path(key: str) -> tuple[str | int, ...]:
-    """Take a dotted key apart; a number is the place in a list."""
+    """Split a dotted key; a number is the index in a list."""
     return tuple(int(step) if step.isdecimal() else step for step in key.split("."))
 
 
@@ -326,7 +326,7 @@ def reader(model: BaseModel) -> Read:
 
 @cache
 def _getter(key: str) -> Callable[[Any], Any]:
-    """Return the getter of a dotted key, whose numbers are places in lists; NaN of one beyond."""
+    """Return the getter of a dotted key; NaN for an index beyond a list."""
     steps = _path(key)
     if not any(isinstance(step, int) for step in steps):
         return attrgetter(key)
@@ -343,7 +343,7 @@ def _getter(key: str) -> Callable[[Any], Any]:
 
 
 def read_unchecked(model: type[BaseModel], data: Any, context: Any) -> Read:
-    """A function that reads a dotted key of unchecked data; NaN if it is missing or wrong."""
+    """Return a function that reads a dotted key of unchecked data; NaN if missing or invalid."""
 
     def read(key: str) -> Any:
         name, _, rest = key.partition(".")
@@ -373,7 +373,7 @@ def read_unchecked(model: type[BaseModel], data: Any, context: Any) -> Read:
 
 
 def _kind_of(field: FieldInfo, value: Any) -> type[BaseModel] | None:
-    """Return the model that a table is of; where there are several kinds, by its tag."""
+    """Return the model of a table; of several types by its tag."""
     if isinstance(field.annotation, type):
         return field.annotation
     if isinstance(value, BaseModel):

@@ -1,4 +1,4 @@
-"""What is wrong with a description, in the user's words instead of pydantic's."""
+"""Errors of a description, in the user's terms instead of pydantic's."""
 
 import difflib
 import re
@@ -19,28 +19,28 @@ ONE_OR_MORE = ("[one]", "[list]")  #: Pydantic's tags of a table or a list of ta
 
 
 class Problem(NamedTuple):
-    """One mistake in a description."""
+    """One error in a description."""
 
     path: Path
     text: str
     value: Any = None
     missing: bool = False
-    meant: Path | None = None  #: Of an unknown key: the one that was probably meant.
+    meant: Path | None = None  #: Probably intended key, if it is unknown.
 
     @classmethod
     def unpack(cls, error: ValidationError) -> "list[Problem]":
-        """Take the problems out of pydantic's error."""
+        """Extract the problems from pydantic's error."""
         return [cls.of(e) for e in error.errors(include_url=False)]
 
     @classmethod
     def of(cls, error: Mapping[str, Any]) -> "Problem":
-        """Take over one of pydantic's errors as it is."""
+        """Convert one of pydantic's errors."""
         own = {k: v for k, v in error.get("ctx", {}).items() if k in ("missing", "meant")}
         path = tuple(step for step in error["loc"] if step not in ONE_OR_MORE)
         return cls(path, error["msg"], error["input"], **own)
 
     def pack(self) -> InitErrorDetails:
-        """Pack the problem such that pydantic carries it to the outermost model."""
+        """Pack the problem so that pydantic carries it to the outermost model."""
         context = {"text": self.text, "missing": self.missing, "meant": self.meant}
         error = PydanticCustomError("problem", "{text}", context)
         return InitErrorDetails(type=error, loc=self.path, input=self.value)
@@ -59,7 +59,7 @@ def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
 
 
 def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
-    """Say what pydantic found in `model`, with what the model knows of its keys."""
+    """Return pydantic's error in `model` in words, with the model's description of its keys."""
     problem, context = Problem.of(error), error.get("ctx", {})
     path, value = problem.path, problem.value
     match error["type"]:
@@ -88,7 +88,7 @@ def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
 
 
 def _unknown(model: type[BaseModel], problem: Problem) -> Problem:
-    """Name the table to which an unknown key belongs, or the nearest key of the same table."""
+    """Return the table to which an unknown key belongs, or the nearest key of the same table."""
     *around, name = problem.path
     keys = list(fields_of(model))
     meant = (*around, nearest(str(name), keys) or "")
@@ -96,7 +96,7 @@ def _unknown(model: type[BaseModel], problem: Problem) -> Problem:
 
 
 def unknown_key(name: str, keys: Iterable[str]) -> str:
-    """Say that nothing reads a key, and which key is the nearest that is read."""
+    """Return the message for an unknown key, with the nearest known one."""
     near = nearest(name, list(keys))
     return "unknown key, " + (
         f"did you mean {near}?" if near else f"known here: {', '.join(keys) or 'none'}"
@@ -104,14 +104,14 @@ def unknown_key(name: str, keys: Iterable[str]) -> str:
 
 
 def _of_tables(model: type[BaseModel], path: Path) -> bool:
-    """Say whether a key of `model` is a list of tables."""
+    """Return whether a key of `model` is a list of tables."""
     field = fields_of(model).get(str(path[-1]))
     inner = get_args(field.annotation)[:1] if field else ()
     return any(isinstance(item, type) and issubclass(item, BaseModel) for item in inner)
 
 
 def nearest(name: str, keys: Sequence[str]) -> str | None:
-    """Return the key of nearly the same letters, or the only one with a word in common."""
+    """Return the key with the most similar spelling, or the only one with a common word."""
     near = difflib.get_close_matches(name, keys, 1)
     words = set(name.split("_"))
     akin = [key for key in keys if words & set(key.split("_"))]
@@ -119,14 +119,14 @@ def nearest(name: str, keys: Sequence[str]) -> str | None:
 
 
 def _find_home(model: type[BaseModel], problem: Problem) -> Problem:
-    """Of a key that is unknown where it stands, say in which other table of `model` it is known."""
+    """Return in which other table of `model` an unknown key is known."""
     if problem.meant is None or len(problem.path) > 2:
         return problem
     return with_home(problem, _tables(model))
 
 
 def with_home(problem: Problem, tables: Iterable[tuple[str, Iterable[str]]]) -> Problem:
-    """Name the table of a file that has an unknown key; "" is what stands above the first."""
+    """Name the table of a file with an unknown key; "" is the part above the first."""
     name = str(problem.path[-1])
     for table, keys in tables:
         if name in keys:
@@ -146,7 +146,7 @@ def _tables(model: type[BaseModel]) -> Iterator[tuple[str, list[str]]]:
 
 
 def table_of(model: type[BaseModel]) -> str:
-    """Say what keys a table has, those that must be there first."""
+    """Return the keys of a table, required ones first."""
     fields = fields_of(model).items()
     required, optional = (
         ", ".join(name for name, field in fields if field.is_required() == requirement)
@@ -156,7 +156,7 @@ def table_of(model: type[BaseModel]) -> str:
 
 
 def _purpose(field: FieldInfo) -> str:
-    """Say what a key is for, and give an example."""
+    """Return the purpose of a key, with an example."""
     if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
         return f": {table_of(field.annotation)}"
     about = " ".join((field.description or "").split()).rstrip(".")
@@ -166,15 +166,15 @@ def _purpose(field: FieldInfo) -> str:
 
 
 def quantity_of(field: FieldInfo) -> Quantity | None:
-    """Return the mark of a key that stands for a value with a unit, or for a list of such."""
+    """Return the annotation of a key for a value with a unit, or a list of them."""
     return _find_quantity((field.annotation, *field.metadata))
 
 
-_NAMES = ("name", "description", "source")  #: Fields that name a description, and set nothing.
+_NAMES = ("name", "description", "source")  #: Fields with the name of a description.
 
 
 def settings_of(part: Any, text: Callable[..., str] = units.figure) -> Iterator[str]:
-    """Yield the values of a part that are not the defaults."""
+    """Yield the values of a part that differ from the defaults."""
     for name, field in type(part).model_fields.items():
         value, quantity = getattr(part, name), quantity_of(field)
         words = (field.alias or name).replace("_", " ")
@@ -199,7 +199,7 @@ def _find_quantity(annotations: Iterable[Any]) -> Quantity | None:
 
 
 def _choice(value: Any, allowed: str) -> str:
-    """Say which words are allowed; `allowed` is pydantic's list of them in single quotes."""
+    """Return the allowed words; `allowed` is pydantic's list in single quotes."""
     words = re.findall("'([^']*)'", allowed)
     near = difflib.get_close_matches(str(value), words, 1)
     text = f"must be {_one_of(words)}, is {_shown(value)}"
@@ -212,7 +212,7 @@ def _one_of(words: list[str]) -> str:
 
 
 def _kinds(annotation: Any) -> list[str]:
-    """Return the type names of all the models in an annotation."""
+    """Return the names of all models in an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         own = annotation.model_fields.get("type")
         return [] if own is None else [own.default]
@@ -220,7 +220,7 @@ def _kinds(annotation: Any) -> list[str]:
 
 
 def no_table(value: Any) -> str:
-    """Say that a value is no table."""
+    """Return that a value is not a table."""
     return f"must be a table, is {_shown(value)}"
 
 
@@ -230,14 +230,14 @@ def _shown(value: Any) -> str:
 
 
 def located(error: ValidationError, data: Any) -> Iterator[tuple[Path, str]]:
-    """Yield where each problem stands in `data`, and its text with the key."""
+    """Yield the place of each problem in `data`, and its text with the key."""
     for problem in Problem.unpack(error):
         path = without_tags(problem.path, data)
         yield path, f"{dotted(path)}: {problem.text}"
 
 
 def without_tags(path: Path, data: Any) -> Path:
-    """Return the path as it stands in `data`: pydantic's also names the type of each signal."""
+    """Return the path in `data`, without pydantic's type names of signals."""
     results: list[str | int] = []
     for place, step in enumerate(path):
         inside = isinstance(data, dict) and step in data
@@ -251,10 +251,10 @@ def without_tags(path: Path, data: Any) -> Path:
 
 
 def dotted(path: Path) -> str:
-    """Print a path: ``rotor.mass``, ``reference.times[2]``."""
+    """Format a path: ``rotor.mass``, ``reference.times[2]``."""
     text = "".join(
         f"[{step}]" if isinstance(step, int) else f".{one_line(step)}"
         for step in path
-        if step != "[key]"  # pydantic's word for what is wrong with a key itself
+        if step != "[key]"  # pydantic's word for an error of the key itself
     )
     return text.removeprefix(".")

@@ -1,4 +1,4 @@
-"""Pydantic types for values with units: strings at the surface, SI floats inside."""
+"""Pydantic types for values with units: strings in files, SI floats inside."""
 
 import json
 import math
@@ -15,31 +15,31 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from ambkit.base import units
 
 place_of_signal: "ContextVar[SignalIn | None]" = ContextVar("place of a signal", default=None)
-"""Where the signal that is just being read or written is used."""
+"""Place of the signal that is being read or written."""
 
 
 class Said(float):
-    """A value of a signal in SI that was said with a unit, before its place of use is known."""
+    """A value of a signal with its unit, before its place of use is known."""
 
-    text: str  #: What was said.
-    unit: str  #: As in the `Quantity`, with ``@`` for the unit of the place.
+    text: str  #: Original text.
+    unit: str  #: As in `Quantity`, with ``@`` for the unit of the place.
 
     @classmethod
     def of(cls, text: str, unit: str) -> "Said":
-        """Read a text like ``"50 µm"``."""
+        """Parse a text like ``"50 µm"``."""
         quantity = cls(units.parse(text, units.base_unit(text)))
         quantity.text, quantity.unit = text, unit
         return quantity
 
 
 class InOther(float):
-    """A value that was said in another unit than that of its `Quantity`, and is written so."""
+    """A value in a unit other than that of its `Quantity`, written in that unit."""
 
-    unit: str  #: The other one.
+    unit: str  #: The other unit.
 
     @classmethod
     def like(cls, old: Any, value: Any) -> Any:
-        """Return a number in the unit of the one whose place it takes."""
+        """Return a number in the unit of the one it replaces."""
         if not isinstance(old, InOther) or not isinstance(value, numbers.Real):
             return value
         return cls.of(float(value), old.unit)
@@ -56,18 +56,18 @@ class InOther(float):
 class Quantity:
     """Marks a float that stands in files as a string with a unit."""
 
-    # Used as ``Annotated[float, Quantity("m", "2 mm")]``. In a file a bare number is refused, save
-    # for unit ``"1"``; in Python a number counts as SI and a string is read like one in a file.
+    # Used as ``Annotated[float, Quantity("m", "2 mm")]``. In a file a bare number is rejected,
+    # except for unit ``"1"``; in Python a number is in SI and a string is parsed as in a file.
 
-    unit: str  #: SI unit; ``@``: that of the signal at its place of use (`SignalIn`).
-    example: str = ""  #: A sensible value; of a signal its place of use has one.
+    unit: str  #: SI unit; ``@`` for that of the signal at its place of use (`SignalIn`).
+    example: str = ""  #: A sensible value; a signal's place of use has its own.
     above: float | None = None  #: Limits, in `unit`.
     at_least: float | None = None
     at_most: float | None = None
-    also: tuple[str, ...] = ()  #: Other units in files; their numbers count in `unit`.
+    also: tuple[str, ...] = ()  #: Other units in files; their values are in `unit`.
 
     def read(self, value: Any, info: ValidationInfo) -> float:
-        """Give the value in SI, or say what is wrong with it."""
+        """Return the value in SI, or an error message."""
         try:
             number = self._number(value, in_file=info.context is not None)
         except ValueError as error:
@@ -115,7 +115,7 @@ class Quantity:
         return units.engineering(number, unit) if unit else f"{number:g}"
 
     def shown_example(self) -> str:
-        """Give the example as it stands in a file."""
+        """Return the example as in a file."""
         place = place_of_signal.get()
         if "@" in self.unit:
             return f'"{self.unit.replace("@", place.example)}"' if place else "0.001"
@@ -125,7 +125,7 @@ class Quantity:
         return PydanticCustomError("problem", "{text}", {"text": text})
 
     def write(self, value: float) -> float | str:
-        """Give the string for a file, which reads back as exactly `value`."""
+        """Return the string for a file, which is read as exactly `value`."""
         unit = value.unit if isinstance(value, InOther) else self._unit()
         return value if unit in (None, "1") else units.engineering(value, str(unit), digits=None)
 
@@ -159,14 +159,14 @@ class Quantity:
 
 @dataclass(frozen=True)
 class WordOrQuantity(Quantity):
-    """Marks what is one of some words, or a quantity."""
+    """Marks a value that is one of some words, or a quantity."""
 
     # Used as ``Annotated[float | Literal["none"], WordOrQuantity("rad", "45 deg", words=...)]``.
 
-    words: tuple[str, ...] = ()  #: Those.
+    words: tuple[str, ...] = ()  #: The words.
 
     def read(self, value: Any, info: ValidationInfo) -> Any:
-        """Give the word, or the value in SI; or say what is wrong with it."""
+        """Return the word, or the value in SI; or an error message."""
         if isinstance(value, str) and value in self.words:
             return value
         if isinstance(value, str) and not any(map(str.isdigit, value)):
@@ -176,7 +176,7 @@ class WordOrQuantity(Quantity):
         return super().read(value, info)
 
     def write(self, value: Any) -> Any:
-        """Give the word, or the string for a file, which reads back as exactly `value`."""
+        """Return the word, or the string for a file, which is read as exactly `value`."""
         return value if isinstance(value, str) else super().write(value)
 
     def __get_pydantic_json_schema__(
@@ -188,12 +188,12 @@ class WordOrQuantity(Quantity):
 
 @dataclass(frozen=True)
 class OneOrEach(Quantity):
-    """Marks what is one quantity for all, or a list with one for each."""
+    """Marks one quantity for all, or a list with one for each."""
 
     # Used as ``Annotated[float | tuple[float, ...], OneOrEach("m^2", "225 µm^2")]``.
 
     def read(self, value: Any, info: ValidationInfo) -> Any:
-        """Give the value in SI, or a tuple of them; or say what is wrong with it."""
+        """Return the value in SI, or a tuple of them; or an error message."""
         if not isinstance(value, list | tuple):
             return super().read(value, info)
         if not value:
@@ -201,7 +201,7 @@ class OneOrEach(Quantity):
         return tuple(super(OneOrEach, self).read(item, info) for item in value)
 
     def write(self, value: Any) -> Any:
-        """Give what a file has, which reads back as exactly `value`."""
+        """Return the content for a file, which is read as exactly `value`."""
         if isinstance(value, tuple):
             return [super(OneOrEach, self).write(item) for item in value]
         return super().write(value)
@@ -218,7 +218,7 @@ class SignalIn:
     """Marks a signal and its unit: ``Annotated[Signal, SignalIn("N", "3 N")]``."""
 
     unit: str  #: SI unit of the signal's values.
-    example: str  #: How a user would write such a value.
+    example: str  #: Example of such a value.
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -242,7 +242,7 @@ class SignalIn:
             place_of_signal.reset(token)
 
     def _check(self, signal: Any) -> None:
-        """Refuse what was said in the unit of something else before this place was known."""
+        """Reject a value in the unit of something else, once its place is known."""
         match signal:
             case Said(text=text, unit=unit):
                 try:

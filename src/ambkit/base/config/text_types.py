@@ -1,4 +1,4 @@
-"""Pydantic types for names and descriptions: what may stand in them, and how long they may be."""
+"""Pydantic types for names and descriptions: permitted characters and length."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ambkit.base.escaping import one_line
 
 
 def from_folder(value: Any, info: ValidationInfo) -> Any:
-    """Take a relative name from where the description lies."""
+    """Resolve a relative name from the folder of the description."""
     folder = (info.context or {}).get("folder")
     if folder is not None and isinstance(value, str):
         return str(Path(folder, value).absolute())
@@ -30,7 +30,7 @@ def from_folder(value: Any, info: ValidationInfo) -> Any:
 
 
 def to_folder(value: str, info: SerializationInfo) -> str:
-    """Write the name as seen from where the description will lie, so that both can move."""
+    """Return the name relative to the description's destination, so that both can be moved."""
     folder = (info.context or {}).get("folder")
     if folder is None:
         return value
@@ -41,10 +41,11 @@ def to_folder(value: str, info: SerializationInfo) -> str:
 
 
 FilePath = Annotated[str, BeforeValidator(from_folder), PlainSerializer(to_folder)]
-"""The name of a file."""
+"""Name of a file."""
 
 
-LONGEST_NAME = 80  #: Characters of a name: it stands in headings, legends and comments of one line.
+#: Maximum length of a name: it appears in headings, legends and comments of one line.
+LONGEST_NAME = 80
 LONGEST_LINE = 1000
 LONGEST_DESCRIPTION = 10_000
 
@@ -66,7 +67,7 @@ def _refusing(wrong: Callable[[str], object], limit: str) -> AfterValidator:
 _printable = _refusing(lambda text: one_line(text) != text, "one line of printable characters")
 _readable = _refusing(_CONTROL.search, "text without control characters")
 Line = Annotated[str, Field(max_length=LONGEST_LINE), _printable]
-"""A text of one line, such as the name of an array in somebody's file."""
+"""A text of one line, such as the name of an array in a file."""
 Name = Annotated[str, Field(max_length=LONGEST_NAME), _printable]  #: A name.
 Description = Annotated[str, Field(max_length=LONGEST_DESCRIPTION), _readable]
-"""A text for people, which may have several lines; who prints it escapes it."""
+"""A text with several lines; it is escaped when it is printed."""

@@ -1,4 +1,4 @@
-"""TOML as text: its values, and the line on which each key stands."""
+"""TOML as text: its values, and the line of each key."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BARE_VALUE = re.compile(
     re.VERBOSE,
 )
 _SHOWN = 120  # characters of a line in a message
-_DEEPEST = 64  # names in a key
+_DEEPEST = 64  # maximum number of names in a key
 _DEEP_KEY = re.compile(
     rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_DEEPEST}}}[\w"'-]"""
 )
@@ -31,14 +31,14 @@ _TABLE = re.compile(r"\s*\[+\s*([^\]#]*?)\s*\]")
 
 @dataclass
 class TomlText:
-    """What a TOML text says."""
+    """Content of a TOML text."""
 
-    data: dict[str, Any] | None = None  #: The values; None: the syntax leaves the meaning open.
+    data: dict[str, Any] | None = None  #: The values; None if the syntax leaves the meaning open.
     lines: dict[Path, int] = field(default_factory=dict)  #: Line, from 1, of each key.
-    problems: list[tuple[int, str]] = field(default_factory=list)  #: Line and mistake.
+    problems: list[tuple[int, str]] = field(default_factory=list)  #: Line and error.
 
     def line(self, path: Path) -> int:
-        """Return the line of `path`, or of the nearest table around it that is written down."""
+        """Return the line of `path`, or of the nearest table around it that is in the file."""
         while path:
             for written in (path, (*path, 0)):  # an array of tables begins with its first
                 if written in self.lines:
@@ -48,8 +48,9 @@ class TomlText:
 
 
 def parse(text: str) -> TomlText:
-    """Read TOML, and go on behind each mistake of which it is clear what was meant."""
-    # Such as a value without quotes (``air_gap = 2 mm``), a key written twice: one look shows all.
+    """Parse TOML, and continue after each error whose correction is clear."""
+    # Such as a value without quotes (``air_gap = 2 mm``), or a duplicate key: all errors are
+    # reported at once.
     result = TomlText()
     lines = text.split("\n")
     if deep := _DEEP_KEY.search(text):
@@ -68,11 +69,11 @@ def parse(text: str) -> TomlText:
 
 
 def _read(lines: list[str], result: TomlText) -> None:
-    """Read the values, with each mistake put down and mended in `lines`."""
-    # Behind a line that was mended, only the lines that follow are read, until they are right: so
-    # thousands of mistakes take no longer than the text does. What can only be told of the whole,
-    # as that a key is written twice, is told at the end.
-    done = 0  # lines that need not be read again
+    """Parse the values, with each error recorded and corrected in `lines`."""
+    # After a corrected line, only the following lines are parsed, until they are valid: thousands
+    # of errors take linear time. Errors of the complete text, such as duplicate keys, are reported
+    # last.
+    done = 0  # lines that need not be parsed again
     while result.data is None:
         try:
             data = _loads("\n".join(lines[done:]))
@@ -83,7 +84,7 @@ def _read(lines: list[str], result: TomlText) -> None:
             if mended:
                 result.problems.append((at, advice))
                 lines[at - 1], done = mended, at
-            elif done:  # what is wrong may begin above
+            elif done:  # the error may begin above
                 done = 0
             elif mended is not None:
                 result.problems += _drop_twins(lines) or [(at, advice)]
@@ -98,7 +99,7 @@ def _read(lines: list[str], result: TomlText) -> None:
 
 
 def _loads(text: str) -> dict[str, Any]:
-    """Read TOML; an integer with more digits than Python reads is an error as any other."""
+    """Parse TOML; an integer with too many digits for Python is an ordinary error."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:
@@ -114,7 +115,7 @@ def _loads(text: str) -> dict[str, Any]:
 
 
 def _drop_twins(lines: list[str]) -> list[tuple[int, str]]:
-    """Take out each line whose key stands above already in the same table, and say so."""
+    """Remove each line whose key is a duplicate in its table, and report it."""
     problems: list[tuple[int, str]] = []
     seen: set[Path] = set()
     for path, at in list(_key_lines("\n".join(lines))):
@@ -127,7 +128,7 @@ def _drop_twins(lines: list[str]) -> list[tuple[int, str]]:
 
 
 def _mend(line: str, message: str) -> tuple[str | None, str]:
-    """Return the line as it was meant, or None if that is unclear; and what to tell the user."""
+    """Return the line as probably intended, or None if unclear; and the message."""
     key = line.partition("=")[0].strip()
     if message.startswith("an integer"):
         return None, f"{key:.{_SHOWN}}: {message}"
@@ -149,7 +150,7 @@ def _mend(line: str, message: str) -> tuple[str | None, str]:
 
 
 def _is_whole(line: str) -> bool:
-    """Whether the line alone is valid TOML, so that it can be changed without touching others."""
+    """Return whether the line is valid TOML by itself, so that a change does not affect others."""
     try:
         return bool(_loads(line))
     except tomllib.TOMLDecodeError:
@@ -161,7 +162,7 @@ def _key_lines(text: str) -> Iterator[tuple[Path, int]]:
     from tree_sitter import Language, Parser
 
     tree = Parser(Language(tree_sitter_toml.language())).parse(text.encode())
-    elements: dict[Path, int] = {}  # of each array of tables: the index of its last element
+    elements: dict[Path, int] = {}  # index of the last element of each array of tables
     for node in tree.root_node.named_children:
         path: Path = ()
         if node.type in ("table", "table_array_element"):
@@ -207,7 +208,7 @@ _SPACE = re.compile(r"[ \t\n\r,:]*")
 
 
 def line_of(text: str, path: Sequence[str | int]) -> int:
-    """Return the line, from 1, of a value; of one that is missing that of what lacks it."""
+    """Return the line, from 1, of a value; if it is missing, of its parent."""
     decode = json.JSONDecoder().raw_decode
     at = _next(text, 0)
     for step in path:
@@ -231,7 +232,7 @@ def line_of(text: str, path: Sequence[str | int]) -> int:
 
 
 def _next(text: str, place: int) -> int:
-    """Return where the next value begins, or what holds it ends."""
+    """Return where the next value begins, or its container ends."""
     match = _SPACE.match(text, place)
     return match.end() if match else place
 

@@ -104,7 +104,7 @@ class Drawing(Document):
 
     @property
     def magnet_constant(self) -> float:
-        """k of ideal iron without fringing [N m^2/A^2]."""
+        """K of ideal iron without fringing [N m^2/A^2]."""
         return self.geometry.magnet_constant(self.winding.turns)
 
     def key(self, *more: object) -> str:

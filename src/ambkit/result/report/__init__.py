@@ -1,4 +1,4 @@
-"""Figures and the report: stated once, drawn for paper and for the screen.
+"""Figures and report: declared once, rendered for paper and screen.
 
 A `Figure` states what is to be seen, in SI, and saves itself; `write_report` draws all figures of a
 `Report` and puts them, with texts, formulas and tables, into one HTML page that works without the

@@ -1,4 +1,4 @@
-"""What a report is made of: chapters of texts, formulas, figures and tables."""
+"""Blocks of a report: chapters with texts, formulas, figures and tables."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ class Text:
 
 @dataclass(frozen=True)
 class Equation:
-    """A formula on its own line."""
+    """A displayed formula."""
 
-    source: str  #: LaTeX as `markup.mathml` understands it.
-    number: str = ""  #: Written beside it: ``"eq. 15"``.
+    source: str  #: LaTeX.
+    number: str = ""  #: Its number: ``"eq. 15"``.
 
 
 @dataclass(frozen=True)
 class Remark:
-    """A paragraph set apart: a finding, a misprint, a choice that was made."""
+    """A highlighted paragraph: a finding, a misprint, a choice."""
 
-    title: str  #: In a word or two.
+    title: str  #: Title, in a word or two.
     source: str  #: Markdown.
 
 
@@ -45,16 +45,16 @@ class TableBlock:
     """A table."""
 
     id: str  #: Anchor: ``"table4"``.
-    title: str  #: What it holds, in a few words.
+    title: str  #: Short title.
     headers: Sequence[str]  #: Heads of the columns (Markdown with formulas), with units.
     rows: Sequence[Sequence[Cell]]  #: Cells: text (Markdown), numbers, or None for none.
-    caption: str = ""  #: What to see in it (Markdown).
+    caption: str = ""  #: What the table shows (Markdown).
     #: Format of the numbers, for all columns or one each: ``".2f"``.
     digits: str | Sequence[str] = ".4g"
-    #: ``(row, column)`` of cells that stand out, with the reason, which goes below the table.
+    #: ``(row, column)`` of highlighted cells, with the reason, which is printed below the table.
     highlight: Mapping[tuple[int, int], str] = field(default_factory=dict)
     row_heads: bool = True  #: Whether the first column names the rows.
-    source: str = ""  #: Where it is from: ``"paper, Table 4"``.
+    source: str = ""  #: Origin: ``"paper, Table 4"``.
 
     def __post_init__(self) -> None:
         for place, row in enumerate(self.rows):
@@ -77,7 +77,7 @@ class Chapter:
 
     id: str  #: Anchor.
     title: str  #: Its heading.
-    blocks: Sequence[Block]  #: What it holds.
+    blocks: Sequence[Block]  #: Its blocks.
     lead: str = ""  #: The chapter in two sentences (Markdown), set larger.
 
 
@@ -87,17 +87,17 @@ class Report:
 
     title: str  #: Title.
     subtitle: str  #: One line below it.
-    lead: str  #: What this is, for someone who has just opened it (Markdown).
-    version: str  #: Version of ambkit that made it.
+    lead: str  #: Introduction for a first reader (Markdown).
+    version: str  #: Version of ambkit.
     chapters: Sequence[Chapter]  #: The chapters.
-    #: What it was made from, name to value: bearing, seed, command.
+    #: Inputs, name to value: machine, seed, command.
     facts: Mapping[str, str] = field(default_factory=dict)
-    #: Writes a summary in HTML, to stand before the chapters; it is given their names by id.
+    #: Writes a summary in HTML for the start; its argument is their names by id.
     summary: Callable[[Mapping[str, str]], str] | None = None
 
     @property
     def figures(self) -> list[Figure]:
-        """All figures, in the order they are shown."""
+        """All figures, in order."""
         return [
             block.figure
             for chapter in self.chapters
@@ -107,7 +107,7 @@ class Report:
 
 
 def number(value: float | str | None, digits: str = ".4g") -> str:
-    """Print a value for humans."""
+    """Format a value for humans."""
     if value is None:
         return "–"
     if isinstance(value, str):

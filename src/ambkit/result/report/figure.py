@@ -1,4 +1,4 @@
-"""A figure stated once, and drawn with matplotlib; `screen` describes it for plotly.js."""
+"""A figure, declared once and drawn with matplotlib; `screen` describes it for plotly.js."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
 WIDTH = 7.2  #: Width of every figure [inch]: the text width of an A4 page.
 PIXELS_PER_INCH = 200
-ENDINGS = (".png", ".svg", ".pdf", ".html")  #: What a figure can be saved as.
+ENDINGS = (".png", ".svg", ".pdf", ".html")  #: File types.
 
 _RC: dict[Any, Any] = {
-    "font.family": ["DejaVu Sans"],  # comes with matplotlib, so every machine draws the same
+    "font.family": ["DejaVu Sans"],  # included in matplotlib, so the result is the same everywhere
     "font.size": 8.0,
     "mathtext.fontset": "dejavusans",
     "text.color": style.INK,
@@ -69,26 +69,26 @@ _RC: dict[Any, Any] = {
     "legend.borderaxespad": 0.2,
     "hatch.linewidth": 0.6,
     "svg.fonttype": "path",
-    "pdf.fonttype": 42,  # letters that can be searched
+    "pdf.fonttype": 42,  # searchable text
 }
 
 
 @dataclass(frozen=True)
 class Figure:
-    """Panels that are shown together."""
+    """Panels shown together."""
 
     page: ClassVar[Callable[[Figure], str]]
-    """Writes a page with one figure; the module `page` sets it, which knows figures."""
+    """Writes a page with one figure; set by the module `page`."""
 
     id: str  #: Name of its files and anchor: ``"fig15"``. Letters, digits, ``-`` and ``_``.
-    title: str  #: What it shows, in a few words.
-    caption: str  #: What to see in it (Markdown with formulas).
+    title: str  #: Short title.
+    caption: str  #: What the figure shows (Markdown with formulas).
     panels: Sequence[Panel]  #: Row by row.
-    source: str = ""  #: Where it is from: ``"paper, Fig. 15"``.
-    columns: int = 1  #: Number of panels beside each other.
+    source: str = ""  #: Origin: ``"paper, Fig. 15"``.
+    columns: int = 1  #: Number of panels per row.
     #: Height of one panel on paper [inch]; 0 chooses by the number of rows.
     panel_height: float = 0.0
-    #: What a reader who cannot see it is told; made of title, axes and legend if empty.
+    #: Alternative text; from title, axes and legend if empty.
     alt: str = ""
 
     def __post_init__(self) -> None:
@@ -103,12 +103,12 @@ class Figure:
 
     @property
     def rows(self) -> list[range]:
-        """The panels of each row, by their places."""
+        """Panels of each row, by index."""
         starts = range(0, len(self.panels), self.columns)
         return [range(n, min(n + self.columns, len(self.panels))) for n in starts]
 
     def shares_x(self, index: int) -> bool:
-        """Whether the panel below has the same x axis, so that it need not be labelled twice."""
+        """Whether the panel below has the same x axis, which is then labelled once."""
         below = index + self.columns
         if below >= len(self.panels):
             return False
@@ -116,7 +116,7 @@ class Figure:
         return upper.x == lower.x and not (lower.title or upper.named_rows or lower.named_rows)
 
     def legend(self) -> Iterator[tuple[str, Item]]:
-        """Each legend text once, with the first item that carries it."""
+        """Legend texts, each with the first item that has it."""
         seen = {""}
         for item in (item for panel in self.panels for item in panel.items):
             if item.legend not in seen:
@@ -124,7 +124,7 @@ class Figure:
                 yield item.legend, item
 
     def description(self) -> str:
-        """Text in place of the picture, for readers who cannot see it."""
+        """Alternative text."""
         if self.alt:
             return self.alt
         if cells := next(filter(None, (panel.item(Cells) for panel in self.panels)), None):
@@ -137,7 +137,7 @@ class Figure:
     def draw(
         self, make: Callable[..., Canvas] | None = None, resolution: float = PIXELS_PER_INCH
     ) -> tuple[Canvas, list[Axes]]:
-        """Draw it with matplotlib, in the fonts of `paper_style`."""
+        """Draw it with matplotlib, in the style of `paper_style`."""
         from matplotlib.figure import Figure as Canvas
         from matplotlib.ticker import AutoLocator
 
@@ -155,7 +155,7 @@ class Figure:
             ax = canvas.add_subplot(grid[divmod(index, self.columns)], sharex=below)
             panel.draw(ax)
             if self.columns > 1 and isinstance(ax.xaxis.get_major_locator(), AutoLocator):
-                ax.locator_params(axis="x", nbins=6)  # long numbers would touch each other
+                ax.locator_params(axis="x", nbins=6)  # long numbers would overlap
             if below:
                 ax.set_xlabel("")
                 ax.tick_params(axis="x", which="both", labelbottom=False)
@@ -184,12 +184,12 @@ class Figure:
         return height
 
     def image(self, ending: str, resolution: float = PIXELS_PER_INCH) -> bytes:
-        """Draw it as ``.png``, ``.svg`` or ``.pdf``: the same bytes for the same figure."""
+        """Render it as ``.png``, ``.svg`` or ``.pdf``: the same bytes for the same figure."""
         with paper_style(self):
             return printed(self.draw(resolution=resolution)[0], ending, plain(self.title))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Draw it into a file: ``.png``, ``.svg``, ``.pdf`` or, to zoom in, ``.html``."""
+        """Write it to a file: ``.png``, ``.svg``, ``.pdf`` or, zoomable, ``.html``."""
         path = Path(path)
         ending = path.suffix.lower()
         if ending not in ENDINGS:
@@ -216,10 +216,10 @@ class Figure:
             return ax
         from matplotlib import pyplot, rcParams
 
-        resolution = rcParams["figure.dpi"]  # as the user has it, not as on paper
-        # Loads the backend; a notebook's turns interactive.
+        resolution = rcParams["figure.dpi"]  # the user's setting, not that of paper
+        # Loads the backend, which makes a notebook interactive.
         pyplot.draw_if_interactive()  # type: ignore[no-untyped-call]
-        with paper_style(self):  # notebooks show figures of pyplot by themselves
+        with paper_style(self):  # notebooks show pyplot's figures by themselves
             return np.array(self.draw(pyplot.figure, resolution)[1], dtype=object)
 
     def _panel(self, key: int | str) -> Panel:
@@ -238,7 +238,7 @@ class Figure:
 
 @contextmanager
 def paper_style(figure: Figure) -> Iterator[None]:
-    """Set matplotlib's fonts and lines, whatever the user's matplotlibrc says."""
+    """Set matplotlib's fonts and lines, independent of the user's matplotlibrc."""
     import matplotlib
 
     interactive = matplotlib.is_interactive()
@@ -250,7 +250,7 @@ def paper_style(figure: Figure) -> Iterator[None]:
 
 
 def printed(canvas: Canvas, ending: str, title: str) -> bytes:
-    """Return a drawn figure as a file, without software and date."""
+    """Return a drawn figure as a file, without software name and date."""
     backend = {".png": "agg", ".svg": "svg", ".pdf": "pdf"}[ending]
     metadata: dict[str, dict[str, str | None]] = {
         ".png": {"Software": None},
@@ -259,19 +259,19 @@ def printed(canvas: Canvas, ending: str, title: str) -> bytes:
     }
     content = BytesIO()
     if ending != ".png":
-        canvas.set_dpi(PIXELS_PER_INCH / 2)  # of heat maps only, the rest has no pixels
-    # Not `savefig`, which lays the figure out once more before it draws.
+        canvas.set_dpi(PIXELS_PER_INCH / 2)  # heat maps only, the rest is vectors
+    # Not `savefig`, which computes the layout again.
     backend_canvas = import_module(f"matplotlib.backends.backend_{backend}").FigureCanvas(canvas)
     getattr(backend_canvas, f"print_{ending[1:]}")(content, metadata=metadata[ending])
     if ending == ".svg":
-        # Cut after a hundredth of a point, which nobody can see; it halves the file.
+        # Rounded to invisible hundredths of a point, which halves the file.
         short = re.compile(rb"(\.\d\d)\d+")
         return re.sub(rb' d="[^"]*"', lambda path: short.sub(rb"\1", path[0]), content.getvalue())
     return content.getvalue()
 
 
 def _draw_into(ax: Any, panel: Panel) -> None:
-    """Draw a panel into somebody's own axes, in the fonts that they have."""
+    """Draw a panel into given axes, in their fonts."""
     from matplotlib.axes import Axes
 
     if not isinstance(ax, Axes):
@@ -283,7 +283,7 @@ def _draw_into(ax: Any, panel: Panel) -> None:
 
 
 def _entries(ax: Axes) -> tuple[list[str], list[Any]]:
-    """Return each text of a legend once, and the artist that it names."""
+    """Return the unique texts of a legend, with their artists."""
     handles, texts = ax.get_legend_handles_labels()
     entries = dict(zip(reversed(texts), reversed(handles), strict=True))
     return list(entries)[::-1], list(entries.values())[::-1]

@@ -1,4 +1,4 @@
-"""Axes, panels, and what all items of a panel share.
+"""Axes, panels, and common parts of their items.
 
 Data is in SI; an `Axis` has the factor it is shown with, so "mm" stands on paper only. Labels may
 hold formulas between dollar signs: ``"stiffness $k_i$"``.
@@ -35,18 +35,18 @@ _SCREEN_MARKERS = {"triangle": "triangle-up", "triangle down": "triangle-down", 
 
 @dataclass(frozen=True)
 class Axis:
-    """What an axis shows."""
+    """An axis of a panel."""
 
-    label: str  #: The quantity in words, with its symbol: ``"displacement $x$"``.
-    unit: str = ""  #: The unit shown; empty for a pure number.
-    #: What the data (SI) is multiplied with to be in `unit`: 1e3 for metres shown in mm.
+    label: str  #: Quantity in words, with its symbol: ``"displacement $x$"``.
+    unit: str = ""  #: Displayed unit; empty for a pure number.
+    #: Factor from the data (SI) to `unit`: 1e3 for metres shown in mm.
     factor: float = 1.0
     scale: Literal["linear", "log"] = "linear"  #: Scale of the axis.
-    limits: tuple[float, float] | None = None  #: Lower and upper end, in the unit of the data (SI).
+    limits: tuple[float, float] | None = None  #: Ends, in the unit of the data (SI).
 
     @property
     def title(self) -> str:
-        """Label and unit as they stand beside the axis."""
+        """Label and unit."""
         return f"{self.label} [{self.unit}]" if self.unit else self.label
 
     def shown(self, values: Any) -> Any:
@@ -54,15 +54,15 @@ class Axis:
         return values * self.factor
 
     def position(self, value: float) -> float:
-        """Where plotly puts a value that is an end of the axis, or the place of a text."""
+        """Plotly's position of an axis end or a text."""
         return math.log10(self.shown(value)) if self.scale == "log" else float(self.shown(value))
 
     def hover_format(self, coordinate: str) -> str:
-        """How plotly writes a coordinate under the mouse."""
+        """Plotly's format of a coordinate under the mouse."""
         return f"%{{{coordinate}:.5~g}} {self.unit}".rstrip()
 
     def numbers(self, values: Vector) -> list[Any]:
-        """Data in the unit of the axis as JSON: of long lines the digits that can be seen."""
+        """Data in the unit of the axis as JSON: long lines with visible digits only."""
         scaled = self.shown(values)
         if scaled.ndim == 1 and scaled.size >= LONG:
             if self.scale == "log":
@@ -75,12 +75,12 @@ class Axis:
 
 
 class Item:
-    """What stands in a panel."""
+    """An item of a panel."""
 
     surface: ClassVar[bool] = False
-    """Whether it covers the panel with colours."""
+    """Whether it fills the panel with colours."""
     named_rows: ClassVar[bool] = False
-    """Whether an axis has names in place of numbers."""
+    """Whether an axis has names instead of numbers."""
 
     @property
     def legend(self) -> str:
@@ -88,15 +88,15 @@ class Item:
         return ""
 
     def draw(self, ax: Axes, panel: Panel) -> None:
-        """Draw it into axes of matplotlib."""
+        """Draw it into matplotlib axes."""
         raise NotImplementedError
 
     def plotly(self, panel: Panel, x: str, y: str) -> list[Json]:
-        """Return its traces, shapes and annotations for the axes of these names."""
+        """Return its traces, shapes and annotations for plotly axes of these names."""
         raise NotImplementedError
 
     def axis_layout(self, panel: Panel) -> tuple[Json, Json]:
-        """Properties that it sets of the x and the y axis of plotly."""
+        """Return its properties of plotly's x and y axis."""
         return {}, {}
 
 
@@ -106,9 +106,9 @@ class Panel:
 
     x: Axis  #: The axes.
     y: Axis
-    items: Sequence[Item]  #: What is drawn.
+    items: Sequence[Item]  #: Items.
     title: str = ""  #: A short heading above the axes.
-    equal: bool = False  #: Whether a length is as long along both axes: an orbit's circle is round.
+    equal: bool = False  #: Whether both axes have the same scale: an orbit's circle is round.
 
     def item(self, kind: type[Kind]) -> Kind | None:
         """Return the first item of a kind, if there is one."""
@@ -116,24 +116,24 @@ class Panel:
 
     @property
     def surface(self) -> bool:
-        """Whether colours cover it."""
+        """Whether colours fill it."""
         return any(item.surface for item in self.items)
 
     @property
     def named_rows(self) -> bool:
-        """Whether an axis has names in place of numbers."""
+        """Whether an axis has names instead of numbers."""
         return any(item.named_rows for item in self.items)
 
     @property
     def name(self) -> str:
-        """What a user calls it."""
+        """Name of the item type for the user."""
         return plain(", ".join(filter(None, (self.title, self.y.label))) or self.x.label)
 
     def draw(self, ax: Axes) -> None:
-        """Draw it into axes of matplotlib."""
+        """Draw it into matplotlib axes."""
         ax.set_xscale(self.x.scale)
         ax.set_yscale(self.y.scale)
-        # Before the items: Matplotlib fails now and then to find limits of its own about one point.
+        # Before the items: Matplotlib sometimes fails to find its own limits around one point.
         for axis, set_limits in ((self.x, ax.set_xlim), (self.y, ax.set_ylim)):
             if axis.limits:
                 set_limits(axis.shown(axis.limits[0]), axis.shown(axis.limits[1]))
@@ -153,10 +153,10 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Signal(Item):
-    """An item that belongs to one signal: it takes colour, dash and name from the style table."""
+    """An item of one signal: colour, dash and name from the style table."""
 
     signal: str = field(default="estimate", kw_only=True)  #: Name in `style.SIGNALS`.
-    #: Legend; the signal's own name if not given, no entry if empty.
+    #: Legend; by default the signal's name, no entry if empty.
     label: str | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -173,11 +173,11 @@ class Signal(Item):
 
     @property
     def entry(self) -> Json:
-        """The label for matplotlib, that hides those which begin with an underscore."""
+        """The label for matplotlib, which hides those with an initial underscore."""
         return {"label": f" {self.legend}" if self.legend.startswith("_") else self.legend}
 
     def _vectors(self, *names: str) -> None:
-        """Turn the named fields into float vectors of one common length."""
+        """Convert the named fields to float vectors of equal length."""
         sizes = {}
         for name in names:
             array = np.asarray(getattr(self, name), dtype=np.float64)
@@ -193,7 +193,7 @@ class Signal(Item):
     @property
     def _pen(self) -> Json:
         look = self.look
-        # Dashes are given in points; matplotlib would stretch them with the line's width.
+        # Dashes are in points; matplotlib would scale them with the line width.
         dashes = tuple(length / look.width for length in look.dash)
         return {
             "color": look.colour, "linewidth": look.width, "zorder": look.layer,
@@ -227,7 +227,7 @@ class Signal(Item):
         }  # fmt: skip
 
     def _curve(self, x: list[Any], y: list[Any]) -> Json:
-        # plotly's own simplification shows as corners in smooth curves.
+        # plotly's own simplification makes corners in smooth curves.
         line = self._stroke | {"simplify": False}
         curve = {"type": "scatter", "mode": "lines", "x": x, "y": y, "line": line}
         return curve | {"zorder": self.look.layer}
@@ -237,7 +237,7 @@ def write(
     ax: Axes, text: str, place: tuple[float, float], frame: Any, offset: tuple[float, float],
     *, ha: str = "left", va: str = "", cover: float = 0.75,
 ) -> None:  # fmt: skip
-    """Put a small text `offset` points from a place; its ground hides `cover` of the lines."""
+    """Write a small text `offset` points from a place, over `cover` of the lines."""
     if text:
         ax.annotate(
             text, place, offset, xycoords=frame, textcoords="offset points", fontsize=7.0,
@@ -263,7 +263,7 @@ def error_bars(axis: Axis, values: Vector | None, look: style.Style) -> Json:
 
 
 def _plain_numbers(axis: Any) -> None:
-    """Write 30, 60, 100 on a logarithmic axis, and not powers, where the numbers are short."""
+    """Label a logarithmic axis with short numbers such as 30, 60, 100 instead of powers."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
     low, high = sorted(axis.get_view_interval())
@@ -274,7 +274,7 @@ def _plain_numbers(axis: Any) -> None:
         axis.set_major_locator(MaxNLocator(5))
         axis.set_minor_formatter(NullFormatter())
         return
-    # Over few decades the powers of ten alone are too few to read a value.
+    # Over few decades the powers of ten are too sparse.
     digits = "36" if high < 100 * low else ""
 
     def between(value: float, _: object) -> str:

@@ -1,4 +1,4 @@
-"""What stands in a panel: lines, points, bands, bars, intervals, rules, spans and notes.
+"""Items of a panel: lines, points, bands, bars, intervals, rules, spans and notes.
 
 Each item draws itself with matplotlib and returns plain data for plotly.js.
 """
@@ -28,7 +28,7 @@ from ambkit.result.report.markup import label_html
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-BUCKETS = 700  #: Stretches a long line is cut into: about one for each column of pixels.
+BUCKETS = 700  #: Segments of a long line: about one per pixel column.
 
 _HATCHES = {style.DASH: "/", style.LONG: "/", style.DASH_DOT: "\\", style.DOT: "."}
 
@@ -56,7 +56,7 @@ class Line(Signal):
 
 @dataclass(frozen=True, eq=False)
 class Points(Signal):
-    """Single values as markers, with an error bar each if `error` is given."""
+    """Single values as markers, with error bars if `error` is given."""
 
     x: Vector  #: (n,) The values, in SI.
     y: Vector
@@ -116,10 +116,10 @@ class Band(Signal):
 
 @dataclass(frozen=True, eq=False)
 class Bars(Signal):
-    """One bar a category. Several `Bars` in one panel stand side by side."""
+    """One bar per category. Several `Bars` in one panel are side by side."""
 
     named_rows = True
-    categories: Sequence[str]  #: Names below the bars; the same in all `Bars` of a panel.
+    categories: Sequence[str]  #: Names below the bars; equal in all `Bars` of a panel.
     values: Vector  #: (n,) Heights, in SI.
     error: Vector | None = None  #: (n,) Half length of the error bars, in SI.
 
@@ -171,14 +171,14 @@ class Bars(Signal):
 
 @dataclass(frozen=True, eq=False)
 class Intervals(Signal):
-    """Values with their intervals along the x axis, one below the other."""
+    """Values with intervals along the x axis, one per row."""
 
     named_rows = True
-    rows: Sequence[str]  #: Names beside the rows, from the top.
+    rows: Sequence[str]  #: Names of the rows, from the top.
     values: Vector  #: (n,) The values and the ends of their intervals, in SI.
     low: Vector
     high: Vector
-    texts: Sequence[str]  #: Written in each row, at the right.
+    texts: Sequence[str]  #: Text of each row, at the right.
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -190,7 +190,7 @@ class Intervals(Signal):
     def draw(self, ax: Axes, panel: Panel) -> None:
         places, values = np.arange(self.values.size), panel.x.shown(self.values)
         ends = np.abs(panel.x.shown(np.array([self.low, self.high])) - values)
-        over = self._marker | {"zorder": 8}  # over what they are beside
+        over = self._marker | {"zorder": 8}  # above what they are next to
         ax.errorbar(values, places, xerr=ends, capsize=3.0, elinewidth=1.4, **over)
         for row, text in zip(places, self.texts, strict=True):
             place, frame = (1.0, row - 0.36), ("axes fraction", "data")
@@ -210,7 +210,7 @@ class Intervals(Signal):
             "y": [*map(label_html, self.rows)], "error_x": ends, "zorder": 8,
             "marker": self._symbol | {"size": 7}, "hovertemplate": panel.x.hover_format("x"),
         }  # fmt: skip
-        # The start's line must not run through the numbers.
+        # The line at the start must not cross the numbers.
         return [marks, *(
             annotation(text, right | {"y": row - 0.34}, "right", "middle", bgcolor=style.PAPER)
             for row, text in enumerate(self.texts) if text
@@ -225,10 +225,10 @@ class Intervals(Signal):
 class Rule(Signal):
     """A straight line across the panel: a limit, a true value."""
 
-    value: float  #: Where it stands, in SI.
-    #: The axis it is a value of: "y" is a horizontal line, "x" a vertical one.
+    value: float  #: Position, in SI.
+    #: Axis of the value: "y" is a horizontal line, "x" a vertical one.
     axis: Literal["x", "y"] = "y"
-    text: str = ""  #: Written at its end.
+    text: str = ""  #: Text at its end.
 
     def draw(self, ax: Axes, panel: Panel) -> None:
         if self.axis == "y":
@@ -245,7 +245,7 @@ class Rule(Signal):
         refs = {f"{along}ref": y if along == "y" else x,
                 f"{across}ref": f"{x if along == 'y' else y} domain"}  # fmt: skip
         value = axis.shown(self.value)
-        # What marks a place must not hide what happens there.
+        # A marker must not hide the data.
         layer = "below" if along == "x" and self.look.layer < 3 else "above"
         shape = refs | {
             "type": "line", f"{along}0": value, f"{along}1": value, f"{across}0": 0,
@@ -258,11 +258,11 @@ class Rule(Signal):
 
 @dataclass(frozen=True, eq=False)
 class Span(Signal):
-    """A shaded stretch of the x axis: the load is on, the stop is touched."""
+    """A shaded range of the x axis, such as a disturbance or contact."""
 
     start: float  #: Ends on the x axis, in SI.
     stop: float
-    text: str = ""  #: Written at its top.
+    text: str = ""  #: Text at its top.
 
     def draw(self, ax: Axes, panel: Panel) -> None:
         ends = panel.x.shown(self.start), panel.x.shown(self.stop)
@@ -283,12 +283,12 @@ class Span(Signal):
 
 @dataclass(frozen=True)
 class Note(Item):
-    """A short text beside a point of the panel."""
+    """A short text at a point of the panel."""
 
     x: float  #: The point, in SI.
     y: float
-    text: str  #: What is written.
-    side: Literal["above", "below"] = "above"  #: Where the text stands.
+    text: str  #: Text.
+    side: Literal["above", "below"] = "above"  #: Position of the text.
 
     def draw(self, ax: Axes, panel: Panel) -> None:
         place = panel.x.shown(self.x), panel.y.shown(self.y)
@@ -304,13 +304,12 @@ class Note(Item):
 def decimate(
     x: NDArray[np.float64], y: NDArray[np.float64], buckets: int = 1000
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Keep of each stretch of samples the extremes in x and in y."""
+    """Return the extreme samples in x and y of each segment."""
     # For a time series the extremes in x are the first and the last sample, which makes this the M4
-    # aggregation (Jugel, Jerzak, Hackenbroich and Markl, 2014): at one stretch a pixel column the
-    # drawn line does not change. A curve that turns back has no pixel columns to lean on: it is cut
-    # into ten times as many stretches, and its extremes in x are kept likewise. Every kept point is
-    # a sample, none is invented; gaps (NaN) stay gaps.
-    # x (n,); y (n,)
+    # aggregation (Jugel, Jerzak, Hackenbroich and Markl, 2014): with one segment per pixel column
+    # the line looks the same. A curve that is no function of x is divided into ten times as many
+    # segments, with its extremes in x too. All points are samples; gaps (NaN) remain. x (n,); y
+    # (n,)
     if x.size > 4 * buckets and not (np.diff(x) >= 0).all():
         buckets *= 10
     if x.size <= 4 * buckets:
@@ -318,7 +317,7 @@ def decimate(
     size = -(-x.size // buckets)
     padding = -x.size % size
     first = np.arange(0, x.size, size)
-    # The last stretch is filled up with its own last sample.
+    # The last segment is padded with its last sample.
     xs, ys = (np.pad(values, (0, padding), mode="edge").reshape(-1, size) for values in (x, y))
     gap = np.isnan(ys)
     low = np.where(gap, np.inf, ys).argmin(axis=1)

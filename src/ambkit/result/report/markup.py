@@ -1,4 +1,4 @@
-"""Text of the report: Markdown with formulas, to HTML.
+"""Text of the report: Markdown with formulas, converted to HTML.
 
 Formulas stand between dollar signs. A link without text, ``[](#fig15)``, is filled with the
 name of what it points to: "Figure 7".
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _FORMULA = re.compile(r"\$([^$\n]+)\$")
 _SYMBOL = re.compile(
-    r"(?<!\\)(?:\$[^$\n]*\$|`[^`]*`)"  # formulas and code stay as they are
+    r"(?<!\\)(?:\$[^$\n]*\$|`[^`]*`)"  # formulas and code are unchanged
     r"|(?<![\w.#/\\-])(?:(?P<k>k_[is]|f_d)|F_(?P<of>St|mag))(?![\w-])"
 )
 _MARK = re.compile(r"\\([!-/:-@\[-`{-~])|\$")
@@ -26,22 +26,22 @@ _BARE_LINK = re.compile(r"\[\]\(#([\w.-]+)\)")
 
 
 def markdown(text: str, names: Mapping[str, str] | None = None) -> str:
-    """Markdown to HTML blocks."""
+    """Convert Markdown to HTML blocks."""
     return str(_renderer().render(_named(text, names or {})))
 
 
 def inline(text: str, names: Mapping[str, str] | None = None) -> str:
-    """Markdown of one line to HTML, without a paragraph around it; see `markdown`."""
+    """Convert one line of Markdown to HTML, without a paragraph; see `markdown`."""
     return str(_renderer().renderInline(_named(text, names or {})))
 
 
 def plain(text: str) -> str:
-    r"""Return Markdown of one line as a text without marks, for where there are none."""
+    r"""Return one line of Markdown as plain text."""
     return _MARK.sub(r"\1", text)
 
 
 def symbols(text: str) -> str:
-    r"""Make formulas of the bearing's symbols that a terminal shows as they are."""
+    r"""Convert formulas of the symbols to text that a terminal can show."""
 
     def formula(match: re.Match[str]) -> str:
         if match["k"]:
@@ -66,7 +66,7 @@ def _renderer() -> MarkdownIt:
     from markdown_it import MarkdownIt
 
     renderer = MarkdownIt("commonmark", {"html": False, "typographer": False}).enable("table")
-    renderer.disable("image")  # a picture would be fetched from somewhere: figures are the pictures
+    renderer.disable("image")  # a picture would be fetched: figures are the only pictures
     renderer.inline.ruler.before("escape", "formula", _read_formula)
     renderer.add_render_rule("formula", lambda _, tokens, at, *_more: mathml(tokens[at].content))
     return renderer
@@ -83,7 +83,7 @@ def _read_formula(state: Any, silent: bool) -> bool:
 
 
 _ESCAPED = re.compile(r"\\.")
-_DOLLAR = re.compile(r"(?<!\\)\$")  # "\$" is one that is meant
+_DOLLAR = re.compile(r"(?<!\\)\$")  # "\$" is a dollar sign
 _COMBINING = dict(zip("^¯~˙¨→", "\u0302\u0304\u0303\u0307\u0308\u20d7", strict=True))  # accents
 
 

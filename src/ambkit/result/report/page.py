@@ -1,4 +1,4 @@
-"""The report as one HTML file that needs nothing else: no net, no fonts, no folder beside it.
+"""The report as one HTML file without external resources: no network, no fonts, no folder.
 
 Each figure is in the page twice: the static SVG, which is what paper and browsers without scripts
 show (in a page of many figures it is packed, and scripts must run), and the description that
@@ -33,14 +33,14 @@ from ambkit.result.report.markup import inline, markdown, mathml, plain
 _TEMPLATES = Path(__file__).parent / "templates"
 _PLOTLY_JS = Path(__file__).parent / "plotly" / "plotly-cartesian.min.js"
 HEAVY = 1_000_000
-"""Pictures that are larger together [byte] are packed, and need the page's script to be seen."""
+"""Total size of pictures [byte] above which they are compressed, and need the page's script."""
 _MARKS = "†‡§¶‖#"
 
 
 def write_report(
     report: Report, folder: Path, progress: Callable[[str], None] = lambda _message: None
 ) -> Path:
-    """Draw all figures and write ``report.html`` and ``figures/<id>.png`` and ``.svg``."""
+    """Render all figures and write ``report.html`` and ``figures/<id>.png`` and ``.svg``."""
     _anchors(report)  # before the slow part
     pictures = {}
     for place, figure in enumerate(report.figures, start=1):
@@ -56,7 +56,7 @@ def write_report(
 
 
 def illustrated_page(report: Report) -> str:
-    """Draw all figures of a report, and return one HTML page that needs no other file."""
+    """Render all figures of a report, and return one self-contained HTML page."""
     return render_page(report, {figure.id: figure.image(".svg") for figure in report.figures})
 
 
@@ -90,7 +90,7 @@ def render_page(report: Report, pictures: Mapping[str, bytes]) -> str:
 
 
 def _anchors(report: Report) -> dict[str, str]:
-    """What each chapter, figure and table is called, by its id."""
+    """Names of all chapters, figures and tables, by id."""
     names: dict[str, str] = {}
     counts = {"Chapter": 0, "Figure": 0, "Table": 0}
 
@@ -197,5 +197,5 @@ def _cell(value: Cell, digits: str, names: Mapping[str, str]) -> str:
 
 
 def _packed(content: bytes) -> str:
-    """Pack bytes for the page's script to unpack, the same ones at any time."""
+    """Compress bytes for the page's script, reproducibly."""
     return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()

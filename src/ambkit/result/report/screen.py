@@ -1,4 +1,4 @@
-"""A figure on the screen: the description that plotly.js draws, as plain data.
+"""A figure for the screen: its description for plotly.js, as plain data.
 
 plotly's Python package is not used: it checks each property, at a tenth of a second for a figure.
 The tests let it check what is written here.
@@ -21,7 +21,7 @@ _TOP, _BOTTOM, _GAP, _TITLE = 56, 52, 16, 26
 
 
 def described(figure: Figure) -> Json:
-    """Return data and layout as plotly.js takes them."""
+    """Return data and layout for plotly.js."""
     total, domains = _domains(figure)
     layout: Json = {
         "height": total,
@@ -78,13 +78,13 @@ def described(figure: Figure) -> Json:
 
 
 def to_json(described: Json) -> str:
-    """Write it as JSON that may stand inside an HTML page."""
+    """Write it as JSON that is safe inside an HTML page."""
     written = json.dumps(described, separators=(",", ":"), ensure_ascii=False)
     return written.replace("<", "\\u003c")
 
 
 def _axis_names(figure: Figure, index: int) -> tuple[str, str]:
-    """Names of a panel's axes for plotly; panels above each other share the lowest one's x."""
+    """Names of a panel's axes for plotly; panels in a column share the x axis of the lowest."""
     lowest = index
     while figure.shares_x(lowest):
         lowest += figure.columns
@@ -93,7 +93,7 @@ def _axis_names(figure: Figure, index: int) -> tuple[str, str]:
 
 
 def _domains(figure: Figure) -> tuple[int, list[Json]]:
-    """Height on the screen [px], and which part of the drawing area each panel takes."""
+    """Height on the screen [px], and the share of the drawing area of each panel."""
     cells = [len(item.rows) for panel in figure.panels if (item := panel.item(Cells))]
     usual = {1: 340, 2: 230}.get(len(figure.rows), 190)
     height = max((28 * n + 30 for n in cells), default=usual)

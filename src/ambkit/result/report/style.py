@@ -1,4 +1,4 @@
-"""How each signal looks: one table for all figures, on screen and on paper.
+"""Style of each signal: one table for all figures, on screen and on paper.
 
 Colours follow Okabe and Ito (2008), who chose them for the colour-blind; blue is a little darker
 here. No two lines that meet in a figure rely on colour alone: they differ in dash or in lightness
@@ -21,25 +21,25 @@ INK, FRAME, GRID, PAPER = "#1D2329", "#8A949E", "#E3E7EB", "#FFFFFF"
 """Text, frame of the axes, grid lines, background."""
 
 SEQUENTIAL = ("#FBF7DC", "#D9EBC8", "#A8D8C1", "#74BDC1", "#4A9DBC", "#3579A8")
-"""Heat maps from low to high: ever darker, so that grey tells the same."""
+"""Heat maps from low to high: monotonically darker, so they are readable in grey."""
 
 DIVERGING = ("#3C75B0", "#7FA9D3", "#BCD4E8", "#F5F5F2", "#F0CBA9", "#DB9A66", "#B9682F")
-"""Heat maps of signed values: blue below zero, brown above."""
+"""Heat maps of signed values: blue for negative, brown for positive."""
 
 
 @dataclass(frozen=True)
 class Style:
-    """Look of a signal."""
+    """Style of a signal."""
 
-    label: str  #: Its name in the legend.
+    label: str  #: Name in the legend.
     colour: str  #: ``#RRGGBB``.
     #: Lengths of dashes and gaps in points; empty for a solid line.
     dash: tuple[float, ...] = SOLID
     width: float = 1.4  #: Line width in points.
-    marker: str = "circle"  #: Symbol of single points.
+    marker: str = "circle"  #: Symbol of points.
     hollow: bool = False  #: Whether the symbols are outlines only.
-    layer: int = 3  #: What is drawn over what: noise 1, most lines 3.
-    size: float = 4.0  #: Of the symbols, in points.
+    layer: int = 3  #: Drawing order: noise 1, most lines 3.
+    size: float = 4.0  #: Size of the symbols, in points.
 
 
 SIGNALS = {
@@ -51,7 +51,7 @@ SIGNALS = {
     "place": Style("measurement", GREY, SOLID, 1.0, layer=4, size=1.4),
     "estimate": Style("estimate", BLUE, SOLID, 1.2, layer=5),
     "mode": Style("mode", BLUE, SOLID, 1.2, layer=5, size=1.4),
-    # Often the same curve: the later ones are thinner and broken, and let the others show.
+    # Often the same curve: the later ones are thinner and dashed, so that the others are visible.
     "smoothed": Style("smoothed", OCHRE, SOLID, 2.6, layer=7),
     "smoothed 2": Style("smoothed", PURPLE, LONG, 1.6, layer=8),
     "smoothed 3": Style("smoothed", NAVY, DOT, 1.6, layer=9),
@@ -59,7 +59,7 @@ SIGNALS = {
     "estimate adaptive": Style("adaptive Kalman filter", BLUE, SOLID, 1.2, layer=5),
     "estimate closed law": Style("closed law", GREEN, DASH_DOT, 1.2, "triangle", layer=6),
     "estimate wide box": Style("adaptive, rules to ±0.8 mm", OCHRE, DOT, 1.6, "diamond", layer=5),
-    # Filters without a look of their own, often on the curve of another one: the wide ones below.
+    # Filters without a style of their own, often on another curve: the wide ones below.
     "another": Style("another filter", OCHRE, SOLID, 3.4, "diamond", hollow=True, layer=2),
     "another 2": Style("another filter", PURPLE, LONG, 2.2, "circle", hollow=True, layer=4),
     "another 3": Style("another filter", NAVY, DOT, 1.6, "cross", layer=7),
@@ -119,14 +119,14 @@ OF_KINDS = (
     Style("", VERMILION, LONG, 1.2, "triangle down", hollow=True, layer=4),
     Style("", OCHRE, DOT, 1.2, "triangle down", layer=5),
 )
-"""Looks of the kinds of estimators, in their order."""
+"""Styles of the kinds of filters, in order."""
 
 SIGNALS |= {f"kind {number}": look for number, look in enumerate(OF_KINDS)}
 """Each signal's look, by name."""
 
 
 def style_of(signal: str) -> Style:
-    """Look of a signal."""
+    """Return the style of a signal."""
     if signal in SIGNALS:
         return SIGNALS[signal]
     near = difflib.get_close_matches(signal, SIGNALS, n=1)
@@ -135,7 +135,7 @@ def style_of(signal: str) -> Style:
 
 
 def ink_on(colours: tuple[str, ...], place: float) -> str:
-    """Colour of text that is readable on a colour of a scale."""
+    """Return the colour of text that is readable on a colour."""
     if not 0 <= place <= 1:
         return INK
     behind = _luminance(colours[round(place * (len(colours) - 1))])
@@ -150,6 +150,6 @@ def _luminance(colour: str) -> float:
 
 
 def tint(colour: str, strength: float) -> str:
-    """Colour thinned with white, which prints alike everywhere (transparency does not)."""
+    """Return a colour mixed with white, which prints the same everywhere, unlike transparency."""
     parts = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
     return "#" + "".join(f"{round(255 + (part - 255) * strength):02X}" for part in parts)

@@ -1,4 +1,4 @@
-"""What covers a panel with colours: heat maps with contour lines, and tables of cells."""
+"""Items that fill a panel with colours: heat maps with contour lines, and tables of cells."""
 
 from __future__ import annotations
 
@@ -34,18 +34,17 @@ def _colour_scale(diverging: bool) -> list[list[Any]]:
 
 @dataclass(frozen=True, eq=False)
 class Heatmap(Item):
-    """A surface over a plane as colours, with labelled contour lines so that it reads in grey."""
+    """A surface as a heat map, with labelled contour lines so that it is readable in grey."""
 
     surface = True
     x: Vector  #: (n,) Abscissae of the columns, ascending, in SI.
     y: Vector  #: (m,) Ordinates of the rows, ascending, in SI.
     z: Vector  #: (m, n) The surface, in SI.
-    bar: Axis  #: What the colours mean: label, unit, factor, limits.
+    bar: Axis  #: Quantity of the colours: label, unit, factor, limits.
     #: True for a signed quantity: the palest colour is zero, limits are symmetric.
     diverging: bool = False
-    lines: int = 9  #: About how many contour lines, at round values; 0: none.
-    #: Whether one stands at zero. Where a surface is flat there, its place is an accident of the
-    #: grid.
+    lines: int = 9  #: Approximate number of contour lines, at round values; 0: none.
+    #: Whether there is one at zero. On a flat surface its place is arbitrary.
     zero: bool = True
 
     def __post_init__(self) -> None:
@@ -58,7 +57,7 @@ class Heatmap(Item):
 
     @property
     def shown_limits(self) -> tuple[float, float]:
-        """Lower and upper end of the colours, in the unit of `bar`."""
+        """Ends of the colour scale, in the unit of `bar`."""
         if self.bar.limits is not None:
             low, high = self.bar.limits
         else:
@@ -70,7 +69,7 @@ class Heatmap(Item):
 
     @property
     def levels(self) -> Vector:
-        """Values of the contour lines, round and evenly spaced, in the unit of `bar`."""
+        """Values of the contour lines, round and equidistant, in the unit of `bar`."""
         low, high = self.shown_limits
         if not high > low:
             return np.array([low, low + 1.0])
@@ -87,7 +86,7 @@ class Heatmap(Item):
         x, y, z = panel.x.shown(self.x), panel.y.shown(self.y), self.bar.shown(self.z)
         mesh = ax.pcolormesh(
             x, y, z, cmap=_colour_map(self.diverging), vmin=low, vmax=high, shading="gouraud",
-            rasterized=True,  # one embedded picture instead of a path a cell
+            rasterized=True,  # one embedded image instead of a path per cell
         )  # fmt: skip
         if self.lines:
             contours = ax.contour(x, y, z, levels=self.levels, colors=style.INK, linewidths=0.6)
@@ -95,10 +94,10 @@ class Heatmap(Item):
             for number in ax.clabel(
                 contours, fontsize=6.5, fmt=lambda v: text(v).replace("-", "−")
             ):
-                number.set_clip_on(False)  # half a number at the border would be a wrong number
+                number.set_clip_on(False)  # a number cut at the border would be a wrong number
         ax.grid(visible=False)
         canvas = ax.get_figure(root=True)
-        assert canvas is not None  # for the type checker: these axes were added to one
+        assert canvas is not None  # for the type checker: these axes are part of one
         bar = canvas.colorbar(mesh, ax=ax, label=self.bar.title, aspect=18, pad=0.02)
         bar.outline.set_linewidth(0.6)
 
@@ -136,15 +135,15 @@ class Heatmap(Item):
 
 @dataclass(frozen=True, eq=False)
 class Cells(Item):
-    """A table of coloured cells: names beside and below, a text in each."""
+    """A table of coloured cells: names at the side and below, a text in each."""
 
     surface = named_rows = True
     columns: Sequence[str]  #: Names, from the left and from the top.
     rows: Sequence[str]
-    #: (rows, columns) From 0, palest, to 1, darkest (or else see `diverging`); NaN is left white.
+    #: (rows, columns) From 0, palest, to 1, darkest (or see `diverging`); NaN is white.
     shade: Vector
-    texts: Sequence[Sequence[str]]  #: What stands in the cells, row by row.
-    diverging: bool = False  #: True where 1/2 is neither good nor bad: the palest colour then.
+    texts: Sequence[Sequence[str]]  #: Texts of the cells, row by row.
+    diverging: bool = False  #: True if 1/2 is neutral, and palest.
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shade", np.asarray(self.shade, dtype=np.float64))
