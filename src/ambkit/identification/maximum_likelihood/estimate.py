@@ -16,7 +16,7 @@ import numpy as np
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.reading.faults import without_spikes
 from ambkit.data.record import Record
-from ambkit.estimate.estimator import check_sampling
+from ambkit.estimate.along_records import check_sampling
 from ambkit.identification.maximum_likelihood import search as ascent
 from ambkit.identification.maximum_likelihood.current_state import (
     INSUFFICIENT_EXCITATION,

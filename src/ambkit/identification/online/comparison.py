@@ -17,7 +17,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.units import figure
 from ambkit.data.record import Record
-from ambkit.estimate.estimator import check_sampling
+from ambkit.estimate.along_records import check_sampling
 from ambkit.identification.online.adaline import (
     CONFIDENCE,
     CONSTANT,

@@ -1,0 +1,256 @@
+"""An estimator along a whole record: forwards, smoothed, and predictions from each sample."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.base.arrays import real
+from ambkit.base.errors import RecordError
+from ambkit.base.quantity_arguments import of_type
+from ambkit.data.record import Record
+from ambkit.estimate.angle import AngleEstimate, readings_of
+from ambkit.estimate.estimate import Estimate, packed
+from ambkit.estimate.stepping import Stepping
+from ambkit.machine.machine import Machine
+
+
+class AlongRecords(Stepping):
+    """An estimator along a whole record."""
+
+    inputs: Any
+    smooths: bool
+
+    def run(self, record: Record, *, covariance: bool = False) -> Estimate:
+        """Run along a whole record, from a fresh start at its first measurement within the travel.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1. Of a machine
+            with ``y_NAME`` of each reading and ``u_NAME`` of each axis, and where it is not the
+            machine's own with the ``speed`` of rotation [rad/s]; of one with ``[angle]`` with the
+            readings of that sensor, see ``estimate_angle``.
+        covariance : bool
+            Keep the covariances, 10 numbers a sample.
+
+        Raises
+        ------
+        RecordError
+            Where the record's sampling time is not the bearing's.
+        """
+        y, u = self._start(record)
+        speed, heard = self._rotation(record)
+        if speed is None:
+            history = self.core.run(y, u, covariance=covariance)
+        else:
+            turn, of = self.engine.core.run_turning, self.engine.model_of_core
+            history = turn(self.core, y, u, speed, of, covariance=covariance, heard=heard)
+        return self._estimated(record.t, self._with_law_error(history, u), self.name)
+
+    def run_raw(self, y: ArrayLike, u: ArrayLike, *, covariance: bool = False) -> Estimate:
+        """Run along a rig's own numbers, as the exported C does: to the last bit, from its start.
+
+        Parameters
+        ----------
+        y, u : array_like (n,)
+            What the controller reads, in the units of `inputs`; u[k] acts from sample k to k + 1.
+        covariance : bool
+            As in `run`.
+
+        Returns
+        -------
+        Estimate
+            In SI, from t = 0 on.
+
+        Raises
+        ------
+        ValueError
+            The two are not equally long.
+        """
+        position, control = self.in_si(y, u)
+        if position.ndim != 1 or position.shape != control.shape:
+            raise ValueError(
+                f"y and u must be as long as each other, have shapes {position.shape} and "
+                f"{control.shape}"
+            )
+        t = self.machine.sampling_time * np.arange(position.size, dtype=float)
+        signals = {"y": position, "u": control}
+        return self.run(Record(t, signals, {"y": "m", "u": "V"}), covariance=covariance)
+
+    def in_si(self, y: ArrayLike, u: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Turn what the controller reads into SI, as the exported C does, to the last bit.
+
+        Parameters
+        ----------
+        y : array_like (n,)
+            Positions, in the unit that `inputs` says, [m] without.
+        u : array_like (n,)
+            Control signals, likewise, [V] without.
+
+        Returns
+        -------
+        tuple of ndarray (n,)
+            Position [m] and control signal [V], in the precision of the estimator.
+        """
+        number = np.float32 if self.precision == "float32" else np.float64
+        return self.inputs.y.value(y, number), self.inputs.u.value(u, number)
+
+    def smooth(self, record: Record) -> Estimate:
+        """Estimate each sample of a record from all of it, not only from what came before.
+
+        The fixed-interval smoother of Rauch, Tung and Striebel (1965), in the form of Bryson and
+        Frazier modified by Bierman (1973), which inverts no covariance. Samples that the filter
+        leaves out are bridged. Where it was held because it knew no place any more, or started
+        afresh, nothing is carried back over the gap.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1.
+
+        Returns
+        -------
+        Estimate
+            With covariances. Innovations, stiffnesses and status are the filter's.
+
+        Raises
+        ------
+        ValueError
+            This kind has no covariance that the smoother could go back by.
+        RecordError
+            The record's sampling time is not the bearing's.
+        """
+        if not self.smooths:
+            raise ValueError(
+                f"{self.name}: cannot be smoothed; the linear, adaptive, extended and UD "
+                "Kalman filters can"
+            )
+        y, u = self._start(record)
+        history = self._with_law_error(self.core.smooth(y, u), u)
+        return self._estimated(record.t, history, f"{self.name}, smoothed")
+
+    def forecast(self, estimate: Estimate, record: Record, ahead: int) -> NDArray[np.float64]:
+        """Predict the measurement ``ahead`` samples after each estimate.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            Of this filter along the record, n samples.
+        record : Record
+            With ``u`` [V].
+        ahead : int
+            How many samples ahead.
+
+        Returns
+        -------
+        ndarray (n - ahead,)
+            Element k is the prediction of ``record["y"][k + ahead]`` [m], made from the estimate
+            at k and the control signals that acted since.
+        """
+        mean = np.ascontiguousarray(real("estimate.mean", estimate.mean))
+        _, u = self.view.signals(record)
+        return self.view.column(np.asarray(self.core.forecast(mean, u, ahead, estimate.scale)))
+
+    def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Reset to the first measurement of a record within the travel; return its y and u."""
+        of_type(Record, record=record)
+        check_sampling(self.machine, record)
+        y, u = self.view.signals(record)
+        self.reset(self.initial_state(y))
+        return y, u
+
+    def _estimated(
+        self, t: NDArray[np.float64], history: dict[str, Any], name: str | None = None
+    ) -> Estimate:
+        """Wrap what the core wrote of a whole record, in arrays by name."""
+        known: dict[str, Any] = dict(self.view.columns)
+        for key in ("mean", "innovation", "k_i", "k_s"):
+            known[key] = np.asarray(history[key], float)
+        for key in ("covariance", "scale", "scale_variance"):
+            known[key] = history.get(key)
+        return Estimate(
+            t=t, innovation_variance=np.asarray(history["variance"], float),
+            status=history["status"], estimator=name or self.name, states=self.states,
+            **known,
+        )  # fmt: skip
+
+    def _with_law_error(self, history: dict[str, Any], u: NDArray[Any]) -> dict[str, Any]:
+        """Add to the covariances of a record what the law's error makes of them."""
+        if "covariance" in history and self.law_error.size:
+            n = len(self.states)
+            diagonal = [packed(i, i, n) for i in range(n)]
+            before = np.concatenate([np.zeros_like(u[:1]), u[:-1]])
+            history["covariance"][:, diagonal] += self._law_variance(history["mean"], before)
+        return history
+
+    def _rotation(self, record: Record) -> tuple[NDArray[Any] | None, bool]:
+        """Return how the model turns along a record, None: as made; whether that is heard."""
+        if self.machine.angle is not None and self.view.speed is not None:
+            return self.hear(readings_of(self.machine, record)), True
+        return self.turning(dict(record.signals).get("speed"), len(record)), False
+
+    def hear(self, readings: ArrayLike) -> NDArray[Any]:
+        """Let the model of a machine follow the readings of its angle's sensor.
+
+        Parameters
+        ----------
+        readings : array_like (n,)
+            Of pulses the time since one came [s], of an encoder [rad], of a speed signal [rad/s],
+            as ``AngleEstimate.of`` takes them.
+
+        Returns
+        -------
+        ndarray (n, 8)
+            What the filter hears of the rotation at each sample, the fields of ``amb_rotation``
+            (``core/include/ambkit/angle.h``) [their SI units].
+        """
+        angle = AngleEstimate.of(self.machine, readings, precision=self.precision)
+        assert self.machine.angle is not None  # else there is no estimate
+        self.engine.stand(self.core)  # nothing is left of a speed that it followed before
+        self.engine.schedule_speeds(*self.machine.angle.range(self.machine.speed))
+        if (synchronous := self.engine.synchronous_states()) is not None:
+            std = [float(item) for item in self.default_std()]
+            self.engine.model_of_core.synchronous(synchronous | {"std": std})
+        self.engine.model_of_core.turn(float(angle.heard[0, 0]), 0.0)
+        return angle.heard
+
+    def turning(self, speed: NDArray[np.float64] | None, n: int) -> NDArray[Any] | None:
+        """Let the model of a machine follow the speed of its rotor.
+
+        Parameters
+        ----------
+        speed : ndarray (n,), optional
+            Of rotation at the samples [rad/s]; by default the machine's own.
+        n : int
+            Samples.
+
+        Returns
+        -------
+        ndarray (n,) or None
+            The speed that it follows [rad/s]; None where it is the machine's own.
+        """
+        own = self.view.speed
+        if own is None:
+            return None
+        speeds = np.full(n, own) if speed is None else np.asarray(speed, float)
+        self.engine.stand(self.core)  # nothing is left of a speed that it followed before
+        if bool((speeds == own).all()):
+            return None
+        self.engine.schedule_speeds(float(speeds.min()), float(speeds.max()))
+        self.engine.model_of_core.turn(float(speeds[0]), 0.0)
+        return np.ascontiguousarray(speeds, self.precision)
+
+
+def check_sampling(machine: Machine, record: Record) -> None:
+    """Refuse a record that was not sampled as the bearing says."""
+    if len(record.t) < 2:
+        return
+    T = float(record.t[-1] - record.t[0]) / (len(record.t) - 1)
+    if abs(T - machine.sampling_time) > 1e-3 * machine.sampling_time:
+        raise RecordError(
+            f"the record is sampled every {T:.6g} s, but {machine.name!r} has "
+            f"sampling_time = {machine.sampling_time:.6g} s"
+        )

@@ -1,0 +1,303 @@
+"""An estimator from its start on, sample by sample."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.base.arrays import real
+from ambkit.estimate.core_model import Engine
+from ambkit.estimate.estimate import Status
+from ambkit.estimate.law_error import law_errors
+from ambkit.estimate.machine_model import View
+from ambkit.machine.magnets import Precision
+from ambkit.models.model import Descriptor, Model
+
+
+class Stepping:
+    """An estimator from its start on, sample by sample."""
+
+    name: str
+    start_std: Mapping[str, float]
+    by_model: bool
+    machine: Any
+    view: View
+    magnet: Any
+    precision: Precision
+    engine: Engine
+    core: Any  #: The core's estimator: parameters, state, last result.
+    variances: Any
+
+    @property
+    def states(self) -> tuple[Descriptor, ...]:
+        """What the states are, in their order: name, unit, typical size, role."""
+        return self.engine.states
+
+    @property
+    def model(self) -> Model:
+        """The sampled model that it predicts with."""
+        return self.engine.model
+
+    def default_std(self) -> tuple[float, ...]:
+        """Return the standard deviations with which a filter starts; see :meth:`reset`."""
+        names = [state.name for state in self.states]
+        return tuple(
+            (dict(zip(names, self._usual_std, strict=True)) | dict(self.start_std)).values()
+        )
+
+    @cached_property
+    def _usual_std(self) -> tuple[float, ...]:
+        """Those of its kind, for a bearing and the variances that it was made with."""
+        return self.view.start_std(self.variances, self.states)
+
+    def reset(
+        self,
+        mean: ArrayLike | None = None,
+        std: Sequence[float] | Literal["diffuse"] | None = None,
+    ) -> None:
+        """Start anew.
+
+        Any start will do: good samples bring the filter back to the rotor. What is beyond what a
+        rotor between its stops can do is held to that (``core/include/ambkit/envelope.h``).
+
+        Parameters
+        ----------
+        mean : array_like (n,), optional
+            The states: displacement [m], velocity [m/s], disturbance force [N], lagged position
+            [m], and what else the model has; finite. Default: at rest in the middle, with the
+            current that holds the rotor there.
+        std : sequence of n floats, or "diffuse", optional
+            Their standard deviations, finite and positive. Default: three times the measurement
+            noise, a tenth of the travel in the plant's time constant, the weight, three times the
+            measurement noise; currents are anywhere, noise is as large as it is. ``"diffuse"``:
+            nothing is known but the stops and the sensor, and the first samples tell the rest.
+
+        Raises
+        ------
+        ValueError
+            There are not as many numbers as states, a mean is not finite, or a standard deviation
+            not finite and positive.
+        """
+        if isinstance(std, str) and std != "diffuse":
+            raise ValueError(f"std must be {len(self.states)} numbers or 'diffuse', got {std!r}")
+        initial_std = self.default_std() if std is None else std
+        start = self.equilibrium_state(0.0) if mean is None else mean
+        for name, item in (("mean", start), ("std", initial_std)):
+            if not isinstance(item, str) and np.ndim(item) != 1:
+                raise ValueError(
+                    f"{name} must be {len(self.states)} numbers, one for each state, has shape "
+                    f"{np.shape(item)}"
+                )
+        self.core.reset(
+            self._representable(real("mean", start)),
+            None
+            if isinstance(initial_std, str)
+            else self._representable(real("std", initial_std), positive=True),
+        )
+
+    def _representable(self, values: ArrayLike, *, positive: bool = False) -> NDArray[np.float64]:
+        """Return finite values as near as this precision has them; others as they are."""
+        a = np.asarray(values, dtype=float)
+        known = np.finfo(self.precision)
+        near = np.clip(a, -float(known.max), float(known.max))
+        if positive:
+            near = np.where(near > 0, np.maximum(near, float(known.tiny)), near)
+        return np.where(np.isfinite(a), near, a)
+
+    def transfer_from(self, other: Stepping) -> None:
+        """Bumpless transfer: take mean, covariance and counts of bad samples from another filter.
+
+        A filter that was learned anew so replaces the running one between two samples. In C, where
+        the state is the caller's, nothing needs to be done: the next step is given the new
+        parameters, and the same state.
+
+        Parameters
+        ----------
+        other : Estimator
+            Any of the linear, adaptive, extended and unscented Kalman filters where this is one of
+            them; for the UD filter another of its kind. Sampling time and sensor should be
+            the same.
+
+        Raises
+        ------
+        ValueError
+            One of the two keeps something else as well, such as a scale of the magnet, which means
+            something only beside its own parameters; or they differ in precision.
+        """
+        if self.precision != other.precision:
+            raise ValueError(
+                f"both must have one precision, got {self.precision} and {other.precision}"
+            )
+        self.core.transfer_from(other.core)
+
+    def equilibrium_state(
+        self,
+        x: float | NDArray[np.float64],
+        shown: float | NDArray[np.float64] | None = None,
+        current: Any = None,
+    ) -> NDArray[np.float64]:
+        """Return the states (n,), each in its unit [m, m/s, N ...], of a rotor at rest.
+
+        Parameters
+        ----------
+        x : float or ndarray (runs,)
+            Displacement [m]; of several runs the states are (runs, n).
+        shown : float or ndarray (runs,), optional
+            What the sensor shows [m]; by default what it shows of x.
+        current : float, optional
+            The magnet's, and what was demanded in the samples before [A]; by default what holds the
+            rotor there, see :attr:`levitation_current`.
+
+        Notes
+        -----
+        Of several axes x are the rotor's coordinates (q,), 0 for all of them in the middle,
+        `shown` the readings (m,) and `current` the axes' currents (p,).
+        """
+        return self.view.equilibrium_state(
+            self.states, self.levitation_current, x, shown, current, self.precision
+        )
+
+    def initial_state(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the states at rest at the first measurement within the travel.
+
+        Parameters
+        ----------
+        y : ndarray (N,) or (runs, N)
+            Measured positions [m].
+
+        Returns
+        -------
+        ndarray (n,) or (runs, n)
+            The states, each in its unit [m, m/s, N ...].
+        """
+        return self.view.initial_state(self.states, self.levitation_current, y, self.precision)
+
+    @cached_property
+    def levitation_current(self) -> Any:
+        """Current that holds the rotor in the middle [A], and by how much more away from it [A/m].
+
+        By what the filter knows of its magnet; 0 without a current among the states. Of a whole
+        machine such a pair for each axis.
+        """
+        return self.view.levitation_current(self.magnet, self.states)
+
+    def predict(self, u: float) -> NDArray[np.float64]:
+        """Go one sample on (eq. 9, 10).
+
+        Parameters
+        ----------
+        u : float
+            Control signal that acted since the last sample [V].
+
+        Returns
+        -------
+        ndarray (n,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
+        """
+        self.core.predict(u)
+        return self.mean
+
+    def update(self, y: float) -> NDArray[np.float64]:
+        """Take in a measurement (eq. 11-13).
+
+        Parameters
+        ----------
+        y : float
+            Measured position [m].
+
+        Returns
+        -------
+        ndarray (n,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
+        """
+        self.core.update(y)
+        return self.mean
+
+    def step(self, y: float, u: float) -> NDArray[np.float64]:
+        """Predict, then take in a measurement. Never raises on bad input: see :attr:`status`.
+
+        Parameters
+        ----------
+        y : float
+            Measured position [m].
+        u : float
+            Control signal that acted since the last sample [V].
+
+        Returns
+        -------
+        ndarray (n,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
+        """
+        self._core_step(y, u)
+        return self._live_mean.copy()
+
+    # Looked up once: they are asked at every sample.
+    @cached_property
+    def _core_step(self) -> Callable[[float, float], int]:
+        return self.core.step  # type: ignore[no-any-return]
+
+    @cached_property
+    def _live_mean(self) -> NDArray[np.float64]:
+        return self.core.live_mean  # type: ignore[no-any-return]
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """State estimate (n,): x [m], v [m/s], f_d [N], x_m [m], and what else the model has."""
+        return self._live_mean.copy()
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Covariance of the state estimate (n, n) [products of the states' units].
+
+        That of a disturbance force includes the error of the filter's force law.
+        """
+        P = np.asarray(self.core.covariance)
+        if self.law_error.size:
+            P += np.diag(self._law_variance(self.mean, self.core.last_u)[0])
+        return P
+
+    @cached_property
+    def law_error(self) -> NDArray[np.float64]:
+        """What its force law leaves out of the machine's (``ambkit/law_error.h``); empty: nothing.
+
+        Coefficients of a polynomial in current and displacement, axis by axis.
+        """
+        return law_errors(self.machine, self.magnet) if self.by_model else np.zeros(0)
+
+    def _law_variance(self, mean: NDArray[Any], u: NDArray[Any]) -> NDArray[Any]:
+        """Return what the law's error adds to the variances (n, states) after controls (n, p)."""
+        law, means, controls = (
+            np.ascontiguousarray(item, self.precision) for item in (self.law_error, mean, u)
+        )
+        return np.asarray(self.core.law_variance(law, means, controls))
+
+    @property
+    def innovation(self) -> Any:
+        """Last measurement less its prediction [m]; of several readings (m,)."""
+        return self.core.innovation
+
+    @property
+    def innovation_variance(self) -> Any:
+        """Its variance S as the filter expects it [m^2]; of several readings (m,)."""
+        return self.core.variance
+
+    @property
+    def scale(self) -> tuple[float, float] | None:
+        """Estimated magnet constant over the known one, and its standard deviation.
+
+        None where this kind does not estimate it.
+        """
+        if self.core.scale is None:
+            return None
+        value, variance = self.core.scale
+        return float(value), math.sqrt(variance)
+
+    @property
+    def status(self) -> Status:
+        """What the last step had to say."""
+        return Status(self.core.status)
