@@ -1,4 +1,4 @@
-"""The commands: which verb each is, what it writes, and how a shell names it."""
+"""The commands: their verbs, outputs and names in the shell."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ COMMANDS = {
         "reproduce": "reproduce:reproduce",
     },
 }
-"""Module and function of each command, by its purpose."""
+"""Module and function of each command, by purpose."""
 
 VERBS = {name: place for of in COMMANDS.values() for name, place in of.items()}
 
@@ -102,10 +102,10 @@ MAKES: Mapping[str, Mapping[str, Sequence[str]]] = {
     "export mat": {"": (".mat",)},
     "campaign replay": {"": RECORDS, "estimates": RECORDS, "machine": (".toml",)},
 }  # fmt: skip
-"""Endings of what a command makes beside the forms of all results, by the name in WHAT=FILE."""
+"""File types of a command besides those of all results, by the name in WHAT=FILE."""
 
 PICTURES = (".png", ".svg", ".pdf", ".html")
-ROWS = (".json", ".csv", ".tex", ".html")  #: What every result can be written as.
+ROWS = (".json", ".csv", ".tex", ".html")  #: File types of every result.
 
 BEGIN = """Kalman filters for magnetic bearings, from a machine or a recording to C code.
 
@@ -113,11 +113,11 @@ BEGIN = """Kalman filters for magnetic bearings, from a machine or a recording t
     ambkit simulate my.toml --step "0.3 mm" --out run.csv
     ambkit filter run.csv --machine my.toml --plot run.png
 """
-"""What ``ambkit`` prints before the list of its commands."""
+"""Introduction of ``ambkit --help``."""
 
 
 class Misused(AmbkitError):
-    """A command line that its command does not understand."""
+    """An invalid command line."""
 
     def __init__(self, message: str, command: str | None) -> None:
         super().__init__(message)
@@ -131,7 +131,7 @@ def verb_called(name: str) -> Callable[..., Any]:
 
 
 def products(name: str, verb: Callable[..., Any]) -> Mapping[str, Sequence[str]]:
-    """Return the endings of all that a command writes, by the name in WHAT=FILE."""
+    """Return the file types of a command, by the name in WHAT=FILE."""
     makes = MAKES.get(name, {})
     own = tuple(makes.get("", ()))
     rows = (
@@ -158,13 +158,13 @@ def within(name: str) -> list[str]:
 
 
 def listing(names: Sequence[str], width: int = 0) -> str:
-    """Return a line for each of some commands."""
+    """Return a line for each of several commands."""
     column = max(width, *map(len, names)) + 2
     return "\n".join(f"  {name.ljust(column)}{summary(name)}" for name in names)
 
 
 def front() -> str:
-    """Return what ``ambkit --help`` prints."""
+    """Return the text of ``ambkit --help``."""
     purposes = {
         title: tuple(dict.fromkeys(name.partition(" ")[0] for name in of))
         for title, of in COMMANDS.items()
@@ -188,13 +188,13 @@ def of_group(name: str) -> str:
 
 
 def called(arguments: Sequence[str]) -> tuple[str, Sequence[str]]:
-    """Return the command that a shell calls, of one word or two, and its arguments."""
+    """Return the command of a command line, of one word or two, and its arguments."""
     count = 2 if " ".join(arguments[:2]) in VERBS else 1
     return " ".join(arguments[:count]), arguments[count:]
 
 
 def unknown(name: str, following: Sequence[str]) -> Misused:
-    """Return the refusal of a command that is not there, with the one that was perhaps meant."""
+    """Return the error for an unknown command, with the most similar one."""
     words = f"{name} {following[0]}" if name in GROUPS and following else name
     near = difflib.get_close_matches(words, [*VERBS, *GROUPS], 1)
     hint = f"; did you mean {near[0]}?" if near else ""

@@ -20,19 +20,19 @@ from ambkit.cli import catalogue
 from ambkit.cli.catalogue import Misused
 
 PLAIN = ("Document", "Statement", "Workbench")
-"""Types of results that have neither pictures nor figures for experts."""
+"""Types of results without figures and details."""
 
 OPERANDS = ("records", "name")
-"""Parameters that stand without an option though they may be left out."""
+"""Optional parameters that are positional."""
 
 REPEATED = " Repeatable."
 
 SAME = re.compile(r"[Aa]s for `ambkit ([\w -]+)`")
-"""Of a parameter that has the meaning that it has in another command."""
+"""Marks a parameter with the meaning that it has in another command."""
 
 
 class Description(NamedTuple):
-    """What a command needs of a numpydoc docstring."""
+    """A numpydoc docstring, as needed for a command."""
 
     summary: str
     text: str
@@ -41,7 +41,7 @@ class Description(NamedTuple):
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose refusals are errors like all others."""
+    """A parser that raises its errors like all others."""
 
     def __init__(self, name: str) -> None:
         super().__init__(
@@ -60,7 +60,7 @@ class Parser(argparse.ArgumentParser):
         return super().parse_args(joined, namespace)
 
     def error(self, message: str) -> Any:
-        """Refuse the command line, with the option that was perhaps meant."""
+        """Reject the command line, with the most similar option."""
         unknown = re.match(r"unrecognized arguments: (--[^\s=]+)", message)
         if unknown:
             near = difflib.get_close_matches(unknown[1], self._option_string_actions, 1)
@@ -73,7 +73,7 @@ fill = partial(textwrap.fill, break_on_hyphens=False)
 
 
 class Layout(argparse.RawDescriptionHelpFormatter):
-    """Help in columns, on a terminal of any width."""
+    """Help in columns, for a terminal of any width."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, max_help_position=28, width=width())
@@ -89,12 +89,12 @@ class Layout(argparse.RawDescriptionHelpFormatter):
 
 
 def width() -> int:
-    """Return how many columns a help has."""
+    """Return the width of a help in columns."""
     return min(shutil.get_terminal_size().columns, 100)
 
 
 class Once(argparse.Action):
-    """An option that is taken once: the first of two would be dropped."""
+    """An option that may appear once; otherwise the first of two would be ignored."""
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
         """Take the value."""
@@ -104,7 +104,7 @@ class Once(argparse.Action):
 
 
 def described(verb: Callable[..., Any]) -> Description:
-    """Read the docstring of a verb; what is as for another is looked up there."""
+    """Parse the docstring of a verb, and look up parameters documented elsewhere."""
     text, *sections = re.split(r"\n(?=[A-Z][\w ]+\n-+\n)", inspect.getdoc(verb) or "")
     parts = {title: body for title, _, body in (part.split("\n", 2) for part in sections)}
     parameters = {}
@@ -120,7 +120,7 @@ def described(verb: Callable[..., Any]) -> Description:
 
 
 def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
-    """Return the parser of a command: what the verb takes, and what is done with its result."""
+    """Return the parser of a command: parameters of the verb, and output of its result."""
     about = described(verb)
     parser = Parser(f"ambkit {name}")
     lines = "".join(f"\n    {line}" for line in about.examples)
@@ -130,10 +130,10 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
         parser.description += "\n\n" + fill(f"Further commands: {', '.join(beside)}.", width())
     for place, parameter in enumerate(inspect.signature(verb).parameters.values()):
         text = about.parameters[parameter.name].replace("%", "%%")
-        # Annotations of parameters alone: those of results name what is not imported.
+        # Annotations of parameters only: those of results name what is not imported.
         settings = _settings(eval(parameter.annotation, verb.__globals__))
         if not settings.get("metavar", True):
-            continue  # of Python only
+            continue  # for Python only
         required = parameter.default is parameter.empty
         if (
             parameter.name in OPERANDS
@@ -150,7 +150,7 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
                 + _default(parameter.default),
                 default=argparse.SUPPRESS, required=required, **{"action": Once} | settings,
             )  # fmt: skip
-    if "--out" not in parser._option_string_actions:  # else the verb writes a folder by itself
+    if "--out" not in parser._option_string_actions:  # else the verb writes a folder itself
         _add_outputs(parser, name, verb)
     parser.add_argument("--json", action="store_true", help="Print JSON, in SI units.")
     if catalogue.returns(verb) not in PLAIN:
@@ -161,7 +161,7 @@ def parser_of(name: str, verb: Callable[..., Any]) -> Parser:
 def _positional(settings: dict[str, Any], default: Any) -> dict[str, Any]:
     required = default is inspect.Parameter.empty
     if settings.pop("action", None) != "append":
-        # An operand that is left out is left to the verb.
+        # An omitted operand uses the verb's default.
         return settings if required else settings | {"nargs": "?", "default": argparse.SUPPRESS}
     return settings | {"nargs": "+" if required else "*"}
 
@@ -186,7 +186,7 @@ def _add_outputs(parser: Parser, name: str, verb: Callable[..., Any]) -> None:
 
 
 def _default(value: Any) -> str:
-    """Return a default as the help shows it."""
+    """Return a default for the help."""
     if value is None or value is False or value == () or value is inspect.Parameter.empty:
         return ""
     text = ", ".join(map(str, value)) if isinstance(value, tuple) else value
@@ -194,7 +194,7 @@ def _default(value: Any) -> str:
 
 
 def _settings(annotation: Any) -> dict[str, Any]:
-    """Return what argparse must know of a type: a text where the verb itself reads it."""
+    """Return argparse's settings of a type: a text if the verb itself parses it."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin in (Union, UnionType):
         kinds = [part for part in parts if part is not NoneType]
@@ -227,7 +227,7 @@ def run(name: str, arguments: Sequence[str]) -> int:
         options = vars(parser.parse_args(arguments))
     except argparse.ArgumentError as error:
         parser.error(str(error))
-    own = "out" in inspect.signature(verb).parameters  # it writes a folder by itself
+    own = "out" in inspect.signature(verb).parameters  # it writes a folder itself
     out = {} if own else _targets(options.pop("out", []), catalogue.products(name, verb))
     plots = options.pop("plot", [])
     as_json, verbose = options.pop("json"), options.pop("verbose", False)
@@ -254,13 +254,13 @@ def run(name: str, arguments: Sequence[str]) -> int:
         return printing.deliver_document(result, files, as_json=as_json)
     screen = printing.on_screen(result, verbose=verbose)
     printing.deliver(result.to_dict(), screen, files, as_json=as_json)
-    if as_json:  # else it is among the notes
+    if as_json:  # otherwise part of the notes
         printing.say_adequacy(result)
     return 0 if getattr(result, "passed", True) else 1
 
 
 def _targets(paths: Sequence[Path], makes: Mapping[str, Sequence[str]]) -> dict[Path, str]:
-    """Return which of its products a command writes into each file."""
+    """Return which product a command writes into each file."""
     results: dict[Path, str] = {}
     for path in sorted(paths, key=lambda path: _parts(path)[0] != ""):
         what, file = _parts(path)
@@ -278,7 +278,7 @@ def _parts(path: Path) -> tuple[str, Path]:
 def _check_files(
     option: str, files: Sequence[tuple[Path, Sequence[str]]], arguments: dict[str, Any]
 ) -> None:
-    """Refuse files that cannot be written, or that the command reads, before it begins."""
+    """Reject files that cannot be written, or are inputs of the command, before it begins."""
     texts = [item for value in arguments.values()
              for item in (value if isinstance(value, list) else [value])]  # fmt: skip
     read = [Path(text) for text in texts if isinstance(text, str)]
@@ -304,7 +304,7 @@ SHELLS = ("bash", "zsh", "tcsh")
 
 
 def completion(arguments: Sequence[str]) -> str:
-    """Return the script that a shell sources."""
+    """Return the script for a shell's completion."""
     import shtab
 
     if len(arguments) != 1 or arguments[0] not in SHELLS:
@@ -313,7 +313,7 @@ def completion(arguments: Sequence[str]) -> str:
 
 
 def _tree() -> argparse.ArgumentParser:
-    """Return one parser of all commands: first words, and second ones below them."""
+    """Return one parser of all commands: first words, with second ones below them."""
     top = argparse.ArgumentParser("ambkit")
     top.add_argument("--version", action="store_true", help="Print the version.")
     top.add_argument("--debug", action="store_true", help="With an error, show its place.")
@@ -334,7 +334,7 @@ def _tree() -> argparse.ArgumentParser:
 
 
 def _parents(name: str) -> list[argparse.ArgumentParser]:
-    """Return the parser of a command, whose operands that are files are completed as such."""
+    """Return the parser of a command, whose file operands have completion."""
     if name in catalogue.GROUPS:
         return []
     import shtab

@@ -1,4 +1,4 @@
-"""The command ``ambkit``: whatever happens is an exit code and, where it failed, one message.
+"""The command ``ambkit``: every outcome is an exit code and, on failure, one message.
 
 What a user can mend leaves with 2, an error of ambkit's own with 1, Ctrl-C with 130. The commands
 themselves are the verbs (`ambkit.verbs`), which are imported where an interrupt is heeded already.
@@ -12,21 +12,22 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-# Nothing but what Python has loaded already: an interrupt during these imports leaves a traceback.
+# Only modules that Python has loaded already: an interrupt during other imports would print a
+# traceback.
 TYPE_CHECKING = False
 
-INTERRUPTED = 130  #: Exit code after Ctrl-C, as shells have it: 128 and the signal's number.
+INTERRUPTED = 130  #: Exit code after Ctrl-C, as in shells: 128 and the signal's number.
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run a command and leave with its exit code."""
+    """Run a command and exit with its exit code."""
     alone = arguments is None
     try:
         if alone:
             sys.unraisablehook = _heed_interrupts
-            # Pictures go into files; matplotlib will not start with a window that it lacks.
+            # Figures are written to files; matplotlib must not require a display.
             os.environ.pop("MPLBACKEND", None)
-            gc.set_threshold(100_000, 50, 100)  # to look for garbage took a tenth of a command
+            gc.set_threshold(100_000, 50, 100)  # garbage collection took a tenth of a command
         from ambkit.base import progress
         from ambkit.cli import printing
 
@@ -36,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         printing.heed_notes()
         argv = sys.argv[1:] if arguments is None else arguments
         debug = "--debug" in argv
-        if alone and not debug:  # what overflows shows in the results
+        if alone and not debug:  # overflow is visible in the results
             import warnings
 
             warnings.simplefilter("ignore", RuntimeWarning)
@@ -48,37 +49,37 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     if alone:
         import signal
 
-        # All is done: Ctrl-C while Python takes itself apart would only make noise.
+        # All is done: Ctrl-C during interpreter shutdown would only print noise.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.exit(code)
 
 
 def _heed_interrupts(lost: Any) -> None:
-    """Repeat a Ctrl-C that fell into a callback, where Python drops it: imports have many."""
+    """Repeat a Ctrl-C that Python ignored within a callback, of which imports have many."""
     if not isinstance(lost.exc_value, KeyboardInterrupt):
         sys.__unraisablehook__(lost)
         return
     import _thread
     from threading import Timer
 
-    again = Timer(0.01, _thread.interrupt_main)  # once Python has left the callback
+    again = Timer(0.01, _thread.interrupt_main)  # after the callback
     again.daemon = True
     again.start()
 
 
 def _run(arguments: list[str], debug: bool) -> int:
-    """Run a command; return 0, 2 for what the user can mend, 1 for what is not foreseen."""
+    """Run a command; return 0, 2 for errors of the user, 1 for unexpected ones."""
     from ambkit.base.errors import AmbkitError
 
     try:
         code = _called(arguments)
         sys.stdout.flush()
         return code
-    except BrokenPipeError:  # whoever read our output has had enough
+    except BrokenPipeError:  # the reader has closed the pipe
         _silenced()
         return 0
     except Exception as error:
-        if debug:  # where in the program it came from
+        if debug:  # the origin in the program
             import traceback
 
             traceback.print_exc()
@@ -96,7 +97,7 @@ def _run(arguments: list[str], debug: bool) -> int:
 
 
 def _called(arguments: list[str]) -> int:
-    """Run the command that the arguments name, and return its exit code."""
+    """Run the command of the arguments, and return its exit code."""
     from ambkit.cli import catalogue
 
     name, following = catalogue.called(arguments)
@@ -123,12 +124,12 @@ def _called(arguments: list[str]) -> int:
 
 
 def _silenced() -> None:
-    """Drop what stdout still holds: Python must not try to flush it when it ends."""
+    """Discard the contents of stdout: Python must not flush it at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _interrupted() -> None:
-    """Say what was written so far, in a line."""
+    """Report the files written so far, in a line."""
     from ambkit.base import progress
     from ambkit.cli import printing
 
@@ -143,7 +144,7 @@ def _interrupted() -> None:
 
 
 def _refused(message: str, command: str | None = None) -> int:
-    """Print one message, and where the command's help is if the command was not understood."""
+    """Print one message, and where to find help if the command line was invalid."""
     from ambkit.cli import printing
 
     hint = f"\ntry {command} --help" if command is not None else ""
@@ -152,7 +153,7 @@ def _refused(message: str, command: str | None = None) -> int:
 
 
 def _unforeseen(error: Exception) -> int:
-    """Say in a line what nobody foresaw, where it happened, and what to do with it."""
+    """Report an unexpected error in a line: its place, and what to do."""
     from ambkit.cli import printing
 
     trace, place = error.__traceback__, ""

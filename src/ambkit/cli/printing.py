@@ -1,4 +1,4 @@
-"""What a command prints and writes: results on stdout, all else on stderr, files at the end."""
+"""Output of a command: results on stdout, everything else on stderr, files at the end."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 File = tuple[Path, Callable[[Path], object]]
 
 written: list[Path] = []
-"""The files that this call has written so far, for the message when it is interrupted."""
+"""Files written so far, for the message of an interrupt."""
 
 
 def deliver(
     data: Any, tables: Iterable[Table | str], files: Sequence[File] = (), *, as_json: bool
 ) -> None:
-    """Write the files, print the results, and say where the files are."""
+    """Write the files, print the results, and report the files."""
     for path, write in files:
         write(path)
         written.append(path)
@@ -64,7 +64,7 @@ def deliver_document(result: Any, files: Sequence[File], *, as_json: bool) -> in
 
 
 def draw_refused(error: AmbkitError, plots: Sequence[Path]) -> None:
-    """Draw where the trouble is in a log that was refused."""
+    """Plot the defects of a rejected log."""
     if not plots:
         return
     from ambkit.data.reading.reading_figure import refused_figure
@@ -82,7 +82,7 @@ def draw_refused(error: AmbkitError, plots: Sequence[Path]) -> None:
 
 
 def on_screen(result: Result, *, verbose: bool) -> Iterator[Table | str]:
-    """Yield what a terminal shows: the finding, the tables, the notes."""
+    """Yield the content for a terminal: finding, tables, notes."""
     from ambkit.result.tables import remarks, tables
 
     yield f"{result.finding}\n"
@@ -96,7 +96,7 @@ def on_screen(result: Result, *, verbose: bool) -> Iterator[Table | str]:
 def show(tables: Iterable[Table | str]) -> None:
     """Print tables on stdout."""
     console = stdout()
-    # rich would leave with 1 where the reader has gone; it flushes stdout with each capture, too.
+    # rich would exit with 1 when the reader has gone; it flushes stdout with each capture, too.
     with console.capture() as text:
         for item in tables:
             if isinstance(item, str):
@@ -107,21 +107,21 @@ def show(tables: Iterable[Table | str]) -> None:
 
 
 def filled(text: str) -> str:
-    """Return a text in lines as wide as the screen, and no word cut."""
+    """Return a text wrapped to the width of the screen, with complete words."""
     lines = escaping.lines(text).split("\n")
     fill = partial(textwrap.fill, break_long_words=False, break_on_hyphens=False)
     return "\n".join(fill(line, stdout().width) for line in lines)
 
 
 def stdout() -> Console:
-    """Return rich's view of stdout: as wide as the terminal, in a pipe 80 columns."""
+    """Return rich's console for stdout: as wide as the terminal, 80 columns in a pipe."""
     from rich.console import Console
 
     return Console(width=shutil.get_terminal_size().columns, highlight=False, markup=False)
 
 
 def say_adequacy(result: Result) -> None:
-    """State on stderr why filters must not fly."""
+    """State on stderr why filters are inadequate."""
     from ambkit.judge.adequacy import sentences
 
     judged = getattr(result, "adequacy", ())
@@ -131,21 +131,21 @@ def say_adequacy(result: Result) -> None:
 
 
 def note(text: str) -> None:
-    """Say something on stderr; where nobody can hear it, nothing is left to be done."""
+    """Print a note on stderr; if that is closed, do nothing."""
     with suppress(OSError):
         print(escaping.lines(text), file=sys.stderr)
 
 
 class Notes(logging.Handler):
-    """Says what the library notes, as commands do."""
+    """Prints the library's notes."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Say it."""
+        """Print it."""
         note(record.getMessage())
 
 
 def heed_notes() -> None:
-    """Say on stderr what the library notes."""
+    """Print the library's notes on stderr."""
     notes = logging.getLogger("ambkit")
     if not notes.handlers:
         notes.addHandler(Notes())
@@ -157,13 +157,13 @@ _PLAIN = {
     "·": " ", "–": "-", "—": "-", "−": "-", "…": "...", "≤": "<=", "≥": ">=", "→": "->",
     "∞": "inf", "√": "sqrt", "σ": "sigma", "\u00a0": " ", "“": '"', "”": '"', "‘": "'", "’": "'",
 }  # fmt: skip
-"""How engineers write in ASCII; of units, as `ambkit.base.units` reads them."""
+"""ASCII notation of engineers; for units as in `ambkit.base.units`."""
 
 
 def prepare() -> None:
-    """Make stdin, stdout and stderr fit to use."""
-    # One that is closed becomes the null device: who closes it does not want the output, and no
-    # file that is written may take its number. Letters that a stream does not have are spelt out.
+    """Prepare stdin, stdout and stderr."""
+    # A closed stream becomes the null device: its output is unwanted, and no file may get its
+    # number. Characters that a stream cannot encode are transliterated.
     codecs.register_error("spelt", _spelt)
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(number, True)
@@ -178,7 +178,7 @@ def prepare() -> None:
 
 
 def _spelt(error: UnicodeError) -> tuple[str, int]:
-    """Write letters that an encoding lacks in ASCII; others as TOML and JSON escape them."""
+    """Write characters that an encoding lacks in ASCII; others as TOML and JSON escape them."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     letters = error.object[error.start : error.end]
@@ -186,6 +186,6 @@ def _spelt(error: UnicodeError) -> tuple[str, int]:
 
 
 def _escaped(code: int) -> str:
-    if 0xDC80 <= code <= 0xDCFF:  # a byte of a file's name that is no text
+    if 0xDC80 <= code <= 0xDCFF:  # a byte of a file name that is no text
         return f"\\x{code - 0xDC00:02x}"
     return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"

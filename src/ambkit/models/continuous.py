@@ -1,4 +1,4 @@
-"""The continuous model of a machine: for its plant, and for its poles."""
+"""Continuous model of a machine, for its plant and its poles."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from ambkit.models.sampling import Sampling
 
 
 class Continuous(NamedTuple):
-    """``dX/dt = (A + speed spin) X + b F + B_u u``, with what moves by itself in X."""
+    """``dX/dt = (A + speed spin) X + b F + B_u u``, with the dynamic states X."""
 
-    # These are the rotor, the lagged readings, and the currents of amplifiers that lag. Magnet f
-    # pulls with its current and its displacement ``h_f X``.
+    # These are the rotor, the lagged readings, and the currents of amplifiers with bandwidth. The
+    # force of magnet f depends on its current and its displacement ``h_f X``.
 
-    states: tuple[Descriptor, ...]  #: The n states.
-    A: Array  #: At rest (n, n).
-    spin: Array  #: What A gains by 1 rad/s of rotation (n, n).
-    b: Array  #: By 1 N at each axis (n, p).
-    push: Array  #: By 1 N on the rotor at each axis's magnet, at once (n, p).
-    B_u: Array  #: By 1 A demanded of each amplifier (n, p).
+    states: tuple[Descriptor, ...]  #: (n,) The states.
+    A: Array  #: At standstill (n, n).
+    spin: Array  #: Derivative of A by the speed of rotation (n, n).
+    b: Array  #: Per newton at each axis (n, p).
+    push: Array  #: Per newton on the rotor at each axis's magnet, without lag (n, p).
+    B_u: Array  #: Per ampere commanded of each amplifier (n, p).
     h: Array  #: Displacement at each axis (p, n) [m].
-    current: tuple[str | None, ...]  #: State of each axis's current; None: as demanded.
+    current: tuple[str | None, ...]  #: State of each axis's current; None: as commanded.
 
     @property
     def v(self) -> Array:
@@ -37,38 +37,38 @@ class Continuous(NamedTuple):
 
     @property
     def place(self) -> dict[str, int]:
-        """Where each state stands, by its name."""
+        """Index of each state, by name."""
         return {state.name: k for k, state in enumerate(self.states)}
 
 
 OWN_TEXT = ("position", "velocity", "bending", "bending velocity", "sensor", "current")
-"""Roles of the states whose equations the plant has itself (sim/plant.c), with their limits."""
+"""Roles of the states whose equations are in the plant itself (sim/plant.c), with their limits."""
 
 
 class Behind(NamedTuple):
     """Linear states e between a magnet's force F and the rotor: ``e' = A e + b F``."""
 
-    # What acts is ``c e + d F``.
+    # The acting force is ``c e + d F``.
 
-    states: tuple[str, ...]  #: Their k names.
+    states: tuple[str, ...]  #: (k,) Their names.
     A: Array  #: (k, k) [1/s].
     b: Array  #: (k,).
     c: Array  #: (k,).
-    d: float  #: What acts at once [1].
+    d: float  #: Feedthrough [1].
 
     @property
     def rest(self) -> Array:
-        """What they are at rest, for 1 N (k,)."""
+        """Their equilibrium for 1 N (k,)."""
         return np.asarray(-np.linalg.solve(self.A, self.b))
 
     def at(self, speed: float) -> tuple[NDArray[np.complex128], complex]:
-        """Return the states (k,), and what acts [1], for 1 N that turns at a speed [rad/s]."""
+        """Return the states (k,), and the acting force [1], for 1 N rotating at a speed [rad/s]."""
         e = np.linalg.solve(1j * speed * np.eye(len(self.b)) - self.A, self.b + 0j)
         return np.asarray(e, complex), complex(self.c @ e + self.d)
 
 
 def behind_magnets(of: Continuous) -> list[Behind]:
-    """Return what the model has between the force of each axis's magnet and the rotor."""
+    """Return the dynamics between the force of each axis's magnet and the rotor."""
     others = [k for k, state in enumerate(of.states) if state.role not in OWN_TEXT]
     results = []
     for axis, force_input in enumerate(of.push.T):
@@ -85,7 +85,7 @@ def behind_magnets(of: Continuous) -> list[Behind]:
 
 
 def _reached(A: Array, b: Array, others: list[int]) -> NDArray[np.bool_]:
-    """Return which of some states a force moves, directly or by each other (n,)."""
+    """Return which states a force moves, directly or through each other (n,)."""
     among = np.isin(np.arange(len(A)), others)
     reached = among & (b != 0)
     for _ in others:
@@ -125,7 +125,7 @@ def continuous(machine: Any) -> Continuous:
 
 def _plan(machine: Any, speed: float) -> Plan:
     plan = Plan(machine.sampling_time)
-    # A mass does not turn; its runout needs the speed that it has.
+    # A mass does not spin; its runout needs the stated speed.
     at = machine if machine.rotor.type == "mass" else machine.model_copy(update={"speed": speed})
     for part in machine_parts(at, noise=False, delay=False):
         if not isinstance(part, Disturbance):
@@ -136,12 +136,12 @@ def _plan(machine: Any, speed: float) -> Plan:
 class OpenLoop(NamedTuple):
     """Poles of the uncontrolled rotor at a speed."""
 
-    speed: float  #: Of rotation [rad/s].
-    poles: NDArray[np.complex128]  #: All of them (2 q,) [1/s].
+    speed: float  #: Speed of rotation [rad/s].
+    poles: NDArray[np.complex128]  #: All poles (2 q,) [1/s].
 
     @property
     def unstable(self) -> NDArray[np.complex128]:
-        """Those that grow [1/s], by their real parts, the slower first."""
+        """Unstable poles [1/s], by ascending real part."""
         poles = self.poles
         max_magnitude = float(np.abs(poles).max())
         result = poles[poles.real > 1e-6 * max_magnitude]
@@ -149,7 +149,7 @@ class OpenLoop(NamedTuple):
 
 
 def open_loop(machine: Any, k_s: ArrayLike, speed: float | None = None) -> OpenLoop:
-    """Return the poles of the rotor in its magnets, without control."""
+    """Return the poles of the rotor on its magnets, without control."""
     # k_s (p,) [N/m]
     of, at = continuous(machine), machine.speed if speed is None else speed
     q = 2 * len(machine.positions)

@@ -1,4 +1,4 @@
-"""What the parts of a machine say of its continuous model, before it is sampled."""
+"""Declarations of the parts of a machine for its continuous model, before sampling."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from ambkit.models.model import Descriptor
 
 
 class Unit(float):
-    """One in every machine of this kind."""
+    """One in every machine of a kind."""
 
     def __reduce__(self) -> str:
-        return "UNIT"  # its identity distinguishes it from other ones
+        return "UNIT"  # its identity distinguishes it
 
 
-UNIT: Final = Unit(1.0)  #: One by structure; 1.0 may be another number elsewhere.
+UNIT: Final = Unit(1.0)  #: One by structure; 1.0 may be another number in another machine.
 
-Row = Mapping[str, float]  #: Coefficients by name; what is named is in the pattern, zero or not.
+Row = Mapping[str, float]  #: Coefficients by name; named ones are in the pattern, zero or not.
 Place = str | Row  #: A position of the rotor, or a combination of several.
 
 
 def row(place: Place) -> dict[str, float]:
-    """Return a place as a linear form of positions."""
+    """Return a place as a linear form of coordinates."""
     return {place: UNIT} if isinstance(place, str) else dict(place)
 
 
 def place(form: Mapping[str, float]) -> Place:
-    """Return a linear form of the coordinates, with ones by structure where it is along one."""
+    """Return a linear form of the coordinates, with a structural one along a coordinate."""
     return {q: UNIT if q in "xyz" and value == 1 else value for q, value in form.items()}
 
 
@@ -35,14 +35,14 @@ class Part(Protocol):
     """One part of a machine."""
 
     def declare(self, plan: Plan) -> None:
-        """Say what it adds; what it names may be declared by a later part."""
+        """Declare its contribution; names may be declared by a later part."""
 
 
 class Plan:
     """The continuous linear model as a list of named terms."""
 
-    # States, forces and controls share one name space; any of them may drive a state. The order of
-    # declaration is the order of the states.
+    # States, forces and controls share one name space; each may drive a state. States are in the
+    # order of declaration.
 
     def __init__(self, T: float) -> None:
         self.T = T
@@ -66,7 +66,7 @@ class Plan:
         self._parts = 0
 
     def add(self, part: Part) -> None:
-        """Let a part declare what it adds."""
+        """Let a part declare its contribution."""
         part.declare(self)
         self._parts += 1
 
@@ -76,12 +76,12 @@ class Plan:
         self.owner.append(self._parts)
 
     def rate(self, state: str, by: str, value: float) -> None:
-        """Let a state change by value [1/s, times the units] for 1 of a state or control."""
+        """Add the term value [1/s, times the units] of a state or control to a state's rate."""
         self.rates[state, by] = self.rates.get((state, by), 0.0) + value
 
     def force(self, name: str, size: float, place: Place, k_i: float | None = None) -> None:
-        """Add a magnet's force: it pulls at a place, and depends on the displacement there."""
-        # Held over a sample, but for what its current changes by a current stiffness k_i [N/A].
+        """Add a magnet force at a place, which depends on the displacement there."""
+        # Held over a sample, except for the effect of its current by a current stiffness k_i [N/A].
         self.forces.append(self._named(name, "N", size, "magnet force"))
         self.places[name] = row(place)
         self.pushes[name] = row(place)
@@ -89,18 +89,18 @@ class Plan:
             self.k_i[name] = k_i
 
     def varies(self, force: str) -> bool:
-        """Whether a force with a current stiffness changes within a sample, as its current does."""
-        # A demanded current is held, unless a dead time ends within the sample.
+        """Return whether a force with a current stiffness changes within a sample."""
+        # A commanded current is held, unless a dead time ends within the sample.
         current = self.currents.get(force, "")
         held = current in {at.name for at in self.controls}
         return force in self.k_i and (not held or self.past.get(current, ([], 1.0))[1] < 1)
 
     def push(self, state: str, place: Place) -> None:
-        """Let a state [N] push the rotor at a place without a magnet."""
+        """Let a state [N] act on the rotor at a place without a magnet."""
         self.pushes[state] = row(place)
 
     def act_by(self, force: str, *states: str) -> None:
-        """Let states [N] that follow a magnet's force act in its place; what rides does not."""
+        """Let states [N] that lag a magnet's force replace it; collocated inputs do not lag."""
         place = self.pushes.pop(force)
         self.pushes |= dict.fromkeys(states, place)
         for rider in [rider for rider, of in self.riders.items() if of == force]:
@@ -108,7 +108,7 @@ class Plan:
             self.pushes[rider] = place
 
     def control(self, name: str, size: float) -> None:
-        """Add an amplifier's demanded current."""
+        """Add an amplifier's commanded current."""
         self.controls.append(self._named(name, "A", size, "control current"))
 
     def measure(self, name: str, unit: str, size: float, reading: Row) -> None:
@@ -117,29 +117,29 @@ class Plan:
         self.readings.append(dict(reading))
 
     def add_to_reading(self, measurement: str, reading: Row) -> None:
-        """Add a linear form of the state to a measurement that stands."""
+        """Add a linear form of the state to an existing measurement."""
         names = [at.name for at in self.measurements]
         if measurement not in names:
             raise ValueError(f"no measurement {measurement}; there are {', '.join(names)}")
         self.readings[names.index(measurement)].update(reading)
 
     def noise(self, name: str, unit: str, size: float, intensity: Row, *, walk: bool) -> None:
-        """Add a source of noise, white and independent in each state that it drives."""
+        """Add a noise source, white and independent in each state that it drives."""
         role = "random walk" if walk else "noise"
         self.noises.append(Descriptor(name, unit, size, role))
         self.sources.append((dict(intensity), walk))
 
     def rest(self, state: str, values: Row) -> None:
-        """Say what a state is when all is at rest."""
+        """State the equilibrium of a state."""
         self.rests[state] = dict(values)
 
     @property
     def structure(self) -> Any:
-        """What the sampled pattern follows from, where no control is late."""
+        """Return what determines the sampled pattern without dead time."""
         return _structure(vars(self))
 
     def check(self) -> None:
-        """Check that what parts name of each other is there."""
+        """Check that names refer to declared states, forces and controls."""
         forces, controls = ({at.name for at in of} for of in (self.forces, self.controls))
         for state, force in self.riders.items():
             if force not in forces:
@@ -163,7 +163,7 @@ class Plan:
 
 
 def _structure(item: Any) -> Any:
-    """Return nested values without their numbers, but for ones by structure."""
+    """Return nested values without their numbers, except for structural ones."""
     if isinstance(item, Descriptor):
         return item.name
     if isinstance(item, dict):

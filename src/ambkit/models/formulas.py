@@ -1,4 +1,4 @@
-"""How numbers follow from parameters: the operations of Python, recorded for C to repeat."""
+"""Formulas of numbers by parameters: Python's operations, recorded and repeated in C."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from typing import Any, Self
 
 from ambkit.models.declaration import Unit
 
-Slot = tuple[str, int]  #: Where C has a number: what it is, and which of these.
+Slot = tuple[str, int]  #: Destination of a number in C: array and index.
 
 OPERATIONS = ("+", "-", "*", "/")  #: In the order of ``amb_operation`` (``ambkit/rebuild.h``).
 
 
 class Formulas:
-    """Parameters, constants, and operations on them in their order."""
+    """Parameters, constants, and operations in order."""
 
     def __init__(self) -> None:
         self.names: list[str] = []
@@ -21,13 +21,13 @@ class Formulas:
         self.operations: dict[tuple[int, Slot, Slot], int] = {}
 
     def parameter(self, name: str, value: float, low: float, high: float) -> Recorded:
-        """Return a number whose operations are recorded."""
+        """Return a number that records its operations."""
         self.names.append(name)
         self.limits.append((low, high))
         return Recorded(value, self, ("parameter", len(self.names) - 1))
 
     def slot(self, value: float) -> Slot:
-        """Return where C has a number."""
+        """Return a destination in C."""
         if isinstance(value, Recorded):
             return value.slot
         constant = self.constants.setdefault(float(value), len(self.constants))
@@ -42,12 +42,12 @@ class Formulas:
         return Recorded(value, self, ("result", place))
 
     def place(self, slot: Slot) -> int:
-        """Return the number of a slot, when all are known."""
+        """Return the index of a slot, once all are known."""
         first = {"parameter": 0, "constant": len(self.names)}
         return first.get(slot[0], len(self.names) + len(self.constants)) + slot[1]
 
     def fields(self) -> dict[str, Any]:
-        """Return them by the fields of ``amb_rebuild``."""
+        """Return the fields of ``amb_rebuild``."""
         of, left, right = zip(*self.operations, strict=True) if self.operations else ((), (), ())
         low, high = zip(*self.limits, strict=True)
         return {
@@ -57,8 +57,8 @@ class Formulas:
         }  # fmt: skip
 
 
-class Recorded(Unit):  # whose products with a unit are its own
-    """A number that remembers what it was made of."""
+class Recorded(Unit):  # with its own products with a unit
+    """A number that records its operations."""
 
     formulas: Formulas
     slot: Slot

@@ -16,20 +16,22 @@ from ambkit.machine.magnets import core_module
 from ambkit.models.declaration import Part, Plan
 from ambkit.models.sampling import Sampling
 
-MOST_AT_ONCE = 4096  #: Frequencies that are solved for in one call: it bounds the memory.
+MOST_AT_ONCE = 4096  #: Maximum number of frequencies per solution, which limits the memory.
 
 MANY_STATES, WORST_VECTORS, NEAR_ONE = 10, 1e9, 1e-6
-"""A response is summed over the eigenvectors from so many states on, where their condition number
-is below this; not where z is that near to 1, since rounding grows there with the inverse powers of
-z - 1 that a chain of integrators has."""
+"""Minimum number of states for a modal response, and maximum condition number of the eigenvectors;
+z must not be closer to 1 than the last, because rounding grows there with the inverse powers of
+z - 1 of a chain of integrators.
+"""
 
 LATE, LEFT = 1e-3, 8
-"""Magnitude of z below which a pole is one of a dead time, whose eigenvectors are dependent, and
-terms of their series in 1/z beyond their number."""
+"""Magnitude of z below which a pole belongs to a dead time, with dependent eigenvectors, and
+further terms of its series in 1/z.
+"""
 
 
 class Signal(NamedTuple):
-    """What a state, input or output is called, and its SI unit."""
+    """Name and SI unit of a state, input or output."""
 
     name: str
     unit: str
@@ -44,16 +46,16 @@ class LinearSystem:
     C: Array
     D: Array
     T: float | None  #: Sampling time [s]; None: continuous.
-    states: tuple[Signal, ...]  #: Their names and units.
+    states: tuple[Signal, ...]  #: Names and units of the states.
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
 
     def select(self, outputs: Sequence[str], inputs: Sequence[str]) -> LinearSystem:
-        """Return the same system with some of its outputs and inputs, by their names."""
+        """Return the system with some of its outputs and inputs, by name."""
         return self.part(_places(self.outputs, outputs), _places(self.inputs, inputs))
 
     def part(self, outputs: slice | list[int], inputs: slice | list[int]) -> LinearSystem:
-        """Return the same system with some of its outputs and inputs, by their places."""
+        """Return the system with some of its outputs and inputs, by index."""
         z, w = np.arange(len(self.outputs))[outputs], np.arange(len(self.inputs))[inputs]
         return replace(
             self, B=self.B[:, w], C=self.C[z], D=self.D[np.ix_(z, w)],
@@ -68,7 +70,7 @@ class LinearSystem:
         if self.T is None:
             shift, A = s, self.A
         else:
-            # z - 1 to all of its digits: at low frequencies poles near 1 are what matters.
+            # z - 1 to all digits: at low frequencies the poles near 1 dominate.
             half = s * self.T / 2
             shift, A = 2 * np.exp(half) * np.sinh(half), self.A - np.eye(n)
         modes = self._modes if self.T is not None and n >= MANY_STATES else None
@@ -87,10 +89,10 @@ class LinearSystem:
 
     @cached_property
     def _modes(self) -> tuple[Complex, Complex] | None:
-        """Poles (m,) of z - 1 and the residues; then the series in 1/z of those of a dead time."""
-        # None where the eigenvectors of the former are nearly dependent. The residues are
-        # (m + terms, outputs inputs). The latter are split off (Bavely and Stewart 1979, An
-        # algorithm for computing reducing subspaces by block diagonalization).
+        """Poles (m,) of z - 1 and residues; then the series in 1/z of the dead time's poles."""
+        # None if the eigenvectors of the former are nearly dependent. The residues are (m + terms,
+        # outputs inputs). The latter are separated (Bavely and Stewart 1979, An algorithm for
+        # computing reducing subspaces by block diagonalization).
         from scipy.linalg import matrix_balance, schur, solve_sylvester
 
         A, (size, _) = matrix_balance(self.A - np.eye(len(self.A)), permute=False, separate=True)
@@ -113,7 +115,7 @@ class LinearSystem:
         return np.asarray(poles, complex), np.asarray(parts.reshape(len(parts), -1), complex)
 
     def poles(self) -> Complex:
-        """Return the poles (n,): of z, or in continuous time of s [1/s]."""
+        """Return the poles (n,): in z, or in continuous time in s [1/s]."""
         return self._poles
 
     @cached_property
@@ -121,18 +123,18 @@ class LinearSystem:
         return np.asarray(np.linalg.eigvals(self.A), complex)
 
     def unstable(self) -> Complex:
-        """Return the poles outside of the unit circle, or in continuous time right of the axis."""
+        """Return the poles outside the unit circle, or in continuous time the growing ones."""
         poles = self.poles()
         if self.T is None:
             return poles[poles.real > EDGE * max(1.0, float(np.abs(poles).max(initial=0)))]
         return poles[np.abs(poles) > 1 + EDGE]
 
 
-EDGE = 1e-9  #: Distance from the limit of stability of a pole that is on it: an integrator's.
+EDGE = 1e-9  #: Tolerance for a pole on the stability limit, as of an integrator.
 
 
 def _pieces(places: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Return places in pieces of at most `MOST_AT_ONCE`."""
+    """Yield indices in batches of at most `MOST_AT_ONCE`."""
     return np.array_split(places, max(1, -(-len(places) // MOST_AT_ONCE)))
 
 
@@ -150,12 +152,12 @@ LOAD = "disturbance force"
 def linearised(
     parts: Sequence[Part], T: float, k_i: ArrayLike, k_s: ArrayLike, *, continuous: bool = False
 ) -> LinearSystem:
-    """Return a machine with linear magnets: demanded currents and loads in, readings out."""
-    # Of machines alike, whose parts have arrays (n,) for numbers, it returns matrices (n, ...).
-    # Sampled, it is exact: the position stiffness acts within the sample (it is part of the
-    # exponential), demanded currents and loads are held over it, and where a dead time ends within
-    # the sample, the transition is the product of those before and after.
-    # k_i (..., p) [N/A]; k_s (..., p) [N/m]
+    """Return a machine with linear magnets: inputs commanded currents and disturbances."""
+    # For machines of equal structure with arrays (n,) as numbers, matrices are (n, ...). Sampled,
+    # it is exact: the position stiffness acts within the sample (it is part of the exponential),
+    # commanded currents and disturbances are held over it, and if a dead time ends within the
+    # sample, the transition is the product of those before and after. k_i (..., p) [N/A]; k_s (...,
+    # p) [N/m]
     plan = Plan(T)
     for part in parts:
         plan.add(part)
@@ -170,7 +172,7 @@ def linearised(
     moving = [*range(n), *range(n + p, n + p + c)]
 
     def rates(after: float) -> Array:
-        """Rates of states and controls, the forces put in: what a magnet sees, it answers."""
+        """Return the rates of states and controls, with the magnet forces inserted."""
         G = full_sampling.generator(after)
         displaced = slice(n + p + c, n + 2 * p + c)
         seen = s * G[..., displaced, :] * T + i * G[..., n + 2 * p + c :, :] * T
@@ -209,14 +211,14 @@ def linearised(
     )  # fmt: skip
 
 
-KNOWN = 1e-8  #: Singular values below this part of the greatest are rounding.
+KNOWN = 1e-8  #: Relative singular value below which it is rounding.
 
 
 def realised(
     response: Array, T: float, inputs: Sequence[Signal], outputs: Sequence[Signal], blocks: int
 ) -> LinearSystem:
-    """Return the system of an impulse response (n, outputs, inputs); Juang and Pappa 1985."""
-    # Inputs and outputs are scaled to alike sizes first: the order is told by ratios.
+    """Return a realisation of an impulse response (n, outputs, inputs); Juang and Pappa 1985."""
+    # Inputs and outputs are scaled to similar sizes first, because the order follows from ratios.
     out = np.sqrt((response**2).sum(axis=(0, 2)).max(initial=0)) or 1.0
     rows = np.sqrt((response**2).sum(axis=(0, 2))) / out
     rows = np.where(rows > 0, rows, 1.0)

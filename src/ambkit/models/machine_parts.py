@@ -30,7 +30,7 @@ def compose(parts: Sequence[Part], T: float, *, name: str = "model") -> Model:
 
 
 def sampled(plan: Plan, name: str) -> Model:
-    """Return the model of a plan, sampled; of equal numbers, the one that was made before."""
+    """Return the model of a plan, sampled and cached."""
     plan.check()
     return _sampled(pickle.dumps(plan), name)
 
@@ -48,7 +48,7 @@ def machine_parts(
     synchronous: Sequence[str] = (),
     speeding: float = 0.0,
 ) -> list[Part]:
-    """Return the parts of a machine, as its keys give them."""
+    """Return the parts of a machine, by its keys."""
     sizes = [Typical.of(machine.isolated_axis(axis.name)) for axis in machine.axes]
     kinds: list[Any] = [item for item in PARTS if delay or item is not Delay]
     parts: list[Part] = [part for kind in kinds for part in kind.of(machine, sizes)]
@@ -85,11 +85,11 @@ PAPER_CONSTANTS: Mapping[tuple[str, int, int], str] = {
     ("b", 3, 0): "d_sen",
     ("rest", 3, 0): "K_sen",
 } | {("N0", i, j): f"N{i}{j}" for i in range(4) for j in range(i, 4) if (i, j) != (2, 2)}
-"""What the constants of the paper's axis (eq. 15-21) are called in C, in their order there."""
+"""Names in C of the constants of the paper's axis (eq. 15-21), in their order there."""
 
 
 def printed(model: Model) -> Model:
-    """Return the paper's axis as eq. 15-21 print it: what acts within the sample is zero."""
+    """Return the paper's axis as printed in eq. 15-21: effects within the sample are zero."""
     names = tuple(state.name for state in model.states)
     if names != PAPER_STATES:
         raise ValueError(f"as printed there are the states x, v, f_d and x_m, not {list(names)}")
@@ -100,5 +100,5 @@ def printed(model: Model) -> Model:
 
 @cache
 def paper_pattern() -> dict[str, Any]:
-    """Return the pattern of the paper's axis, whatever its numbers."""
+    """Return the pattern of the paper's axis."""
     return dict(machine_model(Machine.preset("zittau_axial").replace(sensor__gain=1.1)).pattern)

@@ -1,4 +1,4 @@
-"""A sampled model as data: patterns, numbers and what everything in it is called."""
+"""A sampled model as data: patterns, numbers and descriptors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from ambkit.base.arrays import Array
 
 Pattern = NDArray[np.int8]
 
-ZERO, ONE, NUMBER = 0, 1, 2  #: Entries of a pattern; 0 and 1 in every machine of the kind.
+#: Entries of a pattern; 0 and 1 are the same in every machine of the kind.
+ZERO, ONE, NUMBER = 0, 1, 2
 
 
 POSITION, VELOCITY, SHOWN, LOAD, KNOWN, NOISE = ENUMERATORS = (
@@ -29,17 +30,17 @@ ROLES = {
     "bending": NOISE, "bending velocity": NOISE, "lagged force": NOISE,
     "current": KNOWN, "past control": KNOWN,
 }  # fmt: skip
-"""What states are to the core (``ambkit/envelope.h``); a reading does not show a bending."""
+"""Groups of states in the core (``ambkit/envelope.h``); readings exclude bending."""
 
 
 @dataclass(frozen=True)
 class Descriptor:
-    """One state, force, control, measurement or noise: what plots, records and exports call it."""
+    """A state, force, control, measurement or noise, as in plots, records and exports."""
 
     name: str  #: Symbol, a C identifier: ``x``, ``f_d``.
     unit: str  #: SI unit; of a noise, that of its standard deviation.
     size: float  #: Typical size in that unit; of a noise, its standard deviation.
-    role: str  #: What it is; of a state, one of `ROLES`.
+    role: str  #: Role; for a state one of `ROLES`.
 
     def __post_init__(self) -> None:
         if not (self.name.isidentifier() and self.name.isascii()):
@@ -60,37 +61,37 @@ MATRICES = {
     "N": ("noises", "states", "states"),
     "rest": ("states", "states"),
 }
-"""What the rows and columns of each matrix are."""
+"""Rows and columns of each matrix."""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """One sample of a machine, exact with the magnets' forces held over it."""
+    """A machine over one sample, exact for magnet forces held over it."""
 
     # ``X+ = L X + B_u u + sum_f b_f F_f + noise`` with ``F_f = magnet_f(i_f, s_f) + f_0f + r_f X``,
     # ``i_f = e_f X + d_f u``, ``s_f = h_f X`` and ``y = c X + v``; currents and displacements are
-    # means over the sample. SI; u are the demanded currents [A] of this sample. Arrays are
+    # means over the sample. SI; u are the commanded currents [A] of this sample. Arrays are
     # read-only.
 
     name: str  #: Kind of machine, an identifier of C.
     T: float  #: Sampling time [s].
-    states: tuple[Descriptor, ...]  #: The n states, in their order.
+    states: tuple[Descriptor, ...]  #: The n states, in order.
     forces: tuple[Descriptor, ...]  #: The p magnets' forces.
-    controls: tuple[Descriptor, ...]  #: The demanded currents, one of each amplifier.
+    controls: tuple[Descriptor, ...]  #: The commanded currents, one per amplifier.
     measurements: tuple[Descriptor, ...]  #: The m sensors' readings.
     noises: tuple[Descriptor, ...]  #: Independent noises besides that of the controls.
-    L: Array  #: Transition (n, n), without what goes through a force.
-    b: Array  #: What a force of 1 N, held, leaves in the state (n, p).
-    B_u: Array  #: By a demanded current of 1 A, past the forces (n, c).
-    h: Array  #: Mean displacement in each magnet, of the rotor's free motion (p, n).
+    L: Array  #: Transition (n, n), without the forces.
+    b: Array  #: Effect of a held force of 1 N on the state (n, p).
+    B_u: Array  #: Direct effect of a commanded current of 1 A (n, c).
+    h: Array  #: Mean displacement in each magnet, for the rotor's free motion (p, n).
     e: Array  #: Mean current of each magnet, by the state (p, n).
-    d: Array  #: Mean current of each magnet, by the demanded currents (p, c).
-    r: Array  #: States that push where the magnet does (p, n).
+    d: Array  #: Mean current of each magnet, by the commanded currents (p, c).
+    r: Array  #: States that act at the place of a magnet (p, n).
     c: Array  #: Measurements (m, n).
-    N: Array  #: Covariance that a source of variance 1 leaves in the state over a sample (k, n, n).
-    rest: Array  #: Each state at rest by the free ones, whose rows are the identity (n, n).
+    N: Array  #: Covariance of the state from a source of variance 1 over a sample (k, n, n).
+    rest: Array  #: Equilibrium of each state by the free ones, whose rows are the identity (n, n).
     pattern: Mapping[str, Pattern] = field(repr=False)
-    """For each matrix, of its shape: `ZERO`, `ONE` or `NUMBER`, by the kind of machine alone."""
+    """For each matrix, of equal shape: `ZERO`, `ONE` or `NUMBER`, by the kind of machine only."""
 
     def __repr__(self) -> str:
         names = ", ".join(state.name for state in self.states)
@@ -125,7 +126,7 @@ class Model:
             raise ValueError(f"names of states must differ, are {names}")
 
     def index(self, state: str) -> int:
-        """Return where a state stands; `KeyError` with the names there are, if nowhere."""
+        """Return the index of a state; `KeyError` with the existing names."""
         names = [at.name for at in self.states]
         if state not in names:
             raise KeyError(f"no state {state}; there are {', '.join(names)}")
@@ -146,7 +147,7 @@ class Model:
         return self.L + self.b @ (s * self.h + i * self.e + self.r)
 
     def input_matrix(self, k_i: ArrayLike) -> Array:
-        """Return B (n, c) by the demanded currents [A], with current stiffnesses (p,) [N/A]."""
+        """Return B (n, c) by the commanded currents [A], with current stiffnesses (p,) [N/A]."""
         return self.B_u + self.b @ (self._per_force(k_i)[..., None] * self.d)
 
     def process_noise(self, k_i: ArrayLike, var_u: ArrayLike, var_noise: ArrayLike) -> Array:
@@ -165,7 +166,7 @@ class Model:
 def compressed_rows(
     values: Array, there: NDArray[np.bool_]
 ) -> tuple[list[int], list[int], list[float]]:
-    """Return the entries of a matrix that are there, row by row."""
+    """Return the structural entries of a matrix, row by row."""
     # values (rows, columns); there (rows, columns)
     row, column = np.nonzero(there)
     start = np.searchsorted(row, np.arange(len(values) + 1))

@@ -23,11 +23,11 @@ from ambkit.models.continuous import Continuous, behind_magnets, continuous
 from ambkit.models.model import compressed_rows
 
 SOFT = 0.05  #: Depth of contact in a touch-down bearing without data [clearances].
-LOSS = 0.5  #: And what share of its speed it loses there.
+LOSS = 0.5  #: Its loss of velocity at an impact [1].
 
 
 class Plant:
-    """A machine as the C of the simulation wants it."""
+    """A machine in the form of the C of the simulation."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
@@ -40,7 +40,7 @@ class Plant:
 
     @property
     def pairs(self) -> list[int]:
-        """Axes whose two coils have currents of their own, as their voltage is limited."""
+        """Axes with separate currents of the two coils, because the voltage is limited."""
         return [
             k
             for k, item in enumerate(self.isolated)
@@ -48,7 +48,7 @@ class Plant:
         ]
 
     def equilibrium(self, place: Array, load: Array) -> tuple[Array, Array]:
-        """Return displacements (q,) and currents (p,) [A] of a rotor that hovers."""
+        """Return displacements (q,) and currents (p,) [A] of a levitated rotor in equilibrium."""
         # place (p,) [m]; load (p,) [N]
         machine = self.machine
         rigid = machine.rigid_positions
@@ -65,7 +65,7 @@ class Plant:
         return np.asarray(q), np.array(currents)
 
     def resting(self) -> Array:
-        """Return displacements (q,) of a rotor that lies in its touch-down bearings."""
+        """Return displacements (q,) of a rotor in contact with its touch-down bearings."""
         least = min(bearing.clearance for bearing in self.machine.bearings)
         falls = geometry.weight_of(self.machine.rotor, self.machine.positions, 1.0)
         return np.asarray(np.sign(falls) * least)
@@ -77,7 +77,8 @@ class Plant:
         index, more = model.place, len(self.pairs)
         place = {name: k for k, name in enumerate(machine.positions)}
         q = len(place)
-        # Of the model, the motion of the rotor; currents and readings follow from their parts.
+        # From the model the motion of the rotor only; currents and readings follow from their
+        # parts.
         A, spin = model.A[q : 2 * q, : 2 * q], model.spin[q : 2 * q, : 2 * q]
         pattern = (A != 0) | (spin != 0)
         B = model.push[q : 2 * q]
@@ -89,7 +90,7 @@ class Plant:
         if machine.bending is None:
             weight = geometry.weight_of(machine.rotor, machine.positions, GRAVITY)
             g += weight / machine.masses
-        else:  # what its bearings bend it by at rest is no displacement, see geometry.py
+        else:  # static bending by its bearings is no displacement, see geometry.py
             g += B @ np.array(weights_of(machine))
         rotation = {"cosine": cosine.tolist(), "sine": sine.tolist()} if cosine.any() else {}
         second = {axis: n + k for k, axis in enumerate(self.pairs)}
@@ -128,7 +129,7 @@ class Plant:
         }  # fmt: skip
 
     def unbalance(self) -> tuple[Array, Array]:
-        """Return accelerations by unbalance ahead and across, for 1 rad/s (q,)."""
+        """Return accelerations due to unbalance, in phase and across, at 1 rad/s (q,)."""
         machine = self.machine
         moved = machine.masses
         result = np.zeros((2, len(moved)))
@@ -166,7 +167,7 @@ class Plant:
 
 
 def coupling_of(machine: IsolatedAxis) -> dict[str, Any]:
-    """Return the coenergy of two axes that share their iron."""
+    """Return the coenergy of two axes with common iron."""
     both = computed_force_of_both(machine)
     degrees, energy = both.energy_terms
     fields = {"degrees": degrees.ravel().tolist(), "energy": energy.tolist(),

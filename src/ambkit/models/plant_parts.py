@@ -1,4 +1,4 @@
-"""What a plant has beside magnet, rotor, sensor lag and hard stops, for ``sim/parts.h``."""
+"""Optional parts of a plant, for ``sim/parts.h``: beyond magnet, rotor, sensor lag and hard stops."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from ambkit.models.parts import BEHIND_MAGNETS
 def substeps(
     machine: Machine, behind: Sequence[Behind | None], least: int, max_speed: float
 ) -> int:
-    """Steps of Runge-Kutta in a sample: what is fast needs short ones."""
-    # Two in a sensor's lag, which is unstable from 2.8 lags a step on; four in the time constant
-    # of a current, which moves the rotor; four in a radian of the fastest runout; eight in one of
-    # the fastest bending, which they damp then by less than 1e-7 of its own.
+    """Runge-Kutta steps per sample: fast dynamics need short ones."""
+    # Two per sensor lag, which is unstable beyond 2.8 lags per step; four per time constant of a
+    # current, which moves the rotor; four per radian of the fastest runout; eight per radian of the
+    # fastest bending, whose numerical damping is below 1e-7 then.
     T, turns = machine.sampling_time, int(machine.rotor.type != "mass")
     orders = [line.order for sensor in machine.sensors for line in sensor.runout]
     needed = [4 * T * (max(orders, default=turns) * max_speed)]
@@ -38,13 +38,13 @@ def substeps(
 
 
 def _corner(amplifier: Amplifier, T: float) -> float:
-    """Corner of the amplifier [rad/s]; 0 where the current follows at once."""
+    """Bandwidth of the amplifier [rad/s]; 0 if unlimited."""
     if amplifier.bandwidth is None:
         return 0.0
     return min(2 * math.pi * amplifier.bandwidth, 1 / (SHORTEST_LAG * T))
 
 
-CURRENTS = (3, 4)  #: States of the two control currents of an isolated axis, after x, v and x_m.
+CURRENTS = (3, 4)  #: Indices of the two control currents of an isolated axis, after x, v and x_m.
 
 
 def axis_fields(
@@ -78,7 +78,7 @@ def axis_fields(
 
 
 def max_displacement(clearance: float, air_gap: float) -> float:
-    """Return how far a rotor goes at most, into a soft stop but not into the magnet [m]."""
+    """Return the maximum displacement of a rotor, with contact depth but outside the magnet [m]."""
     return clearance + 0.9 * (air_gap - clearance)
 
 
@@ -89,8 +89,8 @@ def between_magnet_and_rotor(machine: Machine) -> tuple[str, ...]:
 
 
 def _behind(machine: Machine) -> Behind | None:
-    """Return what is between the magnet of an axis and its rotor."""
-    # A machine is built where there is any only: campaigns ask this of each run.
+    """Return the dynamics between the magnet of an axis and its rotor."""
+    # A machine is only built if there is any: campaigns ask for each run.
     if all(getattr(machine.magnet, kind.key) is None for kind in BEHIND_MAGNETS):
         return None
     return behind_magnets(continuous(machine))[0]
@@ -104,7 +104,7 @@ def fastest(behind: Behind | None) -> float:
 
 
 def behind_fields(behind: Behind | None, dtype: str) -> dict[str, Any]:
-    """Return what is between a magnet and its rotor, by the names of ``amb_parts``."""
+    """Return the dynamics between a magnet and its rotor, by the names of ``amb_parts``."""
     if behind is None or not behind.states:
         return {}
     parts = {"A": behind.A.ravel(), "b": behind.b, "c": behind.c, "rest": behind.rest}
@@ -113,7 +113,7 @@ def behind_fields(behind: Behind | None, dtype: str) -> dict[str, Any]:
 
 
 def in_words(machine: Machine) -> list[str]:
-    """Name each part with its values, for people."""
+    """Return the name and values of each part, in words."""
     magnet, amplifier = machine.magnet, machine.amplifier
     sensor, stop = machine.sensor, machine.stop
     features = []
@@ -154,14 +154,14 @@ def in_words(machine: Machine) -> list[str]:
 
 
 def coil_fields(machine: Machine) -> dict[str, Any] | None:
-    """Return the law of one coil of a pair whose currents can differ, by its fields, or None."""
-    # A magnet that is not known coil by coil pulls by the mean of both currents.
+    """Return the law of one coil of a pair with different currents, by fields, or None."""
+    # Without such a law, the force follows from the mean of both currents.
     pair = machine.amplifier.voltage_limit is not None and machine.magnet.type == "two-sided"
     return magnet_of(machine).of_one_coil() if pair else None
 
 
 def amplifier_of(machine: Machine) -> dict[str, Any]:
-    """Return what an amplifier does, by the names of ``amb_parts``; nothing where it is at once."""
+    """Return an amplifier's dynamics, by the names of ``amb_parts``; empty if it has none."""
     amplifier, magnet = machine.amplifier, machine.magnet
     if amplifier.bandwidth is None:
         return {}
@@ -179,11 +179,11 @@ def amplifier_of(machine: Machine) -> dict[str, Any]:
 
 
 def delay_of(machine: Machine) -> dict[str, Any]:
-    """Return the dead time of a loop by the names of ``amb_parts``; nothing without one."""
+    """Return the dead time of a loop by the names of ``amb_parts``; empty if there is none."""
     if machine.delay is None:
         return {}
     samples = machine.delay / machine.sampling_time
-    if abs(samples - round(samples)) < 1e-9:  # rounding of a whole number
+    if abs(samples - round(samples)) < 1e-9:  # tolerance for the rounding of a whole number
         return {"delay": round(samples), "delay_rest": 0.0}
     integer_part = math.floor(samples)
     return {"delay": integer_part, "delay_rest": (samples - integer_part) * machine.sampling_time}
@@ -192,7 +192,7 @@ def delay_of(machine: Machine) -> dict[str, Any]:
 def of_sensor(
     sensor: Sensor, runout: Sequence[Runout], dtype: str, around: float = 0.0
 ) -> dict[str, Any]:
-    """Return what a sensor does beside its gain and its lag, by the names of ``amb_parts``."""
+    """Return a sensor's dynamics besides gain and lag, by the names of ``amb_parts``."""
     parts = dict[str, Any]()
     if sensor.quadratic or sensor.cubic:
         parts |= {"quadratic": sensor.quadratic, "cubic": sensor.cubic}

@@ -1,4 +1,4 @@
-"""A machine's continuous model over one sample: the pattern, and exact numbers."""
+"""A machine's continuous model over one sample: pattern and exact numbers."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from ambkit.machine.magnets import core_module
 from ambkit.models.declaration import UNIT, Plan, Row
 from ambkit.models.model import NUMBER, ONE, ZERO, Model, Pattern
 
-Kinds = tuple[Array, Pattern]  #: Numbers, and their pattern.
+Kinds = tuple[Array, Pattern]  #: Numbers and pattern.
 
 MOVES, SPREADS = 1, 2
-"""What a term is part of (``ambkit/sampling.h``): the motion over a sample, and what spreads noise.
-Those of held forces are of both; what rides on forces spreads noise only, and what changes in them
-by their currents moves only."""
+"""Membership of a term (``ambkit/sampling.h``): motion over a sample, and spreading of noise. Held
+forces belong to both; collocated inputs spread noise only, and changes of forces by currents
+belong to the motion only.
+"""
 
-LAYOUTS: dict[Any, Layout] = {}  #: Of the kinds of machines that were sampled so far.
+LAYOUTS: dict[Any, Layout] = {}  #: Cache by kind of machine.
 
 
 def pattern_of(driven: Bools) -> Pattern:
-    """Return the pattern of the exponential of a matrix of this structure."""
-    # What something drives, at once or by way of others, has a number; what nothing drives back to
-    # itself has a one on the diagonal.
+    """Return the pattern of the exponential of a matrix with this structure."""
+    # Driven entries, directly or indirectly, are numbers; without feedback the diagonal is one.
     reached, ways = driven, driven.astype(float)
-    while (further := reached | (ways @ ways > 0)).sum() > reached.sum():  # of twice the steps
+    while (further := reached | (ways @ ways > 0)).sum() > reached.sum():  # by doubling
         reached, ways = further, further.astype(float)
     kinds = np.where(reached, NUMBER, ZERO)
     kinds[np.diag_indices(len(kinds))] = np.where(np.diag(reached), NUMBER, ONE)
@@ -38,17 +38,17 @@ def pattern_of(driven: Bools) -> Pattern:
 
 
 def structured(values: Array, kinds: Pattern) -> Array:
-    """Return numbers with exact zeros and ones where the pattern has them."""
+    """Return numbers with exact zeros and ones according to the pattern."""
     return np.where(kinds == NUMBER, values, kinds)
 
 
 class Layout(NamedTuple):
-    """What all machines of a kind share."""
+    """Common structure of all machines of a kind."""
 
-    row: NDArray[np.uint16]  #: Of each term, what it drives ...
-    column: NDArray[np.uint16]  #: ... by what ...
-    use: NDArray[np.uint8]  #: ... and what it is part of.
-    Phi: Pattern  #: Of all that moves or is held.
+    row: NDArray[np.uint16]  #: Row of each term, ...
+    column: NDArray[np.uint16]  #: ... its column ...
+    use: NDArray[np.uint8]  #: ... and its membership.
+    Phi: Pattern  #: Of all dynamic or held quantities.
     N: Pattern  #: Of the noises.
 
 
@@ -56,40 +56,40 @@ class Layout(NamedTuple):
 class Sampling:
     """A plan over one sample."""
 
-    # The exponential is taken of one state that holds everything which moves or is held over the
-    # sample: the n states, p forces and c controls, and the integrals of the p displacements and p
-    # currents, from which their means come. Where a delay ends within the sample, it is the product
-    # of the exponentials before and after. A force with a current stiffness k_i is held but for
-    # k_i (i(t) - mean of i), which is in L and B_u. C computes it (``ambkit/sampling.h``).
+    # The exponential is that of one state with everything that moves or is held over the sample:
+    # the n states, p forces and c controls, and the integrals of the p displacements and p
+    # currents, for their means. If a delay ends within the sample, it is the product of the
+    # exponentials before and after. A force with a current stiffness k_i is held except for k_i
+    # (i(t) - mean of i), which is in L and B_u. C computes it (``ambkit/sampling.h``).
 
     plan: Plan
 
     @cached_property
     def place(self) -> dict[str, int]:
-        """Where each state, force and control stands in the whole state."""
+        """Index of each state, force and control in the extended state."""
         plan = self.plan
         return {at.name: k for k, at in enumerate((*plan.states, *plan.forces, *plan.controls))}
 
     @cached_property
     def sizes(self) -> tuple[int, int, int, int]:
-        """Numbers n, p, c and size of the whole state."""
+        """Numbers n, p, c and size of the extended state."""
         n, p, c = len(self.plan.states), len(self.plan.forces), len(self.plan.controls)
         return n, p, c, n + 3 * p + c
 
     def at(self, name: str) -> int:
-        """Return where something stands."""
+        """Return an index."""
         if name not in self.place:
             raise ValueError(f"no part declares {name}; there are {', '.join(self.place)}")
         return self.place[name]
 
     def acting(self, control: str, after: float) -> str:
-        """Return what acts on an amplifier from some share of a sample on: a past control, or u."""
+        """Return the input of an amplifier from some share of a sample on: a past control, or u."""
         past, share = self.plan.past.get(control, ([], 0.0))
         return [control, *past][len(past) - (after >= share if past else 0)]
 
     @cached_property
     def terms(self) -> list[tuple[int, str, float, int]]:
-        """What drives each state, as (row, name, value, use); terms of equal places add up."""
+        """The drives of each state, as (row, name, value, use); equal places are added."""
         plan, (n, p, c, _) = self.plan, self.sizes
         held = [(self.at(state), by, value) for (state, by), value in plan.rates.items()]
         riders = {state: plan.pushes[force] for state, force in plan.riders.items()}
@@ -115,7 +115,7 @@ class Sampling:
         ]  # fmt: skip
 
     def _by_forces(self, inputs: dict[str, Row]) -> list[tuple[int, str, float]]:
-        """Return how sources drive the rotor, of which their places are given."""
+        """Return the drives of the rotor by sources at given places."""
         return [
             (self.at(velocity), source, value * share)
             for source, places in inputs.items()
@@ -124,7 +124,7 @@ class Sampling:
         ]
 
     def generator(self, after: float) -> Array:
-        """Return A of the whole state, from some share of the sample on [1/s, times the units]."""
+        """Return A of the extended state from some share of a sample on [1/s, times the units]."""
         held = [term[:3] for term in self.terms if term[3] == MOVES | SPREADS]
         rows, names, values = zip(*held, strict=True)
         acting = {at.name: self.acting(at.name, after) for at in self.plan.controls}
@@ -137,7 +137,7 @@ class Sampling:
         return A
 
     def driven(self, use: int) -> Bools:
-        """Return what drives what in some part of the sample, by structure."""
+        """Return the structural drives in some part of the sample."""
         A = np.zeros((self.sizes[3],) * 2, bool)
         for i, name, _, of in self.terms:
             past, _share = self.plan.past.get(name, ([], 0.0))
@@ -147,7 +147,7 @@ class Sampling:
 
     @cached_property
     def layout(self) -> Layout:
-        """What it shares with all machines of its kind."""
+        """The common structure of its kind."""
         key = self.plan.structure, tuple(share < 1 for _, share in self.plan.past.values())
         if key not in LAYOUTS:
             n, p, c, _ = self.sizes
@@ -165,7 +165,7 @@ class Sampling:
 
     @property
     def late(self) -> list[tuple[int, list[int], float]]:
-        """Controls that act late: past ones, and after which share the last but one acts."""
+        """Delayed controls: past ones, and the share after which the last but one acts."""
         before = self.sizes[0] + self.sizes[1]
         return [
             (self.at(control) - before, [self.at(state) for state in past], share)
@@ -179,7 +179,7 @@ class Sampling:
         return [plan.k_i[at.name] if plan.varies(at.name) else 0.0 for at in plan.forces]
 
     def numbers(self) -> tuple[Array, Array]:
-        """Return the whole state's transition over the sample, and the covariances of noises."""
+        """Return the extended state's transition over the sample, and the noise covariances."""
         plan, (n, _, c, _), layout = self.plan, self.sizes, self.layout
         intensity = np.zeros((len(plan.sources), n))
         for k, (row, _) in enumerate(plan.sources):
@@ -223,7 +223,7 @@ class Sampling:
         }
 
     def _rotor_columns(self) -> Bools:
-        """Return, for each force, the states (p, n) of the rotor at which it pulls."""
+        """Return, for each force, the rotor states (p, n) at its place."""
         plan = self.plan
         owner = np.array(plan.owner, int)
         rows = [
@@ -233,7 +233,7 @@ class Sampling:
         return np.array(rows, bool).reshape(len(plan.forces), len(plan.states))
 
     def linear_forms(self, rows: Sequence[Row]) -> Kinds:
-        """Return rows of coefficients of the states, and their pattern."""
+        """Return rows of coefficients of the states, with their pattern."""
         alike = np.broadcast_shapes(*(np.shape(item) for row in rows for item in row.values()))
         values = np.zeros((*alike, len(rows), len(self.plan.states)))
         kinds = np.zeros(values.shape[-2:], np.int8)
@@ -244,7 +244,7 @@ class Sampling:
         return values, kinds
 
     def _spread(self) -> Pattern:
-        """Return the pattern of what the noises leave in the states (k, n, n)."""
+        """Return the pattern of the noises' covariances (k, n, n)."""
         n = self.sizes[0]
         kinds = pattern_of(self.driven(SPREADS))
         reached = kinds[:n, :n] != ZERO
@@ -258,8 +258,8 @@ class Sampling:
         return pattern
 
     def rests(self) -> list[Row]:
-        """Return what each state is at rest, each dependent one traced back to free ones."""
-        # What rests on a demanded current is free itself, unless a past control holds that.
+        """Return the equilibrium of each state, dependent ones traced to free ones."""
+        # A state that depends on a commanded current is free, unless a past control holds that.
         controls = {at.name for at in self.plan.controls}
         held = {control: past[0] for control, (past, _) in self.plan.past.items()}
         rests = {
@@ -273,7 +273,7 @@ class Sampling:
         return rows
 
     def _pure_means(self, Phi: Pattern) -> None:
-        """Set the ones of h and d: the mean of what does not move by itself is what it was."""
+        """Set the ones of h and d: the mean of a constant is its value."""
         plan, (n, p, c, _) = self.plan, self.sizes
         for k, force in enumerate(plan.forces):
             seen = {self.at(q): value for q, value in plan.places[force.name].items()}
@@ -286,7 +286,7 @@ class Sampling:
                 Phi[n + 2 * p + c + k, self.at(current)] = ONE
 
     def _shift(self, Phi: Pattern) -> None:
-        """Let the past controls move on by one sample."""
+        """Move the past controls on by one sample."""
         for control, (past, _) in self.plan.past.items():
             for state, source in zip(past, [control, *past], strict=False):
                 Phi[self.at(state)] = ZERO

@@ -1,4 +1,4 @@
-"""From a model's pattern to straight-line C as ``ambkit/model.h`` has it: the loops unrolled.
+"""Straight-line C from a model's pattern, with the interface of ``ambkit/model.h``: unrolled loops.
 
 One text serves float, double and SIMD lanes. An entry that is one by structure costs no product;
 sums have the order of the loops, so that the bits agree.

@@ -1,4 +1,4 @@
-"""The covariance one sample on, in stages by way of the forces.
+"""Prediction of the covariance, in stages through the forces.
 
 The next state is ``L X + B_u u + b F``, and all that changes from sample to sample is in the forces
 ``F = row X + g u``. So their covariances with the state come first (w), with them those of the next
@@ -96,7 +96,8 @@ def _force_row(names: Names, f: int, stages: Stages) -> list[tuple[int, Factor]]
         terms = [product(h[j], names.of_p("k_s", f))] if j in h else []
         terms += [product(e[j], names.of_p("k_i", f))] if j in e else []
         terms += [product(r[j])] if j in r else []
-        single = len(terms) == 1 and not terms[0].symbols  # a rider, whose coefficient is one
+        # a collocated input, with coefficient one
+        single = len(terms) == 1 and not terms[0].symbols
         results.append((j, None if single else stages.add(names.of_force("h", f, j), terms)))
     return results
 
@@ -114,7 +115,7 @@ def _gains(names: Names, stages: Stages) -> Symbols:
 
 
 def _force_noise(names: Names, g: Symbols, stages: Stages) -> Symbols:
-    """Return q, the covariances of the forces by the controls' noise: the upper triangle."""
+    """Return q, the covariances of the forces due to the controls' noise: the upper triangle."""
     q: Symbols = [[None] * names.p for _ in range(names.p)]
     for i in range(names.p):
         for j in range(i, names.p):
@@ -129,7 +130,7 @@ def _force_noise(names: Names, g: Symbols, stages: Stages) -> Symbols:
 
 
 def _direct(names: Names, i: int, stages: Stages) -> dict[int, Factor]:
-    """Return what a control signal of 1 leaves in a state, past the forces: B_u k_ui."""
+    """Return the direct effect of a control signal of 1 on a state: B_u k_ui."""
     return {
         at: stages.add(names.of_control("B", i, at), [product(B, f"k_ui[{at}]")])
         for at, B in names.entries("B_u", i)
@@ -139,7 +140,7 @@ def _direct(names: Names, i: int, stages: Stages) -> dict[int, Factor]:
 def _with_noise(
     names: Names, i: int, direct: dict[int, Factor], g: Symbols, stages: Stages
 ) -> list[str | None]:
-    """Return the covariances of a next state with the controls' noise."""
+    """Return the covariances of a predicted state with the controls' noise."""
     results = []
     for at in range(names.c):
         terms = [product(direct[at])] if at in direct else []

@@ -1,4 +1,4 @@
-"""The header of one kind of machine: its constants and its steps, as ``ambkit/model.h`` asks."""
+"""Header of a kind of machine: its constants and steps, for ``ambkit/model.h``."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ambkit.models.emit.names import Names
 from ambkit.models.model import MATRICES, Model
 
 SCALAR = (steps.growth, steps.drives, steps.pushed, steps.role, steps.sound, steps.known)
-"""What is taken from the scalar filter where several run in lanes."""
+"""Functions of the scalar filter used for several lanes."""
 IN_LANES = (
     steps.displacement, steps.current, steps.shown, steps.shown_variance, steps.variances,
     steps.shown_with, steps.equilibrium, steps.predict_mean, predict_covariance, steps.update,
 )  # fmt: skip
-"""And what each lane computes, in the order of the file."""
+"""Functions of each lane, in the order of the file."""
 
 WIDTH = 100
 
@@ -44,7 +44,7 @@ def constants(names: Names, model: Model) -> dict[str, float]:
 
 
 def initialiser(names: Names, model: Model) -> str:
-    """Return the struct's initialiser with a model's numbers, which either precision reads back."""
+    """Return the struct's initialiser with a model's numbers, exact in both precisions."""
     values = constants(names, model).values()
     return "{" + ", ".join(f"AMB_C({value!r})" for value in values) + "}"
 
@@ -58,7 +58,7 @@ def header(
     includes: Sequence[str] = (),
     more: str = "",
 ) -> str:
-    """Return the header's text, not yet formatted but for the length of its lines."""
+    """Return the header's text, with wrapped lines but not formatted."""
     guard = f"AMBKIT_GENERATED_{stem.upper()}_H"
     counts = {
         "STATES": names.n, "FORCES": names.p, "CONTROLS": names.c, "SENSORS": names.m,
@@ -86,7 +86,7 @@ def header(
 
 
 def fields(names: Names, *, stem: str, by: str) -> str:
-    """Return a header with a macro that names each constant, for whoever asks for all."""
+    """Return a header with a macro that lists all constants."""
     guard = f"AMBKIT_{stem.upper()}_FIELDS_H"
     listed = "; \\\n  ".join(f"FIELD({name})" for name in names.constants.values())
     return "\n".join([
@@ -98,7 +98,7 @@ def fields(names: Names, *, stem: str, by: str) -> str:
 
 
 def _wrapped(line: str) -> list[str]:
-    """Break a long line of a comment or of code at its blanks."""
+    """Break a long line of a comment or of code at blanks."""
     if len(line) <= WIDTH or line.startswith("#"):
         return [line]
     indent = re.match(" *", line)[0]  # type: ignore[index]

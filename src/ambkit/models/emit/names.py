@@ -15,10 +15,10 @@ class Term(NamedTuple):
     """One term of a sum in C."""
 
     text: str
-    symbols: frozenset[str]  #: What it is made of.
+    symbols: frozenset[str]  #: Its symbols.
 
 
-Sum = list[Term]  #: Terms in the order in which they are added up.
+Sum = list[Term]  #: Terms in order of summation.
 
 
 def product(*factors: Factor) -> Term:
@@ -28,17 +28,17 @@ def product(*factors: Factor) -> Term:
 
 
 def in_place(constant: Factor) -> Factor:
-    """Return a constant where it is stored."""
+    """Return a constant in its struct."""
     return None if constant is None else f"model->{constant}"
 
 
 def products(pairs: Iterable[tuple[Factor, str | None]]) -> Sum:
-    """Return the products of factors with symbols; a symbol None stands for zero."""
+    """Return the products of factors with symbols; None stands for zero."""
     return [product(factor, symbol) for factor, symbol in pairs if symbol is not None]
 
 
 def total(terms: Iterable[Term]) -> str:
-    """Return a sum as C, term by term; the text of zero where there is none."""
+    """Return a sum as C, term by term; the text of zero if it is empty."""
     return " + ".join(term.text for term in terms) or "AMB_C(0.0)"
 
 
@@ -48,14 +48,14 @@ def symbols_of(sums: Iterable[Sum]) -> set[str]:
 
 
 class Stages:
-    """Intermediate results, in the order in which they are computed."""
+    """Intermediate results, in order of computation."""
 
     def __init__(self) -> None:
         self._computed: list[tuple[str, str, frozenset[str]]] = []
 
     def add(self, name: str, terms: Sum, *, times: str | None = None) -> str | None:
-        """Return the symbol of a sum (times a symbol), or None if the sum is empty."""
-        # What is a symbol already keeps its own name.
+        """Return the symbol of a sum (times a symbol), or None if it is empty."""
+        # A single symbol keeps its name.
         if not terms:
             return None
         if len(terms) == 1 and times is None and {terms[0].text} == terms[0].symbols:
@@ -67,7 +67,7 @@ class Stages:
         return name
 
     def needed(self, results: Iterable[Sum]) -> tuple[list[str], set[str]]:
-        """Return the lines that results ask for, at once or through others, and all symbols."""
+        """Return the lines that results depend on, directly or indirectly, and all symbols."""
         all_symbols, lines = symbols_of(results), []
         for name, text, symbols in reversed(self._computed):
             if name in all_symbols:
@@ -89,13 +89,13 @@ KEYWORDS = frozenset((
     "union", "unsigned", "void", "volatile", "while", "bool", "true", "false", "amb_real",
     "amb_model",
 ))  # fmt: skip
-"""What a name in C cannot be, there or in a header that goes along."""
+"""Reserved names in C, or in an included header."""
 
 Naming = Mapping[tuple[str, int, int], str]  #: Names of constants by matrix, row and column.
 
 
 class Names:
-    """Names of one model's entries, and how the functions get at them."""
+    """Names of one model's entries, and the functions' access to them."""
 
     def __init__(self, model: Model, naming: Naming | None = None) -> None:
         self.model = model
@@ -128,7 +128,7 @@ class Names:
         }  # fmt: skip
 
     def entries(self, name: str, i: int) -> list[tuple[int, Factor]]:
-        """Return the structural entries of a row, columns ascending; None for a one."""
+        """Return the structural entries of a row, by ascending column; None for a one."""
         return [
             (j, None if kind == ONE else self.constants[name, i, j])
             for j, kind in enumerate(self.model.pattern[name][i].tolist())
@@ -136,7 +136,7 @@ class Names:
         ]
 
     def pair(self, name: str, i: int, j: int) -> str:
-        """Return the name of something of two states."""
+        """Return a name for two states."""
         return f"{name}{i}{self.between}{j}"
 
     def P(self, i: int, j: int) -> str:
@@ -144,15 +144,15 @@ class Names:
         return self.pair("P", min(i, j), max(i, j))
 
     def of_force(self, name: str, f: int, j: int) -> str:
-        """Return the name of something of a force and a state."""
+        """Return a name for a force and a state."""
         return f"{name}{j}" if self.p == 1 else f"{name}{f}_{j}"
 
     def of_control(self, name: str, i: int, at: int) -> str:
-        """Return the name of something of a state (or force) and a control."""
+        """Return a name for a state (or force) and a control."""
         return f"{name}{i}" if self.c == 1 else f"{name}{i}_{at}"
 
     def whole_force(self, f: int) -> str:
-        """Return the name of all force at a magnet's place."""
+        """Return the name of the total force at a magnet's place."""
         return "f_all" if self.p == 1 else f"f_all{f}"
 
     def of_p(self, name: str, f: int) -> str:
@@ -160,11 +160,11 @@ class Names:
         return name if self.p == 1 else f"{name}{f}"
 
     def shown(self, i: int) -> bool:
-        """Whether a state follows from the positions when all is at rest."""
+        """Return whether a state's equilibrium follows from the positions."""
         return ROLES.get(self.model.states[i].role) == SHOWN
 
     def loads(self, symbols: set[str]) -> list[str]:
-        """Return the lines that load what other lines ask for."""
+        """Return the lines that load the symbols of other lines."""
         stored = {name: f"model->{name}" for name in self.constants.values()}
         stored |= {self.P(*ij): f"cov[{at}]" for ij, at in self.where.items()}
         for f in range(self.p):
@@ -175,7 +175,7 @@ class Names:
     def function(
         self, doc: str, name: str, arguments: list[str], body: list[str], returns: str = "void"
     ) -> str:
-        """Return a function that becomes part of its caller; the pattern may need no argument."""
+        """Return an inlined function; the pattern may leave an argument unused."""
         arguments = [GIVEN, *arguments]
         text = "\n".join(body)
         argument_names = [re.sub(r"\[.*", "", at).replace("*", " ").split()[-1] for at in arguments]
@@ -186,7 +186,7 @@ class Names:
 
     def form(self, doc: str, name: str, arguments: list[str], cases: list[list[str]]) -> str:
         """Return a function that returns a number; the last line of each case is its expression."""
-        # Of which force or sensor, by its first argument; several are told apart by a switch.
+        # The first argument selects force or sensor, by a switch if there are several.
         if len(cases) == 1:
             (lines,) = cases
             body = [*lines[:-1], f"return {lines[-1]};"]
@@ -198,7 +198,7 @@ class Names:
 
 
 def switched(argument: str, cases: list[list[str]]) -> list[str]:
-    """Return lines that do one of some cases, by an argument that counts from 0."""
+    """Return lines that execute one of several cases, by an argument that counts from 0."""
     if len(cases) == 1:
         return cases[0]
     lines = [f"switch ({argument.split()[-1]}) {{"]

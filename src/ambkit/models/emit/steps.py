@@ -1,4 +1,4 @@
-"""C of displacement, current, mean, sensors and initialisation."""
+"""C of displacements, currents, mean, sensors and initialisation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SENSOR = "int r"
 
 
 def shown(names: Names) -> str:
-    """Return the function of what a sensor shows of a mean."""
+    """Return the function for a sensor's reading of a mean."""
     return names.form(
         "What the sensor shows (eq. 21).",
         "shown",
@@ -32,7 +32,7 @@ def shown(names: Names) -> str:
 
 
 def shown_variance(names: Names) -> str:
-    """Return the function of the variance of that."""
+    """Return the function for the variance of the reading."""
     cases = []
     for r in range(names.m):
         seen = [j for j, _ in names.entries("c", r)]
@@ -43,7 +43,7 @@ def shown_variance(names: Names) -> str:
 
 
 def shown_with(names: Names) -> str:
-    """Return the function of its covariance with the states."""
+    """Return the function for its covariance with the states."""
 
     def column(r: int, i: int) -> str:
         cov = {j: f"cov[{names.where[min(i, j), max(i, j)]}]" for j in range(names.n)}
@@ -57,7 +57,7 @@ def shown_with(names: Names) -> str:
 
 
 def update(names: Names) -> str:
-    """Return the function that takes in a measurement: K = P c'/S, X += K e, P -= K (P c')'."""
+    """Return the measurement update: K = P c'/S, X += K e, P -= K (P c')'."""
     arguments = ["amb_real y", "amb_real S", MEAN, COV, "amb_real *innovation"]
     doc = "Eq. 11-13 for the scalar measurement of {}; S must be positive."
     if names.m == 1:
@@ -84,11 +84,11 @@ def _update(names: Names, r: int) -> list[str]:
         "const amb_real inverse = AMB_C(1.0) / S;",  # one division for all of K
         "const amb_real e = *innovation;",
     ]
-    # Where PH is a column of P the long way to K begins at once.
+    # If PH is a column of P, the long path to K starts immediately.
     body = [*loads, *lines, *head] if lines else [*head, *loads]
     body += [f"const amb_real K{i} = {product(PH[i], 'inverse').text};" for i in states]
     body += [f"mean[{i}] += {product(f'K{i}', 'e').text};" for i in states]
-    # As differences, not as sums with -K: that would be one more operation to wait for.
+    # As differences, not as sums with -K, which would lengthen the dependency chain.
     return body + [
         f"cov[{at}] -= {product(f'K{i}', PH[j]).text};" for (i, j), at in names.where.items()
     ]
@@ -101,25 +101,25 @@ def _of_mean(names: Names, r: int) -> str:
 def _with_sensor(
     names: Names, r: int, states: list[int], *, stored: bool = True
 ) -> tuple[list[str], list[str], dict[int, str | None]]:
-    """Return loads, and lines that compute PH = P c' of some states, and what these are called."""
+    """Return loads, and lines that compute PH = P c' of some states, with their names."""
     stages, entries = Stages(), names.entries("c", r)
     PH = {i: stages.add(f"PH{i}", [product(c, names.P(i, j)) for j, c in entries]) for i in states}
     lines, symbols = stages.needed([[product(x)] for x in PH.values()])
     if stored and not lines:
-        symbols = set()  # a variance is returned from where it is stored
+        symbols = set()  # a variance is returned from its place
     if lines:
         symbols |= {c for _, c in entries if c}
     return names.loads(symbols), lines, PH
 
 
 def _variance(names: Names, r: int, PH: dict[int, str | None]) -> str:
-    """Return c P c', from where it is stored if it is one entry."""
+    """Return c P c', from its place if it is one entry."""
     known = {names.P(*ij): f"cov[{at}]" for ij, at in names.where.items()}
     return total(product(c, known.get(PH[j] or "", PH[j])) for j, c in names.entries("c", r))
 
 
 def growth(names: Names) -> str:
-    """Return the function of the covariance that the sources of noise leave in a sample."""
+    """Return the function for the process noise covariance of a sample."""
     pattern, body = names.model.pattern["N"], []
     for at, (i, j) in enumerate(names.pairs):
         terms = []
@@ -138,7 +138,7 @@ def growth(names: Names) -> str:
 
 
 def drives(names: Names) -> str:
-    """Return the function of which noise drives which state."""
+    """Return the function for which noise drives which state."""
     flags = np.diagonal(names.model.pattern["N"], axis1=1, axis2=2) != ZERO
     rows = ", ".join(
         "{" + ", ".join("true" if on else "false" for on in row) + "}" for row in flags
@@ -152,7 +152,7 @@ def drives(names: Names) -> str:
 
 
 def pushed(names: Names) -> str:
-    """Return the function of what a force leaves in the states."""
+    """Return the function for the effect of a force on the states."""
     rows = [dict(names.entries("b", i)) for i in range(names.n)]
     cases = [
         [
@@ -167,7 +167,7 @@ def pushed(names: Names) -> str:
 
 
 def role(names: Names) -> str:
-    """Return the function of what each state is."""
+    """Return the function for the role of each state."""
     unknown = [state.name for state in names.model.states if state.role not in ROLES]
     if unknown:
         raise ValueError(f"states of unknown roles: {', '.join(unknown)}")
@@ -177,7 +177,7 @@ def role(names: Names) -> str:
 
 
 def equilibrium(names: Names) -> str:
-    """Return the function that sets what sensors show to what it is at rest."""
+    """Return the function that sets the measured states to their equilibrium."""
     body = [
         f"mean[{i}] = "
         f"{total(product(f'mean[{j}]', in_place(a)) for j, a in names.entries('rest', i))};"
@@ -189,7 +189,7 @@ def equilibrium(names: Names) -> str:
 
 
 def firsts(names: Names) -> list[str]:
-    """Return the macros of the first state of some roles, of those that there are."""
+    """Return macros with the first state of each existing role."""
     roles = [ROLES[state.role] for state in names.model.states]
     return [
         f"#define {role.replace('AMB_', 'AMB_FIRST_')} {roles.index(role)}"
@@ -199,7 +199,7 @@ def firsts(names: Names) -> list[str]:
 
 
 def sound(names: Names) -> str:
-    """Return the function that says whether variances are such."""
+    """Return the function that checks variances."""
     body = " && ".join(
         f"({at} >= AMB_C(0.0))"
         for i, at in enumerate(_diagonal(names))
@@ -210,7 +210,7 @@ def sound(names: Names) -> str:
 
 
 def known(names: Names) -> str:
-    """Return the function that says whether the positions are known."""
+    """Return the function that checks whether the positions are known."""
     body = " && ".join(
         f"({at} <= widest[{i}])"
         for i, at in enumerate(_diagonal(names))
@@ -222,7 +222,7 @@ def known(names: Names) -> str:
 
 
 def uncorrelated(names: Names) -> str:
-    """Return the function of a covariance of variances alone."""
+    """Return the function for a diagonal covariance."""
     body = [
         f"cov[{at}] = " + (f"amb_magnitude(variances[{i}]);" if i == j else f"{total([])};")
         for (i, j), at in names.where.items()
@@ -233,7 +233,7 @@ def uncorrelated(names: Names) -> str:
 
 
 def variances(names: Names) -> str:
-    """Return the function of the variances of all states."""
+    """Return the function for the variances of all states."""
     body = [f"variances[{i}] = {at};" for i, at in enumerate(_diagonal(names))]
     arguments = [f"const {COV}", "amb_real variances[AMB_STATES]"]
     return names.function("The variances of all states.", "variances", arguments, body)
@@ -244,7 +244,7 @@ def _diagonal(names: Names) -> list[str]:
 
 
 def displacement(names: Names) -> str:
-    """Return the function of the displacements at which the magnets are asked."""
+    """Return the function for the displacements in the magnets."""
     rows = [
         [product(f"mean[{j}]", in_place(h)) for j, h in names.entries("h", f)]
         for f in range(names.p)
@@ -254,7 +254,7 @@ def displacement(names: Names) -> str:
 
 
 def current(names: Names) -> str:
-    """Return the function of the currents at which the magnets are asked."""
+    """Return the function for the currents in the magnets."""
     rows = [
         [product(f"mean[{j}]", in_place(e)) for j, e in names.entries("e", f)]
         + [product(in_place(d), f"iu[{at}]") for at, d in names.entries("d", f)]

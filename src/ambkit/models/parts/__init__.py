@@ -1,4 +1,4 @@
-"""The parts of a machine, one file each; what is registered here is composed."""
+"""Parts of a machine, one file each; registered here."""
 
 from typing import Any
 
@@ -18,11 +18,11 @@ BEHIND_MAGNETS: tuple[Any, ...] = (EddyCurrents, SolidIron)
 """Linear parts between a magnet's force and the rotor."""
 
 PARTS = (Rotor, MagnetPlace, Disturbance, Sensor, Amplifier, Delay, *BEHIND_MAGNETS)
-"""In the order of their states; each takes what concerns it from a machine (``of``)."""
+"""In the order of their states; ``of`` selects what concerns the part from a machine."""
 
 SENSOR_NOISE: tuple[Any, ...] = (ColouredNoise, Hum)  #: Coloured; a filter may leave it out.
 
-ROTATION: tuple[Any, ...] = (SpeedError,)  #: Where synchronous states follow a measured angle.
+ROTATION: tuple[Any, ...] = (SpeedError,)  #: For synchronous states that follow a measured angle.
 
 SYNCHRONOUS: dict[str, Any] = {"unbalance": SynchronousForce, "runout": SynchronousRunout}
-"""What turns with the rotor and can be among the states, by name."""
+"""Synchronous quantities that can be states, by name."""

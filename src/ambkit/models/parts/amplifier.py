@@ -1,4 +1,4 @@
-"""A current amplifier, within its limits."""
+"""Current amplifier, within its limits."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from ambkit.models.parts.typical_sizes import Typical
 
 @dataclass(frozen=True)
 class Amplifier:
-    """From a demanded current to a magnet's: at once, or as a first-order lag."""
+    """From a commanded current to a magnet's: without delay, or as a first-order lag."""
 
     size: float  #: Typical current [A].
-    bandwidth: float | None = None  #: Corner frequency of the lag [Hz]; None: no lag.
-    control: str = "u"  #: Name of the demanded current.
-    current: str = "i"  #: Name of the current, a state where there is a lag.
-    force: str = "f"  #: The magnet force that it feeds.
+    bandwidth: float | None = None  #: Bandwidth of the lag [Hz]; None: no lag.
+    control: str = "u"  #: Name of the commanded current.
+    current: str = "i"  #: Name of the current, a state if there is a lag.
+    force: str = "f"  #: Name of the magnet force.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Amplifier]:
-        """Return the amplifier of each axis; it lags if it has a bandwidth."""
+        """Return the amplifier of each axis, with a lag if it has a bandwidth."""
         return [
             cls(s.current, a.bearing.amplifier.bandwidth, *(signal(x, a.name) for x in "uif"))
             for a, s in zip(machine.axes, sizes, strict=True)
         ]
 
     def declare(self, plan: Plan) -> None:
-        """Add the control, and the current if it lags behind."""
+        """Add the control, and the current if it lags."""
         plan.control(self.control, self.size)
         if self.bandwidth is None:
             plan.currents[self.force] = self.control

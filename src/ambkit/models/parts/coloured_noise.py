@@ -1,4 +1,4 @@
-"""Sensor noise of first order."""
+"""First-order sensor noise."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class ColouredNoise:
     variance: float  #: Variance of the reading's error [m^2].
     bandwidth: float  #: Corner frequency [Hz].
     name: str = "n_y"  #: Name of the state.
-    measurement: str = "y"  #: The measurement it is on.
+    measurement: str = "y"  #: Name of the measurement.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[ColouredNoise]:
-        """Return that of each reading that has any."""
+        """Return that of each reading that has coloured noise."""
         return [
             cls(noise.variance, noise.bandwidth, signal("n_y", r.name), signal("y", r.name))
             for r in machine.readings
@@ -35,7 +35,7 @@ class ColouredNoise:
         ]
 
     def declare(self, plan: Plan) -> None:
-        """Add the state, its noise, and its share of the reading."""
+        """Add the state, its noise, and its contribution to the reading."""
         corner, size = 2 * math.pi * self.bandwidth, math.sqrt(self.variance)
         plan.state(self.name, "m", size, "noise")
         plan.rate(self.name, self.name, -corner)
@@ -43,7 +43,7 @@ class ColouredNoise:
         plan.add_to_reading(self.measurement, {self.name: UNIT})
 
     def draw(self, T: float, n: int, stream: Any) -> Array:
-        """Return n samples of it, exact at every T [m]."""
+        """Return n samples, exact at every T [m]."""
         # ``z(k+1) = a z(k) + sqrt((1 - a^2) variance) w(k)`` with ``a = exp(-2 pi bandwidth T)``.
         white = stream.normal(math.sqrt(self.variance), n)
         rate = 2 * math.pi * self.bandwidth * T
@@ -53,6 +53,6 @@ class ColouredNoise:
 
 def first_order(pole: complex, white: NDArray[Any]) -> NDArray[Any]:
     """Return ``z(k) = pole z(k-1) + white(k)``."""
-    from scipy.signal import lfilter  # most of what a start of ambkit would take, and rarely needed
+    from scipy.signal import lfilter  # dominates the start of ambkit, and is rarely needed
 
     return np.asarray(lfilter([1.0], [1.0, -pole], white))

@@ -1,4 +1,4 @@
-"""The dead time between a sampling instant and the change of the amplifier's input."""
+"""Dead time between a sampling instant and the change of the amplifier's input."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from ambkit.models.parts.typical_sizes import Typical
 
 @dataclass(frozen=True)
 class Delay:
-    """Demanded currents act later, by any share of a sample or by several samples."""
+    """Delay of commanded currents by any share of a sample or by several samples."""
 
-    # The currents demanded in samples before, as many as still act, are states ``u_1`` (of one
+    # The currents commanded in the preceding samples that still act are states ``u_1`` (of one
     # sample before), ``u_2``, ...; a delay of d samples needs ceil(d) of them.
 
     time: float  #: Dead time [s].
     size: float  #: Typical current [A].
-    control: str = "u"  #: The demanded current that is late.
+    control: str = "u"  #: The delayed commanded current.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Delay]:
@@ -36,7 +36,7 @@ class Delay:
     def declare(self, plan: Plan) -> None:
         """Add the past controls."""
         samples = self.time / plan.T
-        count = math.ceil(samples - 1e-9)  # what rounding makes of a whole number
+        count = math.ceil(samples - 1e-9)  # tolerance for the rounding of a whole number
         names = [f"{self.control}_{k + 1}" for k in range(count)]
         for name in names:
             plan.state(name, "A", self.size, "past control")

@@ -1,4 +1,4 @@
-"""The disturbance force: a random walk, whose intensity is the process noise."""
+"""Disturbance force: a random walk, whose intensity is the process noise."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ambkit.models.parts.typical_sizes import Typical
 
 @dataclass(frozen=True)
 class Disturbance:
-    """A random walk [N]; its variance is that of its growth in one sample [N^2]."""
+    """A random walk [N]; its variance is that of the growth in one sample [N^2]."""
 
     size: float  #: Typical force [N].
     growth: float  #: Typical growth in a sample [N].
     name: str = "f_d"  #: Name of the state.
-    rides: str | None = "f"  #: Magnet force at whose place it pushes; None: at `place`.
-    place: Place = "x"  #: Where it pushes, away from the magnets.
+    rides: str | None = "f"  #: Magnet force at whose place it acts; None: at `place`.
+    place: Place = "x"  #: Place, away from the magnets.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Disturbance]:
@@ -35,5 +35,5 @@ class Disturbance:
         if self.rides is None:
             plan.push(self.name, self.place)
         else:
-            plan.riders[self.name] = self.rides  # held over the sample as the magnet's force is
+            plan.riders[self.name] = self.rides  # held over the sample like the magnet force
         plan.noise(self.name, "N", self.growth, {self.name: 1 / plan.T}, walk=True)

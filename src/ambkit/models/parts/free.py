@@ -1,4 +1,4 @@
-"""A rotor of which no force is known, but white acceleration."""
+"""A rotor without known forces, but with white acceleration."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor
 from ambkit.models.parts.typical_sizes import Typical
 
-FORGOTTEN = 0.5  #: Time [s] in which the variance of the disturbance force is as at the start.
+#: Time [s] in which the variance of the disturbance force grows by its initial value.
+FORGOTTEN = 0.5
 
 
 @dataclass(frozen=True)
 class UnknownForce:
-    """A force that pushes nothing: its estimate stays zero, its variance that of the start."""
+    """A force without effect: its estimate stays zero, its variance the initial one."""
 
     size: float  #: Typical force [N].
     name: str = "f_d"  #: Name of the state.
@@ -43,7 +44,8 @@ class UnknownForce:
 class WhiteAcceleration:
     """White acceleration of every coordinate (Bar-Shalom, Li and Kirubarajan 2001, ch. 6.2)."""
 
-    intensity: float  #: Of a displacement [m^2/s^3]; others by the ratio of velocities.
+    #: Intensity for a displacement [m^2/s^3]; for others by the ratio of velocities.
+    intensity: float
 
     def declare(self, plan: Plan) -> None:
         """Add a noise for each velocity."""
@@ -56,7 +58,7 @@ class WhiteAcceleration:
 
 
 def plain_parts(machine: Any, **_: Any) -> list[Part]:
-    """Return a machine's rotor, magnets, disturbance forces and sensors alone."""
+    """Return a machine's rotor, magnets, disturbance forces and sensors only."""
     sizes = [Typical.of(machine.isolated_axis(axis.name)) for axis in machine.axes]
     known = (kind.of(machine, sizes) for kind in (Rotor, MagnetPlace, Disturbance, Sensor))
     currents = (replace(item, bandwidth=None) for item in Amplifier.of(machine, sizes))
@@ -64,7 +66,7 @@ def plain_parts(machine: Any, **_: Any) -> list[Part]:
 
 
 def free_parts(machine: Any, acceleration: float, **_: Any) -> list[Part]:
-    """Return a machine's rotor, magnets and sensors without what lags, and without its forces."""
+    """Return a machine's rotor, magnets and sensors without lags and forces."""
     sizes = [Typical.of(machine.isolated_axis(axis.name)) for axis in machine.axes]
     return [
         *Rotor.of(machine, sizes),

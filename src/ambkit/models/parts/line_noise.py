@@ -1,4 +1,4 @@
-"""A narrow line in a reading: the mains, a resonance."""
+"""Line noise of a reading: mains, resonance."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from ambkit.models.parts.typical_sizes import Typical
 
 @dataclass(frozen=True)
 class Hum:
-    """An oscillator of two states whose amplitude and phase wander; stationary."""
+    """A stationary oscillator with two states whose amplitude and phase vary."""
 
-    # Both states have the variance amplitude^2 / 2; the first is seen in the reading.
+    # Both states have the variance amplitude^2 / 2; the first is added to the reading.
 
     frequency: float  #: Frequency of the line [Hz].
     amplitude: float  #: Amplitude of the reading's error [m], root of twice its variance.
-    bandwidth: float  #: Half the width of the line [Hz]: how fast it wanders.
+    bandwidth: float  #: Half width of the line [Hz], by which it varies.
     name: str = "hum"  #: Name of the states, with _c and _s for cosine and sine.
-    measurement: str = "y"  #: The measurement it is on.
+    measurement: str = "y"  #: Name of the measurement.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Hum]:
@@ -41,7 +41,7 @@ class Hum:
         ]  # fmt: skip
 
     def declare(self, plan: Plan) -> None:
-        """Add both states, their noise, and their share of the reading."""
+        """Add both states, their noise, and their contribution to the reading."""
         turn, decay = 2 * math.pi * self.frequency, 2 * math.pi * self.bandwidth
         cosine, sine, size = f"{self.name}_c", f"{self.name}_s", self.amplitude / math.sqrt(2)
         for name, role in ((cosine, "noise"), (sine, "noise in quadrature")):
@@ -54,9 +54,8 @@ class Hum:
 
     def draw(self, T: float, n: int, stream: Any) -> Array:
         """Return n samples of it [m]."""
-        # Without a bandwidth, a sine of random phase. Else a phasor ``z(k+1) = exp((j omega -
-        # alpha) T) z(k) + noise`` with ``alpha = 2 pi bandwidth``, stationary and of the same
-        # power.
+        # Without a bandwidth, a sine with random phase. Else a stationary phasor ``z(k+1) = exp((j
+        # omega - alpha) T) z(k) + noise`` with ``alpha = 2 pi bandwidth``, of the same power.
         phase_step = 2j * math.pi * self.frequency * T
         if self.bandwidth == 0:
             phase = 2 * math.pi * stream.share()

@@ -1,4 +1,4 @@
-"""Where a magnet pulls at the rotor; of its law, the model of fast bending modes has its k_i."""
+"""Magnet force on the rotor; with fast bending modes the model includes k_i of its law."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ambkit.models.declaration import Place, Plan, place
 from ambkit.models.parts.typical_sizes import Typical
 
 TURN = 0.5
-"""Phase of a bending mode in a sample [rad] up to which a magnet force may be held over it."""
+"""Phase of a bending mode per sample [rad] up to which a magnet force may be held over it."""
 
 
 @dataclass(frozen=True)
@@ -21,14 +21,14 @@ class MagnetPlace:
 
     size: float  #: Typical force [N].
     force: str = "f"  #: Name of the force.
-    place: Place = "x"  #: Where it pulls.
+    place: Place = "x"  #: Place of the force.
     k_i: float | None = None
-    """Current stiffness [N/A], by which the force changes within a sample; None: it is held."""
+    """Current stiffness [N/A], for changes of the force within a sample; None: held."""
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[MagnetPlace]:
-        """Return where the magnets of each axis pull."""
-        # Whether a mode is fast enough to follow what a current does within a sample.
+        """Return the magnet places of each axis."""
+        # Whether a mode is fast enough to follow the current within a sample.
         bending = machine.bending
         fast = bending is not None and max(bending.frequency) * machine.sampling_time > TURN
         return [

@@ -1,4 +1,4 @@
-"""The rotor: ``M q'' + (D + speed G) q' + (K + speed N) q`` = what pushes it."""
+"""The rotor: ``M q'' + (D + speed G) q' + (K + speed N) q`` = forces."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ambkit.models.declaration import UNIT, Plan
 from ambkit.models.parts.typical_sizes import Typical
 
 Entries = Mapping[tuple[int, int], float]
-"""Entries of a matrix by row and column; what is listed is in the pattern, zero or not."""
+"""Entries of a matrix by row and column; listed ones are in the pattern, zero or not."""
 
 
 @dataclass(frozen=True)
 class Rotor:
-    """A rotor of several coordinates; one mass of one axis by default."""
+    """A rotor with several coordinates; by default a mass with one."""
 
     mass: float | Entries  #: Mass [kg], or entries of M [kg], of an angle [kg m^2].
     size: float  #: Typical displacement [m].
@@ -27,21 +27,21 @@ class Rotor:
     positions: tuple[str, ...] = ("x",)  #: Names of the coordinates q.
     velocities: tuple[str, ...] = ("v",)  #: Names of q'.
     turns: tuple[bool, ...] = ()  #: Which coordinates are angles [rad]; empty: none.
-    lever: float = 1.0  #: Displacement by 1 rad [m], for typical sizes.
+    lever: float = 1.0  #: Displacement per radian [m], for typical sizes.
     bends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Of coordinates by which the rotor bends, typical displacement [m] and velocity [m/s]."""
+    """Typical displacement [m] and velocity [m/s] of the modal coordinates."""
     damping: Entries = field(default_factory=dict)  #: Entries of D [N s/m].
     gyroscopic: Entries = field(default_factory=dict)  #: Entries of G [N s^2/m].
     stiffness: Entries = field(default_factory=dict)  #: Entries of K [N/m].
     circulatory: Entries = field(default_factory=dict)
-    """Entries of N [N s/m]: what damps within the rotor turns with it."""
+    """Entries of N [N s/m]: from rotating damping."""
     speed: float = 0.0  #: Speed of rotation [rad/s].
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Rotor]:
-        """Return it with its gyroscopics at the machine's speed, and its bending modes."""
+        """Return it with gyroscopics at the machine's speed, and bending modes."""
         way, fast = max(s.displacement for s in sizes), max(s.velocity for s in sizes)
-        if machine.rotor.type == "mass":  # of which campaigns ask for each run
+        if machine.rotor.type == "mass":  # called for each run of a campaign
             return [
                 cls({(0, 0): machine.rotor.mass}, way, fast, turns=(False,), speed=machine.speed)
             ]
@@ -110,11 +110,12 @@ class Rotor:
                         plan.rate(self.velocities[i], sources[j], -moved * scale * value)
 
     def _inverse_mass(self) -> dict[tuple[int, int], float]:
-        """Return entries of the inverse of M: all within a group that M couples."""
+        """Return entries of the inverse of M: all within a group coupled by M."""
         n = len(self.positions)
         entries = self.mass if isinstance(self.mass, Mapping) else {(0, 0): self.mass}
         if all(i == j for i, j in entries) and np.all([value > 0 for value in entries.values()]):
-            return {place: 1 / value for place, value in entries.items()}  # of many at once, too
+            # also for many machines at once
+            return {place: 1 / value for place, value in entries.items()}
         M, joined = np.zeros((n, n)), np.eye(n, dtype=bool)
         for (i, j), value in entries.items():
             M[i, j], joined[i, j], joined[j, i] = value, True, True
@@ -126,7 +127,7 @@ class Rotor:
 
 
 def velocities_of(positions: tuple[str, ...]) -> tuple[str, ...]:
-    """Return what the derivatives are called: ``v_x``, ``w_x`` of ``th_x``; of a mass ``v``."""
+    """Return the names of the derivatives: ``v_x``, ``w_x`` of ``th_x``; for a mass ``v``."""
     if positions == ("x",):
         return ("v",)
     return tuple(f"w_{q[3:]}" if q.startswith("th_") else f"v_{q}" for q in positions)
@@ -135,7 +136,7 @@ def velocities_of(positions: tuple[str, ...]) -> tuple[str, ...]:
 def _coupled(
     bending: Bending,
 ) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float]]:
-    """Return entries of G, of which those across the diagonal follow, and of D."""
+    """Return entries of G and D, with the transposed ones."""
     # In one plane the slopes are th_y and those of the modes, in the other -th_x and those.
     planes = [
         [("x", 1.0), ("th_y", 1.0), *((f"{name}_x", 1.0) for name in bending.names)],
@@ -160,9 +161,9 @@ def _coupled(
 
 
 def _circulatory(bending: Bending) -> dict[tuple[str, str], float]:
-    """Return entries of N: of D_internal (q' - speed J q), what is not of q'."""
-    # J turns from x towards y. What stands still for a rotor that turns moves for its material,
-    # which so drives a whirl that is slower than the rotor.
+    """Return entries of N: the part of D_internal (q' - speed J q) without q'."""
+    # J rotates from x towards y. A deflection at rest in the fixed frame moves relative to the
+    # rotating material, which drives whirls slower than the rotor.
     results: dict[tuple[str, str], float] = {}
     for k, m in np.argwhere(bending.internal):
         one, other, value = bending.names[k], bending.names[m], float(bending.internal[k, m])
@@ -170,11 +171,11 @@ def _circulatory(bending: Bending) -> dict[tuple[str, str], float]:
     return results
 
 
-LEAST_BENT = 1 / 30  #: Of the travel, that a mode is expected to be out at least.
+LEAST_BENT = 1 / 30  #: Minimum typical deflection of a mode, over the clearance.
 
 
 def _typical_bendings(machine: Any, sizes: Sequence[Typical]) -> dict[str, tuple[float, float]]:
-    """Return how far and how fast modes are bent [m], [m/s]: by what the magnets pull at most."""
+    """Return typical displacement and velocity of modes [m], [m/s], at maximum magnet force."""
     bending, positions = machine.bending, modal_positions(machine.bending)
     least = LEAST_BENT * min(s.displacement for s in sizes)
     most = np.full(len(positions), least)

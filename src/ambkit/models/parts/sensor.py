@@ -1,4 +1,4 @@
-"""A position sensor."""
+"""Position sensor."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Sensor:
     size: float  #: Typical reading [m].
     measurement: str = "y"  #: Name of the measurement.
     state: str = "x_m"  #: Name of the lagged position.
-    place: Place = "x"  #: Where it looks.
+    place: Place = "x"  #: Place of the measurement.
 
     @classmethod
     def of(cls, machine: Any, sizes: Sequence[Typical]) -> list[Sensor]:

@@ -1,4 +1,4 @@
-"""The error of a measured speed of rotation, by which synchronous states turn too."""
+"""Error of a measured speed of rotation, which also rotates synchronous states."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Any
 
 from ambkit.models.declaration import Plan
 
-NAME = "speed_error"  #: The state.
+NAME = "speed_error"  #: Name of the state.
 
 
 @dataclass(frozen=True)
 class SpeedError:
-    """A state of which the core fills variance and column of the transition at each sample."""
+    """A state whose variance and column of the transition are set by the core at each sample."""
 
-    # The core turns each pair of synchronous states by n T times the error, and linearises about
+    # The core rotates each pair of synchronous states by n T times the error, and linearises about
     # the estimated pair (``core/include/ambkit/turning.h``). Here the column is zero.
 
-    size: float  #: What it is at the start, when no reading came [rad/s].
-    pairs: tuple[tuple[str, str], ...]  #: What turns.
+    size: float  #: Initial standard deviation, before the first reading [rad/s].
+    pairs: tuple[tuple[str, str], ...]  #: Pairs of synchronous states.
 
     @classmethod
     def of(cls, machine: Any, synchronous: Sequence[Any]) -> list[SpeedError]:
-        """Return it where the machine has a sensor of its angle."""
+        """Return it if the machine has an angle sensor."""
         if machine.angle is None:
             return []
         pairs = tuple(part.rotating[:2] for part in synchronous)
@@ -31,7 +31,7 @@ class SpeedError:
         return [cls(most, pairs)]
 
     def declare(self, plan: Plan) -> None:
-        """Add the state, its noise, and where it will act."""
+        """Add the state, its noise, and its place in the transition."""
         plan.state(NAME, "rad/s", self.size, "speed error")
         for pair in self.pairs:
             for state in pair:

@@ -1,4 +1,4 @@
-"""What turns with the rotor at its known speed: unbalance, and runout."""
+"""Synchronous states at a known speed: unbalance, and runout."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from ambkit.machine.geometry import Line
 from ambkit.models.declaration import Place, Plan, place, row
 
 GRADE = 6.3e-3  #: Expected balance quality grade of a rotor [m/s] (ISO 21940-11).
-RUNOUT = 3e-6  #: Runout that is expected where none is described [m].
-MEMORY = 1e5  #: Time in which both may change by as much as they are expected to be [s].
+RUNOUT = 3e-6  #: Assumed runout if none is described [m].
+MEMORY = 1e5  #: Time in which both may change by their expected size [s].
 
 
 @dataclass(frozen=True)
 class SynchronousForce:
-    """Unbalance in a plane, which goes round with the rotor: two states, along x and along y."""
+    """Unbalance in a plane: two states, along x and along y."""
 
-    # It pushes with the square of the speed, across with the speed's growth, and keeps its size but
-    # for a random walk, slow against everything else. In the frame of the sensors it is a pair that
-    # turns by the speed, as that of a generalised notch (Herzog et al., Unbalance compensation
-    # using generalized notch filters, 1996).
+    # Its force grows with the square of the speed, its transverse part with the acceleration; the
+    # amount is a slow random walk. In the frame of the sensors it is a pair that rotates at the
+    # speed, as in a generalised notch (Herzog et al., Unbalance compensation using generalized
+    # notch filters, 1996).
 
     size: float  #: Typical unbalance [kg m].
     growth: float  #: Typical growth in a sample [kg m].
-    speed: float  #: Of rotation [rad/s].
-    name: str  #: Of the states, with _x and _y.
-    along_x: Place  #: The place in its plane, moved along x.
-    along_y: Place  #: And along y.
-    speeding: float = 0.0  #: By how much the speed grows [rad/s^2].
+    speed: float  #: Speed of rotation [rad/s].
+    name: str  #: Name of the states, with _x and _y.
+    along_x: Place  #: Place of the plane along x.
+    along_y: Place  #: Place of the plane along y.
+    speeding: float = 0.0  #: Angular acceleration [rad/s^2].
 
     @classmethod
     def of(cls, machine: Any, speeding: float) -> list[SynchronousForce]:
@@ -49,11 +49,11 @@ class SynchronousForce:
 
     @property
     def rotating(self) -> tuple[str, str, int]:
-        """Both states, and how often they turn a revolution."""
+        """Both states, and their turns per revolution."""
         return f"{self.name}_x", f"{self.name}_y", 1
 
     def declare(self, plan: Plan) -> None:
-        """Add both states, where they push, and their noise."""
+        """Add both states, their force, and their noise."""
         x, y, _ = self.rotating
         for state, along, beside, way in (
             (x, self.along_x, self.along_y, -1.0), (y, self.along_y, self.along_x, 1.0)
@@ -75,23 +75,24 @@ def _turn(plan: Plan, x: str, y: str, speed: float) -> None:
 
 @dataclass(frozen=True)
 class SynchronousRunout:
-    """Runout that sensors of one plane see: two states, a cosine and a sine of the angle."""
+    """Runout in the sensors of one plane: two states, cosine and sine of the angle."""
 
-    # It enters before the sensors' lag. A sensor farther round by some angle sees the profile by so
-    # much later: order n by n times that angle.
+    # It is in front of the sensors' lag. A sensor at a larger angle measures the profile later:
+    # order n by n times that angle.
 
     size: float  #: Typical runout [m].
     growth: float  #: Typical growth in a sample [m].
-    speed: float  #: Of rotation [rad/s].
-    order: int  #: How often a revolution.
-    name: str  #: Of the states, with _c and _s.
+    speed: float  #: Speed of rotation [rad/s].
+    order: int  #: Periods per revolution.
+    name: str  #: Name of the states, with _c and _s.
     sensors: tuple[tuple[str, float, float, float, float], ...]
-    """Of each sensor that sees it: state of the lagged reading, gain [1], lag [s], and cosine and
-    sine of n times the angle by which it is farther round."""
+    """For each sensor of the plane: state of the lagged reading, gain [1], lag [s], and cosine and
+    sine of n times its angle.
+    """
 
     @classmethod
     def of(cls, machine: Any, speeding: float) -> list[SynchronousRunout]:
-        """Return one for each order that a sensor sees."""
+        """Return one for each order of a sensor."""
         parts: list[SynchronousRunout] = []
         for sensor in machine.sensors:
             amplitudes = {line.order: line.amplitude for line in sensor.runout} or {1: RUNOUT}
@@ -110,11 +111,11 @@ class SynchronousRunout:
 
     @property
     def rotating(self) -> tuple[str, str, int]:
-        """Both states, and how often they turn a revolution."""
+        """Both states, and their turns per revolution."""
         return f"{self.name}_c", f"{self.name}_s", self.order
 
     def declare(self, plan: Plan) -> None:
-        """Add both states, their share of the readings, and their noise."""
+        """Add both states, their contribution to the readings, and their noise."""
         c, s, _ = self.rotating
         for state in (c, s):
             plan.state(state, "m", self.size, "runout")
@@ -128,14 +129,14 @@ class SynchronousRunout:
 
 
 def across(machine: Any, z: float) -> tuple[Place, Place]:
-    """Return a place on the shaft, moved along x and along y."""
+    """Return a place on the shaft, along x and along y."""
     x, y = (place(machine.line(z, angle).form) for angle in (0.0, math.pi / 2))
     return x, y
 
 
 def unbalance_planes(machine: Any) -> list[float]:
-    """Where unbalance is estimated: one or two described planes, or at the outer bearings."""
-    # Two planes are all that a rigid rotor has, and one that bends has another for each mode.
+    """Return the planes of estimated unbalance: one or two described, or the outer bearings."""
+    # A rigid rotor has two independent planes, a flexible one another for each mode.
     planes = {item.place for item in machine.unbalance}
     most = 2 if machine.bending is None else 2 + len(machine.bending.frequency)
     if 0 < len(planes) <= most:
