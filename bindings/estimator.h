@@ -256,3 +256,9 @@ inline void fill(amb_real *to, const Vector &from, size_t n, const char *name)
 // A whole record, with these instructions or the fastest; the history is made here.
 Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance,
                 const std::optional<std::string> &instructions);
+
+// Of estimator_runs.cpp: steps and runs of the class, and runs along which the rotor turns.
+void bind_steps(nb::class_<Estimator> &estimator);
+#if defined(AMB_MODEL_LOOPS)
+void bind_turning(nb::module_ &m);
+#endif
