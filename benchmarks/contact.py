@@ -65,7 +65,10 @@ def walks(machine: Machine, seed: int, duration: float) -> tuple[Record, FilterN
         {"axis": axis.name, "force": load} for axis, load in zip(machine.axes, loads, strict=True)
     ]  # fmt: skip
     scenario = Scenario(
-        duration=duration, seed=seed, disturbance=disturbance, feedback="measurement"
+        duration=duration,
+        seed=seed,
+        disturbance=disturbance,
+        controller={"feedback": "measurement"},
     )
     record = ambkit.simulate(machine, scenario).record
     return record, FilterNoise(disturbance=tuple(capacities**2 / duration))

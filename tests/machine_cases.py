@@ -168,6 +168,8 @@ def injected(seed: int, axis: str = "B1", noise: bool = True) -> tuple[Machine, 
     t = T * np.arange(len(values))
     signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))
     there = Injection.model_construct(axis=axis, position=signal)
-    flight = Scenario(duration=float(t[-1]), noise=noise, seed=seed, feedback="measurement")
+    flight = Scenario(
+        duration=float(t[-1]), noise=noise, seed=seed, controller={"feedback": "measurement"}
+    )
     still = UFU.model_copy(update={"unbalance": (), "speed": 0.0})
     return still, simulate_run(still, flight.model_copy(update={"injection": (there,)})).record

@@ -287,7 +287,7 @@ def test_design_judges_with_the_stated_load_and_not_with_the_assumed_one(tmp_pat
 
 STUDY = """
 name = "slow"
-bearing = "slow.bearing.toml"
+machine = "slow.bearing.toml"
 runs = 4
 scenario = {duration = "50 ms"}
 

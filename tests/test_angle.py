@@ -373,7 +373,7 @@ def test_controllers_hear_the_angle():
     """Force-free control on a pulse a turn; the rotor goes round about its axis of inertia."""
     dirty, _ = spoilt(PULSES | {"reverses": False})
     law = {"unbalance": "force-free"}
-    flight = Scenario(duration=1.0, seed=1, feedback="estimate", controller=law)
+    flight = Scenario(duration=1.0, seed=1, controller=law).fed("estimate")
     kf = ExtendedKalmanFilter(dirty, synchronous=("unbalance",))
     run = simulate(dirty, flight, filter=kf)
     known = simulate(

@@ -74,7 +74,7 @@ def test_unbalance_is_answered_as_the_simulation_does(control):
     machine = TUM.replace(speed="12000 rpm")
     filter = told(machine, control)
     found = ambkit.assess(machine, filter, control).loops[filter.name]
-    flight = Scenario(duration=2.5, noise=False, feedback="estimate", control=control)
+    flight = Scenario(duration=2.5, noise=False, controller=control).fed("estimate")
     record = simulate_run(machine, flight, estimator=filter).record
     turns = round(0.2 * machine.speed / (2 * math.pi))
     late = slice(-round(turns * 2 * math.pi / machine.speed / machine.sampling_time), None)
@@ -149,7 +149,7 @@ def test_the_static_compliance_is_that_of_the_gains_that_fly():
 ])  # fmt: skip
 def test_command(given, code, said, call, tmp_path):
     (tmp_path / "scenario.toml").write_text(
-        'duration = "1 s"\nfeedback = "estimate"\n[control]\ntype = "translation and tilt"\n'
+        'duration = "1 s"\n[controller]\nfeedback = "estimate"\ntype = "translation and tilt"\n'
         'cross_feedback = 0.5\n[[disturbance]]\naxis = "A1"\n'
         'force = {type = "constant", value = "5 N"}\n'
     )

@@ -92,7 +92,7 @@ def test_noise_figures_are_those_of_the_simulation():
     still = UFU.model_copy(update={"unbalance": (), "speed": 0.0})
     loop = ambkit.assess(still, "linear").loops["linear"]
     runs = [
-        simulate_run(still, Scenario(duration=0.6, seed=seed, feedback="estimate"),
+        simulate_run(still, Scenario(duration=0.6, seed=seed, controller={"feedback": "estimate"}),
                          estimator=made("linear", still)).record
         for seed in range(20)
     ]  # fmt: skip
@@ -110,7 +110,7 @@ def test_unbalance_is_answered_as_the_simulation_does(feedback):
     turning = UFU.model_copy(update={"speed": 4000 * RPM})
     found = ambkit.assess(turning, "linear" if feedback == "estimate" else None)
     asked = list(found.loops.values())[-1]
-    flight = Scenario(duration=1.5, noise=False, feedback=feedback)
+    flight = Scenario(duration=1.5, noise=False, controller={"feedback": feedback})
     inner = made("linear", turning, frozen_limit=0) if feedback == "estimate" else None
     run = simulate_run(turning, flight, estimator=inner).record
     late = slice(9000, None)

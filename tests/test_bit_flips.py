@@ -58,7 +58,9 @@ def of_control(kind, precision, out):
 
 def of_machine(kind, precision, out):
     of, turning = kind.split()[1].strip(","), "any speed" in kind
-    flight = Scenario(feedback="estimate", speed=Ramp(slope=600.0) if turning else None)
+    flight = Scenario(
+        controller={"feedback": "estimate"}, speed=Ramp(slope=600.0) if turning else None
+    )
     flown = machine(speed=300.0)
     magnet = None if of == "linear" else learned_magnet(of, flown)
     made = export_c(flown, magnet, out, kind=of, prefix="rig", precision=precision,

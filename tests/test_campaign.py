@@ -73,7 +73,7 @@ def plan(**changes):
 
 
 def varied(way, *vary, **more):
-    return Plan(Study(name="a", bearing="zittau_axial", sampling=way, vary=vary, **more))
+    return Plan(Study(name="a", machine="zittau_axial", sampling=way, vary=vary, **more))
 
 
 THREE = (
@@ -209,7 +209,7 @@ def test_check_knows_studies_and_their_schema(call):
 def test_a_study_survives_its_file(tmp_path):
     """Numbers of Python are SI, and have units in the file."""
     made = Study(
-        name="a", bearing="zittau_axial", runs=3, vary=(Normal(what="magnet.air_gap", std=2e-5),),
+        name="a", machine="zittau_axial", runs=3, vary=(Normal(what="magnet.air_gap", std=2e-5),),
         passes={"at_most": {"recovery": 0.05}},
     )  # fmt: skip
     first = Plan(made)
@@ -282,7 +282,8 @@ def test_a_mass_below_zero_is_told():
 def test_the_controller_goes_by_the_nominal_gains(key, values, feedback):
     """Twice the gain is twice the loop's gain: as if all gains of the controller were doubled."""
     gain = Choice(what=key, values=values)
-    a = varied("grid", gain, scenario={"duration": 0.02, "noise": False, "feedback": feedback})
+    flown = ambkit.Scenario(duration=0.02, noise=False).fed(feedback)
+    a = varied("grid", gain, scenario=flown)
     one, more = a.machines(a.points(0, 2), a.noise(0, 2), 0)
     pid = one.planned.scenario.controller
     assert more.planned.scenario.controller.kp == pytest.approx(1.2 * pid.kp)
@@ -296,7 +297,7 @@ def test_the_controller_goes_by_the_nominal_gains(key, values, feedback):
 def test_peaks_of_many_loops_are_those_of_each(preset, kind, feedback):
     b = ambkit.preset(preset)
     pid = ambkit.PID.for_bearing(b).model_copy(update={"feedback": feedback})
-    made = Plan(Study(name="a", bearing=preset, estimator=kind, runs=1)).estimators[kind]
+    made = Plan(Study(name="a", machine=preset, estimator=kind, runs=1)).estimators[kind]
     fed = made if feedback == "estimate" else None
     rng = np.random.default_rng(0)
     plants = [
@@ -312,7 +313,7 @@ def test_peaks_of_many_loops_are_those_of_each(preset, kind, feedback):
 @pytest.mark.parametrize("kind", ["extended", "linear", "unscented", "augmented", "steady-state"])
 def test_estimators_and_plants_of_many_are_those_of_each(kind):
     b = ambkit.preset("zittau_axial").replace(delay=70e-6, amplifier__bandwidth=900.0)
-    made = Plan(Study(name="a", bearing="zittau_axial", estimator=kind, runs=1)).estimators[kind]
+    made = Plan(Study(name="a", machine="zittau_axial", estimator=kind, runs=1)).estimators[kind]
     assert made is not None
     many = [
         changed(b, {"rotor.mass": m * b.rotor.mass, "sensor.lag": g * b.sensor.lag,
@@ -575,4 +576,4 @@ def test_extras_that_are_not_there_are_named(tmp_path, monkeypatch):
 
 def test_a_study_that_is_wrong_in_python_is_told_alike():
     with pytest.raises(ConfigError, match=r"Study.vary\[0\].what: there is no key rotor.weight"):
-        Study(name="a", bearing="zittau_axial", runs=3, vary=(Uniform(what="rotor.weight"),))
+        Study(name="a", machine="zittau_axial", runs=3, vary=(Uniform(what="rotor.weight"),))

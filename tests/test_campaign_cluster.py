@@ -24,7 +24,7 @@ pytestmark = [
 
 STUDY = """
 name = "killed"
-bearing = "zittau_axial"
+machine = "zittau_axial"
 runs = 2400
 part = 160
 seed = 1

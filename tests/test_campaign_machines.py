@@ -104,8 +104,8 @@ def test_a_filter_that_followed_a_run_up_is_as_one_that_did_not(kind):
     one = KINDS[kind].make(machine, None, synchronous=("unbalance",), precision="float32")
     for start, slope in ((1.0, 3000.0), (1.0, -3000.0), (0.9, 0.0), (1.0, 1000.0), (1.0, 0.0)):
         speed = Constant(value=start * machine.speed) + Ramp(slope=slope)
-        flight = ambkit.Scenario(
-            duration=0.03, start="landed", feedback="estimate", speed=speed, sequence=sequence
+        flight = ambkit.Scenario(duration=0.03, start="landed", speed=speed, sequence=sequence).fed(
+            "estimate"
         )
         new = KINDS[kind].make(machine, None, synchronous=("unbalance",), precision="float32")
         been = simulate_run(machine, flight, estimator=one).estimate
@@ -187,8 +187,8 @@ def test_controllers_and_filters_know_the_nominal_machine_alone():
 @pytest.mark.parametrize("feedback", ["measurement", "estimate"])
 @pytest.mark.parametrize("control", ["decentralised", "translation and tilt"])
 def test_peaks_are_those_that_assess_finds(feedback, control):
-    text = f'name = "a"\nmachine = "tum_mlps"\nruns = 1\n[scenario]\nfeedback = "{feedback}"\n'
-    plan = Plan(Study.from_toml(f'{text}control = {{ type = "{control}" }}\n'))
+    controller = Control(type=control, feedback=feedback)
+    plan = Plan(Study(name="a", machine="tum_mlps", runs=1, scenario={"controller": controller}))
     (drawn,) = plan.machines(plan.points(0, 1), plan.noise(0, 1), 0)
     machine = ambkit.Machine.preset("tum_mlps")
     fed = ambkit.ExtendedKalmanFilter(machine) if feedback == "estimate" else None
@@ -244,22 +244,20 @@ def test_a_coil_and_its_constant_stay_one_in_a_machine():
 def test_a_gain_of_a_flight_varies():
     text = STUDY.partition("[record]")[0].replace(
         "[scenario]",
-        '[scenario]\nfeedback = "estimate"\n'
-        'control = { type = "translation and tilt", cross_feedback = 0.5 }',
+        '[scenario]\n[scenario.controller]\nfeedback = "estimate"\n'
+        'type = "translation and tilt"\ncross_feedback = 0.5\n',
     )
-    vary = (
-        '[[vary]]\nwhat = "scenario.control.cross_feedback"\ntype = "choice"\nvalues = [0.5, 0.0]'
-    )
+    vary = '[[vary]]\nwhat = "scenario.controller.cross_feedback"\n'
+    vary += 'type = "choice"\nvalues = [0.5, 0.0]'
     plan = Plan(Study.from_toml(text + vary))
     points = np.array([[0.0], [1.0]])
     one, less = (each.planned for each in plan.machines(points, plan.noise(0, 2), 0))
     assert peak_of(one) != pytest.approx(peak_of(less), rel=1e-6)
 
 
-@pytest.mark.parametrize("key", ["bearing", "machine"])
 @pytest.mark.parametrize("name", ["zittau_axial", "tum_mlps"])
-def test_either_key_names_any_machine(key, name):
-    plan = Plan(Study.from_toml(f'name = "a"\n{key} = "{name}"\nruns = 1\n'))
+def test_a_study_names_any_machine(name):
+    plan = Plan(Study.from_toml(f'name = "a"\nmachine = "{name}"\nruns = 1\n'))
     plan.check()
     assert plan.nominal.name == name
     assert Study.from_toml(plan.described.to_toml()) == plan.described
@@ -298,7 +296,7 @@ def test_what_does_not_go_together_is_said_before_any_run():
     plan = Plan(Study.from_toml(STUDY.replace('axis = "A1"', 'axis = "C1"')))
     with pytest.raises(AmbkitError, match="no axis C1"):
         plan.check()
-    lqg = STUDY.replace("[scenario]", '[scenario]\ncontrol = { type = "lqg" }')
+    lqg = STUDY.replace("[scenario]", '[scenario]\ncontroller = { type = "lqg" }')
     Plan(Study.from_toml(lqg)).check()  # fed by the estimate, as nothing else is stated
     lqg = lqg.replace('"lqg" }', '"lqg", feedback = "measurement" }')
     with pytest.raises(AmbkitError, match='feedback must be "estimate"'):

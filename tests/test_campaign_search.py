@@ -27,7 +27,7 @@ class Known(Machines):
     def __init__(self, of, way, runs, *more):
         vary = (*(Uniform(what=key, tolerance="10 %") for key in KEYS), *more)
         made = Study(
-            name="a", bearing="zittau_axial", sampling=way, runs=runs, vary=vary, part=runs
+            name="a", machine="zittau_axial", sampling=way, runs=runs, vary=vary, part=runs
         )
         super().__init__(Path(), Plan(made), (0,))
         self.of = of

@@ -214,7 +214,7 @@ def test_a_spinning_rotor_that_drops_is_levitated_again(name):
     """By the estimate: from its touch-down bearings up, in contact first."""
     machine = with_stop(Machine.preset(name).replace(speed=200.0), 1e9, **FRICTION)
     kf = KINDS["contact"].make(machine)
-    scenario = Scenario(duration=0.4, start="landed", feedback="estimate", seed=1)
+    scenario = Scenario(duration=0.4, start="landed", controller={"feedback": "estimate"}, seed=1)
     run = simulate_run(machine, scenario, estimator=kf)
     assert in_contact(run.estimate)[:20].any()
     assert not in_contact(run.estimate)[-200:].any()

@@ -124,9 +124,8 @@ def test_machines_that_do_not_turn_have_the_controllers_that_they_had():
     machine = flywheel(0)
     flight = Scenario(duration=0.02)
     by_default = simulate_run(machine, flight)
-    named = simulate_run(
-        machine, flight.replace(control=Control(type="decentralised"), feedback="estimate")
-    )
+    control = Control(type="decentralised", feedback="estimate")
+    named = simulate_run(machine, flight.replace(controller=control))
     assert np.array_equal(by_default.record["s_A1"], named.record["s_A1"])
     assert default_control(machine).candidates == ()
 
@@ -171,7 +170,7 @@ def test_every_way_to_fly_takes_the_same_choice():
     for feedback, estimator in (("estimate", KalmanFilter(FAST)), ("measurement", None)):
         found = default_control(FAST, feedback).chosen.control
         assert LoopOf(FAST).control_for(estimator) == found
-        flight = settled_scenario(FAST, Scenario(feedback=feedback))
+        flight = settled_scenario(FAST, Scenario(controller={"feedback": feedback}))
         assert flight.controller == found.fed_by(feedback)
     assert settled_scenario(FAST, Scenario()).feedback == "estimate"
     assert ambkit.assess(FAST, "none").loops["measurement"].peak < ENOUGH
@@ -242,7 +241,7 @@ def test_the_controllers_that_a_design_writes_down_are_those_that_were_chosen(rp
         found.control.type,
         found.control.gain_scheduling,
     )
-    again = Scenario.from_toml(Scenario(feedback="estimate", control=written).to_toml())
+    again = Scenario.from_toml(Scenario(controller=written).fed("estimate").to_toml())
     assert again.controller == written
     assert LoopOf(machine, written).peak(KalmanFilter(machine)) <= 1.02 * found.peak
 

@@ -124,7 +124,7 @@ def test_stated_gains_are_flown_and_the_rest_is_tuned():
     step = Reference(axis="B1", position=Step(amplitude=1e-6, time=1e-3))
     of = dict(duration=0.01, noise=False, reference=(step,))
     softly, hard = (
-        simulate_run(TUM, Scenario(**of, control=Control(pid=pid))).record["s_B1"]
+        simulate_run(TUM, Scenario(**of, controller=Control(pid=pid))).record["s_B1"]
         for pid in ({}, {"B1": PID(setpoint_weight=1.0)})
     )
     assert hard.max() > 1.05 * softly.max()
@@ -134,8 +134,8 @@ def test_stated_gains_are_flown_and_the_rest_is_tuned():
 
 
 @pytest.mark.parametrize(("text", "told"), [
-    ('[control]\ntype = "lqg"\n[control.pid.A1]\nkd = "1 A s/m"\n', "has no PID"),
-    ('[control.pid.A1]\nkd = "1 A/m"\n', "2: control.pid.A1.kd"),
+    ('[controller]\ntype = "lqg"\n[controller.pid.A1]\nkd = "1 A s/m"\n', "has no PID"),
+    ('[controller.pid.A1]\nkd = "1 A/m"\n', "2: controller.pid.A1.kd"),
 ])  # fmt: skip
 def test_what_cannot_be_stated_is_told_with_its_line(text, told):
     with pytest.raises(ConfigError, match="<text>:") as error:

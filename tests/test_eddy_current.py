@@ -86,7 +86,7 @@ def test_a_machine_s_filter_explains_what_its_magnets_do():
         each.model_copy(update={"magnet": each.magnet.model_copy(update=magnet)})
         for each in rig.bearings
     )})  # fmt: skip
-    flight = Scenario(duration=0.2, feedback="measurement", seed=1)
+    flight = Scenario(duration=0.2, controller={"feedback": "measurement"}, seed=1)
     record = simulate_run(late, flight).record
     estimate = ambkit.KalmanFilter(late).run(record)
     share = estimate.innovation[400:] ** 2 / estimate.innovation_variance[400:]
@@ -118,8 +118,8 @@ def test_unbalance_is_kept_still_through_the_lag():
     )})  # fmt: skip
     orbit = {}
     for unbalance in ("off", "compensation"):
-        flight = Scenario(
-            duration=0.8, noise=False, feedback="estimate", control=Control(unbalance=unbalance)
+        flight = Scenario(duration=0.8, noise=False, controller=Control(unbalance=unbalance)).fed(
+            "estimate"
         )
         kalman = ambkit.KalmanFilter(late, synchronous=("unbalance",))
         record = simulate_run(late, flight, estimator=kalman).record

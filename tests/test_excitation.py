@@ -216,7 +216,10 @@ TUM = Machine.preset("tum_mlps").replace(unbalance=[], speed="0 rpm")
 @pytest.fixture(scope="module")
 def injection():
     return design_injection(
-        TUM, Scenario(duration=1.0, feedback="measurement"), axis="B1", band=(20.0, 1500.0)
+        TUM,
+        Scenario(duration=1.0, controller={"feedback": "measurement"}),
+        axis="B1",
+        band=(20.0, 1500.0),
     )
 
 

@@ -123,8 +123,8 @@ def test_a_state_of_a_name_that_c_has_gets_another():
 
 
 FLOWN = {
-    "estimate": Scenario(feedback="estimate"),
-    "measurement": Scenario(feedback="measurement"),
+    "estimate": Scenario(controller={"feedback": "estimate"}),
+    "measurement": Scenario(controller={"feedback": "measurement"}),
     "sequence": Scenario(sequence=LiftOff()),
     "levitated": Scenario(start="levitated"),
 }

@@ -27,13 +27,13 @@ UNBALANCE = {"synchronous": ("unbalance",)}
 FORCE_FREE = Control(unbalance="force-free", unbalance_from=200.0)
 FLIGHTS = {
     "readings": (Scenario(), {}),
-    "cross feedback": (Scenario(feedback="estimate", control=CROSSED), {}),
+    "cross feedback": (Scenario(controller=CROSSED).fed("estimate"), {}),
     "force-free": (
-        Scenario(feedback="estimate", control=Control(unbalance="force-free")), UNBALANCE,
+        Scenario(controller=Control(unbalance="force-free")).fed("estimate"), UNBALANCE,
     ),
-    "force-free, from a speed": (Scenario(feedback="estimate", control=FORCE_FREE), UNBALANCE),
+    "force-free, from a speed": (Scenario(controller=FORCE_FREE).fed("estimate"), UNBALANCE),
     "lqg, still": (
-        Scenario(feedback="estimate", control=Control(type="lqg", unbalance="compensation")),
+        Scenario(controller=Control(type="lqg", unbalance="compensation")).fed("estimate"),
         UNBALANCE,
     ),
 }  # fmt: skip
@@ -68,7 +68,7 @@ def test_currents_are_those_of_the_simulation(name, precision, tmp_path):
 @pytest.mark.parametrize("name", ["ufu_flexible", "compressor", "tum_mlps_flexible", "heart_pump"])
 @pytest.mark.parametrize("kind", ["decentralised", "translation and tilt", "lqg"])
 def test_those_of_presets(name, kind, tmp_path):
-    flight = Scenario(feedback="estimate", control=Control(type=kind))
+    flight = Scenario(controller=Control(type=kind)).fed("estimate")
     export_c(Machine.preset(name), None, tmp_path / "c", prefix="f", scenario=flight)
     assert "samples flown: equal to the last bit" in run(tmp_path / "c")
 
@@ -77,7 +77,7 @@ def test_those_of_presets(name, kind, tmp_path):
 @pytest.mark.long
 def test_a_rotor_that_bends_is_force_free_as_in_the_simulation(tmp_path):
     one = Machine.preset("ufu_flexible").replace(speed="9000 rpm")
-    flight = Scenario(feedback="estimate", control=Control(unbalance="force-free"))
+    flight = Scenario(controller=Control(unbalance="force-free")).fed("estimate")
     export_c(one, None, tmp_path / "c", prefix="f", scenario=flight, **UNBALANCE)
     assert "samples flown: equal to the last bit" in run(tmp_path / "c")
 
@@ -118,7 +118,7 @@ def test_faults_are_noticed(tmp_path):
     one = machine(speed=600.0)
     control = Control(type="translation and tilt", unbalance="force-free", cross_feedback=0.5)
     for name, each in (("turning", control), ("c", CROSSED)):
-        flight = Scenario(feedback="estimate", control=each)
+        flight = Scenario(controller=each).fed("estimate")
         export_c(one, None, tmp_path / name, prefix="f", scenario=flight, **UNBALANCE)
     for file, faults in FAULTS.items():
         # A rotor that is let turn trips on its way up, where no PID is at its limit.
@@ -214,9 +214,9 @@ def test_the_exported_step_hands_back_to_plain_control_where_the_unbalance_is_la
     swings = {}  # of the synchronous control signal, over the unbalance
     for kind in ("off", "force-free"):
         flight = Scenario(
-            duration=1.0, start="landed", sequence=LiftOff(), feedback="estimate", speed=run_up,
+            duration=1.0, start="landed", sequence=LiftOff(), speed=run_up,
             controller=Control(unbalance=kind),
-        )  # fmt: skip
+        ).fed("estimate")  # fmt: skip
         folder = tmp_path / kind
         export_c(described, None, folder, prefix="f", scenario=flight, **UNBALANCE)
         (folder / "main.c").write_text(DRIVEN)
@@ -259,7 +259,7 @@ def test_what_has_no_controllers_says_so(tmp_path):
         export_c(
             BEARING, None, tmp_path / "c", scenario=Scenario(controller=Control(cross_feedback=0.5))
         )
-    flight = Scenario(feedback="estimate", control=Control(unbalance="compensation"))
+    flight = Scenario(controller=Control(unbalance="compensation")).fed("estimate")
     with pytest.raises(AmbkitError, match="synchronous"):
         export_c(machine(), None, tmp_path / "c", scenario=flight)
     assert not (tmp_path / "c").exists()
@@ -281,7 +281,7 @@ def test_readings_that_are_lost_are_flown():
 def test_the_command_takes_a_flight(call, tmp_path):
     flight = tmp_path / "scenario.toml"
     flight.write_text(
-        'feedback = "estimate"\n[control]\ntype = "lqg"\nunbalance = "compensation"\n'
+        '[controller]\nfeedback = "estimate"\ntype = "lqg"\nunbalance = "compensation"\n'
     )
     words = ["tum_mlps", "--controller", str(flight), "--out", str(tmp_path / "c")]
     assert "synchronous" in call("export", "c", *words).err  # what the controllers are to know

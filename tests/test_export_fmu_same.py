@@ -95,7 +95,7 @@ PLANT, LOOP, WHOLE, LAW = "plant", "closed-loop", "whole-controller", "controlle
 PLANTS, BOTH = ((PLANT, 2), (LOOP, 3)), ((LOOP, 2), (WHOLE, 3))
 CASES = {
     "axis": Case(AXIS, (*((kind, fmi) for kind in (PLANT, LOOP) for fmi in (2, 3)), (LAW, 2))),
-    "measured": Case(AXIS, ((LAW, 3),), {"feedback": "measurement"}),
+    "measured": Case(AXIS, ((LAW, 3),), {"controller": {"feedback": "measurement"}}),
     "one-sided": Case(ONE_SIDED, ((PLANT, 3), (LOOP, 2))),
     "iron": Case(IRON, PLANTS),
     "all parts": Case(AXIS.replace(**PARTS, **LATE), PLANTS, EAGER | {"share": 1.5}),
@@ -143,9 +143,9 @@ CASES = {
     "from rest": Case(
         AXIS, ((LOOP, 3), (WHOLE, 2)), {"start": "released", "controller": Control(type="lqg")}
     ),
-    "rig": Case(RIG, ((PLANT, 2), (WHOLE, 3), (LAW, 2)), {"feedback": "estimate"}),
-    "rig, measured": Case(RIG, ((LOOP, 2), (LAW, 3)), {"feedback": "measurement"}),
-    "rig that lifts": Case(RIG, BOTH, LIFTS | {"feedback": "measurement"}),
+    "rig": Case(RIG, ((PLANT, 2), (WHOLE, 3), (LAW, 2)), {"controller": {"feedback": "estimate"}}),
+    "rig, measured": Case(RIG, ((LOOP, 2), (LAW, 3)), {"controller": {"feedback": "measurement"}}),
+    "rig that lifts": Case(RIG, BOTH, LIFTS | {"controller": {"feedback": "measurement"}}),
     "shaken rig": Case(
         RIG, ((PLANT, 3),),
         {"base": [{"direction": "x", "acceleration": SHAKEN}], "noise": False},
@@ -312,7 +312,7 @@ def test_parameters_of_a_plant_are_the_library_s(tmp_path):
 
 def spoilt(machine):
     """A closed-loop record with measurements far away, a frozen sensor and a saturated demand."""
-    record = simulate_run(machine, scenario_of(machine, feedback="measurement")).record
+    record = simulate_run(machine, scenario_of(machine).fed("measurement")).record
     reading, control = (next(name for name in record.signals if name[0] == of) for of in "yu")
     signals = {name: record[name].copy() for name in record.signals if name[0] in "yu"}
     signals[reading][100:103] = 1e3

@@ -210,19 +210,6 @@ def test_what_is_wrong_is_told_with_its_line(text, told, tmp_path):
     assert any(told in problem for problem in wrong(text, tmp_path)), wrong(text, tmp_path)
 
 
-def test_a_file_with_the_older_name_of_its_machine_is_read(tmp_path):
-    (tmp_path / "f.toml").write_text(HEAD + """
-[bearing]
-preset = "zittau_axial"
-[origin]
-"bearing.file" = "by hand"
-""")  # fmt: skip
-    read = Estimator.load(tmp_path / "f.toml")
-    assert read.machine == BEARING
-    read.save(tmp_path / "g.toml")
-    assert '[machine]\npreset = "zittau_axial"' in (tmp_path / "g.toml").read_text()
-
-
 def test_a_file_that_changed_since_is_refused(tmp_path, expert):
     ambkit.AdaptiveKalmanFilter(BEARING, expert).save(tmp_path / "f.toml")
     expert.scaled(1.1).save(tmp_path / "f.expert.json")
@@ -259,7 +246,7 @@ def folder(tmp_path_factory):
     noise = FilterNoise(disturbance=20.0)
     ambkit.KalmanFilter(TUM, noise=noise, synchronous=["unbalance"]).save(place / "f.toml")
     (place / "scenario.toml").write_text(
-        'duration = "0.1 s"\nfeedback = "estimate"\n[control]\nunbalance = "force-free"\n'
+        'duration = "0.1 s"\n[controller]\nfeedback = "estimate"\nunbalance = "force-free"\n'
     )
     simulate_run(TUM, Scenario(duration=0.1)).record.save(place / "run.csv")
     return place

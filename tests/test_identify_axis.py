@@ -31,7 +31,7 @@ def record():
     references[:, 0] = sum(2.5e-5 * np.sin(2 * np.pi * f * t + f) for f in tones)
     run = simulate_run(
         MACHINE,
-        Scenario(duration=SAMPLES * T, seed=3, feedback="measurement"),
+        Scenario(duration=SAMPLES * T, seed=3, controller={"feedback": "measurement"}),
         external_inputs=ExternalInputs(references=references),
     )
     return run.record.select(*(s for s in run.record if s.startswith(("y_", "u_"))))

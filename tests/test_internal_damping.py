@@ -88,8 +88,8 @@ def test_a_flight_shows_the_whirl_grow_that_the_poles_tell():
         rotor__gravity="none", unbalance=[{"place": 0.0, "amount": 1e-9}]
     )
     (pole,) = (pole for pole in holding(one).growing if abs(pole.imag - FIRST) < 20)
-    flight = Scenario(
-        duration=0.5, noise=False, feedback="measurement", control=Control(type="decentralised")
+    flight = Scenario(duration=0.5, noise=False, controller=Control(type="decentralised")).fed(
+        "measurement"
     )
     run = simulate_run(one, flight).record
     z = run["q_m1_x"] + 1j * run["q_m1_y"]

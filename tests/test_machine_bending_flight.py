@@ -129,7 +129,13 @@ def test_a_run_up_passes_the_first_bending_mode(feedback):
     pids = {a.name: PID(**gains._asdict()) for a, gains in zip(one.axes, weak, strict=True)}
     control = Control(pid=pids)
     run = simulate(
-        one, Scenario(duration=2.3, speed=up, noise=False, control=control, feedback="measurement")
+        one,
+        Scenario(
+            duration=2.3,
+            speed=up,
+            noise=False,
+            controller=control,
+        ).fed("measurement"),
     )
     assert run.samples_at_the_stop == 0
     far = np.hypot(run.record["q_m1_x"], run.record["q_m1_y"])
@@ -139,7 +145,9 @@ def test_a_run_up_passes_the_first_bending_mode(feedback):
     before, after = (far[np.abs(run.record["speed"] - speed) < 30].max() for speed in (400, 880))
     assert far.max() > 5 * max(before, after)
     # Damped more by an estimator that knows the velocity at once, or by the default controllers.
-    damped = simulate(one, Scenario(duration=2.3, speed=up, noise=False, feedback=feedback)).record
+    damped = simulate(
+        one, Scenario(duration=2.3, speed=up, noise=False, controller={"feedback": feedback})
+    ).record
     assert np.hypot(damped["q_m1_x"], damped["q_m1_y"]).max() < 0.6 * far.max()
 
 
@@ -159,10 +167,13 @@ def test_controllers_that_cannot_hold_say_so():
     said = machine_report._held(late, late.bending).text
     assert "no decentralised PID that was tried is stable" in said
     with pytest.raises(AmbkitError, match="no default controller was found that holds the rotor"):
-        simulate(late, Scenario(duration=1.0, feedback="measurement"), "none")
+        simulate(late, Scenario(duration=1.0, controller={"feedback": "measurement"}), "none")
     run = simulate(
         late,
-        Scenario(duration=1.0, control=Control(type="decentralised"), feedback="measurement"),
+        Scenario(
+            duration=1.0,
+            controller=Control(type="decentralised"),
+        ).fed("measurement"),
         "none",
     )
     assert run.samples_at_the_stop > 0
@@ -176,7 +187,10 @@ def test_poles_of_the_loop_are_what_a_flight_shows():
     push = {"axis": "A1", "force": {"type": "impulse", "area": 0.01, "time": 0.0,
                                     "duration": 5e-4}}  # fmt: skip
     run = simulate(
-        one, Scenario(duration=0.6, noise=False, disturbance=[push], feedback="measurement")
+        one,
+        Scenario(
+            duration=0.6, noise=False, disturbance=[push], controller={"feedback": "measurement"}
+        ),
     )
     t, far = run.record.t, np.abs(run.record["q_m2_x"] - run.record["q_m2_x"][-1])
     early, late = (far[(t > at) & (t < at + 0.02)].max() for at in (0.1, 0.4))

@@ -147,7 +147,9 @@ def test_each_preset_levitates_by_its_estimate(name):
     one = Machine.preset(name)
     push = 0.2 * one.rotor.mass * GRAVITY
     load = {"axis": "B2", "force": Step(amplitude=push, time=0.05)}
-    run = simulate_run(one, Scenario(duration=0.4, feedback="estimate", disturbance=[load]))
+    run = simulate_run(
+        one, Scenario(duration=0.4, controller={"feedback": "estimate"}, disturbance=[load])
+    )
     late = slice(3000, None)
     for axis in one.axes:
         assert np.abs(run.record[f"s_{axis.name}"][late]).max() < 0.1 * axis.bearing.clearance

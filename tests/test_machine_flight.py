@@ -150,10 +150,10 @@ def test_axes_that_do_not_couple_fly_as_bearings_alone(voltage):
             each.model_copy(update={"amplifier": amplifier})
             for each, amplifier in zip(one.bearings, limited, strict=True)
         ])  # fmt: skip
-    flight = Scenario(duration=0.05, noise=False, feedback="measurement", disturbance=[
+    flight = Scenario(duration=0.05, noise=False, disturbance=[
         {"axis": axis.name, "force": Step(amplitude=most + more * k, time=0.01)}
         for k, axis in enumerate(one.axes)
-    ])  # fmt: skip
+    ]).fed("measurement")  # fmt: skip
     run = simulate_run(one, flight)
     for k, axis in enumerate(one.axes):
         push = Step(amplitude=most + more * k, time=0.01)

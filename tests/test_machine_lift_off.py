@@ -41,7 +41,7 @@ def share_of_travel(run, late):
 @pytest.mark.parametrize("name", AND_LONG)
 @pytest.mark.parametrize("feedback", quick(["measurement", "estimate"], ["estimate"]))
 def test_each_preset_lifts_flies_and_lands(name, feedback):
-    run = lifted(Machine.preset(name).replace(speed=0.0), feedback=feedback)
+    run = lifted(Machine.preset(name).replace(speed=0.0), controller={"feedback": feedback})
     record, mode = run.record, run.record["mode"]
     order = [Mode(int(m)) for m in mode[np.flatnonzero(np.diff(mode, prepend=-1))]]
     assert order == [Mode.OFF, Mode.WAITING, Mode.LIFTING, Mode.FLYING, Mode.LANDING, Mode.OFF]
@@ -108,7 +108,7 @@ def test_from_hovering_it_flies_at_once():
 def test_a_sequence_changes_nothing_of_a_flight_that_does_not_need_it():
     """The same numbers with the estimator in the loop, from the same start."""
     machine = Machine.preset("hindawi_2011")
-    plain = Scenario(duration=0.05, feedback="estimate")
+    plain = Scenario(duration=0.05, controller={"feedback": "estimate"})
     one, other = (
         simulate_run(machine, flight, estimator=KalmanFilter(machine))
         for flight in (plain, plain.replace(sequence=LiftOff()))
@@ -131,7 +131,7 @@ def test_the_flight_file_says_so(tmp_path):
 def test_what_lies_is_left_out_of_what_is_filtered():
     """Magnets are off there, which no filter is told: NIS would be several times too large."""
     machine = Machine.preset("tum_mlps").replace(speed=0.0)
-    record = lifted(machine, feedback="estimate").record
+    record = lifted(machine, controller={"feedback": "estimate"}).record
     found = ambkit.filter(record, "linear", machine=machine)
     on = np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING))
     assert len(found.record) == on.sum()
@@ -144,7 +144,7 @@ def test_a_summary_is_of_the_flight(stop):
     machine = Machine.preset("tum_mlps")
     flight = Scenario(
         duration=0.35, start="landed", sequence=LiftOff(stop=stop, lift=0.05, land=0.05),
-        feedback="estimate", speed=Ramp(slope=2000.0, start=0.1),
+        controller={"feedback": "estimate"}, speed=Ramp(slope=2000.0, start=0.1),
     )  # fmt: skip
     kalman = KalmanFilter(machine, synchronous=("unbalance",))
     run = simulate_run(machine, flight, estimator=kalman)
@@ -173,15 +173,15 @@ def test_a_summary_ends_where_the_power_fails():
 FLIGHTS = {
     "hovering at first": Scenario(sequence=LiftOff()),  # what is exported begins at power-on
     "lift-off": Scenario(start="landed", sequence=LiftOff()),
-    "by the estimate": Scenario(start="landed", sequence=LiftOff(), feedback="estimate"),
-    "run-up": Scenario(speed=Ramp(slope=2000.0), feedback="estimate"),
+    "by the estimate": Scenario(start="landed", sequence=LiftOff()).fed("estimate"),
+    "run-up": Scenario(speed=Ramp(slope=2000.0), controller={"feedback": "estimate"}),
     "all": Scenario(
         start="landed", sequence=LiftOff(), speed=Ramp(slope=2000.0, start=0.2),
-        feedback="estimate", control=Control(unbalance="force-free", cross_feedback=0.3),
-    ),
+        controller=Control(unbalance="force-free", cross_feedback=0.3),
+    ).fed("estimate"),
     "lqg": Scenario(
-        start="landed", sequence=LiftOff(), feedback="estimate", control=Control(type="lqg"),
-    ),
+        start="landed", sequence=LiftOff(), controller=Control(type="lqg"),
+    ).fed("estimate"),
 }  # fmt: skip
 
 
@@ -252,7 +252,7 @@ def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name, tmp_path):
     """The exported controller, fed with the readings of a simulated flight: 0 samples differ."""
     machine = Machine.preset(name)
     flight = Scenario(
-        duration=0.5, start="landed", feedback="estimate",
+        duration=0.5, start="landed", controller={"feedback": "estimate"},
         speed=Ramp(slope=machine.speed / 0.2, start=0.12, end=0.3),
         sequence=LiftOff(start=0.003, stop=0.4, wait=0.005, lift=0.08, land=0.08),
     )  # fmt: skip
@@ -273,7 +273,7 @@ def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name, tmp_path):
 def test_each_kind_follows_the_speed_with_the_same_bits(kind, tmp_path):
     machine, of = Machine.preset("tum_mlps"), KINDS[kind].magnet
     magnet = None if of is None else of(machine)
-    flight = FLIGHTS["all"].replace(control=Control())
+    flight = FLIGHTS["all"].replace(controller=Control())
     export_c(
         machine, magnet, tmp_path / "c", kind=kind, scenario=flight, prefix="f",
         synchronous=("unbalance",),

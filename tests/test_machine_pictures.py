@@ -17,7 +17,7 @@ def test_the_unbalance_response_is_that_of_a_flight():
     one = machine(speed=900.0, unbalance=UNBALANCE)
     found = ambkit.unbalance_response(one, 1800.0, count=180)
     at = int(np.argmin(np.abs(found.speed - 900.0)))
-    flight = Scenario(duration=0.8, noise=False, feedback="measurement")
+    flight = Scenario(duration=0.8, noise=False, controller={"feedback": "measurement"})
     record = simulate_run(one, flight).record
     late = record.t >= record.t[-1] - 50 * 2 * np.pi / 900.0
     for k, axis in enumerate(one.axes):

@@ -257,7 +257,7 @@ def test_a_filter_that_has_turned_comes_back():
 
 def test_an_estimator_in_the_loop_follows_a_run_up():
     dirty, _ = spoilt()
-    flight = Scenario(duration=1.0, feedback="estimate", speed=Ramp(slope=SERVICE))
+    flight = Scenario(duration=1.0, controller={"feedback": "estimate"}, speed=Ramp(slope=SERVICE))
     kf = ExtendedKalmanFilter(dirty, synchronous=BOTH)
     run = simulate(dirty, flight, filter=kf)
     assert run.samples_at_the_stop == 0

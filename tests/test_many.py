@@ -235,7 +235,7 @@ def rotor(**control):
     machine = Machine.preset("tum_mlps")
     step = {"type": "step", "amplitude": 2e-5, "time": 3e-3}
     return machine, Scenario(
-        duration=0.08, seed=2, control=control,
+        duration=0.08, seed=2, controller=control,
         reference=[{"axis": "A1", "position": step}],
         disturbance=[{"axis": "B2", "force": {"type": "step", "amplitude": 5.0, "time": 0.04}}],
     )  # fmt: skip

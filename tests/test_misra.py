@@ -149,7 +149,7 @@ MACHINES = {
     "filter": {"kind": "augmented"},
     "rebuilt": {"kind": "linear", "editable": True},
     "faults": {"kind": "extended", "faults": True},
-    "controllers": {"scenario": Scenario(feedback="estimate", control=Control(type="lqg"))},
+    "controllers": {"scenario": Scenario(controller=Control(type="lqg")).fed("estimate")},
     "lift-off and run-up": {
         "scenario": Scenario(start="landed", sequence=LiftOff(), speed=Ramp(slope=2000.0)),
     },

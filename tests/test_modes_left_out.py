@@ -230,7 +230,7 @@ def orbit(machine):
             unbalance = (Unbalance(place=place, amount=3e-7, angle=angle),)
             flown = simulate(
                 machine.model_copy(update={"unbalance": unbalance}),
-                Scenario(duration=0.3, start="levitated", feedback="estimate"), filter=filter,
+                Scenario(duration=0.3, start="levitated").fed("estimate"), filter=filter,
             )  # fmt: skip
             flights.append([flown.record[f"s_{axis.name}"][-4000:] for axis in machine.axes])
         half = np.subtract(*flights).T / 2

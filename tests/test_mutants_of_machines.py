@@ -25,8 +25,8 @@ KNOWN = unseen.lists(True, True, False)
 LIFTING = {"start": "landed", "sequence": LiftOff()}
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
 FLOWN = {
-    "pid": ("tum_mlps", Scenario(feedback="estimate", control=CROSSED, **LIFTING)),
-    "lqg": ("tum_mlps", Scenario(feedback="estimate", control=Control(type="lqg"), **LIFTING)),
+    "pid": ("tum_mlps", Scenario(controller=CROSSED, **LIFTING).fed("estimate")),
+    "lqg": ("tum_mlps", Scenario(controller=Control(type="lqg"), **LIFTING).fed("estimate")),
     "measured": ("tum_mlps", Scenario(**LIFTING)),
     "late": ("compressor", None),
 }

@@ -48,7 +48,7 @@ def test_the_orbit_is_the_simulations():
     """By harmonic balance: nearer to it than the linear answer to the same unbalance."""
     of = on_orbit(LoopOf(TUM), None, 0.2 * GAP)
     run = simulate_run(
-        of.machine, Scenario(duration=1.0, noise=False, feedback="measurement")
+        of.machine, Scenario(duration=1.0, noise=False, controller={"feedback": "measurement"})
     ).record
     turn = 2 * math.pi / TUM.speed / TUM.sampling_time
     late = slice(-round(20 * turn), None)

@@ -50,7 +50,7 @@ def test_it_flies_as_ours_does_to_the_last_bit(feedback):
 
 
 def test_it_flies_on_machines():
-    flight = Scenario(duration=0.03, feedback="estimate")
+    flight = Scenario(duration=0.03, controller={"feedback": "estimate"})
     runs = [
         ambkit.simulate(MACHINE, flight, filter=estimator)
         for estimator in (OwnEstimator(MACHINE, Mine), ambkit.KalmanFilter(MACHINE))
@@ -103,7 +103,7 @@ class Broken:
 
 @pytest.mark.parametrize("machine", [AXIS, MACHINE])
 def test_many_runs_of_it_are_those_of_ours(machine):
-    scenario = Scenario(duration=0.01, control={"feedback": "estimate"})
+    scenario = Scenario(duration=0.01, controller={"feedback": "estimate"})
     own, ours = OwnEstimator(machine, Mine), Mine(machine).kf
     runs = [Planned(machine, scenario, of, number=k) for of in (own, ours) for k in range(2)]
     figures = ambkit.simulate_many(runs, threads=2).figures

@@ -49,8 +49,7 @@ def test_what_is_missing_is_said_with_what_to_install(tool, monkeypatch, call):
     ],
 )
 def test_what_cannot_be_flown_is_said(words, said, call, tmp_path):
-    text = f'feedback = "measurement"\n{SCENARIO.to_toml()}'
-    (tmp_path / "axis.toml").write_text(text)
+    (tmp_path / "axis.toml").write_text(SCENARIO.fed("measurement").to_toml())
     if "c2000" in words and shutil.which("cl2000"):
         pytest.skip("there is a compiler for it")
     told = call("pil", *words)
@@ -59,13 +58,13 @@ def test_what_cannot_be_flown_is_said(words, said, call, tmp_path):
 
 
 TURNED = Scenario(
-    duration=0.06, feedback="estimate", speed=Ramp(slope=2000.0, end=0.06),
+    duration=0.06, controller={"feedback": "estimate"}, speed=Ramp(slope=2000.0, end=0.06),
     sequence=LiftOff(start=2e-3, stop=0.04, wait=3e-3, lift=0.02, land=0.01),
 )  # fmt: skip
 FLOWN = {
-    "readings": (TURNED.replace(feedback="measurement", speed=None), {}),
+    "readings": (TURNED.fed("measurement").replace(speed=None), {}),
     "a run-up, let turn": (
-        TURNED.replace(control=Control(unbalance="force-free")), {"synchronous": ["unbalance"]},
+        TURNED.replace(controller=Control(unbalance="force-free")), {"synchronous": ["unbalance"]},
     ),
 }  # fmt: skip
 

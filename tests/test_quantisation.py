@@ -316,7 +316,7 @@ def flight(name, ratio, kind, feedback, precision="float64", seed=0):
     sensors = tuple(each.model_copy(update=steps) for each in machine.sensors)
     machine = machine.model_copy(update={"sensor": sensors})
     kalman = KINDS[kind].make(machine, precision=precision)
-    made = Scenario(duration=0.2, seed=seed, feedback=feedback)
+    made = Scenario(duration=0.2, seed=seed, controller={"feedback": feedback})
     run = simulate_run(machine, made, estimator=kalman)
     c, record, estimate = kalman.engine.model.c, run.record, run.estimate
     shown = [next((x for x in ("q_" + n, n) if x in record.signals), None) for n in estimate.names]

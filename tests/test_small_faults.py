@@ -182,7 +182,7 @@ def test_parts_of_a_campaign_say_what_they_were_made_from(tmp_path):
     from pyarrow import parquet
 
     study = ambkit.Study(
-        name="a", bearing="zittau_axial", runs=2, part=2, seed=7, scenario={"duration": 0.002},
+        name="a", machine="zittau_axial", runs=2, part=2, seed=7, scenario={"duration": 0.002},
         record={"margins": False},
     )  # fmt: skip
     found = ambkit.campaign(study, tmp_path / "out")

@@ -106,7 +106,7 @@ def drawn(run, machines):
         type=str(rng.choice(["decentralised", "translation and tilt", "lqg"], p=[0.6, 0.2, 0.2])),
         unbalance=str(kind),
     )
-    flight = Scenario(duration=T, feedback="estimate", control=control, speed=speed, seed=run)
+    flight = Scenario(duration=T, controller=control, speed=speed, seed=run).fed("estimate")
     return described, described.replace(unbalance=planes), flight
 
 
@@ -135,7 +135,7 @@ def worse(run, machines):
     described, real, flight = drawn(run, machines)
     if not touched(described, real, flight):
         return False
-    plain = flight.replace(control=flight.controller.model_copy(update={"unbalance": "off"}))
+    plain = flight.replace(controller=flight.controller.model_copy(update={"unbalance": "off"}))
     return stable(described, plain) and not touched(described, real, plain)
 
 
@@ -158,9 +158,9 @@ def test_near_a_free_critical_speed_the_rotor_is_held(larger):
     machine = machine_of("overhung").replace(speed="49000 rpm")
     planes = [{"place": z, "amount": larger * u, "angle": a} for z, u, a in machine.unbalances()]
     flight = Scenario(
-        duration=0.15, feedback="estimate", speed=Constant(value=machine.speed),
-        control=Control(cross_feedback=0.3, unbalance="force-free"),
-    )  # fmt: skip
+        duration=0.15, speed=Constant(value=machine.speed),
+        controller=Control(cross_feedback=0.3, unbalance="force-free"),
+    ).fed("estimate")  # fmt: skip
     assert touched(machine, machine.replace(unbalance=planes), flight) == 0
 
 
@@ -173,11 +173,11 @@ def test_a_rigid_rotor_that_is_held_still_touches_nothing():
     slope = 45900 * RPM
     low = described.speed - 0.24 * slope
     flight = Scenario(
-        duration=0.3, feedback="estimate", seed=26,
-        control=Control(type="decentralised", unbalance="compensation"),
+        duration=0.3, seed=26,
+        controller=Control(type="decentralised", unbalance="compensation"),
         speed=Sum(parts=(Constant(value=low), Ramp(slope=slope, end=0.24))),
-    )  # fmt: skip
-    plain = flight.replace(control=Control(type="decentralised"))
+    ).fed("estimate")  # fmt: skip
+    plain = flight.replace(controller=Control(type="decentralised"))
     assert [touched(described, real, each) for each in (plain, flight)] == [0, 0]
 
 

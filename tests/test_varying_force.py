@@ -50,7 +50,7 @@ def test_bending_modes_are_as_well_known_as_stated(kind):
     estimator = KINDS[kind].make(machine, noise=FilterNoise(disturbance=tuple(walk)))
     run = simulate_run(
         machine,
-        Scenario(duration=(n - 1) * T, seed=0, feedback="measurement"),
+        Scenario(duration=(n - 1) * T, seed=0, controller={"feedback": "measurement"}),
         estimator=estimator,
         external_inputs=ExternalInputs(disturbance=load),
     )

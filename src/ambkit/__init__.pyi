@@ -40,7 +40,6 @@ from ambkit.identification.online.magnet_constant import (
     RecursiveLeastSquares as RecursiveLeastSquares,
 )
 from ambkit.machine.loading import preset as preset
-from ambkit.machine.machine import Bearing as Bearing
 from ambkit.machine.machine import Machine as Machine
 from ambkit.machine.magnets import ClosedLaw as ClosedLaw
 from ambkit.machine.magnets import ConstantStiffness as ConstantStiffness

@@ -24,7 +24,7 @@ magnet.bias_current = "2.5 A"
 magnet.iron_length = "0.2 m"
 magnet.relative_permeability = 2000
 magnet.saturation = "1.6 T"
-rotor = {mass = "5 kg", gravity = "-x", travel_limit = "0.25 mm"}
+rotor = {mass = "5 kg", gravity = "-x", clearance = "0.25 mm"}
 amplifier = {gain = "1 A/V", current_limit = "2.5 A", noise_variance = "1e-4 V^2"}
 sensor = {gain = 1, lag = "0.05 ms", noise_variance = "1 µm^2"}
 """
@@ -234,7 +234,6 @@ def of_ones_own(bearing: ambkit.Machine) -> None:
 
 def whole_machine() -> None:
     """Four axes of a rotor."""
-    assert ambkit.Bearing is ambkit.Machine  # its name before, for this release
     assert_type(ambkit.workbench("zittau_axial").finding, str)
     assert ambkit.magnet.__doc__  # solving takes half a minute
     assert ambkit.diagnose.__doc__  # it wants a log without its fault first
@@ -281,7 +280,7 @@ def designed_whole(machine: ambkit.Machine) -> None:
 def many_machines() -> None:
     """Out of tolerances."""
     study = ambkit.Study.from_toml(
-        'name = "a"\nbearing = "zittau_axial"\nruns = 8\nscenario.duration = "10 ms"\n'
+        'name = "a"\nmachine = "zittau_axial"\nruns = 8\nscenario.duration = "10 ms"\n'
         '[[vary]]\nwhat = "rotor.mass"\ntype = "uniform"\ntolerance = "2 %"\n'
     )
     with TemporaryDirectory() as folder:

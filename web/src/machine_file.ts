@@ -11,7 +11,7 @@ const GRAVITY: Record<string, number> = { "-x": -1, "+x": 1, none: 0 };
 const KNOWN: Record<string, string[]> = {
   "": ["name", "description", "source", "sampling_time", "delay", "speed", "magnet", "rotor", "amplifier", "sensor"],
   magnet: ["type", "magnet_constant", "turns", "pole_area", "pole_angle", "air_gap", "bias_current"],
-  rotor: ["mass", "gravity", "clearance", "travel_limit"],
+  rotor: ["mass", "gravity", "clearance"],
   amplifier: ["gain", "current_limit", "noise_variance", "bandwidth"],
   sensor: ["gain", "lag", "noise_variance", "quantisation"],
 };
@@ -43,7 +43,7 @@ export function machineOf(table: Table): { machine: Machine; left: string[] } {
   const axis = {
     T: number("", "sampling_time"), mass: number("rotor", "mass"),
     gravity: String(direction) in GRAVITY ? GRAVITY[String(direction)] : -Math.cos(quantity(direction)),
-    clearance: number("rotor", "clearance", part("rotor").travel_limit === undefined ? undefined : number("rotor", "travel_limit")),
+    clearance: number("rotor", "clearance"),
     k: turned
       ? (MU_0 * number("magnet", "pole_area") * number("magnet", "turns") ** 2) / 4 * Math.cos(number("magnet", "pole_angle", 0))
       : number("magnet", "magnet_constant"),

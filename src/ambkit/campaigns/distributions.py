@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
-    BeforeValidator,
     Field,
     PlainSerializer,
     PlainValidator,
@@ -127,18 +126,10 @@ class OneOf(Marginal):
         return np.round(u * (len(self.values) - 1))
 
 
-def _key_now(value: Any) -> Any:
-    """Return today's key for an earlier one: scenario.control and scenario.feedback."""
-    if not isinstance(value, str):
-        return value
-    now = value.replace("scenario.control.", "scenario.controller.")
-    return "scenario.controller.feedback" if now == "scenario.feedback" else now
-
-
 class Varied(Part):
     """A varied quantity."""
 
-    what: Annotated[Line, BeforeValidator(_key_now)]
+    what: Line
     """Key of the machine, such as magnet.air_gap, or of the run, such as
     scenario.disturbance.amplitude.
     """

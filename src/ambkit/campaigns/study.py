@@ -27,7 +27,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BeforeValidator,
@@ -80,7 +80,6 @@ class Study(Document):
     Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI.
     """
 
-    renamed: ClassVar = {"bearing": "machine", "controls": "controllers"}
     name: Annotated[Name, Field(min_length=1)]
     """Short name."""
     description: Description = ""

@@ -14,9 +14,6 @@ from ambkit.base.own_class import OwnClass
 from ambkit.control.pid import GAINS, PID, overlaid
 from ambkit.machine.machine import Machine
 
-OLD = {"fought": "off", "still": "compensation"}
-"""Unbalance control in the words of earlier files, read for one release."""
-
 
 class Control(PID):
     """The controllers of a machine: gains at its top are of all axes, those in `pid` of one."""
@@ -37,10 +34,7 @@ class Control(PID):
     gain_scheduling: Annotated[bool, Field(strict=True)] = False
     """Whether the gains of "lqg" follow the speed of rotation; without, they are those of the
     machine's own speed at any."""
-    unbalance: Annotated[
-        Literal["off", "force-free", "compensation"],
-        BeforeValidator(lambda word: OLD.get(word, word) if isinstance(word, str) else word),
-    ] = "off"
+    unbalance: Literal["off", "force-free", "compensation"] = "off"
     """Unbalance control: none, where the controllers answer to synchronous motion as to any other;
     force-free rotation about the axis of inertia, without a synchronous force of the bearings; or
     compensation, which holds the geometric axis. The last two need an estimator with the unbalance
@@ -140,19 +134,3 @@ def as_control(value: Any) -> Any:
     if isinstance(value, PID) and not isinstance(value, Control):
         return Control(**{key: getattr(value, key) for key in value.model_fields_set})
     return value
-
-
-def merged(controller: Any, control: Any, feedback: Any) -> Any:
-    """Return a controller as one table, by the keys of now and of earlier releases."""
-    results: dict[str, Any] = {}
-    for item in (controller, control):
-        if isinstance(item, PID):
-            item = {key: getattr(item, key) for key in item.model_fields_set}
-        if item is not None and not isinstance(item, dict):
-            return item  # whose mistake is told where it is checked
-        results |= item or {}
-    if feedback is None:
-        return results
-    if results.get("feedback", feedback) != feedback:
-        raise ValueError(f'controller.feedback: contradicts feedback = "{feedback}"')
-    return results | {"feedback": feedback}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer
@@ -87,8 +87,6 @@ class PID(Part):
     the set-point weight b (Åström and Hägglund 1995). The defaults hold the `zittau_axial` bearing,
     whose gains the paper does not give; a simulation tunes what was not given to its bearing.
     """
-
-    renamed: ClassVar = {"sensor": "sees"}
 
     kp: Annotated[float, Quantity("A/m", "3000 A/m", at_least=0)] = 1700.0
     """Proportional gain [A/m]."""

@@ -38,7 +38,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
@@ -67,7 +67,6 @@ FORMAT = 1  #: Version of the file that this ambkit writes, and the newest that 
 class FilterFile(Document):
     """An estimator as a file."""
 
-    renamed: ClassVar = {"bearing": "machine"}
     format: Annotated[int, Field(ge=1, strict=True)] = FORMAT
     """Version of the file's format; without it 1."""
     kind: Name
@@ -111,7 +110,7 @@ class FilterFile(Document):
         if version > FORMAT:
             yield "format", f"is {version}, and this ambkit reads up to {FORMAT}: use a newer one"
         yield from _of_options(read("kind"), read("options"))
-        keys = [*cls.model_fields, *cls.renamed]
+        keys = list(cls.model_fields)
         for name in read("origin") if isinstance(read("origin"), dict) else ():
             if name.partition(".")[0] not in keys:
                 yield f"origin.{name}", unknown_key(name, keys)

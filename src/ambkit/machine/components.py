@@ -131,7 +131,6 @@ class PlacedBearing(Part):
     # A radial bearing has two axes, NAME1 at its angle and NAME2 a quarter turn ahead; a thrust
     # bearing has one, NAME, along the shaft.
 
-    renamed: ClassVar = {"travel_limit": "clearance"}
     name: Label = ""
     """Short name, letters and digits."""
     type: Literal["radial", "thrust", "single"] = "radial"

@@ -179,11 +179,6 @@ class Machine(Shown, Document):
             highest = enough(self.rotor, self.sampling_time, self.speed, self.rotor.modes_within)
             self.__dict__["rotor"] = self.rotor.model_copy(update={"modes_up_to": highest})
 
-    @property
-    def bearing(self) -> tuple[PlacedBearing, ...]:
-        """The bearings, by the name that they had; read for one release."""
-        return self.bearings
-
     @cached_property
     def _one(self) -> PlacedBearing:
         """The bearing of a machine with one axis."""
@@ -487,8 +482,6 @@ class Machine(Shown, Document):
 
         return bearing_card(self) if self.single else settings_card(self)
 
-
-Bearing = Machine  #: A machine, by the name that one with a single axis had; read for one release.
 
 ONLY = {"name": "", "type": "single", "place": 0.0, "angle": 0.0}
 """Place of the bearing and the sensor of a machine with one axis."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 from types import SimpleNamespace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BeforeValidator,
@@ -293,8 +293,6 @@ class Amplifier(Part):
 
 class Sensor(Part):
     """The position sensor: a first-order lag with noise (paper, eq. 18)."""
-
-    renamed: ClassVar = {"noise_rise": "position_noise"}
 
     # Displacement plus runout, distorted to ``x (1 + quadratic x + cubic x^2)``, then lag, gain,
     # noise and quantisation.

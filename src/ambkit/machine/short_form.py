@@ -27,8 +27,6 @@ from ambkit.machine.parts import Amplifier, Magnet, Sensor
 
 LISTS = ("bearing", "sensor")  #: Keys that are lists in the long form.
 OF_BEARING = ("magnet", "amplifier", "stop", "coil")  #: Tables of its one bearing.
-#: Keys of [rotor] that belong to the bearing; today's, and an earlier one.
-CLEARANCE = ("clearance", "travel_limit")
 ABOVE = ("name", "description", "source", "sampling_time", "delay", "speed")
 
 TABLES: dict[str, tuple[str, ...]] = {
@@ -66,7 +64,8 @@ def expanded(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
     bearing = {"type": "single"} | {key: tables[key] for key in OF_BEARING if key in tables}
     if "rotor" in tables:
         rotor = {"type": "mass"} | dict(tables["rotor"])
-        bearing |= {key: rotor.pop(key) for key in CLEARANCE if key in rotor}
+        if "clearance" in rotor:
+            bearing["clearance"] = rotor.pop("clearance")
         long["rotor"] = rotor
     if "sensor" in tables:
         sensor = tables["sensor"]
@@ -79,14 +78,13 @@ def expanded(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
 def _known(table: str, part: Mapping[str, Any], problems: list[Problem]) -> dict[str, Any]:
     """Return the known keys of a table, and report the others."""
     keys = TABLES[table]
-    once = {"rotor": CLEARANCE, "sensor": tuple(Sensor.renamed)}.get(table, ())
     for key in part:
-        if key not in keys and key not in once:
+        if key not in keys:
             around = (table,) if table else ()
             meant = (*around, nearest(str(key), keys) or "")
             problem = Problem((*around, key), unknown_key(str(key), keys), meant=meant)
             problems.append(with_home(problem, TABLES.items()))
-    return {key: value for key, value in part.items() if key in keys or key in once}
+    return {key: value for key, value in part.items() if key in keys}
 
 
 def moved(problems: list[Problem], own: list[Problem]) -> list[Problem]:
@@ -132,7 +130,7 @@ def long_key(key: str) -> str:
     table, _, rest = key.partition(".")
     if table in OF_BEARING:
         return f"bearing.0.{key}"
-    if table == "rotor" and rest in CLEARANCE:
+    if key == "rotor.clearance":
         return "bearing.0.clearance"
     return f"sensor.0.{rest}" if table == "sensor" and rest[:1].isalpha() else key
 

@@ -8,14 +8,12 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
-    AliasChoices,
     BeforeValidator,
     Discriminator,
     Field,
     SerializerFunctionWrapHandler,
     Tag,
     model_serializer,
-    model_validator,
 )
 
 from ambkit.base.arrays import Array
@@ -24,7 +22,7 @@ from ambkit.base.config.problems import ONE_OR_MORE
 from ambkit.base.config.quantities import Quantity, SignalIn
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import OwnClass
-from ambkit.control.control import Control, as_control, merged
+from ambkit.control.control import Control, as_control
 from ambkit.control.control_candidates import Feedback
 from ambkit.control.default_control import DefaultControl, default_control, is_default, settled
 from ambkit.control.lift_off_sequence import LiftOff
@@ -85,8 +83,6 @@ _One = Annotated[Signal, Tag(ONE_OR_MORE[0])]
 _LIST = Tag(ONE_OR_MORE[1])
 _ONE_OR_MORE = Discriminator(lambda raw_value: ONE_OR_MORE[isinstance(raw_value, list | tuple)])
 
-_STARTS_BEFORE = {"hover": "levitated", "rest": "landed"}
-
 AXES = ("reference", "disturbance", "injection")  #: Signals of an axis.
 
 OF_MACHINE = frozenset({"speed", "off", "base"})  #: Keys of a machine with several axes.
@@ -118,10 +114,7 @@ class Scenario(Described, Document):
 
     duration: Annotated[float, Quantity("s", "0.5 s", above=0)] = 0.5
     """Duration of the run [s]."""
-    start: Annotated[
-        Literal["levitated", "landed", "released"],
-        BeforeValidator(lambda raw_value: _STARTS_BEFORE.get(raw_value, raw_value)),
-    ] = "levitated"
+    start: Literal["levitated", "landed", "released"] = "levitated"
     """Initial state: in equilibrium at the reference; without current in contact with the
     touch-down bearings; or without current at the centre.
     """
@@ -150,9 +143,7 @@ class Scenario(Described, Document):
     """Signal added to the measurement at the input of controller and estimator [m]: of the first
     axis, or a list with axes.
     """
-    controller: Annotated[Control, BeforeValidator(as_control)] = Field(
-        default=Control(), validation_alias=AliasChoices("controller", "control")
-    )
+    controller: Annotated[Control, BeforeValidator(as_control)] = Control()
     """The controllers. Omitted settings are tuned; with several axes the structure is selected by
     the margins over the machine's speed range.
     """
@@ -170,18 +161,6 @@ class Scenario(Described, Document):
     """
     base: tuple[Base, ...] = ()
     """Motion of the foundation; displacements and readings are relative to it."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read_on(cls, data: Any) -> Any:
-        """Read the keys of earlier releases: ``control``, and ``feedback`` beside it."""
-        if not isinstance(data, dict) or not {"control", "feedback"} & data.keys():
-            return data
-        legacy_values = [data.get(key) for key in ("controller", "control", "feedback")]
-        rest = {key: data[key] for key in data if key not in ("controller", "control", "feedback")}
-        return rest | {
-            "controller" if legacy_values[0] is not None else "control": merged(*legacy_values)
-        }
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -202,22 +181,6 @@ class Scenario(Described, Document):
             ``"measurement"`` or ``"estimate"``.
         """
         return self.model_copy(update={"controller": self.controller.fed_by(feedback)})
-
-    def replace(self, **changes: Any) -> Self:
-        """Return a copy with some values changed, checked like a new one.
-
-        Parameters
-        ----------
-        **changes
-            Values by dotted key, as ``controller__kp``; `feedback` is that of the controllers.
-        """
-        if {"control", "feedback"} & changes.keys():
-            known = changes.pop("controller", self.controller)
-            control, feedback = changes.pop("control", None), changes.pop("feedback", None)
-            if feedback is not None and isinstance(known, Control):
-                known = known.fed_by(feedback)
-            changes["controller"] = merged(known, control, feedback)
-        return super().replace(**changes)
 
 
 def by_axis(scenario: Scenario, what: str, first: str) -> list[tuple[str, Any]]:

@@ -52,15 +52,15 @@ def check(
 
 
 def schema(
-    kind: Literal["bearing", "machine", "scenario", "study", "map", "filter", "force", "drawing"],
+    kind: Literal["machine", "scenario", "study", "map", "filter", "force", "drawing"]
 ) -> Document:
     """Print the JSON schema of a TOML file.
 
     Parameters
     ----------
-    kind : {"bearing", "machine", "scenario", "study", "map", "filter", "force", "drawing"}
-        bearing, machine, scenario, study, map (channel map), filter, force (channel map of a force
-        map), or drawing (of a magnet).
+    kind : {"machine", "scenario", "study", "map", "filter", "force", "drawing"}
+        machine, scenario, study, map (channel map), filter, force (channel map of a force map), or
+        drawing (of a magnet).
 
     Returns
     -------

@@ -149,7 +149,7 @@ def excite_sensitivity(
         from_estimate=not without,
     )  # fmt: skip
     if not plant.single and filter is not None:
-        happening = happening.replace(feedback="measurement" if without else "estimate")
+        happening = happening.fed("measurement" if without else "estimate")
     current, displacement = given_limits(limit)
     with progress("trying amplitudes"):
         return design_injection(

@@ -131,8 +131,7 @@ class Inspection:
 
 def schema_of(kind: str) -> dict[str, Any]:
     """Return the JSON schema of a TOML file, by `Inspection.kind` or its short form in `SHORT`."""
-    once = {"bearing": "machine"}  # read for one release
-    return dict(documents()[(SHORT | once).get(kind, kind)].json_schema())
+    return dict(documents()[SHORT.get(kind, kind)].json_schema())
 
 
 def checked(

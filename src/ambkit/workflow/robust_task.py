@@ -80,7 +80,7 @@ class Task:
         for what in ("estimator", "controller"):
             if what in plan.names:
                 raise AmbkitError(f"{study.name}: {what} varies, and is what is to be tuned")
-        if any(name.startswith("scenario.control") for name in plan.names):
+        if any(name.startswith("scenario.controller") for name in plan.names):
             raise AmbkitError(f"{study.name}: gains vary, and are what is to be tuned")
         self.plan, self.several = plan, plan.several
         self.quantile, self.max_sensitivity = quantile, max_sensitivity

@@ -239,8 +239,8 @@ def _of_the_stop(run: Run) -> str:
     first = "" if at is None else f", first at {figure(t[min(at + 1, len(t) - 1)], 's')}"
     return (
         f"The rotor touched the stop at {figure(clearance, 'm')} in {run.samples_at_the_stop} of "
-        f"{len(run.record)} samples{first}: check the controller ([controller] or [control] in "
-        "the scenario), or reduce the step or the disturbance force."
+        f"{len(run.record)} samples{first}: check the controller ([controller] in the "
+        "scenario), or reduce the step or the disturbance force."
     )
 
 

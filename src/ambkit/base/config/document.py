@@ -71,8 +71,6 @@ class Part(BaseModel, metaclass=_OwnNames):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
-    renamed: ClassVar[Mapping[str, str]] = {}
-    """Keys of earlier versions, which are read for one release, and their names of today."""
     unwritten: ClassVar[tuple[str, ...]] = ()
     """Keys that are not written if they have their defaults."""
 
@@ -157,9 +155,6 @@ class Part(BaseModel, metaclass=_OwnNames):
         cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
     ) -> Self:
         problems: list[Problem] = []
-        if isinstance(data, Mapping) and not cls.renamed.keys().isdisjoint(data):
-            names = {old: new for old, new in cls.renamed.items() if new not in data}
-            data = {names.get(key, key): value for key, value in data.items()}
         try:
             model = handler(data)
             read = reader(model)
