@@ -178,11 +178,7 @@ def _coloured(part: ColouredNoise, T: float, white: Array) -> Array:
 
 
 def study(
-    truth: LoopModel = TRUTH,
-    seeds: int = 200,
-    together: int = 4,
-    first: int = 0,
-    threads: int = 2,
+    truth: LoopModel = TRUTH, seeds: int = 200, together: int = 4, first: int = 0, threads: int = 2
 ) -> dict[str, dict[str, float]]:
     """Identify from records of many seeds, and judge the errors.
 

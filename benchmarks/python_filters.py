@@ -15,12 +15,7 @@ H = np.array([[0.0, 0.0, 0.0, 1.0]])
 def transition(h: Settings, k_s: float) -> Array:
     """A of eq. 20 (4, 4), with the sensor's lag exact; the magnet is asked at x + v T/2."""
     L = np.array(
-        [
-            [1.0, h.T, 0.0, 0.0],
-            [0.0, 1.0, 0.0, 0.0],
-            [0.0, 0.0, 1.0, 0.0],
-            [h.b, h.c, 0.0, h.a],
-        ]
+        [[1.0, h.T, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [h.b, h.c, 0.0, h.a]]
     )
     return L + np.outer(force_input(h), [k_s, k_s * h.T / 2, 1.0, 0.0])
 

@@ -42,9 +42,7 @@ OFFSET = 47e-3
 
 TRUTH = LoopModel(
     Machine.preset("inteco_ml").replace(
-        sensor__lag=1e-5,
-        sensor__noise_variance=(16.8e-6) ** 2,
-        amplifier__noise_variance=SENSOR**2,
+        sensor__lag=1e-5, sensor__noise_variance=(16.8e-6) ** 2, amplifier__noise_variance=SENSOR**2
     ),
     delay=0.0,
     disturbance_noise=1e-5,

@@ -75,10 +75,7 @@ def compiler() -> str:
 
 
 def build(
-    export: Path,
-    into: Path,
-    contraction: Contraction = "off",
-    main: Path = HERE / "main.c",
+    export: Path, into: Path, contraction: Contraction = "off", main: Path = HERE / "main.c"
 ) -> Firmware:
     """Compile and link an exported folder with the harness.
 

@@ -14,16 +14,7 @@ from machine_cases import bearing, machine, sensor
 from quick import quick
 
 import ambkit
-from ambkit import (
-    PID,
-    ClosedLaw,
-    Control,
-    FilterNoise,
-    KalmanFilter,
-    Machine,
-    Scenario,
-    Step,
-)
+from ambkit import PID, ClosedLaw, Control, FilterNoise, KalmanFilter, Machine, Scenario, Step
 from ambkit.control.controller_states import Controller
 from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.data.record import Record

@@ -100,8 +100,7 @@ def sampled_loop(dead_time, rpm=0.0):
 
 
 @pytest.mark.parametrize(
-    ("dead_time", "peaks", "largest"),
-    [(1.0, (1.390, 1.396), 1.602), (1.5, (1.462, 1.473), 1.674)],
+    ("dead_time", "peaks", "largest"), [(1.0, (1.390, 1.396), 1.602), (1.5, (1.462, 1.473), 1.674)]
 )
 def test_sampled_reference(dead_time, peaks, largest):
     loop = sampled_loop(dead_time)

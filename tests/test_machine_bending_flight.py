@@ -129,13 +129,7 @@ def test_a_run_up_passes_the_first_bending_mode(feedback):
     pids = {a.name: PID(**gains._asdict()) for a, gains in zip(one.axes, weak, strict=True)}
     control = Control(pid=pids)
     run = simulate(
-        one,
-        Scenario(
-            duration=2.3,
-            speed=up,
-            noise=False,
-            controller=control,
-        ).fed("measurement"),
+        one, Scenario(duration=2.3, speed=up, noise=False, controller=control).fed("measurement")
     )
     assert run.samples_at_the_stop == 0
     far = np.hypot(run.record["q_m1_x"], run.record["q_m1_y"])
@@ -170,10 +164,7 @@ def test_controllers_that_cannot_hold_say_so():
         simulate(late, Scenario(duration=1.0, controller={"feedback": "measurement"}), "none")
     run = simulate(
         late,
-        Scenario(
-            duration=1.0,
-            controller=Control(type="decentralised"),
-        ).fed("measurement"),
+        Scenario(duration=1.0, controller=Control(type="decentralised")).fed("measurement"),
         "none",
     )
     assert run.samples_at_the_stop > 0

@@ -7,14 +7,7 @@ import pytest
 from machine_cases import PRESETS, RIGID, machine
 from quick import quick
 
-from ambkit import (
-    AmbkitError,
-    ExtendedKalmanFilter,
-    KalmanFilter,
-    Machine,
-    Record,
-    Status,
-)
+from ambkit import AmbkitError, ExtendedKalmanFilter, KalmanFilter, Machine, Record, Status
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.force_laws import Bank, isolated_axes, weights_of

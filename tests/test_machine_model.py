@@ -4,15 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from machine_cases import (
-    OF_KILOGRAMS,
-    bearing,
-    directions,
-    integrated,
-    machine,
-    sensor,
-    slopes,
-)
+from machine_cases import OF_KILOGRAMS, bearing, directions, integrated, machine, sensor, slopes
 
 from ambkit import Machine, magnet_of
 from ambkit.machine.magnets import ConstantStiffness, core_module

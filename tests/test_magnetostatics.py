@@ -365,11 +365,7 @@ def test_curves_rise_and_their_energy_is_the_integral():
         (RADIAL.replace('"4 mm"', '"9 mm"'), 12, "geometry.coil_width: windings of neighbouring"),
         (RADIAL.replace('"30 mm"', '"80 mm"', 1), 8, "geometry.shaft_diameter: must be less"),
         (E_CORE.replace('"7 mm"', '"18 mm"'), 11, "geometry.coil_width: windings overlap"),
-        (
-            THRUST.replace('"90 mm"', '"40 mm"') + POT,
-            6,
-            "geometry.disc_diameter: ends before",
-        ),
+        (THRUST.replace('"90 mm"', '"40 mm"') + POT, 6, "geometry.disc_diameter: ends before"),
         (HYBRID_THRUST.replace('"66 mm"', '"55 mm"'), 7, "geometry.disc_diameter: ends before"),
         (
             HYBRID_THRUST.replace('"10 mm"\nback', '"14 mm"\nback'),

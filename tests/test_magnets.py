@@ -10,13 +10,7 @@ from magnet_at import differences, force, tangent, through_origin
 from oracles import least_squares_stiffness, magnet_force
 
 from ambkit import Machine
-from ambkit.machine.magnets import (
-    ClosedLaw,
-    ConstantStiffness,
-    core_module,
-    equally_far,
-    magnet_of,
-)
+from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, core_module, equally_far, magnet_of
 
 TWO_SIDED = Machine.preset("zittau_axial")
 ONE_SIDED = Machine.preset("inteco_ml")

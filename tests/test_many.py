@@ -6,16 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ambkit
-from ambkit import (
-    KalmanFilter,
-    Machine,
-    Planned,
-    Scenario,
-    Status,
-    Step,
-    simulate,
-    simulate_many,
-)
+from ambkit import KalmanFilter, Machine, Planned, Scenario, Status, Step, simulate, simulate_many
 from ambkit.estimate.batch import instruction_sets
 from ambkit.estimate.registry import KINDS
 from ambkit.machine.accessories import Hum

@@ -160,10 +160,7 @@ def test_what_a_record_does_not_tell_is_said(change, told):
 
 @pytest.mark.parametrize(
     ("filter", "kind"),
-    quick(
-        product([None, "linear"], ["multisine", "stepped-sine"]),
-        [("linear", "multisine")],
-    ),
+    quick(product([None, "linear"], ["multisine", "stepped-sine"]), [("linear", "multisine")]),
 )
 def test_sweep_is_the_models_within_two_percent_where_the_loop_is_linear(filter, kind):
     found = ambkit.assess_sweep(LATE, filter, amplitudes=["2 um", "0.3 mm"], kind=kind)

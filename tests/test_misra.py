@@ -151,7 +151,7 @@ MACHINES = {
     "faults": {"kind": "extended", "faults": True},
     "controllers": {"scenario": Scenario(controller=Control(type="lqg")).fed("estimate")},
     "lift-off and run-up": {
-        "scenario": Scenario(start="landed", sequence=LiftOff(), speed=Ramp(slope=2000.0)),
+        "scenario": Scenario(start="landed", sequence=LiftOff(), speed=Ramp(slope=2000.0))
     },
     "calibration": {"scenario": Scenario(), "calibrated": True},
 }

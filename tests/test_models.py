@@ -16,15 +16,7 @@ from model_oracles import random_model, random_settings
 from ambkit.models import NUMBER, ONE, ZERO, compose, machine_model
 from ambkit.models.declaration import UNIT, Plan
 from ambkit.models.model import compressed_rows
-from ambkit.models.parts import (
-    PARTS,
-    ColouredNoise,
-    Delay,
-    Disturbance,
-    MagnetPlace,
-    Rotor,
-    Sensor,
-)
+from ambkit.models.parts import PARTS, ColouredNoise, Delay, Disturbance, MagnetPlace, Rotor, Sensor
 from ambkit.models.sampling import Sampling
 
 # ---- patterns ----

@@ -14,14 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from filter_cases import BEARING
-from model_oracles import (
-    Loops,
-    Settings,
-    added,
-    random_model,
-    random_settings,
-    random_state,
-)
+from model_oracles import Loops, Settings, added, random_model, random_settings, random_state
 
 from ambkit.export.c import c_literals
 from ambkit.export.c.model import loop_model

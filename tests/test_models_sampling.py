@@ -14,13 +14,7 @@ from scipy.linalg import expm
 from ambkit.machine.magnets import core_module
 from ambkit.models import ZERO, compose
 from ambkit.models.machine_parts import PAPER_CONSTANTS, printed
-from ambkit.models.parts import (
-    Amplifier,
-    Disturbance,
-    MagnetPlace,
-    Rotor,
-    Sensor,
-)
+from ambkit.models.parts import Amplifier, Disturbance, MagnetPlace, Rotor, Sensor
 
 QUICK = settings(max_examples=25, deadline=None, phases=set(Phase) - {Phase.shrink, Phase.explain})
 

@@ -20,14 +20,7 @@ from ambkit.judge.modal_reduction import reduction
 from ambkit.judge.whirl_modes import CriticalSpeed
 from ambkit.machine.components import Unbalance
 from ambkit.machine.rotors.descriptions import ShaftRotor
-from ambkit.machine.rotors.modes import (
-    SHARP,
-    above,
-    end_of_range,
-    speeds_of,
-    whirl,
-    whirl_error,
-)
+from ambkit.machine.rotors.modes import SHARP, above, end_of_range, speeds_of, whirl, whirl_error
 from ambkit.rotordynamics import separation_margins
 from ambkit.rotordynamics.separation_margins import Separation, loop_criticals, separations
 from ambkit.workflow.check import inspect

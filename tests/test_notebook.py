@@ -288,10 +288,7 @@ def test_quantities_are_taken_with_their_units():
             lambda: ambkit.filter(RECORD, machine="rig.toml"),  # a name of a file
             "rig.toml: cannot be read: No such file or directory",
         ),
-        (
-            lambda: ambkit.filter(RECORD, machine=3),
-            "machine must be of type Machine, is the int 3",
-        ),
+        (lambda: ambkit.filter(RECORD, machine=3), "machine must be of type Machine, is the int 3"),
         (
             lambda: KalmanFilter("rig.toml"),
             "machine must be of type "

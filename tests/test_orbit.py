@@ -21,10 +21,7 @@ GAP = TUM.bearings[0].magnet.air_gap
 ZITTAU = Machine.preset("zittau_axial").replace(speed="1500 rpm")
 
 
-@pytest.mark.parametrize(
-    ("filter", "share"),
-    quick([(None, 0.2), ("linear", 0.2)], [(None, 0.2)]),
-)
+@pytest.mark.parametrize(("filter", "share"), quick([(None, 0.2), ("linear", 0.2)], [(None, 0.2)]))
 def test_along_an_orbit_model_and_simulation_agree_within_two_percent(filter, share):
     """A fifth of the gap: what the rotor at rest would have is a sixth off."""
     found = ambkit.assess_sweep(TUM, filter, amplitudes=["1 um"], axis="A1", orbit=share * GAP)

@@ -301,10 +301,7 @@ def test_unknown_signal_names_the_nearest():
 
 
 @given(
-    n=st.integers(1, 3000),
-    buckets=st.integers(1, 100),
-    seed=st.integers(0, 99),
-    gaps=st.booleans(),
+    n=st.integers(1, 3000), buckets=st.integers(1, 100), seed=st.integers(0, 99), gaps=st.booleans()
 )
 def test_decimation_keeps_extremes_ends_and_gaps(n, buckets, seed, gaps):
     draw = np.random.default_rng(seed)

@@ -204,16 +204,8 @@ def test_the_bench_can_fail(bench):
 
 
 MACHINE_FAULTS = {
-    "starts within, only": (
-        "f.c",
-        "((beyond <= AMB_C(0.0)) || near)",
-        "near",
-    ),
-    "starts far beyond a stop": (
-        "f.c",
-        "(AMB_C(16.0) * var_y)",
-        "(AMB_C(25.0) * var_y)",
-    ),
+    "starts within, only": ("f.c", "((beyond <= AMB_C(0.0)) || near)", "near"),
+    "starts far beyond a stop": ("f.c", "(AMB_C(16.0) * var_y)", "(AMB_C(25.0) * var_y)"),
     "HELD never told": ("core/src/envelope.c", "sound ? AMB_HELD", "sound ? AMB_OK"),
     "a demand whose product is none": (
         "core/src/kalman_step.h",

@@ -4,15 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from ambkit import (
-    Control,
-    KalmanFilter,
-    Scenario,
-    Step,
-    magnet_of,
-    simulate,
-    to_control,
-)
+from ambkit import Control, KalmanFilter, Scenario, Step, magnet_of, simulate, to_control
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.export import statespace

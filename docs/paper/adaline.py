@@ -44,10 +44,7 @@ def adaline(study: Study) -> Part:
     few, many = np.quantile(noisy_off, (0.05, 0.95))
     of_load, of_told, of_mass = study.over_seeds(lambda seed: _limits(study, seed))
     median_row = mean_row(
-        "fig12.noisy",
-        f"ADALINE, error of k: paper's noise, median of {MANY} seeds",
-        noisy_off,
-        "%",
+        "fig12.noisy", f"ADALINE, error of k: paper's noise, median of {MANY} seeds", noisy_off, "%"
     ) | {"ours": float(np.median(noisy_off))}
 
     def said(off: Array) -> str:
@@ -109,12 +106,7 @@ def adaline(study: Study) -> Part:
 
 
 def _learn(
-    study: Study,
-    run: Run,
-    *,
-    mass: float = 1.0,
-    disturbance: Array | None = None,
-    **options: float,
+    study: Study, run: Run, *, mass: float = 1.0, disturbance: Array | None = None, **options: float
 ) -> AdalineResult:
     """Learn from half the true k, with the mass times a factor."""
     machine = study.bearing.replace(rotor__mass=mass * study.bearing.rotor.mass)

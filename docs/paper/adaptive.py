@@ -14,16 +14,7 @@ from ambkit.machine.magnets import evaluate_stiffness
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule
 from ambkit.result.report.blocks import Chapter, FigureBlock, Text
 from ambkit.simulation.run import Run
-from paper.study import (
-    POSITION,
-    SEEDS,
-    STEP_TIME,
-    TIME,
-    TIME_MS,
-    Part,
-    Study,
-    mean_row,
-)
+from paper.study import POSITION, SEEDS, STEP_TIME, TIME, TIME_MS, Part, Study, mean_row
 
 STEP = 0.5e-3  # m
 

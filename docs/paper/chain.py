@@ -18,17 +18,7 @@ from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import Loop, Run, samples
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Sequence
-from paper.study import (
-    CONTROLLER,
-    POSITION,
-    SEEDS,
-    TIME,
-    TIME_MS,
-    Part,
-    Study,
-    mean_row,
-    smaller,
-)
+from paper.study import CONTROLLER, POSITION, SEEDS, TIME, TIME_MS, Part, Study, mean_row, smaller
 
 Array = NDArray[np.float64]
 

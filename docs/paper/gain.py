@@ -12,16 +12,7 @@ from ambkit.judge.comparison import Score, compare
 from ambkit.result.report import Axis, Bars, Figure, Line, Panel
 from ambkit.result.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
 from ambkit.result.report.style import style_of
-from paper.study import (
-    LOAD_TIME,
-    SEEDS,
-    STEP_TIME,
-    TIME,
-    Part,
-    Study,
-    mean_row,
-    smaller,
-)
+from paper.study import LOAD_TIME, SEEDS, STEP_TIME, TIME, Part, Study, mean_row, smaller
 
 Array = NDArray[np.float64]
 
@@ -116,10 +107,7 @@ def _table(scores: Mapping[float, Mapping[str, Score]]) -> TableBlock:
 
 def _figure_bars(scores: Mapping[float, Mapping[str, Score]]) -> Figure:
     categories = [f"{step * 1e3:g} mm" for step in scores]
-    shown = {
-        "x": Axis("position error", "µm rms", 1e6),
-        "f_d": Axis(r"error of $f_d$", "N rms"),
-    }
+    shown = {"x": Axis("position error", "µm rms", 1e6), "f_d": Axis(r"error of $f_d$", "N rms")}
 
     def bars(signal: str) -> list[Bars]:
         names = next(iter(scores.values()))

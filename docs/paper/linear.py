@@ -8,16 +8,7 @@ from ambkit.estimate.errors import whiteness
 from ambkit.judge.comparison import rmse
 from ambkit.result.report import Axis, Figure, Line, Panel
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
-from paper.study import (
-    POSITION,
-    SEEDS,
-    TIME,
-    Part,
-    Study,
-    mean_row,
-    reached,
-    smaller,
-)
+from paper.study import POSITION, SEEDS, TIME, Part, Study, mean_row, reached, smaller
 
 # Small step: where the linear filter's model holds, so that it can be judged as a filter.
 SMALL_STEP = 0.1e-3
@@ -74,11 +65,7 @@ def linear(study: Study) -> Part:
         rows=[
             ["measurement noise $R$", "8.3e-5 mm² (9.1 µm rms)", "paper, read as mm²"],
             ["noise on the control signal", "8e-5 V² (8.9 mV rms)", "paper, read as V²"],
-            [
-                r"growth of $f_d$",
-                f"{study.noise.disturbance:g} N²/s (0.01 N² a sample)",
-                "chosen",
-            ],
+            [r"growth of $f_d$", f"{study.noise.disturbance:g} N²/s (0.01 N² a sample)", "chosen"],
             ["sampling time $T$", f"{model.sampling_time * 1e3:g} ms", "chosen"],
             [
                 r"sensor lag $T_\mathrm{Sen}$, gain $K_\mathrm{Sen}$",

@@ -16,15 +16,7 @@ from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Figure, Line, Panel
 from ambkit.result.report.blocks import Chapter, Equation, FigureBlock, Remark, TableBlock, Text
 from ambkit.simulation.run import simulate
-from paper.study import (
-    SEEDS,
-    STEP_TIME,
-    TIME_MS,
-    Part,
-    Study,
-    mean_row,
-    smaller,
-)
+from paper.study import SEEDS, STEP_TIME, TIME_MS, Part, Study, mean_row, smaller
 
 Array = NDArray[np.float64]
 

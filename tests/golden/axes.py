@@ -59,9 +59,7 @@ PLANTS = AXES | {
     "delay of two samples": PAPER.replace(delay="0.2 ms"),
     "bandwidth": PAPER.replace(amplifier__bandwidth="900 Hz"),
     "voltage limit": PAPER.replace(
-        amplifier__bandwidth="2 kHz",
-        amplifier__voltage_limit="4 V",
-        amplifier__resistance="1 ohm",
+        amplifier__bandwidth="2 kHz", amplifier__voltage_limit="4 V", amplifier__resistance="1 ohm"
     ),
     "runout, not linear": PAPER.replace(
         speed="3000 rpm",

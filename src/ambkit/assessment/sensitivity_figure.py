@@ -24,12 +24,7 @@ AMPLITUDES = ("series 1", "series 2", "series 3", "series 4")
 
 
 def measured_figure(
-    title: str,
-    result: MeasuredSensitivity,
-    models: Sequence[Curves],
-    *,
-    zones: Zones,
-    top: float,
+    title: str, result: MeasuredSensitivity, models: Sequence[Curves], *, zones: Zones, top: float
 ) -> Figure:
     """Plot a measured sensitivity with its 95 % interval, its open loop and the coherence."""
     f, (low, high) = result.frequency, result.interval()

@@ -74,12 +74,7 @@ def run_up_figure(result: Any) -> Figure:
     used = result.current / result.current_limit
     current += _of_axes(result, used)
     panels = [
-        Panel(
-            SPEED,
-            _share("share of the clearance", shares, 0.55),
-            room,
-            title="Displacement",
-        ),
+        Panel(SPEED, _share("share of the clearance", shares, 0.55), room, title="Displacement"),
         Panel(SPEED, _share("share of the current limit", used, 1.1), current, title="Current"),
     ]
     if result.voltage is not None:

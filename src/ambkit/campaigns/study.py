@@ -29,13 +29,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    BeforeValidator,
-    Field,
-    PlainSerializer,
-    SerializationInfo,
-    ValidationInfo,
-)
+from pydantic import BeforeValidator, Field, PlainSerializer, SerializationInfo, ValidationInfo
 
 from ambkit.base.config import Document, Read
 from ambkit.base.config.text_types import Description, Name, from_folder, to_folder

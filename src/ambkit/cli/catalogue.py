@@ -40,10 +40,7 @@ COMMANDS = {
         "tune trade-off": "tune:tune_trade_off",
         "design": "design:design",
     },
-    "Run": {
-        "simulate": "simulate:simulate",
-        "filter": "filter:filter",
-    },
+    "Run": {"simulate": "simulate:simulate", "filter": "filter:filter"},
     "Judge": {
         "compare": "compare:compare",
         "compare steps": "compare:compare_steps",
@@ -71,9 +68,7 @@ COMMANDS = {
         "export mat": "export:export_mat",
         "pil": "pil:pil",
     },
-    "Paper": {
-        "reproduce": "reproduce:reproduce",
-    },
+    "Paper": {"reproduce": "reproduce:reproduce"},
 }
 """Module and function of each command, by purpose."""
 

@@ -93,9 +93,5 @@ class LowPass(Estimator):
         self.corners = self._usual_corners() | self.corners
         coefficients = {name: -math.expm1(-corner * T) for name, corner in self.corners.items()}
         return engine.core.LowPass(
-            magnet,
-            engine.model_of_core,
-            m=self.machine.rotor.mass,
-            **coefficients,
-            **settings,
+            magnet, engine.model_of_core, m=self.machine.rotor.mass, **coefficients, **settings
         )

@@ -20,12 +20,7 @@ from ambkit.machine import geometry
 from ambkit.machine.force_laws import bias_forces_of, isolated_axes, models_of, weights_of
 from ambkit.machine.loading import levitation_current
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import (
-    ConstantStiffness,
-    MagnetModel,
-    core_module,
-    typical_stiffness,
-)
+from ambkit.machine.magnets import ConstantStiffness, MagnetModel, core_module, typical_stiffness
 from ambkit.models.model import ENUMERATORS, ROLES, Descriptor
 
 

@@ -100,9 +100,7 @@ class OwnEstimator(OwnStep, Estimator):
         return engine.core.Own(magnet, engine.model_of_core, answer, **settings)
 
     def reset(
-        self,
-        mean: ArrayLike | None = None,
-        std: Sequence[float] | Literal["diffuse"] | None = None,
+        self, mean: ArrayLike | None = None, std: Sequence[float] | Literal["diffuse"] | None = None
     ) -> None:
         """Start anew, as all others; see :meth:`ambkit.Estimator.reset`."""
         super().reset(mean, std)

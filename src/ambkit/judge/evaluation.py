@@ -32,15 +32,7 @@ from ambkit.models.model import Descriptor
 from ambkit.result.report import Axis, Figure, Item, Line, Panel
 from ambkit.result.report.style import style_of
 from ambkit.result.row import Row
-from ambkit.result.signal_styles import (
-    CURRENT,
-    DISTURBANCE,
-    NOISE,
-    POSITION,
-    TIME,
-    VELOCITY,
-    looks,
-)
+from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY, looks
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +108,7 @@ class Evaluation:
 
 
 def evaluate(
-    kalman: Estimator,
-    record: Record,
-    *,
-    horizons: Sequence[int] = (1, 10),
-    settling: float = 0.0,
+    kalman: Estimator, record: Record, *, horizons: Sequence[int] = (1, 10), settling: float = 0.0
 ) -> Evaluation:
     """Run a filter along a record and evaluate the fit."""
     _check(record, horizons, settling)

@@ -9,11 +9,7 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import (
-    Discriminator,
-    StringConstraints,
-    Tag,
-)
+from pydantic import Discriminator, StringConstraints, Tag
 
 from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity, WordOrQuantity

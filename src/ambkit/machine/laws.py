@@ -66,8 +66,5 @@ class SaturatingLaw(ForceLaw):
         }
 
 
-LAWS: tuple[type[ForceLaw], ...] = (
-    ClosedLaw,
-    SaturatingLaw,
-)
+LAWS: tuple[type[ForceLaw], ...] = (ClosedLaw, SaturatingLaw)
 """All laws; of each magnet one holds, the first where no other does."""

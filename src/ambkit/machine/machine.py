@@ -32,13 +32,7 @@ from ambkit.machine.accessories import (
     eddy_current_contradictions,
 )
 from ambkit.machine.angle_sensor import AngleSensor
-from ambkit.machine.components import (
-    AnyRotor,
-    MassRotor,
-    PlacedBearing,
-    PlacedSensor,
-    Unbalance,
-)
+from ambkit.machine.components import AnyRotor, MassRotor, PlacedBearing, PlacedSensor, Unbalance
 from ambkit.machine.geometry import Axis, Line, Reading, Shaft
 from ambkit.machine.parts import (
     GRAVITY,

@@ -62,10 +62,7 @@ def machine_parts(
 
 
 def machine_model(
-    machine: Any,
-    *,
-    T: float | None = None,
-    synchronous: Sequence[str] = (),
+    machine: Any, *, T: float | None = None, synchronous: Sequence[str] = ()
 ) -> Model:
     """Return the sampled model of a machine."""
     parts = machine_parts(machine, synchronous=synchronous)

@@ -12,13 +12,7 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.control.blocks import gain_at_rest, sections_of
 from ambkit.control.controller_states import Controller, lies_at
-from ambkit.control.controllers import (
-    Controllers,
-    arrays,
-    controllers_of,
-    gains_of,
-    relative_gains,
-)
+from ambkit.control.controllers import Controllers, arrays, controllers_of, gains_of, relative_gains
 from ambkit.control.pid import PID, integral_lead
 from ambkit.estimate.estimator import Estimator
 from ambkit.machine.loading import levitation_current_at

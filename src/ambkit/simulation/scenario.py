@@ -28,11 +28,7 @@ from ambkit.control.default_control import DefaultControl, default_control, is_d
 from ambkit.control.lift_off_sequence import LiftOff
 from ambkit.machine.machine import Machine
 from ambkit.result.showing import Described
-from ambkit.simulation.waveforms import (
-    Constant,
-    Signal,
-    Waveform,
-)
+from ambkit.simulation.waveforms import Constant, Signal, Waveform
 
 
 class Disturbance(Part):

@@ -52,7 +52,7 @@ def check(
 
 
 def schema(
-    kind: Literal["machine", "scenario", "study", "map", "filter", "force", "drawing"]
+    kind: Literal["machine", "scenario", "study", "map", "filter", "force", "drawing"],
 ) -> Document:
     """Print the JSON schema of a TOML file.
 

@@ -282,8 +282,7 @@ def export_a2l(
     at = a2l.symbol(Path(elf), symbol)
     written = a2l.export_a2l(folder, elf, symbol, out, force=force)
     return Statement(
-        f"{written}: {symbol} at 0x{at.address:08X}.",
-        {"path": str(written), "address": at.address},
+        f"{written}: {symbol} at 0x{at.address:08X}.", {"path": str(written), "address": at.address}
     )
 
 

@@ -35,8 +35,7 @@ SHORT = {"map": "channel map", "force": "channels of a force map"}
 
 
 def load(
-    path: str | os.PathLike[str],
-    channel_map: ChannelMap | str | os.PathLike[str] | None = None,
+    path: str | os.PathLike[str], channel_map: ChannelMap | str | os.PathLike[str] | None = None
 ) -> Any:
     """Load a machine, a filter, an expert, a record, or any other file of ambkit.
 

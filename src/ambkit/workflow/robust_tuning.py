@@ -113,10 +113,7 @@ class Robust(Result):
             ], section=("front",), of=str(place))  # fmt: skip
         return results
 
-    SECTIONS = {
-        ("values",): Section("{0.title}"),
-        ("front",): Section("Pareto front", across=True),
-    }
+    SECTIONS = {("values",): Section("{0.title}"), ("front",): Section("Pareto front", across=True)}
 
     @property
     def series(self) -> dict[str, Any]:

@@ -343,9 +343,7 @@ class TrainedExpert(Result):
                 data["choice"] = self.measured.choice.to_dict()
         if self.models is not None:
             data["models"] = {"chosen": self.models.chosen.name, "taken": self.taken}
-        return data | {
-            "wrong_sign": {name: vars(w) for name, w in self.wrong_signs.items()},
-        }
+        return data | {"wrong_sign": {name: vars(w) for name, w in self.wrong_signs.items()}}
 
     def _at_points(self, surface: ForceSurface) -> dict[str, Any]:
         """Return the errors of surface, law and expert at the points."""

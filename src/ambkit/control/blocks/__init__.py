@@ -10,10 +10,7 @@ from ambkit.control.blocks.block import Biquad, Block, LeadLag, Notch, SecondOrd
 from ambkit.control.blocks.state_space import StateSpace, as_block
 
 AnyBlock = Annotated[
-    Annotated[
-        Biquad | LeadLag | Notch | SecondOrder | StateSpace,
-        Field(discriminator="type"),
-    ],
+    Annotated[Biquad | LeadLag | Notch | SecondOrder | StateSpace, Field(discriminator="type")],
     BeforeValidator(as_block),
 ]
 

@@ -16,13 +16,7 @@ from ambkit.data.reading.channel_statistics import correlation, seen, slow
 from ambkit.data.reading.clock import examine
 from ambkit.data.reading.derived_channels import is_filtered, rough, standardised
 from ambkit.data.reading.faults import noise
-from ambkit.data.reading.position_search import (
-    NO_NOISE,
-    Rotor,
-    WeightScale,
-    in_steps,
-    weight_scale,
-)
+from ambkit.data.reading.position_search import NO_NOISE, Rotor, WeightScale, in_steps, weight_scale
 from ambkit.data.signals import si_unit
 
 _OF_Y = {

@@ -89,11 +89,7 @@ class _Search:
     """Channels (m, n), two of which may be known to be the position and the control."""
 
     def __init__(
-        self,
-        channels: Array,
-        unit: Array,
-        listed: list[Band],
-        known: tuple[int | None, int | None],
+        self, channels: Array, unit: Array, listed: list[Band], known: tuple[int | None, int | None]
     ) -> None:
         self.channels, self.unit, self.bands, self.known = channels, unit, listed, known
         self.hiss = [noise(values) for values in unit]

@@ -217,8 +217,7 @@ def load_with_gaps(
 
 
 def load(
-    path: str | os.PathLike[str],
-    channel_map: ChannelMap | str | os.PathLike[str] | None = None,
+    path: str | os.PathLike[str], channel_map: ChannelMap | str | os.PathLike[str] | None = None
 ) -> Record:
     """Read a record whose clock is even, with or without a channel map; `read` takes faults."""
     if channel_map is None:

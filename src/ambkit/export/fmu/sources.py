@@ -190,10 +190,7 @@ def _starts(filter: Estimator) -> dict[str, Array]:
         "by_current": np.column_stack([at(middle, column) for column in values]).ravel(),
     }
     if view.single:
-        return results | {
-            "start_by": np.zeros(0),
-            "hover": np.asarray(filter.levitation_current),
-        }
+        return results | {"start_by": np.zeros(0), "hover": np.asarray(filter.levitation_current)}
     start, start_by = view.start_form(states, filter.levitation_current)
     return results | {"start": start, "start_by": start_by.ravel(), "hover": np.zeros(2)}
 

@@ -110,7 +110,7 @@ class Design(Result):
         model = self.expectation.model
         meta = {
             "source": f"ambkit excite, {self.excitation.kind}, {self.band[0]:.4g} to "
-            f"{self.band[1]:.4g} Hz, for {model.isolated.name}",
+            f"{self.band[1]:.4g} Hz, for {model.isolated.name}"
         }
         name = signal("r", self.axis)
         return Record(self.record.t, {name: self.reference}, {name: "m"}, meta=meta)
@@ -149,10 +149,7 @@ class Design(Result):
             ], section=EXPECTED, of=p.name)  # fmt: skip
         return results
 
-    SECTIONS = {
-        (): Section("{0.title}"),
-        EXPECTED: Section("Expected errors", across=True),
-    }
+    SECTIONS = {(): Section("{0.title}"), EXPECTED: Section("Expected errors", across=True)}
 
     @property
     def notes(self) -> list[str]:

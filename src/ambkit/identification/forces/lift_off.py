@@ -148,10 +148,7 @@ class LiftOffFit:
 
 
 def fit_lift_off(
-    points: Iterable[LiftOff],
-    mass: float,
-    *,
-    gap_range: tuple[float, float] = (0.0, math.inf),
+    points: Iterable[LiftOff], mass: float, *, gap_range: tuple[float, float] = (0.0, math.inf)
 ) -> LiftOffFit:
     """Fit magnet constant and gap offset to lift-off points, by robust linear least squares."""
     # Points off the line weigh less, by Huber's function with 1.345 standard deviations, these from

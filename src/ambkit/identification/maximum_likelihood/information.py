@@ -47,11 +47,7 @@ ENOUGH = 0.1
 
 
 def intervals(
-    data: Data,
-    model: LoopModel,
-    parameters: list[Parameter],
-    covariance: Array,
-    larger: Array,
+    data: Data, model: LoopModel, parameters: list[Parameter], covariance: Array, larger: Array
 ) -> dict[str, tuple[float, float]]:
     """Return the ends of the intervals for which standard errors would not do."""
     # covariance (p, p); larger (p,)
@@ -93,11 +89,7 @@ def intervals(
 
 
 def _end(
-    likelihood: Likelihood,
-    at: int,
-    along: Array,
-    top: float,
-    seen: list[tuple[float, LoopModel]],
+    likelihood: Likelihood, at: int, along: Array, top: float, seen: list[tuple[float, LoopModel]]
 ) -> float:
     """Return how far one coordinate goes until the profile has lost what 95 % may; by secants."""
     # Over the root of the loss a parabola is a line, and distance over root nearly linear in the

@@ -103,10 +103,7 @@ def usual(model: LoopModel) -> tuple[str, ...]:
     # one, and the air gap not where a force map says what it does.
     magnet = model.isolated.magnet
     names = (*USUAL, "current_lag") if model.current_lag > 0 else USUAL
-    idle = {
-        "position_offset": magnet.type == "one-sided",
-        "air_gap": magnet.force_map is not None,
-    }
+    idle = {"position_offset": magnet.type == "one-sided", "air_gap": magnet.force_map is not None}
     return tuple(name for name in names if not idle.get(name, False))
 
 

@@ -78,10 +78,7 @@ class Optimum:
 
 
 def maximise(
-    data: Data,
-    begin: LoopModel,
-    parameters: list[Parameter],
-    enough: float = CONVERGED,
+    data: Data, begin: LoopModel, parameters: list[Parameter], enough: float = CONVERGED
 ) -> Optimum:
     """Go up to the maximum by Fisher's scoring, damped after Marquardt (1963)."""
     # Newton's decrement ends it that is less than `enough`, and so does a step that gains what a
@@ -155,8 +152,7 @@ def fix(
         if ran_from is not None:
             begins.append(ran_from.replace(**{parameter.place: value}))
         maximised = max(
-            (maximise(data, begin, rest) for begin in begins),
-            key=lambda one: one.value,
+            (maximise(data, begin, rest) for begin in begins), key=lambda one: one.value
         )
         loss = RULED_OUT if parameter.name in LAGS else MUCH_LESS_LIKELY
         likely = maximised.value > result.value - loss

@@ -36,11 +36,7 @@ from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, 
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
-NAMES = {
-    "adaline": "ADALINE",
-    "rls": "least squares",
-    "augmented": "Kalman filter with k",
-}
+NAMES = {"adaline": "ADALINE", "rls": "least squares", "augmented": "Kalman filter with k"}
 """Who learns, in words."""
 
 _THE = NAMES | {"augmented": "the Kalman filter with k"}

@@ -4,9 +4,4 @@ from ambkit.estimate.constant_velocity import ConstantVelocityFilter
 from ambkit.judge.comparison.score import Score
 from ambkit.judge.comparison.seeds import compare, rmse
 
-__all__ = [
-    "ConstantVelocityFilter",
-    "Score",
-    "compare",
-    "rmse",
-]
+__all__ = ["ConstantVelocityFilter", "Score", "compare", "rmse"]

@@ -214,11 +214,7 @@ def _found(
     prior_std = np.log(DOUBT)
     free = np.array([law_error is None, True, True, not known])
     ends = np.log(
-        [
-            (LEAST_SHARE / LAW_SHARE, 30),
-            *2 * [(SHORTEST / SCALE, FARTHEST / SCALE)],
-            (1e-3, 1e3),
-        ]
+        [(LEAST_SHARE / LAW_SHARE, 30), *2 * [(SHORTEST / SCALE, FARTHEST / SCALE)], (1e-3, 1e3)]
     )
 
     def unpacked(some: Array) -> _Found:
