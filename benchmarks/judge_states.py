@@ -20,7 +20,7 @@ from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge.comparison.criteria import normalised_errors, rows_along
 from ambkit.machine.accessories import Runout
-from ambkit.machine.force_laws import bank_of, isolated_axes, weights_of
+from ambkit.machine.axes import bank_of, isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of
 from ambkit.models.parts.synchronous import unbalance_planes

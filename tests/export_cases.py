@@ -13,7 +13,7 @@ import pytest
 from exporting import export_c
 
 from ambkit import Machine
-from ambkit.assessment.arguments import filter_to_export
+from ambkit.arguments import filter_to_export
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.registry import KINDS as REGISTRY
 from ambkit.export.c import CExport

@@ -25,7 +25,7 @@ from ambkit.export import a2l
 from ambkit.export.c import CExport
 from ambkit.export.c.calibration import PARAMETERS
 from ambkit.export.c.control import controller_of
-from ambkit.machine.force_laws import weights_of
+from ambkit.machine.axes import weights_of
 from ambkit.simulation.run import simulate
 from ambkit.simulation.waveforms import Ramp
 

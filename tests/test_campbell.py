@@ -6,7 +6,7 @@ from machine_cases import PRESETS, five_axes, machine, uncoupled
 
 from ambkit import AmbkitError, ConstantStiffness, Machine, campbell
 from ambkit.control.pid import PID
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 
 
 def test_modes_at_rest_are_those_of_its_axes_alone():

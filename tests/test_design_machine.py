@@ -16,7 +16,7 @@ from ambkit.control.control import Control
 from ambkit.control.pid import PID
 from ambkit.control.stabilising_controller import overshoot
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.machine.force_laws import slowest_time
+from ambkit.machine.axes import slowest_time
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import Reference, Scenario
 from ambkit.simulation.waveforms import Step

@@ -8,7 +8,7 @@ from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.data.record import Record
 from ambkit.fuzzy.expert import Expert
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
-from ambkit.machine.force_laws import with_axis
+from ambkit.machine.axes import with_axis
 from ambkit.machine.machine import Machine
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run

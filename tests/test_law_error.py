@@ -8,7 +8,7 @@ from ambkit import Scenario, Step
 from ambkit.estimate.estimate import packed
 from ambkit.estimate.law_error import law_errors
 from ambkit.estimate.registry import KINDS
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness, evaluate_force, magnet_of
 
 MACHINES = ("zittau_axial", "inteco_ml", "tum_mlps")

@@ -16,7 +16,7 @@ from ambkit.control.stabilising_controller import _Search, chosen, holding
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.judge.whirl_modes import stiffnesses
 from ambkit.machine import geometry
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.parts import GRAVITY
 from ambkit.models.continuous import open_loop
 from ambkit.models.plant import Plant

@@ -10,7 +10,7 @@ from quick import quick
 from ambkit import AmbkitError, ExtendedKalmanFilter, KalmanFilter, Machine, Record, Status
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
-from ambkit.machine.force_laws import Bank, isolated_axes, weights_of
+from ambkit.machine.axes import Bank, isolated_axes, weights_of
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import GRAVITY
 from ambkit.simulation.run import simulate_run

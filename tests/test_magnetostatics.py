@@ -8,7 +8,7 @@ import pytest
 import ambkit
 from ambkit import AmbkitError
 from ambkit.machine.force_law import MU_0
-from ambkit.machine.forces.map_laws import law_errors, preferred
+from ambkit.machine.forces.fitted_law import law_errors, preferred
 from ambkit.machine.magnet_solution.solution import solve
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.dynamic_stiffness import (

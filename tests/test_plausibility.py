@@ -9,7 +9,7 @@ import pytest
 from quick import quick
 
 import ambkit
-from ambkit.assessment.arguments import check_plausibility
+from ambkit.arguments import check_plausibility
 from ambkit.base.errors import RecordError
 from ambkit.data import recordings
 from ambkit.data.record import Record

@@ -10,7 +10,7 @@ from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.alternatives import play
 from ambkit.identification.maximum_likelihood.parameters import named, usual
 from ambkit.identification.maximum_likelihood.structure import examine
-from ambkit.machine.force_laws import with_axis
+from ambkit.machine.axes import with_axis
 from ambkit.workflow.identified import records_of
 from ambkit.workflow.identify import starting_model
 from benchmarks.wrong_plants import MACHINES, NAMES, WRONG, Case, simulate

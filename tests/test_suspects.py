@@ -5,7 +5,7 @@ import pytest
 
 import ambkit
 from ambkit import Machine, Record
-from ambkit.assessment.arguments import check_plausibility
+from ambkit.arguments import check_plausibility
 from ambkit.data import recordings
 from ambkit.data.reading.plausibility import longest_run, suspects
 from ambkit.judge.plausibility import averaged, evaluate_record

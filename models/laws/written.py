@@ -143,7 +143,8 @@ from dataclasses import dataclass
 {annotated}
 
 from ambkit.base.config import Part
-{quantity}from ambkit.machine.force_law import MU_0, ForceLaw
+{quantity}from ambkit.base.errors import AmbkitError
+from ambkit.machine.force_law import MU_0, ForceLaw, IsolatedAxis, Law
 
 
 class LawKeys(Part):
@@ -153,6 +154,15 @@ class LawKeys(Part):
 
 LAWS: tuple[type[ForceLaw], ...] = ({names},)
 \"""All laws; of each magnet one holds, the first where no other does.\"""
+
+
+def law_of(machine: IsolatedAxis) -> Law:
+    \"""Return the law that a magnet's description states, whatever force map it has.\"""
+    laws = [law for law in LAWS if law.holds_for(machine.magnet)] or [LAWS[0]]
+    if len(laws) > 1:
+        names = ", ".join(law.__name__ for law in laws)
+        raise AmbkitError(f"magnet: must have one force law, its keys state {{names}}")
+    return laws[0](machine)
 """
 
 

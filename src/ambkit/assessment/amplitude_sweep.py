@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.assessment.arguments import LoopArguments, filter_arguments
+from ambkit.arguments import LoopArguments, filter_arguments
 from ambkit.assessment.assess import MEASUREMENT, assess
 from ambkit.assessment.loop import AssessedAxis, AssessedLoop
 from ambkit.assessment.sensitivity_figure import sweep_figure

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.assessment.arguments import LoopArguments
+from ambkit.arguments import LoopArguments
 from ambkit.assessment.assessment import HINF, LQG, Assessment
 from ambkit.assessment.loop import AssessedLoop, assessed
 from ambkit.base.arrays import Complex

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.assessment.arguments import LoopArguments
+from ambkit.arguments import LoopArguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.assessment_figure import Curves

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ambkit.assessment.arguments import NONE, filter_arguments, loop_arguments
+from ambkit.arguments import NONE, filter_arguments, loop_arguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assess_log import of_one_axis
 from ambkit.base.arrays import Array
@@ -25,7 +25,7 @@ from ambkit.identification.excitation.design import Limits, check_band
 from ambkit.identification.excitation.excitation_figure import panels_within
 from ambkit.identification.excitation.signals import Excitation, sparse_multisine
 from ambkit.judge.loop.measured_sensitivity import MeasuredSensitivity, measured_sensitivity
-from ambkit.machine.force_laws import axis_named
+from ambkit.machine.axes import axis_named
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.modes import end_of_range
 from ambkit.result.report import Axis, Band, Figure, Line, Panel, Points

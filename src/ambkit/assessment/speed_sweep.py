@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.assessment.arguments import LoopArguments
+from ambkit.arguments import LoopArguments
 from ambkit.assessment.assess import MEASUREMENT, on_orbit
 from ambkit.assessment.speed_sweep_figure import over_speed_figure, run_up_figure
 from ambkit.base import units

@@ -14,7 +14,7 @@ from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine import geometry
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 from ambkit.models.linear import LinearSystem

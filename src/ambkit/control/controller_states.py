@@ -15,7 +15,7 @@ from ambkit.control.controllers import Controllers, arrays, controllers_of
 from ambkit.control.lift_off_sequence import MOST_COUNTED, LiftOff
 from ambkit.control.pid import PID
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.models.plant import Plant

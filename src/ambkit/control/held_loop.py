@@ -11,7 +11,7 @@ import numpy as np
 from ambkit.base.arrays import Array, Complex
 from ambkit.control.axis_sensitivity import shown_along_axes
 from ambkit.control.linear.closed_loop import Loop
-from ambkit.machine.force_laws import isolated_axes, weights_of
+from ambkit.machine.axes import isolated_axes, weights_of
 from ambkit.machine.loading import levitation_current
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, own_time

@@ -17,7 +17,7 @@ from ambkit.base.config.text_types import Name
 from ambkit.control.blocks import AnyBlock
 from ambkit.control.held_loop import Gains
 from ambkit.control.stabilising_controller import chosen, textbook, two_digits, weight_of
-from ambkit.machine.force_laws import axis_of
+from ambkit.machine.axes import axis_of
 from ambkit.machine.machine import Machine
 
 SCHEDULED = ("kp", "ki", "kd", "derivative_filter")  #: Settings that a gain schedule changes.

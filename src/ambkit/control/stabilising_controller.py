@@ -23,7 +23,7 @@ from ambkit.control.linear.linear_controller import compensator, controller
 from ambkit.control.linear.linear_plant import OperatingPoint, plant
 from ambkit.control.linear.steady_state_filter import estimator_at
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, own_time, typical_stiffness
 from ambkit.models.linear import LinearSystem

@@ -12,7 +12,7 @@ from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.observer import unstable_pole
-from ambkit.machine.force_laws import bias_forces_of, laws_of
+from ambkit.machine.axes import bias_forces_of, laws_of
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from ambkit.base.arrays import Array
 from ambkit.base.quantity_arguments import Given, in_si
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.force_laws import bank_of, isolated_axes
+from ambkit.machine.axes import bank_of, isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, own_time
 from ambkit.machine.parts import GRAVITY

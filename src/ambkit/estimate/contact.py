@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine.force_laws import laws_of
+from ambkit.machine.axes import laws_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 

@@ -18,7 +18,7 @@ from ambkit.estimate.core_model import Engine
 from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.machine.force_laws import bank_of, constants_of
+from ambkit.machine.axes import bank_of, constants_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.models.declaration import Part

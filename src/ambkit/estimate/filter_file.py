@@ -54,7 +54,7 @@ from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
-from ambkit.machine.force_laws import bank_of, isolated_axes
+from ambkit.machine.axes import bank_of, isolated_axes
 from ambkit.machine.forces.force_map import surface_in
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision

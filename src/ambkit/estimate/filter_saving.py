@@ -19,7 +19,7 @@ from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
 from ambkit.estimate.noise_model import UNITS
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
 from ambkit.machine import presets
-from ambkit.machine.force_laws import Bank
+from ambkit.machine.axes import Bank
 from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.loading import load_machine
 from ambkit.machine.machine import Machine

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine.force_laws import laws_of
+from ambkit.machine.axes import laws_of
 from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:

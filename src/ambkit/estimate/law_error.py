@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.machine.force_laws import isolated_axes, models_of
+from ambkit.machine.axes import isolated_axes, models_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, evaluate_force, magnet_of
 

@@ -17,7 +17,7 @@ from ambkit.data.signals import signal
 from ambkit.estimate.core_model import VAGUE
 from ambkit.estimate.noise_model import FilterNoise, Variances, check_variances
 from ambkit.machine import geometry
-from ambkit.machine.force_laws import bias_forces_of, isolated_axes, models_of, weights_of
+from ambkit.machine.axes import bias_forces_of, isolated_axes, models_of, weights_of
 from ambkit.machine.loading import levitation_current
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, core_module, typical_stiffness

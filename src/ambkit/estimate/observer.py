@@ -15,7 +15,7 @@ from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.linear_model import LinearModel
 from ambkit.estimate.noise_model import VERY_COARSE, held_rounding
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
 from ambkit.models import compose
 from ambkit.models.machine_parts import machine_parts

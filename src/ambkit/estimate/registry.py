@@ -19,8 +19,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import MARK
 from ambkit.estimate import DEFAULT
 from ambkit.estimate.estimator import Estimator
+from ambkit.machine.axes import Bank, bank_of, constants_of, laws_of
 from ambkit.machine.force_law import MagnetModel
-from ambkit.machine.force_laws import Bank, bank_of, constants_of, laws_of
 from ambkit.machine.machine import Machine
 
 

@@ -14,7 +14,7 @@ from ambkit.base.own_class import OwnStep, made
 from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.machine_model import several
-from ambkit.machine.force_laws import slowest_time
+from ambkit.machine.axes import slowest_time
 from ambkit.models.linear import LinearSystem, Signal, realised
 from ambkit.models.parts.free import plain_parts
 

@@ -19,7 +19,7 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.export.stiffness_table import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import require_adequate
-from ambkit.machine.force_laws import constants_of, models_of
+from ambkit.machine.axes import constants_of, models_of
 from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module

@@ -21,7 +21,7 @@ from ambkit.fuzzy.training import train
 from ambkit.machine.forces.fitted_law import fitted_law
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.force_surface import ForceSurface
-from ambkit.machine.law_choice import law_of
+from ambkit.machine.laws import law_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import evaluate_stiffness, magnet_of
 from ambkit.machine.stiffness import ForceFunction

@@ -27,7 +27,7 @@ from ambkit.judge.load_following import (
 from ambkit.judge.loop.loop_of import ZONES, LoopOf, zone_of
 from ambkit.judge.loop.margins import grid
 from ambkit.judge.modal_reduction import reduction
-from ambkit.machine.force_laws import isolated_axes, weights_of
+from ambkit.machine.axes import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 from ambkit.machine.parts import GRAVITY

@@ -15,7 +15,7 @@ from ambkit.control.linear.steady_state_filter import settled_gain, tangents_kno
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.machine.force_laws import isolated_axes, weights_of
+from ambkit.machine.axes import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, own_time
 

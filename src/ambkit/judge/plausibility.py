@@ -20,7 +20,7 @@ from ambkit.data.reading.position_search import NO_NOISE, in_steps, rotor
 from ambkit.data.record import Record
 from ambkit.estimate.noise_model import COARSE
 from ambkit.judge.signs import channels, judge_signs
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 

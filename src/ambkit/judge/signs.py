@@ -23,7 +23,7 @@ from ambkit.data.signals import signal
 from ambkit.estimate.angle import estimate_angle
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 

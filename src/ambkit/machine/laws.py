@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ambkit.base.config import Part
-from ambkit.machine.force_law import MU_0, ForceLaw
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.force_law import MU_0, ForceLaw, IsolatedAxis, Law
 
 
 class LawKeys(Part):
@@ -68,3 +69,12 @@ class SaturatingLaw(ForceLaw):
 
 LAWS: tuple[type[ForceLaw], ...] = (ClosedLaw, SaturatingLaw)
 """All laws; of each magnet one holds, the first where no other does."""
+
+
+def law_of(machine: IsolatedAxis) -> Law:
+    """Return the law that a magnet's description states, whatever force map it has."""
+    laws = [law for law in LAWS if law.holds_for(machine.magnet)] or [LAWS[0]]
+    if len(laws) > 1:
+        names = ", ".join(law.__name__ for law in laws)
+        raise AmbkitError(f"magnet: must have one force law, its keys state {names}")
+    return laws[0](machine)

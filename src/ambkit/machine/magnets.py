@@ -22,9 +22,9 @@ from ambkit.machine.force_law import equally_far as equally_far
 from ambkit.machine.force_law import evaluate_force as evaluate_force
 from ambkit.machine.force_law import evaluate_stiffness as evaluate_stiffness
 from ambkit.machine.forces.force_map import surface_of
-from ambkit.machine.law_choice import law_of as law_of
 from ambkit.machine.laws import ClosedLaw as ClosedLaw
 from ambkit.machine.laws import SaturatingLaw as SaturatingLaw
+from ambkit.machine.laws import law_of as law_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet

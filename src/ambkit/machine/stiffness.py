@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import Given, in_si
-from ambkit.machine.force_laws import axis_of
+from ambkit.machine.axes import axis_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import equally_far, magnet_of
 

@@ -11,8 +11,8 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.data.signals import signal
 from ambkit.machine import geometry
+from ambkit.machine.axes import weights_of
 from ambkit.machine.force_law import IsolatedAxis
-from ambkit.machine.force_laws import weights_of
 from ambkit.machine.forces.drawing import computed_force_of_both
 from ambkit.machine.loading import levitation_current
 from ambkit.machine.machine import Machine

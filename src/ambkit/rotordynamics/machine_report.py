@@ -14,8 +14,8 @@ from ambkit.control.default_control import default_control
 from ambkit.control.stabilising_controller import holding
 from ambkit.judge.modal_reduction import reduction
 from ambkit.judge.whirl_modes import stiffnesses
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.components import PlacedBearing, PlacedSensor
-from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.forces.drawing import computed_force_of_both
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness

@@ -19,8 +19,8 @@ from ambkit.control.linear.linear_plant import OperatingPoint
 from ambkit.judge.loop.capacity import of_unbalance, orbit, pairs_of
 from ambkit.judge.whirl_modes import held, max_speed
 from ambkit.machine import geometry
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.components import Unbalance
-from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.models.parts.synchronous import unbalance_planes
 from ambkit.models.plant import Plant

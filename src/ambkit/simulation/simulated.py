@@ -17,7 +17,7 @@ from ambkit.data.record import Record
 from ambkit.data.signals import by_name, signal
 from ambkit.estimate.errors import errors_along
 from ambkit.estimate.estimate import Estimate
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result

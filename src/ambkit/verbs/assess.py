@@ -77,8 +77,8 @@ def assess(
     $ ambkit assess tum_mlps --out verdict.html
     $ ambkit assess filter.toml --disturbance "5 N" --json
     """
+    from ambkit.arguments import given_orbit, loop_arguments
     from ambkit.assessment import assess
-    from ambkit.assessment.arguments import given_orbit, loop_arguments
 
     return assess.assess(
         loop_arguments(machine, filter, controller, position, disturbance),
@@ -131,8 +131,8 @@ def assess_sweep(
     --------
     $ ambkit assess sweep my.toml --amplitudes "1 um" --amplitudes "20 um" --plot sweep.png
     """
+    from ambkit.arguments import given_orbit, loop_arguments
     from ambkit.assessment import amplitude_sweep
-    from ambkit.assessment.arguments import given_orbit, loop_arguments
 
     loop = loop_arguments(machine, filter, controller, position, disturbance).one()
     with progress("sweeping"):
@@ -183,8 +183,8 @@ def assess_speed(
     --------
     $ ambkit assess speed tum_mlps --fastest "30000 rpm" --plot over-speed.png
     """
+    from ambkit.arguments import loop_arguments
     from ambkit.assessment import speed_sweep
-    from ambkit.assessment.arguments import loop_arguments
 
     loop = loop_arguments(machine, filter, controller, 0.0, disturbance).one()
     with progress("looking at one speed after the other"):
@@ -237,8 +237,8 @@ def assess_log(
     --------
     $ ambkit assess log injected.csv --machine my.toml --plot measured.png
     """
+    from ambkit.arguments import loop_arguments, record_argument
     from ambkit.assessment import assess_log
-    from ambkit.assessment.arguments import loop_arguments, record_argument
 
     log_record = record_argument(record, channels, window)
     if machine is None and not (filter is None and controller is None):

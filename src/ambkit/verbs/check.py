@@ -43,7 +43,7 @@ def check(
     --------
     $ ambkit check my.toml scenario.toml run.csv --machine my.toml
     """
-    from ambkit.assessment.arguments import machine_argument
+    from ambkit.arguments import machine_argument
     from ambkit.base.quantity_arguments import names_in
     from ambkit.workflow.check import checked
 

@@ -70,7 +70,7 @@ def compare(
     $ ambkit compare my.toml --filter linear --filter extended --budget 40 --out filters=filters
     $ ambkit compare tum_mlps --case model --filter linear --filter extended
     """
-    from ambkit.assessment.arguments import machine_argument
+    from ambkit.arguments import machine_argument
     from ambkit.workflow import comparison
 
     with progress("learning") as done:
@@ -126,7 +126,7 @@ def compare_steps(
     $ ambkit compare steps tum_mlps --filter linear --steps "20 um" --steps "40 um"
     $ ambkit compare steps zittau_axial --steps "0.3 mm" --disturbance "3 N" --plot bars.png
     """
-    from ambkit.assessment.arguments import machine_argument
+    from ambkit.arguments import machine_argument
     from ambkit.workflow import comparison
 
     with progress("comparing") as done:

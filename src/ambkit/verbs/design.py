@@ -79,7 +79,7 @@ def design(
     """
     import math
 
-    from ambkit.assessment.arguments import machine_argument
+    from ambkit.arguments import machine_argument
     from ambkit.base.progress import progress
     from ambkit.base.quantity_arguments import names_in
     from ambkit.workflow import design

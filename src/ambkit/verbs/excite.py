@@ -68,10 +68,10 @@ def excite(
     $ ambkit excite my.toml --duration "1 s" --out excitation.csv --plot excitation.png
     $ ambkit excite tum_mlps --axis A1 --out excitation.csv
     """
-    from ambkit.assessment.arguments import given_band, given_limits, machine_argument
+    from ambkit.arguments import given_band, given_limits, machine_argument
     from ambkit.base.quantity_arguments import in_si
     from ambkit.identification.excitation import Limits, design
-    from ambkit.machine.force_laws import isolated
+    from ambkit.machine.axes import isolated
     from ambkit.workflow.simulate import experiment_duration, scenario_for
 
     plant = isolated(machine_argument(machine), axis)
@@ -139,7 +139,7 @@ def excite_sensitivity(
     $ ambkit excite sensitivity my.toml --out injection.csv
     $ ambkit excite sensitivity tum_mlps --axis A1 --out injection.csv
     """
-    from ambkit.assessment.arguments import NONE, given_band, given_limits, machine_argument
+    from ambkit.arguments import NONE, given_band, given_limits, machine_argument
     from ambkit.assessment.injection_experiment import DURATION, design_injection
     from ambkit.workflow.simulate import scenario_for
 

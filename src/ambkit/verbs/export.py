@@ -73,7 +73,7 @@ def export_c(
     $ ambkit export c filter.toml --controller scenario.toml --out out/
     $ ambkit export c tum_mlps --controller mlps.toml --out out/
     """
-    from ambkit.assessment.arguments import filter_to_export, scenario_argument
+    from ambkit.arguments import filter_to_export, scenario_argument
     from ambkit.export import c
     from ambkit.workflow.diagnose import distinguished
 
@@ -119,7 +119,7 @@ def export_cost(
     --------
     $ ambkit export cost zittau_axial --filter extended
     """
-    from ambkit.assessment.arguments import filter_to_export
+    from ambkit.arguments import filter_to_export
     from ambkit.export import c
 
     return c.filter_cost(filter_to_export(machine, filter, table_error=table_error)[1], clock)
@@ -178,7 +178,7 @@ def export_fmu(
     $ ambkit export fmu zittau_axial --kind whole-controller --scenario lqg.toml --out flown.fmu
     $ ambkit export fmu tum_mlps --out filter.fmu
     """
-    from ambkit.assessment.arguments import filter_to_export, scenario_argument
+    from ambkit.arguments import filter_to_export, scenario_argument
     from ambkit.export import fmu
 
     if kind == "plant" and filter is not None:
@@ -228,7 +228,7 @@ def export_ssp(
     --------
     $ ambkit export ssp zittau_axial --filter closed-law --out loop.ssp
     """
-    from ambkit.assessment.arguments import filter_to_export, scenario_argument
+    from ambkit.arguments import filter_to_export, scenario_argument
     from ambkit.export import fmu
     from ambkit.result.result import Statement
 
@@ -318,7 +318,7 @@ def export_mat(
     --------
     $ ambkit export mat zittau_axial --filter expert.json --out axis.mat
     """
-    from ambkit.assessment.arguments import filter_to_export
+    from ambkit.arguments import filter_to_export
     from ambkit.export import mat
     from ambkit.result.result import Statement
 

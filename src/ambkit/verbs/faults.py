@@ -68,7 +68,7 @@ def inject_faults(
     $ ambkit faults zittau_axial --filter linear --filter extended --plot faults.png
     $ ambkit faults tum_mlps --filter linear --reading Lb1
     """
-    from ambkit.assessment.arguments import controller_argument, machine_argument
+    from ambkit.arguments import controller_argument, machine_argument
     from ambkit.base.quantity_arguments import seeds_in
     from ambkit.judge.faults import fault_test
 

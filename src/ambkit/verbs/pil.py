@@ -50,7 +50,7 @@ def pil(
     $ ambkit pil filter.toml --scenario scenario.toml --board stm32f4 --out pil.html
     $ ambkit pil tum_mlps --scenario mlps.toml
     """
-    from ambkit.assessment.arguments import filter_to_export, scenario_argument
+    from ambkit.arguments import filter_to_export, scenario_argument
     from ambkit.export import pil as loop
 
     return loop.pil(

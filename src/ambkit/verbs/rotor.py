@@ -43,7 +43,7 @@ def campbell(machine: Machine, fastest: Speed | None = None, *, count: int = 121
     --------
     $ ambkit rotor ufu_flexible --fastest "12000 rpm" --plot campbell.png
     """
-    from ambkit.assessment.arguments import machine_argument
+    from ambkit.arguments import machine_argument
     from ambkit.rotordynamics import campbell as of
 
     return of.campbell(machine_argument(machine), fastest, count=count)
@@ -71,7 +71,7 @@ def mode_shapes(machine: Machine) -> ModeShapes:
     --------
     $ ambkit rotor modes ufu_flexible --plot modes.png
     """
-    from ambkit.assessment.arguments import machine_argument
+    from ambkit.arguments import machine_argument
     from ambkit.rotordynamics import mode_shapes as of
 
     return of.mode_shapes(machine_argument(machine))
@@ -105,7 +105,7 @@ def unbalance_response(
     --------
     $ ambkit rotor unbalance tum_mlps --fastest "6000 rpm" --plot response.png
     """
-    from ambkit.assessment.arguments import machine_argument
+    from ambkit.arguments import machine_argument
     from ambkit.rotordynamics import unbalance_response as of
 
     return of.unbalance_response(machine_argument(machine), fastest, count=count)
@@ -150,7 +150,7 @@ def waterfall(
     --------
     $ ambkit rotor waterfall run.csv --plot waterfall.png
     """
-    from ambkit.assessment.arguments import record_argument
+    from ambkit.arguments import record_argument
     from ambkit.rotordynamics import spectrogram
 
     return spectrogram.waterfall(record_argument(record), signal, window=window, highest=highest)

@@ -75,7 +75,7 @@ def simulate(
     $ ambkit simulate zittau_axial --step "0.5 mm" --disturbance "3 N" --out run.csv --plot run.png
     $ ambkit simulate tum_mlps --plot orbits.png
     """
-    from ambkit.assessment.arguments import machine_argument
+    from ambkit.arguments import machine_argument
     from ambkit.base.progress import progress
     from ambkit.base.quantity_arguments import names_in
     from ambkit.workflow import simulate

@@ -58,7 +58,7 @@ def train(
     --------
     $ ambkit train zittau_axial --out expert.json --plot expert.png
     """
-    from ambkit.assessment.arguments import machine_argument
+    from ambkit.arguments import machine_argument
     from ambkit.machine.stiffness import StiffnessMap
     from ambkit.workflow import training
 
@@ -121,7 +121,7 @@ def train_map(
     --------
     $ ambkit train map found.toml force.csv --rules auto --out filter=filter.toml
     """
-    from ambkit.assessment.arguments import machine_argument
+    from ambkit.arguments import machine_argument
     from ambkit.workflow import training
 
     with progress("training the expert") as done:

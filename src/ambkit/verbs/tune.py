@@ -79,7 +79,7 @@ def tune(
     $ ambkit tune my.toml run.csv --validate other.csv --out filter.toml --plot tune.png
     $ ambkit tune my.toml run.csv --max-sensitivity 2.5 --out filter.toml
     """
-    from ambkit.assessment.arguments import tuning_given
+    from ambkit.arguments import tuning_given
     from ambkit.workflow import tune
 
     task = tuning_given(machine, records, filter, controller, channels)
@@ -132,7 +132,7 @@ def tune_trade_off(
     --------
     $ ambkit tune trade-off tum_mlps --filter linear --peaks 1.7 --peaks 2.5 --plot trade.png
     """
-    from ambkit.assessment.arguments import tuning_given
+    from ambkit.arguments import tuning_given
     from ambkit.workflow import trade_off
 
     task = tuning_given(machine, records, filter, controller, channels)

@@ -37,7 +37,7 @@ def workbench(machine: Machine | None = None, *, open: bool = False) -> Workbenc
     --------
     $ ambkit workbench zittau_axial --out bench.html
     """
-    from ambkit.assessment.arguments import machine_argument
+    from ambkit.arguments import machine_argument
     from ambkit.export.browser import workbench_of
 
     page = workbench_of(None if machine is None else machine_argument(machine))

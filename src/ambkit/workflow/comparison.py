@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.assessment.arguments import arguments_of_the_user
+from ambkit.arguments import arguments_of_the_user
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.own_class import is_class
@@ -32,7 +32,7 @@ from ambkit.judge.comparison.score import Benches, Score, least
 from ambkit.judge.comparison.seeds import compare, comparison_figure
 from ambkit.judge.comparison.study import Study, across, study
 from ambkit.judge.comparison.tuning import expand, suited
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.forces.force_map import true_magnet
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ambkit.assessment.arguments import inputs_argument, loop_arguments, record_arguments
+from ambkit.arguments import inputs_argument, loop_arguments, record_arguments
 from ambkit.assessment.assess import assess
 from ambkit.assessment.assessment import Assessment
 from ambkit.assessment.loop import AssessedLoop
@@ -30,7 +30,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.registry import kind_called
 from ambkit.judge.adequacy import sentences
 from ambkit.judge.loop.loop_of import ZONE_A, LoopOf, zone_of
-from ambkit.machine.force_laws import slowest_time
+from ambkit.machine.axes import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.result.page import write_result
 from ambkit.simulation.scenario import Scenario

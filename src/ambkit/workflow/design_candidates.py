@@ -29,7 +29,7 @@ from ambkit.judge.comparison.criteria import SETTLING
 from ambkit.judge.comparison.tuning import SIGNALS, Candidate, errors
 from ambkit.judge.load_following import STEP, load_capacity
 from ambkit.judge.loop.loop_of import OutOfReachError
-from ambkit.machine.force_laws import slowest_time
+from ambkit.machine.axes import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.simulation.scenario import Scenario
 from ambkit.workflow.tune import Tuned, tune

@@ -6,7 +6,7 @@ import math
 import os
 from typing import Any
 
-from ambkit.assessment.arguments import machine_argument, record_argument
+from ambkit.arguments import machine_argument, record_argument
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.estimate.filter_file import FilterFile
@@ -15,7 +15,7 @@ from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.judge.isolation.diagnosis import Diagnosis, Distinction
 from ambkit.judge.isolation.isolation import FaultIsolation, window_of
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 from ambkit.simulation.run import simulate

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.assessment.arguments import (
+from ambkit.arguments import (
     arguments_of_the_user,
     check_plausibility,
     machine_argument,
@@ -35,7 +35,7 @@ from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.contact import contact_notes
 from ambkit.judge.evaluation import Evaluation, evaluate
-from ambkit.machine.force_laws import isolated_axes, models_of
+from ambkit.machine.axes import isolated_axes, models_of
 from ambkit.machine.machine import Machine
 from ambkit.rotordynamics.harmonics import harmonics
 from ambkit.workflow.filter import (

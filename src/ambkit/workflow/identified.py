@@ -33,7 +33,7 @@ from ambkit.identification.noise import Noise, StandstillNoise
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
-from ambkit.machine.force_laws import with_axis
+from ambkit.machine.axes import with_axis
 from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import operating_points
 from ambkit.result.report import Figure

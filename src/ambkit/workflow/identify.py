@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ambkit.assessment import arguments
+from ambkit import arguments
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.base.quantity_arguments import Given, all_of_type, in_si, names_in, of_type
 from ambkit.data.reading import load
@@ -29,7 +29,7 @@ from ambkit.identification.noise import Noise, StandstillNoise, standstill_noise
 from ambkit.identification.online import comparison
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
-from ambkit.machine.force_laws import axis_named, isolated
+from ambkit.machine.axes import axis_named, isolated
 from ambkit.machine.machine import Machine
 from ambkit.workflow.identified import (
     Identified,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ambkit.assessment.arguments import machine_argument, pair_argument
+from ambkit.arguments import machine_argument, pair_argument
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si, names_in
 from ambkit.base.units import engineering
@@ -21,7 +21,7 @@ from ambkit.identification.forces.lift_off import (
     lift_off_figure,
     load_points,
 )
-from ambkit.machine.force_laws import isolated
+from ambkit.machine.axes import isolated
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Figure
 from ambkit.result.result import Result

@@ -29,7 +29,7 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.contact import contact_notes
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.forces.force_map import true_magnet
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness

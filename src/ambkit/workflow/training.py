@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from ambkit._core import MAX_RULES
-from ambkit.assessment.arguments import arguments_of_the_user
+from ambkit.arguments import arguments_of_the_user
 from ambkit.base.errors import AmbkitError
 from ambkit.base.quantity_arguments import in_si
 from ambkit.base.units import engineering
 from ambkit.fuzzy.cross_validation import choose_model
 from ambkit.fuzzy.rule_selection import Shape, choose_rules, measured_map
 from ambkit.fuzzy.training import train
-from ambkit.machine.force_laws import isolated
+from ambkit.machine.axes import isolated
 from ambkit.machine.forces.force_points import ForcePoints, load_force_points
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine

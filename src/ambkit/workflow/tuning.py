@@ -17,7 +17,7 @@ from ambkit.data.record import Record
 from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.estimator import Estimator
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.parts import GRAVITY
 

@@ -22,7 +22,7 @@ from ambkit.judge.comparison.comparison import raw_error
 from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Range, Tried, errors
 from ambkit.judge.evaluation import evaluate
 from ambkit.judge.load_following import least_process_noise
-from ambkit.machine.force_laws import slowest_time
+from ambkit.machine.axes import slowest_time
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import above, end_of_range

@@ -11,7 +11,7 @@ import numpy as np
 from ambkit.base.arrays import Array
 from ambkit.control.blocks import sections_of
 from ambkit.control.linear.linear_plant import POSITION, VELOCITY, of_axes
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import LinearSystem, Signal
 

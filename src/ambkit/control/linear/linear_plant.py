@@ -13,7 +13,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data.signals import displacement
 from ambkit.data.signals import signal as named
 from ambkit.estimate.machine_model import View
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.loading import levitation_current_at
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module, magnet_of

@@ -15,7 +15,7 @@ from ambkit.export.c import c_literals
 from ambkit.export.c.c_literals import Constants, CPrecision, Name
 from ambkit.export.c.controller_test_cases import speeds_of
 from ambkit.export.c.limits import Limits, Number, limits
-from ambkit.machine.force_laws import bias_forces_of
+from ambkit.machine.axes import bias_forces_of
 from ambkit.simulation.scenario import Scenario
 
 SOURCES = ("src/calibration.c", "src/scaled.c")

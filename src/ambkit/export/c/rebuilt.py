@@ -9,7 +9,7 @@ import numpy as np
 from ambkit.estimate.core_model import NUMBERS, arrays
 from ambkit.estimate.rebuild import Rebuild
 from ambkit.export.c import c_literals
-from ambkit.machine.force_laws import bias_forces_of
+from ambkit.machine.axes import bias_forces_of
 from ambkit.models.model import Model
 
 SOURCES = ("src/rebuild.c", "src/sampling.c")

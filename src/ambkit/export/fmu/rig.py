@@ -15,7 +15,7 @@ from ambkit.export.c.c_literals import Name
 from ambkit.export.c.model import BUILT_IN, CModel, sparse
 from ambkit.export.fmu import variables
 from ambkit.export.fmu.sources import magnet_data
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module, magnet_of, own_time
 from ambkit.models import plant_parts

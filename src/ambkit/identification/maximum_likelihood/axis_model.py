@@ -21,7 +21,7 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.machine.force_laws import reading_along, with_axis
+from ambkit.machine.axes import reading_along, with_axis
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 

@@ -25,7 +25,7 @@ from ambkit.data.record import Record
 from ambkit.data.signals import displacement, signal
 from ambkit.estimate.machine_model import View, several
 from ambkit.estimate.noise_model import Variances
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models import machine_model

@@ -25,7 +25,7 @@ from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.conditions import CERTAIN, Load, Spread, coloured_noise, random_walk
-from ambkit.machine.force_laws import isolated_axes, slowest_time, weights_of
+from ambkit.machine.axes import isolated_axes, slowest_time, weights_of
 from ambkit.machine.forces.force_surface import ForceSurface
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, magnet_of, own_time

@@ -21,7 +21,7 @@ from ambkit.judge.comparison.cases import Case, Trial, in_the_loop, trials
 from ambkit.judge.comparison.criteria import OF_THE_LOOP, SETTLING, evaluate_run, rows_along
 from ambkit.judge.comparison.score import Bench, Score, half_width, mean
 from ambkit.judge.comparison.tuning import SIGNALS, Candidate, Tuning, errors, tune
-from ambkit.machine.force_laws import slowest_time
+from ambkit.machine.axes import slowest_time
 from ambkit.machine.machine import Machine
 
 TRAINING = 4  #: Runs for tuning; others judge.

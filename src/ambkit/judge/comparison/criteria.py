@@ -17,7 +17,7 @@ from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.machine_model import View
 from ambkit.judge.comparison.cases import Trial
 from ambkit.judge.comparison.conditions import Load
-from ambkit.machine.force_laws import models_of
+from ambkit.machine.axes import models_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import evaluate_force, magnet_of
 from ambkit.models.model import Descriptor

@@ -20,7 +20,7 @@ from ambkit.judge.comparison.cases import CASES, Trial, iterate_trials
 from ambkit.judge.comparison.comparison import raw_error
 from ambkit.judge.comparison.criteria import evaluate_run
 from ambkit.judge.comparison.tuning import errors
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 

@@ -22,7 +22,7 @@ from ambkit.judge.comparison.criteria import CRITERIA, EVALUATED, per_run
 from ambkit.judge.comparison.figures import efficiency_figure, run_figure, sweep_figure
 from ambkit.judge.comparison.score import Bench, Benches
 from ambkit.judge.comparison.tuning import Candidate, candidates, suited
-from ambkit.machine.force_laws import isolated_axes
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map

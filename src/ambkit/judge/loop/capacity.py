@@ -14,7 +14,7 @@ from ambkit.base.arrays import Array, Complex
 from ambkit.control.linear.closed_loop import Loop
 from ambkit.control.linear.linear_plant import OperatingPoint, unbalance_columns
 from ambkit.machine.accessories import REFERENCE, Coil
-from ambkit.machine.force_laws import isolated_axes, weights_of
+from ambkit.machine.axes import isolated_axes, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 

@@ -30,8 +30,8 @@ from ambkit.estimate.machine_model import View
 from ambkit.judge.loop.capacity import Turned, of_runout, of_unbalance
 from ambkit.judge.loop.margins import axis_peaks
 from ambkit.judge.loop.synthesis import LQG, Noise, beside_each_other, hinf, least_peaks
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.components import Unbalance
-from ambkit.machine.force_laws import isolated_axes
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors.modes import end_of_range
 from ambkit.models.linear import LinearSystem, Signal

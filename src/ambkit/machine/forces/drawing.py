@@ -15,8 +15,8 @@ from ambkit.base.arrays import Array, real
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine.force_law import IsolatedAxis, Law
+from ambkit.machine.forces.fitted_law import law_errors, preferred
 from ambkit.machine.forces.force_points import ForcePoints
-from ambkit.machine.forces.map_laws import law_errors, preferred
 from ambkit.machine.forces.patches import PatchedForce
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.dynamic_stiffness import conducts, dynamics_of

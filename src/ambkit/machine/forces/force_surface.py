@@ -27,7 +27,7 @@ from ambkit.base.threads import one_thread
 from ambkit.machine.forces.fitted_law import fitted_law
 from ambkit.machine.forces.force_points import ForcePoints
 from ambkit.machine.forces.patches import PatchedForce
-from ambkit.machine.law_choice import law_of
+from ambkit.machine.laws import law_of
 
 if TYPE_CHECKING:
     from ambkit.machine.force_law import IsolatedAxis, Law

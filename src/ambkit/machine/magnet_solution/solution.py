@@ -14,8 +14,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import progress
 from ambkit.base.units import figure
 from ambkit.machine.forces.drawing import points_of
+from ambkit.machine.forces.fitted_law import LawError, law_errors, preferred
 from ambkit.machine.forces.force_points import ForcePoints
-from ambkit.machine.forces.map_laws import LawError, law_errors, preferred
 from ambkit.machine.magnet_solution.both_axes import SECTION, both_axes_figure, both_axes_rows
 from ambkit.machine.magnet_solution.figures import (
     dynamics_figure,

@@ -17,10 +17,7 @@ from ambkit.base.arrays import Array
 from ambkit.machine.magnetostatics.drawing import Drawing
 from ambkit.machine.magnetostatics.magnet_map import Box, MagnetMap, map_of
 
-STEP, MOST = (
-    0.04,
-    0.1,
-)  #: Relative step of the differences, and their range of validity.
+STEP, MOST = 0.04, 0.1  #: Relative step of the differences, and their range of validity.
 ROUGH = (7, 5), 0.5  #: Nodes and fineness of the maps for differences.
 
 

@@ -1,4 +1,4 @@
-"""Force laws and isolated axes of a machine."""
+"""The axes of a machine: each isolated, with what is known of its magnet."""
 
 from __future__ import annotations
 
