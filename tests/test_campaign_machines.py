@@ -244,8 +244,8 @@ def test_a_coil_and_its_constant_stay_one_in_a_machine():
 def test_a_gain_of_a_flight_varies():
     text = STUDY.partition("[record]")[0].replace(
         "[scenario]",
-        '[scenario]\n[scenario.controller]\nfeedback = "estimate"\n'
-        'type = "translation and tilt"\ncross_feedback = 0.5\n',
+        '[scenario]\ncontroller.feedback = "estimate"\n'
+        'controller.type = "translation and tilt"\ncontroller.cross_feedback = 0.5',
     )
     vary = '[[vary]]\nwhat = "scenario.controller.cross_feedback"\n'
     vary += 'type = "choice"\nvalues = [0.5, 0.0]'

@@ -8,14 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ambkit.base.arrays import Array, Complex
+from ambkit.base.arrays import Complex
 from ambkit.control.axis_sensitivity import shown_along_axes
 from ambkit.control.linear.closed_loop import Loop
+from ambkit.control.linear.linear_controller import side_by_side
+from ambkit.control.linear.linear_plant import POSITION, VELOCITY, of_axes
 from ambkit.machine.axes import isolated_axes, weights_of
 from ambkit.machine.loading import levitation_current
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, own_time
-from ambkit.models.linear import linearised
+from ambkit.models.linear import LinearSystem, linearised
 from ambkit.models.machine_parts import machine_parts
 from ambkit.models.parts.rotor import velocities_of
 
@@ -60,18 +62,13 @@ def overshoot(loop: Loop, own: float, axes: int = 1) -> float:
     """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
     # own: of the slowest axis [s]
     closed, m = loop.closed, loop.measurements
-    return _beyond(closed.A, closed.B[:, -axes:], closed.C[m : m + axes], own / loop.T)
-
-
-def _beyond(A: Array, B: Array, C: Array, own: float) -> float:
-    """Return how far the k-th output goes beyond 1 after a step of the k-th input, at most."""
-    n, p = B.shape
-    step = np.block([[A, B], [np.zeros((p, n)), np.eye(p)]])
-    several = np.linalg.matrix_power(step, max(1, round(30 * own / TIMES)))
-    state, most = np.eye(n + p)[:, n:], 0.0
+    n, zero = len(closed.A), np.zeros((axes, len(closed.A)))
+    step = np.block([[closed.A, closed.B[:, -axes:]], [zero, np.eye(axes)]])
+    several = np.linalg.matrix_power(step, max(1, round(30 * own / loop.T / TIMES)))
+    state, most = np.eye(n + axes)[:, n:], 0.0
     for _ in range(TIMES):
         state = several @ state
-        most = max(most, float(np.diagonal(C @ state[:n]).max()) - 1)
+        most = max(most, float(np.diagonal(closed.C[m : m + axes] @ state[:n]).max()) - 1)
     return most
 
 
@@ -86,59 +83,46 @@ class HeldLoop:
             iu = levitation_current(isolated, law, 0.0, law.bias_force + force)
             tangents.append([float(k) for k in law.tangent(iu, 0.0)])
         self.k_i, self.k_s = np.array(tangents).T
-        self.T = machine.sampling_time
-        parts = machine_parts(machine, noise=False)
-        system = linearised(parts, self.T, self.k_i, self.k_s)
+        parts, T = machine_parts(machine, noise=False), machine.sampling_time
+        system = linearised(parts, T, self.k_i, self.k_s)
+        self.axes = [axis.name for axis in machine.axes]
         p, m = len(machine.axes), len(machine.readings)
-        self.A, self.B = system.A, system.B[:, :p]
-        self.seen = shown_along_axes(machine) @ system.C[:m]
-        self.velocity = None
-        if feedback == "estimate":
+        self.measured = feedback == "measurement"
+        position = shown_along_axes(machine) @ system.C[:m]
+        seen = [position]
+        if not self.measured:
             at = {state.name: k for k, state in enumerate(system.states)}
             rates = dict(zip(machine.positions, velocities_of(machine.positions), strict=True))
-            self.seen, self.velocity = np.zeros((2, p, len(self.A)))
+            position, velocity = seen = np.zeros((2, p, len(system.A)))
             for k, axis in enumerate(machine.axes):
                 for q, value in axis.line.form.items():
-                    self.seen[k, at[q]] = self.velocity[k, at[rates[q]]] = value
+                    position[k, at[q]] = velocity[k, at[rates[q]]] = value
+        C = np.vstack([*seen, position])
+        kinds = [*(POSITION, VELOCITY)[: len(seen)], POSITION]
+        #: From demanded currents to what controllers see, and to the positions along the axes.
+        self.plant = LinearSystem(
+            system.A, system.B[:, :p], C, np.zeros((len(C), p)), T, system.states,
+            system.inputs[:p], tuple(s for kind in kinds for s in of_axes(kind, self.axes)),
+        )  # fmt: skip
         self.own = machine.bending
         self.slowest = math.inf if self.own is None else 0.7 * float(self.own.frequency[0])
 
     def with_(self, pids: tuple[Gains, ...]) -> Holding:
         """Return the loop with controllers."""
-        z = np.linalg.eigvals(self._closed(pids)).astype(complex)
-        poles = np.log(z[np.abs(z) > math.exp(-3)]) / self.T  # what is gone at once is no motion
+        loop = self._loop(pids)
+        z = loop.closed.poles()
+        poles = np.log(z[np.abs(z) > math.exp(-3)]) / loop.T  # what is gone at once is no motion
         springs = np.array([pid.kp for pid in pids]) * self.k_i / self.k_s - 1
         return Holding(pids, poles, min(self._score(poles), float(springs.min()) / STIFF))
 
     def overshoot(self, pids: tuple[Gains, ...]) -> float:
         """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
-        F, n, p = self._closed(pids), len(self.A), len(pids)
-        B = np.zeros((len(F), p))
-        for k, pid in enumerate(pids):
-            B[n + 3 * k, k] = self.T * pid.ki
-            B[:n, k] = self.B[:, k] * pid.kp * pid.setpoint_weight
-        C = np.hstack([self.seen, np.zeros((p, len(F) - n))])
-        return _beyond(F, B, C, max(map(own_time, self.isolated)) / self.T)
+        return overshoot(self._loop(pids), max(map(own_time, self.isolated)), len(pids))
 
-    def _closed(self, pids: tuple[Gains, ...]) -> Array:
-        """Return the states' matrix with controllers as ``core/src/controller.c`` has them."""
-        n, p, T = len(self.A), len(pids), self.T
-        F = np.zeros((n + 3 * p, n + 3 * p))
-        F[:n, :n] = self.A
-        for k, pid in enumerate(pids):
-            integral, velocity, last = range(n + 3 * k, n + 3 * k + 3)
-            share = 1 / (pid.derivative_filter + T)
-            F[last, :n] = self.seen[k]
-            if self.velocity is None:
-                F[velocity, :n] = share * self.seen[k]
-                F[velocity, velocity], F[velocity, last] = 1 - T * share, -share
-            else:
-                F[velocity, :n] = self.velocity[k]
-            F[integral, :n], F[integral, integral] = -T * pid.ki * self.seen[k], 1.0
-            demanded = -pid.kp * F[last] - pid.kd * F[velocity]
-            demanded[integral] += 1.0
-            F[:n] += np.outer(self.B[:, k], demanded)
-        return F
+    def _loop(self, pids: tuple[Gains, ...]) -> Loop:
+        P = self.plant
+        K = side_by_side(pids, P.T, self.axes, measured=self.measured)
+        return Loop(P, K, measurements=len(P.outputs) - len(pids))
 
     def _score(self, poles: Complex) -> float:
         ratio = -poles.real / np.abs(poles)

@@ -69,26 +69,41 @@ def _passed(system: LinearSystem, sections: Sequence[Sequence[float]]) -> Linear
     return replace(system, A=A, B=B, C=C, D=D, states=states)
 
 
-def controllers(result: ControlLaw, of: Machine, *, measured: bool) -> LinearSystem:
-    """Return controllers as ``core/src/controllers.c`` computes them, within their limits."""
+def side_by_side(
+    pids: Sequence[Sequence[float]], T: float, names: Sequence[str], *, measured: bool
+) -> LinearSystem:
+    """Return PIDs from all positions, velocities and references to currents [A]."""
     from scipy.linalg import block_diag
 
-    T, pids = of.sampling_time, result.pids_at(of.speed)
-    q = len(pids)
     parts = [
         _passed(_pid(pid, T, measured), [pid[k : k + 5] for k in range(8, len(pid), 5)])
         for pid in pids
     ]
     kinds = parts[0].inputs
-    order = [k + len(kinds) * at for k in range(len(kinds)) for at in range(q)]
+    order = [k + len(kinds) * at for k in range(len(kinds)) for at in range(len(pids))]
     A, B, C, D = (block_diag(*(getattr(one, name) for one in parts)) for name in "ABCD")
-    B, D = B[:, order], D[:, order]
+    states = [
+        Signal(f"{at.name}_{name}", at.unit)
+        for name, one in zip(names, parts, strict=True) for at in one.states
+    ]  # fmt: skip
+    return LinearSystem(
+        A, B[:, order], C, D[:, order], T, tuple(states),
+        tuple(signal for kind in kinds for signal in of_axes(kind, names)),
+        of_axes(Signal("iu", "A"), names),
+    )  # fmt: skip
+
+
+def controllers(result: ControlLaw, of: Machine, *, measured: bool) -> LinearSystem:
+    """Return controllers as ``core/src/controllers.c`` computes them, within their limits."""
+    pids = side_by_side(result.pids_at(of.speed), of.sampling_time, result.names, measured=measured)
+    A, q = pids.A, len(pids.outputs)
     # Each PID's reference is what it looks at of those of the axes.
-    B, D = (np.hstack([M[:, :-q], M[:, -q:] @ result.of_axes]) for M in (B, D))
-    C, D = result.spread @ C, result.spread @ D
+    B, D = (np.hstack([M[:, :-q], M[:, -q:] @ result.of_axes]) for M in (pids.B, pids.D))
+    C, D = result.spread @ pids.C, result.spread @ D
     axes = [axis.name for axis in of.axes]
     names = result.names if any(axes) else axes
-    input_signals = [signal for kind in kinds[:-1] for signal in of_axes(kind, names)]
+    kinds = (POSITION,) if measured else (POSITION, VELOCITY)
+    input_signals = [signal for kind in kinds for signal in of_axes(kind, names)]
     if not measured:
         p = len(result.spread)
         at = B.shape[1] - p
@@ -96,12 +111,8 @@ def controllers(result: ControlLaw, of: Machine, *, measured: bool) -> LinearSys
         D = np.hstack([D[:, :at], np.eye(p), D[:, at:]])
         input_signals += of_axes(Signal("fed_back", "A"), axes)
     volts = np.array([1 / b.amplifier.gain for b in isolated_axes(of)])[:, None]
-    states = [
-        Signal(f"{at.name}_{name}", at.unit)
-        for name, one in zip(result.names, parts, strict=True) for at in one.states
-    ]  # fmt: skip
     return LinearSystem(
-        A, B, volts * C, volts * D, T, tuple(states),
+        A, B, volts * C, volts * D, pids.T, pids.states,
         (*input_signals, *of_axes(Signal("r", "m"), axes)), of_axes(Signal("u", "V"), axes),
     )  # fmt: skip
 
