@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -83,13 +83,13 @@ class HeldLoop:
             iu = levitation_current(isolated, law, 0.0, law.bias_force + force)
             tangents.append([float(k) for k in law.tangent(iu, 0.0)])
         self.k_i, self.k_s = np.array(tangents).T
-        parts, T = machine_parts(machine, noise=False), machine.sampling_time
-        system = linearised(parts, T, self.k_i, self.k_s)
+        self.T, parts = machine.sampling_time, machine_parts(machine, noise=False)
+        system = linearised(parts, self.T, self.k_i, self.k_s)
         self.axes = [axis.name for axis in machine.axes]
         p, m = len(machine.axes), len(machine.readings)
         self.measured = feedback == "measurement"
         position = shown_along_axes(machine) @ system.C[:m]
-        seen = [position]
+        seen: Any = [position]
         if not self.measured:
             at = {state.name: k for k, state in enumerate(system.states)}
             rates = dict(zip(machine.positions, velocities_of(machine.positions), strict=True))
@@ -101,7 +101,7 @@ class HeldLoop:
         kinds = [*(POSITION, VELOCITY)[: len(seen)], POSITION]
         #: From demanded currents to what controllers see, and to the positions along the axes.
         self.plant = LinearSystem(
-            system.A, system.B[:, :p], C, np.zeros((len(C), p)), T, system.states,
+            system.A, system.B[:, :p], C, np.zeros((len(C), p)), self.T, system.states,
             system.inputs[:p], tuple(s for kind in kinds for s in of_axes(kind, self.axes)),
         )  # fmt: skip
         self.own = machine.bending
@@ -109,9 +109,8 @@ class HeldLoop:
 
     def with_(self, pids: tuple[Gains, ...]) -> Holding:
         """Return the loop with controllers."""
-        loop = self._loop(pids)
-        z = loop.closed.poles()
-        poles = np.log(z[np.abs(z) > math.exp(-3)]) / loop.T  # what is gone at once is no motion
+        z = self._loop(pids).closed.poles().astype(complex)
+        poles = np.log(z[np.abs(z) > math.exp(-3)]) / self.T  # what is gone at once is no motion
         springs = np.array([pid.kp for pid in pids]) * self.k_i / self.k_s - 1
         return Holding(pids, poles, min(self._score(poles), float(springs.min()) / STIFF))
 
@@ -121,7 +120,7 @@ class HeldLoop:
 
     def _loop(self, pids: tuple[Gains, ...]) -> Loop:
         P = self.plant
-        K = side_by_side(pids, P.T, self.axes, measured=self.measured)
+        K = side_by_side(pids, self.T, self.axes, measured=self.measured)
         return Loop(P, K, measurements=len(P.outputs) - len(pids))
 
     def _score(self, poles: Complex) -> float:
