@@ -10,9 +10,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "ambkit"
 LINES, BODY, PARAMETERS = 400, 60, 8  # a body is counted without its docstring
 
 DOCSTRINGS = "a public class, half of whose lines are numpydoc"
-LONG_FILES = {
-    "machine/machine.py": DOCSTRINGS,
-}
+LONG_FILES = {"machine/machine.py": DOCSTRINGS}
 
 VERB = "it does what a verb of that name is called for, and takes its options"
 PUBLIC = "it is public, and each of these is a choice of the user's"

@@ -56,9 +56,7 @@ class Stepping:
         return self.view.start_std(self.variances, self.states)
 
     def reset(
-        self,
-        mean: ArrayLike | None = None,
-        std: Sequence[float] | Literal["diffuse"] | None = None,
+        self, mean: ArrayLike | None = None, std: Sequence[float] | Literal["diffuse"] | None = None
     ) -> None:
         """Start anew.
 

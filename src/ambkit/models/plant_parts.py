@@ -1,4 +1,4 @@
-"""Optional parts of a plant, for ``sim/parts.h``: beyond magnet, rotor, sensor lag and hard stops."""
+"""Optional plant parts, for ``sim/parts.h``: beyond magnet, rotor, sensor lag and hard stops."""
 
 from __future__ import annotations
 

@@ -133,9 +133,7 @@ def velocities_of(positions: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"w_{q[3:]}" if q.startswith("th_") else f"v_{q}" for q in positions)
 
 
-def _coupled(
-    bending: Bending,
-) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float]]:
+def _coupled(bending: Bending) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float]]:
     """Return entries of G and D, with the transposed ones."""
     # In one plane the slopes are th_y and those of the modes, in the other -th_x and those.
     planes = [
