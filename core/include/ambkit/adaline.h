@@ -31,7 +31,7 @@ typedef struct amb_adaline {
   amb_real T;              /* sampling time [s] */
   amb_real m;              /* mass of the rotor [kg] */
   amb_real K_sen;          /* sensor gain [1] */
-  amb_real a_sen;          /* exp(-T / T_sen): what the sensor keeps in a sample [1] */
+  amb_real a_sen;          /* exp(-T / T_sen): transition of the sensor over a sample [1] */
   amb_real k_ui;           /* amplifier gain [A/V] */
   amb_real iu_min, iu_max; /* limits of the control current [A] */
   amb_real f_0;            /* known force besides the magnet's: the weight [N] */
@@ -44,9 +44,9 @@ typedef struct amb_adaline {
 typedef struct amb_adaline_state {
   amb_real x, v;                  /* low-passed position [m] and its derivative [m/s] */
   amb_real phi, phi_dot;          /* low-passed regressor [A^2/m^2] and its derivative */
-  amb_real phi_late;              /* phi, delayed as the force is by its learning */
+  amb_real phi_late;              /* phi with the same delay as the identified force */
   amb_real load, load_dot;        /* low-passed known disturbance [N] and its derivative */
-  amb_real phi_shown, load_shown; /* regressor and disturbance, lagged as the sensor lags */
+  amb_real phi_shown, load_shown; /* regressor and disturbance with the sensor's lag */
   amb_real force;                 /* identified force of the magnet, low-passed [N] */
   amb_real k;                     /* identified magnet constant [N m^2/A^2] */
   amb_real excitation;            /* mean square of phi over that of the reference [1] */
@@ -56,10 +56,9 @@ typedef struct amb_adaline_state {
 
 void amb_adaline_reset(amb_adaline_state *state, amb_real k);
 
-/* One sample: measurement y [m], control signal u [V] that acted since the last one, disturbance
- * force f_d [N] as far as it is known. Returns AMB_OK, AMB_UNEXCITED (k held), AMB_MISSING (y is
- * not finite, or not in the air gap) or AMB_BAD_CONTROL (u or f_d is not finite); then nothing is
- * learned. */
+/* One sample: measurement y [m], control signal u [V] that acted since the last one, known
+ * disturbance force f_d [N]. Returns AMB_OK, AMB_UNEXCITED (k held), AMB_MISSING (y is not finite,
+ * or outside the air gap) or AMB_BAD_CONTROL (u or f_d is not finite), without learning. */
 amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *state, amb_real y, amb_real u,
                             amb_real f_d);
 

@@ -40,16 +40,17 @@ AMB_EXTERN_C_BEGIN
 #define AMB_YOUNG 256U
 
 typedef struct amb_adaptive_noise {
-  amb_estimator inner;  /* the filter: methods, and own; plant, magnet and noise are the outer's */
-  bool measurement;     /* find R */
-  bool disturbance;     /* find Q, of a model with a disturbance force */
-  amb_real share;       /* d, of a new sample in the end, in (0, 1) */
-  amb_real first_share; /* d of the first sample, in [share, 1): fading from there on */
-  amb_real most;        /* neither is taken to be more than this many times off, > 1 */
+  amb_estimator inner;  /* the filter: methods and own; plant, magnet and noise are the outer
+                           filter's */
+  bool measurement;     /* estimate R */
+  bool disturbance;     /* estimate Q, for a model with a disturbance force */
+  amb_real share;       /* d, weight of a new sample in the end, in (0, 1) */
+  amb_real first_share; /* d of the first sample, in [share, 1): decreases from there on */
+  amb_real most;        /* maximum factor between estimated and assumed noise, > 1 */
   unsigned int window;  /* N samples, > 0 */
 } amb_adaptive_noise;
 
-/* Room for the state of the filter inside, all of which begin with an amb_kalman_state. */
+/* Room for the state of the inner filter, all of which begin with an amb_kalman_state. */
 typedef union amb_adaptive_noise_inner {
   amb_kalman_state base;
   amb_ud_state ud;
@@ -59,16 +60,18 @@ typedef union amb_adaptive_noise_inner {
 
 typedef struct amb_adaptive_noise_state {
   amb_adaptive_noise_inner inner;
-  amb_kalman kf;                   /* with the noise found so far */
-  amb_real share;                  /* d now */
-  amb_real correction[AMB_STATES]; /* c of each load, sum of its corrections in this window [N] */
-  amb_real expected[AMB_STATES];   /* V, its variance as the filter expects it [N^2] */
+  amb_kalman kf;                   /* with the estimated noise */
+  amb_real share;                  /* current d */
+  amb_real correction[AMB_STATES]; /* c of each disturbance force, sum of its corrections in this
+                                      window [N] */
+  amb_real expected[AMB_STATES];   /* V, its expected variance [N^2] */
   unsigned int samples;            /* of this window */
-  unsigned int young;              /* samples until the start is no excuse for large innovations */
+  unsigned int young;              /* samples until large innovations are no longer attributed to
+                                      the start */
   bool amiss;                      /* whether there were such since the start */
 } amb_adaptive_noise_state;
 
-/* Adds AMB_NOISE_LIMIT to the status where the noise found is at the end of its range. */
+/* Adds AMB_NOISE_LIMIT to the status if the estimated noise is at the end of its range. */
 extern const amb_estimator_methods amb_adaptive_noise_methods;
 
 /* The same around a filter that estimates the scale of the magnet's force. */

@@ -23,73 +23,74 @@ AMB_EXTERN_C_BEGIN
 typedef struct amb_control {
   const amb_estimator *estimator;
   const amb_controllers *law;
-  const amb_sequence *sequence; /* NULL: it flies from the start, and nobody looks after it */
-  bool feedback_estimate;       /* the controllers see the estimate, else the readings */
-  unsigned int settling;        /* samples until an estimate is settled; it is used as long without
-                                 * a reading */
-  amb_real bound;               /* a mean beyond so many caps (ambkit/envelope.h) is none */
-  const amb_real *std;          /* [n]: of the states at the start */
-  const amb_real *start;        /* [n]: states of a rotor at rest in the middle ... */
-  const amb_real *start_by;     /* n x m: and what 1 m of each reading adds */
-  const amb_real *place;        /* p x n: what the references are of, places along the axes */
-  const amb_real *down;         /* [p]: where the rotor lies when it has landed [m] */
-  const amb_real *hold;         /* [q]: integrals that hold a rotor at place 0 [A] ... */
-  const amb_real *hold_by;      /* q x p: and what 1 m of each place adds [A/m] */
-  amb_real excess; /* by which share the rotor is heavier than in the estimator's model, whose loads
-                    * are in parts of that [1] */
+  const amb_sequence *sequence; /* NULL: levitated from the start, without monitoring */
+  bool feedback_estimate;       /* the controllers use the estimate, else the readings */
+  unsigned int settling;        /* samples until an estimate is settled; also the longest outage for
+                                   which it is used */
+  amb_real bound;               /* a mean beyond this many caps (ambkit/envelope.h) is invalid */
+  const amb_real *std;          /* [n]: initial standard deviations of the states */
+  const amb_real *start;        /* [n]: states of a rotor in equilibrium at the centre ... */
+  const amb_real *start_by;     /* n x m: ... and their change per metre of each reading */
+  const amb_real *place;        /* p x n: displacements along the axes, to which the references
+                                   apply */
+  const amb_real *down;         /* [p]: position of the rotor in contact, after landing [m] */
+  const amb_real *hold;         /* [q]: integrals in equilibrium at the centre [A] ... */
+  const amb_real *hold_by;      /* q x p: ... and their change per metre of displacement [A/m] */
+  amb_real excess; /* relative mass error of the estimator's model, in whose terms its disturbance
+                      forces are [1] */
 } amb_control;
 
-/* What a controller works by. The pointer stands three times: nothing else tells that a bit of it
- * has flipped in memory. */
+/* The constants of a controller. The pointer exists three times, to detect a bit flip in memory. */
 typedef struct amb_works_by {
   const amb_control *control;
   const amb_control *copy[2];
 } amb_works_by;
 
-/* Let it work by this, between two steps: a slower task may, which the sampling interrupts. */
+/* Switch to these constants, between two steps: permitted for a slower task, which the sampling
+ * interrupts. */
 void amb_work_by(amb_works_by *works_by, const amb_control *control);
 
-/* What it works by, the one of three of which two are equal, or `otherwise` where no two are; all
- * are then that one. */
+/* Constants in use: the pointer of which two copies agree, or `otherwise` if none do; all copies
+ * are repaired. */
 const amb_control *amb_working_by(amb_works_by *works_by, const amb_control *otherwise);
 
 typedef struct amb_control_state {
   amb_pid_state pid[AMB_CONTROLS];
-  amb_real u[AMB_CONTROLS];    /* control signals that act since the last sample [V] */
-  amb_real from[AMB_CONTROLS]; /* where the rotor lay along the axes [m] */
+  amb_real u[AMB_CONTROLS];    /* control signals that have acted since the last sample [V] */
+  amb_real from[AMB_CONTROLS]; /* contact position along the axes [m] */
   amb_sequence_state sequence;
-  unsigned int doubted; /* samples until the estimate is settled again */
-  unsigned int missed;  /* samples in a row without a reading that was used */
+  unsigned int doubted; /* samples until the estimate has settled again */
+  unsigned int missed;  /* consecutive samples without a used reading */
   bool started;         /* whether the estimator was started */
   bool sampled;         /* and whether there was a sample since */
   bool limited;         /* whether a current was at its limit */
 } amb_control_state;
 
-/* What one step leaves behind besides the states. */
+/* Results of a step besides the states. */
 typedef struct amb_control_output {
-  amb_real iu[AMB_CONTROLS]; /* control currents demanded [A]; 0 where they are off */
-  bool on;                   /* whether there are currents: else the bias is off too */
-  bool usable;               /* whether what feeds the controllers can be used */
+  amb_real iu[AMB_CONTROLS]; /* commanded control currents [A]; 0 while off */
+  bool on;                   /* whether there are currents: otherwise the bias is off too */
+  bool usable;               /* whether the controllers' input is usable */
   amb_flight_mode mode;
-  amb_kalman_result estimator; /* what the estimator said */
+  amb_kalman_result estimator; /* results of the estimator */
 } amb_control_output;
 
-/* At power-on: off, and the estimator (`filter`: its state) in the middle until there are readings.
- */
+/* At power-on: off, with the estimator (`filter`: its state) at the centre until there are
+ * readings. */
 void amb_control_init(const amb_control *control, amb_control_state *state, void *filter);
 
-/* In flight, taken over from another controller: the estimator's state is set by the caller, and
- * these are the control currents that act, iu (p) [A], and the integrals (q) [A]. */
+/* Levitated, transferred from another controller: the caller sets the estimator's state, and passes
+ * the acting control currents iu (p) [A] and the integrals (q) [A]. */
 void amb_control_levitate(const amb_control *control, amb_control_state *state, const amb_real iu[],
                           const amb_real integral[]);
 
-/* The same, the estimator too: it starts at the readings y (m) [m], as if the rotor were at rest,
- * and integrals at what holds it there. */
+/* The same with an initial estimate: the estimator starts at the readings y (m) [m], as in
+ * equilibrium, with the corresponding integrals. */
 void amb_control_transfer(const amb_control *control, amb_control_state *state, void *filter,
                           const amb_real y[AMB_SENSORS], const amb_real iu[]);
 
-/* One sample: readings y (m) [m], references r (p) [m], speed of rotation [rad/s], and whether it
- * is to fly. Returns the sum of all flags. */
+/* One sample: readings y (m) [m], references r (p) [m], speed of rotation [rad/s], and the command
+ * to levitate. Returns the sum of all flags. */
 amb_status amb_control_step(const amb_control *control, amb_control_state *state, void *filter,
                             const amb_real y[AMB_SENSORS], const amb_real r[], amb_real speed,
                             bool fly, amb_control_output *out);

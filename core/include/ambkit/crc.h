@@ -1,7 +1,7 @@
 /* CRC-32 of numbers (IEEE 802.3, reflected, 0xEDB88320), each from its lowest byte to its highest:
- * the same whatever the processor's byte order, padding and size of a char.
+ * independent of the processor's byte order, padding and size of a char.
  *
- * Begin with AMB_CRC_START and turn all bits of what comes out; of "123456789" that is 0xCBF43926.
+ * Start with AMB_CRC_START and invert all bits of the result; for "123456789" that is 0xCBF43926.
  */
 #ifndef AMBKIT_CRC_H
 #define AMBKIT_CRC_H
@@ -11,7 +11,7 @@
 #define AMB_CRC_START (~(uint32_t)0U)
 #define AMB_CRC_POLYNOMIAL ((((uint32_t)0xEDB8U) << 16) | 0x8320U)
 
-/* The lowest 32 bits of a number, bit by bit: no table, which would be more flash than data. */
+/* The lowest 32 bits of a number, bit by bit: a table would need more flash than the data. */
 static inline uint32_t amb_crc_word(uint32_t crc, uint32_t word)
 {
   uint32_t sum = crc ^ word;

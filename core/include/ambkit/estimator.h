@@ -1,10 +1,9 @@
-/* One interface for the family of estimators.
+/* Common interface of all estimators.
  *
- * An estimator is methods, and what they work on: the plant and its noise (an amb_kalman), the
- * magnets, and what only this kind has, such as the gain of an observer. All of it is const and the
- * caller's. The state is the caller's too: `state_size` bytes, aligned as an amb_kalman_state, with
- * which each kind's state begins, so that mean and covariance are found in the same place whatever
- * the kind.
+ * An estimator consists of methods and their constant data, owned by the caller: plant and noise
+ * (an amb_kalman), magnets, and data specific to the kind, such as the gain of an observer. The
+ * state is the caller's too: `state_size` bytes, aligned as an amb_kalman_state, with which the
+ * state of every kind begins, so that mean and covariance are always at the same place.
  */
 #ifndef AMBKIT_ESTIMATOR_H
 #define AMBKIT_ESTIMATOR_H
@@ -19,29 +18,29 @@ typedef struct amb_estimator amb_estimator;
 typedef struct amb_estimator_methods {
   size_t state_size; /* [bytes] */
 
-  /* Start from a mean and standard deviations of all states, uncorrelated; NULL: with nothing known
-   * but the sensors. Returns AMB_OK, or AMB_BAD_PARAMETER (not finite, not positive) and leaves the
-   * state as it was. */
+  /* Start from a mean and standard deviations of all states, uncorrelated; NULL: with no
+   * information but the sensors'. Returns AMB_OK, or AMB_BAD_PARAMETER (not finite, not positive)
+   * with the state unchanged. */
   amb_status (*reset)(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
                       const amb_real std[AMB_STATES]);
 
-  /* One sample on, with the control signals u [V] that acted. Writes the stiffnesses of the result,
+  /* Time update, with the control signals u [V] that acted. Writes the stiffnesses of the result,
    * and returns the status. */
   amb_status (*predict)(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                         amb_kalman_result *result);
 
-  /* Take in the measurements y [m]. Writes innovations, variances and health of the result, and
-   * returns the status. A variance is 0 where the kind has no idea of it. */
+  /* Measurement update with y [m]. Writes innovations, variances and health of the result, and
+   * returns the status. A variance is 0 if the kind does not compute it. */
   amb_status (*update)(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                        amb_kalman_result *result);
 
-  /* The mean alone one sample on, without noise, while the control currents iu [A] act on magnets
-   * whose force is `scale` times the known one [1]. */
+  /* Time update of the mean only, without noise, with the control currents iu [A] and magnet forces
+   * multiplied by `scale` [1]. */
   void (*advance)(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
                   amb_real mean[AMB_STATES]);
 
-  /* Estimated scale of the magnet's force, k over the known k [1], and the variance of that; NULL
-   * where the kind does not estimate it. */
+  /* Estimated scale of the magnet force, k over the nominal k [1], and its variance; NULL if the
+   * kind does not estimate it. */
   void (*scale)(const amb_estimator *self, const void *state, amb_real *scale, amb_real *variance);
 } amb_estimator_methods;
 
@@ -49,24 +48,24 @@ struct amb_estimator {
   const amb_estimator_methods *methods;
   const amb_kalman *kf;
   const amb_magnet *magnet; /* [AMB_FORCES] */
-  const void *own;          /* what only this kind has, or NULL */
+  const void *own;          /* data specific to the kind, or NULL */
 };
 
-/* The paper's filter (Fig. 8): linear or adaptive, by its magnet; ambkit/kalman.h. */
+/* The paper's filter (Fig. 8): linear or adaptive, depending on its magnet; ambkit/kalman.h. */
 extern const amb_estimator_methods amb_kalman_methods;
 
-/* Extended Kalman filter (Jazwinski 1970): the force itself in the prediction of the mean, its
- * tangents in that of the covariance. */
+/* Extended Kalman filter (Jazwinski 1970): the force in the prediction of the mean, its tangents in
+ * that of the covariance. */
 extern const amb_estimator_methods amb_extended_methods;
 
-/* Prediction with the control signals u_previous that acted since the last sample, u[k - 1], or
- * none where it is NULL, for the first sample after a reset; then measurements y[k]. Returns all
- * that there was to say. */
+/* Time update with the control signals u_previous that acted since the last sample, u[k - 1], or
+ * none if it is NULL, for the first sample after a reset; then measurement update with y[k].
+ * Returns all flags. */
 amb_status amb_estimator_step(const amb_estimator *estimator, void *state,
                               const amb_real y[AMB_SENSORS],
                               const amb_real u_previous[AMB_CONTROLS], amb_kalman_result *result);
 
-/* The methods of those two that other kinds have as well. */
+/* Methods of these two that other kinds share. */
 amb_status amb_plain_reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
                            const amb_real std[AMB_STATES]);
 amb_status amb_plain_update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
@@ -76,7 +75,7 @@ void amb_plain_advance(const amb_estimator *self, amb_real scale, const amb_real
 void amb_extended_advance(const amb_estimator *self, amb_real scale,
                           const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES]);
 
-/* The `advance` of kinds that estimate the magnets' scale: bias forces [N] go with it. */
+/* The `advance` of kinds that estimate the magnets' scale: bias forces [N] scale too. */
 void amb_scaled_advance(const amb_estimator *self, const amb_real bias[AMB_FORCES], amb_real scale,
                         const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES]);
 

@@ -7,7 +7,7 @@
 
 AMB_EXTERN_C_BEGIN
 
-/* As amb_kalman_run, which serves the paper's filter: the first sample is only taken in. */
+/* As amb_kalman_run, which serves the paper's filter: the first sample has no time update. */
 amb_status amb_estimator_run(const amb_estimator *estimator, void *state,
                              const amb_kalman_input *input, const amb_kalman_history *history);
 
@@ -16,9 +16,9 @@ void amb_estimator_note(const amb_estimator *estimator, const void *state,
                         const amb_kalman_result *result, size_t k,
                         const amb_kalman_history *history);
 
-/* Means y of the measurements `ahead` samples on [m], from `mean` and without new measurements,
- * while the control signals u [V], `ahead` x controls, act on magnets whose force is `scale` times
- * the known one; loads stay what they are. */
+/* Mean measurements y `ahead` samples later [m], predicted from `mean`, with the control signals u
+ * [V], `ahead` x controls, and magnet forces multiplied by `scale`; disturbance forces are
+ * constant. */
 void amb_estimator_forecast(const amb_estimator *estimator, amb_real scale,
                             const amb_real mean[AMB_STATES], const amb_real *u, size_t ahead,
                             amb_real y[AMB_SENSORS]);

@@ -1,6 +1,5 @@
-/* Any model, by loops over the entries that are not zero (ambkit/model.h). Sizes are known when it
- * runs; all memory is the caller's. Columns do not mix, so compilers make vectors of them.
- */
+/* Any model, by loops over its nonzero entries (ambkit/model.h). Sizes are known at run time; all
+ * memory is the caller's. Columns are independent, so compilers vectorise over them. */
 #ifndef AMBKIT_LOOPS_H
 #define AMBKIT_LOOPS_H
 
@@ -8,7 +7,7 @@
 #include "ambkit/role.h"
 #include "ambkit/sparse.h"
 
-/* The most that a state has room for. An export has its own, just enough. */
+/* Maximum sizes of a model. An export has its own, exact ones. */
 #ifndef AMB_STATES
 #define AMB_STATES 64
 #define AMB_FORCES 16
@@ -28,17 +27,17 @@ typedef struct amb_model {
   amb_sparse L;
   amb_sparse b;      /* states x forces */
   amb_sparse B_u;    /* states x controls */
-  amb_sparse h;      /* forces x states: all that a force depends on; the value of h, ... */
+  amb_sparse h;      /* forces x states: every state that a force depends on; the value of h, ... */
   const amb_real *e; /* ... of e ... */
   const amb_real *r; /* ... and of r, for each entry of h */
   amb_sparse d;      /* forces x controls */
   amb_sparse c;      /* sensors x states */
-  amb_sparse N;      /* noises x triangle: covariance that one of variance 1 leaves in a sample */
-  amb_sparse rest;   /* states x states: AMB_SHOWN ones at rest; other rows are empty */
+  amb_sparse N;      /* noises x triangle: covariance from a noise of variance 1 over a sample */
+  amb_sparse rest;   /* states x states: equilibrium of AMB_SHOWN states; other rows are empty */
   const unsigned char *role; /* [states], amb_role */
 } amb_model;
 
-/* Displacement [m] and current [A] of magnet f, means over the sample, which are linear forms. */
+/* Displacement [m] and current [A] of magnet f, means over the sample, as linear forms. */
 static inline amb_real amb_model_displacement(const amb_model *model, int f, const amb_real mean[])
 {
   return amb_sparse_times(&model->h, model->h.value, f, mean);
@@ -54,7 +53,7 @@ static inline amb_real amb_model_current(const amb_model *model, int f, const am
   return sum;
 }
 
-/* What each state is. */
+/* Role of each state. */
 static inline amb_role amb_model_role(const amb_model *model, int i)
 {
   return (amb_role)model->role[i];

@@ -1,10 +1,10 @@
-/* Low-pass filters with numerical derivatives, what is done without a model of the noise: `own` is
+/* Low-pass filters with numerical derivatives, the usual approach without a noise model: `own` is
  * an amb_low_pass.
  *
  * Position: first-order low-pass of the measurement. Velocity: its difference quotient, low-passed
- * again. Disturbance force: what accelerates the rotor beyond the known forces, m dv/dt less the
- * magnet's force, low-passed a third time. Currents that follow the controls late are what the
- * model says of them. No covariance, no variance of the innovation: both are 0.
+ * again. Disturbance force: the unexplained acceleration force, m dv/dt minus the magnet force,
+ * low-passed a third time. Currents that lag the controls follow the model. No covariance, no
+ * variance of the innovation: both are 0.
  */
 #ifndef AMBKIT_LOW_PASS_H
 #define AMBKIT_LOW_PASS_H
@@ -13,11 +13,11 @@
 
 AMB_EXTERN_C_BEGIN
 
-/* For one force, one control and one sensor. A reset refuses a model without position, velocity or
- * load, AMB_BAD_PARAMETER. */
+/* For one force, one control and one sensor. A reset returns AMB_BAD_PARAMETER for a model without
+ * position, velocity or disturbance force. */
 typedef struct amb_low_pass {
   amb_real m; /* mass of the rotor [kg], > 0 */
-  /* 1 - exp(-2 pi corner T) each, in (0, 1]: how much of the new value is taken. */
+  /* 1 - exp(-2 pi corner T) each, in (0, 1]: weight of the new value. */
   amb_real position;
   amb_real velocity;
   amb_real force;

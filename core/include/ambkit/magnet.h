@@ -22,7 +22,8 @@ typedef struct amb_stiffness {
   amb_real k_s; /* [N/m] */
 } amb_stiffness;
 
-/* No magnet is as stiff [N/A], [N/m]: a bound for the proof, where a quotient has none. */
+/* Upper limits of magnet stiffnesses [N/A], [N/m]: bounds for the proof, where a quotient has none.
+ * */
 #define AMB_STIFFEST AMB_C(1e9)
 
 /* The interface. Each implementation provides one constant of this type. */
@@ -32,7 +33,7 @@ typedef struct amb_magnet_methods {
   amb_stiffness (*tangent)(const void *self, amb_real iu, amb_real x);
 } amb_magnet_methods;
 
-/* A magnet is methods and what they work on; `self` outlives it, and is the caller's. */
+/* A magnet consists of methods and their data `self`, which is the caller's and outlives it. */
 typedef struct amb_magnet {
   const amb_magnet_methods *methods;
   const void *self;

@@ -34,7 +34,7 @@
 #include "generated/model.h"
 #endif
 
-/* How many there are; where they are known, a constant. */
+/* Sizes; constants if they are known. */
 #if defined(AMB_MODEL_LOOPS)
 #define AMB_COUNT(some, known) (some)
 #else
@@ -71,8 +71,8 @@ AMB_INLINE int amb_noises(const amb_model *model)
   return AMB_COUNT(model->noises, AMB_NOISES);
 }
 
-/* Force f, control c and sensor r, one after the other. Where there is only one, there is no loop:
- * compilers would keep what it touches in memory, and a filter is to live in registers. */
+/* Loop over force f, control c and sensor r. With only one there is no loop: compilers would keep
+ * its operands in memory, while a filter should be in registers. */
 #if !defined(AMB_MODEL_LOOPS) && (AMB_FORCES == 1)
 #define AMB_EACH_FORCE(model) const int f = 0;
 #else
@@ -95,13 +95,13 @@ AMB_INLINE int amb_entry(int n, int i, int j)
   return i * n - (i * (i + 1)) / 2 + j;
 }
 
-/* Where entry (i, j) of a symmetric matrix of n rows stands in its upper triangle. */
+/* Index of entry (i, j) of a symmetric matrix of n rows in its upper triangle. */
 AMB_INLINE int amb_place(int n, int i, int j)
 {
   return (i <= j) ? amb_entry(n, i, j) : amb_entry(n, j, i);
 }
 
-/* A whole symmetric matrix from its upper triangle; its rows are `stride` apart. */
+/* A symmetric matrix from its upper triangle; its rows are `stride` apart. */
 AMB_INLINE void amb_unfold(int n, const amb_real triangle[], int stride, amb_real *P)
 {
   int entry = 0;
@@ -114,7 +114,7 @@ AMB_INLINE void amb_unfold(int n, const amb_real triangle[], int stride, amb_rea
   }
 }
 
-/* The first state of a role; -1 where there is none. */
+/* First state of a role; -1 if there is none. */
 AMB_INLINE int amb_first(const amb_model *model, amb_role role)
 {
   int first = -1;
@@ -124,21 +124,22 @@ AMB_INLINE int amb_first(const amb_model *model, amb_role role)
   return first;
 }
 
-/* ---- Each model has these, and ambkit/loops.h says more of its own; a model that is built in has
- * them inline (generated/axial.h). ---- */
+/* ---- Every model provides these, ambkit/loops.h also others; a built-in model inline
+ * (generated/axial.h). ---- */
 #if defined(AMB_MODEL_LOOPS)
 AMB_EXTERN_C_BEGIN
 
-/* The mean one sample on (eq. 9); F: forces but for the riders [N]. */
+/* Time update of the mean (eq. 9); F: forces except collocated disturbance forces [N]. */
 void amb_model_predict_mean(const amb_model *model, const amb_real F[], const amb_real iu[],
                             amb_real mean[]);
 
-/* The covariance (eq. 10); k: stiffnesses; k_ui [A/V] and var_u [V^2] of the controls. */
+/* Time update of the covariance (eq. 10); k: stiffnesses; k_ui [A/V] and var_u [V^2] of the
+ * controls. */
 void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
                                   const amb_real k_ui[], const amb_real var_u[],
                                   const amb_real process_noise[], amb_real cov[], amb_real work[]);
 
-/* What sensor r shows of a mean; the variance of that, and its covariance with all states. */
+/* Reading of sensor r at a mean; its variance, and its covariance with all states. */
 amb_real amb_model_shown(const amb_model *model, int r, const amb_real mean[]);
 amb_real amb_model_shown_variance(const amb_model *model, int r, const amb_real cov[]);
 void amb_model_shown_with(const amb_model *model, int r, const amb_real cov[], amb_real with_y[]);
@@ -146,27 +147,27 @@ void amb_model_shown_with(const amb_model *model, int r, const amb_real cov[], a
 /* The variances of all states. */
 void amb_model_variances(const amb_model *model, const amb_real cov[], amb_real variances[]);
 
-/* Take in a measurement of sensor r (eq. 11-13); S: variance of the innovation, which is that of
- * what the sensor shows and the measurement's own, and must be positive. */
+/* Measurement update of sensor r (eq. 11-13); S: variance of the innovation, the sum of those of
+ * the reading and the measurement noise, which must be positive. */
 void amb_model_update(const amb_model *model, int r, amb_real y, amb_real S, amb_real mean[],
                       amb_real cov[], amb_real *innovation);
 
-/* How a force of 1 N at magnet f moves the states within a sample. */
+/* Effect of a force of 1 N at magnet f on the states over a sample. */
 void amb_model_pushed(const amb_model *model, int f, amb_real moved[]);
 
-/* Covariance that noises of these variances leave in a sample, upper triangle. */
+/* Covariance from noises with these variances over a sample, upper triangle. */
 void amb_model_growth(const amb_model *model, const amb_real var[], amb_real process_noise[]);
 
 /* Whether noise k drives state i within a sample. */
 bool amb_model_drives(const amb_model *model, int k, int i);
 
-/* AMB_SHOWN states set to what they are at rest. */
+/* Set AMB_SHOWN states to their equilibrium. */
 void amb_model_equilibrium(const amb_model *model, amb_real mean[]);
 
 AMB_EXTERN_C_END
 
-/* Whether variances are such, not negative and not a number; what a sensor shows is looked after by
- * the update. */
+/* Whether variances are valid, neither negative nor NaN; that of a reading is checked by the
+ * update. */
 AMB_INLINE bool amb_model_sound(const amb_model *model, const amb_real cov[])
 {
   bool sound = true;
@@ -177,7 +178,7 @@ AMB_INLINE bool amb_model_sound(const amb_model *model, const amb_real cov[])
   return sound;
 }
 
-/* Whether all positions are known better than this. */
+/* Whether the standard deviations of all positions are below this. */
 AMB_INLINE bool amb_model_known(const amb_model *model, const amb_real cov[],
                                 const amb_real widest[])
 {
@@ -189,7 +190,7 @@ AMB_INLINE bool amb_model_known(const amb_model *model, const amb_real cov[],
   return known;
 }
 
-/* A covariance of these variances, made positive, and nothing else. */
+/* A diagonal covariance with these variances, made positive. */
 AMB_INLINE void amb_model_uncorrelated(const amb_model *model, const amb_real variances[],
                                        amb_real cov[])
 {

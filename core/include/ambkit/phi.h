@@ -1,13 +1,13 @@
-/* phi_k(z) = sum over n of (-z)^n / (n+k)!, z >= 0: what a first-order lag makes of an input that
+/* phi_k(z) = sum over n of (-z)^n / (n+k)!, z >= 0: response of a first-order lag to an input that
  * rises with the (k-1)th power of time; phi_0 = exp(-z), phi_{k+1} = (1/k! - phi_k) / z. The
- * recursion cancels for small z, where the series serves; from 1 on it loses less than two bits a
- * step. */
+ * recursion cancels for small z, where the series is used; from 1 on it loses less than two bits
+ * per step. */
 #ifndef AMBKIT_PHI_H
 #define AMBKIT_PHI_H
 
 #include "ambkit/exponential.h"
 
-#define AMB_PHI_TERMS 18 /* 1 / 20! is below the rounding of a double, beside 1 / 2! */
+#define AMB_PHI_TERMS 18 /* 1 / 20! is below the rounding of a double, relative to 1 / 2! */
 
 /* phi_k by its series, from the last term to the first; `first` is 1 / k!. */
 static inline amb_real amb_phi_series(int k, amb_real first, amb_real z)

@@ -1,5 +1,5 @@
-/* Which precision the core computes in, where the build does not say it with -DAMB_FLOAT or
- * -DAMB_DOUBLE. An export has a file of its own here. */
+/* Default precision of the core, unless the build defines AMB_FLOAT or AMB_DOUBLE. An export has
+ * its own version of this file. */
 #ifndef AMBKIT_PRECISION_H
 #define AMBKIT_PRECISION_H
 

@@ -33,8 +33,9 @@ typedef double amb_real;
 #define AMB_ROOT_EPSILON 1.4901161193847656e-8
 #endif
 
-/* |a| <= most, and false for a NaN. In comparisons of `a` itself a static analyser sees its bounds,
- * and that it is none (`a == a`); where a magnitude is an instruction, one comparison is enough. */
+/* Whether |a| <= most; false for NaN. Comparisons of `a` itself show its bounds to a static
+ * analyser, and that it is a number (`a == a`); where a magnitude is one instruction, one
+ * comparison suffices. */
 #if defined(__GNUC__) && !defined(__FRAMAC__) && defined(AMB_FLOAT)
 #define AMB_WITHIN(a, most) (__builtin_fabsf(a) <= (most))
 #elif defined(__GNUC__) && !defined(__FRAMAC__)
@@ -43,7 +44,7 @@ typedef double amb_real;
 #define AMB_WITHIN(a, most) (((a) == (a)) && ((a) >= -(most)) && ((a) <= (most)))
 #endif
 
-/* Around declarations that C++ may include too. */
+/* Around declarations, for C++. */
 #ifdef __cplusplus
 #define AMB_EXTERN_C_BEGIN extern "C" {
 #define AMB_EXTERN_C_END }
@@ -52,7 +53,7 @@ typedef double amb_real;
 #define AMB_EXTERN_C_END
 #endif
 
-/* For the pieces of a step, so that its state stays in registers. */
+/* For the parts of a step, so that its state stays in registers. */
 #if defined(__GNUC__)
 #define AMB_INLINE __attribute__((always_inline)) static inline
 #else
@@ -81,13 +82,13 @@ static inline amb_real amb_clamp(amb_real a, amb_real low, amb_real high)
   return above > high ? high : above;
 }
 
-/* The larger one; `least` where `a` is not a number. */
+/* The larger one; `least` if `a` is NaN. */
 static inline amb_real amb_at_least(amb_real a, amb_real least)
 {
   return (a > least) ? a : least;
 }
 
-/* The smaller one; `most` where `a` is not a number. */
+/* The smaller one; `most` if `a` is NaN. */
 static inline amb_real amb_at_most(amb_real a, amb_real most)
 {
   return (a < most) ? a : most;
@@ -100,7 +101,7 @@ AMB_INLINE void amb_copy(int n, const amb_real from[], amb_real to[])
   }
 }
 
-/* Whether magnitudes are within so many times these; false for what is not a number. */
+/* Whether magnitudes are within so many times these; false if one is NaN. */
 static inline bool amb_all_within(int n, const amb_real a[], amb_real times, const amb_real most[])
 {
   bool within = true;
@@ -117,8 +118,8 @@ AMB_INLINE void amb_clear(int n, amb_real a[])
   }
 }
 
-/* Standard deviation of a sensor's noise where it shows y [m], in parts of that in the middle: it
- * changes by `rise` of it a metre [1/m], within limits, for a straight line ends below zero. */
+/* Standard deviation of a sensor's noise at the reading y [m], relative to that at the centre: it
+ * changes by `rise` per metre [1/m], within limits, because a straight line becomes negative. */
 static inline amb_real amb_noise_share(amb_real rise, amb_real y)
 {
   return amb_clamp(AMB_C(1.0) + rise * y, AMB_C(0.125), AMB_C(8.0));

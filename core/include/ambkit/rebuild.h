@@ -1,8 +1,8 @@
-/* The numbers of a model by loops (ambkit/loops.h), made anew where a physical parameter has
- * changed: to the bits of an export with these parameters.
+/* The numbers of a model by loops (ambkit/loops.h), recomputed after a change of a physical
+ * parameter: with the bits of an export with these parameters.
  *
- * How the continuous model follows from the parameters is data: the operations of Python's parts in
- * their order, so that there is one statement of the equations. All memory is the caller's.
+ * The dependence of the continuous model on the parameters is data: the operations of Python's
+ * parts in order, so that the equations are stated once. All memory is the caller's.
  */
 #ifndef AMBKIT_REBUILD_H
 #define AMBKIT_REBUILD_H
@@ -16,7 +16,7 @@ typedef enum amb_operation { AMB_ADD, AMB_SUBTRACT, AMB_MULTIPLY, AMB_DIVIDE } a
 
 typedef struct amb_rebuild {
   int parameters;    /* the first slots, ... */
-  const double *low; /* [parameters]: least and greatest that keep the model's kind */
+  const double *low; /* [parameters]: minimum and maximum for the model's kind */
   const double *high;
   int constants; /* ... the next, ... */
   const double *constant;
@@ -32,11 +32,11 @@ typedef struct amb_rebuild {
   const unsigned int *from; /* [numbers]: place in Phi, then N of the noises, then the slots */
 } amb_rebuild;
 
-/* How many numbers of room it takes. */
+/* Size of the workspace. */
 int amb_rebuild_room(const amb_rebuild *of);
 
-/* The model's numbers, in the order L, b, B_u, h, e, r, d, c, N, rest. Returns false where a
- * parameter is beyond its limits or a number is not finite, and leaves them as they were. */
+/* The model's numbers, in the order L, b, B_u, h, e, r, d, c, N, rest. Returns false with the
+ * numbers unchanged if a parameter is beyond its limits or a number is not finite. */
 bool amb_rebuild_numbers(const amb_rebuild *of, const double parameters[], amb_real numbers[],
                          double room[]);
 

@@ -1,4 +1,4 @@
-/* Another magnet's force, times a factor: `self` is an amb_scaled. */
+/* The force of another magnet, times a factor: `self` is an amb_scaled. */
 #ifndef AMBKIT_SCALED_H
 #define AMBKIT_SCALED_H
 

@@ -21,10 +21,10 @@
 
 AMB_EXTERN_C_BEGIN
 
-/* Smooth n samples of a filter's history in place: mean and cov, which must not be NULL. Samples
- * that were not used add nothing. Where the filter stood still (AMB_HELD, AMB_BAD_PARAMETER) or had
- * lost its covariance (AMB_BAD_VARIANCE) nothing is carried over: what comes later does not tell
- * what was before. */
+/* Smooth n samples of a filter's history in place: mean and cov, which must not be NULL. Unused
+ * samples add nothing. Where the filter was held (AMB_HELD, AMB_BAD_PARAMETER) or had lost its
+ * covariance (AMB_BAD_VARIANCE) the recursion restarts: later samples carry no information on
+ * earlier ones. */
 void amb_smooth(const amb_kalman *kf, size_t n, const amb_kalman_history *history);
 
 AMB_EXTERN_C_END

@@ -1,4 +1,4 @@
-/* A matrix by the entries that are not zero. */
+/* A matrix by its nonzero entries. */
 #ifndef AMBKIT_SPARSE_H
 #define AMBKIT_SPARSE_H
 

@@ -1,8 +1,9 @@
-/* A force that was measured or computed, as a smooth surface over a regular grid.
+/* A measured or computed force as a smooth surface over a regular grid.
  *
- * Bicubic between the nodes (Hermite): the force and its tangents go through without a step, and
- * only the slopes of the tangents jump. Outside of the grid it goes on linearly in current and in
- * displacement, with the slopes of the edge. */
+ * Bicubic between the nodes (Hermite): force and tangents are continuous, the derivatives of the
+ * tangents are not. Outside the grid it is extrapolated linearly in current and displacement, with
+ * the slopes at the edge.
+ */
 #ifndef AMBKIT_SURFACE_H
 #define AMBKIT_SURFACE_H
 
@@ -12,7 +13,7 @@ AMB_EXTERN_C_BEGIN
 
 /* At a node. */
 typedef struct amb_force_node {
-  amb_real f;    /* force less that at the origin [N] */
+  amb_real f;    /* force minus that at the origin [N] */
   amb_real f_i;  /* dF/diu [N/A] */
   amb_real f_x;  /* dF/dx [N/m] */
   amb_real f_ix; /* d2F/diu dx [N/(A m)] */

@@ -1,4 +1,4 @@
-/* Stiffness tables over a regular grid, bilinear between the nodes, held at the edge outside. */
+/* Stiffness tables over a regular grid, bilinear between the nodes, constant outside. */
 #ifndef AMBKIT_TABLE_H
 #define AMBKIT_TABLE_H
 
@@ -20,7 +20,7 @@ typedef struct amb_table {
   const amb_stiffness *nodes; /* rows x columns, rows of x; the caller's */
 } amb_table;
 
-/* The table's values are the through-origin form; the tangent is theirs by the product rule. */
+/* The table contains the through-origin form; the tangent follows by the product rule. */
 extern const amb_magnet_methods amb_table_magnet;
 
 AMB_EXTERN_C_END

@@ -22,25 +22,25 @@ AMB_EXTERN_C_BEGIN
 #define AMB_TELEMETRY_AROUND 5 /* words of a frame besides its numbers */
 
 typedef struct amb_telemetry {
-  volatile uint32_t *words; /* room for all frames */
+  volatile uint32_t *words; /* memory of all frames */
   uint32_t layout;
   uint32_t count;
   unsigned int numbers;          /* of a frame */
   unsigned int frames;           /* a power of two */
-  volatile unsigned int written; /* frames; changed where samples are taken only */
-  volatile unsigned int taken;   /* frames; changed where they are sent only */
+  volatile unsigned int written; /* frames; changed by the sampling interrupt only */
+  volatile unsigned int taken;   /* frames; changed by the background task only */
 } amb_telemetry;
 
-/* Begin with an empty ring. words: frames * (numbers + AMB_TELEMETRY_AROUND) of them, the caller's;
+/* Start with an empty ring. words: frames * (numbers + AMB_TELEMETRY_AROUND) of them, the caller's;
  * frames: a power of two. */
 void amb_telemetry_init(amb_telemetry *ring, volatile uint32_t words[], unsigned int numbers,
                         unsigned int frames, uint32_t layout);
 
-/* After a sample: keep a frame. False where the ring is full: what is in it stays. */
+/* After a sample: store a frame. False if the ring is full, which is then unchanged. */
 bool amb_telemetry_put(amb_telemetry *ring, uint32_t flags, const amb_real numbers[]);
 
-/* In the background: take the oldest frame out, numbers + AMB_TELEMETRY_AROUND words. False where
- * there is none. */
+/* In the background: remove the oldest frame, numbers + AMB_TELEMETRY_AROUND words. False if there
+ * is none. */
 bool amb_telemetry_take(amb_telemetry *ring, uint32_t frame[]);
 
 AMB_EXTERN_C_END
