@@ -24,6 +24,9 @@ TOP = 2000.0  #: Maximum frequency [Hz], or half the sampling rate.
 POINTS, NEAR, WITHIN = 200, 21, 0.06
 """Points of the frequency grid, around each oscillatory mode, and the range of its shift."""
 
+UNDAMPED = 1e-9
+"""Damping ratio of a mode below which its own frequency is left out: S is zero there."""
+
 
 class Sensitivities:
     """Loops of a machine, each axis with its own PID and all others closed."""
@@ -96,4 +99,6 @@ def _frequencies(machine: Machine, P: LinearSystem) -> Array:
         np.geomspace(min(min_frequency, top / 2), top, POINTS),
         np.concatenate([np.zeros(0), *about]) / (2 * math.pi),
     ])  # fmt: skip
-    return np.unique(f[(f > 0) & (f <= top)])
+    undamped = swings.imag[np.abs(swings.real) < UNDAMPED * swings.imag] / (2 * math.pi)
+    apart = (np.abs(f[:, None] - undamped) > UNDAMPED * f[:, None]).all(axis=1)
+    return np.unique(f[(f > 0) & (f <= top) & apart])
