@@ -106,10 +106,12 @@ def test_single_precision_finds_the_same():
 
 
 def test_metres_and_micrometres_give_one_answer():
-    """Of all filters with forces from the law: nothing in them is absolute."""
+    """Nothing in the numerics knows an absolute size."""
     core, record, magnet = core_module(), run(3e-4), BEARING.magnet
     learn = {"bias": np.zeros(1), "fresh": 0.012, "least": 0.108}
     own = {
+        "Kalman": {},
+        "Extended": {},
         "Unscented": {"reach": 3**0.5, "curvature": 2.0},
         "Augmented": {"std": 0.2, "var_k": 1e-6, "min": 0.2, "max": 5.0, **learn},
         "MultipleModel": {"theta": np.array([0.7, 0.85, 1.0, 1.15, 1.3]), "leave": 1e-4, **learn},

@@ -10,7 +10,6 @@ from scipy.stats import chi2
 import ambkit
 from ambkit import AmbkitError, Machine
 from ambkit.estimate.machine_model import View
-from ambkit.estimate.user_filter import OwnEstimator
 from ambkit.judge.comparison import cases, criteria
 from ambkit.judge.comparison.cases import CASES, Load, trials, walk_case
 from ambkit.judge.comparison.comparison import Sweep, bench, sweep
@@ -59,14 +58,6 @@ def test_the_plant_takes_the_factors_and_nothing_else_changes():
     assert plant.sensor.lag == pytest.approx(0.8 * BEARING.sensor.lag)
     assert plant.amplifier == BEARING.amplifier
     assert Spread.all(1.0).plant(BEARING).to_toml() == BEARING.to_toml()
-
-
-def test_coloured_noise_has_the_variance_and_the_time_that_it_should():
-    made = trials(CASES["coloured-noise"], BEARING, 8, 0)
-    noise = np.array([t.record["y"] - t.record["x_m"] for t in made])
-    assert noise.var() == pytest.approx(BEARING.sensor.noise_variance, rel=0.1)
-    lagged = np.mean(noise[:, 10:] * noise[:, :-10]) / noise.var()
-    assert lagged == pytest.approx(np.exp(-1), abs=0.05)
 
 
 def test_imposed_series_are_added_and_replace():
@@ -409,12 +400,6 @@ class OwnLinear:
             return self.kalman.step(y, u)
         self.started = True
         return self.kalman.update(y)
-
-
-def test_own_code_sees_what_the_kinds_see():
-    record = trials(SHORT, BEARING, 1, 0)[0].record
-    own = OwnEstimator(BEARING, OwnLinear).run(record)
-    np.testing.assert_array_equal(own.mean, ambkit.KalmanFilter(BEARING).run(record).mean)
 
 
 def test_own_code_from_a_file(tmp_path):

@@ -259,9 +259,3 @@ def test_an_installed_package_brings_its_c(tmp_path, exported):
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(str(tmp_path))
     assert texts(tmp_path / "out") == texts(exported("extended").folder)
-
-
-def test_a_kind_that_is_none_is_refused(tmp_path):
-    with pytest.raises(AmbkitError, match='there is no filter and no file "kalman"; known: '):
-        ambkit.export_c(BEARING, "kalman", out=tmp_path / "out")
-    assert not (tmp_path / "out").exists()

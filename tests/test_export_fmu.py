@@ -643,13 +643,6 @@ def test_what_the_command_refuses(command, words, said):
     assert os.listdir() == []
 
 
-def test_the_command_takes_the_names_of_the_others(command, tmp_path):
-    named, given = tmp_path / "named.fmu", tmp_path / "given.fmu"
-    assert command("--filter", "closed-law", "--out", str(named)).code == 0
-    export_fmu(BEARING, ClosedLaw(BEARING), given)
-    assert named.read_bytes() == given.read_bytes()
-
-
 def test_an_fmu_estimates_what_turns_with_the_rotor_too(tmp_path):
     made = ambkit.export_fmu("tum_mlps", "linear+unbalance", out=tmp_path / "f.fmu")
     names = [state.name for state in KalmanFilter(RIG, synchronous=("unbalance",)).states]

@@ -205,15 +205,6 @@ def test_the_picture_has_a_row_for_each_fault_and_a_column_for_each_estimator():
     assert beside.texts[0] == ["0", "0"]
 
 
-def test_what_is_unknown_is_refused():
-    with pytest.raises(AmbkitError, match='no fault "gremlin"; known: lift-off, knock'):
-        inject_faults(PAPER, ["linear"], faults=["gremlin"])
-    with pytest.raises(AmbkitError, match='no filter "ukv"; known: low-pass'):
-        inject_faults(PAPER, ["ukv"])
-    with pytest.raises(AmbkitError, match="samples = 500 is too short"):
-        inject_faults(PAPER, ["linear"], faults=[], steps=500)
-
-
 # ---- the campaign ----
 
 

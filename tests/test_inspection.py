@@ -107,10 +107,6 @@ def test_problems_are_told_not_raised(tmp_path, name, text, problem):
     assert all(str(path) in each for each in found.problems)
 
 
-def test_a_missing_file_is_a_problem(tmp_path):
-    assert "cannot be read" in inspect(tmp_path / "a.toml").problems[0]
-
-
 def test_schemas_allow_what_the_presets_say():
     jsonschema = pytest.importorskip("jsonschema")
     validator = jsonschema.Draft202012Validator(schema_of("machine"))

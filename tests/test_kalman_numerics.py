@@ -6,14 +6,11 @@ from filter_cases import (
     BEARING,
     PRECISIONS,
     SETTINGS,
-    START,
-    STD,
     core_filter,
     full,
     least_correlation_eigenvalue,
     made,
     moving_record,
-    off,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -22,39 +19,6 @@ from ambkit import ClosedLaw
 from ambkit.machine.magnets import core_module
 
 # ---- other units, other precision, very long ----
-
-
-def in_micrometres(s):
-    """The same filter with lengths in um: N = kg m/s^2 makes the mass count in N s^2/um."""
-    um = 1e6
-    return s | {"m": s["m"] / um, "x_max": s["x_max"] * um, "var_y": s["var_y"] * um**2}
-
-
-@pytest.mark.parametrize("adaptive", [False, True])
-def test_metres_and_micrometres_give_one_answer(adaptive):
-    """To 1e-12: nothing in the numerics knows an absolute size."""
-    um, r, core = 1e6, moving_record(2.0), core_module()
-    k, s0, i0 = 6.7e-6, 2e-3, 1.5
-    if adaptive:
-        in_m = core.Law("closed", k=k, s0=s0, i0=i0, two_sided=True, ampere=1.0, metre=1e-3)
-        in_um = core.Law(
-            "closed", k=k * um**2, s0=s0 * um, i0=i0, two_sided=True, ampere=1.0, metre=1e-3 * um
-        )
-        given_m = given_um = {}
-    else:
-        in_m, in_um = core.Constant(1, 1), core.Constant(1, 1)
-        given_m = {"k_i": r["k_i"], "k_s": r["k_s"]}
-        given_um = {"k_i": r["k_i"], "k_s": r["k_s"] / um}
-    lengths = np.array([um, um, 1, um])
-    small = made(core, "Kalman", in_m, SETTINGS)
-    large = made(core, "Kalman", in_um, in_micrometres(SETTINGS))
-    small.reset(START, STD)
-    large.reset(START * lengths, STD * lengths)
-    a = small.run(r["y"], r["u"], **given_m)
-    b = large.run(r["y"] * um, r["u"], **given_um)
-    assert off(a["mean"] * lengths, b["mean"]).max() < 1e-12
-    np.testing.assert_allclose(a["variance"] * um**2, b["variance"], rtol=1e-12)
-    assert (a["status"] == b["status"]).all()
 
 
 @pytest.mark.parametrize("adaptive", [False, True])
@@ -132,43 +96,3 @@ def test_the_covariance_stays_positive_definite(s, stiffness, seed):
     least = np.linalg.eigvalsh(P / np.einsum("ki,kj->kij", d, d)).min()
     assert least > -1e-7
     assert (kf.covariance == kf.covariance.T).all()
-
-
-@settings(max_examples=50)
-@given(st.floats(-2, 2), st.floats(-2, 2), st.integers(0, 10**6))
-def test_the_estimate_is_linear_in_what_it_is_given(a, b, seed):
-    """With stiffnesses given, and no force besides: superposition."""
-    s = SETTINGS | {
-        "f_0": 0.0,
-        "iu_min": -100.0,
-        "iu_max": 100.0,
-        "frozen_limit": 0,
-        "outlier_limit": 0,
-    }
-    rng = np.random.default_rng(seed)
-    n = 300
-    k = rng.uniform(8, 12, n), rng.uniform(6e3, 3e4, n)
-    y, u = rng.normal(0, 1e-5, (2, n)), rng.normal(0, 0.01, (2, n))
-
-    def mean(y, u):
-        kf = made(core_module(), "Kalman", core_module().Constant(1, 1), s)
-        kf.reset(np.zeros(4), STD)
-        return np.asarray(kf.run(y, u, *k)["mean"])
-
-    parts = [mean(y[j], u[j]) for j in (0, 1)]
-    together = mean(a * y[0] + b * y[1], a * u[0] + b * u[1])
-    scale = sum(np.abs(p).max(axis=0) for p in parts)
-    assert (np.abs(together - a * parts[0] - b * parts[1]) <= 1e-10 * scale).all()
-
-
-def test_a_measurement_never_makes_the_estimate_less_certain():
-    kf = core_filter(SETTINGS)
-    rng = np.random.default_rng(0)
-    for _ in range(200):
-        kf.predict(0.5)
-        before = kf.covariance
-        kf.update(rng.normal(0, 1e-5))
-        d = np.sqrt(np.diag(before))
-        gained = (before - kf.covariance) / np.outer(d, d)
-        assert np.linalg.eigvalsh(gained)[0] > -1e-12
-        assert gained[3, 3] > 0.01

@@ -180,13 +180,6 @@ def test_the_extended_filter_is_the_textbook_s():
     np.testing.assert_allclose(out["covariance"][-1], P[np.triu_indices(4)], rtol=1e-9)
 
 
-def test_with_constant_stiffness_the_extended_filter_is_the_linear_one():
-    constant = ConstantStiffness.of(BEARING)
-    linear = KalmanFilter(BEARING, constant).run(RECORD)
-    extended = KINDS["extended"].make(BEARING, constant).run(RECORD)
-    np.testing.assert_allclose(extended.mean, linear.mean, rtol=1e-12, atol=0)
-
-
 # ---- observers ----
 
 

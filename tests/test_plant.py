@@ -7,12 +7,11 @@ one current throughout.
 import numpy as np
 import oracles
 import pytest
-from one_axis import I0, S0, K, M, driven
+from one_axis import M, driven
 from scipy.integrate import solve_ivp
 
 import ambkit
 from ambkit import Machine
-from ambkit.machine.magnets import core_module
 
 BEARING = Machine.preset("zittau_axial")
 
@@ -45,17 +44,6 @@ def test_with_the_usual_steps_the_error_is_nothing_beside_the_noise():
         assert error < 1e-6 * np.abs(reference[:, column]).max()
 
 
-def test_energy_is_conserved_at_constant_current():
-    """No weight, no lag in the force: v^2 m/2 less the work of the magnet, eq. 1 integrated."""
-    current = -0.05
-    run = released(80, 1e-4, current=current)
-    x, v = run["x"], run["v"]
-    work = K * ((I0 + current) ** 2 / (S0 - x) + (I0 - current) ** 2 / (S0 + x))
-    kinetic = 0.5 * M * v**2
-    assert kinetic[-1] > 1e-6
-    np.testing.assert_allclose(kinetic - (work - work[0]), 0, atol=1e-9 * kinetic[-1])
-
-
 def test_the_mirrored_run_is_the_mirror_of_the_run():
     rng = np.random.default_rng(0)
     f_d = rng.uniform(-5, 5, 500)
@@ -64,21 +52,6 @@ def test_the_mirrored_run_is_the_mirror_of_the_run():
     assert there["touched"] == back["touched"] > 0
     for name in ("x", "v", "x_m", "force", "y", "iu"):
         assert (there[name] == -back[name]).all()
-
-
-def test_in_balance_nothing_moves():
-    still = released(1000, 1e-4, x_start=0.0)
-    for name in ("x", "v", "x_m", "force"):
-        assert (still[name] == 0).all()
-
-
-def test_constant_acceleration_is_met_exactly():
-    """Without magnet, in free fall."""
-    nothing = core_module().Constant(0.0, 0.0)
-    run = released(50, 1e-4, magnet=nothing, f_0=-M * 9.81, x_start=0.0)
-    t = 1e-4 * np.arange(50)
-    np.testing.assert_allclose(run["x"], -0.5 * 9.81 * t**2, rtol=1e-12)
-    np.testing.assert_allclose(run["v"], -9.81 * t, rtol=1e-12)
 
 
 def test_at_a_stop_the_rotor_stays_until_it_is_pulled_off():

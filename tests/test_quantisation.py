@@ -221,11 +221,6 @@ def test_a_quiet_sensor_that_has_shown_no_step_yet_is_not_frozen_at_once():
     assert 12 * OWN_TIME < frozen[0] * T < 16 * OWN_TIME
 
 
-def test_the_papers_rig_with_steps_of_two_micrometres():
-    record, estimate, _ = flown(20)
-    assert rms(estimate["x"] - record["x"]) < rms(record["y"] - record["x"])
-
-
 @pytest.mark.parametrize("ratio", [0.1, 2, 5])
 def test_what_it_says_of_its_errors_holds(ratio):
     shares = []

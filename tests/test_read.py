@@ -581,17 +581,6 @@ def test_the_command_from_guess_to_record(call):
     assert {fault["kind"] for fault in found["faults"]} == {"gap", "frozen", "saturated"}
 
 
-def test_a_refused_log_writes_nothing(call, tmp_path):
-    columns = sound(200)
-    columns["time"][100:] -= 0.05
-    logs.csv(Path("log.csv"), columns)
-    Path("map.toml").write_text(MAP)
-    code, out, err = call("read", "log.csv", "--channels", "map.toml", "--out", "a.csv")
-    assert (code, out) == (2, "")
-    assert err.startswith("ambkit: 2 problems in log.csv:\n  log.csv:102: t jumps")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "map.toml"]
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

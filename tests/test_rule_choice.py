@@ -177,10 +177,6 @@ def test_command_names_the_file_with_too_few_points(call, tmp_path):
     assert "force.csv: too few points" in call(*arguments).err
 
 
-def test_command_takes_a_number_of_rules(call):
-    assert call("train", "zittau_axial", "--rules", "4x3", "--json").json["rules"] == 12
-
-
 @pytest.mark.parametrize(
     ("rules", "message"),
     [

@@ -143,11 +143,6 @@ def test_train_makes_the_expert_that_the_command_writes(call, options, arguments
     assert Expert.load("e.json") == ambkit.train(BEARING, **options).expert
 
 
-def test_automatic_rules_ask_for_points():
-    with pytest.raises(AmbkitError, match="auto needs points that were measured"):
-        ambkit.train(BEARING, rules="auto")
-
-
 def test_an_expert_reaches_as_far_as_it_is_told(call):
     assert ambkit.train(BEARING, reach="0.8 mm").expert.displacement_range == (-0.8e-3, 0.8e-3)
     with pytest.raises(AmbkitError, match="reach must be above 0 m and at most the travel, 1 mm"):

@@ -54,31 +54,6 @@ def test_the_map_is_the_point_by_point_fit():
             np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
-@given(currents, displacements)
-def test_gives_the_force_itself_without_an_affine_term(iu, x):
-    k_i, k_s, residual = local_stiffness(law, iu, x)
-    assert abs(k_i * iu + k_s * x - law(iu, x)) < 0.02
-    assert residual < 0.15
-
-
-def test_for_small_steps_it_is_the_through_origin_form_of_the_core():
-    stiff = stiffness_map(ZITTAU, delta_current=1e-4, delta_displacement=1e-7)
-    k_i, k_s = ClosedLaw(ZITTAU).stiffness(*np.meshgrid(stiff.current, stiff.displacement))
-    np.testing.assert_allclose(stiff.k_i, k_i, rtol=1e-5)
-    np.testing.assert_allclose(stiff.k_s, k_s, rtol=1e-5)
-
-
-def test_metres_and_micrometres_give_the_same():
-    iu, x = np.meshgrid(np.linspace(-1.5, 1.5, 5), np.linspace(-0.5e-3, 0.5e-3, 5))
-    k_i, k_s, residual = local_stiffness(law, iu, x)
-    k_i_um, k_s_um, residual_um = local_stiffness(
-        lambda i, um: law(i, um * 1e-6), iu, 1e6 * x, delta_displacement=10.0
-    )
-    np.testing.assert_allclose(k_i_um, k_i, rtol=1e-12)
-    np.testing.assert_allclose(1e6 * k_s_um, k_s, rtol=1e-12)
-    np.testing.assert_allclose(residual_um, residual, rtol=1e-9)
-
-
 def test_a_linear_force_is_found_exactly():
     stiff = stiffness_map(ZITTAU, force=lambda iu, x: 3.0 * iu - 40.0 * x + 7.0)
     np.testing.assert_allclose(stiff.k_i, 3.0, rtol=1e-10)

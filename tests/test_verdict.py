@@ -180,24 +180,6 @@ def test_lqg_carries_a_load_and_holds_a_reference():
     assert rest[1, names.index("r")] == pytest.approx(1, rel=1e-6)
 
 
-def test_lqg_makes_its_own_cost_least():
-    """Nobody else has less noise in position and control together, by its own weights."""
-    P = plant(ZITTAU, OperatingPoint.equilibrium(ZITTAU))
-    var_y, var_u = ZITTAU.sensor.noise_variance, ZITTAU.amplifier.noise_variance
-    weight = 1e-8
-
-    def cost(loop):
-        position, control_signal = np.diag(loop.noise_covariance(var_y, var_u))
-        return position + weight * control_signal
-
-    rests = Noise(var_y, var_u, 1e-6)  # a load that hardly moves, so that noise is all there is
-    best = cost(Loop(P, LQG(P, rests).compensator(weight)))
-    for other in (weight / 3, 3 * weight):
-        assert best < cost(Loop(P, LQG(P, rests).compensator(other)))
-    for each in ambkit.assess(ZITTAU, ["linear", "observer"]).loops.values():
-        assert best < cost(each.loop)
-
-
 @pytest.mark.parametrize("preset", BEARINGS)
 def test_lqg_stands_beside_the_loops(preset):
     found = ambkit.assess(Machine.preset(preset), "linear", beside=["lqg"])
