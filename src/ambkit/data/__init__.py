@@ -1,1 +1,1 @@
-"""What was measured or simulated: the record, and how logs of any format become one."""
+"""Measured and simulated records, and the reading of logs in any format."""

@@ -1,4 +1,4 @@
-"""The channel map: which row or column of a log is which signal, and what its numbers mean.
+"""Channel map: the signals in the rows or columns of a log, and the meaning of their numbers.
 
 Of each number in the log, ``value = sign * scale * number * unit + offset``, in SI::
 
@@ -33,40 +33,41 @@ from ambkit.data.signals import CONTROL, UNITS, held_in
 Index = Annotated[int, Field(ge=0, strict=True)]
 
 
-PLACES = ("r", "x_logged")  #: Signals that are read off the same scale as y.
+PLACES = ("r", "x_logged")  #: Signals on the same scale as y.
 
 
 class MappedSignals(NamedTuple):
-    """The signals that a channel map found in a log."""
+    """Signals selected by a channel map."""
 
     signals: Mapping[str, Array]  #: Each signal (n,) in SI, without the clocks.
-    units: Mapping[str, str]  #: SI unit of each.
+    units: Mapping[str, str]  #: SI unit of each signal.
     clocks: Mapping[str, Array]
-    """The times of samples (n,) [s], by the name of the clock; ``t`` first, where it is there."""
+    """Times of samples (n,) [s], by clock; ``t`` first, if there is one."""
     clock_of: Mapping[str, str]  #: The clock of each signal.
-    delays: Mapping[str, float]  #: How much too late the logger wrote a signal [s], where it did.
+    delays: Mapping[str, float]  #: Logging delay of a signal [s], if there is one.
     meta: dict[str, Any]  #: The map's name and source.
-    remarks: tuple[str, ...] = ()  #: How times were read that are text.
+    remarks: tuple[str, ...] = ()  #: How times in text form were parsed.
 
 
 class Channel(Scaling):
-    """One signal: where it stands in the log, and what its numbers mean."""
+    """One signal: its place in the log, and the meaning of its numbers."""
 
     row: Index | None = None
-    """Row of the array, from 0, where each sample is a column of it."""
+    """Row of the array, from 0, if each sample is a column."""
     column: Index | Annotated[Line, Field(min_length=1)] | None = None
-    """Column of the array, from 0, where each sample is a row; of a table its name or place."""
+    """Column of the array, from 0, if each sample is a row; of a table its name or index."""
     array: Line | None = None
-    """The array in the file, where it is not the map's own; alone, it must be a vector."""
+    """Array in the file, if not the map's default; without row or column it must be a vector."""
     delay: Annotated[float, Quantity("s", "0.25 ms")] = 0.0
-    """How much later than it was the logger wrote it [s]; the signal is shifted back by that."""
+    """Logging delay [s]; the signal is shifted back by it."""
     format: Line = ""
-    """Of times as text, how they are written, such as "%d.%m.%Y %H:%M:%S.%f"; most are known."""
+    """Format of times as text, such as "%d.%m.%Y %H:%M:%S.%f"; most are recognised."""
     measured: Annotated[bool, Field(strict=True)] = False
-    """Of u: whether it is the current as a sensor showed it, which goes on a line between two
-    samples, as it does where there is a ``control``; without it a control signal, which is held."""
+    """Of u: whether it is a measured current, which is interpolated between samples, as it is with
+    a ``control``; otherwise it is a control signal, which is held.
+    """
     time: Name | None = None
-    """The signal of this map that has the times of its samples, where that is not ``t``."""
+    """Signal with the times of its samples, if that is not ``t``."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -84,16 +85,16 @@ class Channel(Scaling):
 
 
 class ChannelMap(Document):
-    """What the channels of a log mean; read from TOML with `load` or `from_toml`."""
+    """Meaning of the channels of a log; read from TOML with `load` or `from_toml`."""
 
     name: Name = ""
-    """What kind of log this is for."""
+    """Kind of log."""
     source: Description = ""
-    """Where such logs come from."""
+    """Origin of such logs."""
     array: Line | None = None
-    """The array in the file that holds the channels."""
+    """Array in the file with the channels."""
     sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)] | None = None
-    """Time between samples [s], of a log without times; or with times that mean nothing."""
+    """Time between samples [s], for a log without times, or with meaningless ones."""
     signals: dict[Annotated[Name, Field(min_length=1)], Channel]
     """The signals by name; ``t`` is the time."""
 
@@ -123,8 +124,8 @@ class ChannelMap(Document):
                 yield f"{place}.time", "with sampling_time there is no other clock"
 
     def with_inputs(self, inputs: Inputs) -> "ChannelMap":
-        """Return the map by which a log's y and u are what a filter reads."""
-        # What else is a place along with y, the reference and what the rig estimated, moves with
+        """Return the map with y and u as the inputs of a filter."""
+        # Other positions on the same scale as y, the reference and the rig's estimates, move with
         # it.
         signals = dict(self.signals)
         moved = inputs.y.zero - signals["y"].zero if "y" in signals else 0.0
@@ -140,7 +141,7 @@ class ChannelMap(Document):
 
     @property
     def texts(self) -> tuple[str | int, ...]:
-        """The columns that hold times as text, in a format that the map says."""
+        """Columns with times as text, in a format stated by the map."""
         formatted = [c for c in self.signals.values() if c.format]
         result = (self.array if c.column is None else c.column for c in formatted if not c.array)
         arrays = (c.array for c in formatted if c.array)
@@ -148,20 +149,20 @@ class ChannelMap(Document):
 
     @property
     def wanted(self) -> tuple[str | int, ...]:
-        """What the map reads of a file: names of arrays or columns, and places of columns."""
+        """What the map needs of a file: names of arrays or columns, and indices of columns."""
         channels = self.signals.values()
         places = (c.column if (name := self._name(c)) is None else name for c in channels)
         return tuple(dict.fromkeys(place for place in places if place is not None))
 
     def apply(self, log: Log) -> MappedSignals:
-        """Pick the signals out of a log; see `pick`."""
+        """Select the signals of a log; see `pick`."""
         mapped, problems = self.pick(log)
         if problems:
             raise RecordError(problems, log.name)
         return mapped
 
     def pick(self, log: Log) -> tuple[MappedSignals, list[str]]:
-        """Pick those signals out of a log that are there."""
+        """Select the signals that a log has."""
         values: dict[str, Array] = {}
         remarks: list[str] = []
         problems: list[str] = []
@@ -182,7 +183,7 @@ class ChannelMap(Document):
         if not problems:
             problems = list(self._clock_problems(log, signals, clocks, clock_of))
         about = {"log": self.name, "origin": self.source}
-        # A sensor showed u, which is then not the control that drives it.
+        # A measured u is not the control signal.
         is_current = "u" in signals and (self.signals["u"].measured or CONTROL in signals)
         mapped = MappedSignals(
             signals,
@@ -203,7 +204,7 @@ class ChannelMap(Document):
         clocks: dict[str, Array],
         clock_of: dict[str, str],
     ) -> Iterator[str]:
-        """Say which signals have another clock than the map says, and give them their own."""
+        """Yield signals with another clock than stated, and give them their own."""
         for name, values in signals.items():
             clock = clock_of[name]
             place = f"{log.name}: signal {name}"
@@ -222,7 +223,7 @@ class ChannelMap(Document):
                 )
 
     def _name(self, channel: Channel | None) -> str | None:
-        """Name of the array or column in which a signal stands."""
+        """Return the name of the array or column of a signal."""
         if channel is None:
             return None
         return channel.column if isinstance(channel.column, str) else channel.array or self.array
@@ -254,7 +255,7 @@ class ChannelMap(Document):
 
 
 def inputs_of(channels: ChannelMap) -> Inputs:
-    """Return what a controller reads that has the same numbers as a log."""
+    """Return a controller's inputs with the same numbers as a log."""
     keys = tuple(Scaling.model_fields)
     return Inputs(**{
         name: Scaling(**{key: getattr(channels.signals[name], key) for key in keys})

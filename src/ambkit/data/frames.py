@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-KEY = "ambkit"  #: Where a data set of xarray has, as JSON, what no variable says.
+KEY = "ambkit"  #: Attribute of an xarray data set with everything that is no variable, as JSON.
 
 
 class Series(NamedTuple):
-    """Columns over time with their units, and what else is known."""
+    """Columns over time with units and metadata."""
 
     t: Array
     columns: Mapping[str, NDArray[Any]]
@@ -30,7 +30,7 @@ class Series(NamedTuple):
 
 
 class Framed:
-    """Series over time, to and from the frames of other libraries."""
+    """Conversion of series over time to and from the frames of other libraries."""
 
     __slots__ = ()
 
@@ -42,7 +42,7 @@ class Framed:
         raise NotImplementedError
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return all of it as a DataFrame over the time [s], in SI.
+        """Return everything as a DataFrame over the time [s], in SI.
 
         Returns
         -------
@@ -63,7 +63,7 @@ class Framed:
 
     @classmethod
     def from_pandas(cls, frame: pandas.DataFrame, units: Mapping[str, str] | None = None) -> Self:
-        """Make it of a DataFrame; that of `to_pandas` gives exactly its values.
+        """Convert a DataFrame; that of `to_pandas` restores the exact values.
 
         Parameters
         ----------
@@ -96,7 +96,7 @@ class Framed:
         return cls._of_series(series, units)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return all of it as a Dataset over the coordinate t [s], in SI.
+        """Return everything as a Dataset over the coordinate t [s], in SI.
 
         Returns
         -------
@@ -125,7 +125,7 @@ class Framed:
 
     @classmethod
     def from_xarray(cls, dataset: xarray.Dataset, units: Mapping[str, str] | None = None) -> Self:
-        """Make it of a Dataset; that of `to_xarray` gives exactly its values.
+        """Convert a Dataset; that of `to_xarray` restores the exact values.
 
         Parameters
         ----------
@@ -165,7 +165,7 @@ class Framed:
 
 
 def in_si(series: Series, units: Mapping[str, str] | None = None) -> Series:
-    """Convert all columns to SI; what is SI already keeps its bits."""
+    """Convert all columns to SI; values in SI keep their bits."""
     raw_columns = {"t": series.t, **series.columns}
     known_units = UNITS | dict(series.units) | dict(units or {})
     unknown = [name for name in units or {} if name not in raw_columns]
@@ -191,7 +191,7 @@ def _checked(
     units: Mapping[str, str],
     about: Mapping[str, Any],
 ) -> Series:
-    if t.dtype.kind in "mM":  # times of day or spans of time, counted in seconds
+    if t.dtype.kind in "mM":  # times of day or durations, in seconds
         t = (t - t[0] if t.dtype.kind == "M" else t) / np.timedelta64(1, "s")
     for name, values in {"t": t, **columns}.items():
         if values.dtype.kind not in "fiu":

@@ -1,4 +1,4 @@
-"""What the numbers of a rig mean: unit, scale, sign and offset of one signal."""
+"""Scaling of a rig's numbers: unit, scale, sign and offset of one signal."""
 
 import re
 from collections.abc import Iterator
@@ -19,16 +19,16 @@ _SCALE = re.compile(r"\s*(\S+)\s+(\S.*?)\s*")
 
 
 class Scaling(Part):
-    """A signal as a rig has it: ``value = sign * scale * number * unit + offset``, in SI."""
+    """Scaling of a rig's signal: ``value = sign * scale * number * unit + offset``, in SI."""
 
     unit: Line
     """Unit of the numbers such as "mm"."""
     scale: float | Line = 1.0
-    """Factor; with a unit where it makes one quantity of another, such as "2 A/V"."""
+    """Factor; with a unit if it converts one quantity to another, such as "2 A/V"."""
     sign: Annotated[int, Field(strict=True)] = 1
-    """1, or -1 where the rig counts the other way."""
+    """1, or -1 for the opposite direction."""
     offset: Line = ""
-    """Added in the end, with its unit, such as "10 mm"."""
+    """Offset of the result, with its unit, such as "10 mm"."""
 
     unwritten = ("scale", "sign", "offset")
 
@@ -39,30 +39,30 @@ class Scaling(Part):
 
     @property
     def gain(self) -> float:
-        """What a number is multiplied with, to be in SI."""
+        """Factor from a number to SI."""
         return self.sign * _factor(self.unit, self.scale, self.si_unit)
 
     @property
     def zero(self) -> float:
-        """What is added then, in SI."""
+        """Offset in SI."""
         return units.parse(self.offset, self.si_unit) if self.offset else 0.0
 
     def value(self, numbers: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
-        """Turn a rig's numbers into the signal, in SI."""
+        """Convert a rig's numbers to the signal, in SI."""
         raw = np.asarray(numbers, dtype)
         if self.gain == 1.0 and not self.zero:
             return raw
         return np.asarray(dtype(self.gain) * raw + dtype(self.zero))
 
     def shifted(self, by: float) -> Self:
-        """Return a scaling whose values are larger by so much [SI]."""
+        """Return a scaling with values larger by an amount [SI]."""
         if not by:
             return self
         offset = engineering(self.zero + by, self.si_unit, digits=None)
         return self.model_copy(update={"offset": offset})
 
     def numbers(self, values: ArrayLike) -> Array:
-        """Turn a signal in SI into a rig's numbers."""
+        """Convert a signal in SI to a rig's numbers."""
         signal = np.asarray(values, float)
         if self.gain == 1.0 and not self.zero:
             return signal
@@ -90,7 +90,7 @@ class Scaling(Part):
 
 
 class Inputs(Part):
-    """What the controller reads, and what it means; without it metres and volts."""
+    """Scaling of a controller's inputs; by default metres and volts."""
 
     y: Scaling = Field(default_factory=lambda: Scaling(unit="m"))
     """The position sensor."""
@@ -99,7 +99,7 @@ class Inputs(Part):
 
     @property
     def in_si(self) -> bool:
-        """Whether its numbers are those of the signals."""
+        """Whether its numbers equal the signals in SI."""
         return all(item.gain == 1 and not item.zero for item in (self.y, self.u))
 
     @classmethod
@@ -118,7 +118,7 @@ def _scaled_unit(unit: str, scale: float | str) -> str:
 
 
 def _turned(unit: str, scale: float | str) -> str:
-    """Say so where a scale is upside down: a sensor's V/mm instead of mm/V."""
+    """Suggest the inverse of a scale with the inverse unit: a sensor's V/mm instead of mm/V."""
     match = _SCALE.fullmatch(scale) if isinstance(scale, str) else None
     if not match or match[2].count("/") != 1:
         return ""

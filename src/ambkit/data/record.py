@@ -1,4 +1,4 @@
-"""The record: what was measured or simulated, as labelled time series with units."""
+"""The record: measured or simulated time series with units."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from ambkit.result.card import Card
 
 
-TIME_TOLERANCE = 0.01  #: Deviation of a time step from the mean: logs print rounded times.
+TIME_TOLERANCE = 0.01  #: Tolerance of a time step, because logs print rounded times.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Record(Shown, frames.Framed):
-    """Evenly sampled signals of one run, n samples; a simulated and a measured run alike.
+    """Evenly sampled signals of one run, n samples; simulated or measured.
 
     The arrays are copied and cannot be written to. NaN in a signal is a missing sample.
 
@@ -108,7 +108,7 @@ class Record(Shown, frames.Framed):
 
     @cached_property
     def truth(self) -> dict[str, Array]:
-        """The signals that only a simulation knows; empty for a measured record.
+        """Signals known in simulation only; empty for a measured record.
 
         A record counts as simulated where its ``meta`` holds the scenario: an estimate has
         signals of the same names and is not the truth.
@@ -119,7 +119,7 @@ class Record(Shown, frames.Framed):
 
     @property
     def has_truth(self) -> bool:
-        """Whether estimates can be judged against the truth."""
+        """Whether there is a truth to judge estimates."""
         return bool(self.truth)
 
     def between(self, start: Given | None = None, stop: Given | None = None) -> Record:
@@ -166,7 +166,7 @@ class Record(Shown, frames.Framed):
         return Record(self.t, {name: self[name] for name in signals}, self.units, self.meta)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the record; `load` gives back exactly its values.
+        """Write the record; `load` restores its exact values.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class Record(Shown, frames.Framed):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Record:
-        """Read what `save` wrote, or any table with units whose clock is even.
+        """Read a file of `save`, or any table with units and an even clock.
 
         `ambkit.load` also takes a channel map, and `ambkit.read` also logs with faults.
 
@@ -248,7 +248,7 @@ def _frozen(name: str, values: ArrayLike) -> Array:
 
 
 def time_problems(t: Array, place: Callable[[int], str] | None = None) -> Iterator[str]:
-    """Yield all that keeps times from being even."""
+    """Yield the reasons why times are not even."""
     # t (n,) [s]
 
     def at_(sample: int) -> str:
@@ -271,7 +271,7 @@ def time_problems(t: Array, place: Callable[[int], str] | None = None) -> Iterat
 
 
 def _si(name: str, unit: str | None) -> str:
-    """Return the unit of a signal if it is the one that a record holds it in."""
+    """Return the unit of a signal if it is the one in records."""
     if unit is None:
         raise RecordError(f"signal {name} has no unit")
     try:

@@ -1,4 +1,4 @@
-"""A record: its signals over time."""
+"""Figure and description of a record: its signals over time."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from ambkit.result.card import SPAN, Card, spread, value
 from ambkit.result.report import Axis, Figure, Item, Line, Panel, Rule, Span
 from ambkit.result.signal_styles import TIME
 
-MAX_PANELS = 8  #: Channels in a picture; more would not be legible.
-NARROWEST = 0.004  #: Least width of a mark, as a part of the picture's.
+MAX_PANELS = 8  #: Maximum number of channels in a figure.
+NARROWEST = 0.004  #: Minimum width of a mark, over that of the figure.
 
 _LABELS = {
     "y": "position $y$",
@@ -31,7 +31,7 @@ _LABELS = {
 
 
 def axis_of(name: str, unit: str, values: Array) -> Axis:
-    """Return an axis in the multiple of the unit that suits the values."""
+    """Return an axis with a suitable prefix."""
     there = values[np.isfinite(values)]
     largest = float(np.abs(there).max()) if there.size else 0.0
     display_unit = engineering(largest, unit).partition(" ")[2]
@@ -47,8 +47,8 @@ def missing_spans(
     spans: Iterable[tuple[float, float]], t: Array, label: str | None = None,
     signal: str = "missing",
 ) -> Iterator[Item]:  # fmt: skip
-    """Mark spans [s], by default those without samples; the legend says so, or `label`."""
-    # They are widened so that one sample is seen, and joined where they would overlap.
+    """Mark spans [s], by default those without samples; the legend is `label`."""
+    # They are widened to the visible width of a sample, and joined where they would overlap.
     least = NARROWEST * float(t[-1] - t[0])
     joined: list[tuple[float, float]] = []
     for first, last in sorted(spans):
@@ -59,7 +59,7 @@ def missing_spans(
         else:
             joined.append((start, stop))
     for start, stop in joined:
-        narrow = stop - start < 5 * least  # too narrow for its pale colour to be seen
+        narrow = stop - start < 5 * least  # too narrow for its pale colour to be visible
         ends = max(start, float(t[0])), min(stop, float(t[-1]))
         yield Span(*ends, signal=signal, label="" if narrow else label)
         if narrow:
@@ -67,13 +67,13 @@ def missing_spans(
 
 
 def lost_spans(lost: Bools, t: Array, signal: str = "missing") -> list[Item]:
-    """Mark samples (n,), by default those that are lost, at the times (n,) [s]."""
+    """Mark samples (n,), by default missing ones, at the times (n,) [s]."""
     spans = [(float(t[a]), float(t[b - 1])) for a, b in stretches(lost)]
     return list(missing_spans(spans, t, signal=signal))
 
 
 def steps_panel(name: str, x: Array, steps: Array, axis: Axis, more: Iterable[Item]) -> Panel:
-    """Show the time between samples (n,) [s] over `x` (n,), and `more` with it."""
+    """Plot the time between samples (n,) [s] over `x` (n,), with further items."""
     there = steps[np.isfinite(steps)]
     low, high = (float(there.min()), float(there.max())) if there.size else (0.0, 0.0)
     usual = float(np.median(np.abs(there))) if there.size else 1.0
@@ -90,11 +90,11 @@ SHARING = {"y": "measured", "r": "reference", "x": "truth"}
 """Signals that share a panel, with their styles; the first one names it."""
 
 TOLD_BY = {"iu": "u", "f_mag": "f_d", "x_m": "y"}
-"""Signals that are left out where the other one says nearly the same."""
+"""Signals that are omitted if the other one is nearly equal."""
 
 
 def record_figure(record: Any) -> Figure:
-    """Show a record's signals over time; of many the first eight panels."""
+    """Plot a record's signals over time; at most eight panels."""
     groups = list(_groups(record))
     names = [name for names in groups[MAX_PANELS:] for name in names]
     left = f"Not shown: {', '.join(map(escaping.markdown, names))}." if names else ""

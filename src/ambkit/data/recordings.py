@@ -1,4 +1,4 @@
-"""The recordings that come with ambkit, from ``examples/recordings``: logs of a real rig."""
+"""The recordings of a real rig in ``examples/recordings``."""
 
 from pathlib import Path
 

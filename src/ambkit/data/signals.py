@@ -11,7 +11,7 @@ MEASURED = {"y": "m", "u": "V", "r": "m", "injected": "m"}
 TRUTH = {"x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N"}
 """In a simulation: displacement, velocity, disturbance force, lagged position, currents, forces."""
 
-CONTROL = "control"  #: What drives a measured current, in any unit.
+CONTROL = "control"  #: Input of a measured current, in any unit.
 UNITS = {"t": "s"} | MEASURED | TRUTH  #: SI unit of each standard signal.
 
 SI_UNITS = (
@@ -20,7 +20,7 @@ SI_UNITS = (
     *("m^2", "m^2/s^2", "V^2", "A^2", "N^2", "N/A", "N/m", "N m", "N s/m", "N m^2/A^2"),
     *("A/V", "V/A", "V/m", "A/s", "V/s", "N/s", "ohm", "H", "T", "Wb", "C"),
 )
-"""The SI units that a record writes; what is given in another unit of the kind is converted."""
+"""SI units in records; other units of the same kind are converted."""
 
 
 def signal(what: str, name: str) -> str:
@@ -29,40 +29,40 @@ def signal(what: str, name: str) -> str:
 
 
 def displacement(axis: str) -> str:
-    """Name of the true displacement of an axis: ``s_A1``; a single one is the paper's ``x``."""
+    """Return the name of an axis's true displacement: ``s_A1``; of a single one ``x``."""
     return signal("s", axis) if axis else "x"
 
 
 def held_in(name: str, unit: str) -> str:
-    """Return the SI unit in which a record holds a signal that is given in a unit."""
+    """Return the SI unit in which records hold a signal with a unit."""
     si = UNITS.get(name) or si_unit(unit)
     return "A" if name == "u" and si_unit(unit) == "A" else si
 
 
 OF_TRUTH = re.compile(f"({'|'.join((*TRUTH, 's', 'q'))})(_.+)?")
-"""Names of the signals of a simulated record that only the simulation knows."""
+"""Signals known in simulation only."""
 
 
 def by_name(names: Sequence[str], values: Sequence[Any]) -> Any:
-    """Return values by their names; of a single one without a name the value itself."""
+    """Return values by name; of a single one without a name the value itself."""
     return dict(zip(names, values, strict=True)) if any(names) else values[0]
 
 
 def each_of(values: Any) -> list[Any]:
-    """Return the values that `by_name` gave."""
+    """Return the values of a result of `by_name`."""
     return list(values.values()) if isinstance(values, dict) else [values]
 
 
 @cache
 def si_unit(unit: str) -> str:
-    """Return the SI unit that measures what `unit` does."""
+    """Return the SI unit of the same dimension as `unit`."""
     from ambkit.base.units import factor
 
     if unit in ("", "-"):
         return "1"
     if unit in SI_UNITS:
         return unit
-    factor(unit, unit)  # raises where the unit is unknown, so that the message says so
+    factor(unit, unit)  # raises for an unknown unit, with the right message
     for candidate in SI_UNITS:
         try:
             factor(unit, candidate)
@@ -73,7 +73,7 @@ def si_unit(unit: str) -> str:
 
 
 def to_si(name: str, unit: str, values: Any) -> tuple[Any, str]:
-    """Convert a signal to the SI unit in which a record holds it; SI values keep their bits."""
+    """Convert a signal to the SI unit of records; SI values keep their bits."""
     from ambkit.base.units import factor
 
     target = held_in(name, unit)

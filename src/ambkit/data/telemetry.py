@@ -1,4 +1,4 @@
-"""Frames that a controller sent: ``core/include/ambkit/telemetry.h`` has their form."""
+"""Frames of a controller, in the format of ``core/include/ambkit/telemetry.h``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _AROUND = 5  # words of a frame besides its numbers
 def read_telemetry(
     received: str | os.PathLike[str] | bytes, layout: str | os.PathLike[str]
 ) -> Record:
-    """Read the frames in what a controller has sent.
+    """Read the frames in a controller's telemetry.
 
     Frames are found wherever they begin; bytes in between, and frames whose CRC is wrong, are left
     out. Samples of which no frame arrived are NaN.

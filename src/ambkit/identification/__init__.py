@@ -1,1 +1,1 @@
-"""Parameters from records, all at once or sample by sample, and the experiments that tell them."""
+"""Identification of parameters from records, in batch or online, and the design of experiments."""

@@ -1,4 +1,4 @@
-"""The coil of a magnet: from the control signal to its current, and by how much it lags.
+"""Identification of a magnet's coil: from the control signal to the current, with its lag.
 
 A switched amplifier with a diode in parallel to the coil lets the current die away by itself::
 
@@ -32,31 +32,31 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
 BLOCK = 0.5
-"""Seconds in which errors may be alike; the standard errors count each such block once."""
+"""Seconds within which errors may be correlated; the standard errors count each block once."""
 
-LEAST_RANGE = 20.0  #: Of a current over its noise: below it a log tells nothing of a coil.
+LEAST_RANGE = 20.0  #: Minimum range of a current, over its noise.
 
 
 @dataclass(frozen=True)
 class Coil:
-    """A coil and its amplifier."""
+    """A coil with its amplifier."""
 
-    gain: float  #: G, current at rest for a control signal of 1 V [A/V].
-    dead_zone: float  #: u0, control signal up to which no current flows [V].
+    gain: float  #: Gain G, static current per volt of control signal [A/V].
+    dead_zone: float  #: Dead zone u0, control signal up to which no current flows [V].
     far_time: float  #: a, b [s] and c [m] of the time constant ``a + b exp(-z/c)``.
     near_time: float
     length: float
-    delay: float  #: From a control signal to the change of the current [s].
-    zero: float = 0.0  #: What the current's sensor shows without any current [A].
+    delay: float  #: Dead time from the control signal to the current [s].
+    zero: float = 0.0  #: Reading of the current sensor without current [A].
 
     def time_constant(self, z: Array | float) -> Any:
         """Return L/R [s] with the rotor at a distance z [m] from the magnet."""
         return self.far_time + self.near_time * np.exp(-np.asarray(z) / self.length)
 
     def current(self, record: Record) -> Array:
-        """Return what the sensor would show along a record without noise (n,) [A]."""
-        # Exact for a control signal that is held and a rotor that is still within a sample. The
-        # first current is the record's own.
+        """Return the noise-free readings of the current along a record (n,) [A]."""
+        # Exact for a control signal that is held and a rotor at rest within a sample. The first
+        # current is the record's.
         T = record.sampling_time
         tau = self.time_constant(record["z"])
         target = self.gain * (record["u"] - self.dead_zone)
@@ -79,21 +79,21 @@ class Coil:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CoilFit(Result):
-    """A coil from logs, with its errors."""
+    """A coil identified from logs, with errors."""
 
-    coil: Coil  #: What was found.
+    coil: Coil  #: Identified coil.
     #: By the names of `Coil`, SI; from blocks of half a second.
     standard_errors: Mapping[str, float]
-    residual_rms: float  #: Current that is left unexplained, in all logs together [A].
-    #: Of the current's sensor, from neighbouring samples while nothing is switched [A].
+    residual_rms: float  #: Residual current over all logs [A].
+    #: Noise of the current sensor, from neighbouring samples without switching [A].
     noise: float
-    #: The same by the names of the logs, in what the coil was found from.
+    #: Residual of each log [A].
     each: Mapping[str, float]
-    #: The same where the coil comes from all other logs; empty with fewer than three.
+    #: The same for a coil identified from all other logs; empty with fewer than three.
     left_out: Mapping[str, float]
     distance: Mapping[str, float]  #: Mean of z in each log [m].
     records: Mapping[str, Record]  #: The logs.
-    #: What is driven through it, and where its rotor is [m], for what follows from these.
+    #: Prior of the machine, and the position of its rotor [m], for derived results.
     known: Machine | None = None
     operating_point: float | None = None
 
@@ -143,9 +143,9 @@ class CoilFit(Result):
         return [coil_figure(self)]
 
     def machine(self, known: Machine, operating_point: float) -> Machine:
-        """Return a bearing that is driven by the control signal through this coil."""
-        # Its amplifier lags by the time constant at the operating point, and its loop is late by
-        # the coil's delay. `offset` is what is to be added to the control signal.
+        """Return a machine driven by the control signal through this coil."""
+        # Its amplifier has the time constant at the operating point, and its loop the coil's dead
+        # time. `offset` must be added to the control signal.
         tau = float(self.coil.time_constant(operating_point))
         gain = self.coil.gain
         return known.replace(
@@ -156,7 +156,7 @@ class CoilFit(Result):
         )
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the machine, with what its channel map needs."""
+        """Write the machine, with the lines of its channel map."""
         if self.known is None or self.operating_point is None:
             raise AmbkitError("operating_point is missing: the lag depends on where the rotor is")
         offset = engineering(self.offset(self.known), "V", digits=6)
@@ -168,7 +168,7 @@ class CoilFit(Result):
         files.write_text(path, header + machine.to_toml(Path(path).parent))
 
     def offset(self, known: Machine) -> float:
-        """What a channel map adds to the control signal, so that 0 is the bias current [V]."""
+        """Offset of the control signal in a channel map, so that 0 is the bias current [V]."""
         return -(self.coil.dead_zone + known.magnet.bias_current / self.coil.gain)
 
 
@@ -181,7 +181,7 @@ WORDS = {
     "delay": ("delay", "s"),
     "zero": ("current's sensor shows at none", "A"),
 }
-"""What the figures of a coil are called, and their units."""
+"""Names and units of a coil's figures."""
 
 NAMES = tuple(field.name for field in fields(Coil))
 
@@ -192,7 +192,7 @@ def fit_coil(
     *,
     note: Callable[[str], object] = lambda _: None,
 ) -> CoilFit:
-    """Find a coil by least squares of the current that it would have, along whole logs."""
+    """Identify a coil by least squares of its current along complete logs."""
     names = list(names or (f"log {number}" for number in range(1, len(records) + 1)))
     if not records:
         raise RecordError("there is no log to find a coil from")
@@ -211,7 +211,7 @@ def fit_coil(
         for name, record, end in zip(names, records, ends, strict=True):
             others = np.ones(ends[-1], bool)
             others[end - len(record) : end] = False
-            # Gauss and Newton's step from what all logs say: hardly a standard error long.
+            # Gauss-Newton step from all logs: hardly a standard error long.
             step, *_ = np.linalg.lstsq(slopes[others], -np.concatenate(misses)[others], rcond=None)
             theta = np.array([getattr(coil, at) for at in NAMES]) + step
             left_out[name] = rms(Coil(*theta.tolist()).current(record) - record["i"])
@@ -240,13 +240,13 @@ def _check(name: str, record: Record) -> None:
 
 
 def _begin(records: Sequence[Record]) -> Coil:
-    """Start from what the current comes to, and a lag of some samples."""
+    """Return the initial coil: static gain, and a lag of some samples."""
     u, i, z = (np.concatenate([r[name] for r in records]) for name in ("u", "i", "z"))
     most = float(u.max())
     gain = float(np.quantile(i[u > 0.95 * most], 0.9)) / most
     zero = float(np.median(i[u <= 0.02 * most])) if (u <= 0.02 * most).any() else 0.0
     T = records[0].sampling_time
-    # From the area between what is asked for and what flows: of a first-order lag its time.
+    # From the area between command and current: the time constant of a first-order lag.
     area = sum(float(np.abs(gain * r["u"] + zero - r["i"]).sum()) for r in records)
     jumps = sum(float(np.abs(gain * np.diff(r["u"])).sum()) for r in records)
     tau = max(T * area / max(jumps, 1e-12), T)
@@ -255,7 +255,7 @@ def _begin(records: Sequence[Record]) -> Coil:
 
 
 def _least_squares(records: Sequence[Record], begin: Coil) -> tuple[Coil, list[Array], Array]:
-    """Return the best coil, what each record is missed by, and the slopes of that (n, 7)."""
+    """Return the least-squares coil, the residuals of each record, and their derivatives (n, 7)."""
     from scipy.optimize import least_squares
 
     size = np.array([
@@ -290,11 +290,11 @@ def _blocks(scores: Array, records: Sequence[Record]) -> Array:
     return np.asarray(np.add.reduceat(scores, edges, axis=0))
 
 
-SHOWN = 0.6  #: Seconds shown around the largest step of a log.
+SHOWN = 0.6  #: Seconds around the largest step of a log in the figure.
 
 
 def coil_figure(fit: Any) -> Figure:
-    """Show the largest step down of one log, the time constant, and what is left of each log."""
+    """Plot the largest downward step of one log, the time constant, and the residuals."""
     names, records = list(fit.records), list(fit.records.values())
     distance = Axis("distance $z$", "mm", 1e3)
     at = np.linspace(0.0, 1.05 * max(fit.distance.values()), 200)

@@ -1,4 +1,4 @@
-"""A control signal that acts late, by the loop's delay and the current's lag, and within limits."""
+"""The acting control signal: after dead time, current lag and limits."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from ambkit.machine.machine import Machine
 
 
 def lag_of(machine: Machine) -> float:
-    """Return the time constant with which a bearing's current follows [s]; 0: at once."""
+    """Return the time constant of a machine's current [s]; 0 if it has none."""
     bandwidth = machine.amplifier.bandwidth
     return 0.0 if bandwidth is None else 1 / (2 * math.pi * bandwidth)
 
 
 def acting(machine: Machine, u: Array) -> Array:
-    """Return the mean of what acts in each sample of a bearing that is told u (n,) [V]."""
+    """Return the mean acting control over each sample, for the control signal u (n,) [V]."""
     T = machine.sampling_time
     return delayed(lagged(u, T, lag_of(machine)), (machine.delay or 0.0) / T)
 
 
 def delayed(u: Array, samples: float) -> Array:
-    """Return what acts in each sample where a held signal comes later, possibly by a fraction."""
+    """Return the acting control in each sample of a held signal with a delay."""
     # u (n,)
     if abs(samples) > u.size - 2:
         raise AmbkitError(f"a delay of {samples:.3g} samples is longer than the record, {u.size}")
@@ -35,14 +35,14 @@ def delayed(u: Array, samples: float) -> Array:
         return u
     last = u.size - 1
     now = u[np.clip(np.arange(u.size) - integer_part, 0, last)]
-    if part == 0:  # and a missing value beside does no harm
+    if part == 0:  # a missing neighbour has no effect
         return now
     before = u[np.clip(np.arange(u.size) - integer_part - 1, 0, last)]
     return np.asarray((1 - part) * now + part * before)
 
 
 def lagged(u: Array, T: float, lag: float) -> Array:
-    """Return the mean over each sample of a held signal that has passed a first-order lag."""
+    """Return the mean over each sample of a held signal behind a first-order lag."""
     # u (n,)
     if lag < SHORTEST_LAG * T:
         return u
@@ -56,11 +56,11 @@ def lagged(u: Array, T: float, lag: float) -> Array:
 
 
 FAR = 9.0
-"""Standard deviations from a limit beyond which it moves no mean by more than 1e-20 of them."""
+"""Distance from a limit in standard deviations beyond which the mean changes by less than 1e-20."""
 
 
 def limited(mean: Array, std: float, low: float, high: float) -> Array:
-    """Return the mean of a normal variable that is held within limits."""
+    """Return the mean of a normal variable clipped to limits."""
     # ``low + s (g(a) - g(b))`` with ``g(z) = z Phi(z) + phi(z)``, ``a = (mean - low)/s`` and ``b =
     # (mean - high)/s`` (Tobin 1958, for both sides).
     if not std > 0:

@@ -1,4 +1,4 @@
-"""Measurement noise from a recording at rest, and what of the recording could not be used."""
+"""Measurement noise from a recording at rest."""
 
 from __future__ import annotations
 
@@ -14,48 +14,47 @@ from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.machine.machine import Machine
 
-FROZEN_RUN = 20  #: So many equal samples in a row are a sensor that is saturated or hangs.
+FROZEN_RUN = 20  #: Equal consecutive samples that indicate a saturated or stuck sensor.
 
 REST_RATIO = 1.0
-"""Von Neumann's ratio below which a window shows motion: it is 2 for white noise, 0 for motion."""
+"""Von Neumann's ratio below which a window contains motion: 2 for white noise, 0 for motion."""
 
-LAGS = 10  #: Of the correlation of the noise; a window has 20 samples or more.
-OUTLIER = 6.0  #: Standard deviations beyond which a sample does not belong to the noise.
-FINE = 0.1  #: Standard deviations of the noise, below which steps do not count.
+LAGS = 10  #: Lags of the noise's correlation; a window has at least 20 samples.
+OUTLIER = 6.0  #: Standard deviations beyond which a sample is an outlier.
+FINE = 0.1  #: Quantisation step over the noise's standard deviation below which it is negligible.
 
 
 @dataclass(frozen=True)
 class Noise:
     """Noise of one signal at rest."""
 
-    signal: str  #: The signal, and its SI unit.
+    signal: str  #: Signal and its SI unit.
     unit: str
-    variance: float  #: Variance of the noise, and its standard error, in the square of the unit.
+    variance: float  #: Variance of the noise and its standard error, in the squared unit.
     standard_error: float
-    #: Median distance of neighbouring values, in the unit; None where hardly a value comes twice.
+    #: Median distance of neighbouring values, in the unit; None if values hardly repeat.
     quantisation_step: float | None
-    samples: int  #: How many samples the variance rests on.
-    #: How many were not used: ``missing``; ``frozen``, equal for a long time, as a saturated sensor
-    #: gives; ``in motion`` and ``outliers``, in a window with such; ``left over``, beside a missing
-    #: or frozen one or at the end.
+    samples: int  #: Number of samples for the variance.
+    #: Numbers of unused samples: ``missing``; ``frozen``, repeated for long, as by a saturated
+    #: sensor; ``in motion`` and ``outliers``, in a window with such; ``left over``, next to a
+    #: missing or frozen one or at the end.
     dropped: Mapping[str, int]
-    #: Of the noise with itself, `LAGS` lags from 1 sample on; what taking off straight lines does
-    #: to it is corrected.
+    #: Autocorrelation of the noise, `LAGS` lags from 1 sample on, corrected for detrending.
     correlation: tuple[float, ...] = field(default=(), repr=False)
 
     @property
     def bound(self) -> float:
-        """95 % of a white noise's correlations are within +-this."""
+        """95 % bound of white noise's correlations."""
         return 1.96 / math.sqrt(self.samples)
 
     @property
     def white(self) -> bool:
-        """Whether the noise passes for white: no lag beyond twice the bound (1 in 1000)."""
+        """Whether the noise is white: no lag beyond twice the bound (1 in 1000)."""
         return all(abs(rho) <= 2 * self.bound for rho in self.correlation)
 
     @property
     def colour(self) -> str:
-        """The colour of the noise, in words."""
+        """Colour of the noise, in words."""
         if self.white:
             return "white"
         most = max(self.correlation, key=abs)
@@ -69,12 +68,11 @@ class Noise:
 
 
 def measurement_noise(record: Record, signal: str = "y", *, window: float = 0.5) -> Noise:
-    """Estimate the variance of a signal's noise from where the record is at rest."""
-    # The record is cut into windows. In each a straight line is taken off, and the ratio of the
-    # mean squared difference of neighbours to the variance says whether what is left is noise or
-    # motion (von Neumann, 1941). A window with an outlier is left out too, as judged by the median
-    # of the windows' variances: the outlier would tilt its line. Noise that is slower than a few
-    # samples counts as motion.
+    """Return the variance of a signal's noise where the record is at rest."""
+    # The record is divided into windows. Each is detrended, and the ratio of the mean squared
+    # difference of neighbours to the variance distinguishes noise from motion (von Neumann, 1941).
+    # Windows with an outlier relative to the median variance are excluded, because it would tilt
+    # their trend. Noise slower than a few samples counts as motion.
     x, unit = record[signal], record.units[signal]
     missing = np.isnan(x)
     frozen = _in_long_runs(x) & ~missing
@@ -118,11 +116,11 @@ def measurement_noise(record: Record, signal: str = "y", *, window: float = 0.5)
 
 
 StandstillNoise = Mapping[str, Noise | str]
-"""Noise of each signal of a record at rest, or why it cannot be seen."""
+"""Noise of each signal of a record at rest, or the reason why it is unknown."""
 
 
 def standstill_noise(record: Record) -> dict[str, Noise | str]:
-    """Return the noise of each signal of a record at rest, or why it cannot be seen."""
+    """Return the noise of each signal of a record at rest, or the reason why it is unknown."""
     results: dict[str, Noise | str] = {}
     for name in record:
         try:
@@ -133,14 +131,14 @@ def standstill_noise(record: Record) -> dict[str, Noise | str]:
 
 
 def _in_long_runs(x: Array) -> Bools:
-    """Mark the samples that stand in `FROZEN_RUN` or more equal ones in a row."""
+    """Return which samples are in runs of at least `FROZEN_RUN` equal ones."""
     starts = np.flatnonzero(np.concatenate(([True], np.diff(x) != 0)))
     lengths = np.diff(np.append(starts, x.size))
     return np.asarray(np.repeat(lengths >= FROZEN_RUN, lengths))
 
 
 def _straightened(windows: Array) -> Array:
-    """Take the straight line of least squares off each row."""
+    """Subtract the least-squares line from each row."""
     ramp = np.linspace(-1.0, 1.0, windows.shape[1])
     centred = windows - windows.mean(axis=1, keepdims=True)
     slopes = centred @ ramp / (ramp @ ramp)
@@ -148,9 +146,9 @@ def _straightened(windows: Array) -> Array:
 
 
 def _correlation(residuals: Array, variance: float) -> tuple[float, ...]:
-    """Correlation of detrended windows (m, L) at lags from 1 on, without the lines' part."""
-    # Of white noise a straight line takes ``(I - H)`` leaves, so that neighbours correlate by
-    # ``-H``; that is known and added back.
+    """Return the autocorrelation of detrended windows (m, L) at lags from 1 on, corrected."""
+    # Detrending white noise leaves ``(I - H)``, so that neighbours correlate by ``-H``, which is
+    # added again.
     windows, length = residuals.shape
     ramp = np.linspace(-1.0, 1.0, length)
     H = 1 / length + np.outer(ramp, ramp) / (ramp @ ramp)
@@ -166,14 +164,14 @@ def _correlation(residuals: Array, variance: float) -> tuple[float, ...]:
 
 def white_noise(values: Array) -> float:
     """Return the standard deviation of a signal's noise from its second differences."""
-    # Of white noise they have six times its variance; the median does not see what moves fast.
+    # Those of white noise have six times its variance; the median is robust against motion.
     bend = np.diff(values, 2)
     bend = bend[np.isfinite(bend)]
     return float(np.median(np.abs(bend))) / (0.6745 * math.sqrt(6)) if bend.size >= 10 else math.nan
 
 
 def quantisation_step(values: Array) -> float | None:
-    """Return the median distance of neighbouring values; None where hardly one comes twice."""
+    """Return the median distance of neighbouring values; None if values hardly repeat."""
     levels = np.unique(values)
     if levels.size < 2 or levels.size > values.size / 2:
         return None
@@ -181,14 +179,14 @@ def quantisation_step(values: Array) -> float | None:
 
 
 def position_step(records: Iterable[Record]) -> float | None:
-    """Return the smallest step in which ``y`` of records comes [m]; None where one has none."""
+    """Return the smallest quantisation step of ``y`` in records [m]; None if one has none."""
     steps = [quantisation_step(y[np.isfinite(y)]) for y in (record["y"] for record in records)]
     known = [step for step in steps if step is not None]
     return min(known) if len(known) == len(steps) else None
 
 
 def with_steps(machine: Machine, step: float | None, *, has_noise: bool = True) -> Machine:
-    """Return a bearing whose sensor has steps that were found."""
+    """Return a machine with identified quantisation of its sensor."""
     total, stated = machine.sensor.noise_variance, machine.sensor.quantisation
     step = step if stated is None else stated
     if step is None or (stated is None and step**2 < FINE**2 * total):

@@ -1,4 +1,4 @@
-"""How a CSV is written: separator, decimal sign, header and unit row, found by looking at it.
+"""Dialect of a CSV file, detected from its text: separator, decimal sign, header, unit row.
 
 The pair of separator and decimal sign is taken under which most cells of the first lines are
 numbers. (clevercsv 0.8.5 finds the separator alone, no better, and takes 13 times as long.)
@@ -28,16 +28,16 @@ MISSING = frozenset(
         *(way(cell) for cell in _NO_NUMBER for way in (str, str.upper, str.title)),
     )
 )
-"""How programs write that there is no number."""
+"""Notations of a missing number."""
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "spaces"}
 LOOKED_AT = 200  # lines
-_JUDGED = 100_000  # characters or cells of them by which the dialect is judged
+_JUDGED = 100_000  # characters or cells of them for the detection of the dialect
 
 _WORD = re.compile(r"\S+(?: \[[^\]]*\])?")  # "y [mm]" is one
 _LABEL = re.compile(r"(.*?)\s*(?:[\[(]([^\])]*)[\])])?")
 _ENDLESS = re.compile(r"([+-]?)(?:1\.#INF\d*|∞|oo)")
-_SEP_LINE = re.compile(r'"?sep=(.)"?[;,\t]*')  # Excel says so in the first line
+_SEP_LINE = re.compile(r'"?sep=(.)"?[;,\t]*')  # Excel's statement in the first line
 _NUMBER = (
     r"[+-]?(?:\d+(?:{0}\d*)?|{0}\d+)(?:[eEdD][+-]?\d+)?|[+-]?(?:inf|Inf|INF|infinity|Infinity)"
 )
@@ -45,18 +45,18 @@ _NUMBERS = {sign: re.compile(_NUMBER.format(re.escape(sign))) for sign in ".,"}
 
 
 class Dialect(NamedTuple):
-    """How a CSV is written; lines count from 0."""
+    """Dialect of a CSV file; lines count from 0."""
 
-    separator: str  #: One of `SEPARATORS`; a space stands for any number of spaces and tabs.
+    separator: str  #: One of `SEPARATORS`; a space means any number of spaces and tabs.
     decimal: str  #: ``"."`` or ``","``.
     names: tuple[str, ...]  #: Names of the columns; empty where the file has no header.
-    units: tuple[str | None, ...]  #: What the header says of the unit of each.
+    units: tuple[str | None, ...]  #: Unit of each column in the header.
     header: int | None  #: Line with the names.
     body: int  #: First line with numbers.
-    numeric: tuple[int, ...] = ()  #: Places of the columns that hold numbers.
+    numeric: tuple[int, ...] = ()  #: Indices of the columns with numbers.
     closed: bool = False  #: Whether a separator ends each line too.
-    stamps: tuple[int, ...] = ()  #: Places of the columns that hold times as text.
-    passed_over: int = 0  #: Lines above the numbers without names, units or comments.
+    stamps: tuple[int, ...] = ()  #: Indices of the columns with times as text.
+    passed_over: int = 0  #: Number of ignored lines above the numbers.
 
     @property
     def width(self) -> int:
@@ -64,12 +64,12 @@ class Dialect(NamedTuple):
         return len(self.units)
 
     def cells(self, line: str) -> list[str]:
-        """Split a line."""
+        """Split a line into cells."""
         result = split(line, self.separator)
         return result[:-1] if self.closed and len(result) > self.width else result
 
     def describe(self) -> str:
-        """Say what is unusual, for the report; empty for a plain CSV."""
+        """Describe anything unusual for the report; empty for a plain CSV."""
         words = [f"{SEPARATORS[self.separator]} between cells"] if self.separator != "," else []
         words += ["decimal comma"] if self.decimal == "," else []
         if self.passed_over:
@@ -78,7 +78,7 @@ class Dialect(NamedTuple):
 
 
 def split(line: str, separator: str) -> list[str]:
-    """Split a line into its cells, without the spaces around them."""
+    """Split a line into its cells, without surrounding spaces."""
     if separator == " ":
         return _WORD.findall(line)
     if '"' in line:
@@ -89,24 +89,24 @@ def split(line: str, separator: str) -> list[str]:
 
 
 def number_of(cell: str, decimal: str = ".") -> float | None:
-    """Read a cell; None where it is no number. A missing one is NaN."""
+    """Parse a cell; None if it is no number. A missing one is NaN."""
     if cell in MISSING:
         return float("nan")
-    if endless := _ENDLESS.fullmatch(cell):  # as Windows and some instruments write it
+    if endless := _ENDLESS.fullmatch(cell):  # as on Windows and in some instruments
         return float(f"{endless[1]}inf")
     if not _NUMBERS[decimal].fullmatch(cell):
         return None
     return float(cell.replace(decimal, ".").translate(_EXPONENT))
 
 
-_EXPONENT = str.maketrans("dD", "ee")  # as Fortran writes it
+_EXPONENT = str.maketrans("dD", "ee")  # as in Fortran
 
 
 COMMENTS = ("#", "%")  #: First character of a comment: NumPy's and MATLAB's.
 
 
 def find(lines: Sequence[str], separators: Sequence[str] = tuple(SEPARATORS)) -> Dialect | None:
-    """Find out how a CSV is written."""
+    """Detect the dialect of a CSV file."""
     separator_line = _SEP_LINE.fullmatch(lines[0].strip(" ")) if lines else None
     numbered = [
         (n, line)
@@ -123,7 +123,7 @@ def find(lines: Sequence[str], separators: Sequence[str] = tuple(SEPARATORS)) ->
     separator, decimal = max(pairs, key=lambda pair: _score(judged, *pair))
     rows = [(n, split(line, separator)) for n, line in numbered]
     if not any(_is_number(cell, decimal) for _, row in rows for cell in row):
-        # Not one number: a header alone.
+        # No number at all: a header only.
         separator = max(",;\t|", key=numbered[0][1].count)
         header = split(numbered[0][1], separator)
         names, units = zip(*map(_label, header), strict=True)
@@ -134,13 +134,13 @@ def find(lines: Sequence[str], separators: Sequence[str] = tuple(SEPARATORS)) ->
 
 
 def _few(rows: Sequence[Any]) -> Sequence[Any]:
-    """Return the first of some lines or rows: of very long ones a few say as much."""
+    """Return the first of some lines or rows: for very long ones a few suffice."""
     longest = max(map(len, rows))
     return rows[: max(8, _JUDGED // longest)]
 
 
 def _named_by_a_comment(result: Dialect, lines: Sequence[str]) -> Dialect:
-    """Take the names from the comment above the numbers, where they stand there (NumPy's way)."""
+    """Take the names from the comment above the numbers, if they are there (as in NumPy)."""
     for n in range(result.body - 1, -1, -1):
         text = lines[n].lstrip("#% ").rpartition(":")[2].strip()
         if lines[n][:1] not in COMMENTS or not text:
@@ -156,7 +156,7 @@ def _named_by_a_comment(result: Dialect, lines: Sequence[str]) -> Dialect:
 
 
 def _score(lines: Sequence[str], separator: str, decimal: str) -> tuple[float, int, int]:
-    """Count the cells that are numbers, where they are most of their line."""
+    """Count the cells that are numbers, if they are the majority of their line."""
     rows = [split(line, separator) for line in lines]
     width = Counter(map(len, rows)).most_common(1)[0][0]
     score = 0.0
@@ -165,8 +165,8 @@ def _score(lines: Sequence[str], separator: str, decimal: str) -> tuple[float, i
         if len(row) == width and filled:
             numbers = sum(_is_number(cell, decimal) for cell in filled)
             score += numbers * (numbers / len(filled)) ** 2
-    # With equal scores the separator that more lines have is right: "1 2" is not one cell.
-    # With equal widths too, that under which the header has it as well.
+    # With equal scores the more frequent separator is right: "1 2" is not one cell. With equal
+    # widths too, the one that the header also has.
     return score, width, sum(len(row) == width for row in rows)
 
 
@@ -200,14 +200,14 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
     def holds_numbers(row: list[str]) -> bool:
         if len(row) != width or any(number_of(row[k], decimal) is None for k in numeric):
             return False
-        # Dashes alone are units of plain numbers.
+        # Dashes are units only of dimensionless numbers.
         return not any(row) or any(_is_number(row[k], decimal) for k in numeric)
 
     first = next(k for k, (_, row) in enumerate(rows) if holds_numbers(row))
     titles = [
         k
         for k, (_, row) in enumerate(rows[:first])
-        # LabVIEW has a column "Comment" for which there are no cells.
+        # LabVIEW has a column "Comment" without cells.
         if (len(row) == width or (k == first - 1 and len(row) == width + 1 > 2))
         and not any(_is_number(cell, decimal) or layouts(cell) for cell in row)
     ]
@@ -216,7 +216,7 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
         return Dialect(separator, decimal, (), unnamed, None, rows[0][0], places, closed, stamps)
     last = titles[-1]
     rows[last] = rows[last][0], rows[last][1][:width]
-    # Above units names may be numbers, those of an oscilloscope's channels.
+    # Names above units may be numbers, such as an oscilloscope's channels.
     above = last - 1 if last and len(rows[last - 1][1]) == width else last
     if above == last or not _are_units(rows[last][1]):
         header = last
@@ -226,7 +226,7 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
         names = tuple(_label(cell)[0] for cell in rows[header][1])
         cells = rows[last][1]
         units = (None,) * width if set(cells) <= {"-", ""} else tuple(map(_bare, cells))
-    # A damaged line right below the header belongs to the numbers, so that it is complained of.
+    # A damaged line right below the header belongs to the numbers, so that it is reported.
     body = rows[last + 1][0]
     place = rows[header][0]
     return Dialect(separator, decimal, names, units, place, body, places, closed, stamps, header)
@@ -240,7 +240,7 @@ def _label(label: str) -> tuple[str, str | None]:
 
 
 def _are_units(row: Sequence[str]) -> bool:
-    """Whether all the cells of a row are units, and at least one is more than empty."""
+    """Return whether all cells of a row are units, and at least one is not empty."""
     from ambkit.data.signals import si_unit
 
     bare = [_bare(cell) for cell in row]
@@ -253,7 +253,7 @@ def _are_units(row: Sequence[str]) -> bool:
 
 
 def _bare(cell: str) -> str | None:
-    """Return a unit without the brackets around it, None where there is none."""
+    """Return a unit without its brackets, or None."""
     unit = cell.strip("[](){}<> ")
     return unit or None
 

@@ -1,4 +1,4 @@
-"""CSV with units in its header: exact both ways, and clear about what is wrong where.
+"""CSV with units in its header: lossless, and with precise error messages.
 
     t [s],y [m],"# {""bearing"": ""zittau_axial"", ""rows"": 2}"
 
@@ -35,11 +35,11 @@ from ambkit.data.files.log import (
     too_coarse,
 )
 
-_KEY = re.compile(r"[^\w.-]")  # what no key of a note has
+_KEY = re.compile(r"[^\w.-]")  # characters that no key of a note has
 _NOTE = re.compile(r"#\s*([\w.-]+):\s(.*)")
 _NOTES = re.compile(r'(.+),"# (\{.*\})"')
 _UNEVEN_LINE_ENDS = re.compile(r"\r\n?")
-_MINUS = re.compile("\N{MINUS SIGN}(?=[\\d.,])")  # as some programs print it
+_MINUS = re.compile("\N{MINUS SIGN}(?=[\\d.,])")  # as printed by some programs
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,' \u00a0\u202f]\d{3})+(?:[.,]\d*)?")
 _EITHER_DECIMAL = re.compile(r"[+-]?\d*[.,]\d+(?:[eE][+-]?\d+)?")
 
@@ -59,7 +59,7 @@ def dump(columns: Mapping[str, Array], units: Mapping[str, str], meta: Mapping[s
 
 
 def _head(label: str) -> str:
-    """Write a column's name such that it is one: not more columns, nor a note."""
+    """Escape a column's name, so that it is neither several columns nor a note."""
     label = one_line(label)
     quoted = label.replace('"', '""')
     return f'"{quoted}"' if re.search(r'[,;"#]', label) else label
@@ -80,7 +80,7 @@ def _decode(content: bytes, name: str) -> tuple[str, str]:
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return content.decode("utf-16", "replace"), "UTF-16"
     head = content[:4096]
-    for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):  # without a mark
+    for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):  # without a byte order mark
         if head[first::2].count(0) > 0.45 * len(head) > 20 * head[1 - first :: 2].count(0):
             return content.decode(encoding, "replace"), "UTF-16"
     if b"\0" in head:
@@ -92,18 +92,18 @@ def _decode(content: bytes, name: str) -> tuple[str, str]:
 
 
 _Columns = tuple[dict[str, Any], list[str], dict[int, list[str]]]
-"""Columns, what to say of how they were read, and what is wrong, by samples."""
+"""Columns, remarks on their reading, and errors by sample."""
 
 
 class _Body(NamedTuple):
-    """The lines with the samples, and what they hold."""
+    """The lines with the samples, and their columns."""
 
     text: str
-    first: int  #: Line of the file that it begins with, from 1.
+    first: int  #: First line in the file, from 1.
     dialect: Dialect
     names: list[str]  #: Of all columns.
-    chosen: list[str]  #: Of those that are read.
-    stamps: Collection[str]  #: Of those that hold times as text.
+    chosen: list[str]  #: Columns to read.
+    stamps: Collection[str]  #: Columns with times as text.
 
 
 def parse(
@@ -113,8 +113,8 @@ def parse(
     remarks: list[str],
     separators: Sequence[str] = tuple(csv_dialect.SEPARATORS),
 ) -> Log:
-    """Read the columns of a text."""
-    # Not str.splitlines: that also breaks at characters which a note may hold, U+0085 for one.
+    """Parse the columns of a text."""
+    # Not str.splitlines, which also splits at characters of notes, such as U+0085.
     text = _UNEVEN_LINE_ENDS.sub("\n", text) if "\r" in text else text
     text = _MINUS.sub("-", text) if "\N{MINUS SIGN}" in text else text
     text, known = _without_notes(text)
@@ -172,7 +172,7 @@ def parse(
 def _without_numbers(
     names: list[str], stamps: Collection[str], dialect: Dialect, head: list[str]
 ) -> dict[str, str]:
-    """Return the columns that hold neither numbers nor times, each with its first cell."""
+    """Return the columns with neither numbers nor times, each with its first cell."""
     row = next((dialect.cells(line) for line in head[dialect.body :] if line.strip()), [])
     cells = dict(zip(names, row, strict=False))
     numeric = {names[k] for k in dialect.numeric} | {*stamps}
@@ -191,12 +191,12 @@ def _without_notes(text: str) -> tuple[str, dict[str, Any]]:
         return text, {}
     try:
         return match[1] + end + rest, dict(json.loads(match[2].replace('""', '"')))
-    except (ValueError, RecursionError):  # it is a column of such a name
+    except (ValueError, RecursionError):  # a column with such a name
         return text, {}
 
 
 def _check_quotes(text: str, name: str) -> None:
-    """Refuse a cell in quotes that is longer than Python's reader of them takes."""
+    """Reject a quoted cell that is too long for Python's reader."""
     limit = csv.field_size_limit()
     if '"' not in text:
         return
@@ -209,7 +209,7 @@ def _check_quotes(text: str, name: str) -> None:
 
 
 def _end_of_line(text: str, count: int) -> int:
-    """Return where the line number `count`, from 1, ends."""
+    """Return the end of the line number `count`, from 1."""
     end = -1
     for _ in range(count):
         end = text.find("\n", end + 1)
@@ -219,7 +219,7 @@ def _end_of_line(text: str, count: int) -> int:
 
 
 def _lines(body: str, first: int) -> Callable[[int], int]:
-    """Return what gives the line of a sample: empty lines hold none."""
+    """Return a function for the line of a sample: empty lines have none."""
 
     def line_of(sample: int) -> int:
         if "\n\n" not in body and not body.startswith("\n"):
@@ -231,7 +231,7 @@ def _lines(body: str, first: int) -> Callable[[int], int]:
 
 
 def _names(dialect: Dialect) -> list[str]:
-    """Return a name for each column: where it has none, or shares it, its place from 0."""
+    """Return a unique name for each column; by default its index from 0."""
     if not dialect.names:
         return [str(place) for place in range(dialect.width)]
     count = Counter(dialect.names)
@@ -242,7 +242,7 @@ def _names(dialect: Dialect) -> list[str]:
 
 
 def _read_fast(body: _Body) -> _Columns | None:
-    """Read with Arrow's parser; None where it is missing, or the text is not plain enough."""
+    """Read with Arrow's parser; None if it is missing, or the text is not plain enough."""
     try:
         import pyarrow as pa
         from pyarrow import csv as arrow
@@ -251,7 +251,7 @@ def _read_fast(body: _Body) -> _Columns | None:
     dialect = body.dialect
     if dialect.separator == " ":
         return None
-    # Arrow counts what follows the separator at a line's end as a column.
+    # Arrow counts the rest after a separator at a line's end as a column.
     places = [f"{name}#{place}" for place, name in enumerate([*body.names, *[""] * dialect.closed])]
     place_of = dict(zip(body.names, places, strict=False))
     read = {name: place_of[name] for name in body.chosen}
@@ -293,13 +293,13 @@ def _read_fast(body: _Body) -> _Columns | None:
 
 
 def _from_first(name: str, exact: Sequence[Decimal]) -> tuple[Array, str]:
-    """Return exact numbers counted from the first one, and a remark on that."""
+    """Return exact numbers relative to the first one, and a remark on that."""
     counted = np.array([float(number - exact[0]) for number in exact])
     return counted, counted_from(name, f"{exact[0]:f}".rstrip("0").rstrip("."))
 
 
 def _read_slow(body: _Body, file: str) -> _Columns:
-    """Read cell by cell, and say of each sample what is wrong with it."""
+    """Read cell by cell, and report errors by sample."""
     _, first, dialect, names, chosen, stamps = body
     columns: dict[str, list[Any]] = {name: [] for name in chosen}
     problems: dict[int, list[str]] = {}
@@ -344,7 +344,7 @@ def _read_slow(body: _Body, file: str) -> _Columns:
 
 
 def _hint(cell: str) -> str:
-    """Say what may be meant by a cell that is no number."""
+    """Suggest the meaning of a cell that is no number."""
     if _THOUSANDS.fullmatch(cell):
         return ": are thousands set apart, or does the decimal sign differ?"
     return ": the decimal sign differs" if _EITHER_DECIMAL.fullmatch(cell) else ""

@@ -1,4 +1,4 @@
-"""HDF5: each data set of numbers by its path, ``rig/current``, with the unit that it carries."""
+"""HDF5: each numeric data set by its path, ``rig/current``, with its unit."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 
 def read(path: str, request: Request) -> Log:
     """Read data sets; see `ambkit.data.files.tables.read_log`."""
-    # A data set of a compound type gives each of its fields, ``rig/log.current``.
+    # The fields of a compound type are separate arrays, ``rig/log.current``.
     check_readable(path)
     h5py = library("h5py", f"{path}: an HDF5 file", "hdf5")
     arrays: dict[str, Array] = {}
@@ -68,7 +68,7 @@ def _data_sets(file: Any, h5py: Any) -> dict[str, tuple[Any, str | None]]:
 
 
 def check_within(path: str, file: Any) -> None:
-    """Refuse an HDF5 file that takes numbers from other files, of which it could name any."""
+    """Reject an HDF5 file with external storage, which could refer to any file."""
     import h5py
 
     problems: list[str] = []
@@ -93,7 +93,7 @@ def check_within(path: str, file: Any) -> None:
 
 
 def memory_of(data: Any, part: str | None = None) -> int:
-    """Memory that a data set, or a field of it, takes as it is and as float64 [byte]."""
+    """Return the memory of a data set, or a field of it, as it is and as float64 [byte]."""
     kind = data.dtype if part is None else data.dtype[part]
     return int(data.size) * (int(kind.itemsize) + 8)
 

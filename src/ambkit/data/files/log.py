@@ -1,4 +1,4 @@
-"""What a log file holds, before a channel map gives it a meaning: arrays by name."""
+"""Content of a log file, before a channel map defines its meaning: arrays by name."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ from ambkit.base.errors import AmbkitError, RecordError
 
 @dataclass(frozen=True)
 class Log:
-    """Arrays as they stand in a file."""
+    """Arrays of a file."""
 
-    name: str  #: What the messages call the file.
+    name: str  #: Name of the file in messages.
     arrays: Mapping[str, Array]  #: Numbers as float64, (n,) or matrices; missing: NaN.
-    units: Mapping[str, str] = field(default_factory=dict)  #: The unit of each, if it is stated.
+    units: Mapping[str, str] = field(default_factory=dict)  #: Units, if stated.
     clocks: Mapping[str, str] = field(default_factory=dict)  #: The array with its times (MDF).
-    meta: dict[str, Any] = field(default_factory=dict)  #: What else the file says.
-    order: tuple[str, ...] = ()  #: Columns of a table in their order.
-    remarks: tuple[str, ...] = ()  #: What a user may want to know about how the file was read.
+    meta: dict[str, Any] = field(default_factory=dict)  #: Other content of the file.
+    order: tuple[str, ...] = ()  #: Columns of a table in order.
+    remarks: tuple[str, ...] = ()  #: Remarks on the reading of the file.
     line_of: Callable[[int], int] | None = None  #: Line of a sample, from 1.
-    header: int = 0  #: Line of the names in a text file, from 1; 0 where there is none.
+    header: int = 0  #: Line of the names in a text file, from 1; 0 if there are none.
     texts: Mapping[str, Any] = field(default_factory=dict)  #: Columns of times as text.
-    titles: Mapping[str, str] = field(default_factory=dict)  #: A label (Simulink's).
+    titles: Mapping[str, str] = field(default_factory=dict)  #: Labels (Simulink's).
 
     def place(self, sample: int) -> str:
-        """Say where a sample stands: ``log.csv:17``, or the file alone."""
+        """Return the place of a sample: ``log.csv:17``, or the file only."""
         return self.name if self.line_of is None else f"{self.name}:{self.line_of(sample)}"
 
     @property
     def head(self) -> str:
-        """Where the names of the columns stand."""
+        """Place of the column names."""
         return f"{self.name}:{self.header}" if self.header else self.name
 
     @cached_property
     def contents(self) -> str:
-        """What the file holds, in a line."""
+        """Content of the file in one line."""
         entries = [
             name if array.ndim == 1 and self.order else f"{name} {array.shape}"
             for name, array in self.arrays.items()
@@ -58,16 +58,16 @@ class Log:
 
 
 class Request(NamedTuple):
-    """What is read of a file."""
+    """Parts of a file to read."""
 
-    columns: Collection[str | int] | None = None  #: Names of arrays, or places of columns.
+    columns: Collection[str | int] | None = None  #: Names of arrays, or indices of columns.
     progress: Callable[[str], object] = lambda _: None
-    lenient: bool = False  #: Leave out columns without numbers instead of refusing them.
+    lenient: bool = False  #: Omit columns without numbers instead of rejecting them.
     texts: Collection[str | int] = ()  #: Columns of times as text.
 
 
 class DamagedLog(RecordError):
-    """A log that can be read in part."""
+    """A log that is readable in part."""
 
     def __init__(self, problems: list[str], log: Log, samples: tuple[int, ...]) -> None:
         super().__init__(problems, log.name)
@@ -75,13 +75,13 @@ class DamagedLog(RecordError):
 
 
 def too_coarse(values: Array) -> bool:
-    """Whether a column (n,) rises by steps that float64 can hardly tell apart at its size."""
+    """Return whether a column (n,) rises in steps close to float64's resolution at its size."""
     # Seconds or nanoseconds since 1970 do, at a high rate.
     head = values[:10_000]
     head = head[np.isfinite(head)]
     if head.size < 3 or (largest := float(np.abs(head).max())) < 1e8:
         return False
-    with np.errstate(over="ignore"):  # a step between the ends of all floats is infinite
+    with np.errstate(over="ignore"):  # a step between the extremes of float64 is infinite
         steps = np.diff(head)
     rising = steps[steps > 0]
     if rising.size == 0 or np.mean(steps >= 0) < 0.9:
@@ -90,7 +90,7 @@ def too_coarse(values: Array) -> bool:
 
 
 def whole_numbers(name: str, values: NDArray[Any]) -> tuple[Array, list[str]]:
-    """Turn integers (n,) into float64; a time that would lose digits counts from its first."""
+    """Convert integers (n,) to float64; times that would lose digits are relative to the first."""
     numbers = np.asarray(values, dtype=np.float64)
     if values.dtype.kind not in "iu" or values.ndim != 1 or not too_coarse(numbers):
         return numbers, []
@@ -98,24 +98,24 @@ def whole_numbers(name: str, values: NDArray[Any]) -> tuple[Array, list[str]]:
 
 
 def noted(text: str) -> Any:
-    """Read a note; what is no JSON, has too long a number or is nested too deeply is its text."""
+    """Parse a note; invalid JSON, or JSON with long numbers or deep nesting, remains text."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
         return text
 
 
-FIRST = re.compile(r"(.*) counts from its first value, ([-\d.]+)")  #: What `counted_from` says.
+FIRST = re.compile(r"(.*) counts from its first value, ([-\d.]+)")  #: Text of `counted_from`.
 
 
 def counted_from(name: str, first: str) -> str:
-    """Say that a column counts from its first value."""
+    """Return that a column is relative to its first value."""
     return f"{name} counts from its first value, {first}: as a whole it has too many digits"
 
 
 @contextmanager
 def library_errors(path: str) -> Iterator[None]:
-    """Call a file damaged, whatever a library stumbles over in it."""
+    """Report any error of a library as a damaged file."""
     try:
         yield
     except AmbkitError:
@@ -128,7 +128,7 @@ def library_errors(path: str) -> Iterator[None]:
 
 
 def check_readable(path: str | os.PathLike[str]) -> None:
-    """Refuse in one way, for all binary formats, what is not there, not to be read, or no file."""
+    """Reject a missing or unreadable file, or a non-file, equally for all binary formats."""
     try:
         if not stat.S_ISREG(os.stat(path).st_mode) and not os.path.isdir(path):
             raise RecordError(
@@ -144,7 +144,7 @@ def check_readable(path: str | os.PathLike[str]) -> None:
 def column_names(
     order: Sequence[str], selection: Collection[str | int] | None, place: str
 ) -> list[str]:
-    """Return the names of the wanted columns of a table; all of them if none are named."""
+    """Return the names of the wanted columns of a table; by default all."""
     if selection is None:
         return list(order)
     results: list[str] = []

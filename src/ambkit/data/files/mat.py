@@ -22,13 +22,13 @@ from ambkit.data.files.timestamps import layouts_of
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _USER_BLOCKS = (0, 512, 1024, 2048)
-_HEADER = 128  # bytes that a MATLAB 5 file begins with; the last two tell the order of bytes
+_HEADER = 128  # bytes at the start of a MATLAB 5 file; the last two define the byte order
 _COMPRESSED = 15  # type of such an element
 _PART = 1 << 20
 
 
 def read(path: str, request: Request) -> Log:
-    """Read all arrays of numbers, and times as text; see `ambkit.data.files.tables.read_log`."""
+    """Read all numeric arrays, and times as text; see `ambkit.data.files.tables.read_log`."""
     inside = {k: v for k, v in content(path).items() if not k.startswith("__")}
     arrays = {
         one_line(name): values
@@ -51,7 +51,7 @@ def read(path: str, request: Request) -> Log:
     chosen = numbers
     if request.columns is not None:
         known = {k: v for k, v in numbers.items() if k in request.columns}
-        # All of them where one is not there, for the message to list them.
+        # All of them if one is missing, so that the message can list them.
         chosen = known if {*request.columns} <= {*known, *stamped} else numbers
     units = {name: unit for name, (_, unit) in titles.items() if unit and name in chosen}
     titles_of = {name: title for name, (title, _) in titles.items() if name in chosen}
@@ -59,7 +59,7 @@ def read(path: str, request: Request) -> Log:
 
 
 def content(path: str) -> dict[str, Any]:
-    """Read a file as it is: arrays, texts, cells, and what begins with ``__`` about the file."""
+    """Read a file as it is: arrays, texts, cells, and its header under names with ``__``."""
     check_readable(path)
     return _content_of_7_3(path) if _is_7_3(path) else _content(path)
 
@@ -68,7 +68,7 @@ _TITLE = re.compile(r"(.*?)\s*(?:\[(.*)\])?\s*")
 
 
 def _titles(arrays: dict[str, NDArray[Any]]) -> dict[str, tuple[str, str]]:
-    """Return what the labels of Simulink call values, and the unit in brackets behind it."""
+    """Return the names of values in Simulink's labels, and the unit in brackets behind them."""
     results = {}
     for name, label in arrays.items():
         place, _, field = name.rpartition(".")
@@ -99,9 +99,9 @@ def _content(path: str) -> dict[str, Any]:
 
 
 def _memory_of(path: str, unpacked: int) -> int:
-    """Memory that a MATLAB 5 file of this length takes, as it is and as float64 [byte]."""
-    # Numbers may be stored shorter than they are, so those of arrays count by their shape. What is
-    # in structures and cells is told by nothing but their bytes.
+    """Return the memory of a MATLAB 5 file of this length, as it is and as float64 [byte]."""
+    # Numbers may be stored in a shorter type, so those of arrays count by their shape; structures
+    # and cells count by their bytes.
     from scipy.io import whosmat
 
     numbers = sum(8 * math.prod(shape) for _, shape, kind in whosmat(path))
@@ -109,7 +109,7 @@ def _memory_of(path: str, unpacked: int) -> int:
 
 
 def _unpacked(path: Path) -> int:
-    """Length of a MATLAB 5 file with its elements unpacked; not counted on beyond the limit."""
+    """Return the length of a MATLAB 5 file with its elements unpacked, up to the limit."""
     total, most = 0, memory_limit.limit()
     with path.open("rb") as file:
         order = {b"IM": "<", b"MI": ">"}.get(file.read(_HEADER)[-2:])
@@ -142,7 +142,7 @@ def _content_of_7_3(path: str) -> dict[str, Any]:
             )
             memory_limit.check(path, sum(sizes))
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of objects that hold no numbers
+            warnings.simplefilter("ignore")  # of objects without numbers
             return dict(reader.read_mat(path))
 
 
@@ -150,7 +150,7 @@ def _is_text(value: Any) -> bool:
     return isinstance(value, np.ndarray) and value.dtype.kind == "U"
 
 
-_PARTS_OF_OBJECT = ("s0", "s1", "s2", "arr")  #: SciPy's form of an object of MATLAB's own class.
+_PARTS_OF_OBJECT = ("s0", "s1", "s2", "arr")  #: SciPy's form of an object of a MATLAB class.
 
 
 def _is_object(value: Any) -> bool:
@@ -158,7 +158,7 @@ def _is_object(value: Any) -> bool:
 
 
 def _objects(name: str, value: Any) -> Iterator[str]:
-    """Say which objects only MATLAB can open, such as a timeseries of Simulink."""
+    """Return objects that only MATLAB can open, such as a timeseries of Simulink."""
     if not isinstance(value, np.ndarray) or not value.dtype.names:
         return
     for element in value.ravel():
@@ -179,7 +179,7 @@ def _objects(name: str, value: Any) -> Iterator[str]:
 
 
 def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield the arrays of numbers, and of text, within a value, by their full names."""
+    """Yield the arrays of numbers and text within a value, by their full names."""
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from _flat(f"{name}.{key}", inner)
@@ -202,7 +202,8 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
         for place, inner in enumerate(elements):
             yield from _flat(name if len(elements) == 1 else f"{name}[{place}]", inner)
     elif isinstance(value, np.ndarray) and value.dtype.kind in "fiubU" and value.ndim > 0:
-        if value.ndim > 2 and value.dtype.kind != "U":  # Simulink: a sample is a matrix of one row
+        # Simulink: a sample is a matrix with one row
+        if value.ndim > 2 and value.dtype.kind != "U":
             value = value.reshape([size for size in value.shape if size > 1] or [1])
         if value.ndim <= 2:
             yield name, value

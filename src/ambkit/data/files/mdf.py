@@ -1,4 +1,4 @@
-"""MDF 4 (and 3), the format of automotive measurement: channels in groups, each with its clock.
+"""MDF 4 and 3, the format of automotive measurements: channels in groups, each with its clock.
 
 A channel has its name where that is the only one of it, and ``2/name`` with the number of its
 group. The clock of a group comes as ``time`` where there is one group, as ``2/time`` otherwise.
@@ -33,12 +33,12 @@ def read(path: str, request: Request) -> Log:
 
 
 def _close(error: Exception) -> None:
-    """Close what asammdf has half built: deleted without that, it complains on stderr."""
+    """Close an incomplete object of asammdf, which otherwise prints an error on deletion."""
     step = error.__traceback__
     while step is not None:
         half_built: Any = step.tb_frame.f_locals.get("self")
         if type(half_built).__name__ in ("MDF4", "MDF3"):
-            with suppress(Exception):  # it lacks what it would close last
+            with suppress(Exception):  # what it would close last is missing
                 half_built.close()
         step = step.tb_next
 
@@ -91,7 +91,7 @@ def _read(file: Any, name: str, request: Request) -> Log:
 
 
 def _memory_of(file: Any, chosen: Collection[tuple[int, int]]) -> int:
-    """Memory that channels take: the largest group as it is unpacked, and all as float64 [byte]."""
+    """Return the memory of channels: the largest group unpacked, and all as float64 [byte]."""
     of = {g: file.groups[g].channel_group for g, _ in chosen}
     width = {g: group.samples_byte_nr for g, group in of.items()}
     largest_group = max(

@@ -1,4 +1,4 @@
-"""Parquet: columns with their units and notes, a column at a time so that long logs fit."""
+"""Parquet: columns with their units and notes, read column by column to limit the memory."""
 
 import os
 from collections import Counter
@@ -43,7 +43,7 @@ def write(
     units: Mapping[str, str],
     meta: Mapping[str, str],
 ) -> None:
-    """Write columns (n,), the unit of each, and JSON by key; through a temporary file."""
+    """Write columns (n,), the unit of each, and JSON by key, through a temporary file."""
     pa, parquet = _arrow(path)
     fields = [pa.field(name, pa.float64(), metadata={"unit": units[name]}) for name in columns]
     schema = pa.schema(fields, metadata={f"ambkit.{key}": text for key, text in meta.items()})
@@ -95,15 +95,15 @@ def read(path: str, request: Request) -> Log:
 
 
 class _Place(NamedTuple):
-    """Where a column stands: in the file, and among the columns of its name."""
+    """Place of a column: in the file, and among columns with its name."""
 
     column: int
     twin: int
 
 
 def _places(names: list[str]) -> dict[str, _Place]:
-    """Return where each column stands, by what it is called here."""
-    # Columns that share a name are known by it and their place, ``y#2``, as those of a text file.
+    """Return the place of each column, by its name here."""
+    # Columns with the same name have their index appended, ``y#2``, as in a text file.
     count = Counter(map(one_line, names))
     before: Counter[str] = Counter()
     places: dict[str, _Place] = {}
@@ -116,7 +116,7 @@ def _places(names: list[str]) -> dict[str, _Place]:
 
 
 def _memory_of(about: "FileMetaData", selection: Collection[str]) -> int:
-    """Memory that columns take as they are and as float64 [byte], by what the file declares."""
+    """Return the memory of columns as they are and as float64 [byte], as declared by the file."""
     parts = (
         about.row_group(group).column(place)
         for group in range(about.num_row_groups)
@@ -130,7 +130,7 @@ def _memory_of(about: "FileMetaData", selection: Collection[str]) -> int:
 
 
 def _column(file: "ParquetFile", path: str, place: _Place) -> "ChunkedArray":
-    """Read a column; of text the length is looked at first: a few bytes may stand for any."""
+    """Read a column; the length of text is checked first: a few bytes may represent any length."""
     import pyarrow as pa
     import pyarrow.compute as pc
     from pyarrow import parquet
@@ -155,7 +155,7 @@ def _is_text(kind: "DataType") -> bool:
 
 
 def _numbers(column: "ChunkedArray", place: str) -> tuple[Array, list[str]]:
-    """Return a column as numbers; a date and time as seconds from the first one."""
+    """Return a column as numbers; a date and time in seconds from the first one."""
     import pyarrow as pa
 
     kind = column.type
@@ -171,7 +171,7 @@ def _numbers(column: "ChunkedArray", place: str) -> tuple[Array, list[str]]:
 
 
 def _seconds(column: "ChunkedArray", place: str) -> tuple[Array, list[str]]:
-    """Return dates, times of the day and durations as seconds from the first one."""
+    """Return dates, times of day and durations in seconds from the first one."""
     import pyarrow as pa
 
     kind = column.type

@@ -1,4 +1,4 @@
-"""Tables: columns of equal length with units, and the formats in which they are read."""
+"""Tables: columns of equal length with units, in all file formats."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _READERS = {
     ".mdf": "mdf",
     ".xlsx": "xlsx",
 }
-ENDINGS = tuple(_READERS)  #: Endings of the files that `read_log` reads.
+ENDINGS = tuple(_READERS)  #: Suffixes of the files for `read_log`.
 
 
 def read_log(
@@ -53,7 +53,7 @@ def read_log(
 
 
 class Table(NamedTuple):
-    """Columns of equal length in SI, the unit of each, and what else the file says."""
+    """Columns of equal length in SI, with units and other content of the file."""
 
     columns: Mapping[str, Array]
     units: Mapping[str, str]
@@ -81,7 +81,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 
 
 def to_table(log: Log) -> Table:
-    """Convert the columns of a file that names their units to SI; see `read_table`."""
+    """Convert the columns of a file with units to SI; see `read_table`."""
     if not log.order:
         raise RecordError(
             f"{log.name}: needs a channel map to say what is what, which 'ambkit read guess' "

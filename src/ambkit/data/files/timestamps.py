@@ -1,4 +1,4 @@
-"""Times as text, ``2024-05-03 12:00:00.123`` and its relatives, exact to the nanosecond."""
+"""Times as text, such as ``2024-05-03 12:00:00.123``, exact to the nanosecond."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ _EITHER = re.compile(
 
 
 def layouts(cell: str) -> tuple[str, ...]:
-    """Return the layouts that a time may have; two where day and month may be swapped."""
+    """Return the possible layouts of a time; two if day and month are ambiguous."""
     for pattern, layout in _LAYOUTS:
         if pattern.fullmatch(cell):
             return (layout,)
@@ -104,17 +104,18 @@ HOUR = 3600 * SECOND
 DAY = 24 * HOUR
 
 
-Texts = Sequence[str | None] | NDArray[np.object_]  #: Cells of a column; empty or None: missing.
+#: Cells of a column; empty or None means missing.
+Texts = Sequence[str | None] | NDArray[np.object_]
 _NONE = np.array(None)
 
 
 class Timestamps(NamedTuple):
     """A column of times."""
 
-    seconds: Array  #: Seconds from the first one (n,); NaN where there is none.
-    layout: str  #: How they are written.
-    remarks: tuple[str, ...]  #: The first time; midnight and summer time that were removed.
-    certain: bool  #: Whether day and month cannot be swapped, or it does not matter.
+    seconds: Array  #: Seconds from the first one (n,); NaN if missing.
+    layout: str  #: Layout of the text.
+    remarks: tuple[str, ...]  #: First time; corrected midnights and summer time.
+    certain: bool  #: Whether day and month are unambiguous, or irrelevant.
 
 
 def read(
@@ -141,7 +142,7 @@ def read(
     results = {item: _carried_on(name, parsed[item], texts, place, item) for item in sound}
 
     def rank(item: str) -> tuple[float, bool]:
-        """A day and a month that are swapped make long steps; the day is first, but before /."""
+        """Swapped day and month make long steps; the day is first, but before /."""
         longest_step = np.abs(np.diff(results[item][0])).max(initial=0)
         return longest_step, item.startswith(("%d/", "%m.", "%m-"))
 
@@ -160,12 +161,12 @@ def read(
 
 
 def layouts_of(texts: Texts) -> tuple[str, ...]:
-    """Return the layouts of a column's first times; none where they are of no known one."""
+    """Return the layouts of a column's first times; empty if unknown."""
     return next((layouts(cell.strip()) for cell in texts[:200] if cell), ())
 
 
 def unwrapped(ticks: Ticks, period: int) -> tuple[Ticks, int]:
-    """Carry a time of the day on past midnight."""
+    """Continue a time of day past midnight."""
     # ticks (n,); returns (n,)
     again = np.diff(ticks) < -period // 2
     return ticks + period * np.concatenate([[0], np.cumsum(again)]), int(again.sum())
@@ -176,9 +177,9 @@ def _absent(texts: Texts) -> Bools:
 
 
 class _Parsed(NamedTuple):
-    ticks: Ticks  #: The time of each cell since 1970 [ns]; 0 where there is none.
-    wrong: Bools  #: Which are no times.
-    zoned: bool  #: Whether they say how far they are from UTC.
+    ticks: Ticks  #: Time of each cell since 1970 [ns]; 0 if missing.
+    wrong: Bools  #: Which are invalid.
+    zoned: bool  #: Whether they have an offset from UTC.
 
 
 def _parse(texts: Texts, layout: str) -> _Parsed:
@@ -230,7 +231,7 @@ def _parse(texts: Texts, layout: str) -> _Parsed:
     if "z" in names:
         zone, some = _zone(text("z"))
         zoned = bool(some.any())
-        if zoned:  # times with a zone here and without one there are no times
+        if zoned:  # times with and without offsets are inconsistent
             wrong |= ~some
     clock = ((start + day - 1) * 24 + hour) * 60 + minute - zone
     ticks = (clock * 60 + second) * SECOND + fraction
@@ -246,7 +247,7 @@ def _first_day(months: Ticks) -> Ticks:
 
 
 def _zone(texts: NDArray[np.str_]) -> tuple[Ticks, Bools]:
-    """Return how far each zone is ahead of UTC [minutes], and which times have one."""
+    """Return the offset of each zone from UTC [minutes], and which times have one."""
     different, place = np.unique(texts, return_inverse=True)
     minutes = []
     for item in different.tolist():
@@ -259,7 +260,7 @@ def _zone(texts: NDArray[np.str_]) -> tuple[Ticks, Bools]:
 def _carried_on(
     name: str, parsed: _Parsed, texts: Texts, place: Callable[[int], str], layout: str
 ) -> tuple[Ticks, list[str]]:
-    """Take midnight, and summer time, out of a column; and say so."""
+    """Correct midnights and changes of summer time in a column, with remarks."""
     there = np.flatnonzero(~_absent(texts))
     if there.size == 0:
         return parsed.ticks, []
@@ -286,7 +287,7 @@ def _carried_on(
 
 
 def _summer_time(ticks: Ticks) -> tuple[Ticks, list[int]]:
-    """Find where summer time begins or ends: an hour, to the sample, in early hours of a Sunday."""
+    """Find changes of summer time: an hour, to the sample, early on a Sunday."""
     # returns (n,) [ns]
     steps = np.diff(ticks)
     none = np.zeros(ticks.size, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Excel: the first sheet that has numbers, read as the text file that it would be saved as."""
+"""Excel: the first sheet with numbers, read like the text file that it could be saved as."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def read(path: str, request: Request) -> Log:
                 remarks = [f"sheet {one_line(sheet.title)}"] if len(book.worksheets) > 1 else []
                 text = "".join(f"{line}\n" for _, line in rows)
                 log = csv_text.parse(text, path, request, [], "\t")
-                return replace(log, remarks=(*remarks, *log.remarks[1:]))  # of tabs there are none
+                return replace(log, remarks=(*remarks, *log.remarks[1:]))  # there are no tabs
     raise RecordError(f"{path}: no sheet has numbers")
 
 
 def _row(cells: Iterable[Any]) -> tuple[list[Any], str]:
-    """Return cells with their numbers as floats, and the line of text that they are."""
+    """Return cells with their numbers as floats, and the equivalent line of text."""
     values = [
         float(cell) if isinstance(cell, int | float) and not isinstance(cell, bool) else cell
         for cell in cells

@@ -1,4 +1,4 @@
-"""Reading a rig's logs: what is in them, what is wrong with them, and a record out of them."""
+"""Reading of a rig's logs: contents, defects, and the conversion to a record."""
 
 from ambkit.data.reading.clock import Clock
 from ambkit.data.reading.faults import Channel, Fault

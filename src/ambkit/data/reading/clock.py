@@ -1,4 +1,4 @@
-"""The clock of a log: its rate, its jitter, where samples are missing, where it jumps."""
+"""Clock of a log: rate, jitter, gaps, jumps."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from ambkit.base.arrays import Array, Bools, Index
 from ambkit.base.units import engineering
 from ambkit.data.record import TIME_TOLERANCE
 
-AROUND = 5  #: So many samples on each side tell a gap from a late stamp.
-ROUNDED = 5  #: So many steps at least must be longer by a digit before stamps count as rounded.
+AROUND = 5  #: Samples on each side that distinguish a gap from a late time stamp.
+ROUNDED = 5  #: Minimum number of steps that are longer by a digit for stamps to count as rounded.
 
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """What the times of n samples are worth."""
+    """Quality of the times of n samples."""
 
-    name: str  #: The signal with the times.
+    name: str  #: Name of the signal with the times.
     times: Array  #: (n,) The times [s] as logged.
-    step: float  #: Usual time between two samples [s], over the whole of the log: see `examine`.
-    jitter: float  #: Standard deviation of the steps [s], gaps and jumps left out.
-    uneven: Index  #: Samples after a step off by more than 1 %, neither gap nor jump.
+    step: float  #: Typical time between two samples [s], over the complete log: see `examine`.
+    jitter: float  #: Standard deviation of the steps [s], without gaps and jumps.
+    uneven: Index  #: Samples after a step that is off by more than 1 %, neither gap nor jump.
     gaps: Index  #: (g,) Samples before which others are missing.
-    missing: Index  #: (g,) How many, of each gap.
-    jumps: Index  #: Samples at which it goes back, stands still, or leaps by the log's length.
+    missing: Index  #: (g,) Number of missing samples of each gap.
+    jumps: Index  #: Samples at which it goes back, repeats, or leaps by the log's length.
 
     @property
     def rate(self) -> float:
-        """Samples a second [Hz]."""
+        """Sampling rate [Hz]."""
         return 1.0 / self.step
 
     @property
@@ -52,7 +52,7 @@ class Clock:
 
     @property
     def too_coarse(self) -> bool:
-        """Whether times are printed with so few digits that many samples share theirs."""
+        """Whether times have so few digits that many samples share theirs."""
         still = np.count_nonzero(np.diff(self.times) == 0)
         return bool(still > 0.1 * self.times.size)
 
@@ -69,7 +69,7 @@ class Clock:
         }
 
     def describe(self) -> str:
-        """Say how good the clock is, in a line."""
+        """Describe the quality of the clock in one line."""
         words = [f"{self.times.size} samples at {engineering(self.rate, 'Hz', digits=5)}"]
         if self.jitter > 1e-6 * self.step:
             words.append(f"jitter {engineering(self.jitter, 's', digits=2)} rms")
@@ -80,11 +80,9 @@ class Clock:
 
 
 def examine(name: str, times: Array) -> Clock:
-    """Find out what a clock is worth."""
-    # Its step is that of the whole time it goes on: what it went on by, over how many steps that
-    # were. Neither the jitter of single stamps nor their few digits move it, nor do missing
-    # samples, of which it counts the steps, or jumps, which it leaves out.
-    # times (n,) [s]
+    """Examine a clock."""
+    # Its step is the elapsed time over the number of steps. Jitter and rounding of single stamps
+    # have no effect; missing samples are counted, and jumps excluded. times (n,) [s]
     steps = np.diff(times)
     none = np.array([], dtype=np.intp)
     forward = steps if steps.min() > 0 else steps[steps > 0]
@@ -92,7 +90,7 @@ def examine(name: str, times: Array) -> Clock:
         return Clock(name, times, np.inf, 0.0, none, none, none, np.arange(1, times.size))
     median = float(np.median(forward))
     usual = np.abs(steps - median) <= TIME_TOLERANCE * median
-    if usual.all():  # the usual case, and a long log is done with
+    if usual.all():  # the usual case, fast for a long log
         return Clock(name, times, float(steps.mean()), float(steps.std()), none, none, none, none)
     span = min(float(forward.sum()), times.size * median)
     jump = (steps <= 0) | ((steps > 10 * median) & (steps > span))
@@ -115,7 +113,7 @@ def examine(name: str, times: Array) -> Clock:
 
 
 def _counts(times: Array, steps: Array, jump: Bools, step: float) -> Index:
-    """Count how many steps each one stands for; `step` [s] is a first guess."""
+    """Return the number of steps of each interval; `step` [s] is an initial guess."""
     counts = np.ones(steps.size, dtype=np.intp)
     for _ in range(8):
         before = counts
@@ -128,7 +126,7 @@ def _counts(times: Array, steps: Array, jump: Bools, step: float) -> Index:
 
 
 def _doubt(times: Array, ratio: Array, counts: Index, jump: Bools, step: float) -> None:
-    """Take back gaps that are late stamps: the samples behind a gap stay late, on the whole."""
+    """Remove gaps that are late stamps: behind a true gap the samples stay late."""
     odd = jump | (counts > 1)
     vague = (counts > 1) & ~jump & (np.abs(ratio / counts - 1) > TIME_TOLERANCE)
     at = np.flatnonzero(vague) + 1  # samples behind the gaps
@@ -143,10 +141,9 @@ def _doubt(times: Array, ratio: Array, counts: Index, jump: Bools, step: float) 
 
 
 def _rounded_counts(times: Array, steps: Array, jump: Bools) -> Index | None:
-    """Count the steps of a clock whose stamps have few digits; None where it has enough."""
-    # Rounded to q, a step T is logged as the multiple of q below or the one above it, so that 1.3
-    # ms come as 1 ms and 2 ms. That no sample is missing there shows in that all stamps lie within
-    # q of an even row.
+    """Count the steps of a clock with rounded stamps; None if it has enough digits."""
+    # Rounded to q, a step T is logged as the multiple of q below or above it: 1.3 ms as 1 ms and 2
+    # ms. No sample is missing if all stamps are within q of an even row.
     sound = np.where(jump, np.nan, steps)
     ladder = np.rint(1e3 * sound / np.nanmedian(sound))
     seen, often = np.unique(ladder[~jump], return_counts=True)
@@ -159,7 +156,7 @@ def _rounded_counts(times: Array, steps: Array, jump: Bools) -> Index | None:
     if np.mean(usual[~jump]) < 0.9 or abs(low / digit - round(low / digit)) > 0.01:
         return None
     if abs(low / digit - 1) < 0.01 and np.unique(np.diff(np.flatnonzero(long))).size == 1:
-        return None  # at even distances: rather each tenth sample is lost
+        return None  # at even distances: rather every tenth sample is missing
     ends = [0, *(np.flatnonzero(~usual) + 1).tolist(), times.size]
     pieces = [times[a:b] - times[a:b].mean() for a, b in pairwise(ends)]
     rows = [np.arange(piece.size) - 0.5 * (piece.size - 1) for piece in pieces]
@@ -173,18 +170,18 @@ def _rounded_counts(times: Array, steps: Array, jump: Bools) -> Index | None:
 
 
 def instant(time: float, step: float) -> str:
-    """Print a time [s] with so many digits that samples a step [s] apart have not the same."""
+    """Format a time [s] with enough digits to distinguish samples a step [s] apart."""
     if not (0 < step < np.inf) or time == 0.0 or not np.isfinite(time):
         return engineering(time, "s")
     digits = max(4, int(np.log10(max(1.0, abs(time) / step))) + 2)
     return engineering(time, "s", digits=digits) if abs(time) < 1e4 else f"{time:.{digits}g} s"
 
 
-HELD = ("u",)  #: Signals that the controller holds from one sample to the next.
+HELD = ("u",)  #: Signals that the controller holds between samples.
 
 
 def insert_missing(clock: Clock) -> tuple[Array, Index]:
-    """Make room for the samples that a clock without jumps has missed."""
+    """Insert the missing samples of a clock without jumps."""
     # times (n,) [s]
     if clock.gaps.size == 0:
         return clock.times, np.arange(clock.times.size)
@@ -197,7 +194,7 @@ def insert_missing(clock: Clock) -> tuple[Array, Index]:
 
 
 def spread(values: Array, place: Index, size: int) -> Array:
-    """Put samples (n,) in their places of a longer row; NaN between."""
+    """Put samples (n,) into their places of a longer row; NaN elsewhere."""
     if size == values.size:
         return values
     row = np.full(size, np.nan)
@@ -214,12 +211,11 @@ def even_grid(clock: Clock, step: float) -> Array:
 
 
 def resample(values: Array, clock: Clock, times: Array, *, held: bool) -> Array:
-    """Give a signal at other times."""
-    # Between two samples on a straight line, or as it was at the last sample if it is `held`. There
-    # is no low-pass before that: the result is what a sampler of the new rate would have seen.
-    # values (n,); times (m,) [s]; returns (m,)
+    """Resample a signal."""
+    # Interpolated linearly, or the last sample if it is `held`. There is no low-pass: the result is
+    # that of a sampler with the new rate. values (n,); times (m,) [s]; returns (m,)
     own = clock.times
-    slack = 1e-6 * clock.step  # rounded times must not lose a sample at either end
+    slack = 1e-6 * clock.step  # tolerance for rounded times at both ends
     left = np.clip(np.searchsorted(own, times + slack, side="right") - 1, 0, own.size - 2)
     width = own[left + 1] - own[left]
     part = (times - own[left]) / width
@@ -241,9 +237,9 @@ def resample(values: Array, clock: Clock, times: Array, *, held: bool) -> Array:
 
 
 def fraction_weights(fraction: float, *, held: bool) -> dict[int, float]:
-    """Weights of the neighbours that give a signal between two samples."""
-    # A sampled signal is interpolated by the cubic through four samples (Lagrange); one that is
-    # held is averaged over the sample, as the plant averages it.
+    """Return the weights of the neighbours for a signal between two samples."""
+    # A sampled signal is interpolated by the cubic through four samples (Lagrange); a held one is
+    # averaged over the sample, as by the plant.
     f = fraction
     if f == 0.0:
         return {0: 1.0}
@@ -258,7 +254,7 @@ def fraction_weights(fraction: float, *, held: bool) -> dict[int, float]:
 
 
 def shifted(values: Array, samples: float, *, held: bool) -> Array:
-    """Take a delay out of a signal: what stands at k + `samples` comes to k."""
+    """Remove a delay from a signal: the value at k + `samples` moves to k."""
     # values (n,); returns (n,)
     integer_part, fraction = split(samples)
     result: Array = np.zeros(values.size)
@@ -268,7 +264,7 @@ def shifted(values: Array, samples: float, *, held: bool) -> Array:
 
 
 def split(samples: float) -> tuple[int, float]:
-    """Split a delay into whole samples and what is left, from 0 to 1."""
+    """Split a delay into whole samples and the rest, from 0 to 1."""
     integer_part = round(samples)
     if abs(samples - integer_part) < 1e-6:
         return integer_part, 0.0
@@ -277,7 +273,7 @@ def split(samples: float) -> tuple[int, float]:
 
 
 def _moved(values: Array, count: int) -> Array:
-    """Return the signal `count` samples earlier, NaN where nothing is left."""
+    """Return the signal `count` samples earlier, NaN at the end."""
     row = np.full(values.size, np.nan)
     if abs(count) < values.size:
         row[max(0, -count) : values.size - max(0, count)] = values[
@@ -287,7 +283,7 @@ def _moved(values: Array, count: int) -> Array:
 
 
 def describe_shift(name: str, delay: float, step: float) -> str:
-    """Say how a delay was taken out of a signal."""
+    """Describe the removal of a delay from a signal."""
     sample_count, fraction = split(delay / step)
     held = name in HELD
     samples = "1 sample" if sample_count == 1 else f"{sample_count} samples"

@@ -1,4 +1,4 @@
-"""What is wrong with a channel: what is missing, saturated, frozen, coarse, or a spike."""
+"""Defects of a channel: missing, saturated, frozen and coarse samples, spikes."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ KINDS = (
     *("gap", "jump", "jitter", "missing", "infinite"),
     *("constant", "spike", "saturated", "frozen", "quantised"),
 )
-"""What can be wrong, the clock's faults first."""
+"""Kinds of defects, the clock's first."""
 
-MASKABLE = ("saturated", "frozen", "spike")  #: What can be taken as missing if the user wishes so.
-STILL = 10  #: Equal samples of a frozen sensor, at least, as in the core's filters.
-CLIPPED = 3  #: So many equal samples at least, at the greatest or least value, are saturation.
+MASKABLE = ("saturated", "frozen", "spike")  #: Kinds that can be treated as missing.
+STILL = 10  #: Minimum number of equal samples of a frozen sensor, as in the core's filters.
+CLIPPED = 3  #: Number of equal samples at the maximum or minimum that counts as saturation.
 BY_CHANCE = 1e-6  #: Probability that a sound record contains a frozen stretch.
 
 LOOKED_AT = 200_000  # samples for the resolution
@@ -33,19 +33,19 @@ BLOCK = 200  # samples in which different values are counted
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that is wrong for a while."""
+    """A defect over some time."""
 
     kind: str  #: One of `KINDS`.
-    signal: str  #: The channel, or the clock.
-    start: float  #: From when to when [s], by the record's clock: a delay is taken out.
+    signal: str  #: Channel, or clock.
+    start: float  #: Start and end [s], by the record's clock: delays are compensated.
     stop: float
-    samples: int  #: How many samples it has.
-    text: str  #: What is wrong.
-    action: str = "kept"  #: What was done about it.
+    samples: int  #: Number of samples.
+    text: str  #: Description.
+    action: str = "kept"  #: Action taken.
 
 
 def account(faults: Iterable[Fault], step: float) -> list[str]:
-    """Say in sentences what was found and done, faults of a kind together."""
+    """Summarise defects and actions in sentences, grouped by kind."""
     groups: dict[tuple[str, str, str], list[Fault]] = {}
     for fault in faults:
         groups.setdefault((fault.signal, fault.kind, fault.action), []).append(fault)
@@ -71,19 +71,19 @@ def account(faults: Iterable[Fault], step: float) -> list[str]:
 
 @dataclass(frozen=True)
 class Channel:
-    """What a channel looks like, in SI."""
+    """Summary of a channel, in SI."""
 
-    name: str  #: The signal, and its unit.
+    name: str  #: Signal and its unit.
     unit: str
-    samples: int  #: How many the record has, and how many of them are missing.
+    samples: int  #: Number of samples, and of missing ones.
     missing: int
-    least: float  #: Of the samples that are there.
+    least: float  #: Over the available samples.
     greatest: float
     mean: float
     noise: float  #: Standard deviation of noise on a slow signal, by second differences.
-    resolution: float  #: Smallest step between values; 0 where the signal has none that shows.
-    clock: str  #: Where its times come from.
-    delay: float = 0.0  #: How late it was logged [s]; the record has it shifted back by that.
+    resolution: float  #: Smallest step between values; 0 if there is no visible one.
+    clock: str  #: Name of its clock.
+    delay: float = 0.0  #: Logging delay [s]; the record has it compensated.
 
     def rows(self) -> list[Row]:
         """Return it as rows."""
@@ -98,7 +98,7 @@ class Channel:
 
 
 def measure(name: str, unit: str, values: Array, clock: str = "t") -> Channel:
-    """Measure a channel (n,)."""
+    """Summarise a channel (n,)."""
     there = values[np.isfinite(values)]
     missing = values.size - there.size
     if there.size == 0:
@@ -109,10 +109,10 @@ def measure(name: str, unit: str, values: Array, clock: str = "t") -> Channel:
 
 
 def noise(values: Array) -> float:
-    """Estimate the standard deviation of white noise on a slow signal (n,)."""
-    # Second differences of white noise have six times its variance; the median is not moved by
-    # steps or spikes. Where most of them are zero, as on a coarse signal, their mean square counts;
-    # where next to all of them are, as on a reference of steps, there is none.
+    """Return the standard deviation of white noise on a slow signal (n,)."""
+    # Second differences of white noise have six times its variance; the median is robust against
+    # steps and spikes. If most of them are zero, as for a coarse signal, their mean square is used;
+    # if nearly all are, as for a reference of steps, there is no noise.
     bend = np.diff(values[:LOOKED_AT], 2)
     bend = np.abs(bend[np.isfinite(bend)])
     if bend.size == 0:
@@ -124,14 +124,14 @@ def noise(values: Array) -> float:
 
 
 def resolution(values: Array) -> float:
-    """Find the smallest step between the values of a signal (n,); 0 where there is none."""
-    # A signal is in steps where its values come again and again, or lie on one ladder.
+    """Return the smallest step between the values of a signal (n,); 0 if there is none."""
+    # A signal has steps if its values repeat, or are multiples of one step.
     seen = np.unique(_some(values))
     if seen.size < 2:
         return 0.0
     steps = np.diff(seen)
-    with np.errstate(over="ignore"):  # between the ends of all floats there is an infinite step
-        steps = steps[steps > 1e-9 * (seen[-1] - seen[0])]  # what arithmetic makes of one value
+    with np.errstate(over="ignore"):  # a step between the extremes of float64 is infinite
+        steps = steps[steps > 1e-9 * (seen[-1] - seen[0])]  # rounding of one value
     if steps.size == 0:
         return 0.0
     least = float(steps.min())
@@ -152,7 +152,7 @@ def _some(values: Array) -> Array:
 
 
 def clock_faults(clock: Clock) -> list[Fault]:
-    """Turn what is wrong with a clock into faults; what is done about it is not known yet."""
+    """Convert defects of a clock; the action is not known yet."""
     t, result = clock.times, []
     for at, count in zip(clock.gaps.tolist(), clock.missing.tolist(), strict=True):
         text = f"{count} sample{'s' if count > 1 else ''} missing"
@@ -171,14 +171,12 @@ def clock_faults(clock: Clock) -> list[Fault]:
 
 
 def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
-    """Find what is wrong with a channel."""
-    # A run of equal samples counts as frozen, or as saturated if it is at the greatest or least
-    # value, where chance does not explain it: a coarse signal repeats itself, and how often it does
-    # between two samples is measured on the channel itself. A channel that hardly ever changes,
-    # such as a reference, is not suspected.
-    # A spike is told of what is measured, see `ambkit.data.reading.spikes`, and left out before the
-    # rest is looked for.
-    # logged (n,); times (n,) [s]
+    """Find the defects of a channel."""
+    # A run of equal samples counts as frozen, or as saturated at the maximum or minimum, if chance
+    # does not explain it: a coarse signal repeats itself, and the frequency of repeats is measured
+    # on the channel itself. A channel that hardly ever changes, such as a reference, is not
+    # suspected. Spikes are reported for measured signals, see `ambkit.data.reading.spikes`, and
+    # excluded from the other tests. logged (n,); times (n,) [s]
     for kind, absent in (("missing", np.isnan(logged)), ("infinite", np.isinf(logged))):
         if absent.any():
             text = "not logged" if kind == "missing" else "infinite values"
@@ -205,7 +203,7 @@ def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
     coarse = list(_coarse(name, there, times, unit))
     yield from coarse
     for fault in _still(name, values, times, unit, (least, max_value)):
-        # A coarse sensor near the middle of a step stands still for long, without being frozen.
+        # A coarse sensor near the middle of a step repeats for long without being frozen.
         inside = any(item.start <= fault.start <= item.stop for item in coarse)
         if not inside or fault.samples > BLOCK:
             yield fault
@@ -230,7 +228,7 @@ def _runs(values: NDArray[np.generic]) -> tuple[Index, Index]:
 
 def _coarse(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]:
     step, rough = resolution(there), noise(there)
-    if rough == 0.0:  # it changes now and then: a coarse sensor goes step by step, through many
+    if rough == 0.0:  # it changes now and then: a coarse sensor passes through many steps
         changes = np.diff(there)
         changes = np.abs(changes[changes != 0])
         by_one = float(np.mean(changes < 1.5 * step)) if changes.size else 0.0
@@ -250,7 +248,7 @@ def _in_steps(step: float, unit: str) -> str:
 
 
 def _coarse_stretches(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]:
-    """Find blocks that have but a tenth of the usual number of different values, and yet move."""
+    """Find blocks with a tenth of the usual number of different values, in spite of motion."""
     count = there.size // BLOCK
     if count < 4 or there.size != times.size:  # with missing samples the blocks have no place
         return
@@ -261,7 +259,7 @@ def _coarse_stretches(name: str, there: Array, times: Array, unit: str) -> Itera
     for start, end in stretches(coarse):
         part = slice(start * BLOCK, end * BLOCK)
         step = resolution(there[part])
-        # A long run of one value explains few: frozen, or saturated.
+        # A long run of one value explains few values: frozen, or saturated.
         still = _runs(there[part])[1].max() > 0.3 * min(there[part].size, BLOCK)
         if step > 1.5 * noise(there[part]) and not still:
             ends = float(times[part][0]), float(times[part][-1])
@@ -274,7 +272,7 @@ def _still(
     starts, lengths = _runs(values)
     repeats = _usual_repeats(values)
     if repeats > 0.98:
-        # It hardly ever changes. If most of it lies at one end, that is a sensor at its limit.
+        # It hardly ever changes. If it is mostly at one end, that is a sensor at its limit.
         at_end = max(float(np.mean(values == limit)) for limit in limits)
         if at_end < 0.5 or np.unique(_some(values)).size < 5:
             return
@@ -297,15 +295,15 @@ def _still(
 
 
 def _longest_by_chance(repeats: float, samples: int) -> float:
-    """How long a run of equal samples may be by chance, if so many repeat the one before."""
+    """Return the longest plausible run of equal samples, if so many repeat the previous one."""
     return math.log(BY_CHANCE / samples) / math.log(repeats) if repeats > 0 else 0.0
 
 
 def _repeats_around(lengths: Index, run: int) -> float:
-    """Return how often a sample repeats the one before, in the 50 runs on each side."""
-    # A signal may be coarser here than elsewhere. The longest tenth of the runs does not count, so
-    # that a sensor that hangs now and then does not hide it; nor are they trusted beyond 0.8, so
-    # that a control signal that goes from one limit to the other is seen.
+    """Return how often a sample repeats the previous one, in the 50 runs on each side."""
+    # A signal may be coarser here than elsewhere. The longest tenth of the runs is excluded, so
+    # that a sensor that sometimes hangs does not hide it; nor are rates above 0.8 trusted, so that
+    # a control signal between its limits is seen.
     around = np.concatenate([lengths[max(0, run - 50) : run], lengths[run + 1 : run + 51]])
     if around.size < 10:
         return 0.0
@@ -314,15 +312,15 @@ def _repeats_around(lengths: Index, run: int) -> float:
 
 
 def _usual_repeats(values: Array) -> float:
-    """Return how often a sample equals the one before, in the middle one of 101 stretches."""
-    # The middle one, so that a long frozen stretch does not raise it.
+    """Return how often a sample equals the previous one, as the median over 101 stretches."""
+    # The median, so that a long frozen stretch does not raise it.
     equal = values[1:] == values[:-1]
     parts = np.array_split(equal, min(101, max(1, equal.size // 20)))
     return float(np.median([part.mean() for part in parts]))
 
 
 def spike_free(record: Record) -> tuple[Record, int]:
-    """Return a record with the spikes of its positions missing, and how many samples these were."""
+    """Return a record with the spikes of its positions missing, and their number."""
     cleaned, count = {name: record[name] for name in record}, 0
     for name in (name for name in record if name == "y" or name.startswith("y_")):
         at = np.flatnonzero(np.isfinite(record[name]))
@@ -337,7 +335,7 @@ def spike_free(record: Record) -> tuple[Record, int]:
 
 
 def without_spikes(records: Sequence[Record]) -> tuple[list[Record], str]:
-    """Return records without the spikes of their positions, and what to say of it, if anything."""
+    """Return records without the spikes of their positions, and a remark, if there were any."""
     pairs = [spike_free(record) for record in records]
     total, remark = sum(count for _, count in pairs), ""
     if total == 1:

@@ -1,4 +1,4 @@
-"""From a log to a record, with an account of what was wrong and what was done about it."""
+"""Conversion of a log into a record, with a report of defects and actions."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
-SENTENCES = 30  #: So many sentences of the account are kept with the record.
+SENTENCES = 30  #: Maximum number of report sentences stored with the record.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reading(Result):
-    """A record, and how it came out of its log."""
+    """A record, and the report of its reading."""
 
     record: Record  #: The signals on one even grid.
     clocks: Mapping[str, Clock]  #: The clocks of the log, ``t`` first.
-    channels: tuple[Channel, ...]  #: What each channel of the log looks like.
-    faults: tuple[Fault, ...]  #: All faults, by channel, with what was done.
-    remarks: tuple[str, ...]  #: How the file is written, what was shifted or resampled.
-    source: str  #: The file.
+    channels: tuple[Channel, ...]  #: Summary of each channel of the log.
+    faults: tuple[Fault, ...]  #: All defects, by channel, with the actions.
+    remarks: tuple[str, ...]  #: Remarks on the format, shifts and resampling.
+    source: str  #: File.
 
     def account(self) -> list[str]:
-        """Say in sentences what was found and done, faults of a kind together."""
+        """Summarise defects and actions in sentences, grouped by kind."""
         lines = [f"{name}: {clock.describe()}" for name, clock in self.clocks.items()]
         step = min(clock.step for clock in self.clocks.values())
         return [*lines, *self.remarks, *channel_faults.account(self.faults, step)]
@@ -98,7 +98,7 @@ def read(
     missing: Collection[str] = (),
     progress: Callable[[str], object] = lambda _: None,
 ) -> Reading:
-    """Read a log into a record, and say what is wrong with it."""
+    """Read a log into a record, and report its defects."""
     wrong = set(missing) - set(channel_faults.MASKABLE)
     if wrong:
         *some, last = channel_faults.MASKABLE
@@ -121,7 +121,7 @@ def _placed(
     missing: Collection[str],
     progress: Callable[[str], object],
 ) -> Reading:
-    """Put the signals of a log on one grid, and say what was wrong; see `read`."""
+    """Put the signals of a log on one grid, and report defects; see `read`."""
     remarks = [*log.remarks, *mapped.remarks]
     clocks = _clocks(log, mapped)
     signals = dict(mapped.signals)
@@ -184,7 +184,7 @@ def _record(log: Log, times: Array, signals: Mapping[str, Array], *of: Any) -> R
 def _examined(
     name: str, logged: Array, mapped: MappedSignals, clock: Clock, missing: Collection[str]
 ) -> tuple[Channel, Array, list[Fault]]:
-    """Say what a channel looks like, and what is wrong with it; and take samples as missing."""
+    """Summarise a channel with its defects, and mark samples as missing."""
     unit, delay = mapped.units[name], mapped.delays.get(name, 0.0)
     values, faults = np.where(np.isinf(logged), np.nan, logged), []
     channel = channel_faults.measure(name, unit, values, clock.name)
@@ -194,7 +194,7 @@ def _examined(
             values[first : first + fault.samples] = np.nan
         if fault.kind in (*missing, "infinite"):
             fault = replace(fault, action="taken as missing")
-        # Faults are where the record has them.
+        # Defects are at their places in the record.
         faults.append(replace(fault, start=fault.start - delay, stop=fault.stop - delay))
     return channel, values, faults
 
@@ -204,7 +204,7 @@ def load_with_gaps(
     channel_map: ChannelMap | str | os.PathLike[str] | None = None,
     note: Callable[[str], object] = lambda _: None,
 ) -> Record:
-    """Read a record as `load` does; where a log has gaps, as `read` fills them."""
+    """Read a record as `load` does; gaps of a log are filled as by `read`."""
     try:
         return load(path, channel_map)
     except RecordError:
@@ -219,7 +219,7 @@ def load_with_gaps(
 def load(
     path: str | os.PathLike[str], channel_map: ChannelMap | str | os.PathLike[str] | None = None
 ) -> Record:
-    """Read a record whose clock is even, with or without a channel map; `read` takes faults."""
+    """Read a record with an even clock, with or without a channel map; `read` accepts defects."""
     if channel_map is None:
         return Record.load(path)
     log, mapped = _mapped(path, channel_map, lambda _: None)
@@ -243,7 +243,7 @@ def _mapped(
     channel_map: ChannelMap | str | os.PathLike[str] | None,
     progress: Callable[[str], object],
 ) -> tuple[Log, MappedSignals]:
-    """Read a log, and pick its signals out of it; a table with names and units needs no map."""
+    """Read a log, and select its signals; a table with names and units needs no map."""
     if channel_map is not None and not isinstance(channel_map, ChannelMap):
         channel_map = ChannelMap.load(channel_map)
     selection, texts = (channel_map.wanted, channel_map.texts) if channel_map else (None, ())
@@ -273,7 +273,7 @@ def _mapped(
 
 
 def _within(fault: Fault, times: Array) -> Fault:
-    """Cut a fault at the ends of the record, beyond which a delay may have moved it."""
+    """Clip a defect to the record, beyond which a delay may have moved it."""
     if fault.kind == "jump" or (times[0] <= fault.start and fault.stop <= times[-1]):
         return fault
     if fault.stop < times[0] or fault.start > times[-1]:
@@ -283,7 +283,7 @@ def _within(fault: Fault, times: Array) -> Fault:
 
 
 def _as_placed(channel: Channel, on_grid: Mapping[str, Array], mapped: MappedSignals) -> Channel:
-    """Count the samples as the record has them: gaps are filled, stretches may be masked."""
+    """Count the samples of the record: gaps are filled, stretches may be masked."""
     values, delay = on_grid[channel.name], mapped.delays.get(channel.name, 0.0)
     missing = int(np.isnan(values).sum())
     return replace(channel, samples=values.size, missing=missing, delay=delay)
@@ -296,7 +296,7 @@ def _resampled(
     clocks: Mapping[str, Clock],
     sampling_time: float | None,
 ) -> tuple[Array, dict[str, Array], list[str]]:
-    """Put all signals on the even grid of the first clock."""
+    """Resample all signals on the even grid of the first clock."""
     jumping = [clock.name for clock in clocks.values() if clock.jumps.size]
     if jumping:
         raise RecordError(f"{log.name}: the clock {jumping[0]} jumps: it cannot be resampled")

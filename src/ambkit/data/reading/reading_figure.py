@@ -1,4 +1,4 @@
-"""Pictures of a log: what was read, with its faults, and where the trouble is of a refused one."""
+"""Figures of a log: as read, with its defects, and the errors of a rejected one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _OVERLAID = ("saturated", "frozen")
 
 
 def reading_figure(reading: Any) -> Figure:
-    """Show the channels of a log with their faults; its clock too, where that is not even."""
+    """Plot the channels of a log with their defects; its clock too, if that is uneven."""
     record = reading.record
     names = sorted(record, key=lambda name: (name not in _FIRST, list(record).index(name)))
     delays = {channel.name: channel.delay for channel in reading.channels}
@@ -66,7 +66,7 @@ def _channel(record: Record, name: str, faults: Iterable[Fault], delay: float) -
     missing = [fault for fault in own if _MARKED.get(fault.kind)]
     missing += [fault for fault in own if fault.action == "taken as missing"]
     stretches = [(fault.start, fault.stop) for fault in missing]
-    # A gap of the clock comes earlier in a channel that was logged late.
+    # A gap of the clock is earlier in a channel with a logging delay.
     gaps = [fault for fault in faults if _MARKED.get(fault.kind) and fault.signal == "t"]
     stretches += [(fault.start - delay, fault.stop - delay) for fault in gaps]
     items += missing_spans(
@@ -78,7 +78,7 @@ def _channel(record: Record, name: str, faults: Iterable[Fault], delay: float) -
 
 
 def _only(t: Array, values: Array, faults: Iterable[Fault]) -> Array:
-    """Return the samples within the faults, NaN elsewhere."""
+    """Return the samples within the defects, NaN elsewhere."""
     half = 0.5 * float(t[-1] - t[0]) / (t.size - 1)
     result = np.full(values.size, np.nan)
     for fault in faults:
@@ -87,16 +87,15 @@ def _only(t: Array, values: Array, faults: Iterable[Fault]) -> Array:
     return result
 
 
-SHOWN = 6  #: Channels in the picture; its clocks come first.
-TOLD = 3  #: Reasons that are told below it.
+SHOWN = 6  #: Maximum number of channels in the figure; its clocks come first.
+TOLD = 3  #: Maximum number of reasons below it.
 
 _NUMBER = Axis("sample")
 
 
 def refused_figure(refused: RejectedLog) -> Figure | None:
-    """Show the clocks and channels of a refused log, with the places that are complained of."""
-    # Over time, if all of its clocks go on; over the number of the sample otherwise, since times
-    # that go back, or are none, are no axis.
+    """Plot the clocks and channels of a rejected log, with the places of the errors."""
+    # Over time, if all of its clocks advance; over the sample number otherwise.
     mapped = refused.mapped
     clocks = {name: times for name, times in mapped.clocks.items() if times.size > 1}
     signals = {
@@ -147,7 +146,7 @@ def _numbers(values: Array) -> Array:
 
 
 def _troubles(name: str, times: Array, damaged: Iterable[int]) -> list[int]:
-    """Return the samples of a clock that are complained of."""
+    """Return the erroneous samples of a clock."""
     results = [at for at in damaged if at < times.size]
     finite = np.isfinite(times)
     results += np.flatnonzero(~finite).tolist()
@@ -160,6 +159,6 @@ def _troubles(name: str, times: Array, damaged: Iterable[int]) -> list[int]:
 
 
 def _marks(x: Array, troubles: Iterable[int]) -> Iterable[Item]:
-    """Mark samples, each with the one before it."""
+    """Mark samples, each with the previous one."""
     stretches = [(float(x[max(at - 1, 0)]), float(x[at])) for at in troubles]
     return missing_spans(stretches, x, "refused for this")

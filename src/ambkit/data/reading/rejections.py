@@ -1,4 +1,4 @@
-"""What keeps a log's samples from lying on one even grid: refused, with places and what helps."""
+"""Rejection of logs whose samples fit no even grid, with places and advice."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ambkit.data.reading.clock import Clock, instant
 
 
 class RejectedLog(RecordError):
-    """A log that gives no record; what could be read of it is there to be looked at."""
+    """A log without a record; the readable part is available for inspection."""
 
     def __init__(
         self, error: RecordError, name: str, mapped: MappedSignals, damaged: tuple[int, ...] = ()
@@ -24,7 +24,7 @@ class RejectedLog(RecordError):
 
 
 def check_times(log: Log, mapped: MappedSignals, used: list[str]) -> None:
-    """Refuse times that are no numbers, each with its line."""
+    """Reject times that are not numbers, each with its line."""
     problems = []
     for name in used:
         times = mapped.clocks[name]
@@ -43,7 +43,7 @@ def check_times(log: Log, mapped: MappedSignals, used: list[str]) -> None:
 def segments_of(
     log: Log, clocks: Mapping[str, Clock], segment: int | None
 ) -> tuple[dict[str, slice], str]:
-    """Return the part between jumps that the user wants, of each clock; or say which there are."""
+    """Return the selected segment between jumps of each clock; or raise with the list."""
     main = clocks.get("t") or next(iter(clocks.values()))
     for clock in clocks.values():
         if clock.too_coarse:
@@ -77,7 +77,7 @@ def segments_of(
 
 
 def _jump_together(main: Clock, other: Clock) -> bool:
-    """Whether two clocks make the same jumps, so that their parts belong together."""
+    """Return whether two clocks have the same jumps, so that their segments correspond."""
     if main.jumps.size != other.jumps.size:
         return False
     slack = 1.5 * max(main.step, other.step)
@@ -93,7 +93,7 @@ def _jumps(clock: Clock) -> str:
 
 
 def refuse_uneven(log: Log, mapped: MappedSignals, clocks: Mapping[str, Clock]) -> None:
-    """Refuse clocks that give no even grid, and say what would."""
+    """Reject clocks without an even grid, with advice."""
     if len(clocks) > 1:
         listed = []
         for clock in clocks.values():

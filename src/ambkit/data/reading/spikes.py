@@ -1,4 +1,4 @@
-"""Spikes of a channel: a few samples far off, between neighbours that agree."""
+"""Spikes of a channel: a few distant samples between neighbours that agree."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import numpy as np
 
 from ambkit.base.arrays import Array, Bools, Index
 
-LONGEST = 3  #: A spike has at most so many samples; more are a movement, or another fault.
-FAR = 10.0  #: So many standard deviations of the noise, or steps of the sensor, off its neighbours.
-AROUND = 10  #: Neighbours on each side that a spike is compared with.
-RARE = 0.01  #: Where more samples than this part would be spikes, they are what the signal is like.
+LONGEST = 3  #: Maximum length of a spike; more samples are a movement, or another defect.
+#: Minimum distance from the neighbours, in standard deviations of the noise or steps of the sensor.
+FAR = 10.0
+AROUND = 10  #: Neighbours on each side for the comparison.
+RARE = 0.01  #: Maximum share of spikes; beyond it they are a property of the signal.
 
 
 def spikes(values: Array, rough: float, step: float) -> tuple[Index, Index]:
     """Find the spikes of a signal."""
     # A spike leaves the range of its 20 neighbours by `FAR` times their noise and by twice that
-    # range, on one side, for at most three samples. Signals that leap by as much elsewhere too,
-    # such as binary ones and references, have none.
-    # values (n,); starts (m,); lengths (m,)
+    # range, on one side, for at most three samples. Signals that leap as much elsewhere, such as
+    # binary ones and references, have none. values (n,); starts (m,); lengths (m,)
     least = FAR * max(rough, step)
     if values.size < 2 * AROUND + LONGEST:
         return _none()
@@ -33,7 +33,7 @@ def spikes(values: Array, rough: float, step: float) -> tuple[Index, Index]:
     starts, lengths, height = starts[spike_mask], lengths[spike_mask], height[spike_mask]
     if starts.size == 0:
         return _none()
-    # Leaps that belong to no spike, and are half as high as the lowest one.
+    # Leaps that belong to no spike, and have at least half the height of the lowest one.
     own = np.zeros(change.size, dtype=bool)
     for k in range(-1, LONGEST):
         own[starts[k < lengths] + k] = True
@@ -45,7 +45,7 @@ def spikes(values: Array, rough: float, step: float) -> tuple[Index, Index]:
 
 
 def without(values: Array, starts: Index, lengths: Index) -> Array:
-    """Return a signal with each spike on the straight line between its neighbours."""
+    """Return a signal with each spike interpolated linearly."""
     if starts.size == 0:
         return values
     fine, at = is_valid(values.size, starts, lengths), np.arange(values.size)
@@ -66,19 +66,19 @@ def _none() -> tuple[Index, Index]:
 
 
 def _there_and_back(change: Array, leaps: Index) -> tuple[Index, Index]:
-    """Find leaps that the next one, at most three samples later, takes back."""
+    """Find leaps that are reversed within three samples."""
     first, second = leaps[:-1], leaps[1:]
     lengths = second - first
     back = change[first] * change[second] < 0
     alike = np.abs(change[first] + change[second]) < 0.5 * np.abs(change[first])
     result = back & alike & (lengths <= LONGEST)
-    # Of two that share a leap the first one is it.
+    # Of two with a common leap the first one.
     result[1:] &= ~(result[:-1] & (first[1:] == second[:-1]))
     return first[result] + 1, lengths[result]
 
 
 def _within(starts: Index, lengths: Index, size: int) -> tuple[Index, Index]:
-    """Cut spikes at the ends, where the signal was continued by its mirror image."""
+    """Clip spikes at the ends, where the signal was continued by reflection."""
     stops = np.minimum(starts + lengths, AROUND + size)
     starts = np.maximum(starts, AROUND)
     inside = stops > starts
@@ -86,9 +86,8 @@ def _within(starts: Index, lengths: Index, size: int) -> tuple[Index, Index]:
 
 
 def _height(padded: Array, starts: Index, lengths: Index, least: float) -> Array:
-    """Return how far each spike is off the range of its neighbours; 0 where that is not far."""
-    # The three of the neighbours that are farthest from their middle do not count: another spike
-    # may be among them.
+    """Return the distance of each spike from the range of its neighbours; 0 if that is small."""
+    # The three most distant neighbours are excluded: another spike may be among them.
     before = starts[:, None] - 1 - np.arange(AROUND)
     after = (starts + lengths)[:, None] + np.arange(AROUND)
     near = padded[np.clip(np.concatenate([before, after], axis=1), 0, padded.size - 1)]
@@ -99,6 +98,6 @@ def _height(padded: Array, starts: Index, lengths: Index, least: float) -> Array
     spike = padded[np.minimum(starts[:, None] + np.arange(LONGEST), padded.size - 1)]
     off = np.where(inside, spike - middle[:, None], np.nan)
     lowest, highest = np.nanmin(off, axis=1), np.nanmax(off, axis=1)
-    one_side = np.maximum(lowest, -highest)  # negative where it lies on both sides
+    one_side = np.maximum(lowest, -highest)  # negative if it is on both sides
     far = one_side - max_deviation > np.maximum(least, 4 * max_deviation)
     return np.where(far, one_side, 0.0)

@@ -1,1 +1,1 @@
-"""Many logs of one rig at once: cut, identified one by one, pooled, each judged by the others."""
+"""Many logs of one rig: segmented, identified one by one, pooled, and cross-validated."""

@@ -1,4 +1,4 @@
-"""All logs of a rig: each identified alone, pooled, and each predicted by what the others say."""
+"""Identification of a rig from all of its logs: individually, pooled, and cross-validated."""
 
 from __future__ import annotations
 
@@ -39,31 +39,34 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
 SAME_LINE = 0.02
-"""By which share frequencies of one line may differ between logs: the mains keep to 1 %."""
+"""Relative tolerance for frequencies of one line in different logs: the mains keep to 1 %."""
 
-FEWEST = 2  #: Logs that can be pooled.
-THREADS = 2  #: Logs that are searched at once.
+FEWEST = 2  #: Minimum number of logs for pooling.
+THREADS = 2  #: Logs identified in parallel.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Corpus(Result):
-    """What many logs say of a rig."""
+    """Result of many logs of a rig."""
 
-    start: LoopModel  #: What was known before.
-    model: LoopModel  #: With what the logs say together.
-    pooled: Pooled  #: Their figures, errors, and scatter between logs.
-    found: Mapping[str, MaximumLikelihood]  #: What each log says alone.
-    predictions: Sequence[Prediction]  #: Each log by a model of the others.
-    stretches: Mapping[str, Sequence[Stretch]]  #: How each log was cut.
-    left_out: Mapping[str, str]  #: Logs that nothing is identified from, and why.
-    spikes: Mapping[str, str]  #: Logs whose positions have spikes, and how many were left out.
-    deviations: Mapping[str, Deviation]  #: Of logs that are enough to know a scatter.
-    #: How much weaker a one-sided magnet is in flight than it was described, and at what amplitude.
+    start: LoopModel  #: Prior.
+    model: LoopModel  #: Model with the pooled parameters.
+    pooled: Pooled  #: Pooled parameters, errors, and scatter between logs.
+    found: Mapping[str, MaximumLikelihood]  #: Individual result of each log.
+    predictions: Sequence[Prediction]  #: Prediction of each log by a model of the others.
+    stretches: Mapping[str, Sequence[Stretch]]  #: Segmentation of each log.
+    left_out: Mapping[str, str]  #: Logs that were not used, with reasons.
+    #: Logs with spikes in their positions, with the number of rejected samples.
+    spikes: Mapping[str, str]
+    #: Deviations of logs, if there are enough to estimate a scatter.
+    deviations: Mapping[str, Deviation]
+    #: Loss of strength of a one-sided magnet during levitation, relative to its description, and
+    #: its amplitude.
     strength_loss: StrengthLoss | None = None
 
     @property
     def machine(self) -> Machine:
-        """The bearing found: its delay, its current's lag, the smallest steps of its logs."""
+        """The identified machine: dead time, current lag, smallest quantisation of its logs."""
         steps = [item.position_step for item in self.found.values()]
         known = [step for step in steps if step is not None]
         step = min(known) if known and len(known) == len(steps) else None
@@ -97,7 +100,7 @@ class Corpus(Result):
 
     @property
     def _better_baselines(self) -> str:
-        """Where a baseline that knows no magnet predicts better from the past."""
+        """Yield cases in which a baseline without magnet model predicts better from the past."""
         k, own, by = AHEAD[-1], "without_later_controls", list[str]()
         for kind, name in PAST_ONLY.items():
             gains = [
@@ -182,7 +185,7 @@ class Corpus(Result):
 
 
 def _difference(of: Deviation) -> str:
-    """Return in which parameter a log differs, and by how much, in words."""
+    """Return in which parameter a log deviates, and by how much, in words."""
     by = f"{math.expm1(of.difference):+.1%}" if of.parameter.positive else engineering(
         of.difference, of.parameter.unit, 2
     )  # fmt: skip
@@ -193,12 +196,12 @@ def _difference(of: Deviation) -> str:
 
 
 def _scale(of: Parameter, value: float) -> float:
-    """Return what makes an error of a parameter one of its value."""
+    """Return the scale from an error of a parameter to one of its value."""
     return value if of.positive else 1.0
 
 
 def corpus_figure(corpus: Corpus) -> Figure:
-    """Show how each log is predicted by the others, beside what knows no magnet."""
+    """Plot the prediction errors of each log, with those of the baselines."""
     logs = {str(k): one for k, one in enumerate(corpus.predictions, 1)}
     panels = [
         Panel(Axis("log"), Axis(f"error {ahead} ahead", "µm rms", 1e6), [
@@ -238,7 +241,7 @@ def identify_corpus(
     free = usual(start) if free is None else free
     if all(is_interpolated(r) for parts in flight_records.values() for r in parts):
         start = start.replace(line=True)
-    # The sampled model is exact, but for the part of a sample in a delay: nanometres.
+    # The sampled model is exact, except for the fraction of a sample in a delay: nanometres.
     start = start.replace(substeps=1)
     start = start.replace(known={n: v for n, v in priors_of(start).items() if n in free})
     names = list(flight_records)
@@ -276,7 +279,7 @@ def identify_corpus(
 
 
 def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[Pooled, LoopModel]:
-    """Pool what logs say, and give the model the lines that more than half of them have."""
+    """Pool the results of logs, with the lines of more than half of them."""
     pooled = pool(results)
     lines = [line for one in results for line in one.lines]
     shared: list[Hum] = []
@@ -289,7 +292,7 @@ def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[P
                 Hum(
                     frequency=float(np.median(frequencies)),
                     amplitude=rms(np.array([h.amplitude for h in near])),
-                    # A line that is elsewhere in each log wanders as far.
+                    # A line with a different frequency in each log varies by that.
                     bandwidth=max(float(np.median([h.bandwidth for h in near])),
                                   float(np.std(frequencies))),
                 )
@@ -301,7 +304,7 @@ def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[P
 def _flown(
     records: Mapping[str, Record], stretches: Mapping[str, list[Stretch]], start: LoopModel
 ) -> tuple[dict[str, list[Record]], dict[str, str]]:
-    """Return the flights of each log that has such, and why of the others there are none."""
+    """Return the levitated parts of each log, and the reasons why others have none."""
     machine = start.isolated
     cuts = {name: flights(record, stretches[name], machine) for name, record in records.items()}
     noise = {
@@ -331,7 +334,7 @@ def _each(
     free: Sequence[str],
     note: Callable[[str], object],
 ) -> dict[str, MaximumLikelihood | str]:
-    """Identify from each log alone; the first one finds where the others begin."""
+    """Identify each log; the first one provides the initial values of the others."""
     names = list(flight_records)
     done = 0
 
@@ -353,7 +356,8 @@ def _each(
     first = searched(names[0], start, free, improve=True)
     begin, parameters = start, list(free)
     if isinstance(first, MaximumLikelihood):
-        # What one log does not tell none does, as of a lag; but noises are each log's own.
+        # A parameter that one log does not determine is held in all, such as a lag; noises are
+        # individual.
         parameters = [name for name in free if name not in first.held or name in NOISES]
         begin = first.model.replace(
             known=start.known, current_offset=start.current_offset,

@@ -1,4 +1,4 @@
-"""Whether a magnet is as strong in flight as it is described, and how that goes with the amplitude.
+"""Strength of a magnet during levitation, relative to its description, and over the amplitude.
 
 Where the law comes from lift-off, the force at rest is known: what a flight then finds with the
 same gap differs by what the iron does when the current goes to and fro. Minor loops of hysteresis
@@ -21,37 +21,38 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.machine.magnets import own_time
 
-FEWEST = 3  #: Flights from which on a slope over the amplitude has an error.
+FEWEST = 3  #: Minimum number of parts for a slope over the amplitude.
 
 LOOSE = 10.0
-"""By which the offset of a current is known less well here: the gap that is held tells it."""
+"""Factor on the prior error of the current's offset: the held gap determines it."""
 
 
 @dataclass(frozen=True)
 class StrengthFit:
-    """A magnet in one flight."""
+    """Strength of a magnet in one part of a log."""
 
-    amplitude: float  #: Of the control current within the time in which the rotor falls, rms [A].
-    #: Magnet constant as described over that of the flight, the gap being as described.
+    amplitude: float  #: Rms control current over the time constant of the rotor [A].
+    #: Described magnet constant over the identified one, with the described gap.
     factor: float
     error: float  #: Standard error of its logarithm.
 
 
 @dataclass(frozen=True)
 class StrengthLoss:
-    """A magnet in several flights."""
+    """Strength of a magnet in several parts."""
 
     flights: Mapping[str, StrengthFit]  #: By the names of the logs.
-    #: In the mean, and the standard error of its logarithm with the scatter between flights in it.
+    #: Mean, and the standard error of its logarithm including the scatter between parts.
     factor: float
     factor_error: float
-    #: Of the factor's logarithm over that of the amplitude; NaN for fewer than three flights.
+    #: Derivative of the factor's logarithm by that of the amplitude; NaN for fewer than three
+    #: parts.
     slope: float
     slope_error: float
 
     @property
     def text(self) -> str:
-        """What was found, as a sentence."""
+        """Result, as a sentence."""
         sentence = (
             f"with the described air gap, the records in levitation give the described magnet "
             f"constant divided by {self.factor:.3g} ± {self.factor * self.factor_error:.2g}"
@@ -71,8 +72,8 @@ class StrengthLoss:
 def _in_flight(
     records: Sequence[Record], result: MaximumLikelihood, start: LoopModel
 ) -> StrengthFit | None:
-    """Search a log with the gap as described; None where it does not tell the magnet."""
-    # A current that flows is the one that was found, with the coil that it was found with.
+    """Identify a log with the described gap; None if it does not determine the magnet."""
+    # A smoothed current is kept with its coil.
     described = start.isolated.magnet
     free = [p.name for p in result.parameters if p.name != "air_gap"]
     known = {
@@ -98,7 +99,7 @@ def strength_loss(
     start: LoopModel,
     threads: int = 1,
 ) -> StrengthLoss | None:
-    """Say how much weaker a one-sided magnet is in flight than it is described."""
+    """Return the loss of strength of a one-sided magnet relative to its description."""
     if start.isolated.magnet.type != "one-sided":
         return None
     names = [
@@ -124,7 +125,7 @@ def strength_loss(
 
 
 def _line(A: np.ndarray, y: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted least squares; errors that the residuals exceed are as large as they say."""
+    """Weighted least squares; errors are increased to the residuals."""
     inverse = np.linalg.inv((A.T / e**2) @ A)
     solution = inverse @ ((A.T / e**2) @ y)
     left = float(np.sum(((y - A @ solution) / e) ** 2)) / max(y.size - A.shape[1], 1)
@@ -132,7 +133,7 @@ def _line(A: np.ndarray, y: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _amplitude(records: Sequence[Record], model: LoopModel) -> float:
-    """Rms of the control current between the plant's time constant and twenty of it [A]."""
+    """Rms control current between one and twenty time constants of the plant [A]."""
     from scipy.signal import savgol_filter
 
     own = own_time(model.isolated) / model.isolated.sampling_time

@@ -1,4 +1,4 @@
-"""What several logs say together, where each is a little different: random effects.
+"""Pooling of several logs with random effects.
 
 Logs scatter by more than their errors. So ``theta_l ~ N(mu, C_l + T)`` with T diagonal, by the
 restricted likelihood (DerSimonian and Laird 1986 for the model, Harville 1977 for the likelihood),
@@ -17,25 +17,25 @@ from ambkit.base.arrays import Array
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS, PARAMETERS, Parameter
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 
-LEAST_SCATTER = 1e-4  #: Between logs, in the coordinates: below it they are as good as equal.
-CHANCE = 0.01  #: That any log of a homogeneous corpus is called off.
-FEWEST = 3  #: Logs from which on a scatter between them can be told.
+LEAST_SCATTER = 1e-4  #: Scatter between logs, in the coordinates, below which they count as equal.
+CHANCE = 0.01  #: Probability that any log of a homogeneous corpus is reported.
+FEWEST = 3  #: Minimum number of logs for a scatter.
 
 COORDINATE = {"delay": 1e-3, "position_noise": 100.0}
-"""What a parameter that is no logarithm is counted in [SI]: all coordinates are of the size 1."""
+"""Scale of a parameter that is no logarithm [SI]: all coordinates are of order 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pooled:
-    """Parameters of several logs together."""
+    """Pooled parameters of several logs."""
 
-    parameters: list[Parameter]  #: Which, p.
-    #: (p,) In the mean over logs, SI, with standard errors: of the logarithm for a positive one.
+    parameters: list[Parameter]  #: The p parameters.
+    #: (p,) Means over logs, SI, with standard errors: of the logarithm for a positive one.
     values: Array
     errors: Array
     #: (p,) Standard deviation between logs beyond their own errors, in the same units.
     scatter: Array
-    each: Array  #: (logs, p) Of each log alone; NaN where a log holds the parameter.
+    each: Array  #: (logs, p) Values of each log; NaN if a log holds the parameter.
     log_errors: Array
 
     def __getitem__(self, name: str) -> float:
@@ -44,9 +44,9 @@ class Pooled:
 
 
 def pool(results: Sequence[MaximumLikelihood]) -> Pooled:
-    """Pool what was found of several logs."""
-    # Offsets are of a log: each has its own, as far from what is known beforehand as that may be,
-    # and with the error that this leaves in all others.
+    """Pool the results of several logs."""
+    # Offsets are individual: each log has its own, within the prior, and the resulting error in all
+    # other parameters.
     seen = {p.name for one in results for p in one.parameters} - set(OFFSETS)
     names = [name for name in PARAMETERS if name in seen]
     parameters = [PARAMETERS[name] for name in names]
@@ -78,23 +78,24 @@ def pool(results: Sequence[MaximumLikelihood]) -> Pooled:
 
 @dataclass(frozen=True)
 class Deviation:
-    """By how much a log is off the others, in the parameter in which it is most."""
+    """Largest deviation of a log from the others."""
 
     parameter: Parameter
-    difference: float  #: Of the logarithm for a positive parameter, otherwise SI.
-    ratio: float  #: In standard deviations of the difference that is to be expected.
-    limit: float  #: Which one of `CHANCE` homogeneous corpora exceeds.
+    difference: float  #: Difference, of the logarithm for a positive parameter, otherwise SI.
+    ratio: float  #: Over the expected standard deviation of the difference.
+    limit: float  #: Exceeded by one in 1/`CHANCE` homogeneous corpora.
 
     @property
     def far(self) -> bool:
-        """Whether the log is another rig's, or of another state of it."""
+        """Whether the log is of another rig, or of another state of it."""
         return abs(self.ratio) > self.limit
 
 
 def deviation(one: MaximumLikelihood, others: Pooled, logs: int) -> Deviation | None:
-    """Return where a log is most off the others, if they are enough to know their scatter."""
-    # The expected difference has the log's own error, that of the others' mean, and their scatter,
-    # which is itself an estimate: Student's t, its degrees of freedom after Satterthwaite (1946).
+    """Return the largest deviation of a log, if there are enough logs to estimate their scatter."""
+    # The expected difference includes the log's own error, that of the others' mean, and their
+    # scatter, which is itself an estimate: Student's t, with degrees of freedom after Satterthwaite
+    # (1946).
     from scipy.stats import t
 
     if logs - 1 < FEWEST:
@@ -106,7 +107,7 @@ def deviation(one: MaximumLikelihood, others: Pooled, logs: int) -> Deviation | 
         value, mean = float(one.values[at]), float(others.values[k])
         known = float(one.errors[at]) ** 2 + float(others.errors[k]) ** 2
         scatter = float(others.scatter[k]) ** 2
-        # An estimate of nothing does not tell a scatter as large as the errors from none.
+        # An estimate of zero does not distinguish a scatter as large as the errors from none.
         unsure = max(scatter, known)
         freedom = (logs - 2) * ((known + unsure) / unsure) ** 2
         difference = math.log(value / mean) if p.positive else value - mean
@@ -118,7 +119,7 @@ def deviation(one: MaximumLikelihood, others: Pooled, logs: int) -> Deviation | 
 
 
 def _weight(J: Array, scatter: Array) -> Array:
-    """Return (J^-1 + T)^-1; J need not have an inverse, where a log does not tell all."""
+    """Return (J^-1 + T)^-1; J may be singular if a log does not determine all parameters."""
     return np.asarray(np.linalg.solve(np.eye(J.shape[0]) + J * scatter**2, J), float)
 
 
@@ -130,7 +131,7 @@ def _mean(fits: Sequence[tuple[Array, Array]], scatter: Array) -> tuple[Array, A
 
 
 def _between(fits: Sequence[tuple[Array, Array]]) -> Array:
-    """Scatter between logs that the restricted likelihood prefers, in the coordinates (p,)."""
+    """Return the scatter between logs of maximum restricted likelihood, in the coordinates (p,)."""
     from scipy.optimize import minimize
 
     size = fits[0][1].size

@@ -1,4 +1,4 @@
-"""How a log is predicted by a model of the others, beside baselines that know no magnet."""
+"""Prediction of a log by a model of the others, and by baselines without magnet model."""
 
 from __future__ import annotations
 
@@ -27,32 +27,33 @@ from ambkit.result.row import Row
 
 @dataclass(frozen=True)
 class Prediction:
-    """How a log is predicted by a model of the others."""
+    """Prediction of a log by a model of the others."""
 
-    name: str  #: Of the log.
-    samples: int  #: Measurements that count.
-    #: RMS errors [m] by samples ahead: of the model, with the controls since and with those that
-    #: the past lets expect; of the last measurement, held; of the constant-velocity filter, the ARX
-    #: model and the joint process of all signals, which are fitted to the other logs as well.
+    name: str  #: Name of the log.
+    samples: int  #: Number of evaluated measurements.
+    #: RMS errors by samples ahead: of the model, with the true later controls and with those
+    #: expected from the past; of the last measurement, held; of the constant-velocity filter, the
+    #: ARX model and the joint process of all signals, which are fitted to the other logs too.
     error: Mapping[int, float]
     without_later_controls: Mapping[int, float]
     held: Mapping[int, float]
     without_a_magnet: Mapping[int, float]
     arx: Mapping[int, float]
     subspace: Mapping[int, float]
-    chosen: Mapping[str, Mapping[int, str]]  #: What the ARX model and the process are made of.
-    floor: float  #: Noise of the measurement itself, as the model has it along this log, rms [m].
-    nis: float  #: Mean normalised innovation squared; 1 where the noise is right.
-    #: Share of 50 lags at which the residuals correlate no more than white ones would.
+    chosen: Mapping[str, Mapping[int, str]]  #: Structure of the ARX model and the process.
+    floor: float  #: Rms measurement noise according to the model along this log [m].
+    nis: float  #: Mean normalised innovation squared; 1 if the noise is right.
+    #: Share of 50 lags with residual correlations within the bounds of white noise.
     white: float
-    left: float  #: Share of the residuals' variance that their own past and the control's predict.
+    #: Share of the residuals' variance that is predictable from their past and the control's.
+    left: float
 
     @property
     def good(self) -> bool:
         """Whether the model passes all checks on this log."""
-        # No baseline predicts it better, its noise is what the model expects, and hardly anything
-        # of what is left could be predicted. ARX model and process know no later control, so they
-        # are held against the model without these.
+        # No baseline predicts better, the noise agrees with the model, and hardly any of the
+        # residuals is predictable. ARX model and process use no later controls, so they are
+        # compared with the model without these.
         known = (
             (self.error, self.held),
             (self.error, self.without_a_magnet),
@@ -64,7 +65,7 @@ class Prediction:
 
     @property
     def best(self) -> str:
-        """Which of those that know the past only predicts best at the longest horizon."""
+        """Best predictor from the past only at the longest horizon."""
         return min(PAST_ONLY, key=lambda kind: getattr(self, kind)[AHEAD[-1]])
 
     def rows(self) -> list[Row]:
@@ -93,17 +94,17 @@ KINDS = {
     "without_a_magnet": ("velocity", "series 2", "without a magnet"),
     "held": ("held", "constant", "last measurement held"),
 }
-"""Of each kind of prediction: name in a table, style and label in a picture."""
+"""Name, style and label of each kind of prediction."""
 
 PAST_ONLY = {
     **{kind: name for kind, (name, _) in FROM_THE_PAST.items()},
     "without_a_magnet": "velocity", "held": "held",
 }  # fmt: skip
-"""Who predicts from the past alone, and what a table calls it."""
+"""Predictors from the past only, and their names in a table."""
 
 
 def in_the_mean(several: Sequence[ConstantVelocityFilter]) -> ConstantVelocityFilter:
-    """Return the filter between those that several logs are tuned to."""
+    """Return the mean of filters tuned to several logs."""
     q, R = (math.exp(fmean(math.log(getattr(one, name)) for one in several)) for name in ("q", "R"))
     return ConstantVelocityFilter(several[0].T, q, R)
 
@@ -115,7 +116,7 @@ def predict(
     others: Baselines,
     naive: ConstantVelocityFilter,
 ) -> Prediction:
-    """Predict a log by a model that has not seen it, beside what knows no magnet."""
+    """Predict a log by a model of the others, and by baselines without magnet model."""
     lags = others.layout.lags
     first = max(round(own_time(model.isolated) / records[0].sampling_time) * 4, lags)
     misses: dict[str, dict[int, list[Array]]] = {kind: {k: [] for k in AHEAD} for kind in KINDS}

@@ -1,4 +1,4 @@
-"""Where in a log a rotor flies, and where it rests, lies on a stop or drives something to its end.
+"""Segmentation of a log: levitation, rest, contact, saturation.
 
 A rotor flies where its acceleration is what magnet and weight say. That holds as well where it
 hardly moves, and it is no question of how quiet a log is.
@@ -18,24 +18,24 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
 
 UNEXPLAINED = 0.5
-"""Acceleration that magnet and weight do not explain, in parts of what holds the rotor, from which
-on it does not fly."""
+"""Unexplained acceleration, over that of the levitation force, above which a part is no levitation.
+"""
 
-AFTER = 40  #: Time constants of the plant that are left out after something other than levitation.
-SHORTEST = 40  #: The plant's time constants that a flight must have to be told anything from.
+AFTER = 40  #: Excluded time after other segments, in time constants of the plant.
+SHORTEST = 40  #: Minimum duration of levitation, in time constants of the plant.
 
 SMOOTHED = 0.25
-"""Of the noise that other logs or the bearing have: a position with less was smoothed before."""
+"""Ratio to the noise of other logs or the machine, below which a position was smoothed."""
 
 KINDS = ("flight", "fetched", "saturated", "landed", "rest")
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """A part of a log."""
+    """A segment of a log."""
 
-    #: One of `KINDS`. ``saturated``: sensor or current at its end; ``landed``: still at a stop;
-    #: ``rest``: still elsewhere, and not carried; ``fetched``: just after one of these, or not
+    #: One of `KINDS`. ``saturated``: sensor or current at its limit; ``landed``: at rest at a stop;
+    #: ``rest``: at rest elsewhere, without levitation; ``fetched``: just after one of these, or not
     #: explained by magnet and weight.
     kind: str
     begin: float  #: Times of its first sample and of the one after its last [s].
@@ -43,7 +43,7 @@ class Stretch:
 
 
 def cut(record: Record, machine: Machine) -> list[Stretch]:
-    """Cut a log into stretches."""
+    """Divide a log into segments."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
     from scipy.signal import savgol_filter
 
@@ -85,7 +85,7 @@ def cut(record: Record, machine: Machine) -> list[Stretch]:
 
 
 def flights(record: Record, stretches: list[Stretch], machine: Machine) -> list[Record]:
-    """Return the flights of a log that are long enough to be identified from."""
+    """Return the levitated segments of a log that are long enough for identification."""
     least = SHORTEST * own_time(machine)
     return [
         record.between(s.begin, s.end)
@@ -95,7 +95,7 @@ def flights(record: Record, stretches: list[Stretch], machine: Machine) -> list[
 
 
 def _at_its_end(y: Array, travel: float) -> Bools:
-    """Where a sensor shows its least or greatest number several times in a row, or a stop."""
+    """Return where a sensor repeats its minimum or maximum, or a stop."""
     still = np.r_[False, np.diff(y) == 0]
     ends = (y == y.min()) | (y == y.max())
     return np.asarray((still & ends) | (np.abs(y) >= 0.99 * abs(travel)))

@@ -1,4 +1,4 @@
-"""Designing an experiment: signals that excite a bearing in its loop, within limits."""
+"""Design of experiments: signals that excite a machine in its loop, within limits."""
 
 from ambkit.identification.excitation.design import Design, Limits, design
 

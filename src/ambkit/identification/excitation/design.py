@@ -1,4 +1,4 @@
-"""The experiment that tells most about a bearing while its loop keeps within limits.
+"""Design of the most informative experiment within the limits of the loop.
 
 The excitation is added to the reference, an input that every loop has. Nothing is lost by it: a PID
 passes it on by its gain kp and set-point weight b, so r acts as a control signal ``b kp r / k_ui``.
@@ -34,32 +34,32 @@ from ambkit.simulation.scenario import Scenario, along
 from ambkit.simulation.waveforms import Recorded
 
 LOWEST, HIGHEST = (1 / 16, 1 / 4, 1.0), (2.0, 4.0, 8.0, 16.0, 32.0)
-"""Ends of the bands that are tried, times the plant's own frequency ``sqrt(k_s/m) / (2 pi)``."""
+"""Ends of the candidate bands, over the plant's frequency ``sqrt(k_s/m) / (2 pi)``."""
 
-LEAST_PERIODS = 4  #: Of the lowest frequency, in a record.
-FILLED = 0.97  #: Part of a limit that is near enough to it.
-TRIES = 8  #: Simulations in which an amplitude is brought to the limit.
-SEEDS = 5  #: Noises under which the limits are checked at the end.
+LEAST_PERIODS = 4  #: Minimum number of periods of the lowest frequency in a record.
+FILLED = 0.97  #: Share of a limit that is close enough to it.
+TRIES = 8  #: Simulations that adjust an amplitude to the limit.
+SEEDS = 5  #: Noise seeds for the final check of the limits.
 EXPECTED = ("expected", "parameters")  #: Section of its rows.
-CERTAIN = 0.95  #: Correlation from which on two parameters are said to hang together.
+CERTAIN = 0.95  #: Correlation above which two parameters are reported as correlated.
 
 CALM = 0.01
-"""By how much the load of a quiet rig is taken to wander in a second, times the rotor's weight."""
+"""Assumed random walk of the disturbance in a second, over the rotor's weight."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What an experiment must not exceed."""
+    """Limits of an experiment."""
 
-    #: Greatest control current |iu| [A], with what carries the rotor and what the noise adds.
+    #: Maximum control current |iu| [A], including levitation current and noise.
     current: float
-    displacement: float  #: Greatest displacement |x| from the centre [m].
+    displacement: float  #: Maximum displacement |x| from the centre [m].
 
     @classmethod
     def of(
         cls, machine: Machine, current: float | None = None, displacement: float | None = None
     ) -> Limits:
-        """Return limits, by default 80 % of what the current may be and half of the travel."""
+        """Return limits, by default 80 % of the current limit and half of the clearance."""
         most = min(machine.current_max, -machine.current_min)
         travel = machine.clearance
         for what, value, end, unit in (
@@ -78,7 +78,7 @@ class Limits:
         )
 
     def rows(self, record: Record) -> list[Row]:
-        """Return how far a record of the experiment goes towards them."""
+        """Return the utilisation of the limits in a record of the experiment."""
         current, far = (float(np.max(np.abs(record[name]))) for name in ("iu", "x"))
         return [
             Row("maximum_current", "maximum control current", current, "A", below=self.current),
@@ -89,20 +89,20 @@ class Limits:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Result):
-    """An experiment, and what it would tell."""
+    """An experiment, and its expected information."""
 
-    excitation: Excitation  #: The signal, of amplitude 1.
-    reference: Array  #: (n,) The reference that makes the experiment [m].
-    band: Band  #: Frequencies [Hz].
-    record: Record  #: The experiment, simulated, with the noise of the bearing.
-    limits: Limits  #: What it keeps within.
-    expectation: Expectation  #: What it would tell.
-    tried: Sequence[tuple[Band, float]]  #: (band, certainty) Bands that were compared.
-    axis: str = ""  #: Of a machine, whose reference it is.
+    excitation: Excitation  #: Signal with amplitude 1.
+    reference: Array  #: (n,) Reference of the experiment [m].
+    band: Band  #: Frequency band [Hz].
+    record: Record  #: Simulated experiment, with noise.
+    limits: Limits  #: Its limits.
+    expectation: Expectation  #: Expected information.
+    tried: Sequence[tuple[Band, float]]  #: (band, certainty) Candidate bands.
+    axis: str = ""  #: Axis of the reference, if there are several.
 
     @property
     def amplitude(self) -> float:
-        """Greatest value of the reference [m]."""
+        """Maximum of the reference [m]."""
         return float(np.max(np.abs(self.reference)))
 
     def file(self) -> Record:
@@ -196,10 +196,10 @@ def design(
     axis: str = "",
     done: Callable[[str], object] = lambda _: None,
 ) -> Design:
-    """Design the experiment that tells parameters of a bearing best."""
-    # Each band is brought up to the limits in the simulated loop, noise and all; the best one makes
-    # the information's determinant largest, ``ln det(1 + I)`` (D-optimal, with nothing known before
-    # but each parameter's coarse scale).
+    """Return the experiment that identifies parameters of a machine best."""
+    # Each band is scaled to the limits in the simulated loop, including noise; selected is the
+    # largest determinant of the information, ``ln det(1 + I)`` (D-optimal, with only each
+    # parameter's coarse scale as prior).
     if kind not in KINDS:
         raise AmbkitError(f'there is no excitation "{kind}"; known: {", ".join(KINDS)}')
     limits = limits or Limits.of(machine)
@@ -234,7 +234,7 @@ def design(
 
 
 def _bands(machine: Machine, duration: float) -> list[Band]:
-    """Return bands to try about the plant's own frequency, as far as record and sampling go."""
+    """Return candidate bands around the plant's frequency, limited by duration and sampling."""
     own = math.sqrt(ConstantStiffness.of(machine).k_s / machine.rotor.mass) / (2 * math.pi)
     min_frequency, max_frequency = LEAST_PERIODS / duration, 0.2 / machine.sampling_time
     lows = sorted({max(part * own, min_frequency) for part in LOWEST})
@@ -249,7 +249,7 @@ def _bands(machine: Machine, duration: float) -> list[Band]:
 
 
 def check_band(band: Band, start: tuple[float, str], end: tuple[float, str]) -> None:
-    """Refuse a band that does not rise within its ends [Hz], which are given with what they are."""
+    """Reject a band that is not ascending or beyond its limits [Hz]."""
     (lowest, first), (highest, last), (low, high) = start, end, band
     if not lowest * (1 - 1e-9) <= low < high <= highest * (1 + 1e-9):
         raise AmbkitError(
@@ -260,7 +260,7 @@ def check_band(band: Band, start: tuple[float, str], end: tuple[float, str]) -> 
 
 
 class _Loop:
-    """The simulated loop, with noise and a load that wanders, excited by its reference."""
+    """The simulated loop, with noise and a random-walk disturbance, excited by its reference."""
 
     def __init__(self, machine: Machine, scenario: Scenario, limits: Limits, load: float) -> None:
         self.machine, self.limits, self.load = machine, limits, load
@@ -272,7 +272,7 @@ class _Loop:
         self.known = along(scenario, "disturbance", ("",), self.t)[:, 0]
 
     def run(self, reference: Array, other: int = 0) -> Record:
-        """Simulate with a reference [m]; with `other` noise and load than the scenario's seed's."""
+        """Simulate with a reference [m]; optionally with another seed of noise and disturbance."""
         seed = self.scenario.seed + other
         steps = np.random.default_rng([seed, 1]).normal(size=self.n)
         steps[0] = 0.0
@@ -287,7 +287,7 @@ class _Loop:
         return simulate(self.machine, scenario)
 
     def levels(self, record: Record, parts: Sequence[slice]) -> Array:
-        """How far each part of a record goes towards each limit (2, parts); 1: up to it."""
+        """Return the utilisation of each limit in each part of a record (2, parts)."""
         used = [
             np.abs(record["iu"]) / self.limits.current,
             np.abs(record["x"]) / self.limits.displacement,
@@ -295,8 +295,8 @@ class _Loop:
         return np.array([[np.max(one[part]) for part in parts] for one in used])
 
     def at_the_limit(self, excitation: Excitation) -> Array:
-        """Return the reference that fills one of the limits in each of its parts."""
-        # Current and displacement rise nearly as straight lines, from those of the noise alone.
+        """Return the reference that reaches one of the limits in each of its parts."""
+        # Current and displacement are nearly linear in it, on top of the noise.
         parts = excitation.parts
         still = self.run(np.zeros(self.n))
         floor = self.levels(still, parts)
@@ -324,7 +324,7 @@ class _Loop:
         return best
 
     def within_limits(self, reference: Array) -> Array:
-        """Return the reference, smaller where other noise would carry it beyond a limit."""
+        """Return the reference, reduced if another noise seed exceeds a limit."""
         parts = [slice(0, self.n)]
         for _ in range(TRIES):
             runs = [self.run(reference, other) for other in range(SEEDS)]
@@ -336,7 +336,7 @@ class _Loop:
 
 
 def _scaled(excitation: Excitation, gain: Array) -> Array:
-    """Return the signal with each of its parts scaled."""
+    """Return the signal with its parts scaled."""
     values = np.zeros_like(excitation.values)
     for part, by in zip(excitation.parts, gain, strict=True):
         values[part] = by * excitation.values[part]

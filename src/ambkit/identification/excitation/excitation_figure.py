@@ -1,4 +1,4 @@
-"""The picture of an experiment: what it does, what it excites, and where its information lies."""
+"""Figure of an experiment: signals, spectra, and the distribution of its information."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _LOOKS = ("series 1", "series 2", "series 3", "series 4", "constant")
 
 
 def excitation_figure(design: Any) -> Figure:
-    """Show an experiment over time and over frequency."""
+    """Plot an experiment over time and over frequency."""
     record, T = design.record, design.record.sampling_time
     reference = Line(record.t, record["r"], signal="reference")
     frequency, reference_spectrum = _amplitudes(record["r"], T)
     _, moved = _amplitudes(record["x"], T)
     in_band = (frequency >= 0.5 * design.band[0]) & (frequency <= 2 * design.band[1])
     top = 2 * max(np.max(reference_spectrum[in_band]), np.max(moved[in_band]))
-    # What lies a thousand times lower is noise, or the zeros between two lines.
+    # Values lower by a factor of a thousand are noise, or zeros between two lines.
     amplitude = Axis("amplitude", "µm", 1e6, "log", limits=(1e-3 * top, top))
     excited: list[Item] = [
         Line(frequency[in_band], reference_spectrum[in_band], signal="reference", label=""),
@@ -46,7 +46,7 @@ def excitation_figure(design: Any) -> Figure:
 
 
 def panels_within(record: Record, limits: Any, added: Line) -> list[Panel]:
-    """Show position and current of an experiment within its limits, and what is added to them."""
+    """Plot position and current of an experiment within its limits, and the added signal."""
 
     def within(signal: str, limit: float, style: str, label: str) -> list[Item]:
         return [
@@ -60,13 +60,13 @@ def panels_within(record: Record, limits: Any, added: Line) -> list[Panel]:
 
 
 def _amplitudes(values: Array, T: float) -> tuple[Array, Array]:
-    """Frequencies [Hz] but zero, and the amplitudes of a signal at them."""
+    """Return positive frequencies [Hz], and the amplitudes of a signal there."""
     amplitude: Array = 2 / values.size * np.abs(np.fft.rfft(values))
     return np.asarray(np.fft.rfftfreq(values.size, T)[1:], dtype=float), amplitude[1:]
 
 
 def _shares(design: Any, T: float) -> list[Item]:
-    """Lines of the parts of the information on each parameter in thirds of an octave."""
+    """Return lines: share of each third of an octave in the information on each parameter."""
     expectation = design.expectation
     low, high = 0.5 * design.band[0], 2 * design.band[1]
     edges = low * 2 ** (np.arange(round(3 * np.log2(high / low)) + 1) / 3)
@@ -75,7 +75,7 @@ def _shares(design: Any, T: float) -> list[Item]:
     for row, parameter in zip(expectation.sensitivity, expectation.parameters, strict=True):
         power = np.abs(np.fft.rfft(row)) ** 2
         frequency = np.fft.rfftfreq(row.size, T)
-        # What the variances of the noise tell lies in no frequency of the mean.
+        # Information from the noise variances belongs to no frequency.
         if len(items) == len(_LOOKS) or parameter.name.endswith(("_noise", "_growth")):
             continue
         share = np.histogram(frequency, edges, weights=power)[0] / np.sum(power)

@@ -1,4 +1,4 @@
-"""Signals that excite a band of frequencies: multisine, pseudo-random binary, stepped sine.
+"""Excitation signals of a frequency band: multisine, pseudo-random binary, stepped sine.
 
 All have amplitude 1, n samples, and start where the loop already is: at zero, or for the binary
 signal with a jump.
@@ -17,25 +17,26 @@ from ambkit.base.arrays import Array
 
 Band = tuple[float, float]
 
-STEPS = 12  #: Frequencies of a stepped sine.
+STEPS = 12  #: Number of frequencies of a stepped sine.
 
 CLOCK = 0.4
-"""Frequency to which a binary signal excites, times the time between its possible jumps: its power
-has fallen to six tenths there, and vanishes at 1."""
+"""Upper frequency of a binary signal, times its clock period: its power has fallen to six tenths
+there, and vanishes at 1.
+"""
 
-PER_DECADE = 40  #: Lines of a sparse multisine in a decade: about 6 % from one to the next.
-ROUNDS = 100  #: Of clipping, in the search for phases.
+PER_DECADE = 40  #: Lines of a sparse multisine per decade: about 6 % apart.
+ROUNDS = 100  #: Iterations of clipping in the optimisation of phases.
 
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """A signal of amplitude 1, and the stretches of it that may be scaled on their own."""
+    """A signal with amplitude 1, and its independently scalable parts."""
 
     kind: str  #: ``"multisine"``, ``"prbs"`` or ``"stepped-sine"``.
     values: Array  #: (n,) The signal.
-    #: Stretches, each with its own frequency; one where all frequencies come at once.
+    #: Parts, each with its own frequency; one part if all frequencies are simultaneous.
     parts: list[slice]
-    frequencies: Array  #: What it excites [Hz]: its lines; of a binary signal the ends of its band.
+    frequencies: Array  #: Frequencies [Hz]: its lines, or the ends of a binary signal's band.
 
     @property
     def crest_factor(self) -> float:
@@ -44,14 +45,14 @@ class Excitation:
 
 
 def multisine(n: int, T: float, band: Band) -> Excitation:
-    """Return a sum of sines, one at each frequency that the record can tell apart, of low peak."""
-    # Each octave gets the same power. The record is one period, so that no line leaks into others.
-    # The phases are Schroeder's (1970), improved by clipping (van der Ouderaa, Schoukens and
-    # Renneboog 1988): the peak is some 1.3 to 1.5 times the root mean square.
+    """Return a sum of sines with low peak at all frequencies that the record resolves."""
+    # Each octave has the same power. The record is one period, without leakage. The phases are
+    # Schroeder's (1970), improved by clipping (van der Ouderaa, Schoukens and Renneboog 1988): the
+    # peak is some 1.3 to 1.5 times the root mean square.
     first, last = (min(max(1, round(f * n * T)), (n - 1) // 2) for f in band)
     line = np.arange(first, last + 1)
     values = _low_peak(n, line, 1 / np.sqrt(line))
-    # A period may begin anywhere: let it be where it passes zero most gently.
+    # The start of a period is arbitrary: use the flattest zero crossing.
     after = np.roll(values, -1)
     passing = np.flatnonzero(np.sign(values) != np.sign(after))
     gentlest = passing[np.argmin(np.abs(values - after)[passing])]
@@ -68,8 +69,8 @@ def sparse_multisine(
     without: Sequence[float] = (),
     weight: Callable[[Array], Array] | None = None,
 ) -> Excitation:
-    """Return one period of a sum of sines at few lines, evenly spread over the decades."""
-    # Few lines have much power each. The phases are those of `multisine`.
+    """Return one period of a sum of few sines, evenly spread over the decades."""
+    # Each line has much power. The phases are those of `multisine`.
     low, high = band
     count = max(2, round(per_decade * math.log10(high / low)) + 1)
     line = np.unique(np.round(np.geomspace(low, high, count) * n * T)).astype(int)
@@ -81,7 +82,7 @@ def sparse_multisine(
 
 
 def _low_peak(n: int, line: NDArray[np.int_], amplitude: Array) -> Array:
-    """Return a sum of sines of amplitude 1, whose phases keep its peak low."""
+    """Return a sum of sines with amplitude 1 and phases for a low peak."""
     values = _sum_of_sines(n, line, amplitude, _phases(line, amplitude))
     return np.asarray(values / np.max(np.abs(values)))
 
@@ -93,8 +94,8 @@ def _sum_of_sines(n: int, line: NDArray[np.int_], amplitude: Array, phase: Array
 
 
 def _phases(line: NDArray[np.int_], amplitude: Array) -> Array:
-    """Schroeder's phases, improved by clipping again and again; the best of all."""
-    # On a coarse grid, eight samples to the shortest period.
+    """Return Schroeder's phases, improved by repeated clipping; the best of all."""
+    # On a coarse grid with eight samples per shortest period.
     n = 2 ** math.ceil(math.log2(8 * line[-1]))
     power = amplitude**2 / np.sum(amplitude**2)
     phase = -2 * np.pi * np.concatenate([[0.0], np.cumsum(np.cumsum(power))[:-1]])
@@ -110,9 +111,9 @@ def _phases(line: NDArray[np.int_], amplitude: Array) -> Array:
 
 
 def prbs(n: int, T: float, band: Band) -> Excitation:
-    """Return a pseudo-random binary sequence of maximum length, repeated to fill the record."""
-    # It may jump every 0.4 / high, a whole number of samples, and comes again after 1 / low or
-    # later: its lines are as dense as the band asks for.
+    """Return a maximum-length pseudo-random binary sequence, repeated over the record."""
+    # Its clock period is 0.4 / high, a whole number of samples, and its period at least 1 / low,
+    # which makes its lines dense enough for the band.
     from scipy.signal import max_len_seq
 
     low, high = band
@@ -126,7 +127,7 @@ def prbs(n: int, T: float, band: Band) -> Excitation:
 
 
 def stepped_sine(n: int, T: float, band: Band) -> Excitation:
-    """Return sines one after the other, rising, each for the same time and whole periods."""
+    """Return sines in ascending sequence, each for the same time and whole periods."""
     low, high = band
     steps = max(1, min(STEPS, math.floor(low * n * T)))
     ends = np.linspace(0, n, steps + 1).round().astype(int)
@@ -141,4 +142,4 @@ def stepped_sine(n: int, T: float, band: Band) -> Excitation:
 
 
 KINDS = {"multisine": multisine, "prbs": prbs, "stepped-sine": stepped_sine}
-"""The signals by the names that users call them."""
+"""The signals by name."""

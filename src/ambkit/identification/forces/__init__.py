@@ -1,1 +1,1 @@
-"""Forces that a record tells: on a grid from the loop, or at lift-off."""
+"""Magnet forces from records: on a grid from closed-loop records, or at lift-off."""

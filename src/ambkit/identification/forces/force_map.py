@@ -1,4 +1,4 @@
-"""The magnet's force on a grid of operating points, with its uncertainty, from records of the loop.
+"""Magnet force on a grid of operating points, with its uncertainty, from closed-loop records.
 
 The identified law is corrected at the nodes, bilinearly between them, by the innovations of the
 Kalman filter (so it is unbiased in closed loop). Its error is taken to be smooth beforehand: nodes
@@ -25,44 +25,44 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import equally_far, magnet_of
 
 FINE = 65
-"""Nodes a side of the table that the filter asks, over all that the records visit: a few for each
-node of the map, as the law is bent between them."""
+"""Nodes per side of the filter's table over the range of the records: several per node of the map,
+because the law is curved between them.
+"""
 
-ASSUMED = (
-    0.2  #: Of the range of the law: how wrong it may be before any record, standard deviation.
-)
-NODES = (9, 7, 5)  #: Nodes a side that are thought of by default, the finest first.
-ENOUGH = 20  #: Samples that a node needs to be told from its neighbours.
-LARGEST = 20_000_000  #: Derivatives, one for each sample and node, that are kept at once: 160 MB.
-ROUNDS = 3  #: Steps of Gauss and Newton; the innovations are nearly linear in the force.
+ASSUMED = 0.2  #: Prior standard deviation of the law's error, over its range.
+NODES = (9, 7, 5)  #: Default numbers of nodes per side, the finest first.
+ENOUGH = 20  #: Samples per node for its separation from the neighbours.
+LARGEST = 20_000_000  #: Maximum number of stored derivatives, one for each sample and node: 160 MB.
+ROUNDS = 3  #: Gauss-Newton steps; the innovations are nearly linear in the force.
 
 
 @dataclass(frozen=True, eq=False)
 class ForceMap:
-    """Force of the magnet at the nodes of a grid, with standard errors."""
+    """Magnet force at the nodes of a grid, with standard errors."""
 
     current: Array  #: (ni,) Nodes of the control current [A].
     displacement: Array  #: (nx,) Nodes of the displacement [m].
-    force: Array  #: (nx, ni) Whole force of the magnet [N], less a constant that a load would be.
+    #: (nx, ni) Magnet force [N], up to a constant that is equivalent to a disturbance.
+    force: Array
     #: (nx, ni) Its standard error [N]; about `assumed` where the rotor never was.
     standard_error: Array
-    law: Array  #: (nx, ni) What the law that was corrected says there [N].
-    assumed: float  #: By how much the law was allowed to be wrong, standard deviation [N].
+    law: Array  #: (nx, ni) Prior law [N].
+    assumed: float  #: Prior standard deviation of the law's error [N].
 
     @property
     def seen(self) -> Bools:
-        """Where the records tell far more than was assumed: an error of less than a tenth of it."""
+        """Where the records dominate the prior: a standard error below a tenth of it."""
         return np.asarray(self.standard_error < 0.1 * self.assumed)
 
     @property
     def observed(self) -> Bools:
-        """Where the records tell more than half: an error of less than half of the assumed."""
+        """Where the records are informative: a standard error below half of the prior."""
         return np.asarray(self.standard_error < 0.5 * self.assumed)
 
     def points(self) -> ForcePoints:
-        """Return the nodes as points that an expert can be trained on."""
-        # Only those that the records tell of (`observed`): what stands at the others is the law,
-        # and it would be taken for a measurement that finds the law right.
+        """Return the nodes as points for the training of an expert."""
+        # Only those determined by the records (`observed`): the others show the law, and would
+        # count as measurements that confirm it.
         if not self.observed.any():
             raise AmbkitError(
                 "the records do not determine the magnet force: the rotor moves too little, see "
@@ -73,7 +73,7 @@ class ForceMap:
         return ForcePoints(iu[at], x[at], self.force[at], self.standard_error[at])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write them as ``.csv`` or ``.parquet``, as ``ambkit train map`` reads them."""
+        """Write them as ``.csv`` or ``.parquet`` for ``ambkit train map``."""
         self.points().save(path)
 
 
@@ -141,13 +141,13 @@ def _corrections(
             up[j] += step
             down[j] -= step
             slopes.append((innovations(up)[0] - innovations(down)[0]) / (2 * step))
-        # Their deviations are held: those change with the stiffness, too, and least squares of
-        # e/sigma would find the force that makes sigma large (the likelihood's other half is
-        # left out; it tells next to nothing of the force).
+        # Their variances are constant: they change with the stiffness too, and least squares of
+        # e/sigma would increase sigma (the other half of the likelihood, which hardly depends on
+        # the force, is omitted).
         J = np.array(slopes)[:, used] / sigma[used]
         information = J @ J.T + before
         w = w - np.linalg.solve(information, J @ (e[used] / sigma[used]) + before @ w)
-    # A constant force cannot be told from a load: it is taken off, as the records see it.
+    # A constant force is equivalent to a disturbance: it is subtracted, in the mean of the records.
     seen = np.diag(J @ J.T)
     less_mean = np.eye(w.size) - seen / seen.sum()
     covariance = less_mean @ np.linalg.inv(information) @ less_mean.T
@@ -156,11 +156,11 @@ def _corrections(
 
 @dataclass(frozen=True, eq=False)
 class _Corrected:
-    """A bearing's law with a correction between the nodes of a grid, as the core's table."""
+    """A machine's law with a correction between the nodes of a grid, as a table of the core."""
 
-    # The core's magnets give their force as ``k_i iu + k_s x``; the correction is split between the
-    # two as the paper's least squares would (`equally_far`), and its value at the origin, which no
-    # stiffness can give, is left to the load.
+    # The core's magnets give their force as ``k_i iu + k_s x``; the correction is divided between
+    # the two as in the paper's least squares (`equally_far`), and its value at the origin, which no
+    # stiffness can give, belongs to the disturbance.
 
     machine: Machine
     nodes: tuple[Array, Array]  #: Of displacement and current.
@@ -194,10 +194,9 @@ class _Corrected:
 
 
 def nodes_for(iu: Array, x: Array) -> tuple[int, int]:
-    """Return how many nodes along current and displacement records fill: the finest of `NODES`."""
-    # Three of four nodes that the rotor came near have `ENOUGH` samples nearest to them, and the
-    # derivatives fit into the memory; otherwise the coarsest.
-    # iu (n,) [A]; x (n,) [m]
+    """Return the numbers of nodes along current and displacement: the finest that fits."""
+    # At least three of four nodes near the path of the rotor have `ENOUGH` samples, and the
+    # derivatives fit into memory; otherwise the coarsest. iu (n,) [A]; x (n,) [m]
     share = []
     for visited in (iu, x):
         low, high = _ends(visited)
@@ -212,7 +211,7 @@ def nodes_for(iu: Array, x: Array) -> tuple[int, int]:
 
 
 def _known_before(current: Array, displacement: Array, assumed: float) -> Array:
-    """Information on the law's errors at the nodes before any sample, (n, n) [1/N^2]."""
+    """Return the prior information on the law's errors at the nodes, (n, n) [1/N^2]."""
     iu, x = np.meshgrid(current, displacement)
     at = np.stack([iu.ravel() / np.ptp(current), x.ravel() / np.ptp(displacement)])
     alike = smooth(at, at, np.full((2, 1), SCALE))
@@ -220,7 +219,7 @@ def _known_before(current: Array, displacement: Array, assumed: float) -> Array:
 
 
 def _all_of(visited: Array) -> tuple[float, float]:
-    """Lowest and highest value, and a little more: beyond, the filter's stiffnesses are held."""
+    """Return the range with a margin, beyond which the filter's stiffnesses are constant."""
     low, high = float(np.nanmin(visited)), float(np.nanmax(visited))
     margin = 0.05 * (high - low)
     return low - margin, high + margin

@@ -1,4 +1,4 @@
-"""The point at which a rotor lifts off, found in a recording with rising current.
+"""Lift-off point of a rotor in a recording with rising current.
 
 The rotor lies at a distance z below a one-sided magnet while the current rises, until the magnet
 carries the weight and the rotor flies up.
@@ -22,34 +22,34 @@ from ambkit.machine.parts import GRAVITY
 from ambkit.result.report import Axis, Figure, Line, Panel, Points, Rule
 
 SMOOTHING_TIME = 0.05
-"""Time over which a parabola is laid through the positions to find the acceleration [s]."""
+"""Window of the parabola for the acceleration [s]."""
 
-RESTING_TIME = 0.5  #: Time in the beginning during which it surely rests [s].
+RESTING_TIME = 0.5  #: Initial time during which the rotor rests [s].
 
 FLIGHT = 0.05
-"""The rotor counts as flying where it accelerates upwards by more than this part of gravity."""
+"""Upward acceleration, over gravity, above which the rotor has lifted off."""
 
 
 @dataclass(frozen=True)
 class LiftOff:
-    """One lift-off: the last instant at which the rotor was nearly at rest."""
+    """A lift-off: the last instant near equilibrium."""
 
     run: int  #: Number of the recording.
     gap: float  #: Distance z from the magnet [m].
     current: float  #: Coil current [A].
     acceleration: float  #: Acceleration along z, away from the magnet [m/s^2].
     resting_gap: float  #: Distance before it moved [m].
-    #: Variance of the measured distance at rest [m^2]; NaN where it could not be seen.
+    #: Variance of the measured distance at rest [m^2]; NaN if unknown.
     noise_variance: float
-    problem: str = ""  #: Why it cannot be used; empty where it can.
+    problem: str = ""  #: Reason why it is unusable; else empty.
 
 
 def find_lift_off(record: Record, run: int = 0) -> LiftOff:
-    """Find where the rotor lifts off in a recording with rising current."""
-    # The rotor often creeps before it flies, so the distance at rest is not the one at which it
-    # lifts off. Looked for is the last sample, before it has flown half the way, at which its
-    # acceleration towards the magnet is below 5 % of gravity; acceleration, distance and current
-    # are those of a parabola through the samples around (Savitzky and Golay, 1964).
+    """Return the lift-off point in a recording with rising current."""
+    # The rotor often creeps before it lifts off, so the distance at rest is not the one at
+    # lift-off. The point is the last sample in the first half of the travel with an acceleration
+    # towards the magnet below 5 % of gravity; acceleration, distance and current are those of a
+    # parabola through the samples around it (Savitzky and Golay, 1964).
     from scipy.signal import savgol_filter
 
     z, current, T = record["z"], record["i"], record.sampling_time
@@ -104,7 +104,7 @@ def save_points(path: str | os.PathLike[str], points: Iterable[LiftOff]) -> None
 
 
 def load_points(path: str | os.PathLike[str]) -> list[LiftOff]:
-    """Read what `save_points` wrote."""
+    """Read a file written by `save_points`."""
     table = read_table(path)
     lacking = [name for name in COLUMNS if name not in table.columns]
     if lacking:
@@ -123,18 +123,18 @@ class LiftOffFit:
 
     magnet_constant: float  #: k [N m^2/A^2].
     gap_offset: float  #: z_off [m].
-    #: Of ``magnet_constant`` and ``gap_offset``, in their units. They take the residuals for
-    #: independent; where the law is not the right one they are too small.
+    #: Of ``magnet_constant`` and ``gap_offset``, in their units, for independent residuals; if the
+    #: law is wrong they are too small.
     standard_errors: Mapping[str, float]
-    residuals: Array  #: (n,) Measured current less that of the law [A], at `points`.
-    weights: Array  #: (n,) Weight of each point, 1 or less for those far off the law.
-    points: tuple[LiftOff, ...]  #: The points that were used.
-    left_out: Mapping[int, str]  #: Number of the recordings that were not used, and why.
+    residuals: Array  #: (n,) Measured current minus that of the law [A], at `points`.
+    weights: Array  #: (n,) Weight of each point, below 1 for outliers.
+    points: tuple[LiftOff, ...]  #: Points in the fit.
+    left_out: Mapping[int, str]  #: Numbers of unused recordings, with reasons.
     mass: float  #: Mass of the rotor [kg].
 
     @property
     def residual_rms(self) -> float:
-        """Current that the law leaves unexplained, root mean square [A]."""
+        """Root mean square residual of the current [A]."""
         return rms(self.residuals)
 
     def current(self, gap: Array | float, acceleration: Array | float = 0.0) -> Array:
@@ -151,8 +151,8 @@ def fit_lift_off(
     points: Iterable[LiftOff], mass: float, *, gap_range: tuple[float, float] = (0.0, math.inf)
 ) -> LiftOffFit:
     """Fit magnet constant and gap offset to lift-off points, by robust linear least squares."""
-    # Points off the line weigh less, by Huber's function with 1.345 standard deviations, these from
-    # the median of the residuals (Huber, 1981, chapter 7, for the standard errors too).
+    # Outliers have less weight, by Huber's function with 1.345 standard deviations, from the median
+    # of the residuals (Huber, 1981, chapter 7, also for the standard errors).
     low, high = gap_range
     outside = f"outside of {1e3 * low:g} to {1e3 * high:g} mm"
     points = list(points)
@@ -204,12 +204,12 @@ def _robust_line(design: Array, observed: Array) -> tuple[Array, Array, Array]:
 
 
 def lift_off_figure(fit: LiftOffFit) -> Figure:
-    """Show lift-off points, the law through them, and what it leaves."""
+    """Plot lift-off points, the fitted law, and the residuals."""
     gap = Axis("distance $z$ at lift-off", "mm", 1e3)
     points = np.array([(p.gap, p.current, p.acceleration) for p in fit.points])
     at = np.linspace(0.0, 1.05 * points[:, 0].max(), 200)
     law = fit.current(at)
-    # A point lies off the law for its own acceleration; that is how the residuals count.
+    # A point deviates from the law by its own acceleration; the residuals include that.
     measured = fit.current(points[:, 0]) + fit.residuals
     return Figure(
         id="lift_off",

@@ -1,4 +1,4 @@
-"""A bearing from records of any loop, with its uncertainty; and whether it holds on others."""
+"""Maximum likelihood identification from closed-loop records, with uncertainty and validation."""
 
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood

@@ -1,4 +1,4 @@
-"""What a described plant may lack, each as a force or a reading along a record.
+"""Alternative structures that a description may lack, each as a force or a reading along a record.
 
 All are causal: they follow from what was measured before, so that under the right model no
 innovation depends on them.
@@ -19,16 +19,17 @@ from ambkit.data.record import Record
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.machine.magnets import magnet_of, own_time
 
-LAGS = (0.02, 0.06, 0.2, 0.6)  #: Of the force, in the plant's time constants.
-PLAYS = (0.01, 0.03, 0.09)  #: Half the width of a hysteresis, in bias currents.
-CHANGES = (0.2, 0.35, 0.5, 0.65, 0.8)  #: Where the mass may change, in records.
-SLOW = 0.1  #: Of the rms velocity: below it friction is viscous.
+LAGS = (0.02, 0.06, 0.2, 0.6)  #: Lags of the force, in time constants of the plant.
+PLAYS = (0.01, 0.03, 0.09)  #: Half widths of a hysteresis, in bias currents.
+CHANGES = (0.2, 0.35, 0.5, 0.65, 0.8)  #: Times at which the mass may change, over the record.
+SLOW = 0.1  #: Share of the rms velocity below which friction is viscous.
 
 RESONANCES, LOWEST, HIGHEST, DAMPING = 24, 2.0, 60.0, 0.05
-"""Frequencies that are tried, from and to, in the inverse of the plant's time constant, and the
-damping ratio."""
+"""Candidate frequencies, from and to, over the inverse of the plant's time constant, and the
+damping ratio.
+"""
 
-NYQUIST = 0.4  #: Of the sampling frequency: no resonance is sought above.
+NYQUIST = 0.4  #: Upper limit of resonances, over the sampling frequency.
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,14 @@ class Kind:
     """A structure that a description may lack."""
 
     name: str
-    statement: str  #: What is so; ``{size}`` and ``{where}`` are filled in.
+    statement: str  #: Description; ``{size}`` and ``{where}`` are inserted.
     advice: str
-    unit: str = "1"  #: SI, of its size.
+    unit: str = "1"  #: SI unit of its size.
     digits: int = 2
-    sign: int = 0  #: That its size can only have; 0: either.
-    of_reading: bool = False  #: Whether it is a part of the reading, and not a force.
-    common: float = 0.0  #: Size that machines often have, where it needs a large motion to show.
-    innocent: bool = False  #: Whether it is no error of a plant's structure.
+    sign: int = 0  #: Only possible sign of its size; 0: both.
+    of_reading: bool = False  #: Whether it is part of the reading, not a force.
+    common: float = 0.0  #: Common size in machines, if only a large motion shows it.
+    innocent: bool = False  #: Whether it is no structural error of a plant.
 
 
 KINDS = {
@@ -87,24 +88,24 @@ KINDS = {
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """One structure with its scale, and what it would add along a record."""
+    """One structure with its scale, and its effect along a record."""
 
     kind: Kind
-    signal: Array  #: (n,) At the filter's steps: force [N] or reading [m], of a size of one.
+    signal: Array  #: (n,) At the filter's steps: force [N] or reading [m], for unit size.
     where: str = ""  #: Its scale, in words.
-    scale: float = 1.0  #: Times this, the factor of `signal` is a size in the unit of the kind.
+    scale: float = 1.0  #: Factor from that of `signal` to a size in the unit of the kind.
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A record as the filter of a model sees it, at the filter's n steps."""
+    """States of a model's filter along a record, at the filter's n steps."""
 
     model: LoopModel
-    i: Array  #: Control current that acts [A].
+    i: Array  #: Acting control current [A].
     x: Array  #: Displacement [m], velocity [m/s] and disturbance force [N], filtered.
     v: Array
     f_d: Array
-    predicted: Array  #: Reading before it is taken [m].
+    predicted: Array  #: Predicted reading [m].
 
     @classmethod
     def of(cls, model: LoopModel, record: Record) -> Motion:
@@ -117,7 +118,7 @@ class Motion:
             x, v, f_d = mean.T[at]
         else:
             x, v = (mean @ rows[own] for rows in kalman.view.along_axes(kalman.states))
-            # What the other axes do to this one is in it too: only its mean is taken off.
+            # It includes the effect of the other axes: only its mean is subtracted.
             u = u[:, own]
             iu = model.isolated.amplifier.gain * u
             force = magnet_of(model.isolated).force(iu, x)
@@ -128,7 +129,7 @@ class Motion:
 
     @property
     def step(self) -> float:
-        """Time of a step of the filter [s]."""
+        """Time step of the filter [s]."""
         return self.model.isolated.sampling_time / self.model.substeps
 
     @cached_property
@@ -152,12 +153,12 @@ class Motion:
         return self.force + self.f_d + self.model.isolated.weight
 
     def after(self, sample: int) -> Array:
-        """Return 1 from a sample on, and 0 before."""
+        """Return 1 from a sample on, 0 before."""
         return np.asarray(np.arange(self.i.size) >= sample * self.model.substeps, np.float64)
 
 
 def alternatives(motion: Motion) -> Iterator[Alternative]:
-    """Yield all structures but those that begin at a sample of their own."""
+    """Yield all structures without those that begin at a sample."""
     n = motion.i.size // motion.model.substeps
     yield Alternative(KINDS["drift"], (motion.t - motion.t.mean()) * motion.force)
     for part in CHANGES:
@@ -174,13 +175,13 @@ def alternatives(motion: Motion) -> Iterator[Alternative]:
 
 
 def change(motion: Motion, sample: int) -> Alternative:
-    """Return a mass or a magnet constant that changes at a sample."""
+    """Return a change of mass or magnet constant at a sample."""
     where = engineering(motion.t[sample * motion.model.substeps], "s", 3)
     return Alternative(KINDS["change"], motion.after(sample) * motion.inertia, where)
 
 
 def jump(motion: Motion, kind: str, sample: int) -> Alternative:
-    """Return a disturbance force, or a zero of the sensor, that jumps at a sample."""
+    """Return a jump of the disturbance force or the sensor's zero at a sample."""
     where = engineering(motion.t[sample * motion.model.substeps], "s", 3)
     return Alternative(KINDS[kind], motion.after(sample), where)
 
@@ -190,7 +191,7 @@ def _of_law(motion: Motion) -> Iterator[Alternative]:
     pull = magnet.magnet_constant * (magnet.bias_current / magnet.air_gap) ** 2
     a, b = i / magnet.bias_current, x / magnet.air_gap
     toward, away = (1 + a) / (1 - b), (1 - a) / (1 + b) * (magnet.type == "two-sided")
-    # Fröhlich's curve and its like lose by a power of the flux, to first order.
+    # Fröhlich's curve and similar ones lose by a power of the flux, to first order.
     yield Alternative(KINDS["saturation"], pull * (away**6 - toward**6))
     if magnet.type == "two-sided":
         yield Alternative(KINDS["unequal coils"], pull / 2 * (toward**2 + away**2))
@@ -215,7 +216,7 @@ def _of_current(motion: Motion) -> Iterator[Alternative]:
 
 
 def play(i: Array, half: float) -> Array:
-    """Return what follows a signal with play (Prandtl's operator)."""
+    """Return the output of play (Prandtl's operator) for a signal."""
     at, out = float(i[0]), np.empty_like(i)
     for k, now in enumerate(i.tolist()):
         at = max(now - half, min(now + half, at))

@@ -1,4 +1,4 @@
-"""An axis of a machine with several, as a record of the machine tells of it.
+"""One axis of a machine with several, for records of the machine.
 
 The filter is that of the machine and takes all readings and all control signals: what the other
 axes do is no disturbance force of this one. What counts is how likely the axis's own reading is,
@@ -28,7 +28,7 @@ from ambkit.machine.magnets import MagnetModel
 
 @dataclass(frozen=True, kw_only=True)
 class AxisModel(LoopModel):
-    """An axis, whose bearing may change, among others, which are as described."""
+    """An axis with free parameters, among others as described."""
 
     described = MappingProxyType({"mass": "all axes move one rotor, whose mass is described"})
 
@@ -84,7 +84,7 @@ class AxisModel(LoopModel):
         return [axis.name for axis in self.machine.axes].index(self.axis)
 
     def _of_axis(self, axis: str, record: Record) -> Array:
-        """Return what acts at the filter's steps of an axis's control signal [V]."""
+        """Return the acting control signal of an axis at the filter's steps [V]."""
         if axis == self.axis:
             return self._delayed_control(record["u"])
         other = LoopModel(

@@ -1,4 +1,4 @@
-"""Predictors that know no magnet, fitted with the effort that ours gets: by cross-validation.
+"""Predictors without magnet model, fitted with equal effort: by cross-validation.
 
 An ARX model of each horizon (Ljung 1999, ch. 4.2; its gains may be linear in the position), and
 the joint process of all signals by its states (canonical variates of the past: Larimore 1990,
@@ -22,35 +22,34 @@ from ambkit.data.record import Record
 from ambkit.estimate.errors import rms
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
-AHEAD = (1, 10)  #: Samples ahead that are predicted.
-LAGS = (30, 60, 90)  #: Past samples of each signal, to choose from.
-STATES = (4, 6, 8, 12, 16, 24, 32)  #: Of the joint process, to choose from.
+AHEAD = (1, 10)  #: Prediction horizons in samples.
+LAGS = (30, 60, 90)  #: Candidate numbers of past samples of each signal.
+STATES = (4, 6, 8, 12, 16, 24, 32)  #: Candidate numbers of states of the joint process.
 
 FROM_THE_PAST = {
     "without_later_controls": ("model", "series 3"), "arx": ("ARX", "another"),
     "subspace": ("subspace", "series 4"),
 }  # fmt: skip
-"""What predicts from the past alone: its name, and its style in a picture."""
+"""Predictors from the past only: name, and style in a figure."""
 
 SPARE = 2
-"""Controls more than the longest horizon: one between whose two a line goes, one of a delay below
-zero."""
+"""Controls beyond the longest horizon: one for interpolation, one for a negative delay."""
 
 FUTURE = AHEAD[-1] + SPARE  #: Future samples of each signal.
-RIDGE = 1e-11  #: Of normal equations whose diagonal is 1.
-CHUNK = 4096  #: Samples whose regressors are held at once.
+RIDGE = 1e-11  #: Ridge of the normal equations, whose diagonal is 1.
+CHUNK = 4096  #: Samples whose regressors are stored at once.
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What a predictor is made of."""
+    """Structure of a predictor."""
 
     lags: int
     signals: tuple[str, ...]
-    #: Whether it knows where the signals are: else it sees changes only, and offsets do not count.
+    #: Whether it uses absolute signals: otherwise changes only, independent of offsets.
     levels: bool = True
     scheduled: bool = False  #: Whether its gains are linear in the position.
-    states: int = 0  #: Of a joint process; 0 for an ARX model.
+    states: int = 0  #: Number of states of a joint process; 0 for an ARX model.
 
     def __str__(self) -> str:
         changes = "" if self.levels else " of the changes"
@@ -62,10 +61,10 @@ class Choice:
 
 @dataclass(frozen=True)
 class Layout:
-    """Which columns the products have: past, past times the position, future."""
+    """Columns of the products: past, past times the position, future."""
 
     signals: tuple[str, ...]  #: y, u, and the duty where all records have it.
-    lags: int  #: The most past samples.
+    lags: int  #: Maximum number of past samples.
 
     @property
     def past(self) -> int:
@@ -73,7 +72,7 @@ class Layout:
         return len(self.signals) * self.lags + 1
 
     def regressors(self, choice: Choice) -> list[int]:
-        """Return the columns that a model predicts from."""
+        """Return the regressor columns of a model."""
         own = [
             s * self.lags + lag
             for s, name in enumerate(self.signals) if name in choice.signals
@@ -83,13 +82,13 @@ class Layout:
         return own + scheduled + [self.past - 1] * choice.levels
 
     def targets(self, name: str, ahead: Sequence[int]) -> list[int]:
-        """Return the columns of a signal so many samples ahead."""
+        """Return the columns of a signal some samples ahead."""
         first = 2 * self.past + self.signals.index(name) * FUTURE - 1
         return [first + k for k in ahead]
 
     def columns(self, record: Record) -> Iterator[tuple[int, Array]]:
-        """Yield the columns of a record (m, p), chunk by chunk, and the sample of the first row."""
-        # All samples are counted from the last one; a missing sample is the one before it.
+        """Yield the columns of a record (m, p) in chunks, with the sample of the first row."""
+        # Samples are relative to the last one; a missing sample repeats the one before.
         after = np.full(FUTURE, np.nan)
         held = [np.append(_held(record[name]), after) for name in self.signals]
         width = self.lags + FUTURE
@@ -105,7 +104,7 @@ class Layout:
             yield begin + self.lags - 1, np.hstack([past, past * last[0], *future])
 
     def products(self, record: Record) -> Array:
-        """Return the sums of products (p, p) of all columns over the samples that were measured."""
+        """Return the sums of products (p, p) of all columns over the measured samples."""
         size = 2 * self.past + FUTURE * len(self.signals)
         total = np.zeros((size, size))
         measured = np.append(np.isfinite(record["y"]), np.zeros(FUTURE, bool))
@@ -118,7 +117,7 @@ class Layout:
 
 
 def _held(values: Array) -> Array:
-    """Return samples (n,) with the last known one where one is missing."""
+    """Return samples (n,) with missing ones replaced by the last."""
     known = np.isfinite(values)
     if known.all() or not known.any():
         return interpolated(values)
@@ -137,7 +136,7 @@ def _solved(normal: Array, rows: Sequence[int], targets: Sequence[int]) -> Array
 
 
 def _variates(layout: Layout, normal: Array, choice: Choice, states: int) -> Array:
-    """Return the canonical variates of the past that tell most of the future (rows, states)."""
+    """Return the most predictive canonical variates of the past (rows, states)."""
     from scipy.linalg import solve_triangular
 
     rows = [k for k in layout.regressors(choice) if k != layout.past - 1]
@@ -173,7 +172,7 @@ def _fitted(layout: Layout, normal: Array, choice: Choice, targets: Sequence[int
 def _of_states(
     layout: Layout, normal: Array, choice: Choice, targets: Sequence[int], variates: Array
 ) -> Array:
-    """Return the weights (rows, targets) of a model that knows some states of the past."""
+    """Return the weights (rows, targets) of a model with a state space of the past."""
     from scipy.linalg import block_diag
 
     rows = layout.regressors(choice)
@@ -185,14 +184,14 @@ def _of_states(
 
 @dataclass(frozen=True, eq=False)
 class Baselines:
-    """What predicts without knowing a magnet, fitted to parts of some records."""
+    """Predictors without magnet model, fitted to parts of some records."""
 
     layout: Layout
     parts: Sequence[Array]  #: Products of each part.
 
     @classmethod
     def of(cls, records: Sequence[Sequence[Record]]) -> list[Baselines]:
-        """Return those of each log alone, given its records."""
+        """Return those of each log, given its records."""
         every = [record for log in records for record in log]
         shortest = min(map(len, every))
         lags = max((lags for lags in LAGS if 4 * lags <= shortest), default=LAGS[0])
@@ -215,7 +214,7 @@ class Baselines:
 
     @cached_property
     def chosen(self) -> dict[str, Mapping[int, Choice]]:
-        """What each kind is made of, at each horizon."""
+        """Structure of each kind at each horizon."""
         return {"arx": self._arx(), "subspace": self._subspace()}
 
     def _arx(self) -> dict[int, Choice]:
@@ -236,7 +235,7 @@ class Baselines:
         ])  # fmt: skip
 
     def _best(self, choices: Sequence[Choice]) -> dict[int, Choice]:
-        """Return of each horizon what predicts the parts best that it was not fitted to."""
+        """Return for each horizon the structure with the best cross-validation."""
         targets = self.layout.targets("y", AHEAD)
         cost = np.zeros((len(choices), len(AHEAD)))
         for part in self.parts:
@@ -255,7 +254,7 @@ class Baselines:
         return {ahead: choices[int(np.argmin(cost[:, k]))] for k, ahead in enumerate(AHEAD)}
 
     def predictions(self, model: LoopModel, record: Record) -> dict[str, dict[int, Array]]:
-        """Return what each predicts of ``y[k + ahead]`` from sample k and its past on [m]."""
+        """Return each prediction of ``y[k + ahead]`` from sample k and its past [m]."""
         # NaN at first; by kind and horizon.
         return {"without_later_controls": self._with_expected_controls(model, record)} | {
             kind: {k: self._predicted(record, of[k], "y", [k])[:-k, 0] for k in AHEAD}
@@ -263,7 +262,7 @@ class Baselines:
         }  # fmt: skip
 
     def _with_expected_controls(self, model: LoopModel, record: Record) -> dict[int, Array]:
-        """Return what a model predicts with the controls that the past lets expect [m]."""
+        """Return a model's predictions with the controls expected from the past [m]."""
         lags, choice = self.layout.lags, Choice(self.layout.lags, self.layout.signals)
         expected = self._predicted(record, choice, "u", range(1, FUTURE + 1))[lags - 1 :]
         past = np.lib.stride_tricks.sliding_window_view(_held(record["u"]), lags)
@@ -274,7 +273,7 @@ class Baselines:
         return result
 
     def _predicted(self, record: Record, choice: Choice, name: str, ahead: Sequence[int]) -> Array:
-        """Return a signal so many samples after each (n, ahead)."""
+        """Return a signal some samples ahead (n, ahead)."""
         rows, targets = self.layout.regressors(choice), self.layout.targets(name, ahead)
         weights = _fitted(self.layout, self.normal, choice, targets)
         result = np.full((len(record), len(targets)), np.nan)
@@ -284,7 +283,7 @@ class Baselines:
 
 
 def _misses(normal: Array, rows: Sequence[int], targets: Sequence[int], weights: Array) -> Array:
-    """Return the sums of squares (targets,) that weights (rows, targets) leave of a part."""
+    """Return the residual sums of squares (targets,) of weights (rows, targets) in a part."""
     own = normal[np.ix_(rows, rows)]
     squares = np.diag(normal)[list(targets)]
     both = normal[np.ix_(rows, targets)]
@@ -293,15 +292,14 @@ def _misses(normal: Array, rows: Sequence[int], targets: Sequence[int], weights:
     )
 
 
-PARTS = 5  #: Of records that are both fitted to and predicted: each part by the others.
+PARTS = 5  #: Parts of records for cross-validation.
 
 
 def errors_from_the_past(
     model: LoopModel, fitted_to: Sequence[Record], record: Record, settling: int
 ) -> dict[str, dict[int, float]]:
     """Return RMS errors [m] of predictions from the past of a record, by kind and horizon."""
-    # What is fitted to the record itself predicts each part of it from the others. Of a record that
-    # is too short nothing is returned.
+    # For a fit to the record itself, by cross-validation over its parts. Empty for a short record.
     seen = [(one, part) for one in fitted_to for part in _parts(one)]
     if min(len(part) for _, part in [*seen, (record, record)]) < 4 * LAGS[0] + settling:
         return {}
@@ -322,7 +320,7 @@ def errors_from_the_past(
 
 
 def _parts(record: Record) -> list[Record]:
-    """Cut a record into parts of one length."""
+    """Divide a record into parts of equal length."""
     edges = np.linspace(0, len(record), PARTS + 1).astype(int)
     return [
         replace(record, t=record.t[a:b], signals={n: record[n][a:b] for n in record})

@@ -1,4 +1,4 @@
-"""The current as a state that is measured and driven: what a noisy sensor shows, and what flows.
+"""The current as a state that is measured and driven, for a noisy current sensor.
 
 The noise of a current's sensor moves no rotor: taken for what flows, a quiet loop seems to have a
 weaker magnet. So where a record has the control too, the current is found from both::
@@ -27,16 +27,16 @@ from ambkit.data.signals import CONTROL
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
 LAGS, DELAYS = (3.0, 10.0, 30.0, 100.0), (-0.5, 0.3, 1.5, 2.5, 3.5, 5.5)
-"""Samples from which the search may begin."""
+"""Lags in samples from which the search starts."""
 
 LEAST_STRAY = math.log(1e-4)
-"""Variance by which a current strays in a sample, over that of the sensor: no coil is exact."""
+"""Variance of the current's deviation per sample, over that of the sensor: no coil is exact."""
 
 LONGEST_TIME = 2000
-"""Samples of a coil's time constant beyond which its control drives no current."""
+"""Time constant of a coil in samples beyond which its control drives no current."""
 
-LEAST_SAMPLES = 500  #: Of all records together, that a coil is found from.
-FIGURES = 3  #: That a control has beyond the current's own past: gain, zero and delay.
+LEAST_SAMPLES = 500  #: Minimum number of samples of all records for the identification of a coil.
+FIGURES = 3  #: Parameters of a control beyond the current's own past: gain, zero and delay.
 
 INSUFFICIENT_EXCITATION = (
     "the noise of the measured current is a good part of what the current does: it passes for a "
@@ -45,28 +45,28 @@ INSUFFICIENT_EXCITATION = (
 )
 
 QUIET = 0.1
-"""Of what a current changes by within the plant's time constant: what its noise may be, rms."""
+"""Rms noise of a current, over its change within the plant's time constant, that is acceptable."""
 
 
 @dataclass(frozen=True, eq=False)
 class CurrentState:
-    """What control signals and measured currents say of each other, and what flowed."""
+    """Smoothed current from control signals and measured currents."""
 
-    records: Sequence[Record]  #: With the current that flows for the one that was measured.
-    gain: float  #: G, current at rest for a control signal of one [A].
+    records: Sequence[Record]  #: Records with the smoothed current in place of the measured one.
+    gain: float  #: Static gain G: current per unit of the control signal [A].
     zero: float  #: ``-G u0``: control current at a control signal of zero [A].
     lag: float  #: tau, time constant of the coil [s].
-    delay: float  #: From the control signal to the change of the current [s].
+    delay: float  #: Dead time from the control signal to the current [s].
     noise: float  #: Of the current's sensor, standard deviation [A].
-    unknown: float  #: Of the current that flows, from both signals, standard deviation [A].
-    memory: float  #: Time in which a deviation from it is forgotten [s].
-    #: Of the bearing: control current per control signal of the record [A/V].
+    unknown: float  #: Standard deviation of the smoothed current [A].
+    memory: float  #: Correlation time of a deviation [s].
+    #: Amplifier gain of the machine: control current per control signal of the record [A/V].
     amplifier_gain: float
-    coil: Coil  #: What these figures are of, in samples and volts.
+    coil: Coil  #: The coil in samples and volts.
 
     @property
     def text(self) -> str:
-        """What was found, as a sentence."""
+        """Result, as a sentence."""
         return (
             f"the measured current has a noise of {engineering(self.noise, 'A', 2)}; with the "
             f"control signal, which the coil follows with a lag of "
@@ -75,20 +75,20 @@ class CurrentState:
         )
 
     def driving(self, model: LoopModel) -> LoopModel:
-        """Return a model whose filter has the current that flows as a state."""
+        """Return a model whose filter has the true current as a state."""
         T = model.isolated.sampling_time
         return model.replace(memory=self.memory, amplifier__noise_variance=self._strays(T))
 
     def measuring(self, model: LoopModel) -> LoopModel:
-        """Return a model for the current as it is measured, with all of its noise."""
+        """Return a model for the measured current, with all of its noise."""
         result, T = model.isolated.amplifier.noise_variance, model.isolated.sampling_time
         sensor = (self.noise / self.amplifier_gain) ** 2
         noise = max(sensor + result - self._strays(T), 0.1 * sensor)
         return model.replace(memory=0.0, amplifier__noise_variance=noise)
 
     def _strays(self, T: float) -> float:
-        """Return the variance of what strays from the control in each sample of T [s], [V^2]."""
-        # What follows it with the lag `memory` strays by `unknown`.
+        """Return the variance of the deviation from the control in each sample of T [s], [V^2]."""
+        # Behind the lag `memory` the deviation is `unknown`.
         keep = math.exp(-T / self.memory)
         return (self.unknown / self.amplifier_gain) ** 2 * (1 + keep) / (1 - keep)
 
@@ -99,7 +99,7 @@ class CurrentState:
 
 
 def insufficient_excitation(records: Sequence[Record], own_time: float) -> bool:
-    """Whether noise is a good part of a current's change in the plant's time constant [s]."""
+    """Return whether noise is much of the current's change in the plant's time constant."""
     changes, noise = [], []
     for record in records:
         u = record["u"][np.isfinite(record["u"])]
@@ -114,7 +114,7 @@ def insufficient_excitation(records: Sequence[Record], own_time: float) -> bool:
 
 
 def smooth_current(records: Sequence[Record], amplifier_gain: float = 1.0) -> CurrentState | None:
-    """Find the current that flows from a measured current and what drives it."""
+    """Smooth a measured current with its control signal."""
     is_complete = all(
         CONTROL in record and np.isfinite(record[CONTROL]).all() and np.isfinite(record["u"]).all()
         for record in records
@@ -133,7 +133,7 @@ def smooth_current(records: Sequence[Record], amplifier_gain: float = 1.0) -> Cu
 
 
 def propagate(coil: Coil, records: Sequence[Record], amplifier_gain: float) -> CurrentState:
-    """Return the current that flows where it follows the control through a coil."""
+    """Return the current that follows the control through a coil."""
     T, scale, back = records[0].sampling_time, abs(amplifier_gain), coil.back
     innovations = [coil.predicted(r["u"], r[CONTROL])[1][coil.settled :] for r in records]
     sensor = float(np.mean(np.concatenate(innovations) ** 2)) / (coil.before + 1)
@@ -157,35 +157,35 @@ class Coil:
     delay: float
     gain: float
     zero: float
-    stray: float  #: Variance of w, in parts of that of the sensor's noise.
+    stray: float  #: Variance of w, over that of the sensor's noise.
 
     @classmethod
     def at(cls, theta: Array) -> Coil:
-        """Return the coil at a point of the search, as `theta` has it."""
+        """Return the coil at a point of the search."""
         lag, strays = np.exp(np.clip(theta[[0, 4]], [-20, LEAST_STRAY], 20)).tolist()
-        delay, gain, zero = theta[1:4].tolist()  # below zero, too, or it would pull at the lag
+        delay, gain, zero = theta[1:4].tolist()  # below zero too, otherwise it would bias the lag
         return cls(min(lag, LONGEST_TIME), min(max(delay, -5.0), 50.0), gain, zero, strays)
 
     @property
     def theta(self) -> Array:
-        """Where it is in a search (5,): logarithms of lag and stray, delay, gain and zero."""
+        """Coordinates of the search (5,): logarithms of lag and stray, delay, gain and zero."""
         return np.array(
             [math.log(self.lag), self.delay, self.gain, self.zero, math.log(self.stray)]
         )
 
     @property
     def settled(self) -> int:
-        """Samples after which it no longer matters how the current began."""
+        """Samples after which the initial current is forgotten."""
         return round(5 * self.lag)
 
     @property
     def keep(self) -> float:
-        """What a sample leaves of a deviation of the current."""
+        """Share of a deviation of the current that remains after a sample."""
         return math.exp(-1 / self.lag)
 
     @property
     def before(self) -> float:
-        """Variance of the predicted current, in parts of that of the sensor's noise."""
+        """Variance of the predicted current, over that of the sensor's noise."""
         # The root of ``P = a^2 P/(P + 1) + q``.
         half = 0.5 * (self.keep**2 + self.stray - 1)
         return half + math.sqrt(half**2 + self.stray)
@@ -197,7 +197,7 @@ class Coil:
 
     @property
     def back(self) -> float:
-        """Gain of the smoother: also, what is left after a sample of how the current strays."""
+        """Gain of the smoother, and remaining share of the current's deviation after a sample."""
         return self.keep / (self.before + 1)
 
     def predicted(self, measured: Array, control: Array) -> tuple[Array, Array]:
@@ -217,7 +217,7 @@ class Coil:
         predicted[0] = measured[0]
         start = [a * (1 - K) * measured[0]]
         predicted[1:], _ = lfilter([1.0], [1.0, -a * (1 - K)], known[:-1], zi=start)
-        # It begins not where its first measurement is, but where all do best.
+        # Its start is not the first measurement, but the best fit of all.
         forgets = (a * (1 - K)) ** k
         predicted += forgets * (forgets @ (measured - predicted) / (forgets @ forgets))
         return predicted, measured - predicted
@@ -236,7 +236,7 @@ class Coil:
 
 
 def _fitted(pairs: Sequence[tuple[Array, Array]]) -> Coil | None:
-    """Return the coil whose filter predicts the measured currents best; None where none does."""
+    """Return the coil whose filter predicts the measured currents best, or None."""
     from scipy.optimize import least_squares
 
     def misses(theta: Array) -> Array:
@@ -244,7 +244,7 @@ def _fitted(pairs: Sequence[tuple[Array, Array]]) -> Coil | None:
         return np.concatenate([one.predicted(i, u)[1][1:] for i, u in pairs])
 
     def begin(lag: float, delay: float) -> Array:
-        driven = Coil(lag, delay, 1.0, 0.0, 1e-9)  # by the control alone
+        driven = Coil(lag, delay, 1.0, 0.0, 1e-9)  # by the control only
         current, unit = (
             np.concatenate(column)
             for column in zip(*((i, driven.predicted(i, u)[0]) for i, u in pairs), strict=True)
@@ -256,7 +256,7 @@ def _fitted(pairs: Sequence[tuple[Array, Array]]) -> Coil | None:
     if not begins:
         return None
     begins.sort(key=lambda theta: float(np.sum(misses(theta) ** 2)))
-    # Within a sample the delay moves freely; from one to the next there are kinks.
+    # The delay is continuous within a sample; at whole samples there are kinks.
     others = [theta for theta in begins if math.floor(theta[1]) != math.floor(begins[0][1])]
     ends = [
         least_squares(
@@ -274,7 +274,7 @@ def _fitted(pairs: Sequence[tuple[Array, Array]]) -> Coil | None:
 
 
 def _follows(coil: Coil, pairs: Sequence[tuple[Array, Array]]) -> bool:
-    """Whether the control signal predicts the current better than its own past (Schwarz 1978)."""
+    """Return whether the control predicts the current better than its past (Schwarz 1978)."""
     from scipy.optimize import least_squares
 
     def misses(theta: Array) -> Array:

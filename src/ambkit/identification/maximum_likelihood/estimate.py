@@ -1,4 +1,4 @@
-"""A bearing from records of any loop, with its uncertainty, by maximum likelihood.
+"""Maximum likelihood identification from closed-loop records, with uncertainty.
 
 The prediction-error method with the core's Kalman filter: search by Fisher's scoring, errors and
 correlations from the information, parameters that the records cannot tell apart named and held,
@@ -49,8 +49,8 @@ from ambkit.machine.accessories import Hum
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 
-LEAST_SAMPLES = 100  #: That a record must have after the filter has settled.
-STILL = 1e-9  #: Of the clearance: a position that changes by less does not move.
+LEAST_SAMPLES = 100  #: Minimum number of samples of a record after the filter has settled.
+STILL = 1e-9  #: Share of the clearance below which a position does not move.
 
 
 def maximum_likelihood(
@@ -65,9 +65,9 @@ def maximum_likelihood(
     use_control: bool = True,
     note: Callable[[str], object] = lambda _: None,
 ) -> MaximumLikelihood:
-    """Find the parameters under which records are most likely."""
-    # The noises among them are then corrected for what was fitted beside them (`restricted`).
-    # Spikes of the position are left out first.
+    """Return the parameters of maximum likelihood."""
+    # Its noise parameters are then corrected for the other fitted parameters (`restricted`). Spikes
+    # of the position are rejected first.
     logged = [records] if not isinstance(records, Sequence) else list(records)
     several, spikes = without_spikes(logged)
     model = start if isinstance(start, LoopModel) else LoopModel(start)
@@ -89,8 +89,8 @@ def maximum_likelihood(
     if lines:
         hum = search.lines(result.model, free_parameters)
         if hum != result.model.isolated.sensor.hum:
-            # What could not be told beside lines that nobody knew of may be told now; and what
-            # took their place is no start for it.
+            # Parameters that were not identifiable with unmodelled lines may be now; and values
+            # that compensated for them are bad starts.
             begin = (begin if missed else result.model).replace(sensor__hum=hum)
             result, free_parameters, missed = search.up(begin, parameters)
     parameters = free_parameters
@@ -105,7 +105,7 @@ def maximum_likelihood(
 
 
 class _Search:
-    """A search of records, in which what they do not tell is held."""
+    """A search in which unidentifiable parameters are held."""
 
     def __init__(self, data: Data, nominal: LoopModel, note: Callable[[str], object]) -> None:
         self.measured, self.data, self.note = data.records, data, note
@@ -115,7 +115,7 @@ class _Search:
         self.steps = 0
 
     def prepare(self, parameters: list[Parameter], *, use_control: bool) -> None:
-        """Find the current that flows, what is known beforehand, and room for the search."""
+        """Smooth the current, and set up priors and search space."""
         models = [self.nominal, _movable(self.nominal, parameters)]
         if all(is_interpolated(record) for record in self.measured):
             models = [model.replace(line=True) for model in models]
@@ -137,12 +137,12 @@ class _Search:
         )
 
     def begin(self, parameters: list[Parameter], *, improve_start: bool) -> tuple[LoopModel, str]:
-        """Return where the search begins, and what that is called."""
+        """Return the start of the search, and its name."""
         if not improve_start:
             return self.initial, "the initial model"
         self.note("looking for a start")
         begin, started_from = ascent.initial_guess(self.data, self.initial, parameters)
-        # With a wrong idea of the noise, the information misleads; and offsets run away first.
+        # With a wrong noise model the information misleads, and offsets diverge first.
         sure = [p for p in parameters if p.name in (*NOISES, "position_noise", "delay")]
         if 0 < len(sure) < len(parameters):
             begin = ascent.maximise(self.data, begin, sure).model
@@ -151,7 +151,7 @@ class _Search:
     def up(
         self, begin: LoopModel, parameters: list[Parameter]
     ) -> tuple[ascent.Optimum, list[Parameter], dict[str, str]]:
-        """Go up, hold one parameter that is not told after the other, and go up again."""
+        """Maximise, hold unidentifiable parameters one by one, and maximise again."""
         held: dict[str, str] = {}
         while True:
             self.note(f"searching {len(parameters)} parameters")
@@ -176,12 +176,12 @@ class _Search:
                 )
 
     def lines(self, model: LoopModel, parameters: list[Parameter]) -> tuple[Hum, ...]:
-        """Return the lines of a model's sensor, and those that are found in the position."""
+        """Return the lines of a model's sensor, and those detected in the position."""
         self.note("looking for lines")
         return with_lines(self.data, model, parameters, self.note).isolated.sensor.hum
 
     def joint(self, model: LoopModel, parameters: list[Parameter]) -> Joint | None:
-        """Find coil and loop together, where a current flows."""
+        """Maximise over coil and loop jointly, if there is a smoothed current."""
         if self.current is None:
             return None
         self.note("the coil, from current and position together")
@@ -197,7 +197,7 @@ class _Search:
     def errors(
         self, model: LoopModel, parameters: list[Parameter], joint: Joint | None, *, profile: bool
     ) -> tuple[LoopModel, dict[str, Any]]:
-        """Return a model for the signals as they are measured, and how surely it is known."""
+        """Return a model for the signals as measured, and its errors."""
         local = self.data.local(model, parameters)
         steps = Coordinates(model, parameters).unit_steps()
         unit = np.outer(steps, steps)
@@ -209,17 +209,17 @@ class _Search:
         profiles: dict[str, tuple[float, float]] = {}
         if profile:
             self.note("looking how far the errors hold")
-            # As if no coil were unknown.
+            # As if the coil were known.
             uncoupled = np.asarray(np.linalg.inv(local.information), float)
             larger *= np.sqrt(np.diag(inverse) / np.diag(uncoupled))
             profiles = intervals(self.data, model, parameters, uncoupled, larger)
         if self.current is not None:
             searched, model = model, self.current.measuring(model)
-            # A relative error changes with the value that it is relative to.
+            # A relative error changes with its reference value.
             one = np.array([p.of(searched) / p.of(model) if p.positive else 1.0
                             for p in parameters])  # fmt: skip
             covariance, robust = (c * np.outer(one, one) for c in (covariance, robust))
-            profiles.pop("control_noise", None)  # of what control and measurement leave unknown
+            profiles.pop("control_noise", None)  # what control and measurement leave uncertain
         errors = np.sqrt(np.diag(covariance))
         return model, {
             "errors": errors,
@@ -241,7 +241,7 @@ class _Search:
         started_from: str,
         step: float | None,
     ) -> MaximumLikelihood:
-        """Return all that was found, with the stops of the description."""
+        """Return the result, with the stops of the description."""
         delay = [k for k, p in enumerate(parameters) if p.name == "delay"]
         if delay and CONFIDENCE * errors["errors"][delay[0]] > model.isolated.sampling_time:
             self.remarks.append("the loop is too quiet to tell the delay to a sample")
@@ -281,7 +281,7 @@ def _check_records(data: Data, model: LoopModel) -> None:
 
 
 def _movable(model: LoopModel, parameters: Sequence[Parameter]) -> LoopModel:
-    """Return the model with a value above zero for each parameter whose logarithm is searched."""
+    """Return the model with a positive value for each parameter whose logarithm is searched."""
     floors = {"current_lag": model.isolated.sampling_time, "disturbance_noise": 1e-12}
     zeros = {
         p.place: floors.get(p.name, 1e-12) for p in parameters if p.positive and not p.of(model) > 0

@@ -1,4 +1,4 @@
-"""Pictures of an identification: estimates with intervals, residuals, predictions."""
+"""Figures of an identification: estimates with intervals, residuals, predictions."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ RECORDS = ("record 1", "record 2", "record 3", "record 4")
 LAG = Axis("lag", "samples")
 RATIO = Axis("estimate / initial")
 ORDER = ("bearing", "noise", "offsets", "delay", "position-dependent noise")
-WIDE = 3.0  #: Ratio of the ends of an axis from which on it is logarithmic, as the intervals are.
-SHOWN = 400  #: Samples of the stretch in which a prediction is shown.
+WIDE = 3.0  #: Ratio of the ends above which an axis is logarithmic.
+SHOWN = 400  #: Samples of the prediction in the figure.
 
 
 def identified_figure(result: Any, checks: Sequence[Validation]) -> Figure:
-    """Show all that matters in one picture: estimates, residuals, predictions."""
+    """Plot estimates, residuals and predictions in one figure."""
     estimates = estimates_figure(result).panels
-    # The two panels of the residuals belong beside each other.
+    # The two panels of the residuals are side by side.
     fit, beside = fit_figure(checks).panels, len(estimates) % 2
     panels = [*estimates, *fit[:beside], *residual_figure(checks).panels, *fit[beside:]]
     return Figure(
@@ -53,8 +53,8 @@ def identified_figure(result: Any, checks: Sequence[Validation]) -> Figure:
 
 
 def estimates_figure(result: Any) -> Figure:
-    """Show what was found beside where the search began, with 95 % intervals."""
-    # Grouped by the axis that suits each, a panel for each group.
+    """Plot estimates with 95 % intervals, and the initial values."""
+    # Grouped by suitable axis, one panel per group.
     groups: dict[tuple[str, Axis], list[tuple[str, float, float, float, str]]] = {}
     for p in result.parameters:
         value, (low, high), start = result[p.name], result.interval(p.name), p.of(result.start)
@@ -91,7 +91,7 @@ def estimates_figure(result: Any) -> Figure:
 
 
 def correlation_figure(result: Any) -> Figure:
-    """Show which estimates go together: their errors are not independent."""
+    """Plot the correlation of the estimates."""
     names = [f"${p.symbol}$" for p in result.parameters]
     texts = [[f"{r:+.2f}".replace("-", "−") for r in row] for row in result.correlation]
     cells: list[Item] = [Cells(names, names, (1 + result.correlation) / 2, texts, diverging=True)]
@@ -105,7 +105,7 @@ def correlation_figure(result: Any) -> Figure:
 
 
 def residual_figure(checks: Sequence[Validation]) -> Figure:
-    """Show what the residuals still hold: their own correlation and that with the control."""
+    """Plot the autocorrelation of the residuals and their correlation with the control."""
     panels = []
     for title, picks in (
         ("autocorrelation of the residuals", [check.residual for check in checks]),
@@ -129,7 +129,7 @@ def residual_figure(checks: Sequence[Validation]) -> Figure:
 
 
 def fit_figure(checks: Sequence[Validation]) -> Figure:
-    """Show the fit of predictions over the horizon."""
+    """Plot the fit of predictions over the horizon."""
     items: list[Item] = []
     for i, check in enumerate(checks):
         ahead = np.array(list(check.fit), dtype=float)
@@ -177,7 +177,7 @@ def fit_figure(checks: Sequence[Validation]) -> Figure:
 
 
 def prediction_figure(model: LoopModel, record: Record, ahead: int, name: str) -> Figure:
-    """Show a prediction beside the measurement, in the stretch where most happens."""
+    """Plot a prediction with the measurement, in the part with the largest motion."""
     predicted = model.predict(record, ahead)
     y, t = record["y"][ahead:], record.t[ahead:]
     width = min(SHOWN, y.size)
@@ -205,7 +205,7 @@ def prediction_figure(model: LoopModel, record: Record, ahead: int, name: str) -
 
 
 def _natural(result: Any, name: str) -> tuple[float, tuple[str, Axis]]:
-    """Return what an offset is best counted in, and the panel for that."""
+    """Return the natural unit of an offset, and its panel."""
     b = result.isolated
     if name == "delay":
         return b.sampling_time, ("delay", Axis("estimate − initial", "samples"))

@@ -1,4 +1,4 @@
-"""A filter along a record whose control signal was not recorded everywhere.
+"""A filter along a record with gaps in the control signal.
 
 The core holds the last control signal, and believes it as surely as a recorded one. What acted in
 truth has pushed the rotor elsewhere: a tenth of an ampere for one sample moves the velocity by
@@ -22,7 +22,7 @@ from ambkit.machine.magnets import ConstantStiffness, own_time
 
 
 def filled(u: Array) -> Array:
-    """Return a signal (n,) with its last known value where it has none; at the start the first."""
+    """Return a signal (n,) with missing values replaced by the last; at the start by the first."""
     known = np.isfinite(u)
     if known.all():
         return u
@@ -33,7 +33,7 @@ def filled(u: Array) -> Array:
 
 
 def typical_change(u: Array, samples: int) -> float:
-    """Return by how much a signal (n,) changes over some samples, root mean square."""
+    """Return the rms change of a signal (n,) over some samples."""
     lag = int(np.clip(samples, 1, max(1, u.size // 2)))
     change = u[lag:] - u[:-lag]
     known = np.isfinite(change)
@@ -49,14 +49,13 @@ def run_with_gaps(
     recorded: Array,
     h: float,
 ) -> dict[str, Any]:
-    """Run a started filter, as its core's ``run`` does, over gaps of the control signal."""
-    # Measurements within a gap are left out. After one shorter than the plant's time constant
-    # the filter goes on with what it knew, less surely by what the control may have done; after a
-    # longer one it starts anew, and what it says counts again after that time.
-    # y (n,) [m]; u (n,) [V]; unknown (n,)
+    """Run a started filter, as its core's ``run``, over gaps of the control signal."""
+    # Measurements within a gap are rejected. After a gap shorter than the plant's time constant the
+    # filter continues, with variance for the unknown control; after a longer one it restarts, and
+    # counts again after that time. y (n,) [m]; u (n,) [V]; unknown (n,)
     law = ConstantStiffness.of(machine)
     own = round(own_time(machine) / h)
-    typical = cache(partial(typical_change, recorded))  # most gaps are as long as some other
+    typical = cache(partial(typical_change, recorded))  # most gaps have the length of others
     per_sample = max(1, round(machine.sampling_time / h))
     y = y.copy()
     parts: list[dict[str, Any]] = []
@@ -72,12 +71,12 @@ def run_with_gaps(
         if after == u.size:
             break
         measured, y[after] = y[after], np.nan
-        run_to(after + 1)  # the state there, before its measurement, which starts the next part
+        run_to(after + 1)  # to the state before the measurement that starts the next part
         parts[-1] = {name: values[:-1] for name, values in parts[-1].items()}
         y[after], steps = measured, after - first
         begin, skip = after, 0
         if steps <= own:
-            # What is typical, or what it came to: a signal that jumps may be lost where it does.
+            # The typical change, or the actual one: a signal with jumps may be lost at one.
             change = max(typical(-(-steps // per_sample)), float(abs(u[after] - u[first])))
             kalman.core.widen(_pushed(kalman, law, change, steps * h))
         else:
@@ -90,7 +89,7 @@ def run_with_gaps(
 
 
 def _pushed(kalman: Estimator, law: ConstantStiffness, change: float, duration: float) -> Array:
-    """How far a control signal that is off by `change` [V] takes the states (n,) in a while [s]."""
+    """Return the effect of a control error of `change` [V] over a time [s] on the states (n,)."""
     machine = kalman.machine
     m = machine.rotor.mass
     rate = math.sqrt(law.k_s / m)

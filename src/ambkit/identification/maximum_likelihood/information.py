@@ -1,4 +1,4 @@
-"""Fisher information, profile and restricted likelihood: how surely parameters are known.
+"""Fisher information, profile and restricted likelihood: the uncertainty of parameters.
 
 Where a Kalman filter's model is right, its innovations e are white, with the variance S that it
 expects, and no unbiased estimate scatters less than the inverse of the information says (Cramer and
@@ -31,35 +31,35 @@ from ambkit.identification.maximum_likelihood.parameters import (
 from ambkit.identification.maximum_likelihood.search import LONGEST_STEP, maximise
 from ambkit.machine.magnets import own_time
 
-ASIDE = 1.959964  #: Standard errors to the ends of a 95 % interval.
+ASIDE = 1.959964  #: Standard errors at the ends of a 95 % interval.
 NEAR = 0.35
-"""By which share the loss there may differ from that of a parabola, and still pass for one."""
+"""Relative difference of the loss from a parabola that is acceptable."""
 
 SAME_END = 0.15
-"""By which share an end may be elsewhere than 1.96 standard errors off, and still be there."""
+"""Relative distance of an end from 1.96 standard errors that is acceptable."""
 
-NEARLY = 1.1  #: Of the loss at an end: where the secants stop.
-FARTHEST = 50.0  #: End of an interval, in e-folds: what the records do not bound at all.
-ROUNDS = 6  #: Of the secant's, each a search over all other parameters.
+NEARLY = 1.1  #: Tolerance of the loss at an end of the interval.
+FARTHEST = 50.0  #: Maximum end of an interval, in e-folds: not bounded by the records.
+ROUNDS = 6  #: Secant steps, each a search over all other parameters.
 
 ENOUGH = 0.1
-"""Newton's decrement that ends such a search: what is left of it is added, to second order."""
+"""Newton's decrement that ends such a search: the remaining loss is added, to second order."""
 
 
 def intervals(
     data: Data, model: LoopModel, parameters: list[Parameter], covariance: Array, larger: Array
 ) -> dict[str, tuple[float, float]]:
-    """Return the ends of the intervals for which standard errors would not do."""
+    """Return the ends of the intervals for which standard errors are insufficient."""
     # covariance (p, p); larger (p,)
     likelihood = data.likelihood(model, parameters)
     top = likelihood.value(np.zeros(len(parameters)))
     errors = np.sqrt(np.diag(covariance))
-    along = covariance / errors  # column k: where all go with k, if all is quadratic
+    along = covariance / errors  # column k: displacement of all along k for a quadratic likelihood
 
     def parabolic(at: int) -> bool:
         ends = [likelihood.value(side * ASIDE * along[:, at]) for side in (-1, 1)]
         least = 0.5 * ASIDE**2
-        # More lost there than a parabola would: the others may go elsewhere yet, and lose less.
+        # A larger loss than for a parabola: the other parameters may reduce it.
         return all(abs(top - end - least) <= NEAR * least for end in ends)
 
     bent = [at for at in range(len(parameters)) if not parabolic(at)]
@@ -67,8 +67,7 @@ def intervals(
     seen: list[tuple[float, LoopModel]] = []
     for at in bent:
         ends[at] = [_end(likelihood, at, side * along[:, at], top, seen) for side in (-1, 1)]
-    # Where one goes far along a bend, others that seem well known go with it: what is as likely as
-    # its end is within the intervals of all.
+    # Along a bend others move too: points as likely as the ends are within the intervals of all.
     likely = [
         likelihood.coordinates.of(there) for lost, there in seen if lost <= NEARLY * 0.5 * ASIDE**2
     ]
@@ -91,12 +90,11 @@ def intervals(
 def _end(
     likelihood: Likelihood, at: int, along: Array, top: float, seen: list[tuple[float, LoopModel]]
 ) -> float:
-    """Return how far one coordinate goes until the profile has lost what 95 % may; by secants."""
-    # Over the root of the loss a parabola is a line, and distance over root nearly linear in the
-    # distance, so that few secants suffice; where that is too steep, no distance may be enough.
-    # Each search for the others begins on the parabola that leaves the maximum as a standard error
-    # `along` does and goes through where the last one ended, and not far from there. What is lost,
-    # and where, is added to `seen`.
+    """Return the end of one coordinate at which the profile has lost the 95 % limit; by secants."""
+    # The root of the loss is linear for a parabola, and distance over root nearly linear in the
+    # distance, so that few secants suffice; if it is too steep, no distance may be enough. Each
+    # search over the others starts on the parabola that leaves the maximum like a standard error
+    # `along` and goes through the last end. Losses and their places are appended to `seen`.
     data, coordinates = likelihood.data, likelihood.coordinates
     parameter = coordinates.parameters[at]
     rest = [p for p in coordinates.parameters if p is not parameter]
@@ -108,7 +106,7 @@ def _end(
         try:
             begin = coordinates.model_at(tangent * far + bend * far**2)
             maximised = maximise(data, begin, rest, ENOUGH)
-        except (ConfigError, OverflowError):  # no bearing can be there: the interval ends before
+        except (ConfigError, OverflowError):  # impossible parameters: the interval ends before
             far = 0.5 * (past + far)
             continue
         ended = coordinates.of(maximised.model)
@@ -126,18 +124,18 @@ def _end(
 
 
 SHIFT = 0.02
-"""Of the noises, in e-folds: what is known of the others changes smoothly over many of these."""
+"""Step of the noises, in e-folds: the others' information is smooth over many of these."""
 
 LONGEST = 0.5
-"""That noises are moved at most, in e-folds: one that needs more was hardly told at all."""
+"""Maximum change of a noise, in e-folds: beyond it was hardly identifiable."""
 
 
 def restricted(
     data: Data, model: LoopModel, local: Local, parameters: list[Parameter]
 ) -> LoopModel:
-    """Return the model that the restricted likelihood prefers to the most likely one."""
-    # One step of Newton's, from the maximum of the likelihood: the two maxima are much closer than
-    # a standard error.
+    """Return the model of maximum restricted likelihood."""
+    # One Newton step from the maximum of the likelihood: the two maxima are much closer than a
+    # standard error.
     noises = [at for at, p in enumerate(parameters) if p.name in NOISES]
     others = [at for at, p in enumerate(parameters) if p.name not in NOISES]
     if not noises or not others:
@@ -160,40 +158,40 @@ def restricted(
 
 
 def _known(data: Data, model: LoopModel, parameters: list[Parameter]) -> float:
-    """Logarithm of the determinant of the information about some parameters."""
+    """Return the logarithm of the determinant of the information on some parameters."""
     return float(np.linalg.slogdet(data.local(model, parameters, rough=True).information)[1])
 
 
 LEAST_EIGENVALUE = 1e-5
-"""Of the information, scaled to a diagonal of ones: below it, some parameters look like others."""
+"""Eigenvalue of the scaled information below which parameters are indistinguishable."""
 
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """What a record would tell about p parameters, if its model is right."""
+    """Expected information of a record on p parameters, if its model is right."""
 
-    model: LoopModel  #: The model that the record was taken to come from.
-    parameters: list[Parameter]  #: What the record tells.
+    model: LoopModel  #: Assumed model.
+    parameters: list[Parameter]  #: Identifiable parameters.
     errors: Array  #: (p,) Least standard error of each while all are unknown, SI.
     correlation: Array  #: (p, p) Of the estimates.
-    held: Mapping[str, str]  #: Parameters that were asked for and cannot be told, with the reason.
-    #: ``ln det(1 + information)`` over all that were asked for, each in the scale of its search:
-    #: what a design is to make large (D-optimality). Half of it is by how many e-fold steps the
-    #: record narrows down what is unknown.
+    held: Mapping[str, str]  #: Unidentifiable parameters, with reasons.
+    #: ``ln det(1 + information)`` over all requested parameters, each in the scale of its search:
+    #: the objective of a design (D-optimality). Half of it is the number of e-folds by which the
+    #: record reduces the uncertainty.
     certainty: float
-    #: (p, n) How each measurement's innovation moves with each parameter, in standard deviations of
-    #: the innovation by SI; zero where a measurement does not count.
+    #: (p, n) Derivative of each measurement's innovation by each parameter, in standard deviations
+    #: of the innovation per SI unit; zero for measurements that do not count.
     sensitivity: Array
 
     def __getitem__(self, name: str) -> float:
-        """Return the standard error of a parameter [SI]; infinite where it cannot be told."""
+        """Return the standard error of a parameter [SI]; infinite if it is unidentifiable."""
         for at, parameter in enumerate(self.parameters):
             if parameter.name == name:
                 return float(self.errors[at])
         return np.inf
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what is beside the parameters and their errors as plain data."""
+        """Return everything besides the parameters and their errors as plain data."""
         return {
             "parameters": {p.name: {"unit": p.unit} for p in self.parameters},
             "correlation": self.correlation.tolist(),
@@ -203,8 +201,8 @@ class Expectation:
 
 
 def expect(record: Record, model: LoopModel, free: Sequence[str]) -> Expectation:
-    """Say how surely a record would tell parameters of the model that it comes from."""
-    # Parameters that cannot be told are held one by one, as `maximum_likelihood` does.
+    """Return the expected accuracy of parameters from a record of the model."""
+    # Unidentifiable parameters are held one by one, as in `maximum_likelihood`.
     parameters, held = identifiable(named(free), model)
     likelihood = Data([record], own_time(model.isolated)).likelihood(model, parameters)
     _, _, by_e, by_S, used = likelihood.slopes(np.zeros(len(parameters)))
@@ -234,7 +232,7 @@ def expect(record: Record, model: LoopModel, free: Sequence[str]) -> Expectation
 
 
 def correlated(information: Array) -> list[int]:
-    """Places of parameters that the records cannot tell apart; empty where they can."""
+    """Return the indices of indistinguishable parameters; empty if there are none."""
     root = np.sqrt(np.maximum(np.diag(information), 1e-300))
     eigenvalues, vectors = np.linalg.eigh(information / np.outer(root, root))
     if eigenvalues[0] >= LEAST_EIGENVALUE:
@@ -245,11 +243,11 @@ def correlated(information: Array) -> list[int]:
 def weakly_identified(
     information: Array, parameters: Sequence[Parameter]
 ) -> tuple[Parameter, str] | None:
-    """Name a parameter that records do not tell, and why; None where they tell all."""
+    """Return a parameter that records do not determine, with the reason; None if there is none."""
     # information (p, p)
     root = np.sqrt(np.diag(information))
     for at in reversed(range(root.size)):
-        if not root[at] > 1.0:  # alone, with all others known, its error would be its coarse one
+        if not root[at] > 1.0:  # even with all others known, its error would be its coarse one
             return parameters[at], "the records do not depend on it"
     alike = correlated(information)
     if alike:

@@ -1,4 +1,4 @@
-"""The coil before the magnet, from current and position together.
+"""Joint identification of coil and loop, from current and position.
 
 In a closed loop the control answers to the position, which tells what the current has done: fitted
 to control and current alone, the gain of a coil comes out 0.4 % too small and its lag 0.8 % too
@@ -31,36 +31,37 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
 
 ROUNDS, HALVINGS = 10, 6
-"""Steps that are taken at most, and how often one is halved that does not lead up."""
+"""Maximum number of steps, and of halvings of a step that does not ascend."""
 
 ENOUGH = 0.02
 """Newton's decrement, or the gain of a step, that ends it: a seventh of a standard error. Over the
-delay the likelihood has kinks at whole samples, at which it would go back and forth for long."""
+delay the likelihood has kinks at whole samples, between which it would oscillate.
+"""
 
 STEP = 1e-2
-"""Of the differences over the coil: of logarithms and samples, and of the sensor's noise."""
+"""Steps of the differences over the coil: of logarithms and samples, and of the sensor's noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Records with a measured current, a coil before the magnet, and the loop."""
+    """Records with a measured current, a coil, and the loop."""
 
     measured: Sequence[Record]  #: With ``u``, a measured current, and ``control``.
-    current: CurrentState  #: What flows.
-    model: LoopModel  #: Of the loop that it flows in.
-    parameters: list[Parameter]  #: Of it, which move: p.
-    settling: float  #: Time at the start of each record that does not count for the position [s].
-    settled: int  #: Samples there that do not count for the current.
+    current: CurrentState  #: Smoothed current.
+    model: LoopModel  #: Model of the loop.
+    parameters: list[Parameter]  #: Its p free parameters.
+    settling: float  #: Initial time of each record that does not count for the position [s].
+    settled: int  #: Initial samples that do not count for the current.
 
     @property
     def value(self) -> float:
-        """Log likelihood of both signals, the noise of the current's sensor as is most likely."""
+        """Log likelihood of both signals, for the most likely noise of the current sensor."""
         variance, count = self._variance(self._of_current(self.current.coil))
         of_position = self._likelihood(self.current).value(np.zeros(len(self.parameters)))
         return of_position - 0.5 * count * math.log(variance)
 
     def maximised(self) -> Joint:
-        """Return coil and loop where both signals are most likely."""
+        """Return coil and loop of maximum likelihood."""
         at, value = self, self.value
         for _ in range(ROUNDS):
             information, scores, known = at.slopes()
@@ -81,7 +82,7 @@ class Joint:
         return at
 
     def local(self, local: Local) -> Local:
-        """Return what is known of the loop where the coil is not."""
+        """Return the likelihood of the loop with an unknown coil."""
         information, scores, _ = self.slopes()
         p = len(self.parameters)
         own = np.linalg.inv(information[p:, p:])
@@ -98,7 +99,7 @@ class Joint:
         )
 
     def moved(self, step: Array) -> Joint | None:
-        """Return coil and loop a step away; None where no bearing can be there."""
+        """Return coil and loop after a step; None if that is impossible."""
         # step (p + 5,)
         p = len(self.parameters)
         current = self._through(Coil.at(self.current.coil.theta + step[p:]))
@@ -112,18 +113,18 @@ class Joint:
         return propagate(coil, self.measured, self.current.amplifier_gain)
 
     def _driven(self, current: CurrentState) -> LoopModel:
-        """Return the model whose current strays from another one; by how much, may be searched."""
+        """Return a model with the deviation of another current."""
         if any(p.name == "control_noise" for p in self.parameters):
             return self.model.replace(memory=current.memory)
         return current.driving(self.model)
 
     def _likelihood(self, current: CurrentState) -> Likelihood:
-        """Likelihood of the position where a current flows."""
+        """Return the likelihood of the position for a current."""
         data = Data(current.records, self.settling)
         return data.likelihood(self._driven(current), self.parameters)
 
     def _of_current(self, coil: Coil) -> Array:
-        """Innovations of all measured currents in a row [V]; 0 where they do not count."""
+        """Return the innovations of all measured currents [V]; 0 where they do not count."""
         parts = []
         for record in self.measured:
             e = coil.predicted(record["u"], record[CONTROL])[1]
@@ -132,12 +133,12 @@ class Joint:
         return np.concatenate(parts)
 
     def _variance(self, e: Array) -> tuple[float, int]:
-        """Variance [V^2] of the innovations of the current that count, and how many do."""
+        """Return the variance [V^2] of the counted innovations of the current, and their number."""
         count = sum(max(len(record) - self.settled, 0) for record in self.measured)
         return float(np.sum(e**2)) / count, count
 
     def slopes(self) -> tuple[Array, Array, Array]:
-        """Differentiate the likelihood of both signals, by central differences."""
+        """Return derivatives of the likelihood of both signals, by central differences."""
         # information (q, q); scores (q, n); known (p,)
         p = len(self.parameters)
         likelihood = self._likelihood(self.current)

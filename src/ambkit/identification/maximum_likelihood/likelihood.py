@@ -1,4 +1,4 @@
-"""The likelihood of records under a model, with its score and its information.
+"""Likelihood of records under a model, with score and information.
 
 The filter's innovations e with the variances S that it expects give ``ln p = -1/2 sum(ln 2 pi S +
 e^2/S)`` (Schweppe 1965). Only the past enters a prediction, whatever controller made the control
@@ -28,31 +28,32 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 
 BLOCK = 20
-"""The plant's time constants in a block: half a second of a rig whose rotor falls within 25 ms."""
+"""Block length in time constants of the plant: half a second of a rig with 25 ms."""
 
-FEWEST_BLOCKS = 30  #: That a scatter is estimated from; of short records they are shorter.
-STEP = 1e-4  #: Of the differences, in the coordinates of the search: their error is of its square.
+FEWEST_BLOCKS = 30  #: Minimum number of blocks for a scatter; short records have shorter blocks.
+#: Step of the differences, in the coordinates of the search: the error is quadratic in it.
+STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Local:
-    """The likelihood at one point of the search, p coordinates."""
+    """Likelihood at one point of the search, with p coordinates."""
 
-    value: float  #: Log likelihood, with what is known beforehand.
+    value: float  #: Log likelihood, including priors.
     score: Array  #: (p,) Its gradient.
     #: (p, p) Fisher's information along the records, ``sum(e' e'^T / S + S' S'^T / (2 S^2))`` with
-    #: the derivatives of innovation and variance (Gupta and Mehra 1974): what the second
-    #: derivatives expect to be, never indefinite. What is known beforehand counts.
+    #: the derivatives of innovation and variance (Gupta and Mehra 1974): the expected second
+    #: derivatives, never indefinite. Includes priors.
     information: Array
-    #: (p, p) What the scores scatter by, summed over blocks of `BLOCK` time constants of the plant,
-    #: so that whatever correlates them within one is in it (White 1982 for the form, Liang and
-    #: Zeger 1986 for the blocks). Equal to the information where the model is right.
+    #: (p, p) Covariance of the scores, summed over blocks of `BLOCK` time constants of the plant,
+    #: so that correlations within one are included (White 1982 for the form, Liang and Zeger 1986
+    #: for the blocks). Equal to the information if the model is right.
     scatter: Array
     record_information: Array  #: (p, p) The information of the records alone.
 
     @property
     def held(self) -> Array:
-        """The information (p, p), and what holds the untold: ten times their coarse errors."""
+        """Information (p, p), with a weak prior of ten coarse errors for the undetermined."""
         return np.asarray(self.information + 0.01 * np.eye(self.score.size))
 
     @property
@@ -63,17 +64,17 @@ class Local:
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Records that a model is fitted to."""
+    """Records of a fit."""
 
     records: Sequence[Record]
-    settling: float  #: Time at the start of each record that does not count [s].
+    settling: float  #: Initial time of each record that does not count [s].
 
     def likelihood(self, model: LoopModel, parameters: Sequence[Parameter]) -> Likelihood:
-        """Return the likelihood around a model."""
+        """Return the likelihood in the coordinates around a model."""
         return Likelihood(self, Coordinates(model, list(parameters)))
 
     def log_likelihood(self, model: LoopModel) -> float:
-        """Log likelihood under a model; minus infinity where no measurement counts."""
+        """Return the log likelihood of a model; minus infinity if no measurement counts."""
         return self.likelihood(model, []).value(np.zeros(0))
 
     def local(
@@ -89,15 +90,15 @@ class Likelihood:
 
     data: Data
     coordinates: Coordinates
-    #: What `innovations` gives where `value` was asked for last, as slopes are next.
+    #: Innovations where `value` was last evaluated, reused by slopes.
     latest: dict[bytes, Innovations] = field(default_factory=dict)
 
     def innovations(self, z: Array) -> Innovations:
-        """Innovations [m], variances [m^2] and whether they count, of all records in a row."""
+        """Return innovations [m], variances [m^2] and whether they count, of all records."""
         return self.latest.get(z.tobytes()) or self._of([self._filter(z)])[0]
 
     def _filter(self, z: Array, near: tuple[Array, Filter] | None = None) -> Filter:
-        """The filter at z, the same as one near it where they do not differ."""
+        """Return the filter at z, shared with a nearby one if they are equal."""
         if near is None:
             model = self.coordinates.model_at(z)
             return model, model.kalman()
@@ -118,7 +119,7 @@ class Likelihood:
         ]
 
     def value(self, z: Array) -> float:
-        """Log likelihood; minus infinity where the model would contradict itself."""
+        """Return the log likelihood; minus infinity for a contradictory model."""
         try:
             model, kalman = self._filter(z)
             e, S, used = self._of([(model, kalman)])[0]
@@ -131,7 +132,7 @@ class Likelihood:
         return _log_likelihood(e[used], S[used]) + log_prior(model)
 
     def slopes(self, z: Array, *, rough: bool = False) -> tuple[Array, Array, Array, Array, Bools]:
-        """Differentiate the innovations, by central differences; roughly by those to one side."""
+        """Return derivatives of the innovations, by central or roughly by one-sided differences."""
         # z (p,); e (n,) [m]; S (n,) [m^2]; by_e (p, n); by_S (p, n)
         steps, near = STEP * np.eye(z.size), (z, self._filter(z))
         aside = [self._beside(near, step, *([-step] if rough else [])) for step in steps]
@@ -155,14 +156,14 @@ class Likelihood:
         return e, S, by_e, by_S, used
 
     def _beside(self, near: tuple[Array, Filter], *steps: Array) -> tuple[Filter, float]:
-        """The filter the first step aside at which a bearing can be, and its length; else there."""
+        """Return the filter of the first possible step aside, and its length."""
         for step in steps:
             with suppress(ConfigError):
                 return self._filter(near[0] + step, near), float(step.sum())
         return near[1], 0.0
 
     def local(self, z: Array, *, rough: bool = False) -> Local:
-        """Value, score and information, by differences of the innovations, see `slopes`."""
+        """Return value, score and information, by differences of the innovations, see `slopes`."""
         e, S, by_e, by_S, _ = self.slopes(z, rough=rough)
         r = e / np.sqrt(S)
         scores = -(by_e * r + 0.5 * by_S * (1 - r**2))
@@ -177,7 +178,7 @@ class Likelihood:
         )
 
     def priors(self, model: LoopModel) -> tuple[Array, Array]:
-        """Score (p,) and information (p, p) of what is known before any record."""
+        """Return score (p,) and information (p, p) of the priors."""
         unit = self.coordinates.unit_steps()
         slope, precision = np.zeros(unit.size), np.zeros(unit.size)
         for at, parameter in enumerate(self.coordinates.parameters):
@@ -194,7 +195,7 @@ def _log_likelihood(e: Array, S: Array) -> float:
 
 
 def between_blocks(scores: Array, machine: Machine) -> Array:
-    """Covariance (p, p) of the sum of scores (p, n), from their sums over blocks of `BLOCK`."""
+    """Return the covariance (p, p) of the sum of scores (p, n), by blocks of `BLOCK`."""
     n = scores.shape[1]
     length = round(BLOCK * own_time(machine) / machine.sampling_time)
     blocks = max(FEWEST_BLOCKS, n // max(length, 1))

@@ -1,4 +1,4 @@
-"""Lines in the measured position, such as the hum of the mains: found, and taken in if they pay.
+"""Line noise of the measured position, such as mains hum: detected, and modelled if significant.
 
 What a model without lines leaves is white but for them, and they stand out of its periodogram.
 Each one is an oscillator of two states whose amplitude and phase wander
@@ -26,21 +26,21 @@ from ambkit.identification.maximum_likelihood.search import maximise
 from ambkit.machine.accessories import Hum
 from ambkit.machine.magnets import own_time
 
-MOST = 4  #: Lines that are looked for.
-LONGEST = 16384  #: Samples of a periodogram; of longer records several are averaged.
-BY_CHANCE = 1e-3  #: Probability with which noise alone shows a line somewhere.
+MOST = 4  #: Maximum number of lines.
+LONGEST = 16384  #: Samples of a periodogram; those of longer records are averaged.
+BY_CHANCE = 1e-3  #: Probability of a false line in noise.
 
 ENOUGH = 0.1
-"""Newton's decrement that ends a search beside a line: who asks for lines searches once more."""
+"""Newton's decrement that ends a search for a line; a final search follows."""
 
-FIGURES = 3  #: Of a line: frequency, amplitude, bandwidth.
-SLOWEST = 2.0  #: Times the rate at which a rotor falls: no line is looked for below.
+FIGURES = 3  #: Parameters of a line: frequency, amplitude, bandwidth.
+SLOWEST = 2.0  #: Minimum frequency of a line, over the inverse of the plant's time constant.
 
 NARROWEST = 0.001
-"""Of a record's inverse duration: what a line wanders less by is no more than its noise."""
+"""Share of a record's inverse duration below which a bandwidth is not significant."""
 
 AROUND = 101
-"""Neighbouring frequencies whose median is what the residuals have there without a line."""
+"""Neighbouring frequencies whose median is the level without a line."""
 
 
 def with_lines(
@@ -49,7 +49,7 @@ def with_lines(
     parameters: list[Parameter],
     note: Callable[[str], object] = lambda _: None,
 ) -> LoopModel:
-    """Return a model with the lines that records have, and the rest found anew beside them."""
+    """Return a model with the lines of records, and all other parameters fitted again."""
     for _ in range(MOST):
         e, S, used = data.likelihood(model, []).innovations(np.zeros(0))
         before = -0.5 * float(np.sum(np.log(2 * np.pi * S[used]) + e[used] ** 2 / S[used]))
@@ -73,7 +73,7 @@ def with_lines(
 
 
 def _candidate(records: Sequence[Record], model: LoopModel) -> Hum | None:
-    """Return what stands out most of the periodogram of the residuals, where that is no chance."""
+    """Return the most significant peak in the periodogram of the residuals, or None."""
     from scipy.ndimage import median_filter
     from scipy.stats import gamma
 
@@ -90,7 +90,7 @@ def _candidate(records: Sequence[Record], model: LoopModel) -> Hum | None:
             power += np.abs(np.fft.rfft(r[at : at + length])) ** 2 / length
             count += 1
     power /= count
-    # Below, a rotor moves by itself; at the other end noise has no room for a phase.
+    # Below, the rotor itself moves; at the other end noise has no phase.
     lowest = math.ceil(SLOWEST * length * T / (2 * math.pi * own_time(model.isolated)))
     inner = slice(max(lowest, 3), math.floor(0.98 * power.size))
     if inner.stop - inner.start < AROUND:
@@ -106,14 +106,14 @@ def _candidate(records: Sequence[Record], model: LoopModel) -> Hum | None:
 
 
 def _median(count: int) -> float:
-    """Median of the mean of so many periodograms of white noise, in parts of its mean."""
+    """Return the median of a mean of periodograms of white noise, over its mean."""
     from scipy.stats import gamma
 
     return float(gamma.median(count)) / count
 
 
 def _fitted(data: Data, model: LoopModel, line: Hum) -> LoopModel | None:
-    """Return the model with one line more, its three figures as likely as can be."""
+    """Return the model with one more line, with parameters of maximum likelihood."""
     from scipy.optimize import minimize
 
     T = model.isolated.sampling_time
@@ -146,8 +146,8 @@ def _fitted(data: Data, model: LoopModel, line: Hum) -> LoopModel | None:
 
 
 def _as_large_as_it_is(records: Sequence[Record], model: LoopModel) -> LoopModel:
-    """Return the model with the last line's amplitude as the filter sees it along the records."""
-    # Of a line that hardly wanders a record is one draw, and its likelihood nearly flat.
+    """Return the model with the amplitude of its last line as estimated by the filter."""
+    # For a narrow line a record is one realisation, and its likelihood nearly flat.
     squares = []
     for record in records:
         parts = model.states(record)

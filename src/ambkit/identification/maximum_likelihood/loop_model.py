@@ -1,4 +1,4 @@
-"""What a record is explained by: a bearing, and what a log has besides (delay, offsets, load)."""
+"""Model of a record: a machine, with parameters of the log (delay, offsets, disturbance)."""
 
 from __future__ import annotations
 
@@ -32,43 +32,41 @@ Innovations = tuple[Array, Array, Bools]
 
 @dataclass(frozen=True)
 class LoopModel:
-    """A bearing together with what its log adds to it."""
+    """A machine with parameters of its log."""
 
-    #: Parameters that no record of it tells, and why.
+    #: Parameters that its records cannot determine, with reasons.
     described: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     isolated: Machine  #: Magnet, rotor, amplifier and sensor.
-    #: Time from a logged control signal to the force, to the logged position [s]; NaN: the
-    #: bearing's own. That of the whole loop, for the part before the magnet and the part after it
-    #: look alike. Whole steps shift the signal; a fraction f of a step gives each step the mean of
-    #: what acts in it, ``(1 - f) u[k] + f u[k - 1]``. That is exact for the momentum; what the
-    #: position misses is in `misplaced`.
+    #: Time from a logged control signal to its effect in the logged position [s]; NaN: the
+    #: machine's own. That of the complete loop, because the parts before and after the magnet are
+    #: indistinguishable. Whole steps shift the signal; with a fraction f each step has the mean
+    #: control ``(1 - f) u[k] + f u[k - 1]``. That is exact for the momentum; the error of the
+    #: position is in `misplaced`.
     delay: float = math.nan
-    #: Time constant with which the current that pulls follows the logged control signal [s]:
-    #: amplifier, coil and eddy currents; 0: at once; NaN: that of the amplifier's bandwidth.
+    #: Time constant from the logged control signal to the acting current [s]: amplifier, coil and
+    #: eddy currents; 0: none; NaN: that of the amplifier's bandwidth.
     current_lag: float = math.nan
     position_offset: float = 0.0  #: Measured position of a rotor at x = 0 [m].
     current_offset: float = 0.0  #: Control current at a control signal of zero [A].
-    #: Growth of the variance of the load, a force that wanders [N^2/s].
+    #: Process noise intensity of the disturbance force [N^2/s].
     disturbance_noise: float = math.nan
-    #: How well the load at the start is known to be zero, standard deviation [N]; NaN: no better
-    #: than the weight.
+    #: Prior standard deviation of the initial disturbance, with mean zero [N]; NaN: the weight.
     load_std: float = math.nan
-    magnet: MagnetModel | None = None  #: The magnet, where it is not the bearing's own.
-    #: Steps of the filter in a sample. The paper's discretisation holds the magnet's force over a
-    #: step, though the rotor moves: with one step a sample the estimates would be off by part of a
-    #: sample's delay, more than a second of record leaves uncertain.
+    magnet: MagnetModel | None = None  #: Magnet model, if it is not the machine's own.
+    #: Steps of the filter per sample. The paper's discretisation holds the magnet force over a
+    #: step, in spite of the motion: with one step per sample the error would be a fraction of a
+    #: sample's delay, more than the uncertainty from a second of record.
     substeps: int = 4
-    #: Whether the logged control signal is a current as a sensor showed it: between two samples it
-    #: goes on a line. A control signal is held. The delay is counted from that line, or from the
-    #: steps; half a sample lies between the two, and is no delay.
+    #: Whether the logged control signal is a measured current, which is interpolated between
+    #: samples. A control signal is held. The delay is relative to that line, or to the steps; the
+    #: half sample between the two is no delay.
     line: bool = False
-    #: Time in which what flows forgets how it strayed from the control signal of a record [s],
-    #: where that is a current found from control and measurement (``current.py``); 0: noise of the
-    #: control is new in each sample.
+    #: Correlation time of the current's deviation from the control signal [s], for a current
+    #: smoothed from both (``current.py``); 0: white noise on the control.
     memory: float = 0.0
-    #: (float, float) What is known of parameters before any record, by their names: value and
-    #: standard deviation [SI]; see `beforehand`.
+    #: (float, float) Prior of parameters by name: value and standard deviation [SI]; see
+    #: `beforehand`.
     known: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -84,20 +82,20 @@ class LoopModel:
 
     @property
     def undelayed_machine(self) -> Machine:
-        """The bearing as if the current followed at once, for signals that are late already."""
+        """The machine without current lag, for signals that are delayed already."""
         return _late(self.isolated, 0.0, 0.0)
 
     def delayed_machine(self, *, delay: bool = True) -> Machine:
-        """Return the bearing with the model's delay and lag of the current as its own."""
+        """Return the machine with the model's delay and current lag as its own."""
         T = self.isolated.sampling_time
-        held = self.delay - (0.5 * T if self.line else 0.0)  # a filter is told of steps
+        held = self.delay - (0.5 * T if self.line else 0.0)  # control of a filter with steps
         known = delay and 0 < held <= LONGEST_DELAY * T
         return _late(self.isolated, held if known else 0.0, self.current_lag)
 
     def kalman(self) -> Estimator:
-        """Return the filter whose innovations judge this model, in the C core, with its steps."""
+        """Return the filter of this model, in the C core, with its steps."""
         b = _late(self.with_mean_force, 0.0, self.memory)
-        # Drawn anew in each step, and as much in the sum; the noise found is that of rounding too.
+        # Independent in each step, with the same sum; the identified noise includes rounding.
         noise = {"noise_variance": self.substeps * b.amplifier.noise_variance}
         finer = _changed(
             b, amplifier=noise, sensor={"quantisation": None},
@@ -106,7 +104,7 @@ class LoopModel:
         return self._filter(finer, self.magnet or magnet_of(b))
 
     def has_filter_of(self, other: LoopModel) -> bool:
-        """Whether the filter that judges another model judges this one, with other signals."""
+        """Return whether the filter of another model serves this one, with other signals."""
         own = ("isolated", "substeps", "magnet", "memory", "disturbance_noise")
         return all(getattr(self, name) is getattr(other, name) for name in own)
 
@@ -115,7 +113,7 @@ class LoopModel:
             finer,
             magnet,
             noise=FilterNoise(disturbance=self.disturbance_noise),
-            outlier_limit=0,  # left out, what a wrong model cannot explain would speak for it
+            outlier_limit=0,  # rejected samples would favour a wrong model
         )
 
     @property
@@ -125,16 +123,16 @@ class LoopModel:
 
     @property
     def reading(self) -> int:
-        """The number of its measurement among those of the filter."""
+        """Index of its measurement among those of the filter."""
         return 0
 
     @property
     def with_mean_force(self) -> Machine:
-        """The bearing whose force at the mean current is the mean of the force under its noise."""
-        # The pull of a coil goes with the square of its current, and a variance V of the current
-        # adds to that square as to the bias current's own, ``i0^2 + V``. The gain falls as the bias
-        # current rises, so that what a control signal does stays what it is. It matters little, 0.2
-        # % of k_s for a noise of 4 % of the bias current, but many records tell.
+        """The machine with the mean force under current noise as its force."""
+        # The force of a coil is quadratic in its current, and a variance V of the current adds to
+        # the square as a bias current does, ``i0^2 + V``. The gain decreases accordingly, so that
+        # the effect of the control signal is unchanged. The effect is small, 0.2 % of k_s for a
+        # noise of 4 % of the bias current, but visible in many records.
         b, i0 = self.isolated, self.isolated.magnet.bias_current
         if self.magnet is not None or b.magnet.force_map is not None or not i0 > 0:
             return b
@@ -143,7 +141,7 @@ class LoopModel:
         return _changed(b, magnet={"bias_current": raised}, amplifier={"gain": gain})
 
     def corrected(self, record: Record) -> Record:
-        """Return the record as it would be without offsets, delay and current lag."""
+        """Return the record corrected for offsets, delay and current lag."""
         T, b = self.isolated.sampling_time, self.isolated
         acting = delayed(lagged(self.between(record["u"]), T, self.current_lag), self.delay / T)
         signals = {name: record[name] for name in record} | {
@@ -153,14 +151,14 @@ class LoopModel:
         return Record(record.t, signals, record.units, record.meta)
 
     def between(self, u: Array) -> Array:
-        """Return the mean of a logged control signal (n,) from each sample to the next."""
+        """Return the mean of a logged control signal (n,) over each sample."""
         if not self.line:
             return u
         following = np.append(u[1:], u[-1:])
         return np.where(np.isfinite(following), 0.5 * (u + following), u)
 
     def mean_point(self, records: Sequence[Record]) -> tuple[float, float]:
-        """Return control current [A] and displacement [m] in the mean of some records."""
+        """Return mean control current [A] and displacement [m] of some records."""
         b, corrected = self.isolated, [self.corrected(record) for record in records]
         u, y = (np.concatenate([one[signal] for one in corrected]) for signal in ("u", "y"))
         return float(b.amplifier.gain * np.nanmean(u)), float(np.nanmean(y) / b.sensor.gain)
@@ -175,13 +173,13 @@ class LoopModel:
         return innovation[every], variance[every], status[every] & NOT_USED == 0
 
     def states(self, record: Record) -> dict[str, Array]:
-        """Return the filtered states along a record by their names, (n,) each, SI."""
+        """Return the filtered states along a record by name, (n,) each, SI."""
         out, _, kalman = self.run(record)
         means = out["mean"][:: self.substeps]
         return {state.name: means[:, k] for k, state in enumerate(kalman.states)}
 
     def predict(self, record: Record, ahead: int) -> Array:
-        """Predict the measurement some samples after each one, with the control signals since."""
+        """Predict the measurement some samples ahead, with the control signals since."""
         # returns (n - ahead,)
         out, u, kalman = self.run(record)
         steps = ahead * self.substeps
@@ -191,7 +189,7 @@ class LoopModel:
         return np.asarray(fine[:: self.substeps][:n]) + self.position_offset + missed
 
     def predict_with(self, record: Record, ahead: int, controls: Array, past: int) -> Array:
-        """Predict the measurement some samples after each one, with controls of one's own."""
+        """Predict the measurement some samples ahead, with given controls."""
         # controls (m, past + f) [V]; returns (m,) [m]
         out, _, kalman = self.run(record)
         count, every, steps = len(controls), self.substeps, ahead * self.substeps
@@ -207,19 +205,17 @@ class LoopModel:
         return np.asarray(seen[:count]) + self.position_offset + missed
 
     def _delayed_control(self, u: Array) -> Array:
-        """Return what acts at the filter's steps, late, of a control signal (n,) [V]."""
+        """Return the acting control at the filter's steps, of a control signal (n,) [V]."""
         h = self.isolated.sampling_time / self.substeps
         return delayed(lagged(self._at_steps(u), h, self.current_lag), self.delay / h)
 
     def offset_error(self, u: Array) -> Array:
-        """Return by how much the filter's measurement is beyond the true one [m], turned around."""
-        # Where a held control signal switches within a step, the force's mean gives the right
-        # momentum, and a position that misses ``f (1 - f)/2 h^2`` times the step of the
-        # acceleration. All steps before add up to the last value of the control signal, so that the
-        # position is beside the filter's by as much, through the sensor's lag. It is nanometres;
-        # but a sensor of half a micrometre and a control that is shaken tell, and k came out 0.5 %
-        # too small.
-        # u (n,) [V]
+        """Return the difference of the filter's measurement to the true one [m]."""
+        # If a held control signal switches within a step, the mean force gives the exact momentum,
+        # and a position error of ``f (1 - f)/2 h^2`` times the step of the acceleration. The sum
+        # over all previous steps is proportional to the last value of the control signal, through
+        # the sensor's lag. It is nanometres; but with a sensor of half a micrometre and a strong
+        # excitation k was 0.5 % too small. u (n,) [V]
         b, h = self.isolated, self.isolated.sampling_time / self.substeps
         part = self.delay / h - math.floor(self.delay / h)
         stepless = self.line or self.memory > 0 or self.current_lag >= SHORTEST_LAG * h
@@ -237,7 +233,7 @@ class LoopModel:
     def run(
         self, record: Record, kalman: Estimator | None = None
     ) -> tuple[dict[str, Any], Array, Estimator]:
-        """Run the filter with its finer steps; between two samples no measurement comes."""
+        """Run the filter with its finer steps; between two samples there is no measurement."""
         h = self.isolated.sampling_time / self.substeps
         kalman = kalman or self.kalman()
         y, u = self.acting_signals(record)
@@ -249,7 +245,7 @@ class LoopModel:
         return run_with_gaps(kalman, self.isolated, y, u, unknown, record["u"], h), u, kalman
 
     def acting_signals(self, record: Record) -> tuple[Array, Array]:
-        """Return what the filter measures at its steps [m], and the control that acts [V]."""
+        """Return the filter's measurements at its steps [m], and the acting control [V]."""
         u = self._delayed_control(record["u"])
         y = np.full(u.size, np.nan)
         y[:: self.substeps] = record["y"] - self.position_offset - self.offset_error(record["u"])
@@ -257,11 +253,10 @@ class LoopModel:
 
     def begin(self, kalman: Estimator, y: Array, u: Array) -> tuple[Array, list[float]]:
         """Return mean and standard deviations of a filter at rest at its first measurement [m]."""
-        # A current that is a state of it starts where the record has it, with twice the variance of
-        # later, as only what follows tells of it. Were it unknown, the first measurements would
-        # throw it about by amperes, where the magnet is far from the line that the filter takes it
-        # for.
-        # y (n,) [m]; u (1,) [V]
+        # A current that is a state starts at its value in the record, with twice its later
+        # variance, because only later samples determine it. If it were unknown, the first
+        # measurements would move it by amperes, far outside the linear range of the magnet. y (n,)
+        # [m]; u (1,) [V]
         b, known = self.isolated, y[np.isfinite(y)]
         first = float(known[0]) if known.size else 0.0
         std = dict(zip((s.name for s in kalman.states), kalman.default_std(), strict=True))
@@ -276,9 +271,9 @@ class LoopModel:
         return kalman.equilibrium_state(first / b.sensor.gain, first, current), list(std.values())
 
     def _at_steps(self, u: Array) -> Array:
-        """Return what the filter is told at its steps, from a control signal (n,) [V]."""
-        # With a `memory` the filter has a current that follows with a lag, and so strays as long as
-        # that lasts; it is told what brings it to the recorded one at the end of each step.
+        """Return the filter's input at its steps, from a control signal (n,) [V]."""
+        # With a `memory` the filter's current has a lag, by which its deviation is correlated; its
+        # input leads to the recorded current at the end of each step.
         if not self.memory > 0:
             return np.repeat(self._within_limits(self.between(filled(u))), self.substeps)
         recorded, at = self._within_limits(u), np.arange(u.size)
@@ -287,11 +282,11 @@ class LoopModel:
         return np.asarray(fine[:-1] + np.diff(fine) / (1 - keep))
 
     def _within_limits(self, u: Array) -> Array:
-        """The control signal [V] with its offset, and what the current's limits leave of it."""
-        # The control noise is limited together with the signal: near a limit it pulls one way only.
-        # Were the signal alone limited, the force there would be too large by up to 0.4 of the
-        # noise's standard deviation, and each closed loop that touches its limit would bias k, s0
-        # and the offsets.
+        """Return the control signal [V] with its offset, within the current's limits."""
+        # The control noise is limited together with the signal: near a limit it acts in one
+        # direction only. If only the signal were limited, the force there would be too large by up
+        # to 0.4 of the noise's standard deviation, and each closed loop that reaches its limit
+        # would bias k, s0 and the offsets.
         b = self.isolated
         gain = b.amplifier.gain
         std = abs(gain) * math.sqrt(b.amplifier.noise_variance)
@@ -299,7 +294,7 @@ class LoopModel:
         return iu / gain
 
     def nearest_limit(self, record: Record) -> float:
-        """Return how near a record's current comes to its limits, in its standard deviations."""
+        """Return the least distance of a record's current from its limits, in deviations."""
         b = self.isolated
         iu = b.amplifier.gain * record["u"] + self.current_offset
         left = min(b.current_max - np.nanmax(iu), np.nanmin(iu) - b.current_min)
@@ -308,11 +303,11 @@ class LoopModel:
 
     @property
     def number(self) -> int:
-        """The number of its axis among those of the filter."""
+        """Index of its axis among those of the filter."""
         return 0
 
     def replace(self, **changes: object) -> LoopModel:
-        """Return the model with other values; ``magnet__air_gap=...`` goes to the bearing."""
+        """Return the model with other values; ``magnet__air_gap=...`` applies to the machine."""
         own = {name: value for name, value in changes.items() if "__" not in name}
         of_bearing = {name: value for name, value in changes.items() if "__" in name}
         model = replace(self, **own) if own else self  # type: ignore[arg-type]
@@ -325,29 +320,29 @@ class LoopModel:
 
 
 def is_interpolated(record: Record) -> bool:
-    """Whether the control signal of a record is a measured current."""
-    # Its channel map says so, or what drives that current is beside it.
+    """Return whether the control signal of a record is a measured current."""
+    # Its channel map states it, or the record also has the current's control signal.
     return "u" in record.meta.get("measured", ()) or CONTROL in record
 
 
 def _late(machine: Machine, delay: float, current_lag: float) -> Machine:
-    """Return a bearing with another delay [s] and lag of the current [s]; 0: none."""
+    """Return a machine with another delay [s] and current lag [s]; 0: none."""
     amplifier, bandwidth = machine.amplifier, None
     if current_lag > SHORTEST_LAG * machine.sampling_time:
         bandwidth = 1 / (2 * math.pi * current_lag)
         if amplifier.bandwidth and math.isclose(bandwidth, amplifier.bandwidth):
-            bandwidth = amplifier.bandwidth  # to the last bit, as it was given
+            bandwidth = amplifier.bandwidth  # unchanged to the last bit
     if (delay or None, bandwidth) == (machine.delay, amplifier.bandwidth):
         return machine
     changes: dict[str, float | None] = {"bandwidth": bandwidth}
-    if bandwidth is None:  # a limit of the voltage limits what the current follows with
+    if bandwidth is None:  # a voltage limit requires a bandwidth
         changes |= {"voltage_limit": None, "resistance": None}
     return _changed(machine, amplifier=changes, delay=delay or None)
 
 
 def _changed(machine: Machine, **changes: Any) -> Machine:
-    """Return a copy with some values changed, in its tables too, and not checked."""
-    # Each evaluation of the likelihood needs some; to check them took most of its time.
+    """Return a copy with some values changed, in its tables too, unchecked."""
+    # Called for each evaluation of the likelihood; checks took most of the time.
     for name, values in changes.items():
         if isinstance(values, dict):
             changes[name] = getattr(machine, name).model_copy(update=values)
@@ -355,11 +350,11 @@ def _changed(machine: Machine, **changes: Any) -> Machine:
 
 
 Filter = tuple[LoopModel, Estimator]
-"""A model, and the filter that judges it."""
+"""A model and its filter."""
 
 
 def innovations(filters: Sequence[Filter], record: Record) -> list[Innovations]:
-    """Return the innovations of several models along a record, side by side where they can be."""
+    """Return the innovations of several models along a record, computed in parallel if possible."""
     kinds = {(kalman.engine.core, *(s.name for s in kalman.states)) for _, kalman in filters}
     alike = len(kinds) == 1 < len(filters) and filters[0][1].machine.single
     if alike and np.isfinite(record["u"]).all():
@@ -370,13 +365,13 @@ def innovations(filters: Sequence[Filter], record: Record) -> list[Innovations]:
         return [filters[0][0].innovations(record, filters[0][1])]
     owner = {id(kalman): model for model, kalman in filters}  # one filter cannot run twice at once
     own = [kalman if owner[id(kalman)] is model else None for model, kalman in filters]
-    with ThreadPoolExecutor(processors()) as pool:  # the core runs outside of Python's lock
+    with ThreadPoolExecutor(processors()) as pool:  # the core runs without Python's lock
         run = pool.map(lambda one, kalman: one[0].innovations(record, kalman), filters, own)
         return list(run)
 
 
 def _side_by_side(filters: Sequence[Filter], record: Record) -> Iterator[Innovations]:
-    """Yield the innovations of filters with one measurement and the same states."""
+    """Yield the innovations of filters with one measurement and equal states."""
     signals = [model.acting_signals(record) for model, _ in filters]
     y, u = (np.array(rows) for rows in zip(*signals, strict=True))
     starts = [
@@ -391,7 +386,8 @@ def _side_by_side(filters: Sequence[Filter], record: Record) -> Iterator[Innovat
 
 HISTORY = ("innovation", "innovation_variance", "status")
 
-MOST_STEPS = 2**24  #: Of the filters that run at once: their arrays have half a gigabyte.
+#: Maximum number of steps of filters in parallel: their arrays have half a gigabyte.
+MOST_STEPS = 2**24
 
 NOT_USED = int(Status.MISSING | Status.FROZEN | Status.BAD_VARIANCE | Status.OUTLIER)
-"""Flags with which a measurement was not taken in."""
+"""Flags of unused measurements."""

@@ -1,4 +1,4 @@
-"""What can be identified: each parameter with its unit, its place in the model and its scale."""
+"""Identifiable parameters: unit, place in the model, and scale."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
 @dataclass(frozen=True)
 class Parameter:
-    """One figure of a :class:`LoopModel` that a record may tell."""
+    """One parameter of a :class:`LoopModel`."""
 
-    name: str  #: As the user calls it.
-    symbol: str  #: As papers call it, LaTeX.
+    name: str  #: Name.
+    symbol: str  #: Usual symbol, LaTeX.
     unit: str  #: SI.
-    place: str  #: Where it stands in the model, as `LoopModel.replace` takes it.
-    #: Searched by its logarithm, so that it stays positive; its error is then relative.
+    place: str  #: Key of `LoopModel.replace`.
+    #: Whether it is searched by its logarithm, which makes its error relative.
     positive: bool
-    #: ``coarse(model)``: a standard error from which on nothing is known. Of the logarithm for a
-    #: positive parameter, otherwise in `unit`; it scales the search, too.
+    #: ``coarse(model)``: standard error above which it counts as unknown. Of the logarithm for a
+    #: positive parameter, otherwise in `unit`; also the scale of the search.
     coarse: Callable[[LoopModel], float]
 
     def of(self, model: LoopModel) -> float:
@@ -81,26 +81,26 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter("disturbance_noise", "Q_d", "N^2/s", "disturbance_noise", True, _one),
     )
 }  # fmt: skip
-"""All that can be identified, by name; of two that cannot be told apart the later one is held."""
+"""All parameters by name; of two indistinguishable ones the later is held."""
 
 NOISES = ("measurement_noise", "control_noise", "disturbance_noise")
-"""Those that say how much is left to chance."""
+"""The noise parameters."""
 
 OFFSETS = ("position_offset", "current_offset")
-"""Those that are of the log, and not of the bearing."""
+"""Parameters of the log, not of the machine."""
 
 USUAL = (
     "magnet_constant", "air_gap", "sensor_lag", "delay", "position_offset", "current_offset",
     "measurement_noise", "position_noise", "control_noise", "disturbance_noise",
 )  # fmt: skip
-"""Looked for where the user does not say what to look for, see `usual`."""
+"""Default parameters, see `usual`."""
 
 
 def usual(model: LoopModel) -> tuple[str, ...]:
-    """Return what to look for in a model where the user does not say."""
-    # A one-sided magnet knows no middle: where x = 0 is, is a choice, and an offset of the position
-    # is nothing but another air gap. A lag of the current is looked for where the amplifier has
-    # one, and the air gap not where a force map says what it does.
+    """Return the default parameters of a model."""
+    # For a one-sided magnet the origin of x is arbitrary, and an offset of the position is
+    # equivalent to another air gap. A current lag is included if the amplifier has one, and the air
+    # gap is not if there is a force map.
     magnet = model.isolated.magnet
     names = (*USUAL, "current_lag") if model.current_lag > 0 else USUAL
     idle = {"position_offset": magnet.type == "one-sided", "air_gap": magnet.force_map is not None}
@@ -108,16 +108,16 @@ def usual(model: LoopModel) -> tuple[str, ...]:
 
 
 OFFSET_SHARE = 0.05
-"""Of the bias current: how well the zero of a measured current is known where nobody says."""
+"""Default uncertainty of the zero of a measured current, over the bias current."""
 
 
 def priors_of(model: LoopModel) -> dict[str, tuple[float, float]]:
-    """Return what is known of parameters before any record: value and standard deviation [SI]."""
-    # Of some, a record may tell nothing. A load that nobody knows takes the condition that the
-    # magnet carries the weight away, and with it the offset of the current: two stiffnesses are
-    # left for magnet constant, gap and offset, and the gap moves by metres per ampere. And at one
-    # place the noise of a sensor does not show how it depends on the place. Taken for known, either
-    # would make the errors of all others too small.
+    """Return the priors of parameters: value and standard deviation [SI]."""
+    # Some may not be determined by a record. An unknown disturbance replaces the balance of magnet
+    # force and weight, and with it the current's offset: two stiffnesses remain for magnet
+    # constant, gap and offset, and the gap changes by metres per ampere. And at one position the
+    # dependence of the noise on the position is invisible. If either were taken as known, the
+    # errors of all others would be too small.
     b = model.isolated
     return {
         "current_offset": (model.current_offset, OFFSET_SHARE * b.magnet.bias_current),
@@ -126,7 +126,7 @@ def priors_of(model: LoopModel) -> dict[str, tuple[float, float]]:
 
 
 def log_prior(model: LoopModel) -> float:
-    """How likely a model's parameters were before any record, up to a constant."""
+    """Return the log prior density of a model's parameters, up to a constant."""
     return sum(
         -0.5 * ((PARAMETERS[name].of(model) - value) / std) ** 2
         for name, (value, std) in model.known.items()
@@ -134,7 +134,7 @@ def log_prior(model: LoopModel) -> float:
 
 
 def named(names: Sequence[str]) -> list[Parameter]:
-    """Return parameters by their names, in the order of `PARAMETERS`."""
+    """Return parameters by name, in the order of `PARAMETERS`."""
     import difflib
 
     for name in names:
@@ -148,17 +148,17 @@ def named(names: Sequence[str]) -> list[Parameter]:
 
 
 ALIKE = "cannot be told apart"
-"""In the reason why a parameter is held: it looks like another that is looked for."""
+"""Reason why a parameter is held: it is indistinguishable from another free one."""
 
 
 def identifiable(
     parameters: Sequence[Parameter], model: LoopModel
 ) -> tuple[list[Parameter], dict[str, str]]:
-    """Return what is left to be found, and why the others are not looked for."""
-    # The mass is not where k is looked for, too. From one loop comes the ratio k/m. What seems to
-    # part the two is how much load is expected, and that is a guess: a search would make a mass of
-    # it, with an error that looks honest. Nor is the air gap of a force map, which was measured
-    # with the gap that there is: only the law beneath it would move.
+    """Return the parameters to search, and reasons for excluding the others."""
+    # The mass is excluded if k is free: one loop determines the ratio k/m. Only the assumed
+    # intensity of the disturbance separates the two, and that is a guess: the search would return a
+    # mass with a misleading error. The air gap of a force map is excluded too, because the map was
+    # measured with the present gap: only the law beneath it would change.
     held = {p.name: model.described[p.name] for p in parameters if p.name in model.described}
     if {"magnet_constant", "mass"} <= {p.name for p in parameters}:
         held["mass"] = f"magnet_constant and mass {ALIKE}, a loop tells their ratio"
@@ -169,13 +169,13 @@ def identifiable(
 
 @dataclass(frozen=True)
 class Coordinates:
-    """The vector of the search: logarithms and scaled offsets, zero at the model it starts from."""
+    """Search vector: logarithms and scaled offsets, zero at the initial model."""
 
-    model: LoopModel  #: Where it is zero.
-    parameters: list[Parameter]  #: What its entries are.
+    model: LoopModel  #: Model at zero.
+    parameters: list[Parameter]  #: Its entries.
 
     def model_at(self, z: Array, near: tuple[Array, LoopModel] | None = None) -> LoopModel:
-        """Return the model at a vector (p,); it shares the bearing of one near it, if it may."""
+        """Return the model at a vector (p,); it shares the machine of a nearby one if possible."""
         model, changes = self.model, {}
         for parameter, step in zip(self.parameters, z.tolist(), strict=True):
             start = parameter.of(self.model)
@@ -191,7 +191,7 @@ class Coordinates:
         return model.replace(**changes)
 
     def of(self, model: LoopModel) -> Array:
-        """Return where a model is (p,)."""
+        """Return the vector of a model (p,)."""
         return np.array([
             math.log(p.of(model) / p.of(self.model)) if p.positive
             else (p.of(model) - p.of(self.model)) / p.coarse(self.model)
@@ -199,5 +199,5 @@ class Coordinates:
         ])  # fmt: skip
 
     def unit_steps(self) -> Array:
-        """What a step of one means (p,): of a logarithm 1, otherwise in SI."""
+        """Return the size of a unit step (p,): 1 for a logarithm, otherwise in SI."""
         return np.array([1.0 if p.positive else p.coarse(self.model) for p in self.parameters])

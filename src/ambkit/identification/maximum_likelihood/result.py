@@ -1,4 +1,4 @@
-"""What records say about a bearing: figures with their errors, and what could not be told."""
+"""Result of maximum likelihood: parameters with errors, and what could not be identified."""
 
 from __future__ import annotations
 
@@ -31,80 +31,80 @@ from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
-MOSTLY = 0.95  #: Share of the information from which on a prior is not worth a note.
-TOGETHER = 0.9  #: Correlation from which on two parameters are known only together.
+MOSTLY = 0.95  #: Share of the information above which a prior is not reported.
+TOGETHER = 0.9  #: Correlation above which two parameters are only determined jointly.
 DESCRIBED = ("magnet_constant", "air_gap", "mass", "sensor_gain", "amplifier_gain")
-FAR = 3.0  #: Times what a description has of these, it is hardly the machine that was described.
-CONFIDENCE = 1.959964  #: Standard errors to either side that hold 95 %.
+FAR = 3.0  #: Ratio to the description beyond which it is probably another machine.
+CONFIDENCE = 1.959964  #: Standard errors on either side that contain 95 %.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MaximumLikelihood(Result):
-    """What records say about a bearing, p parameters found."""
+    """Maximum likelihood estimates of p parameters."""
 
-    start: LoopModel  #: Where the search began, as the user gave it, and what it found.
+    start: LoopModel  #: Initial model, as given by the user, and identified model.
     model: LoopModel
-    parameters: list[Parameter]  #: What was found.
+    parameters: list[Parameter]  #: Identified parameters.
     values: Array  #: (p,) Their values, SI.
-    #: (p,) Their standard errors in the search: relative (of the logarithm) for a positive
-    #: parameter, otherwise SI. Each is the larger of what the likelihood's curvature says and of
-    #: `robust_errors`; what is known beforehand of the current's offset is in it, and nothing that
-    #: was not known is taken for known.
+    #: (p,) Standard errors in the search: relative (of the logarithm) for a positive parameter,
+    #: otherwise SI. Each is the larger of that by the curvature of the likelihood and of
+    #: `robust_errors`; a prior of the current's offset is included, and nothing unknown is taken as
+    #: known.
     errors: Array
-    #: (p,) The same as the scatter of the scores has them (White 1982): right to first order even
-    #: where the model is not, and then larger.
+    #: (p,) The same by the scatter of the scores (White 1982): valid to first order for a wrong
+    #: model too, and then larger.
     robust_errors: Array
-    covariance: Array  #: (p, p) Of what `errors` are the roots of.
+    covariance: Array  #: (p, p) Covariance that `errors` are the roots of.
     correlation: Array  #: (p, p) Of the estimates.
-    #: Parameters that were looked for and could not be found, with the reason.
+    #: Parameters that could not be identified, with reasons.
     held: Mapping[str, str]
-    log_likelihood: float  #: At the model and at the start.
+    log_likelihood: float  #: Log likelihood at the model and at the start.
     start_log_likelihood: float
-    samples: int  #: Measurements that count.
-    #: Which start the search went up from: the bearing given, ADALINE or least squares.
+    samples: int  #: Number of counted measurements.
+    #: Best start of the search: the given machine, ADALINE or least squares.
     started_from: str
-    steps: int  #: Steps of the search.
-    converged: bool  #: Whether it ended at a maximum.
-    #: (p,) What part of each parameter's precision is the records' own and not known beforehand: 1
-    #: where nothing was, near 0 of an offset of which the records tell nothing.
+    steps: int  #: Number of steps of the search.
+    converged: bool  #: Whether it reached a maximum.
+    #: (p,) Share of each parameter's precision due to the records rather than the prior: 1 without
+    #: prior, near 0 for an offset on which the records have no information.
     record_share: Array
-    #: (float, float) Ends of the 95 % intervals in the parameter's own unit where the likelihood is
-    #: not near to quadratic, and so `errors` would not do: by the profile of the likelihood.
+    #: (float, float) Ends of the 95 % intervals in the parameter's unit, by the profile likelihood,
+    #: if the likelihood is not quadratic.
     profiles: Mapping[str, tuple[float, float]]
-    touched: Sequence[str]  #: Limits that the search came to, in sentences.
-    remarks: Sequence[str]  #: What is to be known of the records, in sentences.
-    #: What control signal and measured current said of each other, where records have both.
+    touched: Sequence[str]  #: Limits that the search reached, in sentences.
+    remarks: Sequence[str]  #: Remarks on the records, in sentences.
+    #: Smoothed current, if records have control signal and measured current.
     current: CurrentState | None
     settling: float = field(default=0.0)
-    #: Smallest step in which ``y`` of the records comes [m]; None where it has none.
+    #: Smallest quantisation step of ``y`` in the records [m]; None if there is none.
     position_step: float | None = None
 
     @property
     def isolated(self) -> Machine:
-        """The bearing found: its delay where `delay_counts`, its current's lag, its steps."""
+        """The identified machine: its delay if `delay_counts`, current lag, quantisation."""
         has_noise = any(p.name == "measurement_noise" for p in self.parameters)
         late = self.model.delayed_machine(delay=self.delay_counts)
         return with_steps(late, self.position_step, has_noise=has_noise)
 
     @property
     def lines(self) -> Sequence[Hum]:
-        """Lines in the position that were found, beside those that the bearing had."""
+        """Identified line noise of the position, besides that of the machine."""
         return self.model.isolated.sensor.hum[len(self.start.isolated.sensor.hum) :]
 
     @property
     def delay_counts(self) -> bool:
-        """Whether the delay is the bearing's: it was given, or found and surely not zero."""
+        """Whether the delay is the machine's: it was given, or it is identified and significant."""
         if self.model.delayed_machine().delay is None:
-            return False  # below zero, or longer than any bearing's
+            return False  # below zero, or longer than any machine's
         free = any(p.name == "delay" for p in self.parameters)
         delay_known = self.start.isolated.delay is not None or not free
         return delay_known or self.interval("delay")[0] > 0
 
     @property
     def offsets_count(self) -> bool:
-        """Whether the offsets are the log's: none is ruled out, all of them taken together."""
-        # A load that nobody knows hides them: what is found may be many times the sensor's noise,
-        # and as likely 0. Offsets that were given and not looked for count.
+        """Whether the offsets are significant: zero is rejected for all of them together."""
+        # An unknown disturbance hides them: the values may be many times the sensor's noise, and
+        # insignificant. Offsets that were given and not searched are included.
         at = [i for i, p in enumerate(self.parameters) if p.name in OFFSETS]
         if not at:
             return True
@@ -112,17 +112,17 @@ class MaximumLikelihood(Result):
         return float(off @ np.linalg.solve(self.covariance[np.ix_(at, at)], off)) > 2 * RULED_OUT
 
     def __getitem__(self, name: str) -> float:
-        """Return the value of a parameter, found or held [SI]."""
+        """Return the value of a parameter, identified or held [SI]."""
         return named([name])[0].of(self.model)
 
     def standard_error(self, name: str, *, robust: bool = False) -> float:
-        """Return the standard error of a parameter that was found, in its own unit."""
+        """Return the standard error of an identified parameter, in its own unit."""
         at = self._place(name)
         error = float((self.robust_errors if robust else self.errors)[at])
         return error * float(self.values[at]) if self.parameters[at].positive else error
 
     def error_text(self, p: Parameter) -> str:
-        """Return the standard error of a parameter in the unit that its value is printed in."""
+        """Return the standard error of a parameter as text, in the unit of its value."""
         return engineering(self.standard_error(p.name), p.unit, 2, like=self[p.name])
 
     def interval(self, name: str) -> tuple[float, float]:
@@ -136,14 +136,14 @@ class MaximumLikelihood(Result):
         return value - half, value + half
 
     def stiffness(self, iu: float = 0.0, x: float = 0.0) -> dict[str, tuple[float, float]]:
-        """K_i [N/A] and k_s [N/m] at an operating point, tangents, each with its standard error."""
+        """Return tangents k_i [N/A] and k_s [N/m] at an operating point, with standard errors."""
         at = self.stiffness_map([iu], [x])
         return {name: (float(v[0, 0]), float(e[0, 0])) for name, (v, e) in at.items()}
 
     def stiffness_map(
         self, currents: ArrayLike, displacements: ArrayLike
     ) -> dict[str, tuple[Array, Array]]:
-        """K_i [N/A] and k_s [N/m] over operating points, tangents, each with its standard error."""
+        """Return tangents k_i [N/A] and k_s [N/m] over operating points, with standard errors."""
         # currents (ni,) [A]; displacements (nx,) [m]
 
         coordinates = Coordinates(self.model, self.parameters)
@@ -235,7 +235,7 @@ class MaximumLikelihood(Result):
         return notes
 
     def _far_from_the_prior(self) -> Iterator[str]:
-        """Say what no magnetic bearing that was described can be."""
+        """Yield values that are implausible for the described machine."""
         hint = "is the record of this machine, and neither cut off nor late?"
         for p in self.parameters:
             low, high = self.interval(p.name)

@@ -1,4 +1,4 @@
-"""The search: where it starts, how it climbs, and which parameters it holds."""
+"""The search: start, ascent, and parameters to be held."""
 
 from __future__ import annotations
 
@@ -23,43 +23,43 @@ from ambkit.machine.magnets import ConstantStiffness
 CONVERGED = 1e-3
 """Newton's decrement that ends the search: squared distance to the maximum in standard errors."""
 
-RIDGE = 0.5  #: The decrement that is let pass where no step helps any more.
+RIDGE = 0.5  #: Decrement that is accepted if no step ascends.
 
 MUCH_LESS_LIKELY = 2.0
-"""Loss of log likelihood with which a value counts as ruled out (Edwards 1972)."""
+"""Loss of log likelihood from which a value counts as rejected (Edwards 1972)."""
 
-LONGEST_STEP = 1.0  #: In any coordinate of the search: an e-fold.
-RULED_OUT = 4.5  #: Loss of log likelihood that one in 370 exceeds by chance: three standard errors.
+LONGEST_STEP = 1.0  #: Maximum step in any coordinate of the search: an e-fold.
+#: Loss of log likelihood that is exceeded by chance in one of 370 cases: three standard errors.
+RULED_OUT = 4.5
 
 LAGS = ("sensor_lag", "current_lag")
-NO_LAG = 0.01  #: In samples: what counts as none.
+NO_LAG = 0.01  #: In samples: lag that counts as none.
 
 NEAR_LIMIT, FAR_FROM_LIMIT = 3.0, 10.0
-"""Standard deviations of the control noise within which a current is near its limit, or far off."""
+"""Distances from a limit, in deviations of the control noise: near, and far."""
 
 MORE, LEAST_ROOM = 1.5, 20
-"""The stops stand at so many times as far as a record goes; but at no less than that part of the
-travel that the description has."""
+"""Clearance over the range of a record; at least the second share of the described clearance."""
 
-WALL = "its search ended at a bound"  #: In the reason why a parameter is held.
+WALL = "its search ended at a bound"  #: Reason why a parameter is held.
 
 MOST_DAMPING = 1e8
 
 MOST_STEPS = 100
 
 LEAST_GAIN = 0.1 * CONVERGED
-"""In log likelihood, of a step; a free one gains half of Newton's decrement."""
+"""Minimum gain of log likelihood of a step; a free one gains half of Newton's decrement."""
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """Where a search ended."""
+    """End of a search."""
 
-    likelihood: Likelihood  #: That it went up.
+    likelihood: Likelihood  #: Its objective.
     z: Array  #: (p,) The most likely coordinates.
-    value: float  #: Log likelihood of the maximum, to second order in what is left to it.
-    steps: int  #: That it took.
-    converged: bool  #: Whether it ended at a maximum.
+    value: float  #: Log likelihood of the maximum, extrapolated to second order.
+    steps: int  #: Number of steps.
+    converged: bool  #: Whether it reached a maximum.
 
     @cached_property
     def model(self) -> LoopModel:
@@ -68,23 +68,23 @@ class Optimum:
 
     @cached_property
     def local(self) -> Local:
-        """The likelihood there."""
+        """Likelihood there."""
         return self.likelihood.local(self.z, rough=True)
 
     @property
     def samples(self) -> int:
-        """Measurements that count."""
+        """Number of counted measurements."""
         return int(self.likelihood.innovations(self.z)[2].sum())
 
 
 def maximise(
     data: Data, begin: LoopModel, parameters: list[Parameter], enough: float = CONVERGED
 ) -> Optimum:
-    """Go up to the maximum by Fisher's scoring, damped after Marquardt (1963)."""
-    # Newton's decrement ends it that is less than `enough`, and so does a step that gains what a
-    # parabola promised: what is left then is of second order.
-    # SciPy's trust regions are balls in the coordinates; here one coordinate is known a thousand
-    # times as well as another, and only a region in units of the errors gets anywhere.
+    """Maximise by Fisher scoring with Marquardt's damping (1963)."""
+    # It ends when Newton's decrement is below `enough`, or when a step gains what the parabola
+    # predicted: the rest is of second order. SciPy's trust regions are balls in the coordinates;
+    # here the accuracies differ by a factor of a thousand, and only a region in units of the errors
+    # converges.
     likelihood = data.likelihood(begin, parameters)
     z, damping, steps = np.zeros(len(parameters)), 1e-3, 0
     at, rough = likelihood.local(z, rough=True), True
@@ -99,7 +99,7 @@ def maximise(
             continue
         if step is None:
             # At a whole number of samples the likelihood has a ridge over the delay: a maximum
-            # there keeps a score of its own.
+            # there has a nonzero score.
             converged = left < RIDGE
             break
         z, damping, value = step
@@ -108,7 +108,7 @@ def maximise(
             converged = True
             break
         at, rough = likelihood.local(z, rough=True), True
-        if gain < LEAST_GAIN:  # with as much left: it creeps along a wall
+        if gain < LEAST_GAIN:  # with an equal rest: it creeps along a limit
             value, converged = at.value + 0.5 * min(at.left, RIDGE), left < RIDGE
             break
     return Optimum(likelihood, z, value, steps, converged)
@@ -117,7 +117,7 @@ def maximise(
 def _step_up(
     likelihood: Likelihood, z: Array, at: Local, damping: float
 ) -> tuple[Array, float, float] | None:
-    """Return where a step leads up to, the damping of the next, and the value; None: nowhere."""
+    """Return the end of an ascending step, the next damping, and the value, or None."""
     information = at.held
     while damping < MOST_DAMPING:
         damped = information + damping * np.diag(np.diag(information))
@@ -138,13 +138,12 @@ def fix(
     initial_model: LoopModel,
     ran_from: LoopModel | None,
 ) -> tuple[LoopModel, str]:
-    """Return the model with a parameter where the user had it, and that value in words."""
-    # What the search made of it means little. But where the value given is far less likely,
-    # whatever the rest does, as of a noise that turned out to be next to nothing, the value found
-    # stays; of a lag, where it is ruled out, as `not_needed` asks no less of it.
-    # Not so of one that ran away, along a line with another or to a limit: both may have drifted
-    # far. So it goes back in any case, and the rest is searched from `ran_from`, too, where this
-    # search began.
+    """Return the model with a parameter at the user's value, and that value in words."""
+    # The value from the search means little. But if the given value is far less likely, for any
+    # other parameters, such as a noise that is nearly zero, the found value remains; a lag only if
+    # the given one is rejected, as in `not_needed`. Not so for one that diverged, along a ridge or
+    # to a limit: it is reset in any case, and the rest is also searched from `ran_from`, the start
+    # of this search.
     value = parameter.of(initial_model)
     model = _with(result.model, parameter, value, rest)
     if rest:
@@ -166,11 +165,10 @@ def fix(
 def unnecessary(
     data: Data, result: Optimum, parameters: Sequence[Parameter]
 ) -> tuple[Parameter, str] | None:
-    """Name a lag without which the records are as likely; None where there is none."""
-    # Beside a delay a lag shows by its square alone, which the records tell as well below zero as
-    # above. Where it comes out above, a lag is found that is longer than the true one, with an
-    # error of its logarithm that looks small. So it counts as found only where none at all is ruled
-    # out.
+    """Return a lag without which the records are equally likely; None if there is none."""
+    # Beside a delay a lag acts quadratically, so the records determine a negative value equally
+    # well. If it is positive by chance, it is too long, with a misleadingly small error of its
+    # logarithm. It is therefore accepted only if zero is rejected.
     for parameter in (p for p in parameters if p.name in LAGS):
         rest = [p for p in parameters if p is not parameter]
         if not rest:
@@ -185,9 +183,8 @@ def unnecessary(
 def _with(
     model: LoopModel, parameter: Parameter, value: float, rest: Sequence[Parameter]
 ) -> LoopModel:
-    """Return a model with another value of one parameter; what a lag gives up, the delay takes."""
-    # Together they are about as long as before, and no search of the delay has to climb over the
-    # ridges at whole samples.
+    """Return a model with another parameter value; the delay compensates for a lag."""
+    # Their sum is unchanged, so no search of the delay has to cross the ridges at whole samples.
     others = {parameter.place: value}
     if parameter.name in LAGS and any(p.name == "delay" for p in rest):
         others["delay"] = model.delay + parameter.of(model) - value
@@ -195,8 +192,8 @@ def _with(
 
 
 def diverged(result: LoopModel, parameters: Sequence[Parameter]) -> tuple[Parameter, str] | None:
-    """Name a parameter that only a wall has stopped, and the wall; None where there is none."""
-    # Beyond it no bearing can be: a hovering current that no amplifier gives.
+    """Return a parameter that ended at a limit, with the limit; None if there is none."""
+    # Beyond it there is no possible machine: a levitation current beyond the amplifier's.
     for parameter in parameters:
         try:
             for step in (-10 * STEP, 10 * STEP):
@@ -209,9 +206,9 @@ def diverged(result: LoopModel, parameters: Sequence[Parameter]) -> tuple[Parame
 def tighten_clearance(
     records: Sequence[Record], model: LoopModel, parameters: Sequence[Parameter]
 ) -> LoopModel:
-    """Return a model whose stops are only as far as the records go."""
-    # A rotor's travel is less than its air gap. What a description takes the travel to be is no
-    # reason for a gap to be larger than it is.
+    """Return a model with a clearance just beyond the range of the records."""
+    # The clearance is less than the air gap. An inaccurate described clearance must not force the
+    # gap to be larger.
     if not any(p.name == "air_gap" for p in parameters):
         return model
     b = model.isolated
@@ -223,7 +220,7 @@ def tighten_clearance(
 def restore_clearance(
     records: Sequence[Record], nominal_model: LoopModel, result: LoopModel
 ) -> tuple[LoopModel, list[str]]:
-    """Return what was found with the stops of the description, and what limits it touches."""
+    """Return the result with the described stops, and the limits that it reached."""
     touched = []
     travel, gap = nominal_model.isolated.clearance, result.isolated.magnet.air_gap
     if gap <= travel:
@@ -246,14 +243,14 @@ def restore_clearance(
     return result, touched
 
 
-LONGEST_DELAY = 8  #: Samples of delay that are tried.
-GROWTHS = (1e-6, 1e-4, 1e-2, 1.0)  #: Growths of the load that are tried, times the one given.
+LONGEST_DELAY = 8  #: Maximum candidate delay in samples.
+GROWTHS = (1e-6, 1e-4, 1e-2, 1.0)  #: Candidate process noise intensities, over the given one.
 
 
 def initial_guess(
     data: Data, initial_model: LoopModel, parameters: Sequence[Parameter]
 ) -> tuple[LoopModel, str]:
-    """Return the most likely of several starts, and what it is called."""
+    """Return the most likely of several starts, and its name."""
     free = {p.name for p in parameters}
     candidates = [(initial_model, "the initial model")]
     if "magnet_constant" in free:
@@ -276,12 +273,12 @@ def initial_guess(
             for part in GROWTHS[:-1]
         ]
 
-    # A coarse likelihood: it is only to tell hills from valleys.
+    # A coarse likelihood suffices to compare starts.
     return max(candidates, key=lambda one: data.log_likelihood(one[0].replace(substeps=1)))
 
 
 def _by_adaline(records: Sequence[Record], model: LoopModel) -> list[LoopModel]:
-    """Take the magnet constant that ADALINE learns along the first record (paper, eq. 22-25)."""
+    """Return the model with ADALINE's magnet constant of the first record (paper, eq. 22-25)."""
     try:
         k = Adaline(model.undelayed_machine).run(model.corrected(records[0])).magnet_constant
         return [model.replace(magnet__magnet_constant=k)]
@@ -292,10 +289,9 @@ def _by_adaline(records: Sequence[Record], model: LoopModel) -> list[LoopModel]:
 def _by_least_squares(
     records: Sequence[Record], model: LoopModel, free: set[str]
 ) -> list[LoopModel]:
-    """Take k and s0 from ``m a = k_i iu + k_s x + c``, a line through smoothed accelerations."""
-    # Noise in position and closed loop bias it; as a start it will do. The gap goes with k_i/k_s:
-    # at the centre that is s0/i0 for ideal iron, of one side or two, and nearly so for other
-    # magnets.
+    """Return k and s0 by least squares of smoothed accelerations: ``m a = k_i iu + k_s x + c``."""
+    # Noise and closed loop bias it; it serves as a start. The gap follows from k_i/k_s, which at
+    # the centre is s0/i0 for ideal iron, one-sided or two-sided, and nearly so for other magnets.
     from scipy.signal import savgol_filter
 
     b = model.isolated
@@ -309,7 +305,7 @@ def _by_least_squares(
             y, u = record["y"], delayed(lagged(record["u"], T, model.current_lag), delay)
             if y.size < 4 * width or not (np.isfinite(y).all() and np.isfinite(u).all()):
                 continue
-            # The same window for all three: what it does to one it does to the others.
+            # The same window for all three signals, which affects them equally.
             x = savgol_filter(y, width, 3) / b.sensor.gain
             a = savgol_filter(y, width, 3, deriv=2, delta=T) / b.sensor.gain
             iu = b.amplifier.gain * savgol_filter(u, width, 3)

@@ -1,4 +1,4 @@
-"""Whether an identified model lacks a structure: tests of alternatives, and a verdict.
+"""Tests of an identified model's structure against alternatives, with a verdict.
 
 Process noise explains what a plant does otherwise than its model: NIS stays at 1. But the
 innovations then depend on what the model lacks. Each alternative is a model with one parameter
@@ -37,32 +37,32 @@ from ambkit.identification.maximum_likelihood.search import maximise
 from ambkit.machine.magnets import own_time
 from ambkit.result.row import Row, put
 
-FAR_OFFSET = 0.5  #: Of the clearance, from which on an offset of the position is implausible.
-FAR_CURRENT = 4.0  #: The same of the current, in standard deviations of what is known of it.
-FAR_LAG = 2.0  #: Times the lag of a described sensor, by which it is hardly longer.
-LIKELY = 4.0  #: Twice a loss of log likelihood that leaves a model about as likely.
-MOST = 4  #: Structures that are named.
-SMALL = 1e-4  #: Of the bias current and of the sensor's noise: what a response is divided from.
+FAR_OFFSET = 0.5  #: Share of the clearance above which an offset of the position is implausible.
+FAR_CURRENT = 4.0  #: The same for the current, in standard deviations of its prior.
+FAR_LAG = 2.0  #: Ratio to a described sensor lag above which a lag is implausible.
+LIKELY = 4.0  #: Twice a loss of log likelihood between about equally likely models.
+MOST = 4  #: Maximum number of named structures.
+SMALL = 1e-4  #: Excluded shares of the bias current and of the sensor's noise as divisors.
 JUMPS = ("load jump", "sensor jump")
-SETTLED = 20.0  #: The plant's time constants after which a jump is no news.
-LONGEST = 100_000  #: Samples of a record that are tested, its first ones.
-CHANCE = 0.01  #: Probability that chance alone exceeds a limit in any of the tests.
+SETTLED = 20.0  #: Time constants of the plant after which a jump has no effect.
+LONGEST = 100_000  #: Maximum number of tested samples, the first of a record.
+CHANCE = 0.01  #: Probability that any of the tests exceeds its limit by chance.
 
 
 @dataclass(frozen=True)
 class Departure:
-    """A structure that the records have and the model lacks."""
+    """A structure in the records that the model lacks."""
 
     kind: Kind
     where: str
     size: float  #: In the unit of the kind.
     error: float  #: Its standard error.
     statistic: float  #: Twice the gain of log likelihood.
-    limit: float  #: That chance exceeds rarely.
+    limit: float  #: Limit for chance.
 
     @property
     def text(self) -> str:
-        """What is so, and what to do, in a sentence."""
+        """Description and advice, in a sentence."""
         size = Row("size", "size", self.size, self.kind.unit, 2).text()
         sentence = self.kind.statement.format(size=size, where=self.where)
         return f"{sentence}: {self.kind.advice}." if self.kind.advice else f"{sentence}."
@@ -78,24 +78,24 @@ class Departure:
 
 @dataclass(frozen=True)
 class Structure:
-    """What the tests of a model's structure say."""
+    """Results of the structural tests."""
 
     departures: Sequence[Departure] = field(default=())
     remarks: Sequence[str] = field(default=())  #: Implausible values, in sentences.
-    tested: bool = False  #: False where all records have gaps in the control signal.
-    #: By kind, the size at which half of such records would show it, by Fisher's information.
+    tested: bool = False  #: False if all records have gaps in the control signal.
+    #: By kind, the size that half of such records would reveal, by Fisher's information.
     detectable: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def suspect(self) -> str:
-        """Names of what is wrong; empty where nothing is."""
+        """Names of the defects; empty if there are none."""
         names = [item.kind.name for item in self.departures if not item.kind.innocent]
         names += ["implausible offsets"] if self.remarks else []
         return ", ".join(dict.fromkeys(names))
 
     @property
     def notes(self) -> list[str]:
-        """The departures, and what these records cannot show, in sentences."""
+        """Departures, and undetectable structures, in sentences."""
         notes = [*(item.text for item in self.departures), *self.remarks]
         shown = {item.kind.name for item in self.departures}
         hidden = [
@@ -111,7 +111,7 @@ class Structure:
         return notes
 
     def rows(self) -> list[Row]:
-        """Return the verdict and the figures behind it as rows."""
+        """Return verdict and figures as rows."""
         verdict = self.suspect or ("no departure" if self.tested else "not tested: gaps in u")
         rows = [Row("verdict", "verdict", verdict, of="structure")]
         rows += [
@@ -126,12 +126,12 @@ class Structure:
 
 @dataclass(frozen=True, eq=False)
 class _Tests:
-    """Normalised residuals of n samples, and how they change with p parameters and c structures."""
+    """Normalised residuals of n samples, and their derivatives by p parameters and c structures."""
 
     r: Array  #: (n,)
     by_parameters: Array  #: (p, n)
     scores: Array  #: (p, n)
-    information: Array  #: (p, p) And the pull (p,) of what is known beforehand.
+    information: Array  #: (p, p) And the score (p,) of the priors.
     pull: Array
     kinds: list[Alternative]
     by_structures: Array  #: (c, n)
@@ -148,7 +148,7 @@ def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
     data = Data(records, settling)
     remarks = list(_implausible(model))
     if remarks:
-        # Offsets that run away imitate a wrong force law, and hide which.
+        # Diverging offsets imitate a wrong force law, and hide which.
         rest = [p for p in parameters if p.name not in OFFSETS]
         model = maximise(data, start, rest).model
         lags = []
@@ -159,7 +159,7 @@ def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
 
 
 def _implausible(model: LoopModel) -> Iterator[str]:
-    """Yield what no offset of a log can be, in sentences."""
+    """Yield implausible offsets of a log, in sentences."""
     b = model.isolated
     if abs(model.position_offset) > FAR_OFFSET * b.clearance:
         offset, room = (engineering(v, "m", 2) for v in (model.position_offset, b.clearance))
@@ -181,9 +181,8 @@ def _implausible(model: LoopModel) -> Iterator[str]:
 def _wrong_lag(
     data: Data, start: LoopModel, model: LoopModel, parameters: Sequence[Parameter]
 ) -> Iterator[Departure]:
-    """Yield a lag of the current that was taken for one of the sensor."""
-    # In the loop both are alike, but for the disturbance force: it acts after the one and before
-    # the other.
+    """Yield a current lag that was attributed to the sensor."""
+    # In the loop both are equivalent, except for the disturbance force, which acts between them.
     identified, described = (one.isolated.sensor.lag for one in (model, start))
     longer = identified - described
     names = {p.name for p in parameters}
@@ -248,7 +247,7 @@ def _tests(model: LoopModel, records: Sequence[Record], settling: float) -> _Tes
 
 
 def _of_all_records(parts: Sequence[tuple[list[Alternative], Array]]) -> dict[str, Any]:
-    """Join records: what lasts is common to all, what begins somewhere is of one."""
+    """Join records: permanent structures are common to all, jumps belong to one."""
     from scipy.special import chdtri
 
     n = sum(responses.shape[1] for _, responses in parts)
@@ -269,14 +268,14 @@ def _of_all_records(parts: Sequence[tuple[list[Alternative], Array]]) -> dict[st
             kinds.append(one)
             rows.append(np.zeros(n))
             rows[-1][columns] = response
-    # By Bonferroni's inequality: each sample is a place where something may jump.
+    # By Bonferroni's inequality: a jump may be at any sample.
     places = [n if one.kind.name in JUMPS else len(kinds) for one in kinds]
     limits = chdtri(1, CHANCE / np.array(places))
     return {"kinds": kinds, "by_structures": np.array(rows), "limits": limits}
 
 
 def _likeliest(r: Array, shape: Array) -> int:
-    """Return the sample at which a response of some shape is likeliest to begin."""
+    """Return the sample at which a response of some shape most likely begins."""
     from scipy.signal import fftconvolve
 
     length, n = shape.size, r.size
@@ -288,7 +287,7 @@ def _likeliest(r: Array, shape: Array) -> int:
 
 
 def _responses(motion: Motion, record: Record, kinds: Sequence[Alternative]) -> Array:
-    """Derivatives (c, samples) of the innovations [m] by the factors of alternatives."""
+    """Return the derivatives (c, samples) of the innovations [m] by the factors of alternatives."""
     model, b = motion.model, motion.model.isolated
     y, u = model.acting_signals(record)
     kalman = model.kalman()
@@ -322,12 +321,12 @@ def _responses(motion: Motion, record: Record, kinds: Sequence[Alternative]) -> 
 
 
 def _column(signal: Array, number: int) -> Array:
-    """Return what puts a signal into its place among several: 1 there, else 0."""
+    """Return a unit column among several."""
     return np.eye(signal.shape[1])[number] if signal.ndim > 1 else np.array(1.0)
 
 
 def _one_more(tests: _Tests, taken: Sequence[int]) -> tuple[Array, Array, Array]:
-    """Return what a structure adds to those taken (c, n), its score (c,) and precision (c,)."""
+    """Return a structure's contribution to selected ones (c, n), score (c,), precision (c,)."""
     d, p = tests.by_structures, len(tests.information)
     J = np.vstack([tests.by_parameters, d[taken]])
     information = J @ J.T
@@ -340,7 +339,7 @@ def _one_more(tests: _Tests, taken: Sequence[int]) -> tuple[Array, Array, Array]
 
 
 def _detectable(tests: _Tests) -> dict[str, float]:
-    """Return the least size of each kind at which its statistic is expected to reach the limit."""
+    """Return the least size of each kind whose expected statistic reaches the limit."""
     _, _, precision = _one_more(tests, [])
     sizes: dict[str, float] = {}
     for one, size in zip(tests.kinds, np.sqrt(tests.limits / precision).tolist(), strict=True):
@@ -350,7 +349,7 @@ def _detectable(tests: _Tests) -> dict[str, float]:
 
 
 def _select(tests: _Tests, model: LoopModel) -> list[Departure]:
-    """Take the clearest structure in, one after the other, while it is beyond chance."""
+    """Select the most significant structures one by one, while they are beyond chance."""
     result: list[Departure] = []
     taken: list[int] = []
     names = np.array([one.kind.name for one in tests.kinds])
@@ -363,7 +362,7 @@ def _select(tests: _Tests, model: LoopModel) -> list[Departure]:
         possible &= ~np.isin(names, names[taken])
         best, statistic = -1, 0.0
         for c in np.flatnonzero(possible):
-            # Colour of the noise makes scores alike within a block (White 1982).
+            # Coloured noise correlates scores within a block (White 1982).
             scores = left[c] * (tests.r + left[c] * size[c])
             robust = float(between_blocks(scores[None], model.isolated)[0, 0])
             value = float(slope[c] ** 2 / max(precision[c], robust))

@@ -1,4 +1,4 @@
-"""A model held to records that it was not identified from, and a verdict in plain words."""
+"""Validation of a model on other records, with a verdict."""
 
 from __future__ import annotations
 
@@ -18,58 +18,58 @@ from ambkit.estimate.errors import LAGS, Whiteness, prediction_error, whiteness
 from ambkit.identification.maximum_likelihood.baselines import FROM_THE_PAST
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
-HORIZONS = (1, 2, 5, 10, 20, 50)  #: Steps ahead, where the user does not say.
+HORIZONS = (1, 2, 5, 10, 20, 50)  #: Default horizons in samples.
 
 ORDER = 30
-"""Samples of its own past from which the control signal is predicted, see `cross_correlation`."""
+"""Number of past samples that predict the control signal, see `cross_correlation`."""
 
-AS_GOOD = 1.02  #: Times a baseline's error that still count as no worse.
-LEFT = 0.05  #: Share of a residual's variance that may be predicted, and the model is still good.
-NIS = (0.8, 1.25)  #: Mean normalised innovation squared of a noise that is what the model expects.
-WHITE = 0.9  #: Share of lags within the 95 % bounds from which residuals pass for white.
+AS_GOOD = 1.02  #: Ratio to a baseline's error that counts as no worse.
+LEFT = 0.05  #: Predictable share of a residual's variance that is acceptable.
+NIS = (0.8, 1.25)  #: Mean normalised innovation squared that is consistent.
+WHITE = 0.9  #: Share of lags within the 95 % bounds from which residuals count as white.
 
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """How a model does on a record."""
+    """Validation of a model on a record."""
 
-    name: str  #: Of the record.
-    samples: int  #: Measurements that count.
-    #: Steps ahead, and the fit of the prediction [%]: 100 less the RMS error in parts of the
-    #: position's own standard deviation (NRMSE, Ljung 1999); 100 is perfect, 0 a constant.
+    name: str  #: Name of the record.
+    samples: int  #: Number of counted measurements.
+    #: Fit of the prediction [%] by samples ahead: 100 minus the RMS error over the position's
+    #: standard deviation (NRMSE, Ljung 1999); 100 is perfect, 0 a constant.
     fit: Mapping[int, float]
-    held: Mapping[int, float]  #: The same where the last measurement is held.
+    held: Mapping[int, float]  #: The same if the last measurement is held.
     error: Mapping[int, float]  #: RMS errors of the prediction [m].
-    #: The fit of the model that the identification began with [%]; empty without one.
+    #: Fit of the initial model [%]; empty without one.
     of_start: Mapping[int, float]
     residual: Whiteness  #: Autocorrelation of the residuals at lags 1, 2, ... with its 95 % bound.
-    #: Correlation of the residuals with what was new in the control signal 1, 2, ... samples
-    #: before, with its bound. With later control signals a loop makes it anyway.
+    #: Correlation of the residuals with the prewhitened control signal 1, 2, ... samples before,
+    #: with its bound. With later control signals a loop correlates anyway.
     cross: Whiteness
-    nis: float  #: Mean normalised innovation squared; 1 where the noise is right.
-    gain: float  #: Log likelihood per sample over that of the start; NaN without one.
-    #: RMS errors of a constant-velocity Kalman filter that is tuned to this very record [m].
+    nis: float  #: Mean normalised innovation squared; 1 if the noise is right.
+    gain: float  #: Log likelihood per sample over that of the initial model; NaN without one.
+    #: RMS errors of a constant-velocity Kalman filter tuned to this record [m].
     without_a_magnet: Mapping[int, float]
-    #: Share of the residuals' variance that their past and the control signal's predict.
+    #: Share of the residuals' variance predictable from their past and the control signal's.
     left: float
-    #: RMS errors [m] of what predicts from the past alone, see `errors_from_the_past`; empty of a
-    #: short record, and of an axis among others.
+    #: RMS errors of predictors from the past only, see `errors_from_the_past`; empty for a short
+    #: record, and for an axis among others.
     from_the_past: Mapping[str, Mapping[int, float]] = field(default_factory=dict)
-    suspect: str = ""  #: What the model's structure lacks, by the records of its identification.
+    #: Structural defects of the model according to the records of its identification.
+    suspect: str = ""
 
     @property
     def farthest(self) -> int:
-        """Of the horizons the one nearest to 10 steps, which the verdict is about."""
+        """Horizon nearest to 10 samples, used by the verdict."""
         return min(self.fit, key=lambda ahead: abs(ahead - 10))
 
     @property
     def good(self) -> bool:
         """Whether the model passes all checks on this record."""
-        # It predicts better than the last measurement and than a filter without a magnet, its
-        # noise is what it expects, hardly anything of what it leaves could be predicted, the start
-        # was not more likely, and no test of its structure fails. That residuals fail a test of
-        # whiteness does not count by itself: in a long record the test finds what is of no
-        # importance.
+        # It predicts better than the last measurement and than a filter without magnet model, its
+        # noise is consistent, hardly any of its residuals is predictable, the initial model was not
+        # more likely, and its structure passes all tests. A failed test of whiteness does not count
+        # by itself: in a long record it reveals insignificant effects.
         k = self.farthest
         return (
             self.fit[k] > self.held[k]
@@ -83,13 +83,13 @@ class Validation:
 
     @property
     def better(self) -> list[str]:
-        """Baselines that predict better at the longest horizon from what the model knows too."""
+        """Baselines with the same information that predict better at the longest horizon."""
         by = {FROM_THE_PAST[kind][0]: of[max(of)] for kind, of in self.from_the_past.items()}
         return [name for name, error in by.items() if by["model"] > AS_GOOD * error]
 
     @property
     def verdict(self) -> str:
-        """What the figures say against the model, in sentences."""
+        """Objections to the model, in sentences."""
         k, more = self.farthest, "larger" if self.nis > 1 else "smaller"
         objections = {
             f"The structure of the model is suspect: {self.suspect}.": bool(self.suspect),
@@ -114,7 +114,7 @@ class Validation:
         return objection or "The model passes all checks."
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, ready for JSON."""
+        """Return the figures as plain data for JSON."""
         by_horizon = {
             "fit_percent": self.fit, "held_percent": self.held, "start_percent": self.of_start,
             **{f"rms_error_{kind}": by for kind, by in self.from_the_past.items()},
@@ -130,12 +130,12 @@ class Validation:
 
 
 def is_consistent(nis: float) -> bool:
-    """Whether the noise is what a model expects."""
+    """Whether the noise agrees with the model."""
     return NIS[0] < nis < NIS[1]
 
 
 def is_explained(share: float) -> bool:
-    """Whether so little of what a model leaves could be predicted that it is good all the same."""
+    """Whether so little of the residuals is predictable that the model is good anyway."""
     return share < LEFT
 
 
@@ -148,7 +148,7 @@ def validate(
     settling: float = 0.0,
     name: str = "",
 ) -> Validation:
-    """Hold a model to a record."""
+    """Validate a model on a record."""
     farthest = max(horizons)
     first = max(1, round(settling / record.sampling_time))
     record, _ = spike_free(record)
@@ -196,10 +196,9 @@ def validate(
 
 def cross_correlation(residual: Array, u: Array) -> Whiteness:
     """Correlate residuals with an input of the past, after Box and Jenkins (1976, ch. 11)."""
-    # The input of a loop has so much colour that one chance correlation would show at all lags. So
-    # what of it could be predicted from its own past is taken off first: then the lags are
-    # independent, and the bound is that of white noise.
-    # residual (n,); u (n,)
+    # The input of a loop is so coloured that one chance correlation would appear at all lags. Its
+    # predictable part is removed first: then the lags are independent, and the bound is that of
+    # white noise. residual (n,); u (n,)
     e = residual - residual.mean()
     w = _prewhitened(u)
     e = e[e.size - w.size :]
@@ -211,11 +210,10 @@ def cross_correlation(residual: Array, u: Array) -> Whiteness:
 
 
 def predictable(residual: Array, u: Array) -> float:
-    """Return the share of a residual's variance that a line through the past predicts."""
-    # Through `ORDER` residuals before and as many of what was new in the control signal. A test of
-    # whiteness finds any departure, however small, once a record is long; this says how much a
-    # better model could gain. What so many weights explain of anything is taken off.
-    # residual (n,); u (n,)
+    """Return the share of a residual's variance that is linearly predictable from the past."""
+    # From `ORDER` past residuals and as many prewhitened control signals. A test of whiteness
+    # rejects any departure in a long record; this states the possible gain of a better model. The
+    # share that so many weights explain by chance is subtracted. residual (n,); u (n,)
     w = _prewhitened(u)
     e = (residual - residual.mean())[residual.size - w.size :]
     windows = np.lib.stride_tricks.sliding_window_view
@@ -227,7 +225,7 @@ def predictable(residual: Array, u: Array) -> float:
 
 
 def _prewhitened(u: Array) -> Array:
-    """Return the errors of predicting a signal from its own past, by least squares."""
+    """Return the errors of a signal's linear prediction from its own past."""
     known = np.where(np.isfinite(u), u, np.nanmean(u))
     past = np.lib.stride_tricks.sliding_window_view(known - known.mean(), ORDER + 1)
     solution, *_ = np.linalg.lstsq(past[:, :-1], past[:, -1], rcond=1e-12)

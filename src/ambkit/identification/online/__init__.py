@@ -1,1 +1,1 @@
-"""The magnet constant, learned sample by sample as a controller would."""
+"""Online identification of the magnet constant, sample by sample."""

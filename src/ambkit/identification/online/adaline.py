@@ -1,4 +1,4 @@
-"""ADALINE (paper, eq. 22-25), and what all online identification has in common."""
+"""ADALINE (paper, eq. 22-25), and common parts of online identification."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from ambkit.machine.magnets import ConstantStiffness, core_module, magnet_of
 from ambkit.result.row import Row
 
 CONSTANT = "N m^2/A^2"  #: Unit of a magnet constant.
-CONFIDENCE = 1.96  #: Standard errors to either side within which 95 % of normal estimates lie.
+CONFIDENCE = 1.96  #: Standard errors on either side that contain 95 % of normal estimates.
 
 DRIFTING = 0.02
-"""Part of itself by which a magnet constant moves in the last quarter if it has not settled."""
+"""Relative change of a magnet constant in the last quarter above which it has not settled."""
 
 
 @dataclass(frozen=True, eq=False)
 class OnlineResult:
-    """How a magnet constant was learned along a record, n samples."""
+    """Online identification of a magnet constant along a record, n samples."""
 
     t: Array  #: (n,) Time [s].
     k: Array  #: (n,) Identified magnet constant [N m^2/A^2].
-    #: (n,) Where k was held for want of excitation, or because a sample was bad.
+    #: (n,) Whether k was held for lack of excitation, or because of a bad sample.
     held: Bools
 
     @property
@@ -54,16 +54,16 @@ class OnlineResult:
 
     @property
     def settled(self) -> bool:
-        """Whether k hardly moved any more in the last quarter of the record."""
+        """Whether k was nearly constant in the last quarter of the record."""
         return abs(self.drift) <= DRIFTING * abs(self.magnet_constant)
 
     @property
     def standard_error(self) -> float:
-        """Standard error of `magnet_constant` [N m^2/A^2]; NaN where nothing is known of it."""
+        """Standard error of `magnet_constant` [N m^2/A^2]; NaN if unknown."""
         raise NotImplementedError
 
     def rows(self) -> list[Row]:
-        """Return what was learned, and how sure it is."""
+        """Return the result with its uncertainty."""
         k, error = self.magnet_constant, self.standard_error
         return [
             Row("magnet_constant", "identified magnet constant", k, CONSTANT),
@@ -77,16 +77,15 @@ class OnlineResult:
 
 
 def last_quarter(values: Array) -> slice:
-    """Return where the last quarter of values lies, one at least."""
+    """Return the last quarter of values, at least one."""
     return slice(len(values) - max(1, len(values) // 4), None)
 
 
 def mean_error(values: Array, memory: float) -> float:
-    """Standard error of the mean of what an exponential memory gives out."""
-    # For a first-order process of correlation time `memory`, over a stretch of `a` times that, the
-    # mean has the share ``v = 2/a (1 - (1 - exp(-a))/a)`` of the process's variance, and the
-    # scatter about the mean the rest (Priestley 1981, ch. 5).
-    # values (n,)
+    """Return the standard error of the mean of an exponentially weighted estimate."""
+    # For a first-order process with correlation time `memory`, over an interval of `a` times that,
+    # the mean has the share ``v = 2/a (1 - (1 - exp(-a))/a)`` of the process's variance, and the
+    # scatter about the mean the rest (Priestley 1981, ch. 5). values (n,)
     if values.size < 2:
         return math.nan
     a = values.size / memory
@@ -96,7 +95,7 @@ def mean_error(values: Array, memory: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class AdalineResult(OnlineResult):
-    """What the two elements learned along a record; the rest as :class:`OnlineResult`."""
+    """Result of the two elements along a record; the rest as in :class:`OnlineResult`."""
 
     force: Array  #: (n,) Identified force of the magnet [N], low-passed.
     #: (n,) Root mean square of the regressor over the learning time, relative to the regressor at
@@ -111,9 +110,9 @@ class AdalineResult(OnlineResult):
     @property
     def standard_error(self) -> float:
         """Standard error of `magnet_constant`, from the scatter of k [N m^2/A^2]."""
-        # As k forgets exponentially, its scatter is taken for that of a first-order process. What
-        # the scatter does not show is not in it: a load that is not known, a wrong mass. NaN where
-        # nothing was learned in the last quarter.
+        # As k forgets exponentially, its scatter is that of a first-order process. It does not
+        # include effects that do not scatter: an unknown disturbance, a wrong mass. NaN if nothing
+        # was learned in the last quarter.
         late = last_quarter(self.k)
         return mean_error(self.k[late][~self.held[late]], self.memory)
 
@@ -122,7 +121,7 @@ Learned = TypeVar("Learned", bound=AdalineResult)
 
 
 class OnlineIdentifier(Copyable, Generic[Learned]):
-    """Learns the magnet constant sample by sample, in the C core.
+    """Online identification of the magnet constant, in the C core.
 
     The C knows no delay and no lag of the current: along a record they are taken into account
     before, see `ambkit.identification.dead_time`; who calls `step` gives what acts.
@@ -132,10 +131,10 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
     machine: Machine
     memory: float  #: Samples over which k is averaged.
     _learned: type[Learned]
-    _more: ClassVar[Sequence[str]] = ()  # what the core gives besides
+    _more: ClassVar[Sequence[str]] = ()  # further outputs of the core
 
     def step(self, y: float, u: float, f_d: float = 0.0) -> float:
-        """Learn from one sample.
+        """Process one sample.
 
         Parameters
         ----------
@@ -155,15 +154,15 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
         return float(self.core.k)
 
     def _ideal(self, y: Any, u: Any) -> Any:
-        """Return the control signal as the core, which knows ideal iron, is to be told it."""
+        """Return the control signal for the core, whose iron is ideal."""
         return u if self._of_ideal_iron else as_ideal(self.machine, y, u)
 
     @cached_property
     def _of_ideal_iron(self) -> bool:
-        return magnet_of(self.machine).ideal  # asked at every sample
+        return magnet_of(self.machine).ideal  # evaluated at every sample
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> Learned:
-        """Learn along a record.
+        """Process a record.
 
         Parameters
         ----------
@@ -184,7 +183,7 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
 
 
 class Adaline(OnlineIdentifier[AdalineResult]):
-    """Two adaptive linear elements, learning by the normalised Widrow-Hoff rule.
+    """Two adaptive linear elements with the normalised Widrow-Hoff rule.
 
     The first finds the magnet's force from the motion (eq. 24), the second the magnet constant
     from force, current and gap (eq. 25). A learning rate r averages over about 2/r samples: the
@@ -234,7 +233,7 @@ class Adaline(OnlineIdentifier[AdalineResult]):
 
 
 def start_of(machine: Machine, start: Given | None) -> float:
-    """Return the magnet constant where learning starts [N m^2/A^2], the bearing's by default."""
+    """Return the initial magnet constant [N m^2/A^2], by default the machine's."""
     start = machine.magnet.magnet_constant if start is None else in_si("start", start, CONSTANT)
     if not 0 < start < math.inf:
         raise ValueError(f"start must be greater than 0 N m^2/A^2 and finite, got {start!r}")
@@ -248,7 +247,7 @@ def first_element(
     rate_force: float,
     least_excitation: float,
 ) -> dict[str, Any]:
-    """Check what finds the force (eq. 24), and write it down for the core."""
+    """Check the first element (eq. 24), which identifies the force, and return it for the core."""
     start = start_of(machine, start)
     bandwidth = in_si("bandwidth", bandwidth, "Hz")
     if not 0 < rate_force < 2:
@@ -264,7 +263,7 @@ def first_element(
             f"{0.5 / machine.sampling_time:g} Hz, got {bandwidth!r}"
         )
     magnet, T = machine.magnet, machine.sampling_time
-    # What ideal iron would need to pull as a stronger magnet does may be beyond the limits.
+    # The current of ideal iron for a stronger magnet's force may be beyond the limits.
     room = 1.0 if magnet_of(machine).ideal else 1e3
     return {
         "s0": magnet.air_gap,
@@ -286,7 +285,7 @@ def first_element(
 
 
 def as_ideal(machine: Machine, y: ArrayLike, u: ArrayLike) -> Array:
-    """Return the control signal with which ideal iron of the same constant pulls as the magnet."""
+    """Return the control signal for which ideal iron of the same constant has the same force."""
     # y (n,) [m]; u (n,) [V]
     m, amplifier, travel = machine.magnet, machine.amplifier, machine.clearance
     iu = np.clip(amplifier.gain * np.asarray(u), machine.current_min, machine.current_max)
@@ -296,7 +295,7 @@ def as_ideal(machine: Machine, y: ArrayLike, u: ArrayLike) -> Array:
     if m.type == "one-sided":
         ideal = (s0 - x) * np.sqrt(np.maximum(pull, 0.0)) - i0
     else:
-        # 4 (i0 s0 + i x)(i0 x + i s0) = pull (s0^2 - x^2)^2, of its two roots the one near zero.
+        # 4 (i0 s0 + i x)(i0 x + i s0) = force (s0^2 - x^2)^2, the root near zero.
         right = pull * (s0**2 - x**2) ** 2 / 4
         root = np.sqrt(np.maximum((i0 * (s0**2 - x**2)) ** 2 + 4 * x * s0 * right, 0.0))
         ideal = 2 * (right - i0**2 * s0 * x) / (i0 * (s0**2 + x**2) + root)

@@ -1,4 +1,4 @@
-"""All that learn a magnet constant sample by sample, along one record, and who agrees with whom."""
+"""All online identifications of a magnet constant along one record, compared."""
 
 from __future__ import annotations
 
@@ -37,18 +37,19 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
 NAMES = {"adaline": "ADALINE", "rls": "least squares", "augmented": "Kalman filter with k"}
-"""Who learns, in words."""
+"""Methods in words."""
 
 _THE = NAMES | {"augmented": "the Kalman filter with k"}
 
 LEARNERS = ("learners",)  #: Section of its rows.
 
 NEAR = 0.01
-"""Part of itself by which two constants may differ, whatever their errors: what discretisation and
-the noise in the regressor cost."""
+"""Relative difference of two constants that is acceptable in any case: discretisation, and noise in
+the regressor.
+"""
 
 COLOURED = 0.2
-"""Correlation of an innovation with the next one from which on k bends to it.
+"""Correlation of successive innovations above which k is biased.
 
 Sensor noise that is correlated over a sample (a low-pass at a sixth of the sampling rate) makes
 0.34, and moves the filter's k by a standard error or two."""
@@ -56,17 +57,17 @@ Sensor noise that is correlated over a sample (a low-pass at a sixth of the samp
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OnlineComparison(Result):
-    """What each learned along one record, from one start, and the machine of one of them."""
+    """Online identification of one record by all methods, and the machine of one of them."""
 
-    known: Machine  #: The one that was given.
-    start: float  #: Magnet constant that all began with [N m^2/A^2].
-    truth: float | None  #: The simulated bearing's [N m^2/A^2]; None for a measured record.
-    results: Mapping[str, OnlineResult]  #: By the names of `NAMES`.
-    method: str = "all"  #: Whose the machine is.
+    known: Machine  #: Prior machine.
+    start: float  #: Initial magnet constant of all methods [N m^2/A^2].
+    truth: float | None  #: That of the simulated machine [N m^2/A^2]; None for a measured record.
+    results: Mapping[str, OnlineResult]  #: Results by the names of `NAMES`.
+    method: str = "all"  #: Method of the resulting machine.
 
     @property
     def machine(self) -> Machine:
-        """The machine with what the method learned."""
+        """The machine with the constant of the method."""
         if self.method == "all":
             raise AmbkitError(f"a machine is of one method: method={', '.join(ONLINE)}")
         return identified(self.known, self.results[self.method])
@@ -76,8 +77,8 @@ class OnlineComparison(Result):
 
     @property
     def colour(self) -> float:
-        """Correlation of the filter's innovations one sample apart; white ones have none."""
-        # Of the second half of the record, where k has settled. NaN where there are too few.
+        """Autocorrelation of the filter's innovations at one sample; zero for white ones."""
+        # Over the second half of the record, where k has settled. NaN if there are too few.
         filtered = self.results["augmented"]
         assert isinstance(filtered, AugmentedResult)
         estimate = filtered.estimate
@@ -91,11 +92,11 @@ class OnlineComparison(Result):
 
     @property
     def coloured(self) -> bool:
-        """Whether the filter's innovations have so much colour that its k is not to be trusted."""
+        """Whether the filter's innovations are too coloured for a reliable k."""
         return abs(self.colour) > COLOURED
 
     def agree(self, one: str, other: str) -> bool:
-        """Whether two constants differ by no more than their errors, or by hardly anything."""
+        """Return whether two constants agree within their errors, or nearly."""
         a, b = self.results[one], self.results[other]
         apart = abs(a.magnet_constant - b.magnet_constant)
         error = CONFIDENCE * math.hypot(a.standard_error, b.standard_error)
@@ -104,7 +105,7 @@ class OnlineComparison(Result):
 
     @property
     def agreement(self) -> str:
-        """Who agrees with whom, in a sentence."""
+        """Agreement of the methods, in a sentence."""
         learned = [name for name, result in self.results.items() if not result.held.all()]
         idle = [_THE[name] for name in self.results if name not in learned]
         text = self._of(learned)
@@ -163,7 +164,7 @@ class OnlineComparison(Result):
         return remarks
 
     def _load_for_the_magnet(self) -> float | None:
-        """Load that least squares find [N], where it explains why ADALINE differs from them."""
+        """Return the disturbance of least squares [N], if it explains the difference of ADALINE."""
         adaline, rls = self.results["adaline"], self.results["rls"]
         if not (isinstance(rls, LeastSquaresResult) and isinstance(adaline, AdalineResult)):
             return None
@@ -220,9 +221,8 @@ def compare_online(
     disturbance: ArrayLike | None = None,
     method: str = "all",
 ) -> OnlineComparison:
-    """Learn the magnet constant along a record: ADALINE, least squares, and the Kalman filter."""
-    # All from the same two signals and the same start, each with its defaults.
-    # disturbance (n,) [N]
+    """Identify the magnet constant along a record: ADALINE, least squares, and Kalman filter."""
+    # All with the same signals and the same start, each with its defaults. disturbance (n,) [N]
     if method not in ("all", *ONLINE):
         raise AmbkitError(f'there is no method "{method}"; known: all, {", ".join(ONLINE)}')
     check_sampling(machine, record)
@@ -239,7 +239,7 @@ def compare_online(
 
 
 def true_constant(record: Record) -> float | None:
-    """The magnet constant of the simulated bearing [N m^2/A^2]; None where it is measured."""
+    """Return the simulated machine's magnet constant [N m^2/A^2]; None if measured."""
     text = record.meta.get("bearing")
     if not (record.has_truth and isinstance(text, str)):
         return None
@@ -247,7 +247,7 @@ def true_constant(record: Record) -> float | None:
 
 
 def unknown_disturbance(result: OnlineResult) -> float | None:
-    """Mean load over the last quarter beyond what was told [N]; None where it is not asked for."""
+    """Return the mean unknown disturbance in the last quarter [N]; None if it is unavailable."""
     if not isinstance(result, LeastSquaresResult | AugmentedResult):
         return None
     return float(result.load[last_quarter(result.k)].mean())
@@ -259,13 +259,14 @@ def _listed(names: list[str]) -> str:
 
 STYLES = {"adaline": "series 2", "rls": "series 3", "augmented": "series 1"}
 TIME = Axis("time", "s")
-LEAST = 0.02  #: Default of the excitation below which ADALINE and least squares hold k [1].
-JOINED = 0.004  #: Stretches nearer to each other than this part of the record are drawn as one.
-ENDS = (1.03, 1.05, 1.07)  #: Where the results stand, right of the curves, in parts of the record.
+LEAST = 0.02  #: Default excitation below which ADALINE and least squares hold k [1].
+JOINED = 0.004  #: Share of the record up to which gaps between intervals are closed in the figure.
+#: Position of the results at the right of the curves, as shares of the record.
+ENDS = (1.03, 1.05, 1.07)
 
 
 def online_figure(learned: OnlineComparison) -> Figure:
-    """Show k over time with its errors, and below what each had to learn from."""
+    """Plot k over time with its errors, and the excitation of each method."""
     t = next(iter(learned.results.values())).t
     right = t[0] + 1.09 * np.ptp(t)
     time = Axis(TIME.label, TIME.unit, limits=(float(t[0]), float(right)))
@@ -292,7 +293,7 @@ def _constants(learned: OnlineComparison) -> list[Item]:
         learned_some = not one.held.all()
         if isinstance(one, AugmentedResult) and learned_some:
             half = CONFIDENCE * one.error
-            half[: int(np.argmin(one.held))] = np.nan  # what it began with is no finding
+            half[: int(np.argmin(one.held))] = np.nan  # the initial value is no result
             items.append(Band(one.t, one.k - half, one.k + half, signal=style, label=""))
         items.append(Line(one.t, one.k, signal=style, label=NAMES[name]))
         if not learned_some:
@@ -304,7 +305,7 @@ def _constants(learned: OnlineComparison) -> list[Item]:
 
 
 def _limits(learned: OnlineComparison) -> Axis:
-    """Return the axis of k that shows all but the wildest first guesses."""
+    """Return the axis of k without extreme initial values."""
     values = [learned.start] if learned.truth is None else [learned.start, learned.truth]
     for one in learned.results.values():
         half = np.nan_to_num(CONFIDENCE * one.standard_error)
@@ -322,7 +323,7 @@ def _monitor(name: str, one: OnlineResult, time: Axis) -> Panel:
     ]
     style = STYLES[name]
     if isinstance(one, AugmentedResult):
-        # Where it learns its error falls, where it does not it grows with the wander of k.
+        # While learning its error decreases, otherwise it grows with the random walk of k.
         error = Line(one.t, one.error / one.k, signal=style, label="")
         return Panel(time, Axis("error of $k$, filter", "%", 100.0), [*held, error])
     assert isinstance(one, AdalineResult)
@@ -332,7 +333,7 @@ def _monitor(name: str, one: OnlineResult, time: Axis) -> Panel:
 
 
 def _stretches(t: Array, where: Bools) -> list[tuple[float, float]]:
-    """Return from when to when [s] something holds; what is near to each other is one."""
+    """Return the intervals [s] in which something holds, with small gaps closed."""
     least = JOINED * float(t[-1] - t[0])
     joined: list[tuple[float, float]] = []
     for a, b in stretches(where):

@@ -1,4 +1,4 @@
-"""The magnet constant from a record: least squares with forgetting, and k as a state too."""
+"""Magnet constant from a record: least squares with forgetting, and k as a state."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from ambkit.machine.magnets import core_module
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresResult(AdalineResult):
-    """What least squares learned along a record, n samples; the rest as :class:`AdalineResult`."""
+    """Result of least squares along a record, n samples; the rest as in :class:`AdalineResult`."""
 
-    # excitation (n,) Root mean square of what k is learned from: the regressor, or where the load
-    # is learned too its deviation from what looks like a load; relative to iu = i0, x = 0 [1].
+    # excitation (n,) Root mean square excitation of k: the regressor, or with an unknown
+    # disturbance its part that is no constant; relative to iu = i0, x = 0 [1].
 
-    #: (n,) Identified force on the rotor that was not known [N]; zero where it is not learned.
+    #: (n,) Identified disturbance [N]; zero if it is not estimated.
     load: Array
 
 
 class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
-    """Magnet constant, and a load that nobody knows, by least squares with forgetting.
+    """Magnet constant, and an unknown disturbance, by least squares with forgetting.
 
     ADALINE's first element finds the force of the magnet from the motion (eq. 24). Where its
     second one takes a gradient step (eq. 25), this one keeps the least squares fit of
@@ -98,41 +98,41 @@ class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
             **settings,
             forgetting=forgetting,
             with_load=load == "unknown",
-            # ADALINE's force starts from the start of k, and forgets it as (1 - rate)^n.
+            # ADALINE's force starts from the initial k, and forgets it as (1 - rate)^n.
             settling=math.ceil(8 / rate_force),
         )
 
 
 @dataclass(frozen=True, eq=False)
 class AugmentedResult(OnlineResult):
-    """What the filter learned along a record, n samples; the rest as :class:`OnlineResult`."""
+    """Result of the filter along a record, n samples; the rest as in :class:`OnlineResult`."""
 
-    error: Array  #: (n,) Standard deviation of k as the filter believes it [N m^2/A^2].
-    load: Array  #: (n,) Estimated force on the rotor that was not known [N].
-    estimate: Estimate  #: All that the filter said.
+    error: Array  #: (n,) Stated standard deviation of k [N m^2/A^2].
+    load: Array  #: (n,) Estimated disturbance [N].
+    estimate: Estimate  #: The complete estimate.
 
     @property
     def magnet_constant(self) -> float:
-        """Where k ended, which holds all that was learned [N m^2/A^2]."""
+        """Final k, which includes all information [N m^2/A^2]."""
         return float(self.k[-1])
 
     @property
     def settled(self) -> bool:
-        """Whether k moved in the last quarter by no more than its own error, or hardly."""
+        """Whether k changed in the last quarter by no more than its error, or hardly."""
         return super().settled or abs(self.drift) <= CONFIDENCE * self.standard_error
 
     @property
     def standard_error(self) -> float:
-        """Standard deviation of k as the filter believes it at the end [N m^2/A^2]."""
-        # NaN where k was never learned: what the filter began with is no finding.
+        """Stated standard deviation of the final k [N m^2/A^2]."""
+        # NaN if k was never learned: the initial value is no result.
         return math.nan if self.held.all() else float(self.error[-1])
 
 
 class AugmentedIdentifier:
-    """Magnet constant by :class:`ambkit.AugmentedKalmanFilter`, beside its four other states."""
+    """Magnet constant by :class:`ambkit.AugmentedKalmanFilter`, besides its four other states."""
 
-    # It takes the load for one that wanders, and needs no word of it; so a load that is known is
-    # only taken off what it found.
+    # It estimates the disturbance as a random walk; a known disturbance is only subtracted from the
+    # result.
 
     def __init__(self, machine: Machine, *, start: Given | None = None, **options: Any) -> None:
         constant = start_of(machine, start)
@@ -140,7 +140,7 @@ class AugmentedIdentifier:
         self.kalman = AugmentedKalmanFilter(self.machine, **options)
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> AugmentedResult:
-        """Learn along a record."""
+        """Process a record."""
         # disturbance (n,) [N]
         start = self.machine.magnet.magnet_constant
         estimate = self.kalman.run(record)
@@ -164,11 +164,11 @@ ONLINE: Mapping[str, Learner] = {
     "rls": RecursiveLeastSquares,
     "augmented": AugmentedIdentifier,
 }
-"""What learns a magnet constant sample by sample, by the names that users call it."""
+"""Methods of online identification by name."""
 
 
 def identified(machine: Machine, history: OnlineResult) -> Machine:
-    """Return a bearing with the magnet constant that was learned."""
+    """Return a machine with the identified magnet constant."""
     if history.held.all():
         seen = (
             f"excitation stayed at {history.excitation.max():.2g}, below the least at which the "
