@@ -368,6 +368,52 @@ def test_a_name_that_the_motion_does_not_confirm_is_said(tmp_path):
     assert "its motion neither confirms nor refutes that" in guess(tmp_path / "log.csv")
 
 
+@pytest.mark.parametrize(("head", "flip", "turns"), [
+    ("Keyphasor", False, True), ("KPH", True, True), ("AI7", True, True), ("Tacho", False, False),
+])  # fmt: skip
+def test_a_channel_of_two_levels_is_the_keyphasor(tmp_path, head, flip, turns):
+    rig = of_a_rig()
+    angle = (250 + 20 * np.sin(9 * rig["t"])) * rig["t"]  # a status bit goes up once
+    mark = (angle % (2 * np.pi) < 0.4) if turns else rig["t"] > rig["t"].mean()
+    level = np.where(mark != flip, 4.8, 0.1) + 0.02 * np.random.default_rng(5).normal(size=3000)
+    rows = np.column_stack([rig["t"], rig["y"], rig["u"], level])
+    header = f"t,position,control,{head}"
+    np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=header)
+    signals = ChannelMap.from_toml(guess(tmp_path / "log.csv")).signals
+    assert ("keyphasor" in signals) == turns
+    if turns:
+        assert (signals["keyphasor"].column, signals["keyphasor"].sign) == (head, -1 if flip else 1)
+
+
+def test_a_command_leads_the_current_that_follows_it(tmp_path):
+    rig = of_a_rig()
+    rows = np.column_stack([rig["t"], rig["y"], rig["i"], rig["u"]])
+    np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header="t,gap,amps A,amps B")
+    found = names_of(guess(tmp_path / "log.csv"))
+    assert (found["u"], found["current"]) == ("amps B", "amps A")
+
+
+def test_a_control_is_that_of_the_positions_own_axis(tmp_path):
+    run = ambkit.simulate(ambkit.preset("ufu_rig"), duration=0.4).record
+    names = ("u_B1", "y_A1", "y_B1", "u_A1")
+    rows = np.column_stack([run.t, *(run[name] for name in names)])
+    header = "t,coil 1 [A],sensor 1 [m],sensor 2 [m],coil 2 [A]"
+    np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=header)
+    found = names_of(guess(tmp_path / "log.csv"))
+    assert (found["y"], found["u"]) == ("sensor 1", "coil 2")
+
+
+@pytest.mark.parametrize(("codec", "header"), [
+    ("gb2312", "时间,转子位移,线圈电流"), ("cp932", "時間,変位,コイル電流"),
+    ("cp1251", "время,смещение,ток"), ("latin-1", "tempo,posição,corrente"),
+])  # fmt: skip
+def test_names_in_national_encodings_are_read(tmp_path, codec, header):
+    rig = of_a_rig(400)
+    rows = np.column_stack([rig["t"], rig["y"], rig["i"]])
+    np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=header, encoding=codec)
+    assert names_of(guess(tmp_path / "log.csv")) == dict(zip("tyu", header.split(","), strict=True))
+
+
 def test_there_is_no_reference_without_a_position(tmp_path):
     rig = of_a_rig(400)
     for name in ("soll", "w"):

@@ -43,7 +43,10 @@ _COMMON = {
     "Hz": ("1", "1/s"),
     "min": ("60", "s"),
 }
-_SPELLINGS = {"mil": "thou", "mils": "thou", "Volt": "V", "Volts": "V", "Amps": "A", "Second": "s"}
+_SPELLINGS = {
+    "mil": "thou", "mils": "thou", "Volt": "V", "Volts": "V", "volts": "V", "Amps": "A",
+    "amps": "A", "Ampere": "A", "Second": "s",
+}  # fmt: skip
 """Notations of instruments; pint's mil is an angle."""
 _SPELLED = re.compile(rf"\b({'|'.join(_SPELLINGS)})\b")
 _SHIFTS = {"G": 9, **_PREFIXES, "c": -2, "u": -6, "μ": -6}

@@ -88,7 +88,25 @@ def _decode(content: bytes, name: str) -> tuple[str, str]:
     try:
         return content.decode("utf-8-sig"), ""
     except UnicodeDecodeError:
-        return content.decode("latin-1"), "Latin-1"
+        encoding, name = _national(content)
+        return content.decode(encoding), name
+
+
+def _national(content: bytes) -> tuple[str, str]:
+    """Return codec and name of an encoding older than Unicode."""
+    # Accents stand between ASCII letters, those of other scripts next to each other.
+    letters = b"".join(re.findall(rb"[\x80-\xff][\x40-\xff]*[\x80-\xff]", content[:65536]))
+    others = [("gb2312", "GB 2312"), ("cp932", "Shift JIS")]
+    if min(letters, default=0) >= 0xC0:
+        is_cyrillic = re.search(rb"[\xc0-\xff]{4}", content)
+        others = [("cp1251", "Windows-1251")] if is_cyrillic else []
+    for codec, name in others if letters else ():
+        try:
+            content.decode(codec)
+        except UnicodeDecodeError:
+            continue
+        return codec, name
+    return "latin-1", "Latin-1"
 
 
 _Columns = tuple[dict[str, Any], list[str], dict[int, list[str]]]

@@ -85,10 +85,23 @@ def _stamps(log: Log, key: str) -> Iterator[Candidate]:
         yield Candidate(name, where, moments.seconds, "s", role="t", why=why)
 
 
-_UNIT_IN_NAME = re.compile(r"(.*?)(?: in |[ _]*(?:/ ?|_in_|_))(µm|um|mm|m|ms|us|s|A|mA|V|mV|mps|%)")
+_UNITS = r"[µuμ]m|mm/s|mps|m/s|mils?|mm|m|ms|[µuμ]s|ns|s|mA|A|mV|V|%|rpm|мкм|мм|м|мкс|мс|с|А|мА|В"
+_UNIT_AT_END = re.compile(
+    rf"(?P<name>.*?)(?:(?P<sign> in |, ?| */ ?|_+|_in_| +|(?<=[\u3000-\u9fff]))(?P<unit>{_UNITS})"
+    r"|(?<=[A-Z\d])[ _](?P<capitals>MILS?|UM|MM|MS|US))"
+)
+_UNIT_IN_BRACKETS = re.compile(rf"(.*?) ?[\[(] ?({_UNITS}) ?[\])](.*)")
+_TIMES = {"ms": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns"}  #: As a name.
+_OF_LETTERS = {"m": "yr", "s": "t", "A": "ui", "V": "u"}  #: Roles that have these units.
+_CYRILLIC = str.maketrans("мксАВ", "mµsAV")
 _ROLES = {"s": "t", "m": "y", "m/s": "v", "A": "i", "V": "u"}
-_USUAL = {"t": "s", "r": "m", "y": "m", "v": "m/s", "i": "A", "u": "V"}
-_ALSO = {("u", "A"), ("y", "V"), ("r", "V")}  #: Demanded currents; sensors that were not scaled.
+_USUAL = {"t": "s", "k": "V", "r": "m", "y": "m", "v": "m/s", "i": "A", "u": "V"}
+_ALSO = {
+    ("u", "A"),
+    ("y", "V"),
+    ("r", "V"),
+    ("k", "1"),
+}  #: Demanded currents; sensors that were not scaled.
 _HOLDERS = re.compile(r"values?|data|signals?|\d*|(?:out|in)\d*|yout|logsout|simout")
 """Parts of a name that say nothing, as of a structure that Simulink saves."""
 
@@ -97,23 +110,12 @@ def role_from_name(candidate: Candidate) -> None:
     """Read role and unit from the name."""
     if candidate.role or any(isinstance(place, int) for place in candidate.where.values()):
         return
-    label = candidate.label
-    in_name = _UNIT_IN_NAME.fullmatch(label)
-    # x_A is in the plane A, and in no amperes.
-    bare = role_of(in_name[1]) if in_name is not None and in_name[2] == "A" else None
-    of_plane = bare is not None and (bare.role == "y" or (bare.role == "r" and bare.weak))
-    if in_name and in_name[1] and not candidate.unit and not of_plane:
-        label, candidate.unit = in_name[1], in_name[2].replace("mps", "m/s")
-        candidate.why.append("unit from its name")
+    label = _without_unit(candidate)
     label = _own_part(label)
     named = role_of(label)
     role, candidate.estimated = named.role, named.estimated
     candidate.weak, candidate.drives = named.weak, named.drives
-    try:
-        measured = si_unit(candidate.unit) if candidate.unit else ""
-    except ValueError:
-        candidate.why.append(f'its unit "{candidate.unit}" is not known')
-        candidate.unit = measured = ""
+    measured = _known_unit(candidate)
     of_unit = _ROLES.get(measured, "")
     if role == "-":
         candidate.role = role
@@ -130,13 +132,50 @@ def role_from_name(candidate: Candidate) -> None:
     if role:
         candidate.role = role
         candidate.why.append("by its name")
-    elif of_unit:
-        candidate.role = of_unit
+        candidate.weak = named.weak and role != of_unit
+    elif of_unit or measured not in ("", "1"):
+        candidate.role = of_unit or "-"
         candidate.why.append(BY_UNIT)
+
+
+def _without_unit(candidate: Candidate) -> str:
+    """Return the name without the unit that it ends with or has in brackets; keep that unit."""
+    label, name, unit = candidate.label, candidate.label, candidate.unit
+    if not unit and (inside := _UNIT_IN_BRACKETS.fullmatch(label)):
+        name, unit = inside[1] + inside[3], inside[2]
+    elif not unit and (at_end := _UNIT_AT_END.fullmatch(label)) and at_end["name"]:
+        name, unit = at_end["name"], at_end["unit"] or at_end["capitals"].lower()
+        bare, place = role_of(name), (at_end["sign"] or "").isspace()
+        # x_A is in the plane A, and in no amperes.
+        if (len(unit) == 1 and place and bare.role not in _OF_LETTERS.get(unit, "")) or (
+            unit == "A" and not place and (bare.role == "y" or (bare.role == "r" and bare.weak))
+        ):  # fmt: skip
+            return label
+    elif not unit:
+        unit = _TIMES.get(label.lower(), "")
+    if unit and not candidate.unit:
+        candidate.why.append("unit from its name")
+    unit = unit.translate(_CYRILLIC).replace("mµ", "µ")
+    candidate.unit = unit.replace("mps", "m/s")
+    return name
+
+
+def _known_unit(candidate: Candidate) -> str:
+    """Return the SI unit of a channel's unit; forget a unit that is not known."""
+    for unit in dict.fromkeys((candidate.unit, candidate.unit.lower())):
+        try:
+            measured = si_unit(unit) if unit else ""
+        except ValueError:
+            continue
+        candidate.unit = unit
+        return measured
+    candidate.why.append(f'its unit "{candidate.unit}" is not known')
+    candidate.unit = ""
+    return ""
 
 
 def _own_part(label: str) -> str:
     """Return the last part of a full name that says something: ``pos`` of ``pos.values``."""
-    parts = [re.sub(r"\[\d+\]$", "", part) for part in re.split(r"[/.]", label)]
+    parts = [re.sub(r"\[\d+\]$", "", part) for part in re.split(r"/|\.(?! |$)", label)]
     own_parts = [part for part in parts if not _HOLDERS.fullmatch(part.lower())]
     return (own_parts or parts)[-1]

@@ -22,12 +22,11 @@ from ambkit.data.signals import si_unit
 _OF_Y = {
     "r": "which it is the reference of",
     "x_logged": "which it is an estimate of",
-    "velocity": "whose rate it is",
     "v_logged": "whose rate it is",
 }
 """Signals that have the direction of y, and why."""
 
-_NAMES = {"i": "current", "v": "velocity"}  # not v: that is the truth of a simulation
+_NAMES = {"i": "current", "k": "keyphasor"}
 
 
 @dataclass(frozen=True)
@@ -216,6 +215,8 @@ class _Map:
             yield f"# sign = 1, for it falls where {y.label} grows, which is turned"
         elif role in ("u", "current") and is_inverted:
             yield "sign = -1  # it is below 0 all the time, as no coil's current is"
+        elif candidate.role == "k" and candidate.turned:
+            yield "sign = -1  # a mark lowers it"
         middle = float(np.median(seen(candidate.values)))
         if role in ("y", "r", "x_logged") and y is not None:
             middle = middle if falls else float(np.median(seen(y.values)))
@@ -265,7 +266,7 @@ def _chosen(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidat
     chosen: dict[str, Candidate] = {}
     if moves is not None and not results[moves.position].estimated:
         chosen["y"] = results[moves.position]
-    for role in ("t", "y", "u", "i", "r", "v"):
+    for role in ("t", "y", "u", "i", "r", "k"):
         there = [c for c in results if c.role == role and not c.estimated]
         if role == "t":
             there.sort(key=_jumps)
@@ -275,11 +276,11 @@ def _chosen(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidat
         chosen["u"] = chosen.pop("i")
     elif "i" in chosen and chosen["u"].drives:
         chosen["control"], chosen["u"] = chosen["u"], chosen.pop("i")
-    for role in ("y", "v"):
-        logged = [c for c in results if c.role == role and c.estimated]
+    for role, name in (("y", "x_logged"), ("v", "v_logged")):
+        logged = [c for c in results if c.role == role and (c.estimated or role == "v")]
         if logged:
-            chosen[f"{'x' if role == 'y' else role}_logged"] = logged[0]
-    order = ("t", "y", "u", "control", "r", "i", "v", "x_logged", "v_logged")
+            chosen[name] = max(logged, key=lambda c: c.estimated)
+    order = ("t", "y", "u", "control", "r", "i", "x_logged", "v_logged", "k")
     return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
 
 

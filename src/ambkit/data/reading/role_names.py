@@ -1,4 +1,4 @@
-"""What the name of a channel says of its role: English, German, Romance languages and Chinese.
+"""What the name of a channel says of its role, in eleven languages.
 
 A name has a quantity (position, current) and perhaps a modifier: demanded, measured, estimated.
 ``Sollstrom`` is a demanded current, a control signal; ``Istwert`` a measured position. Planes and
@@ -16,61 +16,74 @@ from typing import NamedTuple
 class NamedRole(NamedTuple):
     """What a name says."""
 
-    role: str = ""  #: ``t``, ``y``, ``u``, ``i``, ``v``, ``r``; ``-`` for none of these.
+    role: str = ""  #: ``t``, ``y``, ``u``, ``i``, ``v``, ``r``, ``k`` (keyphasor); ``-`` for none.
     estimated: bool = False  #: Whether it is an estimate.
     weak: bool = False  #: Whether a single letter says it.
     drives: bool = False  #: Whether it drives a current: duty or voltage of a power stage.
 
 
 _QUANTITIES = {
-    "t": r"time|zeit|temps|tiempo|tempo|instante|timestamps?|seconds?|secs?|elapsed|clock|uhr|"
-         r"uhrzeit|shijian|时间",
-    "-": r"err|error|regelabweichung|regelfehler|temp\w*|status|state|mode|flags?|rpm|drehzahl|"
-         r"omega|index|idx|count\w*|sample\w*|power|leistung|\w*kraft|force|druck|pressure|"
-         r"key_?phasor\w*|kphi|tacho\w*|trigger|trig|\w*impuls\w*|pulses?|"
-         r"phase|angle|winkel|beschl\w*|acc|accel\w*|fehler|fuerza|zhuansu|wendu|wucha|"
-         r"转速|温度|误差",
-    "v": r"vel|velocity|geschw\w*|[xyz]dot|d[xyz]|vitesse|velocidad\w*|velocit\w*|"
-         r"sudu|速度",
-    "i": r"cur|curr|current|(?:\w*spulen|\w*magnet|wicklungs|coil)?strom|ström\w*|amps?|iu|imag|"
-         r"i?coil|spule\w*|corriente|courant|corrente|"
-         r"intensidad|iout|dianliu|\w*电流",
-    "stage": r"duty\w*|pwm\w*|tastgrad|tastverh\w*|aussteuer\w*|volt\w*|\w*spannung|"
-             r"tensi\w*|ciclo|[uv]coil|dianya|zhankongbi|电压|占空比",
-    "u": r"stell\w*|output|control|ctrl|actuat\w*|regler\w*|reglage|mando|salida|"
-         r"kongzhi(?:liang)?|控制量?",
-    "y": r"pos|\w*position|posi[cz]\w*|weg|\w*wegsensor|dist\w*|disp\w*|gap|"
-         r"(?:luft)?spalt|airgap|entrefer|abstand\w*|\w*lage|regelgr\w*|sensor\w*|auslenkung|"
-         r"probe|prox\w*|ybobina|dsb|eddy|sonde|height|hoehe|höhe|altura|despl\w*|"
-         r"desloc\w*|spostam\w*|deplac\w*|entrehierro|separa\w*|traferro|"
-         r"wei[yz]h?i|qixi|jianxi|juli|位移|位置|气隙|间隙",
+    "t": r"time|\w*zeit\w*|czas|tijd|temps|tiempo|tempo|instant\w*|istante|timestamps?|seconds?|"
+         r"secs?|elapsed|clock|millis|micros|\w*uhr|shijian|时间|时刻|時間|時刻|врем\w*",
+    "-": r"err|error|regelabweichung|regelfehler|temp\w*|status|state|mode|flags?|n?rpm|"
+         r"\w*drehzahl|omega|idx|count\w*|sample\w*|tick|power|leistung|\w*kraft|force|"
+         r"druck|phase|phi|angle|winkel|beschl\w*|acc|accel\w*|fehler|fuerza|effort|zhuansu|wendu|"
+         r"wucha|pressure|enable\w*|humid\w*|ambient|ошибка|оборот\w*|темп\w*|скоростьвращения|сила|"
+         r"转速|温度|误差|序号|回転数|誤差",
+    "k": r"key_?ph\w*|kphi?|kph|\w*mark[ae]?|tach\w*|trigger|trig|\w*imp(?:uls)?|\w*pulses?|"
+         r"perturn|toptour|revs?|index|once|脉冲|键相|パルス|метка|импульс\w*",
+    "v": r"vel|velocity|geschw\w*|[xyz]dot|d[xyz]|vitesse|velocidad\w*|velocit\w*|sudu|"
+         r"скорость|速度",
+    "i": r"cur|curr|currents?|\w*strom|ström\w*|amps?|amperes?|iu|imag|iq|i?coil|spule\w*|"
+         r"corriente|courant|corrente|intensi\w*|iout|dianliu|stroom|prąd|prad|ток\w*|电流|電流",
+    "stage": r"duty\w*|pwm\w*|dc|tastgrad|tastverh\w*|\w*aussteuer\w*|volt\w*|\w*spannung|"
+             r"tensi\w*|ciclo|rapport|[uv]coil|dianya|zhankongbi|напряж\w*|шим|скважность|"
+             r"电压|占空比|電圧|デューティ",
+    "u": r"stell\w*|output|control|ctrl|ctl|actuat\w*|\w*regler\w*|ansteuer\w*|reglage|mando|"
+         r"salida|sortie|uscita|kongzhi(?:liang)?|управл\w*|控制|制御|操作量",
+    "y": r"pos|posn|\w*position|posi[cz]\w*|weg|\w*weg(?:sensor|aufnehmer)|dist\w*|disp\w*|gap|"
+         r"clearance|\w*spalt|airgap|entrefer|\w*abstand\w*|\w*lage(?:signal)?|regelgr\w*|sensor\w*|"
+         r"messgr\w*|auslenk\w*|abweichung|exzent\w*|eccent\w*|excentr\w*|ecc|hall|prob[ae]|prox\w*|"
+         r"ybobina|dsb|eddy|sonde|height|\w*hoehe|\w*höhe|alt\w*|hauteur\w*|jeu|verplaats\w*|"
+         r"poł\w*|despl\w*|desloc\w*|spostam\w*|traslaz\w*|deplac\w*|entrehierro|separa\w*|"
+         r"traferro|wei[yz]h?i|qixi|jianxi|juli|положени\w*|смещени\w*|перемещ\w*|зазор|датчик|传感器|"
+         r"位移|位置|气隙|间隙|変位|ギャップ|隙間|空隙|センサ",
 }  # fmt: skip
 _SPEED = r"speed"
 _DEMAND = (
-    r"soll|sollwert|ref|reference|referen[zc]\w*|consign[ea]|riferimento|set|set_?point|setpt|"
-    r"sp|desired|des|target|demand\w*|comm?and\w*|cmd|vorgabe|f(?:ü|ue)hrungsgr\w*|rif|dese[aj]\w*|"
-    r"desider\w*|cankao|geiding|sheding|mubiao|\w*(?:参考|给定|设定|目标)\w*"
+    r"\w*soll|sollwert|ref|reference|referen[zc]\w*|consign[ea]|riferimento|set|set_?po?i?n?ts?|"
+    r"setp|sp|desired|des|dem|target|tgt|demand\w*|request\w*|comm?and\w*|cmd|\w*vorgabe|"
+    r"f(?:ü|ue)hrungsgr\w*|rif|dese[aj]\w*|desider\w*|deseo|cible|objetivo|obiettivo|zadan\w*|"
+    r"уставка|задан\w*|cankao|geiding|sheding|mubiao|zhiling|参考|给定|设定|目标|目標|指令"
 )
-_ORDER = r"comm?and\w*|cmd"  #: Demands that mean a control signal where no quantity is named.
-_CONTROL = r"control|ctrl|stell\w*|kongzhi"  #: A control current is a demanded one.
+_ORDER = r"comm?and\w*|cmd|zhiling|指令"  #: Of a control signal, where no quantity is named.
+_CONTROL = r"control|ctrl|stell\w*|steuer\w*|kongzhi|управл\w*|控制|制御"
+"""A control current is a demanded one."""
 _ACTUAL = (
-    r"ist|istwert|act|actual|meas|measured|mess|messwert|fbk|feedback|raw|roh|"
-    r"medid\w*|misur\w*|mesur\w*|celiang|shiji"
+    r"ist|istwert|act|actual|meas|measured|mess|messwert|fbk|feedback|fdbk|mon|monitor|raw|roh|"
+    r"medid\w*|misur\w*|mesur\w*|lida|lu|измер\w*|celiang|shiji|fankui|"
+    r"反馈|实测|测量|实际|実測|測定|検出"
 )
 _ESTIMATED = (
-    r"est\w*|hat|dach|obs\w*|beob\w*|[eu]?kf|kalman|filt\w*|gefiltert|(?:ge)?sch(?:ä|ae)tz\w*|model\w*|"
-    r"logged|pred\w*|smooth\w*"
+    r"e?stim\w*|est|hat|dach|o[bs]s\w*|beob\w*|[eu]?kf|kalman|filt\w*|gefiltert|"
+    r"(?:ge)?sch(?:ä|ae)tz\w*|model\w*|logged|pred\w*|smooth\w*|оценк\w*|估计|观测|推定"
 )
+_FORMS = "|".join((*_QUANTITIES.values(), _DEMAND, _CONTROL, _ACTUAL, _ESTIMATED)).split("|")
+_UNSPACED = re.compile("|".join(sorted({w for w in _FORMS if w >= "\u3000"}, key=len)[::-1]))
+"""Words of languages that put no spaces between them."""
 _LETTERS = {"t": "t", "s": "", "r": "r", "w": "r", "v": "v", "i": "i", "u": "u", "y": "y", "x": "y",
             "z": "y"}  # fmt: skip
 _PLACED = re.compile(r"(?:[xyz]\d+|w\d+|v\d{2,})[a-d]?")  #: Positions in numbered planes.
-_OF_A_PLANE = re.compile(r"([iu])[v-z]\d+")  #: Current or control of such a plane.
+_OF_A_PLANE = re.compile(r"([iu])[v-z](?:\d+|[a-d]?)")  #: Current or control of such a plane.
 _COMPOUND = re.compile(
     r"\b(soll|ist)(?=wert|strom|lage|pos|weg|spann|geschw|abstand)|"
     r"(?:(?<=strom)|(?<=lage)|(?<=tion)|(?<=weg)|(?<=pos)|(?<=nung))(soll|ist)(?=\b|wert|_)"
 )
 _ACCENTS = re.compile("[\u0300-\u0307\u0309-\u036f]")  #: All but the umlauts' two dots.
-_SHORT = re.compile(r"([xyziuv])_?(ref|soll|set|cmd|des|d|ist|act|meas|mess|m|hat|est|kf|obs)")
+_SHORT = re.compile(
+    r"([xyziuv])_?(ref|soll|set|sp|cmd|dem|des|d|ist|act|meas|mess|mon|fbk?|m|hat|est|kf|obs)"
+)
+_SHORT_FOR = {"d": "soll", "dem": "soll", "m": "ist", "fb": "ist"}
 
 
 def role_of(label: str) -> NamedRole:
@@ -78,7 +91,7 @@ def role_of(label: str) -> NamedRole:
     spaced = _ACCENTS.sub("", unicodedata.normalize("NFD", label))
     spaced = unicodedata.normalize("NFC", spaced)
     spaced = re.sub(r"(?<=[a-zäöüß])(?=[A-ZÄÖÜ])", " ", spaced).lower()
-    spaced = _COMPOUND.sub(r" \g<0> ", spaced.replace("_", " "))
+    spaced = _UNSPACED.sub(r" \g<0> ", _COMPOUND.sub(r" \g<0> ", spaced.replace("_", " ")))
     tokens = [w for w in re.split(r"\W+", spaced) if w]
     words: list[str] = []
     for token in tokens:
@@ -86,7 +99,7 @@ def role_of(label: str) -> NamedRole:
         words += (
             [token] if _PLACED.fullmatch(token)
             else [of_plane[1]] if (of_plane := _OF_A_PLANE.fullmatch(token))
-            else [short[1], {"d": "soll", "m": "ist"}.get(short[2], short[2])] if short
+            else [short[1], _SHORT_FOR.get(short[2], short[2])] if short
             else [w for w in re.split(r"\d+", token) if w]
         )  # fmt: skip
     return _role_of(words)
@@ -112,13 +125,17 @@ def _role_of(words: list[str]) -> NamedRole:
         quantity = "-" if has("rotor|shaft|spindle|motor|rot|rotation\\w*") else "v"
     if not quantity:
         letters = [_LETTERS[word] for word in words if _LETTERS.get(word)]
+        letters.sort(key=lambda letter: letter not in ("i", "u"))  # x i: the current of the axis x
         quantity, weak = (letters[0], True) if letters else ("", False)
+    if quantity == "stage" and "y" in quantities:  # the voltage of a sensor
+        quantity = "y"
     demanded |= quantity == "i" and has(_CONTROL)
     drives = quantity == "stage"
     quantity = "u" if drives else quantity
     if demanded and quantity in ("y", "i", "u", "v", "", "r"):
         role = {"y": "r", "r": "r", "i": "u", "u": "u", "v": "-"}.get(quantity, "")
-        return NamedRole(role or ("u" if has(_ORDER) else "r"), estimated, False, drives)
+        doubtful = weak and role == "r" and has(_ORDER)  # a command of what?
+        return NamedRole(role or ("u" if has(_ORDER) else "r"), estimated, doubtful, drives)
     if not quantity and has(_ACTUAL):
         quantity = "y"
     return NamedRole(quantity, estimated, weak, drives)

@@ -16,10 +16,23 @@ from ambkit.data.reading.candidates import BY_UNIT, TEXT, Candidate, role_from_n
 from ambkit.data.reading.channel_statistics import LOOKED_AT, correlation, seen, slow
 from ambkit.data.reading.derived_channels import same_numbers
 from ambkit.data.reading.faults import noise
-from ambkit.data.reading.position_search import Rotor, in_steps, rotor
+from ambkit.data.reading.position_search import RELATED, Rotor, in_steps, rotor
+from ambkit.data.reading.roles_by_motion import (
+    FOLLOWS,
+    LARGEST,
+    SHORT,
+    check_letters,
+    eliminate,
+    find_commands,
+    is_near,
+    keep_rawest,
+    leave_other_axes,
+    marks,
+    position_of,
+    rate_likeness,
+)
 
 COMPARED = 40  #: Channels that are compared, each with each.
-FOLLOWS = 0.7  #: Correlation of slow parts from which on a current follows a control signal.
 SAME_UNIT = 1.25  #: Ratio within which the two are counted in one unit: a demanded current.
 EVEN = 0.2  #: Part of the usual step by which the steps of a time without a name differ at most.
 
@@ -30,25 +43,34 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
         candidate.values = np.where(np.isfinite(candidate.values), candidate.values, np.nan)
         role_from_name(candidate)
     _find_time(results)
+    keep_rawest(results)
+    check_letters(results)
+    leave_other_axes(results)
     letters, volts = _doubtful_roles(results)
     for candidate in results:
+        if candidate.role == "k":
+            candidate.why.append(marks(candidate, LARGEST) or "without marks of a turn")
+            candidate.role = "k" if candidate.why[-1][0] == "t" else "-"
         if not candidate.role and np.ptp(seen(candidate.values)) == 0:
             candidate.why.append(f"is {candidate.values[0]:g} all the time")
             candidate.role = "-"
     moves = _find_rotor(results)
-    for candidate in volts:
-        if not candidate.role and not any(c.role == "u" for c in results):
-            candidate.role = "u"
-            candidate.why.append(BY_UNIT)
+    find_commands(results)
+    eliminate(results, volts)
     _find_stage(results)
     _settle_references(results, letters)
-    y = next((c for c in results if c.role == "y" and not c.estimated), None)
+    y = position_of(results)
+    y = y if moves is None else results[moves.position]
     if y is not None:
-        beside = [c for c in results if not c.role and c.values.shape == y.values.shape]
         size = _size(y)
-        for candidate in beside:
-            _beside(candidate, y, size)
-        _find_velocity([c for c in beside if not c.role], y)
+        for candidate in results:
+            if candidate is not y and candidate.values.shape == y.values.shape:
+                _beside(candidate, y, size)
+    if y is not None and any(c.role in ("u", "i") and not c.estimated for c in results):
+        for candidate in results:
+            if candidate.role in ("", "-") and (why := marks(candidate, SHORT)):
+                candidate.role = "k"
+                candidate.why.append(why)
     return moves
 
 
@@ -67,6 +89,7 @@ def _doubtful_roles(results: list[Candidate]) -> tuple[list[Candidate], list[Can
 def _find_stage(results: list[Candidate]) -> None:
     """See whether a control signal drives the current that was measured, in other units."""
     u, i = (next((c for c in results if c.role == role and not c.estimated), None) for role in "ui")
+    u = u or next((c for c in results if c.weak and not c.role), None)  # V, if it is no velocity
     if u is None or i is None or u.drives or u.values.shape != i.values.shape or u.unit == "A":
         return
     command, current = slow(u.values), slow(i.values)
@@ -76,6 +99,7 @@ def _find_stage(results: list[Candidate]) -> None:
     in_one_unit = any(1 / SAME_UNIT < ratio < SAME_UNIT for ratio in ratios)
     ratio, u.drives = ratios[0], likeness > FOLLOWS and not in_one_unit
     if u.drives:
+        u.role = "u"
         u.why.append(f"drives {i.label}, {ratio:.3g} A per unit: a duty or a voltage")
 
 
@@ -109,6 +133,10 @@ def _find_time(results: list[Candidate]) -> None:
             candidate.why.append("rises evenly")
             return
     free = [c for c in results if not c.role or (c.weak and not c.unit)]  # X_Value is a time
+    for counter in [c for c in free if (np.diff(c.values) == 1).all()]:
+        counter.role = "-"
+        counter.why.append("counts by 1: the number of a sample, or its time in which unit?")
+        free.remove(counter)
     even = [c for c in free if _rises(c.values, evenly=True)]
     even = even or [c for c in free if _rises(-c.values, evenly=True)]
     for candidate in even[:1]:
@@ -262,30 +290,19 @@ def _is_reference(candidate: Candidate, y: Candidate, size: tuple[float, float])
 
 
 def _beside(candidate: Candidate, y: Candidate, size: tuple[float, float]) -> None:
-    """See whether a channel is a reference, or an estimate of the position."""
-    likeness = correlation(candidate.values, y.values)
-    if abs(likeness) < 0.9:
+    """See whether a channel is a reference, an estimate of the position, or of its velocity."""
+    named = candidate.role == "y" and not candidate.estimated
+    if candidate.role and not named:
         return
-    if _is_reference(candidate, y, size):
+    likeness = correlation(candidate.values, y.values)
+    if abs(likeness) < RELATED:
+        # A current damps the motion: it goes against the rate.
+        if (likeness := rate_likeness(candidate, y)) > (RELATED if named else FOLLOWS):
+            candidate.role, candidate.estimated = "v", True
+            candidate.why.append(f"goes as the rate of {y.label} (correlation {likeness:.2f})")
+    elif not named and _is_reference(candidate, y, size):
         candidate.role = "r"
         candidate.why.append(f"follows {y.label} without its noise (correlation {likeness:.3f})")
-    elif np.nanmedian(np.abs(candidate.values - y.values)) < 3 * size[1]:
+    elif not named and is_near(candidate, y, size[1]):
         candidate.role, candidate.estimated = "y", True
         candidate.why.append(f"lies within the noise of {y.label}: an estimate or a copy of it")
-
-
-def _find_velocity(open_: Sequence[Candidate], y: Candidate) -> None:
-    """Find what is the position's difference: the rawest, and an estimate of it."""
-    step, slope = np.diff(y.values, prepend=y.values[:1]), np.gradient(slow(y.values))
-    rated = []
-    for candidate in open_:
-        likeness = max(
-            abs(correlation(step, candidate.values)),
-            abs(correlation(slope, slow(candidate.values))),
-        )
-        if likeness > 0.7:
-            rated.append((in_steps(seen(candidate.values)), likeness, candidate))
-    rated.sort(key=lambda item: item[:2], reverse=True)
-    for n, (_, likeness, candidate) in enumerate(rated):
-        candidate.role, candidate.estimated = "v", n > 0
-        candidate.why.append(f"difference of {y.label} (correlation {likeness:.2f})")
