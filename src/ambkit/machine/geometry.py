@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.machine.components import Body, PlacedBearing, PlacedSensor
+from ambkit.machine.components import Body, PlacedBearing, PlacedSensor, Unbalance
 from ambkit.machine.parts import along_x
 from ambkit.machine.rotors.modes import Bending
 
@@ -135,6 +135,16 @@ def readings_of(sensors: tuple[PlacedSensor, ...], shaft: Shaft = RIGID) -> tupl
     )
 
 
+def nearest(sensors: tuple[PlacedSensor, ...], axis: Axis) -> PlacedSensor:
+    """Return the sensor at an axis, or the nearest one."""
+
+    def away(sensor: PlacedSensor) -> tuple[bool, float]:
+        away = abs(sensor.place - axis.bearing.place)
+        return (sensor.type == "axial") != axis.line.axial, away
+
+    return min(sensors, key=away)
+
+
 def _lines(
     placed: PlacedBearing | PlacedSensor, shaft: Shaft, *, two: bool, axial: bool
 ) -> Iterator[tuple[str, Line]]:
@@ -208,3 +218,20 @@ def bent_by(machine: Any, forces: Array) -> Array:
         return np.zeros(0)
     H = matrix([axis.line for axis in machine.axes], modal_positions(machine.bending))
     return np.asarray((H.T @ forces) / np.repeat(machine.bending.stiffness, 2))
+
+
+def unbalances_of(
+    planes: tuple[Unbalance, ...], rotor: Body, speed: float
+) -> list[tuple[float, float, float]]:
+    """Return place [m], amount [kg m] and angle [rad] of each plane's unbalance."""
+    graded = [item.place - rotor.centre for item in planes if item.grade is not None]
+    results = []
+    for entry in planes:
+        amount = entry.amount
+        if amount is None:
+            own = entry.place - rotor.centre
+            others = [abs(place) for place in graded if place != own]
+            share = others[0] / (others[0] + abs(own)) if others else 1.0
+            amount = rotor.mass * (entry.grade or 0.0) / abs(speed) * share
+        results.append((entry.place, amount, entry.angle))
+    return results

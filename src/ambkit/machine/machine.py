@@ -18,21 +18,13 @@ from pydantic import (
 )
 
 from ambkit.base.config import Document, Read, reader
-from ambkit.base.config.document import updated
 from ambkit.base.config.problems import Problem
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.text_types import Description, Name
-from ambkit.base.errors import AmbkitError
 from ambkit.machine import geometry, presets, short_form
-from ambkit.machine.accessories import (
-    SHORTEST_LAG,
-    Coil,
-    Stop,
-    delay_contradictions,
-    eddy_current_contradictions,
-)
+from ambkit.machine.accessories import SHORTEST_LAG, Coil, Stop
 from ambkit.machine.angle_sensor import AngleSensor
-from ambkit.machine.components import AnyRotor, MassRotor, PlacedBearing, PlacedSensor, Unbalance
+from ambkit.machine.components import AnyRotor, PlacedBearing, PlacedSensor, Unbalance
 from ambkit.machine.geometry import Axis, Line, Reading, Shaft
 from ambkit.machine.parts import (
     GRAVITY,
@@ -43,16 +35,7 @@ from ambkit.machine.parts import (
     current_limits,
     levitation_current_of,
 )
-from ambkit.machine.placement_checks import (
-    beyond_the_rotor,
-    double_names,
-    loose,
-    mass_contradictions,
-    too_fast,
-    too_heavy,
-    unbalance_contradictions,
-    unseen,
-)
+from ambkit.machine.placement_checks import contradictions
 from ambkit.machine.rotors.descriptions import OfMatrices
 from ambkit.machine.rotors.modes import Bending, enough
 from ambkit.result.showing import Shown
@@ -195,7 +178,7 @@ class Machine(Shown, Document):
     def sensor(self) -> PlacedSensor:
         """The position sensor of its one axis."""
         only = self.single or self._one.type == "single"
-        return self.sensors[0] if only else self._nearest(self.axes[0])
+        return self.sensors[0] if only else geometry.nearest(self.sensors, self.axes[0])
 
     @property
     def clearance(self) -> float:
@@ -344,23 +327,7 @@ class Machine(Shown, Document):
         return {}
 
     def _make_isolated(self, axis: str) -> Machine:
-        names = [item.name for item in self.axes]
-        if axis not in names:
-            raise AmbkitError(f"{self.name} has no axis {axis}; there are {', '.join(names)}")
-        at = names.index(axis)
-        result = self.axes[at]
-        sensor = self._nearest(result)
-        if not self.speed:
-            sensor = updated(sensor, {"runout": ()})  # undefined without speed
-        mass, stop = float(self.effective_masses[at]), result.bearing.stop
-        stop = stop and updated(stop, {"friction": None, "radius": None})  # properties of a ring
-        return Machine(**{
-            "name": axis, "sampling_time": self.sampling_time, "delay": self.delay,
-            "speed": abs(self.speed),
-            "rotor": MassRotor(mass=mass, gravity=self._gravity_of(result)),
-            "bearing": [updated(result.bearing, ONLY | {"stop": stop})],
-            "sensor": [updated(sensor, ONLY)],
-        })  # fmt: skip
+        return Machine(**short_form.isolated(self, axis))
 
     @cached_property
     def levitation_currents(self) -> dict[tuple[float, float], float]:
@@ -401,21 +368,6 @@ class Machine(Shown, Document):
         """
         return max(sensor.lag, SHORTEST_LAG * self.sampling_time)
 
-    def _gravity_of(self, axis: Axis) -> Any:
-        """Gravity along an isolated axis: that of a mass; the bias carries that of a body."""
-        if self.rotor.type == "mass":
-            return self.rotor.gravity
-        return "none" if axis.bearing.magnet.type == "two-sided" else "-x"
-
-    def _nearest(self, axis: Axis) -> PlacedSensor:
-        """Return the sensor at an axis, or the nearest one."""
-
-        def away(sensor: PlacedSensor) -> tuple[bool, float]:
-            away = abs(sensor.place - axis.bearing.place)
-            return (sensor.type == "axial") != axis.line.axial, away
-
-        return min(self.sensors, key=away)
-
     def unbalances(self) -> list[tuple[float, float, float]]:
         """Return place [m], amount [kg m] and angle [rad] of each plane's unbalance.
 
@@ -423,19 +375,7 @@ class Machine(Shown, Document):
         Of a balance quality grade G the rotor is permitted ``m G / speed`` (ISO 21940-11), and of
         two planes each the share that the other's distance from the centre of mass says.
         """
-        centre = self.rotor.centre
-        graded = [item.place - centre for item in self.unbalance if item.grade is not None]
-        results = []
-        for entry in self.unbalance:
-            amount = entry.amount
-            if amount is None:
-                total_unbalance = self.rotor.mass * (entry.grade or 0.0) / abs(self.speed)
-                own = entry.place - centre
-                others = [abs(place) for place in graded if place != own]
-                share = others[0] / (others[0] + abs(own)) if others else 1.0
-                amount = total_unbalance * share
-            results.append((entry.place, amount, entry.angle))
-        return results
+        return geometry.unbalances_of(self.unbalance, self.rotor, self.speed)
 
     def contradictions(self, known: Any = None) -> Iterator[str]:
         for text in super().contradictions(known):
@@ -443,26 +383,7 @@ class Machine(Shown, Document):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        yield from delay_contradictions(read("sampling_time"), read("delay"))
-        yield from eddy_current_contradictions(read("sampling_time"), read("bearings"))
-        if read("bearings.0.type") == "single" and all(
-            isinstance(read(f"{key}s.1.type"), float)
-            for key in short_form.LISTS  # none given
-        ):
-            yield from mass_contradictions(read)
-            return
-        bearings, sensors = (
-            item if isinstance(item, tuple) else () for item in (read("bearings"), read("sensors"))
-        )
-        yield from double_names("bearing", bearings)
-        yield from double_names("sensor", sensors)
-        yield from beyond_the_rotor(read, bearings, sensors)
-        yield from loose(bearings, sensors)
-        yield from too_fast(read, sensors)
-        yield from unbalance_contradictions(read)
-        if not any(bearing.type == "single" for bearing in bearings):
-            yield from too_heavy(read, bearings, sensors, cls.model_construct)
-        yield from unseen(read, bearings, sensors)
+        yield from contradictions(read, cls.model_construct)
 
     def figure(self) -> Any:
         """Return the figure of the force of its one axis."""
@@ -475,7 +396,3 @@ class Machine(Shown, Document):
         from ambkit.result.card import settings_card
 
         return bearing_card(self) if self.single else settings_card(self)
-
-
-ONLY = {"name": "", "type": "single", "place": 0.0, "angle": 0.0}
-"""Place of the bearing and the sensor of a machine with one axis."""

@@ -12,11 +12,40 @@ from ambkit.base.config import Read
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine import geometry
-from ambkit.machine.accessories import line_contradictions
+from ambkit.machine.accessories import (
+    delay_contradictions,
+    eddy_current_contradictions,
+    line_contradictions,
+)
 from ambkit.machine.components import ROTORS, PlacedBearing, PlacedSensor
 from ambkit.machine.geometry import Axis, Shaft
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import GRAVITY, along_x, levitation_current_of
+from ambkit.machine.short_form import LISTS
+
+
+def contradictions(read: Read, unchecked: Callable[..., Any]) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with values that are valid on their own."""
+    yield from delay_contradictions(read("sampling_time"), read("delay"))
+    yield from eddy_current_contradictions(read("sampling_time"), read("bearings"))
+    if read("bearings.0.type") == "single" and all(
+        isinstance(read(f"{key}s.1.type"), float)
+        for key in LISTS  # none given
+    ):
+        yield from mass_contradictions(read)
+        return
+    bearings, sensors = (
+        item if isinstance(item, tuple) else () for item in (read("bearings"), read("sensors"))
+    )
+    yield from double_names("bearing", bearings)
+    yield from double_names("sensor", sensors)
+    yield from beyond_the_rotor(read, bearings, sensors)
+    yield from loose(bearings, sensors)
+    yield from too_fast(read, sensors)
+    yield from unbalance_contradictions(read)
+    if not any(bearing.type == "single" for bearing in bearings):
+        yield from too_heavy(read, bearings, sensors, unchecked)
+    yield from unseen(read, bearings, sensors)
 
 
 def beyond_the_rotor(

@@ -21,8 +21,10 @@ from ambkit.base.config.problems import (
     unknown_key,
     with_home,
 )
+from ambkit.base.errors import AmbkitError
+from ambkit.machine import geometry
 from ambkit.machine.accessories import Coil, Stop
-from ambkit.machine.components import PlacedSensor
+from ambkit.machine.components import MassRotor, PlacedSensor
 from ambkit.machine.parts import Amplifier, Magnet, Sensor
 
 LISTS = ("bearing", "sensor")  #: Keys that are lists in the long form.
@@ -176,6 +178,33 @@ def with_schema(long: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
     long_keys = {key: long.pop(key) for key in [*long] if key in short}
     return long | {"anyOf": [long_keys, short]}
+
+
+ONLY = {"name": "", "type": "single", "place": 0.0, "angle": 0.0}
+"""Place of the bearing and the sensor of a machine with one axis."""
+
+
+def isolated(machine: Any, axis: str) -> dict[str, Any]:
+    """Return the description of an axis as a machine of its own."""
+    names = [item.name for item in machine.axes]
+    if axis not in names:
+        raise AmbkitError(f"{machine.name} has no axis {axis}; there are {', '.join(names)}")
+    at = names.index(axis)
+    result = machine.axes[at]
+    sensor = geometry.nearest(machine.sensors, result)
+    if not machine.speed:
+        sensor = updated(sensor, {"runout": ()})  # undefined without speed
+    mass, stop = float(machine.effective_masses[at]), result.bearing.stop
+    stop = stop and updated(stop, {"friction": None, "radius": None})  # properties of a ring
+    gravity = machine.rotor.gravity if machine.rotor.type == "mass" else None
+    if gravity is None:  # the bias carries the weight of a body
+        gravity = "none" if result.bearing.magnet.type == "two-sided" else "-x"
+    return {
+        "name": axis, "sampling_time": machine.sampling_time, "delay": machine.delay,
+        "speed": abs(machine.speed), "rotor": MassRotor(mass=mass, gravity=gravity),
+        "bearing": [updated(result.bearing, ONLY | {"stop": stop})],
+        "sensor": [updated(sensor, ONLY)],
+    }  # fmt: skip
 
 
 def updates(machine: Any, update: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
