@@ -196,9 +196,9 @@ def isolated(machine: Any, axis: str) -> dict[str, Any]:
         sensor = updated(sensor, {"runout": ()})  # undefined without speed
     mass, stop = float(machine.effective_masses[at]), result.bearing.stop
     stop = stop and updated(stop, {"friction": None, "radius": None})  # properties of a ring
-    gravity = machine.rotor.gravity if machine.rotor.type == "mass" else None
-    if gravity is None:  # the bias carries the weight of a body
-        gravity = "none" if result.bearing.magnet.type == "two-sided" else "-x"
+    gravity: Any = "none" if result.bearing.magnet.type == "two-sided" else "-x"
+    if machine.rotor.type == "mass":  # the bias carries the weight of a body
+        gravity = machine.rotor.gravity
     return {
         "name": axis, "sampling_time": machine.sampling_time, "delay": machine.delay,
         "speed": abs(machine.speed), "rotor": MassRotor(mass=mass, gravity=gravity),
