@@ -1,4 +1,4 @@
-"""Noise found online, around any filter that has a covariance."""
+"""Online estimation of noise, around any filter with a covariance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ADAPTS = ("measurement", "disturbance", "both")
 
 
 class AdaptiveNoise(Estimator):
-    """A filter that finds the noise it assumes while it runs: R, the growth of the load, or both.
+    """A filter that estimates its noise online: R, the process noise of the disturbance, or both.
 
     R is raised while innovations are larger than the filter expects, and lowered while they are
     smaller; the growth of the disturbance force likewise by the corrections of that force.
@@ -103,7 +103,7 @@ class AdaptiveNoise(Estimator):
             measurement=adapts != "disturbance",
             disturbance=adapts != "measurement",
             share=share,
-            # The nominal noise counts as much as the first 50 samples.
+            # The nominal noise has the weight of the first 50 samples.
             first_share=max(share, 1 / 50) if method == "sage-husa" else share,
             most=most,
             window=round(window / T) if method == "innovation" else 1,
@@ -112,7 +112,7 @@ class AdaptiveNoise(Estimator):
 
     @property
     def nominal(self) -> Estimator:
-        """The filter inside, with the noise that it starts from."""
+        """The inner filter, with its initial noise."""
         return self.inner
 
     def for_machine(self, machine: Machine) -> Self:
@@ -120,7 +120,7 @@ class AdaptiveNoise(Estimator):
 
     @property
     def noise(self) -> Variances:
-        """What the filter assumes now: R [m^2], control signal [V^2], growth [N^2/s]."""
+        """Current noise: R [m^2], control signal [V^2], process noise intensity [N^2/s]."""
         var_y, var_d = self.core.noise
         T, axes = self.machine.sampling_time, len(self._settings["f_0"])
         intensity = var_d[:axes] / T

@@ -1,4 +1,4 @@
-"""An estimator along a whole record: forwards, smoothed, and predictions from each sample."""
+"""An estimator along a complete record: forwards, smoothed, and predictions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class AlongRecords(Stepping):
     smooths: bool
 
     def run(self, record: Record, *, covariance: bool = False) -> Estimate:
-        """Run along a whole record, from a fresh start at its first measurement within the travel.
+        """Run along a complete record, starting at its first measurement within the clearance.
 
         Parameters
         ----------
@@ -51,7 +51,7 @@ class AlongRecords(Stepping):
         return self._estimated(record.t, self._with_law_error(history, u), self.name)
 
     def run_raw(self, y: ArrayLike, u: ArrayLike, *, covariance: bool = False) -> Estimate:
-        """Run along a rig's own numbers, as the exported C does: to the last bit, from its start.
+        """Run along a rig's own numbers with the bits of the exported C, including the start.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class AlongRecords(Stepping):
         return self.run(Record(t, signals, {"y": "m", "u": "V"}), covariance=covariance)
 
     def in_si(self, y: ArrayLike, u: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Turn what the controller reads into SI, as the exported C does, to the last bit.
+        """Convert the controller's inputs to SI with the bits of the exported C.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class AlongRecords(Stepping):
         return self.inputs.y.value(y, number), self.inputs.u.value(u, number)
 
     def smooth(self, record: Record) -> Estimate:
-        """Estimate each sample of a record from all of it, not only from what came before.
+        """Estimate each sample of a record from the complete record.
 
         The fixed-interval smoother of Rauch, Tung and Striebel (1965), in the form of Bryson and
         Frazier modified by Bierman (1973), which inverts no covariance. Samples that the filter
@@ -155,7 +155,7 @@ class AlongRecords(Stepping):
         return self.view.column(np.asarray(self.core.forecast(mean, u, ahead, estimate.scale)))
 
     def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Reset to the first measurement of a record within the travel; return its y and u."""
+        """Reset to the first measurement of a record within the clearance; return its y and u."""
         of_type(Record, record=record)
         check_sampling(self.machine, record)
         y, u = self.view.signals(record)
@@ -165,7 +165,7 @@ class AlongRecords(Stepping):
     def _estimated(
         self, t: NDArray[np.float64], history: dict[str, Any], name: str | None = None
     ) -> Estimate:
-        """Wrap what the core wrote of a whole record, in arrays by name."""
+        """Wrap the core's results of a record, arrays by name."""
         known: dict[str, Any] = dict(self.view.columns)
         for key in ("mean", "innovation", "k_i", "k_s"):
             known[key] = np.asarray(history[key], float)
@@ -178,7 +178,7 @@ class AlongRecords(Stepping):
         )  # fmt: skip
 
     def _with_law_error(self, history: dict[str, Any], u: NDArray[Any]) -> dict[str, Any]:
-        """Add to the covariances of a record what the law's error makes of them."""
+        """Add the error of the force law to the covariances of a record."""
         if "covariance" in history and self.law_error.size:
             n = len(self.states)
             diagonal = [packed(i, i, n) for i in range(n)]
@@ -187,13 +187,13 @@ class AlongRecords(Stepping):
         return history
 
     def _rotation(self, record: Record) -> tuple[NDArray[Any] | None, bool]:
-        """Return how the model turns along a record, None: as made; whether that is heard."""
+        """Return the rotation along a record (None if constant), and whether a sensor gave it."""
         if self.machine.angle is not None and self.view.speed is not None:
             return self.hear(readings_of(self.machine, record)), True
         return self.turning(dict(record.signals).get("speed"), len(record)), False
 
     def hear(self, readings: ArrayLike) -> NDArray[Any]:
-        """Let the model of a machine follow the readings of its angle's sensor.
+        """Let the model of a machine follow the readings of its angle sensor.
 
         Parameters
         ----------
@@ -209,7 +209,7 @@ class AlongRecords(Stepping):
         """
         angle = AngleEstimate.of(self.machine, readings, precision=self.precision)
         assert self.machine.angle is not None  # else there is no estimate
-        self.engine.stand(self.core)  # nothing is left of a speed that it followed before
+        self.engine.stand(self.core)  # back to the nominal speed
         self.engine.schedule_speeds(*self.machine.angle.range(self.machine.speed))
         if (synchronous := self.engine.synchronous_states()) is not None:
             std = [float(item) for item in self.default_std()]
@@ -236,7 +236,7 @@ class AlongRecords(Stepping):
         if own is None:
             return None
         speeds = np.full(n, own) if speed is None else np.asarray(speed, float)
-        self.engine.stand(self.core)  # nothing is left of a speed that it followed before
+        self.engine.stand(self.core)  # back to the nominal speed
         if bool((speeds == own).all()):
             return None
         self.engine.schedule_speeds(float(speeds.min()), float(speeds.max()))
@@ -245,7 +245,7 @@ class AlongRecords(Stepping):
 
 
 def check_sampling(machine: Machine, record: Record) -> None:
-    """Refuse a record that was not sampled as the bearing says."""
+    """Reject a record with a sampling time other than the machine's."""
     if len(record.t) < 2:
         return
     T = float(record.t[-1] - record.t[0]) / (len(record.t) - 1)

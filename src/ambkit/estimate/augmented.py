@@ -1,4 +1,4 @@
-"""Filters that estimate the magnet constant beside the states, as a scale of the known one."""
+"""Filters that estimate the magnet constant in addition to the states, as a factor."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class AugmentedKalmanFilter(Estimator):
-    """Extended Kalman filter whose fifth state is the magnet constant, over the known one.
+    """Extended Kalman filter with the factor on the magnet constant as its fifth state.
 
     At rest the magnet constant and a constant load cannot be told apart. The filter holds the
     constant there and says :attr:`Status.UNEXCITED`; as long as it has not learned anything it is
@@ -97,7 +97,7 @@ class AugmentedKalmanFilter(Estimator):
 
 
 class MultipleModelFilter(Estimator):
-    """Interacting multiple models: extended filters side by side, each with its own constant.
+    """Interacting multiple models: parallel extended filters, each with its own constant.
 
     They are weighed by how well they predict the measurement; a magnet constant that jumps is
     found within milliseconds of motion. At rest nothing is weighed, for the reason and with the
@@ -162,12 +162,12 @@ class MultipleModelFilter(Estimator):
 
     @property
     def weights(self) -> dict[float, float]:
-        """Probability of each of the scales."""
+        """Probabilities of the factors."""
         return dict(zip(self.scales, map(float, self.core.weights), strict=True))
 
 
 def _learning(machine: Machine, excitation: float) -> dict[str, float]:
-    """Return when the scale is learned, as the core wants it (``ambkit/excitation.h``)."""
+    """Return the conditions for learning the factor, for the core (``ambkit/excitation.h``)."""
     if not excitation > 0:
         raise ValueError(f"excitation must be greater than 0, got {excitation!r}")
     fresh = min(1.0, machine.sampling_time * unstable_pole(machine))

@@ -1,4 +1,4 @@
-"""Many estimators along many records at once: SIMD lanes and threads, for Monte Carlo."""
+"""Many estimators along many records at once, with SIMD lanes and threads, for Monte Carlo."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from ambkit.machine.magnets import Precision, core_module
 
 Array = NDArray[Any]
 
-TRUTH = ("x", "v", "f_d")  #: What errors are summed of, in this order.
+TRUTH = ("x", "v", "f_d")  #: Signals with errors, in this order.
 
 
 @dataclass(frozen=True)
 class Batch:
-    """What many runs gave; what was not asked for is None."""
+    """Results of many runs; None if not requested."""
 
-    #: (runs, n, states) State estimates: x [m], v [m/s], f_d [N], x_m [m], and what else the model
-    #: has.
+    #: (runs, n, states) State estimates: x [m], v [m/s], f_d [N], x_m [m], and further states of
+    #: the model.
     mean: Array | None
     innovation: Array | None  #: (runs, n) As of :class:`ambkit.Estimate` [m], [m^2].
     innovation_variance: Array | None
-    status: Array | None  #: (runs, n) What each step had to say, :class:`ambkit.Status`.
-    #: (runs, 3) Root mean square errors of x [m], v [m/s], f_d [N]; where the truth was given.
+    status: Array | None  #: (runs, n) Status of each step, :class:`ambkit.Status`.
+    #: (runs, 3) Root mean square errors of x [m], v [m/s], f_d [N], if the truth was given.
     rmse: Array | None
-    flags: Array  #: (runs,) All statuses of a run together.
+    flags: Array  #: (runs,) Combined status of a run.
 
 
 def instruction_sets() -> list[str]:
-    """Return what this processor can compute lanes with, the fastest last."""
-    # ``"scalar"`` is one run after the other; ``"baseline"`` has 2 lanes in double precision,
-    # ``"avx2"`` 4, ``"avx512"`` 8; twice as many in single. A compiler without GCC's vectors has
-    # built ``"scalar"`` alone.
+    """Return the instruction sets for lanes on this processor, the fastest last."""
+    # ``"scalar"`` computes one run after another; ``"baseline"`` has 2 lanes in double precision,
+    # ``"avx2"`` 4, ``"avx512"`` 8; twice as many in single. Compilers without GCC's vectors build
+    # ``"scalar"`` only.
     return list(core_module().instruction_sets())
 
 
@@ -56,7 +56,7 @@ def run_many(
     threads: int | None = None,
     instructions: str | None = None,
 ) -> Batch:
-    """Run many estimators, each along its own record from its own start.
+    """Run many estimators, each along its own record with its own start.
 
     The numbers are those of `Estimator.run`, run by run and to the last bit, whatever the lanes and
     the threads. The estimators themselves are not changed. Those of one kind go side by side, and
@@ -151,7 +151,7 @@ def run_many(
 
 
 def processors() -> int:
-    """Return how many processors this process may use."""
+    """Return the number of processors available to this process."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -172,7 +172,7 @@ def _of_runs(name: str, a: ArrayLike, runs: int, states: int, precision: Precisi
 
 
 def _starts(item: list[Estimator], Y: Array) -> tuple[ArrayLike, ArrayLike]:
-    """Return where `Estimator.run` would start each, to be broadcast to (runs, states) twice."""
+    """Return the starts of `Estimator.run`, twice broadcast to (runs, states)."""
     if len(item) == 1:
         return item[0].initial_state(Y), item[0].default_std()
     known = {e: e.default_std() for e in set(item)}
@@ -184,7 +184,7 @@ def _starts(item: list[Estimator], Y: Array) -> tuple[ArrayLike, ArrayLike]:
 def _kept(
     out: Batch | None, history: Sequence[str], shape: tuple[int, int, int], precision: Precision
 ) -> dict[str, Array | None]:
-    """Return the arrays to fill, those of `out` where they fit."""
+    """Return the arrays to fill, those of `out` if they fit."""
     shapes: dict[str, tuple[tuple[int, ...], Any]] = {
         "mean": (shape, precision),
         "innovation": (shape[:2], precision),

@@ -1,4 +1,4 @@
-"""The naive baseline: a Kalman filter that knows positions and no magnet.
+"""The naive baseline: a Kalman filter of positions without magnet model.
 
 A filter with a model has to beat two things that know nothing of the bearing: the raw sensor, and
 this one. Its rotor keeps its velocity but for white acceleration (Bar-Shalom, Li and Kirubarajan,
@@ -39,7 +39,7 @@ def no_force_of(machine: Machine) -> MagnetModel:
 
 
 class ConstantVelocity(KalmanFilter):
-    """Kalman filter of position and velocity that knows no force: white acceleration alone.
+    """Kalman filter of position and velocity without forces: white acceleration only.
 
     It is the naive filter that one with a model has to beat. It knows neither magnet, weight and
     currents nor the sensor's lag. Its disturbance force is zero, with the variance of the start.
@@ -103,23 +103,23 @@ class ConstantVelocity(KalmanFilter):
 DECADES = (-14, 4)  #: Range of the search, in decades of ``q T^3 / R``.
 
 DIFFUSE = 3e3
-"""Standard deviations at the start, in those of the noise: the widest of which the core takes in a
-measurement at once."""
+"""Initial standard deviations, over that of the noise: the widest for which the core uses a
+measurement completely.
+"""
 
 
 @cache
 def _in_samples() -> ConstantVelocity:
-    """Return the filter of any record whose unit of time is its sampling time."""
-    machine = Machine.preset("zittau_axial").replace(sampling_time=1.0)  # of which only T matters
+    """Return the filter of any record, with its sampling time as the unit of time."""
+    machine = Machine.preset("zittau_axial").replace(sampling_time=1.0)  # only T matters
     return ConstantVelocity(machine, acceleration=1.0, frozen_limit=0, outlier_limit=0)
 
 
 class ConstantVelocityFilter:
-    """Kalman filter of position and velocity, driven by white acceleration."""
+    """Kalman filter of position and velocity with white acceleration."""
 
-    # The core's `ConstantVelocity`, of a record instead of a machine: nothing is left out as an
-    # outlier, and the first two measurements say where it starts. Missing measurements (NaN) are
-    # predicted over.
+    # The core's `ConstantVelocity`, for a record instead of a machine: no outliers are rejected,
+    # and the first two measurements define its start. Missing measurements (NaN) are predicted.
 
     def __init__(self, T: float, q: float, R: float) -> None:
         for name, value, unit in (("T", T, "s"), ("q", q, "m^2/s^3"), ("R", R, "m^2")):
@@ -142,7 +142,7 @@ class ConstantVelocityFilter:
         return (x + ahead * self.T * v)[:-ahead]
 
     def innovations(self, y: ArrayLike) -> tuple[Array, Array]:
-        """Return innovations [m] and the variances that it expects of them [m^2]."""
+        """Return innovations [m] and their variances [m^2]."""
         # y (n,) [m]; e (n,); S (n,)
         _, _, e, S = self._filtered(y)
         return e, S
@@ -166,7 +166,7 @@ class ConstantVelocityFilter:
         return result
 
     def _core(self, y: Array) -> Any:
-        """Return the core's filter with this noise, and with caps that no such record reaches."""
+        """Return the core's filter with this noise, and with caps beyond any such record."""
         n, q = float(y.size), self.q * self.T**3
         largest = float(np.max(np.abs(y[np.isfinite(y)])))
         cap = DIFFUSE * (n * largest + math.sqrt((self.R + q) * n**3))
@@ -185,10 +185,9 @@ def tune(
     truth: ArrayLike | Sequence[ArrayLike] | None = None,
     first: int = 0,
 ) -> ConstantVelocityFilter:
-    """Tune the filter: by what it does not expect, or by the truth where that is known."""
+    """Tune the filter: by maximum likelihood, or by the truth if that is known."""
     # The search is that of :func:`ambkit.workflow.tuning.tune_disturbance`: every decade of the
-    # range, then the best of them to a fiftieth of a decade.
-    # y (n,) [m]
+    # range, then the best of them to a fiftieth of a decade. y (n,) [m]
     from scipy.optimize import minimize_scalar
 
     records, truths = _several(y), None if truth is None else _several(truth)
@@ -199,7 +198,7 @@ def tune(
 
     @cache
     def likeliest(decade: float) -> tuple[float, float]:
-        """Return R, the likeliest where it is not given, and twice the negative log likelihood."""
+        """Return R, by default the likeliest, and twice the negative log likelihood."""
         kf = ConstantVelocityFilter(1.0, 10**decade, 1.0)
         e, S = np.hstack([kf.innovations(record) for record in records])
         variance = float(np.nanmean(e**2 / S)) if R is None else R
@@ -209,7 +208,7 @@ def tune(
     def cost(decade: float) -> float:
         if truths is None:
             return likeliest(decade)[1]
-        kf = ConstantVelocityFilter(1.0, 10**decade, 1.0)  # positions ask for the ratio only
+        kf = ConstantVelocityFilter(1.0, 10**decade, 1.0)  # positions depend on the ratio only
         errors = [(kf.run(r)[0] - t)[first:] for r, t in zip(records, truths, strict=True)]
         return float(np.nanmean(np.concatenate(errors) ** 2))
 

@@ -1,4 +1,4 @@
-"""From a model as data to the build of the C core that computes with it."""
+"""The build of the C core for a model."""
 
 from __future__ import annotations
 
@@ -20,42 +20,43 @@ from ambkit.models.model import ENUMERATORS, ROLES, Model, compressed_rows
 from ambkit.models.parts import SYNCHRONOUS
 from ambkit.models.parts.speed_error import NAME
 
-NODE = 0.02  #: Radians a sample between the speeds at which a model that turns is computed.
+NODE = 0.02  #: Radians per sample between the speeds at which a scheduled model is computed.
 VAGUE = 3.0
-"""At the start unbalance and runout are anywhere within so many times what is expected: in a run-up
-the speeds tell them, and not the start."""
+"""Initial standard deviation of unbalance and runout, over the expected size: in a run-up the
+speeds determine them, rather than the start.
+"""
 
-GROWTH = 1e3  #: Growth of the speed by which the part of unbalance across is found [rad/s^2].
+GROWTH = 1e3  #: Acceleration for the transverse part of the unbalance force [rad/s^2].
 
 
 NUMBERS = ("L", "b", "B_u", "h", "e", "r", "d", "c", "N", "rest")
-"""What of a model are numbers, in the order of the core."""
+"""Matrices of a model, in the order of the core."""
 
 
-MOST_NUMBERS = 65536  #: Numbers of a model that turns: their places are counted by 16 bits.
+MOST_NUMBERS = 65536  #: Maximum number of a scheduled model's values: their indices have 16 bits.
 
 
 PAPER_ROLES = ("position", "velocity", "disturbance force", "sensor")
-"""Of the states that are built in: a look at these spares the sampling of most models."""
+"""Names of the states that are built in, compared first to avoid sampling most models."""
 
 BUILT_IN: dict[Any, bool] = {}
-"""Whether models of these structures are built in: spares the sampling of all but the first."""
+"""Cache: whether models of a structure are built in; avoids sampling all but the first."""
 
 
 class Nodes(NamedTuple):
-    """A machine's model at speeds one after the other, for ``core/include/ambkit/turning.h``."""
+    """A machine's model at successive speeds, for ``core/include/ambkit/turning.h``."""
 
-    lowest: int  #: The first is at so many steps.
-    step: float  #: From one to the next [rad/s].
-    still: Array  #: All numbers of the model (N,) at the machine's own speed.
-    which: NDArray[np.intp]  #: Places of those that a speed changes (c,).
-    at: Array  #: These at the nodes (nodes, c).
-    grown: NDArray[np.intp]  #: Places of those that its growth changes (g,).
-    by_growth: Array  #: What these gain at the nodes for each rad/s^2 (nodes, g).
+    lowest: int  #: First node, in steps.
+    step: float  #: Step between nodes [rad/s].
+    still: Array  #: All values of the model (N,) at the machine's own speed.
+    which: NDArray[np.intp]  #: Indices of those that depend on the speed (c,).
+    at: Array  #: Their values at the nodes (nodes, c).
+    grown: NDArray[np.intp]  #: Indices of those that depend on the acceleration (g,).
+    by_growth: Array  #: Their derivatives at the nodes per rad/s^2 (nodes, g).
 
 
 class Engine:
-    """A build of the core, and the model of a machine in it."""
+    """A build of the core, with the model of a machine."""
 
     def __init__(
         self,
@@ -71,7 +72,7 @@ class Engine:
         self.precision = precision
         self._made_of = parts, noise, tuple(synchronous)
         self.parts = parts
-        self.turned = False  # whether the core's model has been at another speed
+        self.turned = False  # whether the core's model was at another speed
         self._nodes: dict[int, tuple[Array, Array]] = {}  # by number of steps
         self.as_printed, self.noise, self.synchronous = as_printed, noise, tuple(synchronous)
         unknown = [name for name in synchronous if name not in SYNCHRONOUS]
@@ -97,7 +98,7 @@ class Engine:
             self.model_of_core = self.core.Model(arrays(self.model))
 
     def _built_in(self, plan: Plan) -> bool:
-        """Whether the model has the pattern that is built into the core as straight-line C."""
+        """Return whether the model's pattern is built into the core as straight-line C."""
         if tuple(state.role for state in plan.states) != PAPER_ROLES or len(plan.noises) != 1:
             return False
         structure = plan.structure
@@ -107,10 +108,10 @@ class Engine:
         return BUILT_IN[structure]
 
     def schedule_speeds(self, min_speed: float, max_speed: float) -> None:
-        """Let the core's model take any speed of rotation between two [rad/s]."""
-        # Its numbers are computed at speeds `NODE` of a radian a sample apart, and interpolated by
-        # cubics in between: what turns then keeps its phase to some 1e-8 rad a sample. What
-        # unbalance does across while the speed grows is linear in that growth.
+        """Let the core's model follow any speed of rotation in a range [rad/s]."""
+        # Its values are computed at speeds `NODE` radians per sample apart, with cubic
+        # interpolation: synchronous states keep their phase to some 1e-8 rad per sample. The
+        # transverse unbalance force is linear in the acceleration.
         nodes = self.nodes(min_speed, max_speed)
         node_arrays = {
             name: np.ascontiguousarray(
@@ -122,9 +123,9 @@ class Engine:
         self.turned = True
 
     def synchronous_states(self) -> dict[str, Any] | None:
-        """Return the states that turn with the rotor (``amb_speed_error``), or None."""
-        # What each pair walks by in a sample is its own noise; where the angle is known again it is
-        # anywhere as at the start.
+        """Return the synchronous states (``amb_speed_error``), or None."""
+        # The random walk of each pair per sample is its own noise; when the angle is known again,
+        # its variance is the initial one.
         states, noises = ([at.name for at in of] for of in (self.states, self.noises))
         if NAME not in states:
             return None
@@ -148,7 +149,7 @@ class Engine:
         }  # fmt: skip
 
     def nodes(self, min_speed: float, max_speed: float) -> Nodes:
-        """Return the model at the speeds between which it takes any other; by `schedule_speeds`."""
+        """Return the model at its nodes; for `schedule_speeds`."""
         step = NODE / self.machine.sampling_time
         lowest, highest = math.floor(min_speed / step) - 1, math.floor(max_speed / step) + 2
         results = [self._node(number, step) for number in range(lowest, highest + 1)]
@@ -166,8 +167,8 @@ class Engine:
         return Nodes(lowest, step, still, which, at[:, which], grown, by_growth[:, grown])
 
     def _node(self, number: int, step: float) -> tuple[Array, Array]:
-        """Return the model's numbers at a node, and what growth of the speed does to them there."""
-        # They are kept, as one run of a campaign after the other asks for the same nodes.
+        """Return the model's values at a node, and their derivatives by the acceleration."""
+        # Cached, because runs of a campaign use the same nodes.
         if number not in self._nodes:
             there = self.machine.model_copy(update={"speed": number * step})
             parts, noise, synchronous = self._made_of
@@ -184,7 +185,7 @@ class Engine:
         return self._nodes[number]
 
     def stand(self, estimator: Any) -> None:
-        """Let the core's model be of the machine's own speed again, and an estimator of it."""
+        """Return the core's model, and an estimator, to the machine's own speed."""
         if self.turned:
             still = numbers(self.model).astype(self.precision)
             self.core.stand(estimator, self.model_of_core, still)
@@ -192,7 +193,7 @@ class Engine:
 
     @cached_property
     def model(self) -> Model:
-        """The model as data, sampled when it is first asked for."""
+        """The model as data, sampled on first use."""
         model = sampled(_plan(self.machine, *self._made_of), "machine")
         return printed(model) if self.as_printed else model
 
@@ -201,7 +202,7 @@ class Engine:
 def _plan(
     machine: Machine, parts: Callable[..., list[Part]], noise: bool, synchronous: tuple[str, ...]
 ) -> Plan:
-    """Return what the parts of a machine declare; filters with other noise ask for it again."""
+    """Return the declarations of a machine's parts, cached for filters with other noise."""
     plan = Plan(machine.sampling_time)
     for part in parts(machine, noise=noise, synchronous=synchronous):
         plan.add(part)
@@ -209,7 +210,7 @@ def _plan(
 
 
 def check_room(core: ModuleType, plan: Plan, name: str) -> None:
-    """Raise ValueError where a model is larger than the core has room for."""
+    """Raise ValueError if a model is too large for the core."""
     if not hasattr(core, "MOST_STATES"):
         return
     for what, most in (
@@ -222,14 +223,14 @@ def check_room(core: ModuleType, plan: Plan, name: str) -> None:
 
 
 def numbers(model: Model) -> Array:
-    """Return all numbers of a model one after the other, as the core keeps them."""
+    """Return all values of a model in sequence, as in the core."""
     result = arrays(model)
     parts = (result[name] for name in NUMBERS)
     return np.concatenate([part[2] if isinstance(part, tuple) else part for part in parts])
 
 
 def arrays(model: Model) -> dict[str, Any]:
-    """Return a model as the core's loops want it (``ambkit/loops.h``)."""
+    """Return a model for the core's loops (``ambkit/loops.h``)."""
     if unknown := [f"{at.name} has {at.role!r}" for at in model.states if at.role not in ROLES]:
         known = ", ".join(ROLES)
         raise ValueError(f"a state's role must be one of {known}; {', '.join(unknown)}")

@@ -12,7 +12,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.estimate import Estimate
 
 JUDGED = ("position", "velocity", "bending", "bending velocity", "disturbance force")
-"""Roles of the states whose errors are told."""
+"""Roles of the states whose errors are reported."""
 
 
 def errors_along(
@@ -28,31 +28,31 @@ def errors_along(
 
 
 def true_signal(record: Record, state: str) -> Array | None:
-    """Return the truth (n,) of a state in its unit; None where a record does not know it."""
+    """Return the truth (n,) of a state in its unit; None if a record does not have it."""
     truth = record.truth
     return truth.get(f"q_{state}", truth.get(state))
 
 
 def rms(error: Array) -> float:
-    """Return the root mean square of what is known; NaN where nothing is."""
+    """Return the root mean square of the known values; NaN if there are none."""
     known = error[np.isfinite(error)]
     return arrays.rms(known) if known.size else float("nan")
 
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Autocorrelation of innovations, and what white ones would stay within."""
+    """Autocorrelation of innovations, with the bound of white noise."""
 
     correlation: Array  #: (lags,) At lags 1, 2, ...
     bound: float  #: 95 % of a white sequence's correlations are within +-bound.
 
     @property
     def share_within(self) -> float:
-        """Share of the lags that are within the bound; white: 0.95."""
+        """Share of the lags within the bound; white: 0.95."""
         return float(np.mean(np.abs(self.correlation) <= self.bound))
 
 
-LAGS = 50  #: Of the test of whiteness.
+LAGS = 50  #: Lags of the test of whiteness.
 
 
 def whiteness(innovation: Array, lags: int = LAGS) -> Whiteness:

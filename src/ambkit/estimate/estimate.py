@@ -1,4 +1,4 @@
-"""What an estimator says about a record: states, innovations, and how it fared."""
+"""Estimates of a record: states, innovations, status."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ UNITS = {"k_i": "N/A", "k_s": "N/m", "innovation": "m", "innovation_variance": "
 
 
 def packed(i: int, j: int, n: int) -> int:
-    """Return where entry (i, j), i <= j, stands in an upper triangle of n rows, row by row."""
+    """Return the index of entry (i, j), i <= j, in an upper triangle of n rows, row by row."""
     return i * n - i * (i + 1) // 2 + j
 
 
@@ -41,7 +41,7 @@ def _covariances(states: Sequence[Descriptor]) -> dict[str, str]:
 
 @dataclass(frozen=True, eq=False)
 class Estimate(Shown, frames.Framed):
-    """Estimates of one estimator along one record, n samples.
+    """Estimates of one estimator along a record, n samples.
 
     A DataFrame of it has a column for each state, then ``k_i``, ``k_s``, ``innovation``,
     ``innovation_variance``, ``status``, and where they are known ``scale``, ``scale_variance`` and
@@ -141,7 +141,7 @@ class Estimate(Shown, frames.Framed):
 
     @property
     def sensor_noise(self) -> Array | None:
-        """What it takes for coloured noise and hum in the measurement [m], (n,).
+        """Estimated coloured noise and line noise of the measurement [m], (n,).
 
         None where they are none of its states.
         """
@@ -150,11 +150,11 @@ class Estimate(Shown, frames.Framed):
 
     @property
     def nis(self) -> Array:
-        """Normalised innovation squared, (n,) [1]; its mean is 1 where model and noise are right.
+        """Normalised innovation squared, (n,) [1]; its mean is 1 if model and noise are right.
 
         Of several readings their mean. NaN where the estimator has no idea of the variance.
         """
-        with np.errstate(divide="ignore", invalid="ignore"):  # no variance, no figure
+        with np.errstate(divide="ignore", invalid="ignore"):  # undefined without variance
             nis = self.innovation**2 / self.innovation_variance
         parts = np.where(self.innovation_variance > 0, nis, np.nan)
         return np.asarray(parts.mean(axis=1) if parts.ndim > 1 else parts)
@@ -165,7 +165,7 @@ class Estimate(Shown, frames.Framed):
         return {state.name: state.unit for state in self.states}
 
     def _numbers(self) -> dict[str, tuple[NDArray[Any], str]]:
-        """Return stiffnesses, innovations and status by the names of their columns, with units."""
+        """Return stiffnesses, innovations and status by column name, with units."""
         results: dict[str, tuple[NDArray[Any], str]] = {}
         for name, unit in UNITS.items():
             values = getattr(self, name)
@@ -178,7 +178,7 @@ class Estimate(Shown, frames.Framed):
 
     @property
     def used(self) -> NDArray[np.bool_]:
-        """Whether the measurement was taken in, (n,)."""
+        """Whether the measurement was used, (n,)."""
         unused = Status.MISSING | Status.FROZEN | Status.BAD_VARIANCE | Status.OUTLIER
         return np.asarray((self.status & np.uint16(unused)) == 0)
 

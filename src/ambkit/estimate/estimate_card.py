@@ -1,4 +1,4 @@
-"""What one estimator said, with how sure it is."""
+"""Figure and description of an estimate."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ AXES = {
     "disturbance force": DISTURBANCE,
     "current": CURRENT,
 }
-"""States that are shown, by role."""
+"""Plotted states, by role."""
 
 
 def estimate_figure(estimate: Any) -> Figure:
-    """Show the states over time, with 95 % of what the filter believes, and the innovations."""
+    """Plot the states with their 95 % bands, and the innovations."""
     t = estimate.t
     time = replace(TIME, limits=(float(t[0]), float(t[-1])))
     settled = settled_samples(t, [estimate])
@@ -54,10 +54,10 @@ def estimate_figure(estimate: Any) -> Figure:
 
 
 def estimate_card(of: Any) -> Card:
-    """Describe an estimate by its states, and by how it fared."""
+    """Describe an estimate by its states and their consistency."""
     rows = [[state.name, *spread(of[state.name], state.unit)] for state in of.states]
     rows.append(["innovation", *spread(of["innovation"], "m")])
-    nis = of.nis[1:]  # the first sample's is of the start
+    nis = of.nis[1:]  # the first sample's belongs to the start
     known = nis[np.isfinite(nis)]
     consistent = f"Mean NIS {known.mean():.3f} (1: consistent). " if known.size else ""
     flags = ", ".join(

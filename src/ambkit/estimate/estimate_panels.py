@@ -1,4 +1,4 @@
-"""Panels of estimates over time: axes without first guesses, innovations beside their bounds."""
+"""Panels of estimates over time: axes without initial transients, innovations with bounds."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from ambkit.estimate.status import Status
 from ambkit.result.report import Axis, Band, Item, Line, Note, Panel, Points
 
 STRETCHES, STRETCH = 200, 20
-"""Innovations of a longer record are shown by so many stretches, of so many samples at least."""
+"""Maximum number of bins for innovations, and minimum of samples in each."""
 
 BEYOND = 1.5
-"""An axis of innovations is cut where the largest is farther out by this than most are."""
+"""Ratio of the largest innovation to most others beyond which the axis is limited."""
 
 
 def true_noise(record: Record) -> list[Item]:
-    """Show all of the sensor's noise, where the truth is known."""
+    """Plot the total sensor noise, if the truth is known."""
     if "x_m" not in record.truth:
         return []
     return [Line(record.t, record["y"] - record["x_m"], signal="measured")]
 
 
 def contact_spans(t: Array, estimates: Iterable[Any]) -> list[Item]:
-    """Mark where any of the filters takes the rotor to be in contact with a stop."""
+    """Mark where a filter assumes contact with a stop."""
     flags = [(np.asarray(one.status) & int(Status.CONTACT)) != 0 for one in estimates]
     return lost_spans(np.any(flags, axis=0), t, "contact") if flags else []
 
 
 def with_limits(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> Axis:
-    """Return the axis with limits that show the lines whole where they count."""
+    """Return the axis with limits that show the lines completely where they are settled."""
     edges = [item.y for item in items if isinstance(item, Line)]
     edges += [edge for item in items if isinstance(item, Band) for edge in (item.low, item.high)]
     values = np.concatenate([edge[where] for edge in edges])
@@ -49,8 +49,8 @@ def with_limits(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> 
 
 
 def settled_samples(t: NDArray[np.float64], estimates: Iterable[Any]) -> NDArray[np.bool_]:
-    """Where no filter guesses: in the dark at the start, and anew after a gap where it was HELD."""
-    # What they guess there would flatten all else.
+    """Return where all filters are settled: not at the start, nor after a gap with HELD."""
+    # Their initial transients would compress the rest.
     blind = np.zeros(t.size, dtype=bool)
     blind[0] = True
     for estimate in estimates:
@@ -61,7 +61,7 @@ def settled_samples(t: NDArray[np.float64], estimates: Iterable[Any]) -> NDArray
 
 
 def _innovations(t: Array, innovation: Array) -> Item:
-    """Show innovations one by one, or of a long record how far most of each stretch reach."""
+    """Return innovations one by one, or for a long record the range of most in each bin."""
     count = t.size // STRETCH
     if count < STRETCHES:
         return Line(t, innovation, signal="innovation")
@@ -75,17 +75,17 @@ def _innovations(t: Array, innovation: Array) -> Item:
 
 
 def innovation_panel(name: str, estimate: Any, time: Axis, absent: Sequence[Item]) -> Panel:
-    """Show innovations beside what the filter expects; mark those that would flatten the rest."""
-    # Of several readings those whose innovations are largest by what is expected.
+    """Plot innovations with their bounds; mark those beyond the axis."""
+    # Of several readings those with the largest normalised innovations.
     t, e, S = estimate.t, estimate.innovation, estimate.innovation_variance
     if e.ndim > 1:
         k = int(np.argmax((e**2 / np.where(S > 0, S, np.inf)).mean(axis=0)))
         e, S, name = e[:, k], S[:, k], f"{name} {estimate.readings[k]}".strip()
     usable = estimate.used | ((estimate.status & np.uint16(Status.OUTLIER)) != 0)
     innovation, expected = np.where(usable, e, np.nan), 2 * np.sqrt(S)
-    # The first bounds are so wide that they would make a line of all others.
+    # The first bounds are so wide that all others would appear as a line.
     expected[expected > 1.5 * np.median(expected)] = np.nan
-    expected[expected == 0] = np.nan  # a low-pass has no idea of them
+    expected[expected == 0] = np.nan  # a low-pass has no S
     items: list[Item] = [
         _innovations(t, innovation),
         Line(t, expected, signal="bound", label="±2√S"),
@@ -108,7 +108,7 @@ def innovation_panel(name: str, estimate: Any, time: Axis, absent: Sequence[Item
     largest = far[np.argmax(np.abs(innovation[far]))]
     value = f"{1e6 * innovation[largest]:.0f} µm".replace("-", "−")
     up = innovation[largest] > 0
-    # Beside the record's end the text would not fit.
+    # At the record's end the text would not fit.
     at = float(np.clip(t[largest], *(t[0] + np.ptp(t) * np.array([0.05, 0.95]))))
     items.append(Note(at, 0.84 * edge * (1 if up else -1), value, "below" if up else "above"))
     return Panel(time, replace(axis, limits=(-edge, edge)), items)

@@ -1,4 +1,4 @@
-"""What all estimators have in common."""
+"""Common parts of all estimators."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class Estimator(AlongRecords, Described, Copyable):
-    """An estimator of any kind: the same inputs, the same outputs, one interface in C.
+    """An estimator of any kind: same inputs, same outputs, one interface in C.
 
     Each kind says in `_build` which of the core's it is (``core/include/ambkit/estimator.h``).
 
@@ -76,20 +76,20 @@ class Estimator(AlongRecords, Described, Copyable):
 
     name = "estimator"
     description = ""
-    """What it is for, as its file says."""
+    """Purpose, as in its file."""
     start_std: Mapping[str, float] = MappingProxyType({})
-    """Standard deviations at the start that are not the usual ones, by the names of states."""
+    """Initial standard deviations other than the default, by state."""
     origin: Mapping[str, str] = MappingProxyType({})
     """Where a number came from, by its key in a filter's file."""
     _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
     estimates_noise = True  # whether sensor noise with a memory is among its states
-    side_by_side = True  # whether runs side by side can share it
-    several_axes = True  # whether it takes a machine
+    side_by_side = True  # whether parallel runs can share it
+    several_axes = True  # whether it supports several axes
     by_model = True  # whether it predicts by the machine's model
-    predicts = "force held, all else exact"  # from a sample to the next, for the export's README
-    smooths = False  # whether mean and covariance follow the model that the smoother goes back by
-    #: What its steady-state gain follows from: a Riccati equation with the stiffnesses through the
-    #: origin, or with the tangents; or the gain is constant. None: it has no steady state.
+    predicts = "force held, all else exact"  # description of its prediction for the export's README
+    smooths = False  # whether mean and covariance follow the smoother's model
+    #: Basis of its steady-state gain: a Riccati equation with the stiffnesses through the origin,
+    #: or with the tangents; or the gain is constant. None: there is no steady state.
     steady: Literal["through_origin", "tangent", "constant"] | None = None
 
     def __init__(
@@ -143,7 +143,7 @@ class Estimator(AlongRecords, Described, Copyable):
 
     @classmethod
     def takes(cls, machine: Machine) -> bool:
-        """Whether it can be of a machine: of any, or of one with a single axis.
+        """Return whether it supports a machine: any, or one with a single axis.
 
         Parameters
         ----------
@@ -164,22 +164,22 @@ class Estimator(AlongRecords, Described, Copyable):
 
     @property
     def nominal(self) -> Estimator:
-        """The filter with the noise that it starts from; the inner one where noise is found."""
+        """The filter with its initial noise; with online noise estimation the inner one."""
         return self
 
     @cached_property
     def inputs(self) -> Inputs:
-        """What the controller reads; the exported C takes its inputs so. It may be set."""
+        """Scaling of the controller's inputs, also in the exported C. It may be set."""
         return Inputs(u=Scaling(unit=self.machine.control_unit))
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """What it was made with beside machine, magnet, noise and precision."""
+        """Options besides machine, magnet, noise and precision."""
         apart = ("machine", "magnet", "noise", "precision")
         return {name: value for name, value in self._made[1].items() if name not in apart}
 
     def for_machine(self, machine: Machine) -> Self:
-        """Return the same filter of a machine with the same axes, such as at another speed.
+        """Return the same filter for a machine with the same axes, such as at another speed.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ class Estimator(AlongRecords, Described, Copyable):
 
     @staticmethod
     def load(path: str | os.PathLike[str], *, precision: Precision = "float64") -> Estimator:
-        """Return the estimator in a file, of whatever kind it is.
+        """Return the estimator in a file, of any kind.
 
         Parameters
         ----------
@@ -219,7 +219,7 @@ class Estimator(AlongRecords, Described, Copyable):
         machine: str | os.PathLike[str] | None = None,
         magnet: str | os.PathLike[str] | None = None,
     ) -> None:
-        """Write all that makes it what it is as TOML, through a temporary file.
+        """Save its complete definition as TOML, through a temporary file.
 
         Parameters
         ----------
@@ -238,11 +238,11 @@ class Estimator(AlongRecords, Described, Copyable):
         late_binding.call("save_filter", self, path, machine, magnet)
 
     def linear_system(self) -> LinearSystem | None:
-        """Return the system from y and u to position and velocity, of one that predicts by none."""
+        """Return the system from y and u to position and velocity, for one without model."""
         return None
 
     def linear_model(self, k_i: Any, k_s: Any) -> LinearModel:
-        """Return what it predicts with as matrices.
+        """Return the model of its prediction as matrices.
 
         Parameters
         ----------
@@ -257,5 +257,5 @@ class Estimator(AlongRecords, Described, Copyable):
 
     @property
     def _parts(self) -> Callable[..., list[Part]]:
-        """What returns the parts of a machine that its model has."""
+        """Function that returns the parts of a machine in its model."""
         return machine_parts

@@ -1,4 +1,4 @@
-"""An estimator as a file: all that makes it what it is, and where each number came from.
+"""An estimator as a file: its complete definition, with the origin of each number.
 
 ::
 
@@ -61,48 +61,48 @@ from ambkit.machine.magnets import MagnetModel, Precision
 
 Limit = Annotated[int, Field(ge=0, strict=True)]
 
-FORMAT = 1  #: Version of the file that this ambkit writes, and the newest that it reads.
+FORMAT = 1  #: Newest file format: written by this ambkit, and the newest that it reads.
 
 
 class FilterFile(Document):
     """An estimator as a file."""
 
     format: Annotated[int, Field(ge=1, strict=True)] = FORMAT
-    """Version of the file's format; without it 1."""
+    """Version of the file format. By default 1."""
     kind: Name
-    """Of estimator, as ``ambkit filter --help`` lists them."""
+    """Kind, as listed by ``ambkit filter --help``."""
     description: Description = ""
-    """What it is for."""
+    """Purpose."""
     machine: PlantOf
-    """The machine that it assumes."""
+    """Machine."""
     sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)]
     """Time between two steps [s]: that of the machine."""
     gravity: Literal["known", "disturbance"] = "known"
     """Whether the weight is known, or part of the disturbance force."""
     gate: Annotated[float, Quantity("1", "8", above=0)] = 8.0
-    """Innovations beyond so many standard deviations are outliers."""
+    """Innovations beyond this many standard deviations are outliers."""
     frozen_limit: Limit = 10
-    """Equal measurements in a row from which on the sensor counts as frozen; 0: never."""
+    """Equal consecutive measurements from which the sensor counts as frozen; 0: never."""
     outlier_limit: Limit = 3
-    """Outliers in a row after which the filter believes them; 0: never."""
+    """Consecutive outliers after which the filter restarts; 0: never."""
     as_printed: bool = False
-    """Eq. 19 as the paper prints it."""
+    """Whether to use eq. 19 as printed."""
     noise: Assumed = Assumed()
-    """What it assumes of the noise."""
+    """Assumed noise."""
     options: dict[Name, float | Line | tuple[float, ...]] = Field(default_factory=dict)
-    """What only this kind has, such as memory or bandwidth, with units."""
+    """Options of the kind, such as memory or bandwidth, with units."""
     synchronous: tuple[Literal["unbalance", "runout"], ...] = ()
-    """What turns with the rotor and is estimated too."""
+    """Synchronous quantities that are estimated too."""
     magnet: Reference | None = None
-    """Expert (.json) or force map (.csv, .parquet) that it asks; without it, what its kind asks."""
+    """Expert (.json) or force map (.csv, .parquet) of the magnet. By default that of its kind."""
     magnets: dict[Name, Reference] = Field(default_factory=dict)
-    """Such files for all bearings of a machine, by their names."""
+    """Such files for all bearings of a machine, by name."""
     start: dict[Name, Line] = Field(default_factory=dict)
-    """Standard deviations at the start that are not the usual ones, by the names of states."""
+    """Initial standard deviations other than the default, by state."""
     inputs: Inputs = Field(default_factory=Inputs)
-    """What its inputs are in the rig; the exported C takes them so."""
+    """Scaling of its inputs in the rig, also in the exported C."""
     origin: dict[Name, Line] = Field(default_factory=dict)
-    """Where a number came from, by its key: record, command, version."""
+    """Origin of numbers by key: record, command, version."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -125,12 +125,12 @@ class FilterFile(Document):
 
     @property
     def plant(self) -> Any:
-        """The machine that it assumes."""
+        """The machine."""
         return self.machine.plant
 
     @model_serializer(mode="wrap")
     def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out what says nothing."""
+        """Omit empty values."""
 
         def said(value: Any) -> Any:
             if not isinstance(value, dict):
@@ -142,11 +142,11 @@ class FilterFile(Document):
 
         data: dict[str, Any] = said(handler(self))
         if not self.plant.single:
-            data.pop("inputs", None)  # which are of one axis
+            data.pop("inputs", None)  # for a single axis only
         return data
 
     def asked(self) -> MagnetModel | None:
-        """Return what it asks for k_i and k_s; None where its kind knows by itself.
+        """Return its magnet model; None for the default of its kind.
 
         Raises
         ------
@@ -205,7 +205,7 @@ class FilterFile(Document):
 
 
 def filter_file_for(path: str | os.PathLike[str], machine: Machine) -> FilterFile:
-    """Read a filter that is to run on a machine, with as many samples a second, axes, readings."""
+    """Read a filter for a machine with equal sampling time, axes and readings."""
     result, T = FilterFile.load(path), machine.sampling_time
     _check_alike(path, result.plant, machine)
     if abs(result.sampling_time - T) > 1e-9 * T:
@@ -225,7 +225,7 @@ def magnet_in(path: str | os.PathLike[str], machine: Machine) -> MagnetModel:
 
 
 def _of_options(kind: Any, options: Any) -> Iterator[tuple[str, str]]:
-    """Tell of a kind that there is not, and of options that it has not."""
+    """Yield unknown kinds and options."""
     if not isinstance(kind, str):
         return
     try:
@@ -244,7 +244,7 @@ def _of_options(kind: Any, options: Any) -> Iterator[tuple[str, str]]:
 
 
 def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
-    """Tell of what a filter of these axes has not, or not so many of."""
+    """Yield settings that do not match a filter of these axes."""
     machine, kind, single = view.machine, read("kind"), view.single
     if kind in KINDS and not KINDS[kind].estimator.takes(machine):
         names = ", ".join(axis.name for axis in machine.axes)
@@ -273,7 +273,7 @@ def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
 
 
 def _check_alike(path: str | os.PathLike[str], own: Any, other_machine: Machine) -> None:
-    """Refuse a filter of other axes or readings."""
+    """Reject a filter of other axes or readings."""
 
     def about(machine: Machine) -> str:
         if machine.single:
@@ -293,7 +293,7 @@ def _check_alike(path: str | os.PathLike[str], own: Any, other_machine: Machine)
 
 
 def _option(value: Any, unit: str) -> Any:
-    """Return an option's value in SI; a word, where its unit is empty."""
+    """Return an option's value in SI; a word if its unit is empty."""
     if not unit:
         return value
     if isinstance(value, str):
@@ -304,14 +304,14 @@ def _option(value: Any, unit: str) -> Any:
 
 
 def written(value: Any, unit: str) -> Any:
-    """Return a value as a file has it."""
+    """Return a value for a file."""
     if not unit or unit == "1":
         return value
     return units.engineering(in_si("option", value, unit), unit, digits=None)
 
 
 def _start(std_texts: Mapping[str, str], made: Estimator) -> dict[str, float]:
-    """Return standard deviations at the start in SI."""
+    """Return initial standard deviations in SI."""
     known = {state.name: state.unit for state in made.states}
     results = {}
     for name, text in std_texts.items():

@@ -1,4 +1,4 @@
-"""What stands in a filter's file: what it is of, which files belong to it, its noise."""
+"""Tables of a filter file: machine, other files, noise."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from ambkit.machine.loading import load_machine
 
 
 class Reference(Part):
-    """A file that belongs to a filter, and what it was when the filter was made."""
+    """A file used by a filter, with its hash at the time."""
 
     file: FilePath
-    """Its name, from where the filter's file lies."""
+    """Name, relative to the filter file."""
     sha256: Line = ""
-    """Hash of its content; without it any content will do."""
+    """Hash of its content. By default any content is accepted."""
 
     @classmethod
     def to(cls, path: str | os.PathLike[str]) -> Self:
-        """Return a reference to a file as it is now."""
+        """Return a reference to a file in its present state."""
         return cls(file=os.fspath(path), sha256=files.sha256(path))
 
     @classmethod
@@ -35,25 +35,25 @@ class Reference(Part):
 
 
 class PlantOf(Part):
-    """The machine that a filter assumes: a preset, or a file."""
+    """Machine of a filter: a preset, or a file."""
 
     preset: Name | None = None
-    """Its name, where it comes with ambkit."""
+    """Name of a preset."""
     file: FilePath | None = None
     """Its TOML file."""
     sha256: Line = ""
-    """Hash of that file; without it any content will do."""
+    """Hash of that file. By default any content is accepted."""
 
     @cached_property
     def plant(self) -> Any:
         """The machine itself."""
         if self.file is None and self.preset not in presets.names():
-            presets.text(self.preset or "")  # which says what there is
+            presets.text(self.preset or "")  # raises with the list of presets
         return load_machine(self.file or self.preset or "")
 
     @classmethod
     def of(cls, name: str | os.PathLike[str]) -> Self:
-        """Return what a user names: a preset, or a file as it is now."""
+        """Return a preset by name, or a file in its present state."""
         if name in presets.names():
             return cls(preset=str(name))
         return cls(file=os.fspath(name), sha256=files.sha256(name))
@@ -65,7 +65,7 @@ class PlantOf(Part):
             yield "file", "give either file or preset"
             return
         if not isinstance(file or preset, str | os.PathLike):
-            return  # that it is no name is said of the key itself
+            return  # reported for the key itself
         yield from _changed(file, read("sha256"))
         try:
             cls.model_construct(file=file, preset=preset).plant  # noqa: B018
@@ -74,9 +74,9 @@ class PlantOf(Part):
 
 
 class Assumed(Part):
-    """Variances that a filter assumes; the bearing's own where one is not given."""
+    """Variances assumed by a filter; by default the machine's."""
 
-    # Of several axes one number is for all readings or axes, a list has one for each.
+    # With several axes one number is for all readings or axes, a list has one for each.
 
     measurement: (
         Annotated[float | tuple[float, ...], OneOrEach("m^2", "225 µm^2", at_least=0)] | None
@@ -92,11 +92,11 @@ class Assumed(Part):
     disturbance: (
         Annotated[float | tuple[float, ...], OneOrEach("N^2/s", "77 N^2/s", at_least=0)] | None
     ) = None
-    """Q: growth of the disturbance force's variance [N^2/s]."""
+    """Q: process noise intensity of the disturbance force [N^2/s]."""
 
 
 def _changed(file: Any, sha256: Any) -> Iterator[tuple[str, str]]:
-    """Tell of a file that is not there, or not what it was."""
+    """Yield missing or changed files."""
     if not isinstance(file, str):
         return
     try:

@@ -1,4 +1,4 @@
-"""A filter written as a file, with what it needs beside it."""
+"""Saving of a filter, with the files it needs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def described(
     machine: str | os.PathLike[str],
     magnet: str | os.PathLike[str] | Mapping[str, Path] | None = None,
 ) -> FilterFile:
-    """Return what makes a filter, for a file."""
+    """Return the definition of a filter for a file."""
     kind = kind_of(filter)
     own = KINDS[kind].option_units
     all_options = {**getattr(filter, "inner", filter).options, **filter.options}
@@ -59,7 +59,7 @@ def described(
 
 
 def in_memory(filter: Estimator) -> FilterFile:
-    """Return what makes a filter but for its magnet, which is at hand; no file stays."""
+    """Return the definition of a filter without its magnet, which is in memory."""
     with tempfile.TemporaryDirectory() as folder:
         machine: str | Path | None = preset_of(filter.machine)
         if machine is None:
@@ -70,7 +70,7 @@ def in_memory(filter: Estimator) -> FilterFile:
 
 
 def _assumed(filter: Estimator) -> Assumed:
-    """Return what it assumes of the noise, that of a control signal in the signal's unit."""
+    """Return the assumed noise, that of a control signal in the signal's unit."""
     results = {name: getattr(filter.variances, name) for name in UNITS}
     for name, own in results.items():
         if isinstance(own, tuple) and len(set(own)) == 1:
@@ -84,17 +84,17 @@ def _assumed(filter: Estimator) -> Assumed:
 
 
 def made_by(command: str, what: str) -> str:
-    """Return where a number came from, as a filter's file tells it: from what, by which command."""
+    """Return the origin of a number for a filter file: source and command."""
     return f"{what}; ambkit {command} {version('ambkit')}"
 
 
 def origin_of(values: Iterable[str], origin: str) -> dict[str, str]:
-    """Return where numbers came from, by their keys in a file, for the names of tunables."""
+    """Return the origin of numbers by their keys in a file, for the names of tunables."""
     return {name if "." in name else f"options.{name}": origin for name in values}
 
 
 class NoFile(AmbkitError):
-    """What a filter knows of its magnet cannot be written."""
+    """The magnet model of a filter has no file format."""
 
 
 def load(path: str | os.PathLike[str], precision: Precision) -> Estimator:
@@ -108,7 +108,7 @@ def save(
     machine: str | os.PathLike[str] | None = None,
     magnet: str | os.PathLike[str] | None = None,
 ) -> None:
-    """Write a filter, and beside it what it needs and has no file yet."""
+    """Save a filter, and beside it the files it needs."""
     path, known, single = Path(path), filter.machine, filter.view.single
     if machine is None:
         machine = preset_of(known)
@@ -116,7 +116,7 @@ def save(
         machine = path.with_suffix(".machine.toml")
         known.save(machine)
     magnet_files: str | os.PathLike[str] | Mapping[str, Path] | None = magnet
-    if magnet is not None and not single:  # one file, for all bearings
+    if magnet is not None and not single:  # one file for all bearings
         magnet_files = dict.fromkeys((item.name for item in filter.machine.bearings), Path(magnet))
     if magnet is None and not _asks_its_own(filter):
         magnet_files = (
@@ -127,14 +127,14 @@ def save(
 
 
 def preset_of(known: Machine) -> str | None:
-    """Return the name of the preset that a bearing or a machine is, if it is one."""
+    """Return the name of the preset that a machine equals, if there is one."""
     usual = known.name in presets.names() and load_machine(known.name) == known
     unit_matches = usual and load_machine(known.name).control_unit == known.control_unit
     return known.name if unit_matches else None
 
 
 def _asks_its_own(filter: Estimator) -> bool:
-    """Whether a filter knows of its magnet what its kind does by itself."""
+    """Return whether a filter has the default magnet model of its kind."""
     kind = kind_of(filter)
     if KINDS[kind].magnet is None and kind != "table":
         return False
@@ -160,7 +160,7 @@ def _alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
 
 
 def _each_beside(path: Path, machine: Machine, magnet: MagnetModel) -> dict[str, Path]:
-    """Write what a machine's filter asks beside its file: for each bearing, by their names."""
+    """Write the magnet models of a machine's filter beside its file: for each bearing, by name."""
     assert isinstance(magnet, Bank)
     parts: dict[str, MagnetModel] = {}
     for axis, model in zip(machine.axes, magnet.models, strict=True):
@@ -173,7 +173,7 @@ def _each_beside(path: Path, machine: Machine, magnet: MagnetModel) -> dict[str,
 
 
 def _written_beside(path: Path, magnet: MagnetModel) -> Path:
-    """Write what a filter asks beside its file, and return where."""
+    """Write a magnet model beside a filter file, and return its path."""
     from ambkit.fuzzy.expert import Expert
 
     if isinstance(magnet, Expert):

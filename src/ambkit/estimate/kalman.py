@@ -46,7 +46,7 @@ class KalmanFilter(Estimator):
 
 
 class AdaptiveKalmanFilter(KalmanFilter):
-    """Kalman filter that asks for k_i and k_s at every sample (paper, Fig. 8).
+    """Kalman filter with k_i and k_s from a network at every sample (paper, Fig. 8).
 
     The stiffnesses are taken at the estimated displacement and the control current.
 
@@ -67,7 +67,7 @@ class AdaptiveKalmanFilter(KalmanFilter):
 
 
 class ExtendedKalmanFilter(Estimator):
-    """Extended Kalman filter: the force itself in the mean, its tangents in the covariance.
+    """Extended Kalman filter: the force in the mean, its tangents in the covariance.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class ExtendedKalmanFilter(Estimator):
 
 
 class UDKalmanFilter(ExtendedKalmanFilter):
-    """Extended Kalman filter on the factor U D U' of its covariance, for single precision.
+    """Extended Kalman filter with the factor U D U' of its covariance, for single precision.
 
     In exact arithmetic it is the extended filter; with constant stiffnesses, the linear one. In
     float32 its covariance stays positive definite whatever happens: no variance is a difference.

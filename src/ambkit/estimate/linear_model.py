@@ -1,4 +1,4 @@
-"""The linear model that an estimator predicts with, as matrices."""
+"""The linear prediction model of an estimator, as matrices."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from ambkit.models.model import Model
 class LinearModel(NamedTuple):
     """``X(k+1) = A X(k) + B u(k) + E f_0``, ``y(k) = H X(k)`` (paper, eq. 15-21); all in SI."""
 
-    # Of one axis and one sensor, or of several.
+    # For one axis and one sensor, or several.
 
     A: Array  # (n, n)
     B: Array  # (n, controls)
     E: Array  # (n, forces), by 1 N
     H: Array  # (sensors, n)
     Q: Array  # (n, n)
-    R: Any  # a number of one sensor; of several (sensors,)
+    R: Any  # scalar for one sensor; for several (sensors,)
 
     @classmethod
     def of(cls, model: Model, k_i: Any, k_s: Any, settings: Mapping[str, Any]) -> LinearModel:
-        """Return a model with the noise of some settings of the core, at an operating point."""
+        """Return a model with the noise of the core's settings, at an operating point."""
         gain, var_u = np.array(settings["k_ui"]), np.array(settings["var_u"])
         R = with_rounding(settings["var_y"], settings["step"], settings["dwell"])
         return cls(
@@ -39,7 +39,7 @@ class LinearModel(NamedTuple):
         )
 
     def scaled(self, units: Array) -> LinearModel:
-        """Return the model for states counted in these units (n,), for the numerics' sake."""
+        """Return the model with states in other units (n,), for numerical reasons."""
         D, inverse = np.diag(units), np.diag(1 / units)
         return self._replace(
             A=inverse @ self.A @ D,

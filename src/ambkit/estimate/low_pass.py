@@ -1,4 +1,4 @@
-"""Low-pass filters with numerical derivatives: what is done without a model of the noise."""
+"""Low-pass filters with numerical derivatives: the usual approach without a noise model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class LowPass(Estimator):
-    """First-order low-pass of the measurement, its difference quotient, and of the force.
+    """First-order low-pass of the measurement, its difference quotient, and the force.
 
     The disturbance force is what accelerates the rotor beyond the known forces (paper, eq. 16,
     solved for it), those of a current that, where amplifier or loop are late, follows from the
@@ -70,13 +70,13 @@ class LowPass(Estimator):
         super().__init__(machine, magnet, **options)
 
     def _usual_corners(self) -> dict[str, float]:
-        """Return the corners of least error [rad/s]: of noise that passes, and of lag."""
+        """Return the corner frequencies of least error [rad/s], of noise and lag."""
         R, Q = self.variances.measurement, self.variances.disturbance
         corners = core_module().corners(self.view.seen_by, R, Q)
         return dict(zip(("position", "velocity", "force"), corners, strict=True))
 
     def linear_system(self) -> LinearSystem:
-        """Return position and velocity of ``core/src/low_pass.c``; its force is beside them."""
+        """Return position and velocity of ``core/src/low_pass.c``; its force is separate."""
         T, gain = self.machine.sampling_time, self.machine.sensor.gain
         a, b = (-np.expm1(-self.corners[name] * T) for name in ("position", "velocity"))
         # x += a (y/K - x) =: dx, then v += b (dx/T - v)

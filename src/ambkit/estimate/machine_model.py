@@ -1,4 +1,4 @@
-"""A machine as its estimators see it: settings of the core, and where a filter starts."""
+"""A machine for its estimators: settings of the core, and initial states."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ambkit.models.model import ENUMERATORS, ROLES, Descriptor
 
 
 class View:
-    """A machine as its estimators see it: numbers of a single axis, arrays of several."""
+    """A machine for its estimators: scalars for a single axis, arrays for several."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
@@ -39,12 +39,12 @@ class View:
 
     @property
     def speed(self) -> float | None:
-        """Of rotation, the machine's own [rad/s]; None where the model does not depend on it."""
+        """Speed of rotation [rad/s]; None if the model does not depend on it."""
         return None if self.machine.rotor.type == "mass" else self.machine.speed
 
     @property
     def columns(self) -> dict[str, Any]:
-        """What an estimate is told of the names of axes and readings."""
+        """Names of axes and readings for an estimate."""
         return {
             "axes": tuple(axis.name for axis in self.machine.axes if axis.name),
             "readings": tuple(r.name for r in self.machine.readings if r.name),
@@ -59,31 +59,31 @@ class View:
 
     @cached_property
     def travel(self) -> Array:
-        """What the touch-down bearings leave to each coordinate of the rigid body [m] or [rad]."""
+        """Clearance of each rigid-body coordinate [m] or [rad]."""
         inverse, clearances = self._by_axes
         return np.asarray(np.abs(inverse) @ clearances)
 
     @cached_property
     def travel_seen(self) -> Array:
-        """And to each reading, without its gain (m,) [m]."""
+        """Clearance at each reading, without its gain (m,) [m]."""
         inverse, clearances = self._by_axes
         return np.asarray(np.abs(self.C[:, : self.rigid] @ inverse) @ clearances)
 
     @cached_property
     def seen(self) -> Array:
-        """Coordinates (q, m) that explain best what sensors look at, of a rotor that is rigid."""
+        """Coordinates (q, m) of a rigid rotor that fit the sensors' directions best."""
         result = np.zeros((self.C.shape[1], len(self.gains)))
         result[: self.rigid] = np.linalg.pinv(self.C[:, : self.rigid])
         return result
 
     @cached_property
     def steps(self) -> Array:
-        """Quantisation of each reading (m,) [m]; 0 where none is known."""
+        """Quantisation of each reading (m,) [m]; 0 if unknown."""
         return np.array([r.sensor.quantisation or 0.0 for r in self.machine.readings])
 
     @cached_property
     def displayed(self) -> Array:
-        """Coordinates (q, m) that explain readings best of a rotor that does not bend."""
+        """Coordinates (q, m) of a rigid rotor that fit the readings best."""
         result = np.zeros((self.C.shape[1], len(self.gains)))
         result[: self.rigid] = np.linalg.pinv(self.gains[:, None] * self.C[:, : self.rigid])
         return result
@@ -93,7 +93,7 @@ class View:
         return self.along(self.H, states)
 
     def along(self, lines: Array, states: Sequence[Descriptor]) -> tuple[Array, Array]:
-        """Return displacements and velocities along lines of coordinates, by the states."""
+        """Return displacements and velocities along rows of coordinates, by the states."""
         # lines (rows, q)
         results = []
         for roles in (("position", "bending"), ("velocity", "bending velocity")):
@@ -103,7 +103,7 @@ class View:
         return results[0], results[1]
 
     def variances(self, noise: FilterNoise) -> Variances:
-        """Return what a filter assumes, one number for each reading and axis."""
+        """Return the variances assumed by a filter, one for each reading and axis."""
         for name, text in self.count_of(noise):
             raise ValueError(f"{name} {text}")
         readings, axes = self.machine.readings, self.isolated
@@ -116,7 +116,7 @@ class View:
         return full
 
     def count_of(self, noise: FilterNoise) -> Iterator[tuple[str, str]]:
-        """Yield which variances of a noise are too few or too many, by their keys."""
+        """Yield variances of a noise in a wrong number, by key."""
         axes = len(self.isolated)
         for name, count in zip(Variances._fields, (len(self.gains), axes, axes), strict=True):
             variances = getattr(noise, name)
@@ -130,17 +130,17 @@ class View:
     def _each(
         self, variances: Any, items: Sequence[Any], usual: Callable[[Any], float] | None
     ) -> Any:
-        """Return the variances that a noise states for readings or axes, or the usual ones."""
+        """Return the variances of a noise for readings or axes, or the defaults."""
         if variances is None:
             variances = tuple(map(usual, items) if usual else core_module().intensity(self.seen_by))
         return self.plain(variances if isinstance(variances, tuple) else (variances,) * len(items))
 
     def plain(self, values: Sequence[Any]) -> Any:
-        """Return a tuple, or of a single axis its number."""
+        """Return a tuple, or for a single axis its number."""
         return values[0] if self.single else tuple(values)
 
     def growth(self, variances: Variances, noises: Sequence[Descriptor]) -> list[float]:
-        """Return the variances of a model's noises, the loads' in a sample [N^2]."""
+        """Return the variances of a model's noises, of disturbances per sample [N^2]."""
         T, p = self.machine.sampling_time, len(self.isolated)
         return [
             *(T * item for item in several(variances.disturbance)),
@@ -150,7 +150,7 @@ class View:
     def settings(
         self, variances: Variances, states: Sequence[Descriptor], noises: Sequence[Descriptor]
     ) -> dict[str, Any]:
-        """Return what the core is told but for known forces and limits of judgement."""
+        """Return the settings of the core except for known forces and limits."""
         machine, axes = self.machine, self.isolated
         return {
             "T": machine.sampling_time,
@@ -172,7 +172,7 @@ class View:
 
     @cached_property
     def seen_by(self) -> dict[str, Any]:
-        """What the settings that nobody states follow from: ``amb_view`` (``sim/settings.h``)."""
+        """Basis of the default settings: ``amb_view`` (``sim/settings.h``)."""
         machine, axes, sensors = self.machine, self.isolated, self.machine.readings
         return {
             "T": machine.sampling_time,
@@ -195,24 +195,24 @@ class View:
         }
 
     def caps(self, states: Sequence[Descriptor]) -> list[float]:
-        """Return the most that each state can be (``ambkit/envelope.h``)."""
+        """Return the maximum of each state (``ambkit/envelope.h``)."""
         none = [0.0] * len(self.gains)
         return list(core_module().caps_and_start(self.seen_by, *self.sized(states), none)[0])
 
     def start_std(self, variances: Variances, states: Sequence[Descriptor]) -> tuple[float, ...]:
-        """Return the standard deviations with which a filter starts; see `Estimator.reset`."""
+        """Return the initial standard deviations of a filter; see `Estimator.reset`."""
         by_states = {"run_out": self._run_out(states), "bent": self.bent(states)}
         seen_by = self.seen_by | {name: item.tolist() for name, item in by_states.items()}
         var_y = several(variances.measurement)
         return tuple(core_module().caps_and_start(seen_by, *self.sized(states), var_y)[1])
 
     def bent(self, states: Sequence[Descriptor]) -> Array:
-        """Return the variances of the rigid coordinates by bending, as readings show it (q,)."""
+        """Return the variances of the rigid coordinates due to bending, by the readings (q,)."""
         sizes = np.array([state.size for state in states if state.role == "bending"])
         return np.asarray((self.seen[: self.rigid] @ self.C[:, self.rigid :]) ** 2 @ sizes**2)
 
     def sized(self, states: Sequence[Descriptor]) -> tuple[list[Any], ...]:
-        """Return states as ``amb_view_states`` has them: roles, of what they are, their sizes."""
+        """Return states for ``amb_view_states``: roles, indices, sizes."""
         seen: dict[str, int] = {}
         indices = []
         for state in states:
@@ -228,9 +228,9 @@ class View:
         )
 
     def _run_out(self, states: Sequence[Descriptor]) -> Array:
-        """Return what runout adds to the readings' variance, where it is among the states [m^2]."""
-        # A start from the first readings is no surer than that of where the rotor is; else it would
-        # tell unbalance from runout at a constant speed, where nothing does.
+        """Return the variance of the readings due to runout, if it is among the states [m^2]."""
+        # A start from the first readings is no more certain than the rotor's position; otherwise it
+        # would distinguish unbalance from runout at constant speed, where nothing does.
         result = np.zeros(len(self.gains))
         for state in states:
             if state.role == "runout" and state.name.endswith("_c"):
@@ -240,21 +240,21 @@ class View:
         return result
 
     def axis_of(self, state: Descriptor) -> int:
-        """Return which axis a current or a past control is of."""
+        """Return the axis of a current or a past control."""
         names = [axis.name for axis in self.machine.axes]
         return 0 if len(names) == 1 else names.index(state.name.split("_")[1])
 
     def known_forces(self, magnet: Any, *, weight: bool) -> list[float]:
-        """Return the forces along the axes that a filter knows [N]."""
+        """Return the known forces along the axes [N]."""
         weights = weights_of(self.machine) if weight else [0.0] * len(self.isolated)
         bias = bias_forces_of(magnet, self.machine)
         return [w + b for w, b in zip(weights, bias, strict=True)]
 
     def levitation_current(self, magnet: Any, states: Sequence[Descriptor]) -> Any:
-        """Return for each axis the current that holds the rotor in the middle, and its slope."""
-        if not {"current", "past control"} & {state.role for state in states}:  # nobody asks
+        """Return the levitation current of each axis at the centre, and its slope."""
+        if not {"current", "past control"} & {state.role for state in states}:  # not needed
             return self.plain([(0.0, 0.0)] * len(self.isolated))
-        # The weight is there, whether a filter knows it or takes it for a disturbance.
+        # The weight acts, whether it is known or part of the disturbance.
         known = self.known_forces(magnet, weight=True)
         axes = zip(self.isolated, models_of(magnet), known, strict=True)
         return self.plain([_levitation_current(*axis) for axis in axes])
@@ -263,12 +263,12 @@ class View:
         self, states: Sequence[Descriptor], levitation_current: Any, x: Any, readings: Any = None,
         currents: Any = None, precision: str = "float64",
     ) -> Array:  # fmt: skip
-        """Return the states (n,) or (runs, n) of a rotor at rest: `Estimator.equilibrium_state`."""
+        """Return the states (n,) or (runs, n) in equilibrium: `Estimator.equilibrium_state`."""
         q, y, i = (self._last(item) for item in (x, readings, currents))
         q = np.broadcast_to(q, (*q.shape[:-1], self.H.shape[1]))
         if y is None:
             y = self.gains * _times(self.C, q)
-        if i is None:  # what holds the rotor is in the precision of an exported filter
+        if i is None:  # levitation current in the precision of an exported filter
             i0, slope = np.atleast_2d(levitation_current).astype(precision).T
             i = i0 + slope * _times(self.H, q).astype(precision)
         columns = {"position": q.T, "sensor": y.T}
@@ -286,9 +286,9 @@ class View:
     def initial_state(
         self, states: Sequence[Descriptor], levitation_current: Any, y: Array, precision: str
     ) -> Array:
-        """Return the states (n,) or (runs, n) at rest at the first readings within the travel."""
-        # y (N, m), of a single axis (N,) or (runs, N). In the precision and the order of an
-        # exported filter.
+        """Return the equilibrium states (n,) or (runs, n) at the first valid readings."""
+        # y (N, m), for a single axis (N,) or (runs, N). In the precision and order of an exported
+        # filter.
         if self.single:
             rows = y.reshape(-1, y.shape[-1], 1)
             first = np.array([self.first(row) for row in rows], precision).reshape(y.shape[:-1])
@@ -309,13 +309,13 @@ class View:
         return a[..., None] if self.single or a.ndim == 0 else a
 
     def column(self, signals: NDArray[Any]) -> NDArray[Any]:
-        """Return signals (N, k), of a single axis its one (N,)."""
+        """Return signals (N, k), for a single axis its one (N,)."""
         return np.ascontiguousarray(signals[:, 0]) if self.single else signals
 
     def start_form(
         self, states: Sequence[Descriptor], levitation_current: list[tuple[float, float]]
     ) -> tuple[Array, Array]:
-        """Return what starts the states at rest where readings y show the rotor."""
+        """Return the equilibrium states as an affine function of the readings y."""
         # returns (n,), (n, m)
         zero, one = np.zeros(self.H.shape[1]), np.eye(len(self.gains))
         constant = self.equilibrium_state(states, levitation_current, zero).ravel()
@@ -326,8 +326,8 @@ class View:
         return constant, np.column_stack(columns)
 
     def first(self, y: Array) -> Array:
-        """Return the first readings (m,) of a record (N, m) that are all within the travel."""
-        limit = self.limits.astype(y.dtype)  # as an exported filter compares
+        """Return the first readings (m,) of a record (N, m) that are all within the clearance."""
+        limit = self.limits.astype(y.dtype)  # as compared by an exported filter
         if len(y) and bool((np.abs(y[0]) <= limit).all()):
             return np.asarray(y[0])
         good = np.flatnonzero((np.abs(y) <= limit).all(axis=1))
@@ -335,7 +335,7 @@ class View:
 
     @cached_property
     def limits(self) -> Array:
-        """Readings (m,) at the ends of the travel [m]."""
+        """Readings (m,) at the ends of the clearance [m]."""
         return np.asarray(np.abs(self.gains) * self.travel_seen)
 
     def signals(self, record: Record) -> tuple[Array, Array]:
@@ -353,7 +353,7 @@ class View:
 
 
 def several(values: Any) -> list[Any]:
-    """Return numbers as a list, of a single axis too."""
+    """Return numbers as a list, for a single axis too."""
     return list(values) if isinstance(values, tuple | list) else [values]
 
 
@@ -363,7 +363,7 @@ def _times(A: Array, x: Array) -> Array:
 
 
 def _levitation_current(axis: Machine, magnet: MagnetModel, known: float) -> tuple[float, float]:
-    """Return the current that holds the rotor in the middle [A], and its slope there [A/m]."""
+    """Return the levitation current at the centre [A], and its slope there [A/m]."""
     step = 0.1 * axis.clearance
     less, middle, more = (levitation_current(axis, magnet, x, known) for x in (-step, 0.0, step))
     return middle, (more - less) / (2 * step)

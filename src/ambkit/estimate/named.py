@@ -1,4 +1,4 @@
-"""Estimators by their names, each with what it asks of the magnet where nobody gives it."""
+"""Estimators by name, with their default magnet models."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 
 EXPERTS = (".json", ".csv", ".parquet")
-"""Endings of an expert's file, and of the points of a force map."""
+"""Suffixes of an expert's file, and of the points of a force map."""
 
 
 def experts(path: Path, machine: Machine) -> MagnetModel:
-    """Return the expert in a file for each axis of a machine, whose magnets must be alike."""
+    """Return the expert in a file for each axis of a machine, whose magnets must be equal."""
     axes = isolated_axes(machine)
     other = next((b.name for b in axes if b.magnet != axes[0].magnet), None)
     if other is not None:
@@ -46,27 +46,27 @@ def experts(path: Path, machine: Machine) -> MagnetModel:
 
 
 AT = "@"
-"""Between a kind and the file with what it asks of its magnet, as in ``adaptive@expert.json``."""
+"""Separator of a kind and the file of its magnet model, as in ``adaptive@expert.json``."""
 
 PLUS = "+"
-"""Between a kind and what it estimates too of a rotor that turns, as in ``linear+unbalance``."""
+"""Separator of a kind and its synchronous states, as in ``linear+unbalance``."""
 
 USUAL = ("linear", "adaptive", "closed-law")
-"""Who is compared where nobody says it: without, with a learned and with the exact stiffness."""
+"""Default comparison: constant, learned and exact stiffness."""
 
 
 class Factory(Protocol):
-    """What builds an estimator."""
+    """Builder of an estimator."""
 
     def __call__(
         self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
     ) -> Estimator:
-        """Build a fresh one; by default it assumes the bearing's own noise."""
+        """Build a new one; by default with the machine's own noise."""
 
 
 @dataclass(frozen=True)
 class FromKind:
-    """What makes a filter of a kind."""
+    """Builder of a kind."""
 
     kind: str
     machine: Machine
@@ -76,7 +76,7 @@ class FromKind:
     def __call__(
         self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
     ) -> Estimator:
-        """Make one that assumes this noise, by default that of the machine."""
+        """Build one with this noise, by default the machine's."""
         options = {"synchronous": self.synchronous} if self.synchronous else {}
         try:
             return KINDS[self.kind].make(
@@ -88,7 +88,7 @@ class FromKind:
 
 @dataclass(frozen=True)
 class FromFile:
-    """What builds the filter in a file: it assumes what the file says, and nothing else."""
+    """Builder of a filter file, which defines the noise too."""
 
     file: FilterFile
     magnet: MagnetModel | None = None
@@ -96,13 +96,13 @@ class FromFile:
     def __call__(
         self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
     ) -> Estimator:
-        """Build a fresh one; `noise` is that of others, and left alone."""
+        """Build a new one; `noise` is ignored."""
         return self.file.make(precision=precision, magnet=self.magnet)
 
 
 @dataclass(frozen=True)
 class FromObject:
-    """What copies a filter that exists, or calls a function that makes one."""
+    """Copies an existing filter, or calls a function that makes one."""
 
     name: str
     source: Estimator | Callable[[], Any]
@@ -111,12 +111,12 @@ class FromObject:
     def __call__(
         self, noise: FilterNoise | None = None, *, precision: Precision | None = None
     ) -> Estimator:
-        """Return one of its own; `noise` is that of others, and left alone."""
+        """Return a new one; `noise` is ignored."""
         made: Any = self.source
         if not isinstance(made, Estimator):
             needed = [p for p in signature(made).parameters.values() if p.default is p.empty]
             made = made(self.machine) if needed else made()
-        if not isinstance(made, Estimator):  # a class of one's own, or an object of one
+        if not isinstance(made, Estimator):  # a class of the user, or an object of one
             make: Any = made if is_own(made) else self.source
             made = OwnEstimator(self.machine, make, self.name)
         if precision not in (None, made.precision):
@@ -134,7 +134,7 @@ class FromObject:
 def factories(
     filters: Any, machine: Machine, synchronous: Sequence[str] = ()
 ) -> dict[str, Factory]:
-    """Return what makes each filter, of whatever a verb takes as `filter`."""
+    """Return the builders of filters, from any argument of a verb."""
     if isinstance(filters, Mapping):
         return {name: _factory(name, item, machine) for name, item in filters.items()}
     several = names_in(Estimator, type, filter=filters)
@@ -151,7 +151,7 @@ def factories(
 
 
 def filter_of(filter: Any, machine: Machine) -> Estimator:
-    """Return the one filter of a loop: an estimator itself, anything else made for the machine."""
+    """Return the filter of a loop: an estimator itself, anything else built for the machine."""
     if isinstance(filter, str | os.PathLike):
         built = factories([os.fspath(filter)], machine)
         if len(built) > 1:
@@ -202,7 +202,7 @@ def _named(
 
 
 def expanded(names: Iterable[str]) -> list[str]:
-    """Return names of estimators, each once, with all kinds for ``"all"``."""
+    """Return unique names of estimators, with all kinds for ``"all"``."""
     results: dict[str, None] = {}
     for name in map(os.fspath, names):
         check_named(name)

@@ -1,4 +1,4 @@
-"""What an estimator assumes of the noise."""
+"""Noise model of an estimator."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNITS = {"measurement": "m^2", "control": "V^2", "disturbance": "N^2/s"}  #: Of 
 
 @dataclass(frozen=True, init=False)
 class FilterNoise:
-    """Variances that a filter assumes; ``None`` takes the bearing's own figure.
+    """Variances assumed by a filter; ``None`` means the machine's.
 
     Parameters
     ----------
@@ -77,16 +77,16 @@ def _read(name: str, value: Given | None, unit: str) -> float | None:
 
 
 class Variances(NamedTuple):
-    """What a filter assumes: R [m^2], control signal [V^2], growth of the disturbance [N^2/s]."""
+    """Variances of a filter: R [m^2], control signal [V^2], disturbance intensity [N^2/s]."""
 
-    # Numbers of one axis; tuples of numbers of a machine, for each reading or axis.
+    # Scalars for one axis; tuples for a machine, for each reading or axis.
 
     measurement: Any
     control: Any
     disturbance: Any
 
     def growth(self, T: float, noises: Sequence[Descriptor]) -> list[float]:
-        """The variances of a model's noises: the load's in a sample [N^2], the others' own."""
+        """Variances of a model's noises: of disturbances per sample [N^2], of others their own."""
         _, *others = noises
         return [T * self.disturbance, *(noise.size**2 for noise in others)]
 
@@ -94,8 +94,8 @@ class Variances(NamedTuple):
 def with_rounding(
     variances: Sequence[float], steps: Sequence[float], samples: float
 ) -> list[float]:
-    """Return variances of white noise with that of rounding to steps [m^2]."""
-    # As ``core/include/ambkit/kalman.h`` has it.
+    """Return variances of white noise including quantisation [m^2]."""
+    # As in ``core/include/ambkit/kalman.h``.
     return [
         v + q**2 / 12 * (samples if q**2 > VERY_COARSE * v else 1.0)
         for v, q in zip(variances, steps, strict=True)
@@ -104,8 +104,8 @@ def with_rounding(
 
 def held_rounding(variance: float, step: float, samples: float) -> float:
     """Return the variance [m^2] for a constant gain, of a rotor that moves less than a step."""
-    # What the noise leaves of the rounding at a place, its first harmonic, stays for so many
-    # samples (Widrow & Kollar 2008, quantisation noise with a Gaussian input).
+    # The part of the rounding that the noise does not average out, its first harmonic, persists for
+    # so many samples (Widrow & Kollar 2008, quantisation noise with a Gaussian input).
     if step**2 <= COARSE * variance or step**2 > VERY_COARSE * variance:
         return with_rounding([variance], [step], samples)[0]
     share = 6 / math.pi**2 * math.exp(-4 * math.pi**2 * variance / step**2)
@@ -113,7 +113,7 @@ def held_rounding(variance: float, step: float, samples: float) -> float:
 
 
 def check_variances(variances: Variances) -> None:
-    """Raise ValueError where a variance is negative or not finite."""
+    """Raise ValueError for variances that are negative or not finite."""
     for name, unit in UNITS.items():
         variance = getattr(variances, name)
         for value in variance if isinstance(variance, tuple) else (variance,):

@@ -28,56 +28,58 @@ if TYPE_CHECKING:
 
 
 FAST_SENSOR = 0.05
-"""Of a sensor's last value, what is left after a sample, below which it is one without lag."""
+"""Transition of a sensor over a sample below which it counts as one without lag."""
 
 QUICK_SENSOR = 0.5
-"""The same, below which its pole is not slowed down where steps are very coarse."""
+"""Transition below which its pole is not slowed down for very coarse steps."""
 
 WANDER = 0.01
-"""Of its frequency, how fast a line of hum is taken to wander that is said to stand still: a gain
-that is constant could not find such a line."""
+"""Assumed relative bandwidth of a line with zero width: a constant gain could not track it
+otherwise.
+"""
 
 LEAST_BANDWIDTH = 2.4
-"""Of a constant gain with very coarse steps, over the unstable pole: a loop that is fed by a slower
-estimate swings over tens of steps."""
+"""Poles with very coarse steps, over the unstable pole: a loop with a slower estimate oscillates
+over tens of steps.
+"""
 
-DOUBLINGS = 40  #: Of the steps after which a constant gain has settled.
+DOUBLINGS = 40  #: Doublings of the steps after which a constant gain has settled.
 
 BANDWIDTHS = tuple(2 ** (n / 4) for n in range(-4, 41))
-"""Of an observer, over the unstable pole: of these that with the least stated error of position."""
+"""Candidate observer poles, over the unstable pole: selected is the least stated position error."""
 
 LED = ("position", "velocity", "disturbance force", "sensor")
-"""Roles of the states whose poles are placed; currents follow from the controls."""
+"""Roles of the states with placed poles; currents follow from the controls."""
 
 
 class _Observer(Estimator):
-    """Constant gain; the kinds differ in where it comes from.
+    """Constant gain; the kinds differ in its origin.
 
     What it says of its covariance, and expects of an innovation, is that of the machine, with
     sensor noise that the observer itself has no states for.
     """
 
-    gain: Array  # (n,), for the update
+    gain: Array  # (n,), for the measurement update
     several_axes = False
     steady = "constant"
 
     def _gain(self, model: LinearModel, states: Sequence[Descriptor], *, coarse: bool) -> Array:
         """Return the gain (n,) of all states of a model."""
-        # coarse: the estimate is held to very coarse steps.
+        # coarse: the estimate is limited to very coarse steps.
         raise NotImplementedError
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         k = ConstantStiffness.of(self.machine)
-        # The states are counted in their own units, or the equations below lose their digits
-        # between newtons and micrometres.
+        # States are scaled, because the equations lose their digits between newtons and
+        # micrometres.
         full_model = _whole(engine)
         units = np.array(self.view.start_std(self.variances, full_model.states))
         variance, step, dwell = settings["var_y"][0], settings["step"][0], settings["dwell"]
         intensity = self.view.growth(self.variances, full_model.noises)
         coarse = step**2 > VERY_COARSE * variance
         if coarse:
-            # Within its step the rotor is pulled by a force that is as unknown as its place, for
-            # about its time constant.
+            # Within its step the force on the rotor is as unknown as its position, for about its
+            # time constant.
             intensity[0] += (float(k.k_s) * step / settings["K_sen"][0]) ** 2 / 12 / (2 * dwell)
         small = LinearModel.of(full_model, k.k_i, k.k_s, settings | {"var_d": intensity}).scaled(
             units
@@ -87,7 +89,7 @@ class _Observer(Estimator):
         slow = math.exp(-LEAST_BANDWIDTH * unstable_pole(self.machine) * settings["T"])
         errors = small.A - np.outer(L, small.H @ small.A)
         if coarse and np.abs(np.linalg.eigvals(errors)).max() > slow:
-            # The estimate is held to its step, so its rounding may count as white.
+            # The estimate is limited to its step, so its rounding counts as white.
             R = held_rounding(variance, step, 1.0)
             L = self._gain(small._replace(R=R), full_model.states, coarse=coarse)
         P, S = _steady(small._replace(R=max(R, small.R)), L)
@@ -108,7 +110,7 @@ class _Observer(Estimator):
 
 
 class ExtendedStateObserver(_Observer):
-    """Luenberger observer whose states include the disturbance: an extended state observer.
+    """Luenberger observer with the disturbance among its states: an extended state observer.
 
     All poles of the estimation error lie at ``exp(-bandwidth T)``, but for the sensor's own where
     that is faster than a third of a sample. The currents of a late amplifier or loop follow from
@@ -181,7 +183,7 @@ class ExtendedStateObserver(_Observer):
 
 
 class SteadyStateKalmanFilter(_Observer):
-    """Kalman filter with the gain that it settles to: the algebraic Riccati equation's.
+    """Kalman filter with its steady-state gain, from the algebraic Riccati equation.
 
     Its stationary solution (Kalman, 1960; as Simon, 2006, section 7.3, has it for sampled models).
 
@@ -221,18 +223,18 @@ def _whole(engine: Engine) -> Model:
 
 
 def _of_the_led(A: Array, led: list[int]) -> Array:
-    """Return the transition of some states, with the others where these would hold them."""
+    """Return the transition of some states, with others that depend on them."""
     others = [k for k in range(len(A)) if k not in led]
     fast = np.eye(len(others)) - A[np.ix_(others, others)]
-    if not A[np.ix_(others, led)].any():  # they follow from the controls alone
+    if not A[np.ix_(others, led)].any():  # they follow from the controls only
         return A[np.ix_(led, led)]
     held = np.linalg.lstsq(fast, A[np.ix_(others, led)])[0]
     return np.asarray(A[np.ix_(led, led)] + A[np.ix_(led, others)] @ held)
 
 
 def unstable_pole(machine: Machine) -> float:
-    """Return the pole at which the rotor falls out of its middle, sqrt(k_s / m) [rad/s]."""
-    # Of several axes, of the fastest alone.
+    """Return the unstable pole of the rotor at the centre, sqrt(k_s / m) [rad/s]."""
+    # With several axes that of the fastest isolated one.
     return max(
         math.sqrt(ConstantStiffness.of(isolated_axis).k_s / isolated_axis.rotor.mass)
         for isolated_axis in isolated_axes(machine)
@@ -240,13 +242,13 @@ def unstable_pole(machine: Machine) -> float:
 
 
 def placed(model: LinearModel, pole: float, *, keep_sensor: bool = False) -> Array:
-    """Return the update's gain (4,) that puts all poles of ``(I - L H) A`` at one place."""
-    # A quick sensor's own pole is kept where the estimate is held to very coarse steps: with gains
-    # that slow it down each holding would set off a transient, a thousandfold.
-    # Of the states x, v, f_d, x_m. By Ackermann's formula (Ackermann 1972) for the pair A, H A. The
-    # lagged position of a sensor that lags by less than a third of a sample is taken to be its last
-    # measurement: its pole is zero, and the other three are placed. To slow it down as well would
-    # take gains that let the error of a start grow three thousandfold before it decays.
+    """Return the update gain (4,) that places all poles of ``(I - L H) A`` together."""
+    # A fast sensor's own pole is kept if the estimate is limited to very coarse steps: with gains
+    # that slow it down each limitation would cause a large transient. For the states x, v, f_d,
+    # x_m, by Ackermann's formula (Ackermann 1972) for the pair A, H A. For a sensor lag below a
+    # third of a sample the lagged position is its last measurement: its pole is zero, and the other
+    # three are placed. Slowing it down as well would need gains that let an initial error grow by
+    # three thousand before it decays.
     A, H = model.A, model.H @ model.A
     n = 4
     if A[3, 3] < FAST_SENSOR:
@@ -264,8 +266,8 @@ def placed(model: LinearModel, pole: float, *, keep_sensor: bool = False) -> Arr
 
 
 def _grown(model: LinearModel, L: Array, start: Array) -> Array:
-    """Return the most (n,) that an error within plus or minus ``2 start`` (n,) can grow to."""
-    # That is the error of a start between the caps, and of a mean that was held to them.
+    """Return the maximum (n,) of an error that starts within plus or minus ``2 start`` (n,)."""
+    # That is the error of a start between the caps, and of a mean limited to them.
     n = len(L)
     step = (np.eye(n) - np.outer(L, model.H)) @ model.A
     now, most = np.eye(n), 2 * start
@@ -279,11 +281,12 @@ def _grown(model: LinearModel, L: Array, start: Array) -> Array:
 
 
 def _steady(model: LinearModel, L: Array) -> tuple[Array, float]:
-    """Return the covariance (n, n) that a constant gain settles to, and the innovation's."""
+    """Return the steady-state covariance (n, n) of a constant gain, and the innovation's."""
     left = np.eye(len(L)) - np.outer(L, model.H)
     noise = left @ model.Q @ left.T + model.R * np.outer(L, L)
     P, step = noise, left @ model.A
-    for _ in range(DOUBLINGS):  # Smith 1968: sum of step^k noise step'^k, twice as many each time
+    # Smith 1968: sum of step^k noise step'^k, doubling the number of terms
+    for _ in range(DOUBLINGS):
         P, step = P + step @ P @ step.T, step @ step
     predicted = model.A @ P @ model.A.T + model.Q
     return np.asarray((P + P.T) / 2), (model.H @ predicted @ model.H.T).item() + model.R

@@ -1,4 +1,4 @@
-"""A machine's model as what follows from its parameters: ``core/include/ambkit/rebuild.h``."""
+"""A machine's model as a function of its parameters: ``core/include/ambkit/rebuild.h``."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from ambkit.models.model import NUMBER, ONE, Pattern
 from ambkit.models.sampling import Kinds, Sampling
 
 Change = Callable[[str, float, float, float], float]
-"""From a parameter's name, value and limits to its new value."""
+"""Function from a parameter's name, value and limits to its new value."""
 
-DECADE = 10.0  #: By how much parameters may change, either way.
+DECADE = 10.0  #: Range of the parameters, as a factor in both directions.
 
 
 class Rebuild(NamedTuple):
-    """How a model follows from parameters."""
+    """A model as a function of its parameters."""
 
-    names: tuple[str, ...]  #: Of the parameters, ...
-    values: Array  #: ... as the machine has them, in SI.
-    fields: dict[str, Any]  #: Of ``amb_rebuild``.
+    names: tuple[str, ...]  #: Names of the parameters, ...
+    values: Array  #: ... their values in the machine, in SI ...
+    fields: dict[str, Any]  #: ... and the fields of ``amb_rebuild``.
 
     @classmethod
     def of(
         cls, machine: Machine, *, parts: Callable[..., Any] = machine_parts, noise: bool = True,
         synchronous: Sequence[str] = (), timed: bool = False,
     ) -> Rebuild:  # fmt: skip
-        """Return that of the model that an engine has of a machine; `timed`: at any T."""
+        """Return that of an engine's model of a machine; `timed`: for any T."""
         formulas, values = Formulas(), list[float]()
 
         def recorded(name: str, value: float, low: float, high: float) -> float:
@@ -54,13 +54,13 @@ class Rebuild(NamedTuple):
         return cls(tuple(formulas.names), np.array(values), fields)
 
     def numbers(self, core: Any, values: Mapping[str, float]) -> Array:
-        """Return the numbers of the model with other values of some parameters."""
+        """Return the values of the model for other parameter values."""
         all_values = dict(zip(self.names, self.values.tolist(), strict=True)) | dict(values)
         return np.asarray(core.rebuild(self.fields, [all_values[name] for name in self.names]))
 
 
 def with_parameters(machine: Machine, change: Change) -> Machine:
-    """Return a machine with changed numbers of what can change on a rig, unchecked."""
+    """Return a machine with other values of parameters that can change on a rig, unchecked."""
     T, rotor = machine.sampling_time, machine.rotor
     update: dict[str, Any] = {}
     if rotor.type != "mass":
@@ -109,7 +109,7 @@ def _fields(of: Sampling, formulas: Formulas) -> dict[str, Any]:
         name: [{state: formulas.slot(item) for state, item in row.items()} for row in rows]
         for name, rows in forms.items()
     }
-    # From here on all slots are known: numbers of the model are the places that they come from.
+    # From here on all slots are known: values of the model are their sources' indices.
     first = size * size + layout.N.size
 
     def place(slot: Slot) -> int:

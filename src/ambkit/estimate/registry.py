@@ -1,4 +1,4 @@
-"""The kinds of estimators by name: how each is made, called in C, and what can be tuned in it.
+"""Registry of the kinds of estimators: construction, C interface, tunables.
 
 A new kind is a C file with its binding, a Python file, and a line of `KINDS`; commands, exports and
 comparisons take theirs from here. Classes stand as names: the commands show the kinds in their help
@@ -26,41 +26,41 @@ from ambkit.machine.machine import Machine
 
 @dataclass(frozen=True)
 class InCore:
-    """How a kind is called in the core (``ambkit/estimator.h``)."""
+    """A kind in the core (``ambkit/estimator.h``)."""
 
     binding: str  #: Class of ``ambkit._core``; in C the same with underscores.
-    #: Whether it has numbers that only this kind has, and so a file of its own.
+    #: Whether it has data of its own kind, in a file of its own.
     has_own: bool = True
-    #: Whether its state is more than an ``amb_kalman_state``; it has a file of its own then, too.
+    #: Whether its state is more than an ``amb_kalman_state``, in a file of its own.
     has_state: bool = False
-    base: str = ""  #: Where in such a state the members of ``amb_kalman_state`` are.
-    #: Where the covariance is that the others of such a state follow from; by default the base's.
+    base: str = ""  #: Path of ``amb_kalman_state`` in such a state.
+    #: Path of the covariance that determines the others of such a state; by default the base's.
     covariance: str = ""
-    calls: tuple[str, ...] = ()  #: Files that it calls besides.
+    calls: tuple[str, ...] = ()  #: Further files that it calls.
 
     @property
     def methods(self) -> str:
-        """The name of its ``amb_estimator_methods``."""
+        """Name of its ``amb_estimator_methods``."""
         return f"amb_{self._stem}_methods"
 
     @property
     def source(self) -> str:
-        """The C file that it is in, without suffix."""
+        """Name of its C file, without suffix."""
         return self.casts[0] if self.casts else "estimator"
 
     @property
     def casts(self) -> tuple[str, ...]:
-        """The files that cast its state or what is its own back from ``void *``."""
+        """Files that cast its state or data from ``void *``."""
         return (self._stem,) if self.has_own or self.has_state else ()
 
     @property
     def state(self) -> str:
-        """The C type of its state."""
+        """C type of its state."""
         return f"amb_{self._stem}_state" if self.has_state else "amb_kalman_state"
 
     @property
     def own(self) -> str:
-        """The C type of what only this kind has; empty where it has nothing."""
+        """C type of its data; empty if it has none."""
         return f"amb_{self._stem}" if self.has_own else ""
 
     @property
@@ -69,7 +69,7 @@ class InCore:
 
 
 PAPER = InCore("Kalman", has_own=False)
-"""The paper's filter, linear or adaptive by its magnet; its own step is faster."""
+"""The paper's filter, linear or adaptive depending on its magnet; its own step is faster."""
 
 _OBSERVER = InCore("Observer")
 _EXTENDED = InCore("Extended", has_own=False)
@@ -78,14 +78,14 @@ _ADAPTIVE_NOISE = InCore("AdaptiveNoise", has_state=True, base="inner.base.")
 
 @dataclass(frozen=True)
 class Tunable:
-    """A positive parameter that tuning may change by some decades."""
+    """A positive parameter with a tuning range."""
 
-    #: Of the argument of :meth:`Kind.make`, or ``noise.measurement``, ``noise.control``,
+    #: Argument of :meth:`Kind.make`, or ``noise.measurement``, ``noise.control``,
     #: ``noise.disturbance`` for the variances of :class:`ambkit.FilterNoise`.
     name: str
-    unit: str  #: Of the argument.
-    default: Callable[[Machine], float]  #: Its value for a bearing.
-    decades: float = 2.0  #: How far from the default the search goes, to either side.
+    unit: str  #: Unit of the argument.
+    default: Callable[[Machine], float]  #: Its default for a machine.
+    decades: float = 2.0  #: Range of the search in decades, on both sides of the default.
 
 
 def _noise(name: str) -> Callable[[Machine], float]:
@@ -95,7 +95,7 @@ def _noise(name: str) -> Callable[[Machine], float]:
         own = getattr(KalmanFilter(machine).variances, name)
         if not isinstance(own, tuple):
             return float(own)
-        return math.exp(math.fsum(map(math.log, own)) / len(own))  # of a machine, their mean
+        return math.exp(math.fsum(map(math.log, own)) / len(own))  # for several axes, their mean
 
     return value
 
@@ -111,18 +111,17 @@ NOISE = (
 class Kind:
     """A kind of estimator."""
 
-    name: str  #: As the commands know it.
-    label: str  #: In words, for reports.
+    name: str  #: Name in the commands.
+    label: str  #: Label for reports.
     of: str  #: Its class, by module and name in ``ambkit.estimate``.
-    core: InCore  #: How the core calls it.
-    #: What it knows of a bearing's magnet; None where the caller gives that, as a trained expert or
-    #: a table.
+    core: InCore  #: Its interface in the core.
+    #: Its magnet model; None if the caller provides it, as a trained expert or a table.
     magnet: Callable[[Any], MagnetModel] | None
-    tunable: tuple[Tunable, ...] = NOISE  #: What tuning may change.
-    #: Around the class comes an :class:`ambkit.AdaptiveNoise` with these options.
+    tunable: tuple[Tunable, ...] = NOISE  #: Parameters that tuning may change.
+    #: Options of the surrounding :class:`ambkit.AdaptiveNoise`, if there is one.
     finds_noise: Mapping[str, Any] | None = None
-    ratios: tuple[str, ...] = ()  #: Options that are numbers without a unit, and not tuned.
-    given: str = ""  #: The class of magnet by which it is told from others of its class.
+    ratios: tuple[str, ...] = ()  #: Dimensionless options that are not tuned.
+    given: str = ""  #: Class of magnet that distinguishes it from others of its class.
 
     def make(
         self, machine: Machine, magnet: MagnetModel | None = None, **options: Any
@@ -140,26 +139,26 @@ class Kind:
 
     @property
     def estimator(self) -> type[Estimator]:
-        """Its class; around it may come an :class:`ambkit.AdaptiveNoise`."""
+        """Its class, without a surrounding :class:`ambkit.AdaptiveNoise`."""
         module, called = self.of.split(".")
         result: type[Estimator] = getattr(import_module(f"ambkit.estimate.{module}"), called)
         return result
 
     @property
     def option_units(self) -> dict[str, str]:
-        """SI unit of each option that a file may have, by name; empty of a word."""
+        """SI unit of each option of a file, by name; empty for a word."""
         known = {item.name: item.unit for item in self.tunable if "noise." not in item.name}
         outer = {} if self.finds_noise is None else {"window": "s", "most": "1"}
         return known | dict.fromkeys(self.ratios, "1") | outer
 
 
-_OUTER = ("memory", "window", "most")  # options of AdaptiveNoise, not of the filter inside
+_OUTER = ("memory", "window", "most")  # options of AdaptiveNoise, not of the inner filter
 
 MEMORY = Tunable("memory", "s", lambda _bearing: 0.5, decades=1.0)
 
 
 def _constant_velocity(function: str) -> Callable[[Machine], Any]:
-    """Return what calls a function of a module that is imported then."""
+    """Return a wrapper that imports a function's module when it is called."""
     module = "ambkit.estimate.constant_velocity"
     return lambda machine: getattr(import_module(module), function)(machine)
 
@@ -267,25 +266,25 @@ KINDS = {
         ),
     )
 }  # fmt: skip
-"""All kinds, from the simplest on."""
+"""All kinds, the simplest first."""
 
-FILTER_SUFFIX = ".toml"  #: Of a filter's file, which may stand wherever an estimator is named.
+FILTER_SUFFIX = ".toml"  #: Suffix of a filter file, which may replace the name of an estimator.
 
 
 def kind_called(name: str) -> Kind:
-    """Return a kind by its name."""
+    """Return a kind by name."""
     if not isinstance(name, str) or name not in KINDS:
         raise AmbkitError(f'there is no filter "{name}"; known: {", ".join(KINDS)}')
     return KINDS[name]
 
 
 def default_filter(machine: Machine) -> Estimator:
-    """Return the filter of a machine for which none is named."""
+    """Return the default filter of a machine."""
     return KINDS[DEFAULT].make(machine)
 
 
 def check_named(name: str) -> None:
-    """Refuse what is neither a kind, ``"all"`` of them, a filter's file, nor a user's class."""
+    """Reject anything but a kind, ``"all"``, a filter file, or a user's class."""
     is_kind = name == "all" or name.partition("@")[0].partition("+")[0] in KINDS
     if not (is_kind or name.endswith((FILTER_SUFFIX, ".json", ".csv", ".parquet")) or MARK in name):
         known = (
@@ -299,13 +298,13 @@ _OF_BINDING = {kind.core.binding: kind.core for kind in KINDS.values()}
 
 
 def in_core_of(estimator: Estimator) -> InCore | None:
-    """Return how the core calls an estimator's kind; None for one that is of no kind here."""
+    """Return the core interface of an estimator's kind; None if it has none."""
     return _OF_BINDING.get(type(estimator.core).__name__)
 
 
 def kind_of(estimator: Estimator) -> str:
     """Return the name of an estimator's kind."""
-    # Of the kinds that share a class, what the estimator knows of its magnet tells which it is.
+    # Kinds with a common class are distinguished by the magnet model.
 
     inner = getattr(estimator, "inner", estimator)
     of = f"{type(inner).__module__.rpartition('.')[2]}.{type(inner).__name__}"
@@ -314,7 +313,7 @@ def kind_of(estimator: Estimator) -> str:
         k.name for k in KINDS.values() if k.of == of and (k.finds_noise is not None) == around
     ]
     magnet: Any = estimator.magnet
-    if isinstance(magnet, Bank):  # the axes of a machine are asked alike
+    if isinstance(magnet, Bank):  # equal for all axes of a machine
         magnet = magnet.models[0]
     if not results:
         raise AmbkitError(f"the {estimator.name} is of no kind that a file can name")
@@ -322,7 +321,7 @@ def kind_of(estimator: Estimator) -> str:
 
 
 def learned_magnet(name: str, machine: Machine) -> MagnetModel | None:
-    """Return what a kind that must be given its magnet knows of it where nobody says otherwise."""
+    """Return the default magnet model of a kind that needs one."""
     if KINDS[name].magnet is not None:
         return None
     from ambkit.machine.stiffness import stiffness_map
@@ -330,7 +329,7 @@ def learned_magnet(name: str, machine: Machine) -> MagnetModel | None:
     learn: Callable[[Machine], MagnetModel] = stiffness_map if name == "table" else _trained
     learned: dict[str, MagnetModel] = {}
     for axis in machine.axes:
-        if axis.bearing.name not in learned:  # both axes of a bearing have one magnet
+        if axis.bearing.name not in learned:  # both axes of a bearing have equal magnets
             learned[axis.bearing.name] = learn(machine.isolated_axis(axis.name))
     return bank_of([learned[axis.bearing.name] for axis in machine.axes], machine)
 

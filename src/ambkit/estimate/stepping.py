@@ -1,4 +1,4 @@
-"""An estimator from its start on, sample by sample."""
+"""An estimator sample by sample."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ambkit.models.model import Descriptor, Model
 
 
 class Stepping:
-    """An estimator from its start on, sample by sample."""
+    """An estimator sample by sample."""
 
     name: str
     start_std: Mapping[str, float]
@@ -35,16 +35,16 @@ class Stepping:
 
     @property
     def states(self) -> tuple[Descriptor, ...]:
-        """What the states are, in their order: name, unit, typical size, role."""
+        """The states in order: name, unit, typical size, role."""
         return self.engine.states
 
     @property
     def model(self) -> Model:
-        """The sampled model that it predicts with."""
+        """The sampled model of its prediction."""
         return self.engine.model
 
     def default_std(self) -> tuple[float, ...]:
-        """Return the standard deviations with which a filter starts; see :meth:`reset`."""
+        """Return the initial standard deviations; see :meth:`reset`."""
         names = [state.name for state in self.states]
         return tuple(
             (dict(zip(names, self._usual_std, strict=True)) | dict(self.start_std)).values()
@@ -52,13 +52,13 @@ class Stepping:
 
     @cached_property
     def _usual_std(self) -> tuple[float, ...]:
-        """Those of its kind, for a bearing and the variances that it was made with."""
+        """Defaults of its kind, for its machine and variances."""
         return self.view.start_std(self.variances, self.states)
 
     def reset(
         self, mean: ArrayLike | None = None, std: Sequence[float] | Literal["diffuse"] | None = None
     ) -> None:
-        """Start anew.
+        """Reset.
 
         Any start will do: good samples bring the filter back to the rotor. What is beyond what a
         rotor between its stops can do is held to that (``core/include/ambkit/envelope.h``).
@@ -99,7 +99,7 @@ class Stepping:
         )
 
     def _representable(self, values: ArrayLike, *, positive: bool = False) -> NDArray[np.float64]:
-        """Return finite values as near as this precision has them; others as they are."""
+        """Return finite values rounded to this precision, others unchanged."""
         a = np.asarray(values, dtype=float)
         known = np.finfo(self.precision)
         near = np.clip(a, -float(known.max), float(known.max))
@@ -139,7 +139,7 @@ class Stepping:
         shown: float | NDArray[np.float64] | None = None,
         current: Any = None,
     ) -> NDArray[np.float64]:
-        """Return the states (n,), each in its unit [m, m/s, N ...], of a rotor at rest.
+        """Return the states (n,), each in its unit [m, m/s, N ...], of a rotor in equilibrium.
 
         Parameters
         ----------
@@ -161,7 +161,7 @@ class Stepping:
         )
 
     def initial_state(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the states at rest at the first measurement within the travel.
+        """Return the equilibrium states at the first measurement within the clearance.
 
         Parameters
         ----------
@@ -177,7 +177,7 @@ class Stepping:
 
     @cached_property
     def levitation_current(self) -> Any:
-        """Current that holds the rotor in the middle [A], and by how much more away from it [A/m].
+        """Levitation current at the centre [A], and its slope [A/m].
 
         By what the filter knows of its magnet; 0 without a current among the states. Of a whole
         machine such a pair for each axis.
@@ -185,7 +185,7 @@ class Stepping:
         return self.view.levitation_current(self.magnet, self.states)
 
     def predict(self, u: float) -> NDArray[np.float64]:
-        """Go one sample on (eq. 9, 10).
+        """Time update (eq. 9, 10).
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class Stepping:
         return self.mean
 
     def update(self, y: float) -> NDArray[np.float64]:
-        """Take in a measurement (eq. 11-13).
+        """Measurement update (eq. 11-13).
 
         Parameters
         ----------
@@ -217,7 +217,7 @@ class Stepping:
         return self.mean
 
     def step(self, y: float, u: float) -> NDArray[np.float64]:
-        """Predict, then take in a measurement. Never raises on bad input: see :attr:`status`.
+        """Time update, then measurement update. Never raises on bad input: see :attr:`status`.
 
         Parameters
         ----------
@@ -234,7 +234,7 @@ class Stepping:
         self._core_step(y, u)
         return self._live_mean.copy()
 
-    # Looked up once: they are asked at every sample.
+    # Looked up once: used at every sample.
     @cached_property
     def _core_step(self) -> Callable[[float, float], int]:
         return self.core.step  # type: ignore[no-any-return]
@@ -245,7 +245,7 @@ class Stepping:
 
     @property
     def mean(self) -> NDArray[np.float64]:
-        """State estimate (n,): x [m], v [m/s], f_d [N], x_m [m], and what else the model has."""
+        """State estimate (n,): x [m], v [m/s], f_d [N], x_m [m], and the model's further states."""
         return self._live_mean.copy()
 
     @property
@@ -276,17 +276,17 @@ class Stepping:
 
     @property
     def innovation(self) -> Any:
-        """Last measurement less its prediction [m]; of several readings (m,)."""
+        """Last measurement minus its prediction [m]; of several readings (m,)."""
         return self.core.innovation
 
     @property
     def innovation_variance(self) -> Any:
-        """Its variance S as the filter expects it [m^2]; of several readings (m,)."""
+        """Its variance S [m^2]; of several readings (m,)."""
         return self.core.variance
 
     @property
     def scale(self) -> tuple[float, float] | None:
-        """Estimated magnet constant over the known one, and its standard deviation.
+        """Estimated factor on the magnet constant, and its standard deviation.
 
         None where this kind does not estimate it.
         """
@@ -297,5 +297,5 @@ class Stepping:
 
     @property
     def status(self) -> Status:
-        """What the last step had to say."""
+        """Status of the last step."""
         return Status(self.core.status)

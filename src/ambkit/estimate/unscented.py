@@ -1,4 +1,4 @@
-"""Unscented Kalman filter: the force at points about the mean, instead of its tangent."""
+"""Unscented Kalman filter: the force at points around the mean, instead of its tangent."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class UnscentedKalmanFilter(Estimator):
-    """Unscented Kalman filter: 2 n + 1 points about the mean go through the force law.
+    """Unscented Kalman filter: 2 n + 1 points around the mean pass through the force law.
 
     Three forces are all it takes for them, because only the displacement enters the force
     (``core/include/ambkit/unscented.h``).

@@ -1,4 +1,4 @@
-"""An estimator of the user's: an object with ``step(y, u)`` instead of one of ours."""
+"""An estimator of the user: an object with ``step(y, u)``."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from ambkit.models.declaration import Part
 
 
-SETTLES = 2000  #: Samples after which an estimator has settled, at least.
-BLOCKS = 150  #: Samples of an answer that a linear system is made from.
+SETTLES = 2000  #: Minimum number of samples after which an estimator has settled.
+BLOCKS = 150  #: Samples of the response for the identification of a linear system.
 
 
 @runtime_checkable
 class EstimatorProtocol(Protocol):
-    """What an estimator of one's own has: a step.
+    """Interface of the user's estimator.
 
     Its class is made with the machine, or without arguments. If it has ``reset(mean, std)``, it
     gets its start, as all others do; else a new one is made for each run. It is named as
@@ -41,7 +41,7 @@ class EstimatorProtocol(Protocol):
     """
 
     def step(self, y: Any, u: Any) -> ArrayLike:
-        """Take in a sample.
+        """Process a sample.
 
         Parameters
         ----------
@@ -61,7 +61,7 @@ class EstimatorProtocol(Protocol):
 
 
 class OwnEstimator(OwnStep, Estimator):
-    """An object with ``step(y, u)``, wherever an estimator is taken; see `EstimatorProtocol`."""
+    """An object with ``step(y, u)`` as an estimator; see `EstimatorProtocol`."""
 
     _of_core = (*Estimator._of_core, "wrapped")
     by_model = side_by_side = False
@@ -89,7 +89,7 @@ class OwnEstimator(OwnStep, Estimator):
         return plain_parts
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        of = weakref.ref(self)  # what C holds would keep it for ever
+        of = weakref.ref(self)  # a reference held by C would keep it forever
 
         def answer(y: list[float], u: list[float]) -> list[float]:
             own = of()
@@ -102,7 +102,7 @@ class OwnEstimator(OwnStep, Estimator):
     def reset(
         self, mean: ArrayLike | None = None, std: Sequence[float] | Literal["diffuse"] | None = None
     ) -> None:
-        """Start anew, as all others; see :meth:`ambkit.Estimator.reset`."""
+        """Reset, as all others; see :meth:`ambkit.Estimator.reset`."""
         super().reset(mean, std)
         self._failed, self._sample = None, 0
         if callable(getattr(self.wrapped, "reset", None)):
@@ -112,18 +112,18 @@ class OwnEstimator(OwnStep, Estimator):
             self.wrapped = made(self.name, self._make, self._for)
 
     def step(self, y: Any, u: Any) -> Any:
-        """Take in a sample; see :meth:`ambkit.Estimator.step`."""
+        """Process a sample; see :meth:`ambkit.Estimator.step`."""
         mean = super().step(y, u)
         self.check()
         return mean
 
     def _estimated(self, t: Any, history: dict[str, Any], name: str | None = None) -> Estimate:
-        """Wrap what the core wrote of a whole record."""
+        """Wrap the core's results of a record."""
         self.check()
         return super()._estimated(t, history, name)
 
     def linear_system(self) -> LinearSystem:
-        """Return what its answers to a small pulse of each input, once it settled, come from."""
+        """Return the linear system of its response to a small pulse of each input, once settled."""
         # Position and velocity along the axes by y and by u, which acts from its sample on.
         T, view = self.machine.sampling_time, self.view
         axes, readings = [a.name for a in self.machine.axes], self.machine.readings
@@ -132,7 +132,7 @@ class OwnEstimator(OwnStep, Estimator):
         sizes = [*np.sqrt(several(self.variances.measurement)),
                  *np.sqrt(several(self.variances.control))]  # fmt: skip
         m = len(readings)
-        # Around noise: a reading that never changes is a sensor that is stuck.
+        # With noise: a constant reading is a stuck sensor.
         noise = np.random.default_rng(0).normal(size=(2 * n, len(sizes))) * sizes
 
         def moved(which: int | None) -> NDArray[np.float64]:
@@ -156,17 +156,17 @@ class OwnEstimator(OwnStep, Estimator):
 
 
 def is_own(candidate: Any) -> TypeGuard[type[EstimatorProtocol]]:
-    """Whether it is a class of the user's, and none of ours."""
+    """Return whether it is a class of the user."""
     return isinstance(candidate, type) and not issubclass(candidate, Estimator)
 
 
 def own_factory(
     name: str, make: Callable[..., Any], machine: Machine
 ) -> Callable[..., OwnEstimator]:
-    """Return what makes estimators of a class of the user's."""
+    """Return the builder of a user's class."""
 
     def build(_noise: Any = None, *, precision: Precision = "float64") -> OwnEstimator:
         return OwnEstimator(machine, make, name, precision=precision)
 
-    build()  # what is wrong with it is said before the work begins
+    build()  # reports errors before the work begins
     return build

@@ -1,4 +1,4 @@
-"""An A2L file (ASAM MCD-2 MC, ASAP2 1.6) for the calibration of an exported controller."""
+"""A2L file (ASAM MCD-2 MC, ASAP2 1.6) for the calibration of an exported controller."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Symbol(NamedTuple):
 
 
 def symbol(elf: Path, name: str) -> Symbol:
-    """Return where the linker has put a variable."""
+    """Return the address that the linker gave a variable."""
     reader = next((match for match in map(shutil.which, READERS) if match), None)
     if reader is None:
         raise AmbkitError(f"{READERS[0]} is needed and not there: apt-get install binutils")

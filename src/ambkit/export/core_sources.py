@@ -1,4 +1,4 @@
-"""The library's own C: where it stands, and which of its files an export needs."""
+"""C sources of the library, and the files that an export needs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def folder() -> Path:
 def closure(
     sources: Iterable[str], *, instead: Mapping[str, str | None] | None = None
 ) -> dict[str, str]:
-    """Return C sources and all headers that they include, one through the other."""
+    """Return C sources and all headers that they include, directly or indirectly."""
     root, overrides = folder(), instead or {}
     results: dict[str, str] = {}
     waiting = list(sources)
@@ -54,7 +54,7 @@ def external_names() -> tuple[str, ...]:
 
 
 def hashed(*parts: str) -> str:
-    """Return six hexadecimal digits that change with the core's text and with these."""
+    """Return six hexadecimal digits, a hash of the core's text and these."""
     digest = hashlib.sha256()
     for path in sorted(folder().rglob("*.[ch]")):
         digest.update(path.relative_to(folder()).as_posix().encode() + path.read_bytes())
@@ -64,7 +64,7 @@ def hashed(*parts: str) -> str:
 
 
 def _place(root: Path, including: str, included: str) -> str:
-    """Return where an included file stands: beside the other, or in an include folder."""
+    """Return the path of an included file: beside the other, or in an include folder."""
     beside = (Path(including).parent / included).as_posix()
     for candidate in (beside, f"include/{included}", included):
         if (root / candidate).is_file():

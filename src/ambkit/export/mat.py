@@ -26,13 +26,13 @@ from ambkit.machine.magnets import core_module
 from ambkit.machine.parts import FILES
 from ambkit.machine.stiffness import stiffness_map
 
-_HEADER = 116  # bytes of text that a MAT-file begins with, where SciPy writes the date
+_HEADER = 116  # bytes of text at the start of a MAT-file, with SciPy's date
 
 
 def export_mat(
     machine: Machine, filter: Estimator, out: str | os.PathLike[str], *, force: bool = False
 ) -> dict[str, Any]:
-    """Write a MAT-file (version 5) whose bytes depend on its content alone."""
+    """Write a reproducible MAT-file (version 5)."""
     from scipy.io import savemat
 
     if any(isinstance(magnet, PatchedForce) for magnet in models_of(filter.magnet)):
@@ -51,7 +51,7 @@ def export_mat(
 
 
 def variables(filter: Estimator) -> dict[str, Any]:
-    """Return what the file holds, by the names in MATLAB; all in SI."""
+    """Return the content of the file by names in MATLAB; all in SI."""
     machine = filter.machine
     single, inputs = machine.single, {"y": filter.inputs.y, "u": filter.inputs.u}
     axes = dict(zip((axis.name for axis in machine.axes), filter.view.isolated, strict=True))
@@ -76,7 +76,7 @@ def variables(filter: Estimator) -> dict[str, Any]:
 
 
 def _model(filter: Estimator) -> dict[str, Any]:
-    """Matrices of the model that the filter predicts with."""
+    """Return the matrices of the filter's model."""
     k: Any = models_of(constants_of(filter.machine))
     parameters = filter.core.parameters
     held = parameters["set"]
@@ -104,7 +104,7 @@ def _symmetric(triangle: Array) -> Array:
 
 
 def _tables(machine: Machine, expert: Expert | None) -> dict[str, Any]:
-    """Stiffnesses as the paper's Tables 4 and 5, or those of an expert within a bound."""
+    """Return stiffnesses like the paper's Tables 4 and 5, or those of an expert within a bound."""
     stiff: Any
     if expert is None:
         stiff, bound = stiffness_map(machine), {}
@@ -112,7 +112,7 @@ def _tables(machine: Machine, expert: Expert | None) -> dict[str, Any]:
         stiff = tabulate(expert, machine, precision="float64")
         bound = {"force_bound": stiff.bound}
     iu, x = np.meshgrid(stiff.current, stiff.displacement)
-    # Of the table itself, without the force at rest in the centre.
+    # Of the table itself, without the static force at the centre.
     return {
         "current": stiff.current,
         "displacement": stiff.displacement,
@@ -123,7 +123,7 @@ def _tables(machine: Machine, expert: Expert | None) -> dict[str, Any]:
 
 
 def _fields(described: Part | Mapping[str, Any]) -> dict[str, Any]:
-    """All values of a description, and of the descriptions in it; files without their folders."""
+    """Return all values of a description, recursively; files without their folders."""
     values = dict(described)
     entries = {name: value for name, value in values.items() if value not in (None, ())}
     return {
@@ -133,7 +133,7 @@ def _fields(described: Part | Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _in_matlab(value: Any) -> Any:
-    """A description as a struct, several as an array of structs, all else as it is."""
+    """Return a description as a struct, several as an array of structs, the rest unchanged."""
     if isinstance(value, Part | Mapping):
         return _fields(value)
     if not isinstance(value, tuple):
@@ -143,7 +143,7 @@ def _in_matlab(value: Any) -> Any:
 
 
 def _expert(expert: Expert) -> dict[str, Any]:
-    """Rules of the network (paper, eq. 32, 33): in scaled units what is called so."""
+    """Return the rules of the network (paper, eq. 32, 33), in scaled units where named so."""
     held = expert.in_core(core_module()).parameters
     return {
         "centre_current": held["centre_iu"] / held["per_ampere"],

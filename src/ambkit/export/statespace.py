@@ -1,4 +1,4 @@
-"""The linearised loop as python-control knows it: plant, controller, estimator, closed loop."""
+"""The linearised loop for python-control: plant, controller, estimator, closed loop."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def plant(
 
 
 def controller(machine: Machine, pid: PID) -> control.StateSpace:
-    """Sampled controller, as ``core/src/controller.c`` computes it, without its limits."""
+    """Sampled controller, as in ``core/src/controller.c``, without its limits."""
     tuned = as_control(pid).completed(machine)
     return _state_space(
         control_of.controller(tuned, machine, measured=tuned.feedback == "measurement"),
@@ -91,7 +91,7 @@ def controller(machine: Machine, pid: PID) -> control.StateSpace:
 
 
 def estimator(filter: Estimator, *, point: OperatingPoint | None = None) -> control.StateSpace:
-    """Sampled estimator with the gain that it settles to at an operating point."""
+    """Sampled estimator with its steady-state gain at an operating point."""
     of_type(Estimator, filter=filter)
     point = point or OperatingPoint.equilibrium(filter.machine)
     return _state_space(
@@ -108,9 +108,9 @@ def closed_loop(
     point: OperatingPoint | None = None,
 ) -> control.StateSpace:
     """Linearised closed loop of plant, PID and estimator."""
-    # The controller as the core's (``core/include/ambkit/controller.h``) without its limits: the
-    # derivative acts on the position only. In continuous time and with ``feedback = "estimate"`` it
-    # gets x and v themselves, as from an ideal estimator; with ``"measurement"`` the lagged
+    # The controller is the core's (``core/include/ambkit/controller.h``) without its limits: the
+    # derivative acts on the position only. In continuous time and with ``feedback = "estimate"``
+    # its inputs are x and v, as from an ideal estimator; with ``"measurement"`` the lagged
     # position, and its derivative through the filter, which must not be zero.
     name, law = f"{_name(machine)}_closed_loop", as_control(pid).completed(machine)
     point = point or OperatingPoint.equilibrium(machine)
@@ -125,7 +125,7 @@ def closed_loop(
 
 
 def _is_sampled(machine: Machine, sampled: bool | None, filter: Estimator | None) -> bool:
-    """Whether the system is a sampled one; checked against what is in it."""
+    """Return whether the system is a sampled one; checked against its parts."""
     needed = "a filter" if filter is not None else "a delay" if machine.delay else ""
     if needed and sampled is False:
         raise AmbkitError(f"{machine.name}: {needed} has no continuous state space: sampled=True")
@@ -133,7 +133,7 @@ def _is_sampled(machine: Machine, sampled: bool | None, filter: Estimator | None
 
 
 def _continuous_loop(machine: Machine, pid: Control, point: OperatingPoint) -> LinearSystem:
-    """Plant and PID in continuous time."""
+    """Return plant and PID in continuous time."""
     if pid.block:
         raise AmbkitError("a PID with blocks has no continuous state space: sampled=True")
     P = linear_plant.plant(machine, point, continuous=True)
@@ -151,7 +151,7 @@ def _continuous_loop(machine: Machine, pid: Control, point: OperatingPoint) -> L
                 "derivative_filter must be greater than 0 s for a closed loop in continuous time "
                 f"that is fed by the measurement, is {pid.derivative_filter:g} s"
             )
-        # The derivative is (p - filtered) / T_f, where filtered follows p with T_f.
+        # The derivative is (p - filtered) / T_f, with filtered following p with T_f.
         p = P.C[:1] / machine.sensor.gain
         slope = pid.kd / pid.derivative_filter
         A = np.block([

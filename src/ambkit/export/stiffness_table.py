@@ -1,4 +1,4 @@
-"""The stiffnesses of any magnet as a table, just fine enough for a bound on the force error."""
+"""Stiffnesses of any magnet as a table, just fine enough for a bound on the force error."""
 
 from __future__ import annotations
 
@@ -21,39 +21,40 @@ if TYPE_CHECKING:
     from ambkit.machine.magnets import Precision
 
 
-MOST_NODES = 32767  #: Where an int has 16 bits, the place of a node must fit in it.
+MOST_NODES = 32767  #: Maximum number of nodes, so that an index fits into an int with 16 bits.
 DEFAULT_SHARE = 0.001
-"""The bound that is taken where none is given, as a part of the largest force."""
+"""Default bound, over the largest force."""
 
 _MOST_ALONG = 512  # nodes along one axis
-_ACROSS = 65  # nodes on the other axis, while one axis is looked at
-_WITHIN = 8  # points that are compared along a cell of that axis ...
-_IN_THE_END = 16  # ... and along both sides of each cell in the end
-_SAFETY = 0.98  # for what lies between the points
+_ACROSS = 65  # nodes on the other axis, while one axis is varied
+_WITHIN = 8  # points compared along a cell of that axis ...
+_IN_THE_END = 16  # ... and along both sides of each cell at the end
+_SAFETY = 0.98  # margin for points in between
 
 
 @dataclass(frozen=True, eq=False)
 class TabulatedExpert:
-    """An expert's stiffnesses at the nodes of a grid over its box."""
+    """An expert's stiffnesses at the nodes of a grid over its range."""
 
-    current: Array  #: (columns,) Nodes of the control current [A], evenly spaced.
+    current: Array  #: (columns,) Nodes of the control current [A], equidistant.
     displacement: Array  #: (rows,) Nodes of the displacement [m], evenly spaced.
     k_i: Array  #: (rows, columns) Stiffnesses [N/A], [N/m].
     k_s: Array
-    bound: float  #: The force is nowhere further from the expert's than this [N].
-    error: float  #: The largest deviation of the force that was found [N].
+    bound: float  #: Bound of the force error [N].
+    error: float  #: Largest observed force error [N].
 
     def in_core(self, core: ModuleType) -> Table:
-        """Build the C implementation: bilinear between the nodes, held at the edge outside."""
+        """Build the C implementation: bilinear between the nodes, constant outside."""
         return _table(core, self.current, self.displacement, self.k_i, self.k_s)
 
 
 def tabulate(
     expert: Expert, machine: Machine, *, bound: float | None = None, precision: Precision
 ) -> TabulatedExpert:
-    """Find the smallest table whose force stays within a bound of the expert's."""
-    # The force ``k_i iu + k_s x`` of both is compared wherever the filter can ask: over the
-    # expert's box and, held at its edge, up to the current limits and the stops.
+    """Return the smallest table with a force within a bound of the expert's."""
+    # The force ``k_i iu + k_s x`` of both is compared wherever the filter evaluates it: over the
+    # expert's range and beyond it, with constant stiffnesses, up to the current limits and the
+    # stops.
     search = _Search(expert, machine, precision)
     if bound is None:
         forces = evaluate_force(expert, *search.points(2, 2, (50, 50)))  # without the bias force
@@ -75,7 +76,7 @@ def tabulate(
 
 
 class _Search:
-    """The expert, and the region in which it is compared with tables."""
+    """The expert, and the region of the comparison with tables."""
 
     def __init__(self, expert: Expert, machine: Machine, precision: Precision) -> None:
         self.expert = expert
@@ -90,9 +91,9 @@ class _Search:
         )
 
     def candidates(self, bound: float) -> list[tuple[int, int]]:
-        """Return sizes that can do, rows and columns, the smallest first, up to one that must."""
-        # Bilinear interpolation is linear interpolation on one axis after the other: its error is
-        # about that of the worse axis at least, and that of both axes, each alone, at most.
+        """Yield candidate sizes, rows and columns, the smallest first, up to a sufficient one."""
+        # Bilinear interpolation is linear interpolation along both axes: its error is at least
+        # about that of the worse axis, and at most the sum of both.
         rows = self.errors(bound, lambda n: self.error(n, _ACROSS, (_WITHIN, 1)))
         columns = self.errors(bound, lambda n: self.error(_ACROSS, n, (1, _WITHIN)))
         sizes = {(r, c): (rows[r], columns[c]) for r in rows for c in columns}
@@ -102,7 +103,7 @@ class _Search:
         return sorted(can, key=lambda size: (size[0] * size[1], size))
 
     def errors(self, bound: float, error: Callable[[int], float]) -> dict[int, float]:
-        """Return the error of one axis by its number of nodes, until it no longer matters."""
+        """Yield the error of one axis by its number of nodes, until it is negligible."""
         results: dict[int, float] = {}
         n = 2
         while n <= _MOST_ALONG:
@@ -113,7 +114,7 @@ class _Search:
         return results
 
     def points(self, rows: int, columns: int, within: tuple[int, int]) -> tuple[Array, Array]:
-        """Points of comparison: so many steps in each cell, and the ends of the region."""
+        """Points of comparison: several in each cell, and the ends of the region."""
         box = self.nodes((rows - 1) * within[0] + 1, (columns - 1) * within[1] + 1)
         ends = [
             np.concatenate([[min(low, nodes[0])], nodes, [max(high, nodes[-1])]])
@@ -123,7 +124,7 @@ class _Search:
         return iu.ravel(), x.ravel()
 
     def error(self, rows: int, columns: int, within: tuple[int, int]) -> float:
-        """Return the largest deviation of a table's force [N] at the points of comparison."""
+        """Return the largest force error of a table [N] at the points of comparison."""
         current, displacement = self.nodes(rows, columns)
         k_i, k_s = evaluate_stiffness(self.expert, *np.meshgrid(current, displacement))
         table = _table(self.core, current, displacement, k_i, k_s)

@@ -1,4 +1,4 @@
-"""The workbench: a machine in a page that moves, without a server, and computes with the C core."""
+"""The workbench: an interactive page with the C core, without a server."""
 
 from ambkit.export.browser.axis import axis_parameters, left_out
 from ambkit.export.browser.page import Workbench, workbench_of

@@ -1,4 +1,4 @@
-"""A machine with one axis as the page has it: the parameters of ``web/core/axis.h``."""
+"""A machine with one axis for the page: the parameters of ``web/core/axis.h``."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ KNOWN = {
     "amplifier": ("gain", "current_limit", "noise_variance", "bandwidth", "resistance"),
     "sensor": ("gain", "lag", "noise_variance", "quantisation"),
 }  # fmt: skip
-"""Keys of a machine that the page simulates, by their tables in the short form."""
+"""Keys of a machine that the page simulates, by table of the short form."""
 
 
-EDDIES = ("eddy_current_lag", "eddy_current_corner")  #: Simulated of a rotor.
+EDDIES = ("eddy_current_lag", "eddy_current_corner")  #: Simulated for rotors.
 PLACED = ("name", "place", "angle", "type")  #: Keys of sensors at places.
 
 
@@ -51,7 +51,7 @@ def left_out(machine: Machine) -> Iterator[str]:
 
 
 def _unknown(table: str, stated: dict[str, Any], others: Sequence[str]) -> Iterator[str]:
-    """Yield what is stated in a table and not known of it."""
+    """Yield the stated but unknown keys of a table."""
     for key, value in stated.items():
         if value and key not in KNOWN[table] and key not in others:
             yield f"{table}.{key}"
@@ -91,7 +91,7 @@ def axis_parameters(machine: Machine, control: Control | None = None) -> dict[st
 
 
 def expert_numbers(machine: Machine) -> list[float]:
-    """Return the paper's expert of a machine as ``wb_expert`` has it."""
+    """Return the paper's expert of a machine for ``wb_expert``."""
     rules: Any = learned_magnet("adaptive", machine)
     network = rules.in_core(core_module()).parameters
     of = [network[key] for key in ("centre_iu", "centre_x")]

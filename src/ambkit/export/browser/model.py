@@ -1,4 +1,4 @@
-"""What the page makes filters of: a model that follows from parameters, as numbers in a row."""
+"""The model of the page's filters, as a sequence of numbers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.machine.machine import Machine
 from ambkit.models.machine_parts import PAPER_CONSTANTS
 
-MOST_PAST = 3  #: Samples of dead time that filters of an axis can know in the page.
+MOST_PAST = 3  #: Maximum dead time in samples of an axis's filters in the page.
 
 
 def model_numbers(kf: Estimator, rebuild: Rebuild) -> list[float]:
@@ -40,7 +40,7 @@ def model_numbers(kf: Estimator, rebuild: Rebuild) -> list[float]:
 
 
 def _named(kf: Estimator) -> list[int]:
-    """Return how many numbers there are, and which constant of the paper's axis each is, from 1."""
+    """Return the number of values, and the index of each in the paper's axis, from 1."""
     if not kf.engine.built_in:
         return [0]
     places: dict[str, Any] = {name: np.zeros_like(getattr(kf.model, name)) for name in NUMBERS}
@@ -53,7 +53,7 @@ def _named(kf: Estimator) -> list[int]:
 
 
 def axis_models() -> list[list[float]]:
-    """Return the models of an axis: by samples of dead time, each without and with a bandwidth."""
+    """Return the models of an axis by samples of dead time, each without and with a bandwidth."""
     paper = Machine.preset("zittau_axial")
     results = []
     for past in range(MOST_PAST + 1):

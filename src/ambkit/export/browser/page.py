@@ -1,4 +1,4 @@
-"""The page with machines in it."""
+"""The page with its machines."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from ambkit.export.browser.widget import has_widgets, widget_of
 from ambkit.machine.machine import Machine
 
 PRESETS = ("zittau_axial", "inteco_ml", "hindawi_2011", "heart_pump")
-"""What stands in every page beside the machine that was asked for."""
+"""Machines in every page besides the requested one."""
 
-PAGE = Path(__file__).with_name("page.html")  #: As `web/build.sh` writes it.
+PAGE = Path(__file__).with_name("page.html")  #: Result of `web/build.sh`.
 
 _DATA = re.compile(r'(<script type="application/json" id="data">).*?(</script>)', re.DOTALL)
 
 
 def _as_data(machine: Machine) -> dict[str, Any]:
-    """Return what the page has of a machine."""
+    """Return a machine's data for the page."""
     data: dict[str, Any] = {"name": machine.name, "description": machine.description}
     if left := list(dict.fromkeys(left_out(machine))):
         data["description"] += f" (without {', '.join(left)})"
@@ -42,13 +42,13 @@ def _as_data(machine: Machine) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Workbench:
-    """A page in which machines move."""
+    """An interactive page of machines."""
 
-    machines: Sequence[Machine]  #: The first is the one that is shown.
+    machines: Sequence[Machine]  #: Machines, the displayed one first.
 
     @property
     def finding(self) -> str:
-        """What it is, in a sentence."""
+        """Description, in a sentence."""
         size = len(self.text.encode()) / 1e6
         return (
             f"The workbench of {self.machines[0].name}: a page of {size:.1f} MB, for any browser."
@@ -56,16 +56,16 @@ class Workbench:
 
     @cached_property
     def text(self) -> str:
-        """The page."""
+        """HTML of the page."""
         data = json.dumps(self.to_dict())
-        # Within a script nothing ends it but these; JSON has other words for them.
+        # Only these end a script; JSON can escape them.
         for sign in "<>&\u2028\u2029":
             data = data.replace(sign, f"\\u{ord(sign):04x}")
         page = PAGE.read_text(encoding="utf-8")
         return _DATA.sub(lambda match: match[1] + data + match[2], page, count=1)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the machines as the page has them, and the models of an axis's filters."""
+        """Return the machines' data for the page, and the models of an axis's filters."""
         machines = [_as_data(machine) for machine in self.machines]
         return {"machines": machines, "models": axis_models()}
 
@@ -81,13 +81,13 @@ class Workbench:
 
     @cached_property
     def widget(self) -> Any:
-        """The page as a widget of a notebook, its settings in both directions; needs anywidget."""
+        """The page as a notebook widget with settings in both directions; needs anywidget."""
         if not has_widgets():
             raise AmbkitError("the widget needs anywidget: pip install 'ambkit[notebook]'")
         return widget_of(self.text)
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
-        """Return the widget where there are any, else the page in a frame."""
+        """Return the widget if available, else the page in a frame."""
         if has_widgets():
             return self.widget._repr_mimebundle_(**options)
         return {"text/plain": self.finding, "text/html": self._repr_html_()}
@@ -101,7 +101,7 @@ class Workbench:
 
 
 def workbench_of(machine: Machine | None) -> Workbench:
-    """Return the page of a machine, and of the presets beside it."""
+    """Return the page of a machine and the presets."""
     presets = [Machine.preset(name) for name in PRESETS]
     if machine is None:
         return Workbench(presets)

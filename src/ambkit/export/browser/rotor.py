@@ -1,4 +1,4 @@
-"""A rotor on several bearings as the page has it: what ``web/core/rotor_description.c`` reads."""
+"""A rotor on several bearings for the page: the input of ``web/core/rotor_description.c``."""
 
 from __future__ import annotations
 
@@ -25,24 +25,25 @@ PLANT = (
     "A", "spin", "g", "bias", "farthest", "gain", "lag", "current", "shows", "k_ui", "iu_min",
     "iu_max",
 )  # fmt: skip
-"""Fields of a loop that the page has as they are."""
+"""Fields of a loop that are passed on unchanged."""
 
-CONTROLLERS = ("reference", "position", "velocity", "spread")  #: And what depends on what they see.
+#: And those that depend on the feedback.
+CONTROLLERS = ("reference", "position", "velocity", "spread")
 
 VIEW = (
     "mass", "clearance", "k_ui", "current_limit", "var_u", "K_sen", "lag", "step", "var_y", "range",
     "run_out", "travel", "seen", "bent",
 )  # fmt: skip
-"""What the page has of ``amb_view`` (``sim/settings.h``), in its order."""
+"""Fields of ``amb_view`` (``sim/settings.h``) in the page, in order."""
 
 MOST = {"axes": 10, "sensors": 10, "positions": 24, "states of the filter": 48}
-"""Of a machine in the page (``web/core/bench.h``)."""
+"""Limits of a machine in the page (``web/core/bench.h``)."""
 
-STATIONS = 33  #: Along the shaft, where it is drawn.
+STATIONS = 33  #: Plotted points along the shaft.
 
 
 def rotor_parameters(machine: Machine) -> dict[str, Any]:
-    """Return a machine under one PID an axis, in SI."""
+    """Return a machine with one PID per axis, in SI."""
     kf = KINDS["extended"].make(machine)
     loops = {feedback: _arguments(machine, feedback, kf) for feedback in get_args(Feedback)}
     arguments = loops["measurement"]
@@ -96,7 +97,7 @@ def rotor_parameters(machine: Machine) -> dict[str, Any]:
 
 
 def _arguments(machine: Machine, feedback: Feedback, kf: Estimator) -> dict[str, Any]:
-    """Return what a loop is made of whose controllers see readings or estimates."""
+    """Return the arguments of a loop with measurement or estimate feedback."""
     controller = Control(type="decentralised", feedback=feedback)
     scenario = Scenario(duration=2 * machine.sampling_time, controller=controller)
     estimator = kf if feedback == "estimate" else None
@@ -104,7 +105,7 @@ def _arguments(machine: Machine, feedback: Feedback, kf: Estimator) -> dict[str,
 
 
 def _behind(part: dict[str, Any], at: list[int]) -> list[float]:
-    """Return the linear states between a magnet's force and the rotor, as numbers in a row."""
+    """Return the linear states between a magnet's force and the rotor, as a sequence of numbers."""
     if not at:
         return [0]
     parts = [np.ravel(part[f"behind_{name}"]).tolist() for name in ("A", "b", "c", "d", "rest")]
@@ -112,7 +113,7 @@ def _behind(part: dict[str, Any], at: list[int]) -> list[float]:
 
 
 def _shape(machine: Machine) -> dict[str, Any]:
-    """Return how the shaft moves at stations along it: rows over the coordinates, x and y."""
+    """Return the shaft's displacement at points along it: rows over the coordinates, x and y."""
     places = [bearing.place for bearing in machine.bearings if bearing.type == "radial"]
     places += [place for place, _, _ in machine.unbalances()]
     bending = machine.bending
@@ -127,7 +128,7 @@ def _shape(machine: Machine) -> dict[str, Any]:
 
 
 def _filter_of(machine: Machine, kf: Estimator) -> dict[str, Any]:
-    """Return what the page makes filters of, whatever the speed."""
+    """Return the data of the page's filters, for any speed."""
     rebuild = Rebuild.of(machine)
     constant, by_reading = kf.view.start_form(kf.states, kf.levitation_current)
     view, axes = kf.view.seen_by, kf.view.H
@@ -146,7 +147,7 @@ def _filter_of(machine: Machine, kf: Estimator) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return numbers, arrays and tuples of them as JSON has them."""
+    """Return numbers, arrays and tuples of them in JSON types."""
     if isinstance(value, tuple | list):
         return [_plain(item) for item in value]
     return np.asarray(value).tolist()

@@ -1,4 +1,4 @@
-"""The workbench as a widget of a notebook: what is set in it goes both ways."""
+"""The workbench as a notebook widget, with settings in both directions."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _kind() -> Any:
     import traitlets
 
     class WorkbenchWidget(anywidget.AnyWidget):
-        """The page, and what is set in it as the part of a link behind ``#``."""
+        """The page, with its settings as the fragment of a link."""
 
         _esm = SCRIPT
         page = traitlets.Unicode().tag(sync=True)

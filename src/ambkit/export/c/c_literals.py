@@ -1,4 +1,4 @@
-"""What the C core holds, written as C: numbers, arrays and structs."""
+"""Data of the C core written as C: numbers, arrays and structs."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ CPrecision = Literal["float", "double"]
 _UNSIGNED = (
     "frozen_limit", "outlier_limit", "window", "waiting", "lost", "overloaded", "settling",
 )  # fmt: skip
-"""The fields of the structs that are."""
+"""Fields that are nested structs."""
 
 
 class Kind(NamedTuple):
-    """How a magnet of the core is called in C."""
+    """A magnet of the core in C."""
 
     type: str
     methods: str
@@ -32,17 +32,17 @@ class Kind(NamedTuple):
 
 
 class Name(str):
-    """A value that is C already."""
+    """A value in C syntax."""
 
 
 def number(value: float, precision: CPrecision) -> str:
-    """Write a floating-point number such that it is read back to the last bit."""
+    """Format a floating-point number exactly."""
     (text,) = _numbers([value], precision)
     return text
 
 
 def _numbers(values: Any, precision: CPrecision) -> list[str]:
-    # Python's own floats are formatted in a third of the time of NumPy's.
+    # Python's own floats are formatted in a third of NumPy's time.
     if precision == "float":
         texts = [f"{value:.9g}" for value in np.asarray(values, np.float32).tolist()]
     else:
@@ -53,7 +53,7 @@ def _numbers(values: Any, precision: CPrecision) -> list[str]:
 
 
 def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> str:
-    """Write an array as an initialiser, rows as structs, lines of at most 100 columns."""
+    """Format an array as an initialiser, rows as structs, lines of at most 100 columns."""
     if values.dtype.kind in "iu":
         literals = [f"{value}{'U' * (values.dtype.kind == 'u')}" for value in values.ravel()]
     else:
@@ -72,7 +72,7 @@ def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> st
 
 
 def rows(values: NDArray[Any], precision: CPrecision) -> str:
-    """Write a matrix as an initialiser of an array of arrays."""
+    """Format a matrix as an initialiser of an array of arrays."""
     return ", ".join("{" + array(row, precision, "") + "}" for row in values)
 
 
@@ -90,7 +90,7 @@ def struct(
     fields: Mapping[str, Any], precision: CPrecision, arrays: Mapping[str, str] | None = None,
     path: str = "",
 ) -> str:  # fmt: skip
-    """Write a struct as an initialiser with the names of its fields."""
+    """Format a struct as an initialiser with field names."""
     level, arrays = path.count("."), arrays or {}
     lines = []
     for name, value in fields.items():
@@ -112,12 +112,12 @@ def struct(
 
 
 def precision_of(filter: Estimator | None) -> CPrecision:
-    """Return what a model computes in: a plant in double, an estimator in its own precision."""
+    """Return the precision of a model: a plant's is double, an estimator's its own."""
     return "float" if filter is not None and filter.precision == "float32" else "double"
 
 
 def called(filter: Estimator) -> InCore:
-    """Return how the core calls an estimator."""
+    """Return the core interface of an estimator."""
     result = in_core_of(filter)
     if result is None:
         raise AmbkitError(f"the {filter.name} cannot be exported yet")
@@ -125,7 +125,7 @@ def called(filter: Estimator) -> InCore:
 
 
 def own(filter: Estimator, precision: CPrecision) -> str:
-    """Write what only this kind of estimator has, its arrays in it; empty where it has nothing."""
+    """Format the data of the estimator's kind, including arrays; empty if it has none."""
     fields = filter.core.own
     inner: Estimator | None = getattr(filter, "inner", None)
     if inner is not None:
@@ -136,14 +136,14 @@ def own(filter: Estimator, precision: CPrecision) -> str:
 
 
 def struct_with_arrays(fields: Mapping[str, Any], precision: CPrecision) -> str:
-    """Write a struct as an initialiser, its arrays in it."""
+    """Format a struct as an initialiser, including its arrays."""
     held = arrays_of(fields).items()
     texts = {path: "{\n" + array(values, precision, "    ") + "}" for path, values in held}
     return struct(fields, precision, texts)
 
 
 def declared(arrays: Mapping[str, NDArray[Any]], precision: CPrecision) -> list[dict[str, Any]]:
-    """Return what a data file says of arrays: name, type, length and text of each."""
+    """Return the declarations of arrays in a data file: name, type, length and text."""
     return [
         {"name": name, "type": type_of(values), "length": len(values),
          "text": array(values, precision)}
@@ -152,7 +152,7 @@ def declared(arrays: Mapping[str, NDArray[Any]], precision: CPrecision) -> list[
 
 
 def arrays_of(fields: Mapping[str, Any], path: str = "") -> dict[str, NDArray[Any]]:
-    """Return all arrays in a struct and in the structs in it, by the paths of their fields."""
+    """Return all arrays in a struct and its nested structs, by the paths of their fields."""
     results: dict[str, NDArray[Any]] = {}
     for name, value in fields.items():
         if isinstance(value, Mapping):
@@ -163,18 +163,18 @@ def arrays_of(fields: Mapping[str, Any], path: str = "") -> dict[str, NDArray[An
 
 
 _COLUMNS = {2: ("k_i", "k_s"), 4: ("f", "f_i", "f_x", "f_ix")}
-"""Fields of what stands in an array of structs (`data.type_of`)."""
+"""Fields of elements of an array of structs (`data.type_of`)."""
 
 
 class Crc(NamedTuple):
-    """How it is computed, and its value."""
+    """Computation and value of a CRC."""
 
     lines: list[str]  # statements in C that change `crc`
     value: int  # of 32 bits
 
 
 class Constants:
-    """Gathers constants, in the order of the data file."""
+    """Collects constants in the order of the data file."""
 
     def __init__(self, precision: CPrecision) -> None:
         self._format = "<f4" if precision == "float" else "<f8"
@@ -182,7 +182,7 @@ class Constants:
         self._bytes: list[bytes] = []
 
     def array(self, name: str, values: NDArray[Any]) -> None:
-        """Take in an array with a name of its own."""
+        """Add an array with a name of its own."""
         if values.dtype.kind == "u":
             self._loop(len(values), f"amb_crc_word(crc, {name}[i])")
             self._bytes.append(values.astype("<u4").tobytes())
@@ -195,7 +195,7 @@ class Constants:
         self._loop(len(values), *(f"amb_crc_real(crc, {name}[i].{field})" for field in fields))
 
     def fields(self, name: str, fields: Mapping[str, Any], *, arrays: bool) -> None:
-        """Take in a struct; `arrays`: its arrays are in it, and not behind pointers."""
+        """Add a struct; `arrays`: its arrays are in it rather than behind pointers."""
         for place, value in _leaves(fields, name):
             if isinstance(value, np.ndarray):
                 if arrays:
@@ -209,7 +209,7 @@ class Constants:
                 self._bytes.append(np.array(value, self._format).tobytes())
 
     def structs(self, name: str, rows: Sequence[Any], fields: Sequence[str]) -> None:
-        """Take in an array of structs, its whole numbers unsigned."""
+        """Add an array of structs, with unsigned integers."""
         real = [isinstance(value, float) for value in rows[0]]
         places = [f"{name}[i].{field}" for field in fields]
         self._loop(len(rows), *(
@@ -221,11 +221,11 @@ class Constants:
         self._bytes += [pack(format, *row) for row in rows]
 
     def crc(self) -> Crc:
-        """Return the CRC of all that was taken in."""
+        """Return the CRC of all constants."""
         return Crc(self._lines, zlib.crc32(b"".join(self._bytes)))
 
     def _inside(self, place: str, values: NDArray[Any]) -> None:
-        """Take in an array that is in a struct: one of rows is one of arrays there."""
+        """Add an array in a struct; an array of rows is one of arrays there."""
         if values.ndim == 1:
             self.array(place, values)
             return
@@ -242,7 +242,7 @@ class Constants:
 
 
 def _leaves(fields: Mapping[str, Any], path: str) -> Iterator[tuple[str, Any]]:
-    """Give the place in C and the value of all that is neither a struct nor C already."""
+    """Yield the place in C and the value of everything that is neither a struct nor C already."""
     for name, value in fields.items():
         place = f"{path}.{name}"
         if isinstance(value, Mapping):

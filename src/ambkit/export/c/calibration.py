@@ -1,4 +1,4 @@
-"""What can be changed on the running rig: ``core/include/ambkit/calibration.h``."""
+"""Calibration at run time: ``core/include/ambkit/calibration.h``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TEMPLATES = {"{}_calibration.h": "calibration.h", "{}_calibration.c": "calibrati
 
 
 class Parameter(NamedTuple):
-    """One kind of number of ``amb_parameter``."""
+    """One kind of value, ``amb_parameter``."""
 
     name: str
     unit: str
@@ -48,7 +48,7 @@ PARAMETERS = (
 
 
 def check(controller: Controller, scenario: Scenario) -> None:
-    """Refuse what cannot be calibrated."""
+    """Reject what cannot be calibrated."""
     filter, machine = controller.estimator, controller.plant.machine
     called = c_literals.called(filter)
     roles = {state.role for state in filter.states}
@@ -66,7 +66,7 @@ def check(controller: Controller, scenario: Scenario) -> None:
 
 
 def numbers(controller: Controller) -> list[Number]:
-    """Return what can be changed, in the order of ``amb_parameter`` and with the exported value."""
+    """Return the values in the order of ``amb_parameter``, with the exported ones."""
     filter, machine, law = controller.estimator, controller.plant.machine, controller.law
     set_ = filter.core.parameters["set"]
     forces = [state.name for state in filter.states if state.role == "disturbance force"]
@@ -96,7 +96,7 @@ def numbers(controller: Controller) -> list[Number]:
 
 @lru_cache(maxsize=4)
 def limits_of(controller: Controller) -> Limits:
-    """Return what is taken on the running rig, by the names of the numbers."""
+    """Return the limits on the running rig, by name."""
     return limits(controller, numbers(controller))
 
 
@@ -125,12 +125,12 @@ def context(controller: Controller, name: str, precision: CPrecision) -> str:
 
 
 def constants(controller: Controller, name: str, crc: Constants) -> None:
-    """Take it into the CRC."""
+    """Add it to the CRC."""
     crc.fields(f"{name}_base", _fields(controller, name), arrays=True)
 
 
 def described(controller: Controller, name: str, precision: CPrecision) -> str:
-    """Return what the A2L file is made of, as JSON."""
+    """Return the input of the A2L file, as JSON."""
     within, by_kind = limits_of(controller), {item.name: item for item in PARAMETERS}
     parameters = [
         {"name": item.name, "unit": by_kind[item.kind].unit,

@@ -1,4 +1,4 @@
-"""The controller of a machine as C: its constants, and what its self-test flies."""
+"""Controller of a machine as C: its constants, and its self-test."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ TEMPLATES = {
     "{}.h": "control.h", "{}.c": "control.c", "selftest/{}_selftest.h": "control_selftest.h",
     "selftest/{}_selftest.c": "control_selftest.c", "selftest/{}_vectors.c": "control_vectors.c",
 }  # fmt: skip
-"""What stands instead of an axis's filter's files, and beside those of several axes."""
+"""Files that replace those of an axis's filter, and that supplement those of several axes."""
 
 _BOUNDS: dict[tuple[bool, CPrecision], tuple[str, str]] = {
     (False, "float"): ("3e-4", "3e-5"), (False, "double"): ("1e-10", "1e-11"),
     (True, "float"): ("5e-2", "1e-3"), (True, "double"): ("2e-5", "1e-9"),
 }  # fmt: skip
-"""What one step may differ by where the compiler contracts, of several axes and of one: states over
-their standard deviations at the start, and currents over the greatest. A machine's covariance has
-fewer digits."""
+"""Tolerances of one step if the compiler contracts, with several axes and with one: states over
+their initial standard deviations, and currents over the maximum. A machine's covariance has
+fewer digits.
+"""
 
 _PID = ("kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")
 _LAW = ("reference", "position", "velocity", "spread", "iu_min", "iu_max")
@@ -45,7 +46,7 @@ _TURN = ("motion", "current", "reach", "ampere")
 
 
 class Structs(NamedTuple):
-    """The constants, by their names in C."""
+    """Constants by their names in C."""
 
     arrays: dict[str, Array]
     pids: list[dict[str, Any]]
@@ -57,7 +58,7 @@ class Structs(NamedTuple):
 
 
 def controller_of(filter: Estimator, scenario: Scenario) -> Controller:
-    """Return the controller that a scenario states around an estimator."""
+    """Return the controller of a scenario around an estimator."""
     machine = filter.machine
     if scenario.controller.custom:
         raise AmbkitError(
@@ -73,7 +74,7 @@ def controller_of(filter: Estimator, scenario: Scenario) -> Controller:
 
 
 def structs(controller: Controller, name: str, *, of_filter: bool = True) -> Structs:
-    """Return a controller's constants; `of_filter`: several axes start as their filter does."""
+    """Return a controller's constants; `of_filter`: with several axes the start is the filter's."""
     fields, machine = controller.fields, controller.plant.machine
     several = len(machine.axes) > 1 and of_filter
     elsewhere = {key: Name(f"{name}_{key}") for key in ("start", "start_by") if several}
@@ -119,7 +120,7 @@ def pid_fields(T: float, gains: Sequence[float]) -> dict[str, Any]:
 
 
 def _behind(pids: list[dict[str, Any]], gains: Sequence[list[float]]) -> dict[str, Any]:
-    """Point PIDs to the sections behind them, which are returned; {} where there are none."""
+    """Point PIDs to their sections, which are returned; {} without any."""
     all_: list[float] = []
     for pid, gain in zip(pids, gains, strict=True):
         if sections := gain[len(_PID) :]:
@@ -130,7 +131,7 @@ def _behind(pids: list[dict[str, Any]], gains: Sequence[list[float]]) -> dict[st
 
 
 def in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
-    """Write all constants as C; what there is not, is empty."""
+    """Format all constants as C; missing ones are empty."""
     structs = of._asdict()
     arrays, pids = structs.pop("arrays"), structs.pop("pids")
     return {
@@ -142,7 +143,7 @@ def in_c(of: Structs, precision: CPrecision) -> dict[str, Any]:
 def context(
     controller: Controller, scenario: Scenario, name: str, precision: CPrecision
 ) -> dict[str, Any]:
-    """Return what the templates say of a controller."""
+    """Return the template variables of a controller."""
     of, machine = structs(controller, name), controller.plant.machine
     bias = np.array([axis.bearing.magnet.bias_current for axis in machine.axes])
     two_sided = [axis.bearing.magnet.type == "two-sided" for axis in machine.axes]
@@ -170,7 +171,7 @@ def context(
 
 
 def _levitated(controller: Controller, scenario: Scenario, precision: CPrecision) -> dict[str, Any]:
-    """Return what the files of the self-test say."""
+    """Return the template variables of the self-test."""
     tested = controller_test_cases.vectors(controller, scenario)
     fast_sequence, filter = controller_test_cases.fast_sequence(controller), controller.estimator
 
@@ -217,7 +218,7 @@ def _said(controller: Controller) -> str:
 
 
 def constants(controller: Controller, name: str, crc: Constants) -> None:
-    """Take the controller's constants into the CRC."""
+    """Add the controller's constants to the CRC."""
     of = structs(controller, name)
     for place, values in of.arrays.items():
         crc.array(place, values)

@@ -1,4 +1,4 @@
-"""What an exported filter costs on a Cortex-M4F: instructions a step, flash and memory.
+"""Cost of an exported filter on a Cortex-M4F: instructions per step, flash and memory.
 
 Measured (``firmware/``) and stored in ``cost.json``: float, gcc, in qemu, which counts instructions
 and no cycles. The numbers of another bearing change them by a few instructions.
@@ -22,38 +22,40 @@ from ambkit.result.row import Row, put
 
 STORED = Path(__file__).with_name("cost.json")
 
-CLOCK = 168e6  #: Of an STM32F4 [Hz].
+CLOCK = 168e6  #: Clock of an STM32F4 [Hz].
 
 CYCLES_PER_INSTRUCTION = 1.4
-"""Assumed where code runs without wait states: of 300 instructions of the linear filter about 70
-load or store a float (2 cycles), one divides (14), ten branch (3); the rest takes one cycle each
-(ARM, Cortex-M4 technical reference manual)."""
+"""Assumed without wait states: of 300 instructions of the linear filter about 70 load or store a
+float (2 cycles), one divides (14), ten branch (3); the rest takes one cycle each (ARM, Cortex-M4
+technical reference manual).
+"""
 
 _REAL = 4  # bytes of a float
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What one filter costs."""
+    """Cost of one filter."""
 
-    #: Of a step, as a rule; and the most that was seen, where something was the matter.
+    #: Instructions of a step: typical, and the most observed, with a fault.
     instructions: int
     most: int
-    bound: int  #: Of a step at most, on any path through its code.
-    trusted: int | None  #: Of the step that trusts its input, which only the paper's filter has.
+    bound: int  #: Maximum of a step on any path through its code.
+    #: Instructions of the step without input checks, of the paper's filter only.
+    trusted: int | None
     code: int  #: Flash [bytes].
     constants: int
-    state: int  #: Memory of each instance [bytes]; the caller's.
-    stack: int  #: Memory that a step borrows [bytes].
-    selftest: int | None  #: Instructions of the whole self-test; None where they were not counted.
+    state: int  #: Memory of an instance [bytes], the caller's.
+    stack: int  #: Stack of a step [bytes].
+    selftest: int | None  #: Instructions of the complete self-test; None if not counted.
     compiler: str  #: Name, version and flags of the compiler.
 
     def highest_rate(self, clock: float) -> float:
-        """Return how many steps a second [Hz] a processor with this clock [Hz] has time for."""
+        """Return the highest sampling rate [Hz] on a processor with this clock [Hz]."""
         return clock / (self.most * CYCLES_PER_INSTRUCTION)
 
     def rows(self, clock: float) -> list[Row]:
-        """Return what it costs on a processor with this clock [Hz]."""
+        """Return the cost on a processor with this clock [Hz]."""
         cycles = f"{CYCLES_PER_INSTRUCTION} cycles an instruction assumed"
         return put([
             Row("instructions", "instructions per step, typical", self.instructions),
@@ -73,7 +75,7 @@ class Cost:
 
 
 def of(filter: Estimator) -> Cost | None:
-    """Return what a float filter costs, from the stored figures; None where it was not measured."""
+    """Return the stored cost of a float filter; None if it was not measured."""
     if not filter.engine.built_in:
         return None
     known = stored(STORED)
@@ -96,7 +98,7 @@ def of(filter: Estimator) -> Cost | None:
 
 
 def made_of(filter: Estimator) -> str:
-    """Name all that decides how many instructions a step has, but for the rules of an expert."""
+    """Return the key of all that determines a step's instructions, but an expert's rules."""
     own = filter.core.own
     parts = [type(filter.core).__name__]
     if "n" in own:
@@ -110,18 +112,18 @@ def made_of(filter: Estimator) -> str:
 
 
 def bytes_of_arrays(filter: Estimator) -> int:
-    """Return the flash that the arrays of its magnet take [bytes]."""
+    """Return the flash of its magnet's arrays [bytes]."""
     held = arrays_of(_held(filter).parameters)
     return _REAL * sum(np.asarray(values).size for values in held.values())
 
 
 def _held(filter: Estimator) -> Any:
-    """Return the core's magnet that an estimator asks."""
+    """Return the core's magnet of an estimator."""
     return filter.magnet.in_core(core_module(filter.precision))
 
 
 @cache
 def stored(path: Path) -> dict[str, Any]:
-    """Return figures that were measured, of costs or of proofs."""
+    """Return stored measurements of costs or proofs."""
     figures: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return figures

@@ -1,4 +1,4 @@
-"""What is exported as C, and what follows from it: magnets, model, and the files of the core."""
+"""An export to C with derived data: magnets, model, and files of the core."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Export:
-    """What is exported, and what follows from it."""
+    """An export with derived data."""
 
     filter: Estimator
     name: str
@@ -41,78 +41,78 @@ class Export:
     calibrated: bool = False
     framed: bool = False
     rebuilt: bool = False
-    distinction: Distinction | None = None  #: Of its faults, with isolation.
+    distinction: Distinction | None = None  #: Distinguishable faults, with fault isolation.
 
     @property
     def precision(self) -> CPrecision:
-        """What its numbers are."""
+        """Precision of its numbers."""
         return c_literals.precision_of(self.filter)
 
     @property
     def several(self) -> bool:
-        """Whether C takes arrays of readings and currents, and not a number each."""
+        """Whether C takes arrays of readings and currents instead of a number each."""
         return not self.filter.view.single
 
     @property
     def one(self) -> Controller | None:
-        """The controller whose step goes through the interface."""
+        """The controller whose step uses the common interface."""
         return None if self.several else self.controller
 
     @property
     def beside(self) -> bool:
-        """Whether a controller has files beside those of its filter."""
+        """Whether a controller has files besides those of its filter."""
         return self.several and self.controller is not None
 
     @cached_property
     def magnets(self) -> list[Magnet]:
-        """The magnets that the filter asks."""
+        """Magnet models of the filter."""
         return magnets_of(self.filter)
 
     @cached_property
     def kinds(self) -> list[Kind]:
-        """What each of them is in C."""
+        """Their kinds in C."""
         return [Kind(*magnet.in_c) for magnet in self.magnets]
 
     @cached_property
     def in_core(self) -> InCore | None:
-        """How the core calls the estimator; None of the paper's filter alone."""
+        """Core interface of the estimator; None for the paper's filter by itself."""
         called = c_literals.called(self.filter)
         usual = not (self.several or self.controller or self.rebuilt or self.distinction)
         return None if called is PAPER and usual else called
 
     @property
     def given(self) -> bool:
-        """Whether the paper's filter is given its constants, and asks no magnet."""
+        """Whether the paper's filter has constant stiffnesses, without a magnet."""
         return self.in_core is None and self.kinds[0].type == "amb_stiffness"
 
     @cached_property
     def speeds(self) -> tuple[float, float] | None:
-        """The speeds that its model follows."""
+        """Speeds of its model."""
         if not self.several:
             return None
         return controller_test_cases.speeds_of(self.filter.machine, self.scenario)
 
     @cached_property
     def of_model(self) -> model.CModel:
-        """The model in C."""
+        """Model in C."""
         return model.c_model(self.filter, loops=self.rebuilt or self.loops, speeds=self.speeds)
 
     @cached_property
     def flown(self) -> dict[str, Any]:
-        """What the templates say of a controller."""
+        """Template variables of the controller."""
         if self.controller is None or self.scenario is None:
             return {}
         return control.context(self.controller, self.scenario, self.name, self.precision)
 
     @property
     def kalman(self) -> dict[str, Any]:
-        """The structs of the filter that the core holds; its settings alone where C makes them."""
+        """Structs of the core's filter; settings only if C computes the rest."""
         parameters: dict[str, Any] = self.filter.core.parameters
         return parameters["set"] if self.editable else parameters | {"model": self.of_model.numbers}
 
     @cached_property
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays of model and magnets by their names in C, in the order of the data file."""
+        """Arrays of model and magnets by their names in C, in the order of the data file."""
         magnets = {
             self.array_names(k)[path]: values
             for k, magnet in enumerate(self.magnets)
@@ -127,7 +127,7 @@ class Export:
 
     @cached_property
     def start(self) -> dict[str, Array]:
-        """Where a machine's filter starts, and what each reading adds."""
+        """Start of a machine's filter, and its dependence on each reading."""
         constant, by_reading = self.filter.view.start_form(
             self.filter.states, self.filter.levitation_current
         )
@@ -135,7 +135,7 @@ class Export:
 
     @cached_property
     def core_files(self) -> dict[str, str]:
-        """The core's own files."""
+        """Files of the core."""
         needed = ["src/kalman.c", "src/envelope.c", "src/equilibrium.c"]
         needed += ["include/ambkit/crc.h", "include/ambkit/root.h"]
         needed += [] if self.given else [f"src/{kind.source}.c" for kind in self.kinds]
@@ -157,7 +157,7 @@ class Export:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """What a controller compiles."""
+        """Files that a controller compiles."""
         more = (*("_telemetry",) * self.framed, *("_rebuild",) * self.rebuilt)
         more += ("_faults",) if self.distinction else ()
         changed = (*("_control",) * self.beside, *("_calibration",) * self.calibrated)
@@ -166,7 +166,7 @@ class Export:
 
     @property
     def tests(self) -> tuple[str, ...]:
-        """What its self-test compiles."""
+        """Files that its self-test compiles."""
         beside = ("control_selftest", "control_vectors") if self.beside else ()
         of_test = (f"{self.name}_{file}.c" for file in ("selftest", "vectors", *beside))
         return ("selftest/main.c", *(f"selftest/{file}" for file in of_test))
@@ -185,7 +185,7 @@ def magnets_in_c(export: Export) -> list[dict[str, str]]:
 
 
 def several(export: Export) -> dict[str, Any]:
-    """Return what only the export of a machine has."""
+    """Return the parts of an export with several axes."""
     machine = export.filter.machine
     start = {name: c_literals.array(at, export.precision) for name, at in export.start.items()}
     return {
@@ -198,7 +198,7 @@ def several(export: Export) -> dict[str, Any]:
 
 
 def raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | None:
-    """Return what is done with a raw input; None where it comes in SI."""
+    """Return the conversion of a raw input; None if it is in SI."""
     if reading.gain == 1.0 and not reading.zero:
         return None
     sign = "-" if reading.zero < 0 else "+"
@@ -213,19 +213,19 @@ def raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | 
 
 
 def levitation_current(filter: Estimator, precision: CPrecision) -> str:
-    """Return the current that holds the rotor at x, as `Estimator.equilibrium_state` has it."""
+    """Return the levitation current at x, as in `Estimator.equilibrium_state`."""
     middle, per_metre = (c_literals.number(value, precision) for value in filter.levitation_current)
     return f"{middle} + {per_metre} * x"
 
 
 def magnets_of(filter: Estimator) -> list[Magnet]:
-    """Return the core's magnets that an estimator asks, one for each axis."""
+    """Return the core's magnets of an estimator, one for each axis."""
     held = filter.magnet.in_core(core_module(filter.precision))
     return held if isinstance(held, list) else [held]
 
 
 def hearing(export: Export) -> dict[str, dict[str, Any]]:
-    """Return the structs of the angle's sensor by their names in C; none without one."""
+    """Return the structs of the angle sensor by their names in C; none without one."""
     filter = export.filter
     if filter.machine.angle is None or export.speeds is None:
         return {}

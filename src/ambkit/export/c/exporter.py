@@ -1,4 +1,4 @@
-"""From a filter, or a controller that it feeds, to a folder of C."""
+"""Export of a filter, or a controller with its filter, as a folder of C."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 from ambkit.simulation.scenario import Scenario, check_for, settled_scenario
 
-MOST_COUNTED = 65535  #: What an unsigned int of 16 bits holds, as a TI C2000 has.
+MOST_COUNTED = 65535  #: Maximum of an unsigned int with 16 bits, as on a TI C2000.
 
 
 @dataclass(frozen=True, repr=False)
 class CExport(Result):
-    """What was written."""
+    """Result of an export to C."""
 
-    folder: Path  #: Where.
-    name: str  #: Prefix of all its names.
-    precision: CPrecision  #: Of its numbers.
-    files: tuple[str, ...]  #: Its files, relative to the folder, in alphabetical order.
-    sources: tuple[str, ...]  #: Those that a controller compiles.
-    configuration: str  #: Hash of all that the estimator was made from.
+    folder: Path  #: The folder.
+    name: str  #: Prefix of all names.
+    precision: CPrecision  #: Precision of the numbers.
+    files: tuple[str, ...]  #: Files, relative to the folder, in alphabetical order.
+    sources: tuple[str, ...]  #: Files that a controller compiles.
+    configuration: str  #: Hash of everything that determines the estimator.
     table: TabulatedExpert | None  #: The table of an expert in tabulated form.
-    cost: Cost | None  #: Cost on a Cortex-M4F, if it was measured; of float only.
+    cost: Cost | None  #: Cost on a Cortex-M4F, if measured; float only.
 
     TITLE = "{0.name} as C"
 
@@ -88,7 +88,7 @@ def export_c(
     distinction: Distinction | None = None,
     force: bool = False,
 ) -> CExport:
-    """Write a folder of C99 that compiles alone: a filter that runs on a machine."""
+    """Write a self-contained folder of C99: a filter for a machine."""
     of_type(Machine, machine=machine)
     of_type(Estimator, filter=filter)
     name = checked(prefix, filter.machine.name)
@@ -118,7 +118,7 @@ def export_c(
             framed=telemetry, rebuilt=editable and not built_in, distinction=distinction,
         )
     )  # fmt: skip
-    if wrong and calibrated:  # which an A2L file is made from later
+    if wrong and calibrated:  # input of a later A2L file
         calibration_data = json.loads(content.files["calibration.json"]) | {"must_not_fly": wrong}
         content.files["calibration.json"] = json.dumps(calibration_data, indent=2) + "\n"
     written = write_folder(Path(out), content.files)
@@ -130,12 +130,12 @@ def export_c(
 
 @dataclass(frozen=True, repr=False)
 class FilterCost(Result):
-    """What a filter costs on a Cortex-M4F."""
+    """Cost of a filter on a Cortex-M4F."""
 
-    filter: str  #: Its name.
-    machine: str  #: Of which machine.
+    filter: str  #: Name of the filter.
+    machine: str  #: Name of the machine.
     cost: Cost
-    clock: float  #: Of the processor [Hz].
+    clock: float  #: Clock of the processor [Hz].
 
     TITLE = "{0.filter} of {0.machine}"
 
@@ -156,7 +156,7 @@ class FilterCost(Result):
 
 
 def filter_cost(filter: Estimator, clock: Given) -> FilterCost:
-    """Return what a filter in float costs, from the figures that were measured."""
+    """Return the measured cost of a filter in float."""
     frequency = in_si("clock", clock, "Hz")
     if not frequency > 0:
         raise AmbkitError(f"clock must be greater than 0 Hz, is {frequency:g} Hz")
@@ -172,7 +172,7 @@ def filter_cost(filter: Estimator, clock: Given) -> FilterCost:
 def _controller(
     filter: Estimator, scenario: Scenario, *, editable: bool
 ) -> tuple[Controller, Scenario]:
-    """Return the controller, and the scenario as its self-test flies it."""
+    """Return the controller, and the scenario of its self-test."""
     machine, sequence = filter.machine, scenario.sequence or LiftOff()
     check_for(scenario, machine)
     if editable:
@@ -186,7 +186,7 @@ def _controller(
 
 
 def _facts(magnet: MagnetModel, precision: CPrecision) -> dict[str, str]:
-    """Return what the README says of the filter, line by line."""
+    """Return the README's facts on the filter, line by line."""
     facts: dict[str, str] = {"numbers": precision}
     if isinstance(magnet, Expert):
         facts["expert"] = f"{len(magnet.rules)} rules, from {magnet.source}"
@@ -201,7 +201,7 @@ def _facts(magnet: MagnetModel, precision: CPrecision) -> dict[str, str]:
 
 
 def _check_counts(filter: Estimator) -> None:
-    """Refuse what the core does not know, and what an int of 16 bits cannot count."""
+    """Reject unsupported counts: of the core, and of an int with 16 bits."""
     called(filter)
     for limit in ("frozen_limit", "outlier_limit"):
         count = filter.core.parameters["set"][limit]
@@ -220,7 +220,7 @@ def _check_counts(filter: Estimator) -> None:
 
 
 def _cost_facts(spent: Cost | None) -> dict[str, str]:
-    """Return what the README says of the cost."""
+    """Return the README's facts on the cost."""
     if spent is None:
         return {}
     facts = {
@@ -244,13 +244,13 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
     }
 
 
-MANIFEST = "ambkit.sha256"  #: Hashes of an export's files, by which an older export is known.
+MANIFEST = "ambkit.sha256"  #: Hashes of an export's files, which identify an older export.
 
 
 def write_folder(folder: Path, texts: dict[str, str]) -> Path:
-    """Write all files, and take away those of an older export that are no longer there."""
-    # Where an older export is, whoever owns the folder may have put files of his own beside it; any
-    # other folder must be empty but for what is hidden, such as ``.git``.
+    """Write all files, and remove obsolete ones of an older export."""
+    # Beside an older export the user may have put other files; any other folder must be empty
+    # except for hidden files, such as ``.git``.
     if not (folder / MANIFEST).exists() and any(folder.glob("[!.]*")):
         raise AmbkitError(
             f"{folder}: holds other files, and the {len(texts) + 1} of an export would lie among "
@@ -274,7 +274,7 @@ def write_folder(folder: Path, texts: dict[str, str]) -> Path:
 
 
 def _older(manifest: Path) -> set[str]:
-    """Return the files of an older export; none that lies outside its folder."""
+    """Return the files of an older export, except outside its folder."""
     if not manifest.exists():
         return set()
     names = {line.partition("  ")[2] for line in files.read_text(manifest).splitlines()}

@@ -1,4 +1,4 @@
-"""Limits of what can be calibrated on the running rig: within all of them the loop has margins.
+"""Limits of calibration at run time, within which the loop keeps its margins.
 
 With one axis every corner of the limits is a loop that has them. With several their corners are too
 many: the numbers of all axes are varied alike, those of one axis at a time, and all at random.
@@ -26,43 +26,45 @@ from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.machine.magnets import ConstantStiffness
 
 PEAK = 4.0
-"""Of abs(S): the end of zone B of ISO 14839-3, or a tenth above that of the exported numbers."""
+"""Limit of abs(S): the end of zone B of ISO 14839-3, or 10 % above that of the exported values."""
 
 WIDEST = {
     "var_y": (0.01, 100.0), "var_u": (0.01, 100.0), "var_d": (0.01, 100.0),
     "mass": (0.5, 2.0), "strong": (0.5, 2.0),
     "kp": (0.33, 3.0), "ki": (0.1, 10.0), "kd": (0.33, 3.0), "T_f": (0.2, 5.0),
 }  # fmt: skip
-"""Parts of the exported numbers, beyond which nothing is looked for."""
+"""Maximum range, over the exported values."""
 
 SHARES = np.arange(0.05, 1.001, 0.05)
-"""Of the logarithms of these, that are tried from the smallest on."""
+"""Candidate logarithms of the range, smallest first."""
 
-GATE = (4.0, 100.0)  #: Standard deviations: a closer gate rejects sound measurements.
-TRACKING = (0.2, 5.0)  #: Parts of the exported tracking time, see `LEAST_TRACKING`.
+#: Minimum gate in standard deviations: a smaller one rejects healthy measurements.
+GATE = (4.0, 100.0)
+TRACKING = (0.2, 5.0)  #: Range of the tracking time, over the exported one; see `LEAST_TRACKING`.
 
 LEAST_TRACKING = 10
 
 SIGMAS = (6.0, 3.0)
-"""Of the position and of the current, by the sensor's noise: so many are to be within the
-clearance, and within what holding the rotor leaves of the current's range. Where the exported
-numbers take more of either, a twentieth more than that."""
+"""Standard deviations of position and current due to the sensor's noise that must fit the
+clearance, and the current range beside the levitation current. If the exported values exceed it,
+5 % more than theirs.
+"""
 
 DIGITS = 3
-RANDOM, SEED = (8, 8), 1  #: Filters at random corners, and gains for each, of several axes.
+RANDOM, SEED = (8, 8), 1  #: Filters at random corners, and gains for each, with several axes.
 
 
 class Number(NamedTuple):
-    """A number that can be changed."""
+    """A value that can be calibrated."""
 
-    kind: str  #: The name of its ``amb_parameter``.
-    position: int  #: Of the sensor, control, noise, magnet or PID.
-    name: str  #: Its kind and what it is of: ``kp_A1``.
+    kind: str  #: Name of its ``amb_parameter``.
+    position: int  #: Index of its sensor, control, noise, magnet or PID.
+    name: str  #: Name with its kind and object: ``kp_A1``.
     exported: float
 
 
 class Limits(NamedTuple):
-    """Of each number, in the order of ``amb_parameter``, and the peak of abs(S) between them."""
+    """Limits of each value, in the order of ``amb_parameter``, and their peak of abs(S)."""
 
     low: dict[str, float]
     high: dict[str, float]
@@ -70,11 +72,11 @@ class Limits(NamedTuple):
 
 
 Parts = dict[str, float]
-"""Parts of the exported numbers by their names; of those that are not in it 1."""
+"""Factors on the exported values by name; others are 1."""
 
 
 def limits(controller: Controller, numbers: Sequence[Number]) -> Limits:
-    """Return the widest limits between which every set of numbers leaves margins."""
+    """Return the widest limits within which every set of values keeps the margins."""
     with one_thread():
         low, high, peak = _widest(controller, numbers)
     lowest, highest = (
@@ -85,7 +87,7 @@ def limits(controller: Controller, numbers: Sequence[Number]) -> Limits:
 
 
 def _widest(controller: Controller, numbers: Sequence[Number]) -> tuple[Parts, Parts, float]:
-    """Return the ends of all parts, and the highest peak of abs(S) between them."""
+    """Return the ends of all factors, and the highest peak of abs(S) within them."""
     loops = _Loops(controller, numbers)
     varied = [number for number in numbers if number.kind in WIDEST]
     low: Parts = {}
@@ -102,7 +104,7 @@ def _widest(controller: Controller, numbers: Sequence[Number]) -> tuple[Parts, P
 
 
 def _limit(number: Number, part: float, end: int, controller: Controller) -> float:
-    """Return the lower or the upper limit of a number."""
+    """Return the lower or the upper limit of a value."""
     value = number.exported
     if number.kind in WIDEST:
         return value if part == 1.0 else _rounded(part * value, up=end == 0)
@@ -115,7 +117,7 @@ def _limit(number: Number, part: float, end: int, controller: Controller) -> flo
 
 
 def _rounded(value: float, up: bool) -> float:
-    """Return a limit with so many digits as can be read, on the inner side."""
+    """Return a limit with few digits, rounded inwards."""
     if value == 0:
         return 0.0
     unit = 10.0 ** (math.floor(math.log10(abs(value))) - DIGITS + 1)
@@ -124,7 +126,7 @@ def _rounded(value: float, up: bool) -> float:
 
 
 class _Loops:
-    """The loop of a controller with other numbers than those of the export."""
+    """The loop of a controller with other values than the exported."""
 
     def __init__(self, controller: Controller, numbers: Sequence[Number]) -> None:
         self.controller, self.numbers = controller, numbers
@@ -142,12 +144,12 @@ class _Loops:
         self.share = max(1.0, 1.05 * self._worst({}, {}, math.inf)[1])
 
     def peak(self, low: Parts, high: Parts, most: float = math.inf) -> float:
-        """Return the highest peak of abs(S) of all corners; infinite beyond `most`."""
-        # Infinite where one is not stable, or where noise takes too much of the room that there is.
+        """Return the highest peak of abs(S) over all corners; infinite beyond `most`."""
+        # Infinite if one is unstable, or if noise exceeds its limits.
         return self._worst(low, high, most)[0]
 
     def _worst(self, low: Parts, high: Parts, most: float) -> tuple[float, float]:
-        """Return the highest peak of abs(S), and the greatest share of the room for noise [1]."""
+        """Return the highest peak of abs(S), and the largest utilisation by noise [1]."""
         measured = not self.controller.fed
         noise, worst, share = self.of.noise()[0], 0.0, 0.0
         readings = self.of.plant.outputs[: len(noise)]
@@ -169,7 +171,7 @@ class _Loops:
         return worst, share
 
     def _corners(self, low: Parts, high: Parts) -> Iterator[tuple[Parts, list[Parts]]]:
-        """Give parts of a filter's numbers, and all parts of the gains that go with them."""
+        """Yield factors of a filter's values, with all factors of the gains for each."""
         measured, axes = not self.controller.fed, range(len(self.gains))
         gains = ("kp", "ki", "kd", *(("T_f",) if measured else ()))
         own = [at for at in self.numbers if at.kind in ("strong", *gains)]
@@ -203,7 +205,7 @@ class _Loops:
             yield corner(), [corner() for _ in range(RANDOM[1])]
 
     def _law(self, by: Parts) -> Any:
-        """Return the controllers with gains of these parts of the exported ones."""
+        """Return the controllers with these factors on the exported gains."""
         result, names = self.controller.law, ("kp", "ki", "kd", "T_f")
         of = {(at.kind, at.position): by.get(at.name, 1.0) for at in self.numbers}
         pids = [
@@ -215,8 +217,9 @@ class _Loops:
         )
 
     def _filter(self, by: Parts) -> Any:
-        """Return the filter of a rotor and of magnets of these parts, and with such noise."""
-        # As the core has it: forces and loads are in parts of the mass, and the model stays.
+        """Return the filter with these factors of rotor and magnets, and with such noise."""
+        # As in the core: forces and disturbances are relative to the mass, and the model is
+        # unchanged.
         of: dict[str, list[float]] = {}
         for at in self.numbers:
             of.setdefault(at.kind, []).append(by.get(at.name, 1.0) * at.exported)
@@ -241,7 +244,7 @@ class _Loops:
 
 
 def _parts(group: Sequence[Number], of: dict[str, Parts]) -> Parts:
-    """Return the parts of the numbers of a group, each from the end of its kind."""
+    """Return the factors of a group's values, each from the end of its kind."""
     return {at.name: of[at.kind].get(at.name, 1.0) for at in group if at.kind in of}
 
 

@@ -1,4 +1,4 @@
-"""The model of an estimator in C: built in, its own straight-line header, or loops over arrays."""
+"""Model of an estimator in C: built in, its own straight-line header, or loops over arrays."""
 
 from __future__ import annotations
 
@@ -16,21 +16,22 @@ from ambkit.export.c.c_literals import Name
 from ambkit.models import emit
 from ambkit.models.model import Descriptor, Model
 
-MOST_UNROLLED = 12  #: States up to which straight-line code is smaller and faster than loops.
+#: Maximum number of states for which straight-line code is smaller and faster than loops.
+MOST_UNROLLED = 12
 
 BUILT_IN = "generated/model.h"
 LOOPS = "include/ambkit/loops.h"
 
 
 class CModel(NamedTuple):
-    """A model as an export has it."""
+    """A model in an export."""
 
-    instead: dict[str, str | None]  # files of the core with another text, or left out
+    instead: dict[str, str | None]  # files of the core with another text, or omitted
     sources: tuple[str, ...]  # further files of the core
     numbers: dict[str, Any]  # fields of the struct amb_model
     arrays: dict[str, NDArray[Any]]  # that these point to, by their names
     room: dict[str, int]  # the counts that loops have room for
-    turning: dict[str, Any] | None = None  # fields of the struct amb_turning, where there is one
+    turning: dict[str, Any] | None = None  # fields of the struct amb_turning, if there is one
 
 
 def c_model(
@@ -57,7 +58,7 @@ def c_model(
 
 
 def loop_model(model: Model) -> CModel:
-    """Return a model as ``ambkit/loops.h`` has it, whatever its size."""
+    """Return a model of any size for ``ambkit/loops.h``."""
     fields: dict[str, Any] = {}
     held: dict[str, NDArray[Any]] = {}
     for name, value in arrays(model).items():
@@ -75,7 +76,7 @@ def loop_model(model: Model) -> CModel:
 
 
 def turning(of: CModel, nodes: Nodes) -> CModel:
-    """Return a model by loops whose numbers stand together, and what a speed makes of them."""
+    """Return a model by loops with contiguous values, and their dependence on the speed."""
     numbers, arrays, at = dict(of.numbers), dict(of.arrays), 0
     for name in NUMBERS:
         plain = name in ("e", "r")
@@ -104,20 +105,20 @@ def turning(of: CModel, nodes: Nodes) -> CModel:
 
 
 def sparse(name: str, rows: Sequence[Any]) -> tuple[Name, dict[str, NDArray[Any]]]:
-    """Return a matrix by its rows as a struct, and the arrays that it points to."""
+    """Return a matrix by its rows as a struct, and its arrays."""
     parts = dict(zip(("start", "column", "value"), rows, strict=True))
     arrays = {f"{name}_{part}": _array(at, part) for part, at in parts.items()}
     return Name("{" + ", ".join(arrays) + "}"), arrays
 
 
 def _array(values: Sequence[float], what: str) -> NDArray[Any]:
-    """Return an array of the type that it has in C, and of one zero where there is nothing."""
+    """Return an array with its C type, with one zero if it is empty."""
     places = dict.fromkeys(("start", "column", "grown"), np.uint16)
     return np.array(values or [0], dtype=(places | {"role": np.uint8}).get(what, np.float64))
 
 
 class State(NamedTuple):
-    """A state among the estimates."""
+    """A state in the estimates."""
 
     field: str
     about: str
@@ -131,11 +132,11 @@ OF_PAPER = {
     "f_d": "disturbance force [N]",
     "x_m": "what the sensor shows without its noise [m]",
 }
-OTHERS = ("k_i", "k_s", "innovation", "variance", "feed_back")  #: What else the estimates have.
+OTHERS = ("k_i", "k_s", "innovation", "variance", "feed_back")  #: Further fields of the estimates.
 
 
 def states(described: Sequence[Descriptor], current: str = "AMB_C(0.0)") -> list[State]:
-    """Return the states as the estimates' struct has them."""
+    """Return the states in the struct of the estimates."""
     equilibrium = {"position": "x", "sensor": "x_m", "current": current, "past control": current}
     return [
         State(

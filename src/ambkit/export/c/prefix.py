@@ -1,4 +1,4 @@
-"""The prefix of all names of an export: what compilers, linkers, CMake and file systems let be."""
+"""Prefix of all names of an export: valid for compilers, linkers, CMake and file systems."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 
 from ambkit.base.errors import AmbkitError
 
-LONGEST = 16  #: So that exported names differ within C99's 31 significant characters.
+LONGEST = 16  #: Maximum length, so that names differ within C99's 31 significant characters.
 
 _WORDS = {
     "a header of C": (
@@ -45,7 +45,7 @@ def checked(prefix: str | None, name: str) -> str:
 
 
 def _wrong(prefix: str) -> str | None:
-    """Return what is wrong with it, None if nothing."""
+    """Return its error, or None."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", prefix):
         return f'must be a C identifier, a letter first, is "{prefix}"'
     if len(prefix) > LONGEST:

@@ -1,4 +1,4 @@
-"""What Frama-C's Eva shows of an exported filter or controller, and what is recorded of it.
+"""Proof of an exported filter or controller by Frama-C's Eva, and recorded results.
 
 ``proof/prove.sh`` of an export analyses its C with the numbers of one rig. Results for the bearing
 of the tests are in ``proof.json`` (``python -m firmware.proof``, ``tests/test_proof.py``).
@@ -21,34 +21,35 @@ STORED = Path(__file__).with_name("proof.json")
 TEMPLATES = {
     "proof/{}_proof.c": "proof.c", "proof/prove.sh": "prove.sh", "proof/README.md": "PROOF.md",
 }  # fmt: skip
-"""Files, and by which template."""
+"""Files and their templates."""
 
 OPTIONS = (
     "-eva-slevel 6 -eva-subdivide-non-linear 8"
     " -eva-slevel-function amb_{tag}_envelope_bounds:200,rest_in_the_middle:40{others}"
     " -eva-auto-loop-unroll 128 -eva-split-return auto -eva-widening-delay 10"
 )
-"""How finely Eva looks: squares are not negative, loops unrolled, and the ways through the bounds
-kept apart."""
+"""Precision of Eva: squares are not negative, loops unrolled, and paths through the bounds
+separated.
+"""
 
 
 @dataclass(frozen=True)
 class Proof:
-    """What two analyses left of one kind of filter."""
+    """Results of two analyses of one kind of filter."""
 
-    finite: int  #: Alarms that were left, of any finite inputs, and of NaN and infinities as well.
+    finite: int  #: Remaining alarms, for any finite inputs, and with NaN and infinities too.
     any: int
-    open: int  #: Outputs of the second that are not shown to be finite.
+    open: int  #: Outputs of the second that are not proved to be finite.
     tool: str  #: Frama-C's version.
 
     @property
     def whole(self) -> bool:
-        """Whether nothing was left."""
+        """Whether nothing remained."""
         return self.finite == self.any == self.open == 0
 
 
 def stored_as(filter: Estimator, precision: CPrecision, control: Control | None = None) -> str:
-    """Return what the proof of a kind is stored under, or that of a controller with it."""
+    """Return the key of a kind's proof, or of a controller with it."""
     law = ""
     if control is not None:
         law = "lqg" if control.type == "lqg" else "pid"
@@ -61,7 +62,7 @@ def stored_as(filter: Estimator, precision: CPrecision, control: Control | None 
 def recorded(
     filter: Estimator, precision: CPrecision, control: Control | None = None, *, editable: bool
 ) -> Proof | None:
-    """Return what is stored of an estimator's kind; None where that was not tried."""
+    """Return the recorded proof of an estimator's kind; None if it was not tried."""
     if not filter.engine.built_in or editable:
         return None
     stored = cost.stored(STORED)
@@ -71,7 +72,7 @@ def recorded(
 
 
 def outputs(states: list[str], export: Export) -> list[str]:
-    """Return the numbers of a step's struct, each as C names it."""
+    """Return the numbers of a step's struct, by their names in C."""
     machine, one = export.filter.machine, export.one
     if one is not None:
         coils = (f"coil[{k}]" for k in range(one.coils))
@@ -88,7 +89,7 @@ def outputs(states: list[str], export: Export) -> list[str]:
 
 
 def context(export: Export, context: dict[str, Any]) -> dict[str, Any]:
-    """Return what the files of the proof say."""
+    """Return the template variables of the proof."""
     filter, one = export.filter, export.one
     sources = [text for name, text in export.core_files.items() if name.endswith(".c")]
     uses = {
@@ -97,9 +98,9 @@ def context(export: Export, context: dict[str, Any]) -> dict[str, Any]:
     }
     contracts = [called for called, used in uses.items() if used]
     by_contract = f" -eva-use-spec {','.join(contracts)}" if contracts else ""
-    models = filter.core.own.get("n", 0)  # their number is data, no constant that Eva sees
+    models = filter.core.own.get("n", 0)  # their number is data, not a constant for Eva
     by_model = f" -eva-min-loop-unroll {models + 1}" if models else ""
-    others = ",hold_each:60" if models else ""  # the ways through the bounds of each model
+    others = ",hold_each:60" if models else ""  # the paths through the bounds of each model
     others += "" if export.controller is None else ",see:60"
     return {
         "outputs": outputs([state.field for state in context["states"]], export),

@@ -1,4 +1,4 @@
-"""A filter's constants at other physical parameters: ``core/include/ambkit/rebuild.h``."""
+"""Constants of a filter for other physical parameters: ``core/include/ambkit/rebuild.h``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _IN_C = {np.uint8: "unsigned char", np.uint16: "unsigned short", np.uint32: "uns
 
 
 def context(export: Any) -> dict[str, Any]:
-    """Return what the templates say of parameters and model."""
+    """Return the template variables of parameters and model."""
     engine = export.filter.engine
     of = Rebuild.of(
         engine.machine, parts=engine.parts, noise=engine.noise, synchronous=engine.synchronous
@@ -32,7 +32,7 @@ def context(export: Any) -> dict[str, Any]:
     fields, places = of.fields, _places(engine.model)
     n, size = fields["states"], fields["states"] + 3 * fields["forces"] + fields["controls"]
     slots = len(of.names) + len(fields["constant"]) + len(fields["operation"])
-    # As amb_rebuild_room and AMB_SAMPLING_WORK have it.
+    # As in amb_rebuild_room and AMB_SAMPLING_WORK.
     room = 8 * size**2 + 2 * size + fields["noises"] * n * (n + 1)
     return {
         "parameters": list(of.names),
@@ -63,7 +63,7 @@ def _array(name: str, values: Any, kind: Any) -> dict[str, Any]:
 
 
 def _places(model: Model) -> dict[str, tuple[int, int]]:
-    """Return where the numbers of each matrix begin, and their count, by the field of the model."""
+    """Return the start of each matrix's values, and their count, by field of the model."""
     at, parts = 0, arrays(model)
     places: dict[str, tuple[int, int]] = {}
     for name in NUMBERS:
@@ -76,7 +76,7 @@ def _places(model: Model) -> dict[str, tuple[int, int]]:
 
 
 def _settings(export: Any, names: tuple[str, ...]) -> Any:
-    """Yield what follows from a parameter among the settings, as statements."""
+    """Yield the settings that depend on a parameter, as statements."""
     filter, machine = export.filter, export.filter.machine
     for name in ("gain", "lag"):
         field = {"gain": "K_sen"}.get(name, name)

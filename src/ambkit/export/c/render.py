@@ -1,4 +1,4 @@
-"""The text of each file: the core's own, the data, the thin interface and the self-test."""
+"""Text of each file: the core's own, the data, the thin interface and the self-test."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ _PROVED = (
     "Shown by abstract interpretation (Frama-C Eva), for these constants."
 )
 _BOUNDS_OF_MACHINES: dict[CPrecision, str] = {"float": "2e-2", "double": "1e-7"}
-"""More is added up: 36 states make 8e-9 of what gcc and clang round otherwise by contraction."""
+"""Sums are longer: with 36 states contraction of gcc and clang differs by 8e-9."""
 
 
 class Content(NamedTuple):
-    """An export before it is written."""
+    """Content of an export before it is written."""
 
-    files: dict[str, str]  # text of each file by its name
-    sources: tuple[str, ...]  # what a controller compiles
-    configuration: str  # hash of all that it was made from
+    files: dict[str, str]  # text of each file by name
+    sources: tuple[str, ...]  # files that a controller compiles
+    configuration: str  # hash of everything that determines it
 
 
 def render(export: Export) -> Content:
-    """Write all texts."""
+    """Render all texts."""
     context = _context(export)
     described = {}
     if export.calibrated and export.controller is not None:
@@ -74,7 +74,7 @@ def render(export: Export) -> Content:
 
 
 def _made(export: Export) -> dict[str, str]:
-    """Return the files that are written, and by which template."""
+    """Return the files to write, and their templates."""
     name = export.name
     made = {
         f"{name}.h": "filter.h",
@@ -91,7 +91,7 @@ def _made(export: Export) -> dict[str, str]:
         "misra.txt": "misra.txt",
         "selftest/COVERAGE.md": "COVERAGE.md",
     }
-    # Nothing is proved of what another task changes meanwhile.
+    # Nothing is proved with changes by another task.
     more = [] if export.calibrated or export.rebuilt else [(name, proof.TEMPLATES)]
     if export.controller is not None:
         more.append((f"{name}_control" if export.several else name, control.TEMPLATES))
@@ -106,7 +106,7 @@ def _made(export: Export) -> dict[str, str]:
 
 
 def _context(export: Export) -> dict[str, Any]:
-    """Return what the templates are told."""
+    """Return the template variables."""
     filter, name, precision, one = export.filter, export.name, export.precision, export.one
     context = {
         "controller": None,
@@ -138,7 +138,7 @@ def _context(export: Export) -> dict[str, Any]:
 
 
 def _names(export: Export) -> dict[str, Any]:
-    """Return what is said in words, and which files there are."""
+    """Return words and files for the templates."""
     filter, name, in_core = export.filter, export.name, export.in_core
     machine, several, base = filter.machine, export.several, in_core.base if in_core else ""
     assumed = _assumed(filter)
@@ -187,7 +187,7 @@ def _names(export: Export) -> dict[str, Any]:
 
 
 def _tested(export: Export) -> dict[str, Any]:
-    """Return what the files of the self-test say."""
+    """Return the template variables of the self-test."""
     filter, precision = export.filter, export.precision
     settling, bound = settling_of(filter), bound_of(filter)
     searched = None
@@ -216,7 +216,7 @@ def _tested(export: Export) -> dict[str, Any]:
 
 
 def _numbers(export: Export) -> dict[str, Any]:
-    """Return the constants, and the units of what comes in."""
+    """Return the constants, and the units of the inputs."""
     filter, precision, several = export.filter, export.precision, export.several
     machine, unit = filter.machine, filter.machine.control_unit
     magnet = exported.magnets_in_c(export)[0]
@@ -256,7 +256,7 @@ def _numbers(export: Export) -> dict[str, Any]:
 def _turning(
     of_model: model.CModel, speeds: tuple[float, float] | None, precision: CPrecision
 ) -> dict[str, Any] | None:
-    """Return what the files say of a model that follows the speed of rotation."""
+    """Return the template variables of a model that follows the speed of rotation."""
     fields = of_model.turning
     if fields is None or speeds is None:
         return None
@@ -266,7 +266,7 @@ def _turning(
 
 
 def _hearing(export: Export) -> dict[str, Any] | None:
-    """Return what the files say of the angle's sensor."""
+    """Return the template variables of the angle sensor."""
     angle = export.filter.machine.angle
     structs = exported.hearing(export)
     if angle is None or not structs:
@@ -287,7 +287,7 @@ def _hearing(export: Export) -> dict[str, Any] | None:
 
 
 def _assumed(filter: Estimator) -> dict[str, str]:
-    """Say what it assumes of the noise, and where each number came from."""
+    """Return the assumed noise, and the origin of each number, in words."""
     labels = {
         "measurement": ("noise of the measurement, R", "m^2"),
         "control": ("noise of the control signal", f"{filter.machine.control_unit}^2"),
@@ -314,15 +314,16 @@ def _casts(export: Export) -> tuple[str, ...]:
 
 
 def _bit_headers(core_files: dict[str, str], *, alone: bool) -> list[str]:
-    """Return the headers in flight that look at a number's bits; `alone`: of a filter alone."""
-    # A filter tells standard deviations; of a controller perhaps its self-test alone takes a root.
+    """Return the headers in use that access a number's bits; `alone`: of a filter by itself."""
+    # A filter computes standard deviations; of a controller possibly only its self-test needs a
+    # root.
     root = alone or any('"ambkit/root.h"' in text for text in core_files.values())
     names = ("/exponential.h", "/crc.h", *(["/root.h"] if root else []))
     return [file for file in core_files if file.endswith(names) and "/include/" in file]
 
 
 def _configuration(filter: Estimator, context: dict[str, Any], core_files: dict[str, str]) -> str:
-    """Return 16 hexadecimal digits that change with all that the estimator was made from."""
+    """Return 16 hexadecimal digits, a hash of everything that determines the estimator."""
     digest = hashlib.sha256()
     numbers = (
         "version", "precision", "inputs_text", "kalman", "std", "magnet_type", "magnet", "own",
@@ -340,7 +341,7 @@ def _configuration(filter: Estimator, context: dict[str, Any], core_files: dict[
 
 
 def _described(machine: Machine) -> str:
-    """Return the description of a bearing or a machine without the folders of its files."""
+    """Return the description of a machine without the folders of its files."""
     text = machine.to_toml()
     of = machine.bearings
     for path in (getattr(item.magnet, key) for item in of for key in FILES):

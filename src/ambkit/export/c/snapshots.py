@@ -1,4 +1,4 @@
-"""Where the controllers' self-test restores the covariance, whose digits float loses."""
+"""Restored covariances of the controllers' self-test, whose digits float loses."""
 
 from __future__ import annotations
 
@@ -13,26 +13,27 @@ from ambkit.base.arrays import Array, Bools
 from ambkit.control.controller_states import Controller
 
 STATE_TOLERANCE, CURRENT_TOLERANCE = 1e-2, 2e-4
-"""What float may be off by, as double shows from an equal start: states over their standard
-deviations at the start, currents over the greatest. A fifth of what the self-test lets pass."""
+"""Tolerances of float against double from an equal start: states over their initial standard
+deviations, currents over the maximum. A fifth of the self-test's.
+"""
 
 MOST_NUMBERS = 8
-"""Entries of the covariances that a run restores, at most, over half of those of its means."""
+"""Maximum number of restored covariance entries of a run, over half of those of its means."""
 
 COMPARED = ("status", "mode", "usable")
 
 
 @dataclass(frozen=True)
 class Snapshots:
-    """Of n samples."""
+    """Snapshots of n samples."""
 
-    restored: Bools  #: (n,): before which the covariance is restored.
-    amplified: Bools  #: (n,): in which rounding is amplified nevertheless.
+    restored: Bools  #: (n,): whether the covariance is restored before the sample.
+    amplified: Bools  #: (n,): whether rounding is amplified nevertheless.
     covariance: Array  #: (n, entries): upper triangles after each sample.
 
     @classmethod
     def joined(cls, parts: Sequence[Snapshots]) -> Snapshots:
-        """Return those of runs one after the other."""
+        """Return those of runs in sequence."""
         return cls(
             *(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(cls))
         )
@@ -44,13 +45,13 @@ class Snapshots:
 
     @property
     def before(self) -> Array:
-        """Covariances that are restored there (snapshots, entries)."""
+        """Covariances restored there (snapshots, entries)."""
         return np.asarray(self.covariance[np.array(self.at, int) - 1])
 
 
 def snapshots_of(controller: Controller, run: Callable[..., dict[str, NDArray[Any]]]) -> Snapshots:
-    """Place as few snapshots as keep float near what double gives from the same recorded state."""
-    # `run` takes a controller, and what it restores or None, to its output along one flight.
+    """Place as few snapshots as keep float close to double from the same recorded state."""
+    # `run` maps a controller, and a restored state or None, to its output along one run.
     filter = controller.estimator
     args, options = filter._made
     sharp = type(filter)(*args, **(options | {"precision": "float64"}))
@@ -73,7 +74,7 @@ def snapshots_of(controller: Controller, run: Callable[..., dict[str, NDArray[An
         return np.asarray(result)
 
     amplified, restored = off(np.ones(n, bool)), np.zeros(n, bool)
-    # What such samples leave is another covariance elsewhere, for the next that is compared.
+    # Such samples change the covariance for the next one that is compared.
     restored[1:] = amplified[:-1] & ~amplified[1:]
     wanting = np.flatnonzero(off(restored) & ~amplified & ~restored)
     while wanting.size and restored.sum() < MOST_NUMBERS * n // states:

@@ -1,4 +1,4 @@
-"""Frames of what each sample found: ``core/include/ambkit/telemetry.h``, and what is in them."""
+"""Telemetry frames: ``core/include/ambkit/telemetry.h``, and their content."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Number(NamedTuple):
 
     name: str
     unit: str
-    place: str  # in the struct that comes out of a step
+    place: str  # in the output struct of a step
 
 
 def frame(export: Export, fields: Sequence[State]) -> list[Number]:
@@ -51,7 +51,7 @@ def frame(export: Export, fields: Sequence[State]) -> list[Number]:
 def described(
     name: str, configuration: str, sampling_time: float, numbers: Sequence[Number]
 ) -> str:
-    """Return what frames are read by, as JSON."""
+    """Return the description of frames for their decoding, as JSON."""
     description = {
         "prefix": name,
         "layout": int(configuration[:8], 16),

@@ -1,4 +1,4 @@
-"""``ambkit export fmu``: a co-simulation FMU around the library's own C, for FMI 2.0 and 3.0.
+"""``ambkit export fmu``: an FMU around the library's own C, for FMI 2.0 and 3.0.
 
 ``c/`` holds what is written by hand: a model is a table of variables and six functions
 (``model.h``), an instance of it knows modes, time and state (``instance.h``), and ``fmi2.c`` and

@@ -1,4 +1,4 @@
-"""The binary of an FMU for this platform, made with the system's C compiler."""
+"""Binary of an FMU for this platform, by the system's C compiler."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from ambkit.base.errors import AmbkitError
 from ambkit.export.fmu.xml import COMPILER_OPTIONS, Fmi
 
 _NAMES = ("cc", "gcc", "clang")
-_FLAGS = ("-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-s")  # -s: nothing of this machine
-_STRICT = ("-Wl,-z,defs",)  # what is missing is told here, not where the FMU is loaded
+_FLAGS = ("-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-s")  # -s: no names of this machine
+_STRICT = ("-Wl,-z,defs",)  # missing symbols are reported here, not when the FMU is loaded
 
 
 class _Platform(NamedTuple):
-    """How FMI calls a platform, and the ending of its libraries."""
+    """FMI's name of a platform, and the suffix of its libraries."""
 
     fmi_2: str
     fmi_3: str
@@ -43,13 +43,13 @@ _CROSS = {
     "aarch64-linux-gnu-gcc": _PLATFORMS["linux", "aarch64"],
     "x86_64-w64-mingw32-gcc": _Platform("win64", "x86_64-windows", ".dll"),
 }
-"""Compilers for other platforms, as distributions call them."""
+"""Cross compilers by their names in distributions."""
 
 
 def binaries(
     texts: Mapping[str, str], sources: Sequence[str], identifier: str, fmi: Fmi, *, everywhere: bool
 ) -> dict[str, bytes]:
-    """Compile for this platform, or also for each that there is a cross compiler for."""
+    """Compile for this platform, or also for each with a cross compiler."""
     made = {place(identifier, fmi): compiled(texts, sources)}
     for name, target in _CROSS.items() if everywhere else ():
         there = _place(target, identifier, fmi)
@@ -63,7 +63,7 @@ def _place(target: _Platform, identifier: str, fmi: Fmi) -> str:
 
 
 def place(identifier: str, fmi: Fmi) -> str:
-    """Return where the binary belongs in an FMU."""
+    """Return the path of the binary in an FMU."""
     here = _PLATFORMS.get((sys.platform, platform.machine()))
     if here is None:
         raise AmbkitError(
@@ -76,7 +76,7 @@ def place(identifier: str, fmi: Fmi) -> str:
 def compiled(
     texts: Mapping[str, str], sources: Sequence[str], *, cross: str | None = None
 ) -> bytes:
-    """Compile a shared library; the same compiler makes the same bytes."""
+    """Compile a shared library, reproducibly."""
     compiler = _compiler() if cross is None else [cross]
     linux = sys.platform == "linux" if cross is None else "linux" in cross
     with TemporaryDirectory() as made:
@@ -84,7 +84,7 @@ def compiled(
             files.make_folder(Path(made, name).parent)
             files.write_text(Path(made, name), text)
         flags = [*COMPILER_OPTIONS.split(), *_FLAGS, *(_STRICT if linux else ())]
-        # With an ending of its own: gcc for Windows adds .exe to a name without one.
+        # With an explicit suffix: gcc for Windows adds .exe to a name without one.
         command = [*compiler, *flags, "-I.", *sources, "-o", "binary.library"]
         done = subprocess.run(
             command, cwd=made, capture_output=True, text=True, errors="replace", check=False
@@ -95,7 +95,7 @@ def compiled(
 
 
 def _compiler() -> list[str]:
-    """Return the command in the variable CC, or else the first compiler that is there."""
+    """Return the command in the variable CC, or else the first available compiler."""
     command = os.environ.get("CC", "")
     try:
         chosen = shlex.split(command)

@@ -1,4 +1,4 @@
-"""A whole controller in an FMU: its data, and how it starts."""
+"""Complete controller in an FMU: data and start."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from ambkit.simulation.scenario import Scenario
 
 
 class ControllerStart(NamedTuple):
-    """A controller, and how it starts."""
+    """A controller and its start."""
 
     controller: Controller
-    levitated: bool  # in flight, else at power-on
-    place: Array  # where the rotor is at the start along the axes (p,) [m]
-    current: Array  # that is demanded until then (p,) [A]
+    levitated: bool  # levitated, else at power-on
+    place: Array  # initial position of the rotor along the axes (p,) [m]
+    current: Array  # initial commanded currents (p,) [A]
 
     @property
     def coils(self) -> list[int]:
-        """How many coils the magnet of each axis has."""
+        """Number of coils of each axis's magnet."""
         return [1 + (item.magnet.type == "two-sided") for item in self.controller.plant.isolated]
 
 
 def flown(filter: Estimator, scenario: Scenario) -> ControllerStart:
-    """Return what :func:`ambkit.simulate` flies, started as there."""
+    """Return the controller of :func:`ambkit.simulate`, with its start."""
     controller = control.controller_of(filter, scenario)
     isolated, nothing = controller.plant.isolated, np.zeros(len(controller.plant.isolated))
     levitated = scenario.start == "levitated" or scenario.sequence is None
@@ -44,7 +44,7 @@ def flown(filter: Estimator, scenario: Scenario) -> ControllerStart:
 
 
 def controller_data(of: ControllerStart, precision: CPrecision) -> dict[str, Any]:
-    """Return what the data files say of a whole controller."""
+    """Return the data files of a complete controller."""
     controller, current = of.controller, of.current
     structs = control.structs(controller, "amb_data", of_filter=False)
     nothing, parts = np.zeros(len(current)), np.eye(len(current))
@@ -73,7 +73,7 @@ def controller_data(of: ControllerStart, precision: CPrecision) -> dict[str, Any
 
 
 def law_data(controller: Controller) -> dict[str, Any]:
-    """Return what the data file says of a controller alone, that an estimator elsewhere feeds."""
+    """Return the data file of a controller only, fed by an estimator elsewhere."""
     structs, machine = control.structs(controller, "amb_data"), controller.plant.machine
     gains = [c_literals.number(b.amplifier.gain, "double") for b in controller.plant.isolated]
     law = control.in_c(structs, "double")

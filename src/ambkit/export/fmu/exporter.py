@@ -1,4 +1,4 @@
-"""Put an FMU together: descriptions, sources, binary."""
+"""Assembly of an FMU: descriptions, sources, binary."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ from ambkit.simulation.scenario import Scenario, settled_scenario
 
 @dataclass(frozen=True)
 class FmuExport:
-    """What was written."""
+    """Result of an export to FMU."""
 
     path: Path  #: The FMU.
-    kind: Kind  #: What it models.
-    fmi: Fmi  #: Version of the standard.
+    kind: Kind  #: Model.
+    fmi: Fmi  #: FMI version.
     identifier: str  #: Its model identifier.
-    token: str  #: Its GUID or instantiation token: a hash of all that it was made from.
+    token: str  #: GUID or instantiation token: a hash of all inputs.
     variables: tuple[str, ...]  #: Names of its variables, in the order of their value references.
-    inputs: tuple[str, ...] = ()  #: Those of them that are inputs.
-    outputs: tuple[str, ...] = ()  #: And those that are outputs.
+    inputs: tuple[str, ...] = ()  #: Names of the inputs.
+    outputs: tuple[str, ...] = ()  #: Names of the outputs.
 
     def stated(self) -> Statement:
         """Return it as a result."""
@@ -63,15 +63,15 @@ def export_fmu(
     everywhere: bool = False,
     force: bool = False,
 ) -> FmuExport:
-    """Write an FMU around the C of the library: binary and sources, no Python."""
-    # Bit for bit as the library. A communication step may be any: the filter takes its samples at
-    # whole multiples of the bearing's sampling time, and holds its estimates in between; the plant
-    # goes on by what is asked. As in a controller, the sample at a communication point is taken by
-    # the step that begins there, with the inputs set there: an estimate read after the step from t
-    # to t + T is that of the sample at t. The plant's outputs are those at the end of the step. NaN
-    # on an estimator's input is a lost sensor.
-    # FMUs are for co-simulation. A plant without a dead time is for model exchange too: its
-    # importer integrates it, and its outputs follow at any time.
+    """Write an FMU around the library's C: binary and sources, no Python."""
+    # It reproduces the library's bits. Any communication step is allowed: the filter samples at
+    # whole multiples of the machine's sampling time, and holds its estimates in between; the plant
+    # is integrated as requested. As in a controller, the sample at a communication point is
+    # processed by the step that begins there, with the inputs set there: an estimate read after the
+    # step from t to t + T is that of the sample at t. The plant's outputs are those at the end of
+    # the step. NaN on an estimator's input is a lost sensor. FMUs are for co-simulation. A plant
+    # without dead time is for model exchange too: the importer integrates it, and its outputs
+    # follow at any time.
     of_type(Machine, machine=machine)
     of_type(Estimator, filter=filter)
     if kind not in (known := get_args(Kind)):
@@ -105,10 +105,10 @@ def export_fmu(
 
 
 class _Parts(NamedTuple):
-    """What differs from kind to kind."""
+    """The parts that differ between kinds."""
 
     about: str
-    model: str  # by its name in C
+    model: str  # name of the model in C
     variables: tuple[Variable, ...]
     data: dict[str, str]  # the data files
     filter: Estimator | None
@@ -201,7 +201,7 @@ def _whole(filter: Estimator, scenario: Scenario) -> _Parts:
 
 
 def _called(filter: Estimator, scenario: Scenario) -> str:
-    """Return what controls a machine, in words."""
+    """Return a description of a machine's controllers."""
     controller = scenario.controller
     if not filter.machine.single:
         return "controller of all axes"
@@ -213,11 +213,11 @@ def _called(filter: Estimator, scenario: Scenario) -> str:
 class _Content(NamedTuple):
     model: Model
     in_sources: dict[str, str]
-    files: dict[str, str]  # of the FMU, without the binary
+    files: dict[str, str]  # files of the FMU, without the binary
 
 
 def _content(machine: Machine, kind: Kind, fmi: Fmi, parts: _Parts, token: str) -> _Content:
-    """Return all texts of the FMU, with the token in them."""
+    """Return all texts of the FMU, including the token."""
     fixed = sources.model_files(parts.model, fmi) | parts.data
     of_model = None if parts.filter is None else c_model(parts.filter)
     if of_model is None and not machine.single and "rig.c" in fixed:
@@ -255,15 +255,15 @@ def _token(files: dict[str, str]) -> str:
     return f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
 
 
-_LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the earliest time that ZIP knows
+_LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the earliest time in ZIP
 
 
 def write_archive(path: Path, content: Mapping[str, bytes]) -> None:
-    """Write files, in alphabetical order and without their times, to an archive."""
+    """Write files in alphabetical order and without times to an archive."""
     with files.replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name in sorted(content):
             entry = zipfile.ZipInfo(name, _LONG_AGO)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 3  # Unix, wherever this runs
+            entry.create_system = 3  # Unix, on any platform
             entry.external_attr = 0o644 << 16
             archive.writestr(entry, content[name])

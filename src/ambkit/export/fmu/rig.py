@@ -1,4 +1,4 @@
-"""What the data file of an FMU says of a plant, and how it starts."""
+"""Plant in an FMU: data and start."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from ambkit.simulation.scenario import Scenario
 
 
 def room_of(machine: Machine) -> CModel:
-    """Return the room that the plant of several axes takes, without a filter."""
+    """Return the memory of a plant with several axes, without a filter."""
     model, p = continuous(machine), len(machine.axes)
     room = {
         "STATES": len(model.states), "FORCES": p, "CONTROLS": p,
@@ -36,7 +36,7 @@ def room_of(machine: Machine) -> CModel:
 
 
 def rig_data(machine: Machine, start: RigStart) -> dict[str, Any]:
-    """Return what the data file says of a plant: that of :func:`ambkit.simulate`."""
+    """Return the data file of a plant: that of :func:`ambkit.simulate`."""
     single, axes = machine.single, isolated_axes(machine)
     laws = [magnet_of(item) for item in axes]
     coils = [plant_parts.coil_fields(item) for item in axes]
@@ -88,7 +88,7 @@ def rig_data(machine: Machine, start: RigStart) -> dict[str, Any]:
 
 
 class RigStart(NamedTuple):
-    """How a plant of several axes starts, and how fast it is to turn."""
+    """Start and maximum speed of a plant with several axes."""
 
     place: Array  #: Along the axes (p,) [m].
     q: Array  #: Positions (q,) [m] or [rad].
@@ -98,7 +98,7 @@ class RigStart(NamedTuple):
 
     @classmethod
     def of(cls, machine: Machine, scenario: Scenario) -> RigStart:
-        """Return how :func:`ambkit.simulate` starts a scenario."""
+        """Return the start of a scenario in :func:`ambkit.simulate`."""
         if machine.single:
             lies = scenario.start == "landed"
             place = np.array([lies_at(machine) if lies else 0.0])

@@ -1,4 +1,4 @@
-"""The C of an FMU: the core, the model around it, the FMI layer, and the data."""
+"""C sources of an FMU: the core, the model around it, the FMI layer, and the data."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _MODELS: dict[str, tuple[str, ...]] = {
     "regulator": ("regulator_model",),
     "flight": ("flight_model", "estimates", "filter", "flight"),
 }
-"""What there is in C, the one that defines the model's struct first."""
+"""C files of each kind, the one with the model's struct first."""
 _STANDARD: dict[Fmi, tuple[str, ...]] = {
     2: ("fmi2FunctionTypes.h", "fmi2Functions.h", "fmi2TypesPlatform.h"),
     3: ("fmi3FunctionTypes.h", "fmi3Functions.h", "fmi3PlatformTypes.h"),
@@ -48,8 +48,8 @@ def library_files(
     texts: dict[str, str], filter: Estimator | None, of_model: CModel | None
 ) -> dict[str, str]:
     """Return the library's own C, core and simulation, that C files include."""
-    # With each header goes the C file of the same name. All lies in ``sources/`` such that this is
-    # the one folder that a compiler must know.
+    # For each header the C file of the same name is added. All files are placed in ``sources/``, so
+    # that it is the only include folder.
     instead = {LOOPS: None} if of_model is None else of_model.instead
     room = {} if of_model is None else of_model.room
     if room or c_literals.precision_of(filter) == "float":
@@ -73,7 +73,7 @@ def library_files(
 
 
 def _included(folder: str, texts: dict[str, str]) -> set[str]:
-    """Return the headers of a folder that texts include, without their endings."""
+    """Return the headers of a folder that texts include, without suffixes."""
     include = re.compile(rf'^#include "{folder}/(\w+)\.h"', re.MULTILINE)
     return {stem for text in texts.values() for stem in include.findall(text)}
 
@@ -87,7 +87,7 @@ def _beside(folder: Path, stems: set[str]) -> set[str]:
 
 
 def _sources_of(names: Iterable[str]) -> set[str]:
-    """Return the core's C files that have the names of headers."""
+    """Return the core's C files with the names of headers."""
     files = {f"src/{Path(name).stem}.c" for name in names if name.endswith(".h")}
     return {file for file in files if (core_sources.folder() / file).is_file()}
 
@@ -108,7 +108,7 @@ def model_files(model: str, fmi: Fmi) -> dict[str, str]:
 
 
 def licences() -> dict[str, str]:
-    """Return the licences of what lies in ``sources/``."""
+    """Return the licences of the files in ``sources/``."""
     own = distribution("ambkit").read_text("licenses/LICENSE")
     texts = {"fmi-standard.txt": (_HERE / "standard" / "LICENSE.txt").read_text(encoding="utf-8")}
     return texts if own is None else texts | {"license.txt": own}
@@ -118,7 +118,7 @@ _DATA = ("filter", "rig", "nominals", "pid", "law", "flown", "k_ui", "K_sen")
 
 
 def data_files(model: str, **context: Any) -> dict[str, str]:
-    """Return the files that define what the headers of this model declare as data."""
+    """Return the files that define the data declared by this model's headers."""
     values: dict[str, Any] = dict.fromkeys(_DATA) | context
     headers = [f"{stem}.h" for stem in _MODELS[model] if (_HERE / "c" / f"{stem}.h").is_file()]
     rig = values["rig"] or {"magnets": [], "coils": []}
@@ -153,7 +153,7 @@ def description_files(kind: str, model: Model) -> dict[str, str]:
 
 
 def filter_data(filter: Estimator) -> dict[str, Any]:
-    """Return what the data file says of an estimator."""
+    """Return the data file of an estimator."""
     precision, of_model = c_literals.precision_of(filter), c_model(filter)
     magnets = [
         magnet_data(held, f"magnet_{k}", precision)
@@ -173,7 +173,7 @@ def filter_data(filter: Estimator) -> dict[str, Any]:
 
 
 def _starts(filter: Estimator) -> dict[str, Array]:
-    """Return at which states an estimator starts, by places, by currents and by readings."""
+    """Return the initial states of an estimator, by positions, currents and readings."""
     view, states = filter.view, filter.states
     nothing, values = np.zeros(len(view.isolated)), np.eye(len(view.isolated))
 
@@ -196,7 +196,7 @@ def _starts(filter: Estimator) -> dict[str, Array]:
 
 
 def magnet_data(held: Any, name: str, precision: CPrecision = "double") -> dict[str, Any]:
-    """Return what the data file says of a magnet of the core, which it calls `name`."""
+    """Return the data file of a magnet of the core, called `name`."""
     kind, fields = Kind(*held.in_c), held.parameters
     arrays = c_literals.arrays_of(fields)
     names = {path: f"{name}_{path.replace('.', '_')}" for path in arrays}
@@ -220,7 +220,7 @@ def pid_data(machine: Machine, controller: PID) -> str:
 
 
 def rendered(template: str, context: dict[str, Any]) -> str:
-    """Fill in a template of this package."""
+    """Render a template of this package."""
     templates = escaping.templates(_HERE / "templates", autoescape=template.endswith(".html.j2"))
     number = partial(c_literals.number, precision="double")
     return str(templates.get_template(template).render(context, number=number))

@@ -1,4 +1,4 @@
-"""Plant, estimator and controller as three FMUs in one system: an SSP file."""
+"""Plant, estimator and controller as three connected FMUs: an SSP file."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def export_ssp(
     scenario: Scenario | None = None,
     **options: Any,
 ) -> tuple[FmuExport, ...]:
-    """Write plant, estimator and controller, wired, as a system for importers of SSP 1.0."""
-    # An importer hands values on from step to step: with a step of the sampling time the estimate
-    # reaches the controller one sample late and its demand the plant another, which the closed loop
-    # of :func:`export_fmu` does not have. What lifts off and lands is one FMU with its estimator,
-    # the whole controller, and switches the plant's currents.
+    """Write plant, estimator and controller, connected, as a system for importers of SSP 1.0."""
+    # An importer passes values from step to step: with a step of the sampling time the estimate
+    # reaches the controller one sample late and its command the plant another, unlike the closed
+    # loop of :func:`export_fmu`. With lift-off and landing, estimator and controller are one FMU,
+    # the complete controller, which also switches the plant's currents.
     what = scenario or Scenario()
     has_sequence = what.sequence is not None
     kinds: dict[str, Kind] = {"plant": "plant", "controller": "controller"}
@@ -56,7 +56,7 @@ def export_ssp(
 
 
 def _wires(made: dict[str, FmuExport], *, estimate: bool) -> list[Wire]:
-    """Return the wires between elements, and to outside; `estimate`: what feeds the controller."""
+    """Return the connections between elements, and to outside; `estimate`: the feedback."""
     sources = {
         "plant": ("controller",),
         "estimator": ("plant", "controller"),
@@ -67,7 +67,7 @@ def _wires(made: dict[str, FmuExport], *, estimate: bool) -> list[Wire]:
         for name in one.inputs:
             output = name
             if element == "controller" and not estimate and name in ("x", "v"):
-                if name == "v":  # that a PID of the sensor does not look at
+                if name == "v":  # not an input of a PID with measurement feedback
                     continue
                 output = "y"
             source = next((s for s in sources[element] if output in made[s].outputs), None)

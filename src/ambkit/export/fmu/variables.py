@@ -104,7 +104,7 @@ def _variances(filter: Estimator) -> list[Variable]:
 
 
 def of_plant(machine: Machine, places: Sequence[float]) -> tuple[Variable, ...]:
-    """Return the variables of a plant that starts at these places along the axes [m]."""
+    """Return the variables of a plant with these initial positions along the axes [m]."""
     axes, readings = _axes(machine), _reading_names(machine)
     known = (
         TIME,
@@ -142,7 +142,7 @@ def of_plant(machine: Machine, places: Sequence[float]) -> tuple[Variable, ...]:
 
 
 def _continuous(machine: Machine) -> Iterator[Variable]:
-    """Currents that are states, the rates of all states, and what begins events."""
+    """Return currents that are states, the rates of all states, and event indicators."""
     amplifier = machine.amplifier
     states = {"x": "m/s", "v": "m/s2", "x_m": "m/s"}
     if amplifier.bandwidth is not None:
@@ -163,7 +163,7 @@ def _continuous(machine: Machine) -> Iterator[Variable]:
 def of_loop(
     filter: Estimator, controller: PID, loop_controller: ControllerStart | None = None
 ) -> tuple[Variable, ...]:
-    """Return the variables of a closed loop; `loop_controller`: the whole one in it, if any."""
+    """Return the variables of a closed loop; `loop_controller`: its complete controller, if any."""
     machine, start = filter.machine, loop_controller
     axes = _axes(machine)
     return (
@@ -189,7 +189,7 @@ def of_loop(
 
 
 def of_whole(filter: Estimator, loop_controller: ControllerStart) -> tuple[Variable, ...]:
-    """Return the variables of a whole controller."""
+    """Return the variables of a complete controller."""
     machine = filter.machine
     axes, demanded = _axes(machine), "control current that is demanded"
     coils = [
@@ -227,12 +227,12 @@ MODE = Variable("mode", "output", "", MODES, held=True)
 
 
 def _lifts(start: ControllerStart | None) -> bool:
-    """Whether a controller lifts the rotor off."""
+    """Return whether a controller performs lift-off."""
     return start is not None and start.controller.sequence is not None
 
 
 def of_regulator(controller: Controller, current: Array) -> tuple[Variable, ...]:
-    """Return the variables of controllers that start with these currents (p,) [A]."""
+    """Return the variables of controllers with these initial currents (p,) [A]."""
     filter, machine = controller.estimator, controller.estimator.machine
     axes, nothing = _axes(machine), np.zeros(len(current))
     integrals = controller.integrals(current, nothing)
@@ -283,13 +283,13 @@ def _speed(machine: Machine) -> list[Variable]:
 
 
 def base_inputs(machine: Machine) -> list[str]:
-    """Return the ways x, y, z in which a foundation can shake a machine, "" where it cannot."""
+    """Return the directions x, y, z of a machine's foundation, "" if it cannot move."""
     ways = () if machine.rotor.type == "mass" else machine.rigid_positions
     return [f"base_{way}" if way in ways else "" for way in "xyz"]
 
 
 def _outside(machine: Machine) -> list[Variable]:
-    """Return what acts on a plant beside its controllers."""
+    """Return the external inputs of a plant."""
     return [
         *_speed(machine),
         *(
@@ -324,7 +324,7 @@ _FAULTS: tuple[tuple[str, str, str, float, Limit], ...] = (
 
 
 def _truth(machine: Machine) -> list[Variable]:
-    """Return positions and velocities, and what sensors and axes see of them."""
+    """Return positions and velocities, and their values at sensors and axes."""
     shown = per_name("x_m", "output", "m", "position as the sensor shows it, without noise",
                       _reading_names(machine))  # fmt: skip
     if machine.single:

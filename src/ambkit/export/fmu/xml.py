@@ -15,7 +15,7 @@ from ambkit.estimate.machine_model import several
 Fmi = Literal[2, 3]
 
 COMPILER_OPTIONS = "-std=c99 -ffp-contract=off"
-"""With which the same bits come out on every processor."""
+"""Flags for equal bits on every processor."""
 
 _CAUSALITY = {"time": "independent", "fixed": "parameter", "tunable": "parameter"}
 _LOG = {
@@ -26,25 +26,25 @@ _LOG = {
 
 @dataclass(frozen=True)
 class Model:
-    """What the descriptions say of a model."""
+    """Content of the descriptions of a model."""
 
     identifier: str  #: C identifier, and name of the binary.
-    name: str  #: For people.
+    name: str  #: Readable name.
     about: str
-    version: str  #: Of ambkit.
+    version: str  #: Version of ambkit.
     token: str  #: GUID or instantiation token.
     sampling_time: float  #: [s].
     variables: Sequence[Variable]  #: In the order of their value references.
-    sources: Sequence[str]  #: What is compiled, relative to ``sources/``.
+    sources: Sequence[str]  #: Files to compile, relative to ``sources/``.
 
     @property
     def rates(self) -> list[Variable]:
-        """Derivatives of its states, where an importer may integrate it."""
+        """Derivatives of its states, for model exchange."""
         return [variable for variable in self.variables if variable.rate_of]
 
     @property
     def events(self) -> list[Variable]:
-        """What events begin with."""
+        """Event indicators."""
         return [variable for variable in self.variables if variable.event]
 
 
@@ -127,7 +127,7 @@ def _units(root: ElementTree.Element, variables: Sequence[Variable]) -> None:
 
 
 def _common(reference: int, variable: Variable) -> dict[str, str]:
-    """Attributes of a variable that both versions have."""
+    """Return the attributes of a variable common to both versions."""
     variability: str = variable.role
     if variability not in ("fixed", "tunable"):
         variability = "discrete" if variable.held or variable.integer else "continuous"
@@ -143,7 +143,7 @@ def _common(reference: int, variable: Variable) -> dict[str, str]:
 
 
 def _number(variable: Variable) -> dict[str, str]:
-    """Attributes of a variable that tell of its value."""
+    """Return the attributes of a variable's value."""
     attributes = {} if variable.integer else {"unit": variable.unit}
     if variable.limit in ("not negative", "positive"):
         attributes["min"] = "0.0"
@@ -191,17 +191,18 @@ def _structure(root: ElementTree.Element, variables: Sequence[Variable], fmi: Fm
 
 
 def _follows(output: Variable, at: Mapping[str, str]) -> str:
-    """Return what an output follows at once."""
+    """Return the direct dependencies of an output."""
     return " ".join(sorted((at[name] for name in output.follows), key=int))
 
 
 def _text(value: float) -> str:
-    return repr(float(value))  # the shortest that is read back to the last bit
+    return repr(float(value))  # the shortest exact text
 
 
 def written(root: ElementTree.Element) -> str:
     """Return a document as text."""
-    for element in root.iter():  # the library escapes, but writes what XML 1.0 cannot hold
+    # the library escapes, but also writes characters that XML 1.0 cannot hold
+    for element in root.iter():
         element.attrib = {key: one_line(value) for key, value in element.items()}
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode")
@@ -214,28 +215,28 @@ Limit = Literal["any", "not negative", "positive", "losable"]
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a model; its value reference is its place in the table."""
+    """A variable of a model; its value reference is its index in the table."""
 
-    name: str  #: As the importer shows it.
-    #: Fixed parameters hold from the start, tunable ones can be changed between steps; local is
-    #: what only importers that integrate ask for.
+    name: str  #: Name in the importer.
+    #: Fixed parameters hold from the start, tunable ones can be changed between steps; local ones
+    #: are for model exchange only.
     role: Role
     unit: str  #: As in `UNITS`; empty for integers.
-    about: str  #: In a few words.
-    start: float = 0.0  #: Start value; of an output, nothing.
-    #: Of a value that is set; what is losable may be NaN, as of a lost sensor.
+    about: str  #: Short description.
+    start: float = 0.0  #: Start value; none for an output.
+    #: Limits of a settable value; losable ones may be NaN, as for a lost sensor.
     limit: Limit = "any"
-    #: Inputs and parameters that an output follows at once, not with the next step.
+    #: Inputs and parameters on which an output depends directly, not with the next step.
     follows: tuple[str, ...] = ()
-    held: bool = False  #: Changes only with a sample.
-    rate_of: str = ""  #: State whose derivative it is.
-    event: bool = False  #: Whether an event begins where its sign changes.
-    #: In C, of those that stand together and of which this is the first; empty for others.
+    held: bool = False  #: Whether it changes only with a sample.
+    rate_of: str = ""  #: State of which it is the derivative.
+    event: bool = False  #: Whether a change of its sign is an event.
+    #: C name of the first of contiguous variables; empty for others.
     first: str = ""
 
     @property
     def integer(self) -> bool:
-        """Whether it is a whole number: those have no unit."""
+        """Whether it is an integer, which has no unit."""
         return not self.unit
 
     @property

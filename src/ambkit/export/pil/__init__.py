@@ -1,4 +1,4 @@
-"""Processor in the loop: the exported controller on a Cortex-M4F flies the simulated plant."""
+"""Processor in the loop: the exported controller on a Cortex-M4F with the simulated plant."""
 
 from ambkit.export.pil.build import BOARDS
 from ambkit.export.pil.loop import Pil, pil

@@ -1,4 +1,4 @@
-"""Compile an exported controller for a board: flash, memory, stack; and link it for qemu."""
+"""Compilation of an exported controller for a board: flash, memory, stack; linking for qemu."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ FLAGS = (
     "-std=c99", "-fno-common", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections",
     "-Werror=incompatible-pointer-types",
 )  # fmt: skip
-PREFIX = "rig"  #: Of what the loop calls.
+PREFIX = "rig"  #: Prefix of the called functions.
 _CALLS = ("init", "step", "transfer_from")
 
 
 class Built(NamedTuple):
-    """What the export takes of a controller [bytes]."""
+    """Size of the export in a controller [bytes]."""
 
     code: int
     constants: int
     variables: int
-    stack: int | None  # at most, by the compiler's figures over all calls; None: not told
+    stack: int | None  # bound by the compiler's figures over all calls; None if unknown
     compiler: str
 
 
 def size(export: Path, board: Board, into: Path, several: bool) -> Built:
-    """Compile an export for a board, and say what it takes."""
+    """Compile an export for a board, and return its size."""
     name = f"{PREFIX}_control" if several else PREFIX
     into.mkdir(parents=True, exist_ok=True)
     if not board.compiler.startswith(ARM):
@@ -55,7 +55,7 @@ def size(export: Path, board: Board, into: Path, several: bool) -> Built:
 
 
 def _elsewhere(export: Path, board: Board, into: Path) -> Built:
-    """Compile by a compiler whose sizes are not read: that it compiles is the answer."""
+    """Compile with a compiler whose sizes are not parsed, to check that it compiles."""
     for source in sources(export):
         includes = [f"--include_path={export / at}" for at in (".", "core/include", "core")]
         words = [*board.target, *includes, "--compile_only", f"--obj_directory={into}"]
@@ -65,7 +65,7 @@ def _elsewhere(export: Path, board: Board, into: Path) -> Built:
 
 
 def sources(export: Path) -> list[Path]:
-    """Return what a controller compiles, in alphabetical order."""
+    """Return the files that a controller compiles, in alphabetical order."""
     return sorted([*export.glob("*.c"), *export.glob("core/src/*.c")])
 
 
@@ -82,7 +82,7 @@ def compiled(export: Path, board: Board, into: Path, *flags: str) -> list[Path]:
 
 
 def firmware(export: Path, means: list[str], board: Board, into: Path, several: bool) -> Path:
-    """Link an export with the loop, for qemu; returns the image."""
+    """Link an export with the loop for qemu; return the image."""
     into.mkdir(parents=True, exist_ok=True)
     objects = compiled(export, board, into)
     mean_fields = ", ".join(f"(out)->{field}" for field in means)
@@ -105,16 +105,17 @@ def firmware(export: Path, means: list[str], board: Board, into: Path, several: 
 
 _NODE = re.compile(r'node: \{ title: "([^"]+)" label: "([^"]*)"')
 _EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
-_OUTSIDE = 24  # of the C library, which no graph has: memcpy and memset save up to six registers
+# of the C library, which has no call graph: memcpy and memset save up to six registers
+_OUTSIDE = 24
 _BYTES = re.compile(r"(\d+) bytes \((\w+)\)")
 
 
 def stack(graphs: list[Path], root: str, address_taken: set[str]) -> int | None:
-    """Return how deep a call goes at most [bytes], by gcc's call graph and stack usage."""
-    # A call by a pointer is taken to reach every function whose address is taken, and that is not
-    # running already: no function here calls itself by a pointer.
+    """Return the maximum stack of a call [bytes], by gcc's call graph and stack usage."""
+    # A call by a pointer may reach every function whose address is taken and that is not active
+    # already: no function here calls itself by a pointer.
     own: dict[str, int] = {}
-    nodes: dict[str, int] = {}  # more than one: gcc has split a function, which calls its part
+    nodes: dict[str, int] = {}  # several if gcc has split a function, which calls its part
     calls: dict[str, set[str]] = {}
     for path in graphs:
         text = path.read_text(encoding="utf-8")
@@ -156,7 +157,7 @@ QEMU = "qemu-system-arm"
 
 
 class Board(NamedTuple):
-    """What a firmware is built for."""
+    """A board for firmware."""
 
     about: str
     compiler: str
@@ -179,18 +180,18 @@ BOARDS = {
         "TI's C2000 code generation tools",
     ),
 }  # fmt: skip
-"""Boards by name, with what their projects compile with."""
+"""Boards by name, with the usual compiler flags."""
 
 QEMU_BOARD = Board("Cortex-M4F in qemu", f"{ARM}gcc", (*M4F, "-O3"), _ARM_PACKAGES)
 
 
 def in_qemu(board: Board) -> Board:
-    """Return what qemu runs: the board's own build, where that is for a Cortex-M4F."""
+    """Return the build for qemu: the board's own, if that is for a Cortex-M4F."""
     return board if board.target[: len(M4F)] == M4F else QEMU_BOARD
 
 
 def check(board: Board) -> None:
-    """Refuse what there are no tools for."""
+    """Reject a board without installed tools."""
     missing, install = [], []
     if shutil.which(board.compiler) is None:
         missing.append(board.compiler)
@@ -209,7 +210,7 @@ def check(board: Board) -> None:
 
 
 def qemu_command(image: Path) -> list[str]:
-    """Return what runs a firmware: an instruction takes 1 ns, and files are those of the folder."""
+    """Return the command that runs a firmware in a folder; an instruction takes 1 ns."""
     machine = ("-M", "mps2-an386", "-nographic", "-icount", "shift=0")
     semihosting = ("-semihosting-config", "enable=on,target=native")
     return [QEMU, *machine, *semihosting, "-kernel", str(image)]

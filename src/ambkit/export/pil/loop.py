@@ -1,4 +1,4 @@
-"""Processor in the loop: an exported controller on a Cortex-M4F flies the simulated plant."""
+"""Processor in the loop: an exported controller on a Cortex-M4F with the simulated plant."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ def pil(
     board: str | None = None,
     force: bool = False,
 ) -> Pil:
-    """Fly a simulated plant by the exported controller with a filter in float, in qemu."""
-    # The plant is simulated with the controller here, and what its sensors show goes to the
-    # processor, sample by sample. Where that answers the same bits each time, which is what is
-    # judged, the rotor would have moved no otherwise with the processor's own currents.
+    """Run the exported controller with a filter in float in qemu, with a simulated plant."""
+    # The plant is simulated here with the controller, and its measurements go to the processor
+    # sample by sample. If the answers have the same bits, which is checked, the rotor would have
+    # moved identically with the processor's own currents.
     if board is not None and board not in build.BOARDS:
         raise AmbkitError(f'board must be one of {", ".join(build.BOARDS)}, is "{board}"')
     for_board = build.QEMU_BOARD if board is None else build.BOARDS[board]
@@ -98,7 +98,7 @@ def _expected(
     run: Run, filter: Estimator, scenario: Scenario, y: Array,
     r: Array, flies: Array,
 ) -> Expected:  # fmt: skip
-    """Return what the processor is to answer: as simulated, or along a rig's rounded numbers."""
+    """Return the expected answers: as simulated, or along a rig's rounded numbers."""
     record = run.record
     if filter.inputs.y.gain != 1 or filter.inputs.y.zero:  # of one axis
         controller = controller_of(filter, scenario)
@@ -112,7 +112,7 @@ def _expected(
 
 
 def _others(answers: NDArray[np.void], expected: Expected, run: Run) -> Index:
-    """Return how many numbers of each sample are others than expected (n,)."""
+    """Return the number of differing values in each sample (n,)."""
     axes, single = run.machine.axes, np.float32
     n = len(answers)
     gain = np.array([axis.bearing.amplifier.gain for axis in axes], single)
@@ -133,30 +133,31 @@ def _others(answers: NDArray[np.void], expected: Expected, run: Run) -> Index:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pil(Result):
-    """What a processor in the loop gave."""
+    """Result of a processor in the loop."""
 
-    record: Record  #: Its record: what the plant did.
-    answers: NDArray[np.void]  #: (n,) `Processor.answer`, sample by sample.
-    samples: int  #: How many.
-    unequal: int  #: Numbers, of all that the processor told, that are not Python's to the last bit.
-    frames: Record  #: What its telemetry sent.
-    unequal_frames: int  #: Of the same numbers, how many are others there.
-    selftest: int  #: What its self-test found wrong.
-    modes: tuple[tuple[float, str], ...]  #: (float, str) When it began to do what [s].
-    worst: float  #: Largest distance from the reference while it flew, after its first tenth [m].
+    record: Record  #: Record of the plant.
+    answers: NDArray[np.void]  #: (n,) `Processor.answer` of each sample.
+    samples: int  #: Number of samples.
+    unequal: int  #: Number of values from the processor that differ from Python's.
+    frames: Record  #: Received telemetry.
+    unequal_frames: int  #: Number of differing values in it.
+    selftest: int  #: Errors of its self-test.
+    modes: tuple[tuple[float, str], ...]  #: (float, str) Start of each mode [s].
+    #: Largest distance from the reference during levitation, after its first tenth [m].
+    worst: float
     rms: float  #: Root mean square of that distance [m].
-    touched: int  #: Samples on a stop while it flew.
-    instructions: int  #: Of a step, in the median and the most seen.
+    touched: int  #: Samples in contact during levitation.
+    instructions: int  #: Instructions of a step, median and maximum observed.
     most: int
-    stack_seen: int  #: Bytes that a step has used.
-    state: int  #: Bytes of an instance.
-    run: Run  #: The simulation that it answered to.
-    board: str  #: What the rest is for.
-    built: build.Built  #: Flash, memory and the most stack of the board's build.
+    stack_seen: int  #: Observed stack of a step [bytes].
+    state: int  #: Memory of an instance [bytes].
+    run: Run  #: Simulation.
+    board: str  #: Board of the remaining figures.
+    built: build.Built  #: Flash, memory and maximum stack of the board's build.
 
     @property
     def passed(self) -> bool:
-        """Whether all bits are the same."""
+        """Whether all bits are equal."""
         return self.unequal + self.unequal_frames + self.selftest == 0
 
     TITLE = "{0.run.machine.name} on an emulated processor"
@@ -219,7 +220,7 @@ class Pil(Result):
 
 
 def unequal_frames(answers: NDArray[np.void], frames: Record, names: list[str], coils: bool) -> int:
-    """Return how many numbers the telemetry has otherwise than the answers."""
+    """Return the number of telemetry values that differ from the answers."""
     # told (n,)
     if frames.t.size != len(answers):
         return len(answers)
@@ -241,7 +242,7 @@ def compare_bits(
     travel: Array,
     **details: Any,
 ) -> Pil:
-    """Return what the answers say of flight and cost, with what else there is."""
+    """Return the results from the answers: levitation and cost, with further ones."""
     # told (n,); off (n, axes) [m]; moved (n, axes) [m]; travel (axes,) [m]
     mode = answers["mode"].astype(int)
     begins = np.flatnonzero(np.diff(mode, prepend=-1))

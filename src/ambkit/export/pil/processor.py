@@ -1,4 +1,4 @@
-"""A firmware in qemu, and what goes to and from it: two pipes, a sample at a time."""
+"""A firmware in qemu with its two pipes, sample by sample."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.export.pil.build import QEMU, qemu_command
 
-OFTEN = 20  #: Samples from one count of instructions to the next.
-PATIENCE = 60.0  #: Seconds for an answer, which takes less than one.
+OFTEN = 20  #: Samples between two counts of instructions.
+PATIENCE = 60.0  #: Timeout of an answer, which takes less than one second.
 
 GREETING = np.dtype(
     [(name, "<u4") for name in ("unequal", "wrong_status", "wrong", "selftest", "state")]
@@ -29,7 +29,7 @@ class Processor:
     """A running firmware."""
 
     def __init__(self, image: Path, folder: Path, sensors: int, axes: int, states: int) -> None:
-        # What goes to it in a sample, and what it answers: ``c/samples.h``.
+        # Inputs and outputs of a sample: ``c/samples.h``.
         self.sample = np.dtype([
             ("y", "<f4", (sensors,)), ("r", "<f4", (axes,)), ("speed", "<f4"), ("fly", "<u4"),
             ("counted", "<u4"),
@@ -56,9 +56,9 @@ class Processor:
             raise
 
     def step(self, y: ArrayLike, r: ArrayLike, *, fly: bool, speed: float = 0.0) -> np.void:
-        """Let it take one sample, and return its answer."""
-        # It counts instructions in every so many samples, and after mode or status were others.
-        # y (sensors,); r (axes,) [m]
+        """Process one sample, and return the answer."""
+        # Instructions are counted every so many samples, and after changes of mode or status. y
+        # (sensors,); r (axes,) [m]
         last = self._answers[-2:]
         new = len(last) == 2 and any(last[0][name] != last[1][name] for name in ("mode", "status"))
         counted = new or len(self._answers) % OFTEN == 0
@@ -68,7 +68,7 @@ class Processor:
 
     @property
     def answers(self) -> NDArray[np.void]:
-        """All that it said, sample by sample (n,)."""
+        """All answers, sample by sample (n,)."""
         return np.array(self._answers, self.answer)
 
     def close(self) -> None:
