@@ -44,7 +44,7 @@ class Validation:
     of_start: Mapping[int, float]
     residual: Whiteness  #: Autocorrelation of the residuals at lags 1, 2, ... with its 95 % bound.
     #: Correlation of the residuals with the prewhitened control signal 1, 2, ... samples before,
-    #: with its bound. With later control signals a loop correlates anyway.
+    #: with its bound. With later control signals a loop correlates in any case.
     cross: Whiteness
     nis: float  #: Mean normalised innovation squared; 1 if the noise is right.
     gain: float  #: Log likelihood per sample over that of the initial model; NaN without one.
@@ -135,7 +135,7 @@ def is_consistent(nis: float) -> bool:
 
 
 def is_explained(share: float) -> bool:
-    """Whether so little of the residuals is predictable that the model is good anyway."""
+    """Whether so little of the residuals is predictable that the model passes."""
     return share < LEFT
 
 
