@@ -85,14 +85,6 @@ def test_a_rotor_on_one_magnet_lifts_too():
     assert np.abs(record["x"][flying]).max() < 0.1 * ONE_SIDED.clearance
 
 
-def test_a_flight_from_hovering_is_the_one_without_a_sequence():
-    """Nobody who looks after a good flight changes it."""
-    plain = Scenario(duration=0.1, reference=Step(amplitude=2e-4, time=0.02), controller=Control())
-    a = simulate(BEARING, plain, estimator=KalmanFilter(BEARING))
-    b = simulate(BEARING, plain.replace(sequence=LiftOff()), estimator=KalmanFilter(BEARING))
-    np.testing.assert_array_equal(a["x"], b["x"])
-
-
 def test_feed_forward_takes_a_load_back_at_once():
     load = Step(amplitude=3.0, time=0.02)
     worst = [

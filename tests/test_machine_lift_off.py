@@ -18,8 +18,7 @@ from ambkit.control.lift_off_sequence import LiftOff, Mode
 from ambkit.estimate.registry import KINDS
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
-from ambkit.simulation.scenario import Disturbance
-from ambkit.simulation.waveforms import Ramp, Step
+from ambkit.simulation.waveforms import Ramp
 
 QUICK = LiftOff(start=0.005, stop=0.25, lift=0.1, land=0.1)
 
@@ -84,17 +83,6 @@ def test_a_machine_without_its_readings_trips_and_lifts_again():
     assert mode[2500] == Mode.TRIPPED
     assert mode[2625] == Mode.OFF
     assert mode[-1] == Mode.FLYING
-
-
-def test_a_machine_that_is_overloaded_trips():
-    machine = Machine.preset("tum_mlps").replace(speed=0.0)
-    axis = machine.axes[0].name
-    push = Disturbance(axis=axis, force=Step(amplitude=500.0, time=0.2))
-    sequence = LiftOff(lift=0.05, overload=0.02)
-    flight = Scenario(duration=0.4, start="landed", sequence=sequence, disturbance=(push,))
-    mode = simulate_run(machine, flight).record["mode"]
-    assert mode[1999] == Mode.FLYING
-    assert mode[-1] == Mode.TRIPPED
 
 
 def test_from_hovering_it_flies_at_once():
@@ -241,9 +229,6 @@ def signals_of_c(made, record, machine, flight):
     told = np.ascontiguousarray(np.column_stack(given), float).tobytes()
     out = subprocess.run([folder / "fly"], input=told, capture_output=True, check=True).stdout
     return np.frombuffer(out).reshape(len(record), -1)
-
-
-RIGID_AND_FLEXIBLE = ["tum_mlps", "ufu_flexible"]
 
 
 @compiled

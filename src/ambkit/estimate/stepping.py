@@ -30,7 +30,7 @@ class Stepping:
     magnet: Any
     precision: Precision
     engine: Engine
-    core: Any  #: The core's estimator: parameters, state, last result.
+    core: Any  # The core's estimator: parameters, state, last result.
     variances: Any
 
     @property
