@@ -565,15 +565,16 @@ static void write_sizes(const amb_isolation *iso, const sweep *w, int j, int l,
   }
 }
 
-/* By how much less fault j must explain than those that are named to be excluded; `times` the
- * share that its signature may miss. */
-static amb_real margin_of(const amb_isolation *iso, int j, const int named[2], amb_real least,
-                          amb_real times, amb_real most)
+/* Whether two faults are of one group. */
+static bool are_alike(const amb_isolation *iso, int j, int k)
 {
-  const int group = (int)iso->fault[j].group;
-  const bool alike = (group > 0) && ((group == (int)iso->fault[named[0]].group) ||
-                                     (group == (int)iso->fault[named[1]].group));
-  return amb_at_least(least, times * (alike ? iso->alike : iso->like) * most);
+  return (j != k) && (iso->fault[j].group > 0U) && (iso->fault[j].group == iso->fault[k].group);
+}
+
+/* The share of what a fault explains by which another one must differ from it. */
+static amb_real share_of(const amb_isolation *iso, int j, int k)
+{
+  return are_alike(iso, j, k) ? iso->alike : iso->like;
 }
 
 /* Two faults, and what they explain together since so many samples. */
@@ -581,6 +582,7 @@ typedef struct pair {
   int of[2];
   int since;
   amb_real most;
+  amb_real adds[2]; /* what each explains beside the other */
 } pair;
 
 static void keep_best_two(const amb_isolation *iso, const sweep *w, int since, pair *best)
@@ -622,6 +624,9 @@ static pair likeliest_two(const amb_isolation *iso, const amb_isolation_state *s
     (void)eliminate_start(iso, &w);
     keep_best_two(iso, &w, samples, &best);
   }
+  for (int k = 0; k < 2; k++) {
+    best.adds[k] = best.most - result[best.of[1 - k]].likelihood;
+  }
   return best;
 }
 
@@ -629,10 +634,14 @@ static pair likeliest_two(const amb_isolation *iso, const amb_isolation_state *s
 static bool needs_two(const amb_isolation *iso, const amb_isolation_result result[],
                       const pair *two, amb_real limit)
 {
-  bool needed = true;
+  bool needed = !are_alike(iso, two->of[0], two->of[1]);
   for (int j = 0; j < iso->faults; j++) {
-    const amb_real left = two->most - result[j].likelihood;
-    needed = needed && (left >= margin_of(iso, j, two->of, limit, AMB_C(2.0), two->most));
+    amb_real least = amb_at_least(limit, AMB_C(2.0) * iso->like * two->most);
+    for (int k = 0; k < 2; k++) {
+      const bool alike = are_alike(iso, j, two->of[k]);
+      least = alike ? amb_at_least(least, AMB_C(2.0) * iso->alike * two->adds[k]) : least;
+    }
+    needed = needed && ((two->most - result[j].likelihood) >= least);
   }
   return needed;
 }
@@ -641,17 +650,22 @@ static bool needs_two(const amb_isolation *iso, const amb_isolation_result resul
 static int instead_of_two(const amb_isolation *iso, const sweep *w, int j, const pair *two,
                           amb_real least)
 {
-  const amb_real margin = margin_of(iso, j, two->of, least, AMB_C(1.0), two->most);
+  const amb_real less = amb_at_most(two->adds[0], two->adds[1]);
+  int place = -1;
+  amb_real best = AMB_C(0.0);
   for (int k = 0; k < 2; k++) {
-    if ((j == two->of[k]) || ((two->most - likelihood(iso, w, j, two->of[1 - k])) < margin)) {
-      return two->of[k];
+    const amb_real margin = amb_at_least(least, share_of(iso, j, two->of[k]) * two->adds[k]);
+    const amb_real both = (j == two->of[k]) ? two->most : likelihood(iso, w, j, two->of[1 - k]);
+    if ((both > best) && ((two->most - both) < margin)) {
+      best = both;
+      place = two->of[k];
     }
   }
-  bool possible = false;
-  for (int l = 0; l < iso->faults; l++) {
-    possible = possible || ((l != j) && ((two->most - likelihood(iso, w, j, l)) < margin));
+  for (int l = 0; (place < 0) && (l < iso->faults); l++) {
+    const amb_real left = two->most - likelihood(iso, w, j, l);
+    place = ((l != j) && (left < amb_at_least(least, iso->like * less))) ? two->of[0] : -1;
   }
-  return possible ? two->of[0] : -1;
+  return place;
 }
 
 static void name_two(const amb_isolation *iso, const sweep *w, const pair *two, amb_real least,
@@ -669,10 +683,9 @@ static void name_two(const amb_isolation *iso, const sweep *w, const pair *two, 
 static void name_one(const amb_isolation *iso, const sweep *w, int first, amb_real least,
                      amb_isolation_result result[])
 {
-  const int both[2] = {first, first};
   const amb_real most = result[first].likelihood;
   for (int j = 0; j < iso->faults; j++) {
-    const amb_real margin = margin_of(iso, j, both, least, AMB_C(1.0), most);
+    const amb_real margin = amb_at_least(least, share_of(iso, j, first) * most);
     result[j].instead = ((most - result[j].likelihood) < margin) ? first : -1;
     write_sizes(iso, w, j, -1, result);
   }
@@ -698,6 +711,12 @@ static int likeliest(const amb_isolation *iso, const amb_isolation_result result
     first = (result[j].likelihood > result[first].likelihood) ? j : first;
   }
   return first;
+}
+
+/* The scale of the innovations by what is left of them. */
+static amb_real scale_of(const amb_isolation *iso, int samples, amb_real left)
+{
+  return amb_at_least(left / ((amb_real)samples * (amb_real)iso->sensors), AMB_C(1.0));
 }
 
 int amb_isolation_evaluate(const amb_isolation *iso, const amb_isolation_state *state,
@@ -728,8 +747,8 @@ int amb_isolation_evaluate(const amb_isolation *iso, const amb_isolation_state *
     first = likeliest(iso, result);
   }
   const amb_real most = result[first].likelihood;
-  const amb_real left = (energy - known - most) / ((amb_real)samples * (amb_real)iso->sensors);
-  const amb_real scale = amb_at_least(left, AMB_C(1.0));
+  const amb_real unexplained = energy - known;
+  amb_real scale = scale_of(iso, samples, unexplained - most);
   int named = 0;
   if (most >= (iso->limit * scale)) {
     const bool before = result[first].before;
@@ -738,8 +757,10 @@ int amb_isolation_evaluate(const amb_isolation *iso, const amb_isolation_state *
     named = 1;
     pair two;
     two = likeliest_two(iso, state, newest, samples, result, before);
-    if (needs_two(iso, result, &two, iso->limit * scale)) {
+    const amb_real scale_of_two = scale_of(iso, samples, unexplained - two.most);
+    if (needs_two(iso, result, &two, iso->limit * scale_of_two)) {
       w = to_begin(iso, state, newest, two.since, before);
+      scale = scale_of_two;
       name_two(iso, &w, &two, iso->margin * scale, result);
       named = 2;
     }

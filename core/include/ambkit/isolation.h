@@ -22,8 +22,8 @@
  * the innovations gives their scale, so that a filter with the wrong noise does not accuse.
  *
  * A fault is excluded where the named one explains more, by the margin and by the share that a
- * linearised signature may miss. Two are named where they explain more than any one: by the limit,
- * and by twice that share.
+ * linearised signature may miss; of two, by that share of what each adds to the other. Two are
+ * named where they explain more than any one: by the limit, and by twice that share.
  *
  * Where a reading shows the rotor on a stop, whose force is unknown, the state's `contact` is 0,
  * and no fault is named until two windows are free of it.

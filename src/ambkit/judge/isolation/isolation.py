@@ -171,15 +171,15 @@ class FaultIsolation:
                 if other == j or not own > 0:
                     continue
                 left = _left(M, of[j], of[other])
-                if left > 2 * self.share(j, other) * own:
+                if left > 2 * (ALIKE if self.alike(j, other) else LIKE) * own:
                     separated[j, other] = apart / np.sqrt(left)
         np.fill_diagonal(separated, 0.0)
         return LeastSizes(detected, separated)
 
-    def share(self, one: int, other: int) -> float:
-        """Share of what is observed by which two faults must differ."""
+    def alike(self, one: int, other: int) -> bool:
+        """Whether two faults are the same or of one group."""
         group = self.signatures[one].group
-        return ALIKE if group and group == self.signatures[other].group else LIKE
+        return one == other or 0 < group == self.signatures[other].group
 
     @property
     def span(self) -> int:
