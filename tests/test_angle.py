@@ -326,6 +326,19 @@ def test_unbalance_and_runout_show_the_direction(way):
     assert estimate.std("U1_x")[-1] < 0.2 * estimate.std("U1_x").max()
 
 
+def test_a_steady_speed_does_not_separate_unbalance_from_runout():
+    """Of a rotor that bends, whose bending is estimated before its angle is known."""
+    rotor = Machine.preset("compressor").replace(speed="9000 rpm")
+    stated = []
+    for sensor in (None, LATE_PULSES | {"acceleration": "240 rad/s^2"}):
+        machine = rotor.replace(angle=sensor)
+        record = simulate(machine, Scenario(duration=0.04, seed=3)).record
+        estimate = ExtendedKalmanFilter(machine, synchronous=BOTH).run(record, covariance=True)
+        stated.append([estimate.std(name)[-1] for name in ("U1_x", "r1_A_c", "r1_B_c")])
+    known, heard = np.array(stated)
+    assert (heard > 0.7 * known).all()
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["tum_mlps", "ufu_rig"])
 def test_the_slow_force_survives_a_standstill(name):

@@ -175,7 +175,8 @@ static void force_states(const amb_model *model, const amb_speed_error *error, a
  * by a share of itself, which is of second order and no entry of L. The pair's variance does not
  * exceed that of a start. */
 static amb_real by_change(const amb_synchronous *pair, const amb_kalman *kf,
-                          const amb_kalman_state *state, const amb_rotation *rotation)
+                          const amb_kalman_state *state, const amb_rotation *rotation,
+                          amb_real start)
 {
   const int n = amb_states(&kf->model);
   const int i = pair->state;
@@ -184,7 +185,7 @@ static amb_real by_change(const amb_synchronous *pair, const amb_kalman *kf,
   const bool known = !rotation->lost && !rotation->afresh;
   const amb_real share =
       known ? (pair->power * share_of(rotation->speed, rotation->acceleration)) : AMB_C(0.0);
-  const amb_real most = amb_at_least(pair->afresh - mean, AMB_C(0.0));
+  const amb_real most = amb_at_least(start - mean, AMB_C(0.0));
   return amb_at_most(((share * share) * rotation->change) * mean, most);
 }
 
@@ -193,9 +194,9 @@ static void follow(const amb_synchronous *pair, const amb_speed_error *error, am
                    amb_kalman_state *state, amb_real numbers[], const amb_rotation *rotation)
 {
   amb_real *mean = state->mean;
-  const amb_real usual = pair->usual + by_change(pair, kf, state, rotation);
+  const amb_real std = error->std[pair->state];
   const amb_real by_error = rotation->lost ? AMB_C(0.0) : (pair->order * kf->set.T);
-  kf->set.var_d[pair->noise] = rotation->afresh ? pair->afresh : usual;
+  kf->set.var_d[pair->noise] = pair->usual + by_change(pair, kf, state, rotation, std * std);
   rotate_pair(&kf->model, numbers, mean, pair->state, by_error, error->state);
   if (rotation->afresh) {
     clear_row(&kf->model, numbers, pair->state);
@@ -203,17 +204,17 @@ static void follow(const amb_synchronous *pair, const amb_speed_error *error, am
   }
 }
 
-/* Positions and loads that were estimated without the pairs, whose share they have, and velocities.
- */
-static void widen_others(const amb_model *model, const amb_real std[], amb_real speed,
-                         amb_real process_noise[])
+/* The pairs, and all that was estimated without them and has their share: bending and readings too,
+ * or they separate unbalance from runout, which nothing does at a steady speed. */
+static void widen(const amb_model *model, const amb_speed_error *error, amb_real speed,
+                  amb_real process_noise[])
 {
   const int n = amb_states(model);
   int next = amb_first(model, AMB_VELOCITY);
   for (int i = 0; i < n; i++) {
     const amb_role role = amb_model_role(model, i);
-    const amb_real variance = std[i] * std[i];
-    if ((role == AMB_POSITION) || (role == AMB_LOAD)) {
+    const amb_real variance = error->std[i] * error->std[i];
+    if ((role != AMB_KNOWN) && (i != error->state)) {
       process_noise[amb_entry(n, i, i)] += variance;
     }
     if ((role == AMB_POSITION) && (next >= 0) && (next < n)) {
@@ -256,7 +257,7 @@ static amb_real sum_of(const amb_speed_error *error, const amb_model *model,
     if (error->pair[k].order < AMB_C(1.5)) {
       const amb_real value =
           (numbers == NULL) ? mean[at] : amb_sparse_times(&model->L, numbers, at, mean);
-      sum += value / amb_root(error->pair[k].afresh);
+      sum += value / error->std[at];
     }
   }
   return sum;
@@ -368,7 +369,7 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
   }
   amb_model_growth(&kf->model, kf->set.var_d, kf->growth);
   if (by.afresh && (error->std != NULL)) {
-    widen_others(&kf->model, error->std, by.now, kf->growth);
+    widen(&kf->model, error, by.now, kf->growth);
   }
   return by.now;
 }

@@ -51,12 +51,11 @@ void amb_turning_step(const amb_turning *turning, amb_kalman *kf, amb_real numbe
 
 /* A pair of states that turns with the rotor: unbalance in a plane, or a sensor's runout. */
 typedef struct amb_synchronous {
-  int state;       /* the first of the two */
-  int noise;       /* their random walk, among the model's noises */
-  amb_real order;  /* how often a turn */
-  amb_real power;  /* of the speed, by which it acts on other states: 2 of unbalance, 0 of runout */
-  amb_real usual;  /* variance of the walk in a sample ... */
-  amb_real afresh; /* ... and their own where they begin afresh */
+  int state;      /* the first of the two */
+  int noise;      /* their random walk, among the model's noises */
+  amb_real order; /* how often a turn */
+  amb_real power; /* of the speed, by which it acts on other states: 2 of unbalance, 0 of runout */
+  amb_real usual; /* variance of the walk in a sample */
 } amb_synchronous;
 
 /* The speed of a rotor whose angle is estimated (ambkit/angle.h), with its error as a state. */
@@ -87,7 +86,7 @@ typedef struct amb_direction {
  * d, and the pairs Z turn by n T d beside the known angle: the column of L for d is the derivative
  * n T J L Z, and by the force of unbalance 2 speed / (speed^2 + |growth|) L Z, which is no pole at
  * zero; what d has done already is taken back. Where the angle is known again, error and pairs
- * begin afresh, and the others are no surer than at a start: they were estimated without the pairs.
+ * begin afresh, and nothing but currents is surer than at a start: it was estimated without them.
  *
  * A rotor that turns the other way shows: the corrections of the pairs go round with it. Then speed
  * and growth change their sign, and the pairs begin afresh. Returns the speed at the sample

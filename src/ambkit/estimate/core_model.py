@@ -124,8 +124,7 @@ class Engine:
 
     def synchronous_states(self) -> dict[str, Any] | None:
         """Return the synchronous states (``amb_speed_error``), or None."""
-        # The random walk of each pair per sample is its own noise; when the angle is known again,
-        # its variance is the initial one.
+        # The random walk of each pair per sample is its own noise.
         states, noises = ([at.name for at in of] for of in (self.states, self.noises))
         if NAME not in states:
             return None
@@ -135,12 +134,10 @@ class Engine:
             if hasattr(part, "rotating"):
                 first, _, order = part.rotating
                 at, walk = states.index(first), noises.index(first.rsplit("_", 1)[0])
-                vague = (VAGUE * self.states[at].size) ** 2
                 pairs.append({
                     "state": at, "noise": walk, "order": float(order),
                     "power": 2.0 if self.states[at].role == "unbalance" else 0.0,
                     "usual": self.noises[walk].size ** 2,
-                    "afresh": vague,
                 })  # fmt: skip
         angle = self.machine.angle
         return {
