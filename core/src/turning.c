@@ -247,14 +247,16 @@ static void watch_anew(amb_direction *direction)
 }
 
 /* Of the pairs that turn once a revolution: the sum of cosines (i = 0) or sines (1), each over its
- * size at a start; with numbers that of the next sample. */
+ * size at a start; with numbers that of the next sample. Unbalance comes first; runout beside it is
+ * left out, as a reading corrects it against unbalance and the sum may cancel. */
 static amb_real sum_of(const amb_speed_error *error, const amb_model *model,
                        const amb_real numbers[], const amb_real mean[], int i)
 {
   amb_real sum = AMB_C(0.0);
   for (int k = 0; k < error->pairs; k++) {
     const int at = error->pair[k].state + i;
-    if (error->pair[k].order < AMB_C(1.5)) {
+    const bool first = !(error->pair[k].power < error->pair[0].power);
+    if (first && (error->pair[k].order < AMB_C(1.5))) {
       const amb_real value =
           (numbers == NULL) ? mean[at] : amb_sparse_times(&model->L, numbers, at, mean);
       sum += value / error->std[at];
