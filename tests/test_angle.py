@@ -242,7 +242,7 @@ def test_pulses_are_read_from_a_level(high, noise, slow):
 
 def test_a_pulse_in_a_log_is_no_position():
     for name in ("keyphasor", "Kphi", "Tacho [V]", "Trigger", "Nullimpuls", "Index"):
-        assert role_of(name).role == "-"
+        assert role_of(name).role == "k"
 
 
 # ---- what the filter makes of it ----
