@@ -73,7 +73,7 @@ class DefaultControl:
         return (
             f"no default controller was found that holds the rotor of {self.machine} {span}; "
             f"tried{_listed(self.candidates)}; lower the speed, the dead time or the "
-            "sampling time, or give another controller in [control]"
+            "sampling time, or give another controller in [controller]"
         )
 
 
