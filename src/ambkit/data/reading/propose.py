@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,9 @@ from ambkit.data.reading.channel_statistics import correlation, seen
 from ambkit.data.reading.plausibility import standstill
 from ambkit.data.reading.signal_roles import find_roles
 
+FEW = 10  #: Values up to which a channel is a set point or a status, which lies nowhere.
+COARSE = 64  #: Values up to which the steps of a converter hide the acceleration.
+UNEVEN = 0.1  #: Share of steps, and their deviation, by which a clock is uneven.
 RATE = 0.7  #: Correlation with a channel's difference from which on another one is its rate.
 
 
@@ -66,10 +69,8 @@ def _only_rises(best: ProposedMap) -> Candidate | None:
 
 def _refusal(path: str, results: list[Candidate]) -> str:
     """Say why nothing is guessed, and what helps."""
-    lying = {
-        c.label: rests for c in results if not c.role and (rests := standstill(seen(c.values)))
-    }
-    moving = [c for c in results if not c.role]
+    moving = [c for c in results if not c.role and np.unique(seen(c.values)).size > FEW]
+    lying = {c.label: rests for c in moving if (rests := standstill(seen(c.values)))}
     rates = {label for label in lying for c in moving if _is_rate_of(label, c, moving)}
     descriptions = [
         f"{label} is {lying[label].describe()}" for label in lying if label in rates or not rates
@@ -78,9 +79,25 @@ def _refusal(path: str, results: list[Candidate]) -> str:
     return (
         f"{path}: refused: nothing in it floats{lies}. Of its {len(results)} channels of "
         f"{results[0].values.size} samples no two move as a rotor and its current do, and no name "
-        "says what is what: write y and u into a channel map by hand, or cut out a part in which "
-        "the rotor floats"
+        f"says what is what{'; '.join(['', *_obstacles(results, moving)])}: write y and u into a "
+        "channel map by hand, or cut out a part in which the rotor floats"
     )
+
+
+def _obstacles(results: Sequence[Candidate], moving: Sequence[Candidate]) -> Iterator[str]:
+    """Say what in the log hides how its channels move."""
+    for t in results:
+        steps = np.diff(seen(t.values))
+        if steps.size == 0 or steps.min() <= 0:
+            continue
+        usual = float(np.median(steps))
+        if np.mean(abs(steps - usual) > UNEVEN * usual) > UNEVEN:
+            yield f"the steps of {t.label} range from {steps.min():.3g} to {steps.max():.3g}"
+    for c in results:
+        yield from (f"{c.label} {why}" for why in c.why if why.startswith("holds the same numbers"))
+    for c in moving:
+        if (count := np.unique(seen(c.values)).size) < COARSE:
+            yield f"{c.label} takes {count} values only, too coarse for an acceleration"
 
 
 def _is_rate_of(label: str, rate: Candidate, moving: Sequence[Candidate]) -> bool:

@@ -25,7 +25,7 @@ class NamedRole(NamedTuple):
 _QUANTITIES = {
     "t": r"time|\w*zeit\w*|czas|tijd|temps|tiempo|tempo|instant\w*|istante|timestamps?|seconds?|"
          r"secs?|elapsed|clock|millis|micros|\w*uhr|shijian|时间|时刻|時間|時刻|врем\w*",
-    "-": r"err|error|regelabweichung|regelfehler|temp\w*|status|state|mode|flags?|n?rpm|"
+    "-": r"err|error|regelabweichung|regelfehler|\w*temp\w*|status|state|mode|flags?|n?rpm|"
          r"\w*drehzahl|omega|idx|count\w*|sample\w*|tick|power|leistung|\w*kraft|force|"
          r"druck|phase|phi|angle|winkel|beschl\w*|acc|accel\w*|fehler|fuerza|effort|zhuansu|wendu|"
          r"wucha|pressure|enable\w*|humid\w*|ambient|ошибка|оборот\w*|темп\w*|скоростьвращения|сила|"
@@ -53,11 +53,11 @@ _SPEED = r"speed"
 _DEMAND = (
     r"\w*soll|sollwert|ref|reference|referen[zc]\w*|consign[ea]|riferimento|set|set_?po?i?n?ts?|"
     r"setp|sp|desired|des|dem|target|tgt|demand\w*|request\w*|comm?and\w*|cmd|\w*vorgabe|"
-    r"f(?:ü|ue)hrungsgr\w*|rif|dese[aj]\w*|desider\w*|deseo|cible|objetivo|obiettivo|zadan\w*|"
+    r"f(?:ü|ue)hrungsgr\w*|rif|dese[aj]\w*|desider\w*|desire|deseo|richiest\w*|cible|objetivo|obiettivo|zadan\w*|"
     r"уставка|задан\w*|cankao|geiding|sheding|mubiao|zhiling|参考|给定|设定|目标|目標|指令"
 )
 _ORDER = r"comm?and\w*|cmd|zhiling|指令"  #: Of a control signal, where no quantity is named.
-_CONTROL = r"control|ctrl|stell\w*|steuer\w*|kongzhi|управл\w*|控制|制御"
+_CONTROL = r"control|ctrl|stell\w*|steuer\w*|regelstrom|kongzhi|управл\w*|控制|制御"
 """A control current is a demanded one."""
 _ACTUAL = (
     r"ist|istwert|act|actual|meas|measured|mess|messwert|fbk|feedback|fdbk|mon|monitor|raw|roh|"

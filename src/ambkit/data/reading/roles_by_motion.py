@@ -90,7 +90,9 @@ def leave_other_axes(results: Sequence[Candidate]) -> None:
         own = alike[int(np.argmax(shares))]
         most, second = sorted(shares)[:-3:-1]
         if most > max(OWN * second, PASSED):
-            for c in (c for c in alike if c is not own):
+            for c in alike:
+                if abs(correlation(slow(c.values), slow(own.values))) > RELATED:
+                    continue  # its measurement, or the opposite coil
                 c.role = "-"
                 c.why.append(f"{own.label} goes with {y.label}: another axis?")
 

@@ -19,6 +19,7 @@ from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import RELATED, Rotor, in_steps, rotor
 from ambkit.data.reading.roles_by_motion import (
     FOLLOWS,
+    GOES_WITH,
     LARGEST,
     SHORT,
     check_letters,
@@ -45,6 +46,7 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
     _find_time(results)
     keep_rawest(results)
     check_letters(results)
+    find_commands(results)
     leave_other_axes(results)
     letters, volts = _doubtful_roles(results)
     for candidate in results:
@@ -55,7 +57,6 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
             candidate.why.append(f"is {candidate.values[0]:g} all the time")
             candidate.role = "-"
     moves = _find_rotor(results)
-    find_commands(results)
     eliminate(results, volts)
     _find_stage(results)
     _settle_references(results, letters)
@@ -90,10 +91,15 @@ def _find_stage(results: list[Candidate]) -> None:
     """See whether a control signal drives the current that was measured, in other units."""
     u, i = (next((c for c in results if c.role == role and not c.estimated), None) for role in "ui")
     u = u or next((c for c in results if c.weak and not c.role), None)  # V, if it is no velocity
-    if u is None or i is None or u.drives or u.values.shape != i.values.shape or u.unit == "A":
+    if u is None or i is None or u.values.shape != i.values.shape or u.unit == "A":
         return
     command, current = slow(u.values), slow(i.values)
     likeness = correlation(command, current)
+    if u.drives:
+        if abs(likeness) < GOES_WITH:
+            u.role = "-"
+            u.why.append(f"but {i.label} does not follow it")
+        return
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = [of(current) / of(command) for of in (np.nanmean, np.nanstd)]
     in_one_unit = any(1 / SAME_UNIT < ratio < SAME_UNIT for ratio in ratios)
@@ -190,7 +196,9 @@ def _find_rotor(results: list[Candidate]) -> Rotor | None:
         if len(channels) < 2:
             return None
         moves = rotor(np.array([interpolated(c.values[:LOOKED_AT]) for c in channels[:COMPARED]]))
-        if moves is None or (y is not None and not moves.fit.sure):
+        # Two bands do not outweigh a name, neither of a position nor of a current.
+        named_so = y is not None or (control is not None and control.role == "i")
+        if moves is None or (named_so and not moves.fit.sure):
             _say_unconfirmed(y, channels, moves)
             return None
         _rename(channels, moves, y, control)
