@@ -1,7 +1,9 @@
 """The rotor's angle from pulses, an encoder or a speed signal, and what a filter makes of it."""
 
+import re
 import subprocess
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -359,6 +361,12 @@ def test_unbalance_stays_within_its_stated_errors(flight):
     assert run.within
     assert run.ratio < 1.15
     assert run.greatest < 1.3  # where the angle is lost and known again, too
+
+
+def test_flags_have_the_values_of_the_core():
+    header = (Path(__file__).parents[1] / "core/include/ambkit/angle.h").read_text()
+    flags = re.findall(r"#define AMB_ANGLE_(\w+) (\d+)U", header)
+    assert {name: int(value) for name, value in flags} == {f.name: f.value for f in AngleStatus}
 
 
 def test_filtering_reports_where_the_angle_is_lost():

@@ -28,6 +28,7 @@ class AngleStatus(IntFlag):
     LOST = 2  #: The angle is not known to a sixth of the marks' distance.
     ASSUMED = 4  #: The direction is that of before: pulses do not tell it.
     RESTARTED = 8  #: Started afresh from the last readings.
+    MIRRORED = 16  #: The filter found the other direction: of exported C only.
 
 
 @dataclass(frozen=True, eq=False)
