@@ -238,25 +238,28 @@ struct Contact : Estimator {
     d["scatter_squared"] = own.scatter_squared;
     return d;
   }
-  // Along the axes (n, forces), of means (n, states).
-  nb::object contact_forces(const Matrix &means) const
+  // Along the axes (n, forces), of means (n, states) and currents (n, controls).
+  nb::object contact_forces(const Matrix &means, const Matrix &iu) const
   {
     const Sizes of = sizes();
     same_length(of.states, means.shape(1), "means");
+    same_length(of.controls, iu.shape(1), "iu");
+    same_length(means.shape(0), iu.shape(0), "iu");
+    amb_real beside[AMB_FORCES];
     Fresh<amb_real> forces({means.shape(0), of.forces});
     for (size_t k = 0; k < means.shape(0); k++)
-      amb_contact_forces(estimator.kf, &own, means.data() + k * of.states,
-                         forces.data + k * of.forces);
+      amb_contact_forces(&estimator, means.data() + k * of.states, iu.data() + k * of.controls,
+                         amb_real(1), beside, forces.data + k * of.forces);
     return nb::cast(forces.array);
   }
 
 private:
   // In the order of the rows of `numbers`.
   static constexpr std::pair<const char *, amb_real (amb_contact::*)[AMB_FORCES]> by_ring[] = {
-      {"clearance", &amb_contact::clearance},    {"stiffness", &amb_contact::stiffness},
-      {"damping", &amb_contact::damping},        {"friction", &amb_contact::friction},
-      {"surface", &amb_contact::surface},        {"stiffest", &amb_contact::stiffest},
-      {"most_damped", &amb_contact::most_damped}};
+      {"clearance", &amb_contact::clearance}, {"stiffness", &amb_contact::stiffness},
+      {"damping", &amb_contact::damping},     {"friction", &amb_contact::friction},
+      {"surface", &amb_contact::surface},     {"moves", &amb_contact::moves},
+      {"hastens", &amb_contact::hastens}};
   void axes(unsigned short *to, const Places &from, size_t rings, const char *name)
   {
     same_length(rings, from.size(), name);
@@ -398,8 +401,9 @@ void bind_estimators(nb::module_ &m)
            nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, "
                    "second: Any, numbers: Any, displacement: Any, velocity: Any, scatter: float, "
                    "**settings: Any) -> None"))
-      .def("contact_forces", &Contact::contact_forces, nb::arg("means"),
-           "Contact forces along the axes (n, forces) [N] at means of the states (n, states).");
+      .def("contact_forces", &Contact::contact_forces, nb::arg("means"), nb::arg("iu"),
+           "Contact forces along the axes (n, forces) [N] over the samples that begin at means of "
+           "the states (n, states), under currents (n, controls) [A].");
   nb::class_<AdaptiveNoise, Estimator>(m, "AdaptiveNoise",
                                        "Noise found online (ambkit/adaptive_noise.h).")
       .def(nb::init<nb::object, bool, bool, amb_real, amb_real, amb_real, unsigned int>(),

@@ -43,7 +43,7 @@ def in_contact(estimate):
 
 def elastic(machine, depth):
     """Return a stop's elastic force [N], straight where a sample resolves no more."""
-    steepest = machine.rotor.mass / machine.sampling_time**2
+    steepest = 3 * machine.rotor.mass / machine.sampling_time**2
     limit = (steepest / (1.5 * machine.stop.stiffness)) ** 2
     curved = np.clip(depth, 0, limit)
     return machine.stop.stiffness * curved**1.5 + steepest * max(depth - curved, 0.0)
@@ -63,15 +63,19 @@ def textbook(kf, record):
             k_i, k_s = (float(value) for value in magnet_of(machine).tangent(iu, there))
             force = magnet_force(machine, iu, there) + k_s * (displaced - there)
             force += s["f_0"][0] + X[2]
-            side, depth = np.sign(displaced), abs(displaced) - machine.clearance
+            held = displaced + T**2 / (6 * m) * force  # by forces that are held over the sample
+            side, depth = np.sign(held), abs(held) - machine.clearance
             w, N, open_ = np.array([k_s, k_s * T / 2, 1.0, 0.0]), 0.0, 0.0
             if depth > 0:
                 c = min(1.5 * stop.damping * elastic(machine, depth), m / T)
-                N = max(elastic(machine, depth) + c * side * X[1], 0.0)
+                N = max(elastic(machine, depth) + c * side * (X[1] + T / (2 * m) * force), 0.0)
             if N > 0:
-                limit = (m / T**2 / (1.5 * stop.stiffness)) ** 2
-                stiffness = 1.5 * stop.stiffness * min(depth, limit) ** 0.5
-                by = np.array([stiffness, stiffness * T / 2 + c, 0.0, 0.0])
+                limit = (3 * m / T**2 / (1.5 * stop.stiffness)) ** 2
+                k = 1.5 * stop.stiffness * min(depth, limit) ** 0.5
+                give = 1 / (1 + k * T**2 / (6 * m) + c * T / (2 * m))
+                k, c, N = give * k, give * c, give * N
+                by = k * np.array([1, T / 2, T**2 / (6 * m), 0])
+                by += c * np.array([0, 1, T / (2 * m), 0])
                 w -= by
                 E = elastic(machine, depth)  # N'' var(d) / 2 of N = K d^1.5 is bent N
                 bent = min(by @ P @ by / (6 * E**2), 6)
@@ -147,7 +151,7 @@ def test_in_a_ring_the_covariance_goes_by_the_derivatives_of_the_mean(name, fric
         assert filter.core.predict(u) == (Status.CONTACT if filter is kf else Status.OK)
         return filter.core.covariance / np.outer(size, size)
 
-    forces = kf.core.contact_forces(np.array([mean]))[0]
+    forces = kf.core.contact_forces(np.array([mean]), u[None])[0]
     normal, across = forces[:2] @ [0.6, -0.8], forces[:2] @ [0.8, 0.6]
     assert normal < 0
     assert across == pytest.approx(friction.get("friction", 0) * normal, abs=1e-3 * -normal)

@@ -29,31 +29,33 @@ AMB_INLINE amb_real times(int n, const amb_real row[AMB_STATES], const amb_real 
   return sum;
 }
 
-/* Elastic force at a depth and its tangent. */
+/* Elastic force at a depth and its tangent, at most 3 mass / T^2. */
 AMB_INLINE void elastic(const amb_contact *own, int ring, touching *at)
 {
   const amb_real steep = AMB_C(1.5) * own->stiffness[ring];
-  const amb_real last = own->stiffest[ring] / steep; /* root of the depth of the stiffest tangent */
+  const amb_real stiffest = AMB_C(0.5) / own->moves[ring];
+  const amb_real last = stiffest / steep; /* root of the depth of the stiffest tangent */
   const amb_real curved = amb_at_most(at->depth, last * last);
   const amb_real root = amb_root(curved);
   const amb_real straight = at->depth - curved;
   at->k = steep * root;
-  at->elastic = own->stiffness[ring] * curved * root + own->stiffest[ring] * straight;
+  at->elastic = own->stiffness[ring] * curved * root + stiffest * straight;
 }
 
 /* Friction of a ring as a share of N, against what slides along it. */
 AMB_INLINE amb_real rub(const amb_contact *own, int ring, amb_real force, amb_real slip)
 {
   const amb_real most = own->friction[ring] * force;
-  const amb_real held = own->most_damped[ring] * slip; /* brings it to rest in a sample */
+  const amb_real held = AMB_C(0.5) / own->hastens[ring] * slip; /* brings it to rest in a sample */
   return amb_clamp(held, -most, most) / force;
 }
 
-/* Where a mean of the states touches a ring; leaves the arrays by states alone. */
-AMB_INLINE bool touch(int n, const amb_contact *own, int ring, const amb_real mean[AMB_STATES],
-                      touching *at)
+/* Where a mean of the states touches a ring beside forces F; leaves the arrays by states alone. */
+AMB_INLINE bool touch(const amb_model *model, const amb_contact *own, int ring,
+                      const amb_real mean[AMB_STATES], const amb_real F[AMB_FORCES], touching *at)
 {
-  const bool two = own->second[ring] != own->first[ring];
+  const int n = amb_states(model);
+  const bool two = (amb_forces(model) > 1) && (own->second[ring] != own->first[ring]);
   at->axes = two ? 2 : 1;
   at->axis[0] = (int)own->first[ring];
   at->axis[1] = (int)own->second[ring];
@@ -67,8 +69,12 @@ AMB_INLINE bool touch(int n, const amb_contact *own, int ring, const amb_real me
   at->c = AMB_C(0.0);
   at->variance = AMB_C(0.0);
   at->open = AMB_C(0.0);
-  const amb_real a = times(n, own->displacement[at->axis[0]], mean);
-  const amb_real b = two ? times(n, own->displacement[at->axis[1]], mean) : AMB_C(0.0);
+  const amb_real F_a = F[at->axis[0]];
+  const amb_real F_b = two ? F[at->axis[1]] : AMB_C(0.0);
+  const amb_real moves = own->moves[ring];
+  const amb_real a = times(n, own->displacement[at->axis[0]], mean) + moves * F_a;
+  const amb_real b =
+      two ? (times(n, own->displacement[at->axis[1]], mean) + moves * F_b) : AMB_C(0.0);
   const amb_real far = two ? amb_root(a * a + b * b) : amb_magnitude(a);
   if (!(far > own->clearance[ring])) {
     return false;
@@ -76,16 +82,21 @@ AMB_INLINE bool touch(int n, const amb_contact *own, int ring, const amb_real me
   at->depth = far - own->clearance[ring];
   at->way[0] = a / far;
   at->way[1] = b / far;
-  const amb_real v = times(n, own->velocity[at->axis[0]], mean);
-  const amb_real w = two ? times(n, own->velocity[at->axis[1]], mean) : AMB_C(0.0);
+  const amb_real hastens = own->hastens[ring];
+  const amb_real v = times(n, own->velocity[at->axis[0]], mean) + hastens * F_a;
+  const amb_real w =
+      two ? (times(n, own->velocity[at->axis[1]], mean) + hastens * F_b) : AMB_C(0.0);
   elastic(own, ring, at);
-  at->c = amb_at_most(AMB_C(1.5) * own->damping[ring] * at->elastic, own->most_damped[ring]);
+  at->c = amb_at_most(AMB_C(1.5) * own->damping[ring] * at->elastic, AMB_C(0.5) / hastens);
   const amb_real inward = at->way[0] * v + at->way[1] * w;
   const amb_real force = at->elastic + at->c * inward;
   if (!(force > AMB_C(0.0))) {
     return false;
   }
-  at->force = force;
+  const amb_real give = AMB_C(1.0) / (AMB_C(1.0) + moves * at->k + hastens * at->c);
+  at->force = give * force;
+  at->k *= give;
+  at->c *= give;
   at->act[0] = at->way[0];
   at->act[1] = at->way[1];
   if (two) {
@@ -104,16 +115,24 @@ AMB_INLINE void add_force(const touching *at, amb_real F[AMB_FORCES])
   }
 }
 
-amb_status amb_contact_forces(const amb_kalman *kf, const amb_contact *own,
-                              const amb_real mean[AMB_STATES], amb_real F[AMB_FORCES])
+amb_status amb_contact_forces(const amb_estimator *self, const amb_real mean[AMB_STATES],
+                              const amb_real iu[AMB_CONTROLS], amb_real scale,
+                              amb_real F[AMB_FORCES], amb_real N[AMB_FORCES])
 {
+  const amb_kalman *kf = self->kf;
+  const amb_contact *own = (const amb_contact *)self->own;
   amb_status status = AMB_OK;
-  amb_clear(amb_forces(&kf->model), F);
+  amb_stiffness unused[AMB_FORCES];
+  amb_step_forces(kf, self->magnet, iu, mean, F, unused);
+  for (int f = 0; f < amb_forces(&kf->model); f++) {
+    F[f] = scale * F[f] + kf->set.f_0[f];
+    N[f] = AMB_C(0.0);
+  }
   for (int ring = 0; ring < own->rings; ring++) {
     touching at;
-    if (touch(amb_states(&kf->model), own, ring, mean, &at)) {
+    if (touch(&kf->model, own, ring, mean, F, &at)) {
       status = AMB_CONTACT;
-      add_force(&at, F);
+      add_force(&at, N);
     }
   }
   return status;
@@ -139,7 +158,7 @@ AMB_INLINE void spread(int n, const amb_real P[AMB_TRIANGLE], const amb_real w[A
 AMB_INLINE void bend(int n, const amb_contact *own, int ring, touching *at)
 {
   /* A least E, so that the quotient is finite whatever it is of. */
-  const amb_real least = AMB_C(1e-9) * own->stiffest[ring] * own->clearance[ring];
+  const amb_real least = AMB_C(1e-9) * own->clearance[ring] / own->moves[ring];
   const amb_real E = amb_at_least(at->elastic, least);
   at->variance = times(n, at->w, at->with);
   const amb_real share = at->variance / (AMB_C(6.0) * E * E);
@@ -151,7 +170,7 @@ AMB_INLINE void bend(int n, const amb_contact *own, int ring, touching *at)
 
 /* Rings that are touched, each with w, u and P w. */
 AMB_INLINE int touched(const amb_kalman *kf, const amb_contact *own, const amb_kalman_state *s,
-                       touching at[AMB_FORCES])
+                       const amb_real F[AMB_FORCES], touching at[AMB_FORCES])
 {
   const int n = amb_states(&kf->model);
   int count = 0;
@@ -160,7 +179,7 @@ AMB_INLINE int touched(const amb_kalman *kf, const amb_contact *own, const amb_k
     amb_clear(n, now->w); /* though it be free: proofs follow no count */
     amb_clear(n, now->moved);
     amb_clear(n, now->with);
-    if (touch(n, own, ring, s->mean, now)) {
+    if (touch(&kf->model, own, ring, s->mean, F, now)) {
       count++;
       for (int a = 0; a < now->axes; a++) {
         const amb_real *row = own->displacement[now->axis[a]];
@@ -224,7 +243,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   for (int f = 0; f < amb_forces(&kf->model); f++) {
     F[f] += kf->set.f_0[f];
   }
-  const int count = touched(kf, own, s, at);
+  const int count = touched(kf, own, s, F, at);
   for (int ring = 0; ring < count; ring++) {
     status |= AMB_CONTACT;
     add_force(&at[ring], F);
@@ -243,11 +262,9 @@ static void advance(const amb_estimator *self, amb_real scale, const amb_real iu
   const amb_kalman *kf = self->kf;
   amb_real F[AMB_FORCES];
   amb_real N[AMB_FORCES];
-  amb_stiffness unused[AMB_FORCES];
-  amb_step_forces(kf, self->magnet, iu, mean, F, unused);
-  (void)amb_contact_forces(kf, (const amb_contact *)self->own, mean, N);
+  (void)amb_contact_forces(self, mean, iu, scale, F, N);
   for (int f = 0; f < amb_forces(&kf->model); f++) {
-    F[f] = scale * F[f] + N[f] + kf->set.f_0[f];
+    F[f] += N[f];
   }
   amb_model_predict_mean(&kf->model, F, iu, mean);
 }

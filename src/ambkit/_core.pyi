@@ -284,9 +284,9 @@ class Contact(Estimator):
 
     def __init__(self, magnet: Magnet | list[Magnet], model: Model, first: Any, second: Any, numbers: Any, displacement: Any, velocity: Any, scatter: float, **settings: Any) -> None: ...
 
-    def contact_forces(self, means: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> object:
+    def contact_forces(self, means: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], iu: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> object:
         """
-        Contact forces along the axes (n, forces) [N] at means of the states (n, states).
+        Contact forces along the axes (n, forces) [N] over the samples that begin at means of the states (n, states), under currents (n, controls) [A].
         """
 
 class AdaptiveNoise(Estimator):

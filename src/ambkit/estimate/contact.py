@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.data.record import Record
 from ambkit.estimate.core_model import Engine
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.estimator import Estimator
@@ -67,33 +68,37 @@ class ContactKalmanFilter(Estimator):
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         T, dtype = self.machine.sampling_time, self.precision
         place, velocity = self.view.along_axes(engine.states)
-        displacement = place + T / 2 * velocity
-        mobility = np.einsum("fn,nf->f", velocity, engine.model.b) / T  # of each axis [1/kg]
+        hastens = np.diag(velocity @ engine.model.b) / 2  # mean velocity by a newton [m/s/N]
+        loads = np.zeros_like(place)
+        loads[:, [state.role == "disturbance force" for state in engine.states]] = np.diag(hastens)
+        displacement = place + T / 2 * velocity + T / 3 * loads
         rings, at = [], 0
         for bearing in self.machine.bearings:
             axes = (at, at + (bearing.type == "radial"))
             at, stop = axes[1] + 1, bearing.stop
             if stop is not None:
-                mass = 1 / mobility[list(axes)].max()
+                most = hastens[list(axes)].max()
                 own = bearing.clearance, stop.stiffness, stop.damping, stop.friction or 0.0
                 surface = (stop.radius or 0.0) * self.machine.speed
-                rings.append((*axes, *own, surface, mass / T**2, mass / T))
+                rings.append((*axes, *own, surface, T / 3 * most, most))
         table = np.array(rings, float).reshape(-1, 9).T
         first, second = np.ascontiguousarray(table[:2], np.uint16)
         numbers, *rows = (
-            np.ascontiguousarray(one, dtype) for one in (table[2:], displacement, velocity)
+            np.ascontiguousarray(one, dtype) for one in (table[2:], displacement, velocity + loads)
         )
         return engine.core.Contact(
             magnet, engine.model_of_core, first, second, numbers, *rows, self._scatter, **settings
         )
 
-    def contact_forces(self, estimate: Estimate) -> NDArray[np.floating[Any]]:
+    def contact_forces(self, estimate: Estimate, record: Record) -> NDArray[np.floating[Any]]:
         """Return the forces of the stops on the rotor.
 
         Parameters
         ----------
         estimate : Estimate
-            Of a run of this filter, n samples.
+            Of a run of this filter, n samples ...
+        record : Record
+            ... along this record.
 
         Returns
         -------
@@ -101,4 +106,8 @@ class ContactKalmanFilter(Estimator):
             Along each axis, 0 where the rotor is free [N].
         """
         means = np.column_stack([estimate[state.name] for state in self.states])
-        return np.asarray(self.core.contact_forces(np.ascontiguousarray(means, self.precision)))
+        of = self.core.parameters["set"]
+        u = self.view.signals(record)[1].reshape(len(means), -1)
+        iu = np.clip(of["k_ui"] * u, of["iu_min"], of["iu_max"])
+        means, iu = (np.ascontiguousarray(one, self.precision) for one in (means, iu))
+        return np.asarray(self.core.contact_forces(means, iu))
