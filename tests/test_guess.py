@@ -414,6 +414,18 @@ def test_names_in_national_encodings_are_read(tmp_path, codec, header):
     assert names_of(guess(tmp_path / "log.csv")) == dict(zip("tyu", header.split(","), strict=True))
 
 
+def test_a_refusal_says_what_hides_the_motion(tmp_path):
+    rng = np.random.default_rng(1)
+    t = np.cumsum(rng.choice([0.02, 0.02, 0.05], 600))
+    y = np.round(1.3 + 0.05 * np.sin(t), 2)
+    np.savetxt(tmp_path / "log.csv", np.column_stack([t, y, y / 60]), "%.9g", ",")
+    with pytest.raises(RecordError, match=r"steps of column 0 range from 0\.02 to 0\.05") as raised:
+        guess(tmp_path / "log.csv")
+    assert "column 2 holds the same numbers as column 1; column 1 takes 11 values" in str(
+        raised.value
+    )
+
+
 def test_there_is_no_reference_without_a_position(tmp_path):
     rig = of_a_rig(400)
     for name in ("soll", "w"):
