@@ -245,3 +245,24 @@ def test_without_a_preferred_method_there_is_no_bearing_to_write(call):
     assert "a machine is of one method: method=adaline, rls, augmented" in err
     assert out == ""
     assert not Path("found.toml").exists()
+
+
+def test_an_axis_among_others_is_learned_with_their_forces(tmp_path):
+    """Without weight and coupling ADALINE takes the weight for the magnet, and learns 0.001 k."""
+    machine, n = ambkit.preset("ufu_rig"), 3000
+    random, T = np.random.default_rng(1), machine.sampling_time
+    places = ambkit.Sequence(times=0.01 * np.arange(31), values=random.uniform(-5e-5, 5e-5, 31))
+    record = ambkit.simulate(
+        machine, ambkit.Scenario(duration=n * T, reference=places, seed=1)
+    ).record
+    true = machine.isolated_axis("A1").magnet.magnet_constant
+    online = ambkit.identify_online(
+        machine, record, axis="A1", method="adaline", initial=1.2 * true
+    )  # fmt: skip
+    assert online.results["adaline"].magnet_constant == pytest.approx(true, rel=0.01)
+    assert online.results["rls"].magnet_constant == pytest.approx(true, rel=0.03)
+    learned = online.machine
+    assert [axis.name for axis in learned.axes] == [axis.name for axis in machine.axes]
+    assert learned.isolated_axis("A1").magnet.magnet_constant == pytest.approx(true, rel=0.01)
+    with pytest.raises(ambkit.AmbkitError, match="axes A1, A2, B1, B2: name one of them"):
+        ambkit.identify_online(machine, record)

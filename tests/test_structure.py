@@ -11,7 +11,6 @@ from ambkit.identification.maximum_likelihood.alternatives import play
 from ambkit.identification.maximum_likelihood.parameters import named, usual
 from ambkit.identification.maximum_likelihood.structure import examine
 from ambkit.machine.axes import with_axis
-from ambkit.workflow.identified import records_of
 from ambkit.workflow.identify import starting_model
 from benchmarks.wrong_plants import MACHINES, NAMES, WRONG, Case, simulate
 
@@ -100,7 +99,7 @@ def test_an_axis_among_others_is_tested_by_the_same_text(changes, name):
     described = SimpleNamespace(
         start=start, model=start, parameters=named(usual(start)), settling=0.05
     )
-    assert examine(described, records_of(start, [record])).suspect == name
+    assert examine(described, [start.record(record)]).suspect == name
 
 
 def test_play_follows_its_input_by_half_its_width():

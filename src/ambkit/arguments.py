@@ -197,18 +197,6 @@ def machine_argument(source: Any, *others: type) -> Machine:
     return cast(Machine, source)
 
 
-def axis_argument(source: Any) -> Machine:
-    """Return the machine that is given or named, which must have one axis."""
-    machine = machine_argument(source)
-    if not machine.single:
-        names = ", ".join(axis.name for axis in machine.axes)
-        raise AmbkitError(
-            f"{machine.name} has the axes {names}, which move one rotor; this takes a machine with "
-            "one axis (ambkit identify --axis takes one of several)"
-        )
-    return machine
-
-
 @contextmanager
 def arguments_of_the_user(prefix: str = "") -> Iterator[None]:
     """Around library calls whose arguments the user gave: their ValueErrors are the user's."""

@@ -47,9 +47,9 @@ def identify(
     window : str or tuple, optional
         Part of the records [s], such as "2 s,5 s".
     free : sequence of str, optional
-        Parameter to identify: magnet_constant or mass, air_gap, sensor_lag, delay, current_lag,
-        position_offset, current_offset, sensor_gain, amplifier_gain, measurement_noise,
-        position_noise, control_noise, disturbance_noise. By default those usually identifiable.
+        Parameter to identify: magnet_constant or mass, air_gap, saturation, sensor_lag, delay,
+        current_lag, position_offset, current_offset, sensor_gain, amplifier_gain,
+        measurement_noise, position_noise, control_noise, disturbance_noise. By default those usually identifiable.
     validate : sequence of Record, str or path, optional
         Validation record.
     rest : Record, str or path, optional
@@ -92,20 +92,21 @@ def identify_corpus(
     machine: words.Machine,
     records: words.Log | Sequence[words.Log],
     *,
+    axis: words.Axis | None = None,
     channels: words.Channels | None = None,
     window: words.Window | None = None,
     free: Sequence[str] | None = None,
     rest: words.Rest | None = None,
     initial_disturbance: words.Force | None = None,
 ) -> IdentifiedCorpus:
-    """Identify a machine with one axis from many logs, with the scatter between them.
+    """Identify a machine from many logs, with the scatter between them.
 
     Each log is fitted separately. The results are pooled with random effects, and each log is
     predicted by a model of the others.
 
     Parameters
     ----------
-    machine, channels, window, free, rest, initial_disturbance : optional
+    machine, axis, channels, window, free, rest, initial_disturbance : optional
         As for `ambkit identify`.
     records : sequence of str or path
         At least three closed-loop logs (.csv, .parquet, .mat).
@@ -118,7 +119,7 @@ def identify_corpus(
     Raises
     ------
     AmbkitError
-        The machine has several axes, there are fewer than three logs, or two have the same name.
+        The axis is unknown, there are fewer than three logs, or two have the same name.
 
     Examples
     --------
@@ -128,7 +129,7 @@ def identify_corpus(
 
     with progress("identifying") as done:
         return work.by_corpus(
-            machine, records, channels, window, free=free, rest=rest,
+            machine, records, axis, channels, window, free=free, rest=rest,
             load_std=initial_disturbance, note=done,
         )  # fmt: skip
 
@@ -137,6 +138,7 @@ def identify_online(
     machine: words.Machine,
     record: words.Record,
     *,
+    axis: words.Axis | None = None,
     channels: words.Channels | None = None,
     window: words.Window | None = None,
     method: Literal["all", "adaline", "rls", "augmented"] = "all",
@@ -150,8 +152,8 @@ def identify_online(
 
     Parameters
     ----------
-    machine, channels, window : optional
-        As for `ambkit identify`; one axis.
+    machine, axis, channels, window : optional
+        As for `ambkit identify`.
     record : Record, str or path
         Closed-loop record or log (.csv, .parquet, .mat).
     method : {"all", "adaline", "rls", "augmented"}, optional
@@ -169,7 +171,7 @@ def identify_online(
     Raises
     ------
     AmbkitError
-        The machine has several axes, or a value is out of range.
+        The axis is unknown, or a value is out of range.
 
     Examples
     --------
@@ -180,7 +182,7 @@ def identify_online(
 
     with progress("identifying"):
         return work.online(
-            machine, record, channels, window, method=method, initial=initial,
+            machine, record, axis, channels, window, method=method, initial=initial,
             disturbance=disturbance,
         )  # fmt: skip
 

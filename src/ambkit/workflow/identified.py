@@ -22,9 +22,8 @@ from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.identification.forces.force_map import ForceMap, force_map
 from ambkit.identification.maximum_likelihood import figures as plots
-from ambkit.identification.maximum_likelihood.axis_model import AxisModel, axis_record
+from ambkit.identification.maximum_likelihood.axis_model import AxisModel
 from ambkit.identification.maximum_likelihood.baselines import FROM_THE_PAST, errors_from_the_past
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.structure import Structure
@@ -33,7 +32,6 @@ from ambkit.identification.noise import Noise, StandstillNoise
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.load_following import REQUIRED, STEP, least_process_noise
-from ambkit.machine.axes import with_axis
 from ambkit.machine.machine import Machine
 from ambkit.machine.stiffness import operating_points
 from ambkit.result.report import Figure
@@ -72,7 +70,7 @@ class Identified(Result):
         """Return the identified machine, validated on other records."""
         others = all_of_type(Record, records=list(records))
         check_disjoint(others, self.records)
-        others = records_of(self.likelihood.model, others)
+        others = [self.likelihood.model.record(record) for record in others]
         checks = validations(self.likelihood, self.records, others, suspect=self.structure.suspect)
         return replace(self, validation=checks, on_others=True)
 
@@ -113,10 +111,7 @@ class Identified(Result):
     @property
     def machine(self) -> Machine:
         """The machine with the identified axis."""
-        model = self.likelihood.model
-        if isinstance(model, AxisModel):
-            return with_axis(model.machine, model.axis, self.isolated)
-        return self.isolated
+        return self.likelihood.model.with_isolated(self.isolated)
 
     @property
     def of_the_zeros(self) -> list[str]:
@@ -293,13 +288,6 @@ class Identified(Result):
             plots.prediction_figure(model, record, first.farthest, first.name),
             plots.residual_figure(self.validation),
         ]
-
-
-def records_of(start: LoopModel, records: Sequence[Record]) -> list[Record]:
-    """Return records in which y and u are those of a model's axis."""
-    if not isinstance(start, AxisModel):
-        return list(records)
-    return [axis_record(record, start) for record in records]
 
 
 def check_disjoint(others: Sequence[Record], records: Sequence[Record]) -> None:

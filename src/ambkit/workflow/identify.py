@@ -36,7 +36,6 @@ from ambkit.workflow.identified import (
     check_disjoint,
     check_mappable,
     filter_following_load,
-    records_of,
     validations,
 )
 
@@ -84,7 +83,7 @@ def identify(
     check_disjoint(others, records)
     if map_forces:
         check_mappable(machine)
-    records, others = (records_of(start, item) for item in (records, others))
+    records, others = ([start.record(one) for one in item] for item in (records, others))
     try:
         result = maximum_likelihood(records, start, looked_for, lines=machine.single, note=note)
     except ConfigError as error:
@@ -214,12 +213,12 @@ class IdentifiedCorpus(Corpus):
 
 
 def by_corpus(
-    machine: Any, records: Any, channels: Any, window: Any, *, free: Any, rest: Any, load_std: Any,
-    note: Note,
+    machine: Any, records: Any, axis: str | None, channels: Any, window: Any, *, free: Any,
+    rest: Any, load_std: Any, note: Note,
 ) -> IdentifiedCorpus:  # fmt: skip
     """Identify each log, pool the results, and predict each log by the others."""
-    known = arguments.axis_argument(machine)
-    start = starting_model(known, rest=_rest_noise(rest, channels), load_std=load_std)
+    known = arguments.machine_argument(machine)
+    start = starting_model(known, axis, rest=_rest_noise(rest, channels), load_std=load_std)
     paths = [Path(path) for path in names_in(records=records)]
     names = [path.name for path in paths]
     if len(names) < LEAST:
@@ -228,17 +227,18 @@ def by_corpus(
         raise AmbkitError("two logs of a corpus have the same name")
     note("reading the logs")
     read = arguments.record_arguments([str(path) for path in paths], known, channels, window)
-    logs = dict(zip(names, read, strict=True))
+    logs = dict(zip(names, map(start.record, read), strict=True))
     corpus = identify_corpus(logs, start, free, note=note)
     return IdentifiedCorpus(**vars(corpus), known=known)
 
 
 def online(
-    machine: Any, record: Any, channels: Any, window: Any, *, method: str, initial: Any,
-    disturbance: Any,
+    machine: Any, record: Any, axis: str | None, channels: Any, window: Any, *, method: str,
+    initial: Any, disturbance: Any,
 ) -> comparison.OnlineComparison:  # fmt: skip
     """Identify the magnet constant by all methods; one of them defines the resulting machine."""
-    known = arguments.axis_argument(machine)
+    known = arguments.machine_argument(machine)
+    model = starting_model(known, axis)
     start = in_si("initial", initial, "N m^2/A^2")
     if start is not None and not start > 0:
         raise AmbkitError(f"initial must be greater than 0, is {start:g} N m^2/A^2")
@@ -252,10 +252,14 @@ def online(
             except AmbkitError as error:
                 hint = f"or a signal of the record: {', '.join(log)}"
                 raise AmbkitError(f"{error}, {hint}") from None
+    log = model.record(log)
     with arguments.arguments_of_the_user():
+        force = model.force_of_others(log) + (0.0 if disturbance is None else disturbance)
         result = comparison.compare_online(
-            log, known, start=start, disturbance=disturbance, method=method
+            log, model.isolated, start=start, disturbance=force, method=method
         )
+    if not known.single:
+        result = replace(result, several=known)
     if method != "all":
         _ = result.machine  # raises if nothing was identified
     return result

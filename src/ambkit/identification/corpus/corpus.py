@@ -71,7 +71,8 @@ class Corpus(Result):
         known = [step for step in steps if step is not None]
         step = min(known) if known and len(known) == len(steps) else None
         has_noise = any(p.name == "measurement_noise" for p in self.pooled.parameters)
-        return with_steps(self.model.delayed_machine(), step, has_noise=has_noise)
+        machine = with_steps(self.model.delayed_machine(), step, has_noise=has_noise)
+        return self.model.with_isolated(machine)
 
     TITLE = "Identification of {0.model.isolated.name} from many logs"
     SECTIONS = {

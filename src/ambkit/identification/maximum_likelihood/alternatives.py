@@ -61,9 +61,9 @@ KINDS = {
              "measure a force map, and check bias_current and air_gap", "%"),
         Kind("unequal coils", "The magnets pull with constants that differ by {size}",
              "check turns and gaps of both; a force map describes them", "%", common=0.2),
-        Kind("lag", "The force follows the current with a lag of about {where}",
+        Kind("lag", "The force follows the current with a lag of about {size}",
              "set [amplifier] bandwidth or [magnet] eddy_current_lag; a dead time or a sensor lag "
-             "does not replace it", "%", sign=1),
+             "does not replace it", "s", sign=1),
         Kind("hysteresis", "The force has hysteresis over the current, {size} wide",
              "no law has it: the dead time found is partly hysteresis, and the force estimate errs "
              "by it", "A", sign=1),
@@ -208,7 +208,7 @@ def _of_current(motion: Motion) -> Iterator[Alternative]:
         keep = math.exp(-motion.step / (part * own))
         follow, _ = lfilter([1 - keep], [1.0, -keep], i, zi=[keep * i[0]])
         where = engineering(part * own, "s", 1)
-        yield Alternative(KINDS["lag"], motion.k_i * (follow - i), where)
+        yield Alternative(KINDS["lag"], motion.k_i * (follow - i), where, part * own)
     for part in PLAYS:
         half = part * motion.model.isolated.magnet.bias_current
         signal = motion.k_i * (play(i, half) - i)

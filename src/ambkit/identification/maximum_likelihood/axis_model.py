@@ -20,10 +20,12 @@ from ambkit.data.signals import signal
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise_model import FilterNoise
+from ambkit.identification.dead_time import acting
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.machine.axes import reading_along, with_axis
+from ambkit.machine import geometry
+from ambkit.machine.axes import reading_along, weights_of, with_axis
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import MagnetModel
+from ambkit.machine.magnets import MagnetModel, magnet_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,19 +97,39 @@ class AxisModel(LoopModel):
         )
         return other._delayed_control(record[signal("u", axis)])
 
+    def with_isolated(self, isolated: Machine) -> Machine:
+        return with_axis(self.machine, self.axis, isolated)
 
-def axis_record(record: Record, model: AxisModel) -> Record:
-    """Return a record of a machine with the reading and the control of an axis as y and u."""
-    machine, (y, u) = model.machine, model.signals
-    controls = [signal("u", axis.name) for axis in machine.axes]
-    needed = [*(signal("y", reading.name) for reading in machine.readings), *controls]
-    if lacking := [name for name in needed if name not in record]:
-        raise RecordError(
-            f"the record has no {', '.join(lacking)}; an axis of {machine.name} is identified from "
-            f"all of its readings and control signals"
-        )
-    if not all(np.isfinite(record[name]).all() for name in controls):
-        raise RecordError("the record lacks samples of a control signal: cut it where it has all")
-    signals = {name: record[name] for name in record} | {"y": record[y], "u": record[u]}
-    units = dict(record.units) | {"y": record.units[y], "u": record.units[u]}
-    return replace(record, signals=signals, units=units)
+    def force_of_others(self, record: Record) -> Array:
+        machine, axes = self.machine, self.machine.axes
+        share = geometry.compliance(machine.rotor, axes)[self.number]
+        share = share / share[self.number]
+        force = np.asarray(share @ weights_of(machine) - self.isolated.weight)
+        force = np.repeat(force, len(record))
+        for axis, part in zip(axes, share.tolist(), strict=True):
+            if axis.name == self.axis:
+                continue
+            one = machine.isolated_axis(axis.name)
+            reading = machine.readings[reading_along(machine, axis.name)]
+            x = record[signal("y", reading.name)] / one.sensor.gain
+            iu = one.amplifier.gain * acting(one, record[signal("u", axis.name)])
+            iu = np.clip(iu, one.current_min, one.current_max)
+            force += part * magnet_of(one).force(iu, np.clip(x, -one.clearance, one.clearance))
+        return force
+
+    def record(self, record: Record) -> Record:
+        machine, (y, u) = self.machine, self.signals
+        controls = [signal("u", axis.name) for axis in machine.axes]
+        needed = [*(signal("y", reading.name) for reading in machine.readings), *controls]
+        if lacking := [name for name in needed if name not in record]:
+            raise RecordError(
+                f"the record has no {', '.join(lacking)}; an axis of {machine.name} is identified "
+                "from all of its readings and control signals"
+            )
+        if not all(np.isfinite(record[name]).all() for name in controls):
+            raise RecordError(
+                "the record lacks samples of a control signal: cut it where it has all"
+            )
+        signals = {name: record[name] for name in record} | {"y": record[y], "u": record[u]}
+        units = dict(record.units) | {"y": record.units[y], "u": record.units[u]}
+        return replace(record, signals=signals, units=units)

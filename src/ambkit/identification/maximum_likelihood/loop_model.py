@@ -306,6 +306,18 @@ class LoopModel:
         """Index of its axis among those of the filter."""
         return 0
 
+    def with_isolated(self, isolated: Machine) -> Machine:
+        """Return the machine that its axis is of, with other values of that axis."""
+        return isolated
+
+    def force_of_others(self, record: Record) -> Array:
+        """Return the weight and the other axes' forces as one on its axis (n,) [N]."""
+        return np.zeros(len(record))
+
+    def record(self, record: Record) -> Record:
+        """Return a record in which y and u are those of its axis."""
+        return record
+
     def replace(self, **changes: object) -> LoopModel:
         """Return the model with other values; ``magnet__air_gap=...`` applies to the machine."""
         own = {name: value for name, value in changes.items() if "__" not in name}

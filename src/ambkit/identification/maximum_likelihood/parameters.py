@@ -61,6 +61,7 @@ PARAMETERS: dict[str, Parameter] = {
     for p in (
         Parameter("magnet_constant", "k", "N m^2/A^2", "magnet__magnet_constant", True, _one),
         Parameter("air_gap", "s_0", "m", "magnet__air_gap", True, _one),
+        Parameter("saturation", "B_s", "T", "magnet__saturation", True, _one),
         Parameter("eddy_current_lag", r"T_\mathrm{e}", "s", "magnet__eddy_current_lag", True, _one),
         Parameter("eddy_current_corner", r"f_\mathrm{e}", "Hz", "magnet__eddy_current_corner", True,
                   _one),

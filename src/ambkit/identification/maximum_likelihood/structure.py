@@ -9,21 +9,19 @@ likelihood to second order, when all other parameters adapt.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ambkit.base.arrays import Array
-from ambkit.base.units import engineering
 from ambkit.data.reading.faults import without_spikes
 from ambkit.data.record import Record
 from ambkit.estimate.batch import run_many
 from ambkit.identification.maximum_likelihood.alternatives import (
     KINDS,
     Alternative,
-    Kind,
     Motion,
     alternatives,
     change,
@@ -31,49 +29,18 @@ from ambkit.identification.maximum_likelihood.alternatives import (
 )
 from ambkit.identification.maximum_likelihood.likelihood import Data, between_blocks
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.identification.maximum_likelihood.parameters import OFFSETS, Parameter, named, usual
+from ambkit.identification.maximum_likelihood.parameters import named, usual
+from ambkit.identification.maximum_likelihood.refits import Departure, Refits, implausible
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
-from ambkit.identification.maximum_likelihood.search import maximise
 from ambkit.machine.magnets import own_time
 from ambkit.result.row import Row, put
 
-FAR_OFFSET = 0.5  #: Share of the clearance above which an offset of the position is implausible.
-FAR_CURRENT = 4.0  #: The same for the current, in standard deviations of its prior.
-FAR_LAG = 2.0  #: Ratio to a described sensor lag above which a lag is implausible.
-LIKELY = 4.0  #: Twice a loss of log likelihood between about equally likely models.
 MOST = 4  #: Maximum number of named structures.
 SMALL = 1e-4  #: Excluded shares of the bias current and of the sensor's noise as divisors.
 JUMPS = ("load jump", "sensor jump")
 SETTLED = 20.0  #: Time constants of the plant after which a jump has no effect.
 LONGEST = 100_000  #: Maximum number of tested samples, the first of a record.
 CHANCE = 0.01  #: Probability that any of the tests exceeds its limit by chance.
-
-
-@dataclass(frozen=True)
-class Departure:
-    """A structure in the records that the model lacks."""
-
-    kind: Kind
-    where: str
-    size: float  #: In the unit of the kind.
-    error: float  #: Its standard error.
-    statistic: float  #: Twice the gain of log likelihood.
-    limit: float  #: Limit for chance.
-
-    @property
-    def text(self) -> str:
-        """Description and advice, in a sentence."""
-        size = Row("size", "size", self.size, self.kind.unit, 2).text()
-        sentence = self.kind.statement.format(size=size, where=self.where)
-        return f"{sentence}: {self.kind.advice}." if self.kind.advice else f"{sentence}."
-
-    def rows(self) -> list[Row]:
-        """Return the figures as rows."""
-        return [
-            Row("size", "size", self.size, self.kind.unit, 2, error=self.error),
-            Row("statistic", "score statistic", self.statistic, digits=2),
-            Row("limit", "limit of chance", self.limit, digits=2),
-        ]
 
 
 @dataclass(frozen=True)
@@ -140,61 +107,29 @@ class _Tests:
 
 def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
     """Test the structure of an identified model on its records."""
-    start, model, parameters = result.start, result.model, result.parameters
-    settling = result.settling
+    start, settling = result.start, result.settling
     records, _ = without_spikes([_first(r) for r in records if np.isfinite(r["u"]).all()])
     if not records:
         return Structure()
-    data = Data(records, settling)
-    remarks = list(_implausible(model))
-    if remarks:
-        # Diverging offsets imitate a wrong force law, and hide which.
-        rest = [p for p in parameters if p.name not in OFFSETS]
-        model = maximise(data, start, rest).model
-        lags = []
-    else:
-        lags = [*_wrong_lag(data, start, model, parameters)]
+    model = result.model.replace(rotor__clearance=start.isolated.clearance)  # as in the search
+    remarks = list(implausible(result.model))
+    refits = Refits(Data(records, settling), start, model, result.parameters)
+    departures = [] if remarks else [*refits.lag()]
+    centred = refits.centred()
+    if centred is not None and (remarks or not refits.needs_offsets(centred)):
+        # Diverging offsets imitate a wrong force law or sensor, and hide which.
+        model = centred.model
     tests = _tests(model, records, settling)
-    return Structure(lags + _select(tests, model), remarks, True, _detectable(tests))
-
-
-def _implausible(model: LoopModel) -> Iterator[str]:
-    """Yield implausible offsets of a log, in sentences."""
-    b = model.isolated
-    if abs(model.position_offset) > FAR_OFFSET * b.clearance:
-        offset, room = (engineering(v, "m", 2) for v in (model.position_offset, b.clearance))
-        yield (
-            f"The position offset of {offset} is implausible at a clearance of {room}: the force "
-            "law is not that of the machine, or the zero of y is elsewhere."
-        )
-    value, std = model.known.get("current_offset", (model.current_offset, math.inf))
-    if abs(model.current_offset - value) > FAR_CURRENT * std:
-        offset, bias = (
-            engineering(v, "A", 2) for v in (model.current_offset, b.magnet.bias_current)
-        )
-        yield (
-            f"The current offset of {offset} is implausible at a bias current of {bias}: the force "
-            "law is not that of the machine, or u has another zero or gain."
-        )
-
-
-def _wrong_lag(
-    data: Data, start: LoopModel, model: LoopModel, parameters: Sequence[Parameter]
-) -> Iterator[Departure]:
-    """Yield a current lag that was attributed to the sensor."""
-    # In the loop both are equivalent, except for the disturbance force, which acts between them.
-    identified, described = (one.isolated.sensor.lag for one in (model, start))
-    longer = identified - described
-    names = {p.name for p in parameters}
-    slow = longer > max(FAR_LAG * described, start.isolated.sampling_time)
-    if not slow or "sensor_lag" not in names or model.current_lag > 0:
-        return
-    swapped = [p for p in parameters if p.name != "sensor_lag"] + named(["current_lag"])
-    other = maximise(data, model.replace(sensor__lag=described, current_lag=longer), swapped)
-    gain = 2 * (other.value - data.log_likelihood(model))
-    if gain > -LIKELY:
-        where = engineering(other.model.current_lag, "s", 2)
-        yield Departure(KINDS["lag"], where, 1.0, 0.0, gain, -LIKELY)
+    selected = _select(tests, model)
+    if remarks and centred is not None:
+        clearest = max((d.statistic for d in selected if not d.kind.innocent), default=0.0)
+        limit = max(clearest, float(min(tests.limits)))
+        for departure, saturating in refits.saturation(centred, limit):
+            departures.append(departure)
+            selected = _select(_tests(saturating, records, settling), saturating)
+    known = [departure.kind for departure in departures]
+    departures += [departure for departure in selected if departure.kind not in known]
+    return Structure(departures, remarks, True, _detectable(tests))
 
 
 def _first(record: Record) -> Record:
@@ -342,9 +277,13 @@ def _detectable(tests: _Tests) -> dict[str, float]:
     """Return the least size of each kind whose expected statistic reaches the limit."""
     _, _, precision = _one_more(tests, [])
     sizes: dict[str, float] = {}
-    for one, size in zip(tests.kinds, np.sqrt(tests.limits / precision).tolist(), strict=True):
-        name = one.kind.name
-        sizes[name] = min(sizes.get(name, math.inf), size * one.scale)
+    factors: dict[str, float] = {}
+    for one, factor in zip(tests.kinds, np.sqrt(tests.limits / precision).tolist(), strict=True):
+        # Of lags and widths that show themselves the one of a factor near 1.
+        name, size = one.kind.name, factor * one.scale
+        by = abs(math.log(factor)) if one.scale != 1 else factor
+        if by < factors.get(name, math.inf):
+            factors[name], sizes[name] = by, size
     return sizes
 
 
@@ -377,9 +316,9 @@ def _select(tests: _Tests, model: LoopModel) -> list[Departure]:
                 one.kind,
                 one.where,
                 float(size[best] * one.scale),
-                float(abs(size[best] * one.scale)) / math.sqrt(statistic),
                 statistic,
                 float(tests.limits[best]),
+                float(abs(size[best] * one.scale)) / math.sqrt(statistic),
             )
         )
     return result

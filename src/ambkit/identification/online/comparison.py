@@ -31,6 +31,7 @@ from ambkit.identification.online.magnet_constant import (
     LeastSquaresResult,
     identified,
 )
+from ambkit.machine.axes import with_axis
 from ambkit.machine.machine import Machine
 from ambkit.result.report import Axis, Band, Figure, Item, Line, Panel, Points, Rule, Span
 from ambkit.result.result import Result
@@ -59,18 +60,22 @@ Sensor noise that is correlated over a sample (a low-pass at a sixth of the samp
 class OnlineComparison(Result):
     """Online identification of one record by all methods, and the machine of one of them."""
 
-    known: Machine  #: Prior machine.
+    known: Machine  #: Prior machine, or the isolated axis of one.
     start: float  #: Initial magnet constant of all methods [N m^2/A^2].
     truth: float | None  #: That of the simulated machine [N m^2/A^2]; None for a measured record.
     results: Mapping[str, OnlineResult]  #: Results by the names of `NAMES`.
     method: str = "all"  #: Method of the resulting machine.
+    several: Machine | None = None  #: Machine of several axes.
 
     @property
     def machine(self) -> Machine:
         """The machine with the constant of the method."""
         if self.method == "all":
             raise AmbkitError(f"a machine is of one method: method={', '.join(ONLINE)}")
-        return identified(self.known, self.results[self.method])
+        learned = identified(self.known, self.results[self.method])
+        if self.several is None:
+            return learned
+        return with_axis(self.several, self.known.name, learned)
 
     def save_toml(self, path: str | os.PathLike[str]) -> None:
         self.machine.save(path)
