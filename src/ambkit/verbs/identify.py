@@ -49,7 +49,8 @@ def identify(
     free : sequence of str, optional
         Parameter to identify: magnet_constant or mass, air_gap, saturation, sensor_lag, delay,
         current_lag, position_offset, current_offset, sensor_gain, amplifier_gain,
-        measurement_noise, position_noise, control_noise, disturbance_noise. By default those usually identifiable.
+        measurement_noise, position_noise, control_noise, disturbance_noise. By default those
+        usually identifiable.
     validate : sequence of Record, str or path, optional
         Validation record.
     rest : Record, str or path, optional
