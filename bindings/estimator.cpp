@@ -182,28 +182,46 @@ Out<amb_real> covariance(const Estimator &self)
   return P.array;
 }
 
-// Of means (n, states), each with the control signals (n, controls) that acted last; one that is
-// not finite is the last before it.
-Out<amb_real> law_variance(const Estimator &self, const Vector &law, const Samples &mean,
-                           const Samples &u)
+// Of n samples with control signals (n, controls) that acted last, of which one that is not finite
+// is the last before it. Without a bias before them the first is at rest, and all are where it is
+// not carried from one to the next.
+Out<amb_real> law_bias(const Estimator &self, const Vector &law, const Vector &gain,
+                       const Samples &mean, const Samples &covariance, const Samples &u,
+                       const nb::ndarray<const bool, nb::ndim<2>, nb::c_contig> &used,
+                       const std::optional<Vector> &before, bool carried)
 {
   const Sizes of = self.sizes();
-  const size_t n = samples_of(mean, of.states, "mean");
+  const size_t n = used.shape(0);
   same_length(of.forces * AMB_LAW_TERMS, law.size(), "law");
-  same_length(n, samples_of(u, of.controls, "u"), "u");
-  Fresh<amb_real> variance({n, of.states});
-  amb_real last[AMB_CONTROLS] = {0};
+  same_length(of.sensors, used.shape(1), "used");
+  same_length(n, samples_of(mean, of.states, "mean"), "used");
+  same_length(n, samples_of(covariance, of.entries, "covariance"), "used");
+  same_length(n, samples_of(u, of.controls, "u"), "used");
+  if (gain.size() > 0)
+    same_length(of.sensors * of.states, gain.size(), "gain");
+  if (before)
+    same_length(of.states, before->size(), "before");
+  Fresh<amb_real> rows({n, of.states});
+  amb_kalman_state base{};
+  amb_real bias[AMB_STATES] = {0};
   for (size_t k = 0; k < n; k++) {
+    std::copy_n(mean.data() + k * of.states, of.states, base.mean);
+    std::copy_n(covariance.data() + k * of.entries, of.entries, base.cov);
     for (size_t c = 0; c < of.controls; c++) {
       const amb_real now = u.data()[k * of.controls + c];
-      last[c] = amb_is_finite(now) ? now : last[c];
+      base.last_u[c] = amb_is_finite(now) ? now : base.last_u[c];
     }
-    for (size_t j = 0; j < of.states; j++)
-      variance.data[k * of.states + j] =
-          amb_law_variance(&self.kf.model, &self.kf.set, law.data(), mean.data() + k * of.states,
-                           last, static_cast<int>(j));
+    if (k == 0 && before)
+      std::copy_n(before->data(), of.states, bias);
+    if (carried && (k > 0 || before))
+      amb_law_step(&self.kf, self.magnets.data(), law.data(),
+                   gain.size() > 0 ? gain.data() : nullptr, &base, used.data() + k * of.sensors,
+                   bias);
+    else
+      amb_law_rest(&self.kf, law.data(), &base, bias);
+    std::copy_n(bias, of.states, rows.data + k * of.states);
   }
-  return variance.array;
+  return rows.array;
 }
 
 // Last finite control signals (controls,).
@@ -309,8 +327,10 @@ void bind_estimator(nb::module_ &m)
       .def_prop_ro("live_mean", &live, "The same, read only, which follows the estimator.")
       .def_prop_ro("covariance", &covariance, nb::rv_policy::move,
                    "Its covariance (states, states).")
-      .def("law_variance", &law_variance, nb::arg("law"), nb::arg("mean"), nb::arg("u"),
-           "What its law's error adds to the variances (n, states), see ambkit/law_error.h.")
+      .def("law_bias", &law_bias, nb::arg("law"), nb::arg("gain"), nb::arg("mean"),
+           nb::arg("covariance"), nb::arg("u"), nb::arg("used"), nb::arg("before") = nb::none(),
+           nb::arg("carried") = true,
+           "The bias (n, states) by its law's error along n samples, see ambkit/law_error.h.")
       .def_prop_ro("last_u", &last_u, nb::rv_policy::move, "Last control signals (controls,).")
       .def_prop_ro("scale", &scale,
                    "Scale of the magnet's force and its variance; None where not estimated.")

@@ -194,9 +194,9 @@ class Estimator:
     def covariance(self) -> NDArray[numpy.float64]:
         """Its covariance (states, states)."""
 
-    def law_variance(self, law: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], mean: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+    def law_bias(self, law: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], gain: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], mean: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], covariance: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], used: Annotated[NDArray[numpy.bool_], dict(shape=(None, None), order='C', writable=False)], before: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, carried: bool = True) -> NDArray[numpy.float64]:
         """
-        What its law's error adds to the variances (n, states), see ambkit/law_error.h.
+        The bias (n, states) by its law's error along n samples, see ambkit/law_error.h.
         """
 
     @property

@@ -12,7 +12,7 @@ from ambkit.base.errors import RecordError
 from ambkit.base.quantity_arguments import of_type
 from ambkit.data.record import Record
 from ambkit.estimate.angle import AngleEstimate, readings_of
-from ambkit.estimate.estimate import Estimate, packed
+from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.stepping import Stepping
 from ambkit.machine.machine import Machine
 
@@ -129,7 +129,7 @@ class AlongRecords(Stepping):
                 "Kalman filters can"
             )
         y, u = self._start(record)
-        history = self._with_law_error(self.core.smooth(y, u), u)
+        history = self._with_law_error(self.core.smooth(y, u), u, carried=False)
         return self._estimated(record.t, history, f"{self.name}, smoothed")
 
     def forecast(self, estimate: Estimate, record: Record, ahead: int) -> NDArray[np.float64]:
@@ -177,13 +177,18 @@ class AlongRecords(Stepping):
             **known,
         )  # fmt: skip
 
-    def _with_law_error(self, history: dict[str, Any], u: NDArray[Any]) -> dict[str, Any]:
-        """Add the error of the force law to the covariances of a record."""
+    def _with_law_error(
+        self, history: dict[str, Any], u: NDArray[Any], *, carried: bool = True
+    ) -> dict[str, Any]:
+        """Add the square of the bias by the force law to the covariances of a record."""
         if "covariance" in history and self.law_error.size:
-            n = len(self.states)
-            diagonal = [packed(i, i, n) for i in range(n)]
-            before = np.concatenate([np.zeros_like(u[:1]), u[:-1]])
-            history["covariance"][:, diagonal] += self._law_variance(history["mean"], before)
+            mean, upper = history["mean"], history["covariance"]
+            health = np.asarray(history.get("health", history["status"])).reshape(len(mean), -1)
+            acted = np.concatenate([np.zeros_like(u[:1]), u[:-1]])
+            bias = self._law_bias(mean, upper, acted, health, carried=carried)
+            rows, columns = np.triu_indices(bias.shape[1])
+            upper += bias[:, rows] * bias[:, columns]
+            self._last_bias, self._steps = (mean[-1], bias[-1]), 0
         return history
 
     def _rotation(self, record: Record) -> tuple[NDArray[Any] | None, bool]:

@@ -11,7 +11,9 @@ from ambkit.machine.axes import isolated_axes, models_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, evaluate_force, magnet_of
 
-DEGREE = 5  #: Of the polynomial in current and displacement (``ambkit/law_error.h``).
+DEGREE = 5
+"""Of the polynomial in current and displacement over the gaps' squares (``ambkit/law_error.h``): of
+constant stiffnesses beside an ideal magnet it is exact."""
 NODES = 13  #: Of currents within their limits, and of displacements between the stops.
 DIGITS = 6  #: Of a coefficient, behind the greatest error.
 FLOOR = 0.02  #: Errors are fitted in shares of themselves, from this share of the greatest on.
@@ -35,9 +37,11 @@ def _of_axis(axis: Machine, known: MagnetModel) -> Array:
     powers = [(p, q) for p in range(DEGREE, -1, -1) for q in range(DEGREE - p, -1, -1)]
     max_error = np.abs(error).max()
     if max_error <= 1e-9 * np.abs(true).max():
-        return np.zeros(len(powers))
-    terms = np.column_stack([(i / i_max) ** p * (x / x_max) ** q for p, q in powers])
+        return np.zeros(len(powers) + 1)
+    by_gap = 1 / axis.magnet.air_gap**2
+    near = (1 - by_gap * x**2) ** 2
+    terms = np.column_stack([(i / i_max) ** p * (x / x_max) ** q / near for p, q in powers])
     weight = 1 / (FLOOR * max_error + np.abs(error))
     fitted = np.linalg.lstsq(terms * weight[:, None], error * weight, rcond=None)[0]
     rounded = np.round(fitted / max_error, DIGITS) + 0.0  # the same whatever solved for it
-    return np.asarray(max_error * rounded / [i_max**p * x_max**q for p, q in powers])
+    return np.append(max_error * rounded / [i_max**p * x_max**q for p, q in powers], by_gap)

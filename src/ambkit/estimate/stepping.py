@@ -32,6 +32,8 @@ class Stepping:
     engine: Engine
     core: Any  # The core's estimator: parameters, state, last result.
     variances: Any
+    _steps = 0  # since the bias by the law's error was asked for
+    _last_bias: tuple[Any, Any] = (None, None)  # the mean that it is of, and the bias
 
     @property
     def states(self) -> tuple[Descriptor, ...]:
@@ -91,6 +93,7 @@ class Stepping:
                     f"{name} must be {len(self.states)} numbers, one for each state, has shape "
                     f"{np.shape(item)}"
                 )
+        self._last_bias = None, None
         self.core.reset(
             self._representable(real("mean", start)),
             None
@@ -214,6 +217,7 @@ class Stepping:
             State estimate: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
         """
         self.core.update(y)
+        self._steps += 1
         return self.mean
 
     def step(self, y: float, u: float) -> NDArray[np.float64]:
@@ -232,6 +236,7 @@ class Stepping:
             State estimate: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
         """
         self._core_step(y, u)
+        self._steps += 1
         return self._live_mean.copy()
 
     # Looked up once: used at every sample.
@@ -252,11 +257,13 @@ class Stepping:
     def covariance(self) -> NDArray[np.float64]:
         """Covariance of the state estimate (n, n) [products of the states' units].
 
-        That of a disturbance force includes the error of the filter's force law.
+        It includes the bias by the error of the filter's force law: as it has come about where the
+        covariance was asked for after the sample before as well, else as it is at rest.
         """
         P = np.asarray(self.core.covariance)
         if self.law_error.size:
-            P += np.diag(self._law_variance(self.mean, self.core.last_u)[0])
+            bias = self._bias(P)
+            P += np.outer(bias, bias)
         return P
 
     @cached_property
@@ -267,12 +274,28 @@ class Stepping:
         """
         return law_errors(self.machine, self.magnet) if self.by_model else np.zeros(0)
 
-    def _law_variance(self, mean: NDArray[Any], u: NDArray[Any]) -> NDArray[Any]:
-        """Return what the law's error adds to the variances (n, states) after controls (n, p)."""
-        law, means, controls = (
-            np.ascontiguousarray(item, self.precision) for item in (self.law_error, mean, u)
+    def _law_bias(
+        self, mean: ArrayLike, upper: ArrayLike, u: ArrayLike, health: ArrayLike, **how: Any
+    ) -> NDArray[Any]:
+        """Return the bias of the states (n, states) along n samples, after controls (n, p)."""
+        gain = getattr(self, "gain", ())  # where it is constant
+        arrays = (
+            np.ascontiguousarray(item, self.precision)
+            for item in (self.law_error, gain, mean, upper, u)
         )
-        return np.asarray(self.core.law_variance(law, means, controls))
+        unused = Status.MISSING | Status.FROZEN | Status.OUTLIER
+        used = (np.asarray(health) & int(unused)) == 0
+        return np.asarray(self.core.law_bias(*arrays, used, **how))
+
+    def _bias(self, P: NDArray[Any]) -> NDArray[Any]:
+        """Return the bias (n,) of now: carried on where it was asked for a sample ago."""
+        mean, (of, before) = self.mean, self._last_bias
+        if not np.array_equal(mean, of):
+            how = {"before": before} if self._steps == 1 else {}
+            upper = P[np.triu_indices(len(P))]
+            bias = self._law_bias(mean, upper, self.core.last_u, [self.core.health], **how)[0]
+            self._last_bias, self._steps = (mean, bias), 0
+        return np.asarray(self._last_bias[1])
 
     @property
     def innovation(self) -> Any:

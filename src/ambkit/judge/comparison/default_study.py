@@ -25,6 +25,9 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import own_time
 
 SETTLING = 12  #: Excluded initial time, in time constants of the slowest axis.
+CONSISTENCY_RUNS = 20
+"""Of the NEES at least: a run is a few time constants long, and its share of samples within the
+bound scatters by up to 6 %."""
 DECADES = 4.0  #: Range of the tuning in decades, on both sides of the default.
 CONSISTENT = (0.90, 0.98)  #: Share of samples within the 95 % bound of the NEES.
 
@@ -57,12 +60,14 @@ def score_defaults(
     tune: Sequence[str] = (DEFAULT,),
 ) -> DefaultScore:
     """Fly runs of a machine, tune the naive filter on as many others, and judge all by truth."""
-    # Runs in which the rotor meets a stop are left out; up to half of them.
-    attempts = iterate_trials(CASES["model"], machine, 4 * runs, seed)
-    made = list(islice((trial for trial in attempts if not trial.lost), 2 * runs))
+    # Runs in which the rotor meets a stop are left out.
+    count = runs + max(runs, CONSISTENCY_RUNS)
+    attempts = iterate_trials(CASES["model"], machine, 2 * count, seed)
+    made = list(islice((trial for trial in attempts if not trial.lost), count))
     if len(made) < 2 * runs:
-        raise AmbkitError(f"{machine.name}: the rotor met a stop in more than half of the runs")
-    training, judged = made[:runs], made[runs:]
+        lost = 2 * count - len(made)
+        raise AmbkitError(f"{machine.name}: the rotor met a stop in {lost} of {2 * count} runs")
+    training, judged = made[:runs], made[runs : 2 * runs]
     settling = SETTLING * max(own_time(axis) for axis in isolated_axes(machine))
     first = max(1, round(settling / machine.sampling_time))
 
@@ -74,7 +79,8 @@ def score_defaults(
         return error(lambda: build(decade), judged)
 
     def nees(filter: Any) -> float:
-        return float(np.mean([evaluate_run(filter, t, machine, settling)["nees"] for t in judged]))
+        shares = [evaluate_run(filter, t, machine, settling)["nees"] for t in made[runs:]]
+        return float(np.mean(shares))
 
     naive, usual = KINDS["constant-velocity"], usual_acceleration(machine)
     load = np.atleast_1d(KalmanFilter(machine).variances.disturbance)

@@ -78,12 +78,14 @@ void amb_filter_show_std(const amb_data_state *state, double *std)
 {
   const amb_kalman_state *base = (const amb_kalman_state *)state;
   amb_real variances[AMB_STATES];
+  amb_real bias[AMB_STATES] = {0};
   amb_model_variances(&amb_data_model, base->cov, variances);
+  if (amb_data_law_error != NULL) {
+    const amb_kalman filter = {.set = amb_data_settings, .model = amb_data_model};
+    amb_law_rest(&filter, amb_data_law_error, base, bias);
+  }
   for (int i = 0; i < AMB_STATES; i++) {
-    amb_real variance = variances[i];
-    if (amb_data_law_error != NULL)
-      variance += amb_law_variance(&amb_data_model, &amb_data_settings, amb_data_law_error,
-                                   base->mean, base->last_u, i);
+    const amb_real variance = variances[i] + bias[i] * bias[i];
     std[i] = (variance > AMB_C(0.0)) ? amb_root(variance) : AMB_C(0.0);
   }
 }
