@@ -11,7 +11,7 @@ from ambkit import FilterNoise, Machine, Scenario, Status
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 from ambkit.judge.comparison.criteria import errors_along
-from ambkit.judge.contact import contact_notes, on_stop
+from ambkit.judge.contact import contact_notes, on_stop, stop_notes
 from ambkit.machine.magnets import magnet_of
 from ambkit.simulation.run import simulate_run
 from benchmarks.contact import MACHINES, bound, episodes, judge, with_stop
@@ -262,6 +262,13 @@ def test_filters_that_do_not_know_the_stop_are_named():
     assert unknown[0].startswith("contact: no bearing of zittau_axial has a stop")
     assert unknown[1].endswith("once [stop] states its stiffness")
     assert not list(contact_notes(AXIS, ambkit.simulate(AXIS, duration=0.1).record, runs))
+
+
+def test_a_stop_too_stiff_for_its_sampling_time_is_named():
+    assert not list(stop_notes(AXIS))
+    (note,) = stop_notes(AXIS.replace(stop={"stiffness": 1e12}))
+    assert "a contact lasts 1." in note
+    assert note.endswith("4.5 are needed for a consistent estimate")
 
 
 @pytest.mark.parametrize("scatter", [-0.1, np.nan, np.inf])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -13,8 +14,11 @@ from ambkit.data.signals import signal
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.registry import KINDS
+from ambkit.judge.load_following import load_capacity
+from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
 
+BRIEF = 4.5  #: Samples of a contact below which the filter was not consistent on every machine.
 LIES = 0.01  #: Share of the samples on a stop that is worth a sentence.
 
 
@@ -34,18 +38,35 @@ def on_stop(machine: Machine, record: Record) -> Bools:
     return result
 
 
+def stop_notes(machine: Machine) -> Iterator[str]:
+    """Yield why the filter contact cannot know the stops of a machine."""
+    if not any(bearing.stop for bearing in machine.bearings):
+        table = "[stop]" if machine.single else "[bearing.stop]"
+        yield (
+            f"no bearing of {machine.name} has a stop, so contact is the extended filter: state "
+            f"stiffness and damping of the touch-down bearing in {table}"
+        )
+    loads = zip(machine.axes, isolated_axes(machine), load_capacity(machine), strict=True)
+    for axis, isolated, load in loads:
+        if (stop := axis.bearing.stop) is not None:
+            k = 1.5 * stop.stiffness ** (2 / 3) * load ** (1 / 3)
+            samples = math.pi * math.sqrt(isolated.rotor.mass / k) / machine.sampling_time
+            if samples < BRIEF:
+                yield (
+                    f"{axis.name}: a contact lasts {samples:.1f} samples under the load capacity "
+                    f"of the bearing, {BRIEF:g} are needed for a consistent estimate"
+                )
+
+
 def contact_notes(
     machine: Machine, record: Record, estimates: Mapping[str, Estimate]
 ) -> Iterator[str]:
     """Yield which filters do not know the force of a stop, by their names."""
     known = any(bearing.stop is not None for bearing in machine.bearings)
-    table = "[stop]" if machine.single else "[bearing.stop]"
     knows = [name for name, one in estimates.items() if KINDS["contact"].label in one.estimator]
-    if knows and not known:
-        yield (
-            f"{', '.join(knows)}: no bearing of {machine.name} has a stop, so this is the extended "
-            f"filter: state stiffness and damping of the touch-down bearing in {table}"
-        )
+    if knows:
+        yield from (f"{', '.join(knows)}: {note}" for note in stop_notes(machine))
+    table = "[stop]" if machine.single else "[bearing.stop]"
     share = float(np.mean(on_stop(machine, record)))
     others = ", ".join(name for name in estimates if name not in knows)
     if share > LIES and others:

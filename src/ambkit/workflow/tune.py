@@ -27,6 +27,7 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.comparison.criteria import EVALUATED
 from ambkit.judge.comparison.tuning import Candidate, Range, Tried, candidate_of_kind, search
+from ambkit.judge.contact import stop_notes
 from ambkit.judge.loop.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel
@@ -264,6 +265,8 @@ def tune(
     if use_tuned:
         estimator.origin = origin_of(best.values, made_by("tune", task.said(source)))
     warnings = [*_at_an_end(chosen, best.values), *task.warnings(estimator, use_tuned, after)]
+    if kind == "contact":
+        warnings += stop_notes(machine)
     if use_tuned and gives_estimate:
         warnings += _in_the_loop(loop.peak(estimator), untuned, max_sensitivity)
     validation = {name: (before[name], after[name]) for name in before}
