@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from ambkit.simulation.scenario import Scenario
 
 
+_ISOLATION = ("src/isolation.c", "src/isolation_sweep.c", "src/isolation_search.c")
+
+
 @dataclass(frozen=True, eq=False)
 class Export:
     """An export with derived data."""
@@ -150,7 +153,7 @@ class Export:
         needed += control.SOURCES if self.controller is not None else ()
         needed += calibration.SOURCES if self.calibrated else ()
         needed += ["src/telemetry.c"] if self.framed else []
-        needed += ["src/isolation.c"] if self.distinction else []
+        needed += _ISOLATION if self.distinction else ()
         needed += rebuilt.SOURCES if self.rebuilt else ()
         result = core_sources.closure(needed, instead=self.of_model.instead)
         return {f"core/{file}": text for file, text in result.items()}

@@ -1,0 +1,218 @@
+#include "isolation_sweep.h"
+#include "ambkit/root.h"
+
+sweep amb_sweep_begin(const amb_isolation *iso, const amb_isolation_state *state, bool crossed)
+{
+  const int n = iso->states;
+  const int c = iso->columns;
+  sweep w;
+  w.z = state->work;
+  w.Z = w.z + n;
+  w.Y = w.Z + (n * n);
+  w.g = w.Y + (c * n);
+  w.M = w.g + c;
+  w.rho = w.M + (c * c);
+  w.y = w.rho + c;
+  w.diagonal = w.y + c;
+  w.t = w.diagonal + c;
+  w.AZ = w.t + n;
+  w.energy = AMB_C(0.0);
+  w.crossed = crossed;
+  amb_clear(amb_isolation_work(iso), state->work);
+  return w;
+}
+
+/* What each fault does along a direction in a sample. */
+static void regress(const amb_isolation *iso, const amb_real *row, int direction, amb_real rho[])
+{
+  amb_clear(iso->columns, rho);
+  for (int k = 0; k < iso->terms; k++) {
+    const amb_fault_term *term = &iso->term[k];
+    if ((int)term->direction == direction) {
+      rho[term->column] += term->weight * row[term->signal];
+    }
+  }
+}
+
+/* M += a rho rho' + rho y' + y rho', g += s rho. */
+static void learn(const amb_isolation *iso, sweep *w, amb_real a, amb_real s)
+{
+  const int c = iso->columns;
+  for (int j = 0; j < c; j++) {
+    w->g[j] += s * w->rho[j];
+    const int last = w->crossed ? (c - 1) : ((j + 1 < c) ? (j + 1) : j);
+    for (int l = j; l <= last; l++) {
+      w->M[(j * c) + l] +=
+          (a * w->rho[j] * w->rho[l]) + (w->rho[j] * w->y[l]) + (w->y[j] * w->rho[l]);
+    }
+  }
+}
+
+/* Back before the measurements of a sample. */
+static void back_over_update(const amb_isolation *iso, const amb_real *row, sweep *w)
+{
+  const int n = iso->states;
+  const int m = iso->sensors;
+  const amb_real *measured = row + amb_isolation_row(iso) - 1 - (m * (2 + n));
+  for (int r = m - 1; r >= 0; r--) {
+    const amb_real *H = iso->H + (r * n);
+    const amb_real S = measured[(2 * r) + 1];
+    if (S > AMB_C(0.0)) { /* measured */
+      const amb_real *K = measured + (2 * m) + (r * n);
+      w->energy += measured[2 * r] * measured[2 * r] / S;
+      for (int i = 0; i < n; i++) {
+        w->t[i] = dot(n, w->Z + (i * n), K);
+      }
+      const amb_real s = (measured[2 * r] / S) - dot(n, K, w->z);
+      const amb_real weight = (AMB_C(1.0) / S) + dot(n, K, w->t);
+      regress(iso, row, iso->forces + r, w->rho);
+      for (int j = 0; j < iso->columns; j++) {
+        w->y[j] = -dot(n, K, w->Y + (j * n));
+      }
+      learn(iso, w, weight, s);
+      for (int j = 0; j < iso->columns; j++) {
+        const amb_real along = (weight * w->rho[j]) + w->y[j];
+        for (int i = 0; i < n; i++) {
+          w->Y[(j * n) + i] += (H[i] * along) - (w->t[i] * w->rho[j]);
+        }
+      }
+      for (int i = 0; i < n; i++) {
+        w->z[i] += H[i] * s;
+        for (int l = 0; l < n; l++) {
+          w->Z[(i * n) + l] += (weight * H[i] * H[l]) - (w->t[i] * H[l]) - (H[i] * w->t[l]);
+        }
+      }
+    }
+  }
+}
+
+/* x <- A' x, by way of `room`. */
+static void carry(int n, const amb_real *A, amb_real x[], amb_real room[])
+{
+  for (int l = 0; l < n; l++) {
+    const amb_real *column = A + l;
+    amb_real sum = AMB_C(0.0);
+    for (int i = 0; i < n; i++) {
+      sum += column[i * n] * x[i];
+    }
+    room[l] = sum;
+  }
+  amb_copy(n, room, x);
+}
+
+/* Back to the sample before, by the forces that acted in between. */
+static void back_over_prediction(const amb_isolation *iso, const amb_real *row, sweep *w)
+{
+  const int n = iso->states;
+  for (int f = 0; f < iso->forces; f++) {
+    const amb_real *b = iso->b + (f * n);
+    for (int i = 0; i < n; i++) {
+      w->t[i] = dot(n, w->Z + (i * n), b);
+    }
+    regress(iso, row, f, w->rho);
+    for (int j = 0; j < iso->columns; j++) {
+      w->y[j] = dot(n, b, w->Y + (j * n));
+    }
+    learn(iso, w, dot(n, b, w->t), dot(n, b, w->z));
+    for (int j = 0; j < iso->columns; j++) {
+      for (int i = 0; i < n; i++) {
+        w->Y[(j * n) + i] += w->t[i] * w->rho[j];
+      }
+    }
+  }
+  carry(n, iso->A, w->z, w->t);
+  for (int j = 0; j < iso->columns; j++) {
+    carry(n, iso->A, w->Y + (j * n), w->t);
+  }
+  for (int i = 0; i < n; i++) { /* Z is symmetric: rows of Z A */
+    carry(n, iso->A, w->Z + (i * n), w->t);
+  }
+  for (int i = 0; i < n; i++) {
+    for (int l = 0; l < n; l++) {
+      w->AZ[(i * n) + l] = w->Z[(l * n) + i];
+    }
+  }
+  for (int i = 0; i < n; i++) {
+    carry(n, iso->A, w->AZ + (i * n), w->t);
+  }
+  for (int i = 0; i < n; i++) { /* what rounding makes unsymmetric would grow with the plant */
+    for (int l = i; l < n; l++) {
+      w->Z[(i * n) + l] = w->AZ[(i * n) + l];
+      w->Z[(l * n) + i] = w->AZ[(i * n) + l];
+    }
+  }
+}
+
+/* Columns of which hardly anything is left are nothing but rounding. */
+static void forget_rounding(const amb_isolation *iso, sweep *w)
+{
+  const int c = iso->columns;
+  for (int j = 0; j < c; j++) {
+    if (!(w->M[(j * c) + j] > (AMB_ROOT_EPSILON * w->diagonal[j]))) {
+      w->g[j] = AMB_C(0.0);
+      for (int l = 0; l < c; l++) {
+        w->M[(j * c) + l] = AMB_C(0.0);
+        w->M[(l * c) + j] = AMB_C(0.0);
+      }
+    }
+  }
+}
+
+amb_real amb_sweep_eliminate_start(const amb_isolation *iso, sweep *w)
+{
+  const int n = iso->states;
+  const int c = iso->columns;
+  amb_real explains = AMB_C(0.0);
+  for (int j = 0; j < c; j++) {
+    w->diagonal[j] = w->M[(j * c) + j];
+  }
+  for (int k = 0; k < n; k++) {
+    w->t[k] = w->Z[(k * n) + k];
+  }
+  for (int k = 0; k < n; k++) {
+    const amb_real pivot = w->Z[(k * n) + k];
+    if (pivot > (AMB_ROOT_EPSILON * w->t[k])) {
+      for (int j = 0; j < c; j++) {
+        w->rho[j] = w->Y[(j * n) + k];
+        w->y[j] = AMB_C(0.0);
+      }
+      explains += (w->z[k] * w->z[k]) / pivot;
+      learn(iso, w, AMB_C(-1.0) / pivot, -w->z[k] / pivot);
+      for (int i = k + 1; i < n; i++) {
+        const amb_real share = w->Z[(k * n) + i] / pivot;
+        for (int l = k + 1; l < n; l++) {
+          w->Z[(i * n) + l] -= share * w->Z[(k * n) + l];
+        }
+        for (int j = 0; j < c; j++) {
+          w->Y[(j * n) + i] -= share * w->rho[j];
+        }
+        w->z[i] -= share * w->z[k];
+      }
+    }
+  }
+  forget_rounding(iso, w);
+  return explains;
+}
+
+/* The filter started afresh: later samples know nothing of the error before. */
+static void back_over_restart(const amb_isolation *iso, sweep *w)
+{
+  const int n = iso->states;
+  (void)amb_sweep_eliminate_start(iso, w);
+  amb_clear(n, w->z);
+  amb_clear(n * n, w->Z);
+  amb_clear(iso->columns * n, w->Y);
+}
+
+void amb_sweep_back(const amb_isolation *iso, const amb_isolation_state *state, int newest, int ago,
+                    sweep *w)
+{
+  const int rows = iso->window + iso->spare;
+  const int place = (newest + rows - ago) % rows;
+  const amb_real *row = state->ring + (place * amb_isolation_row(iso));
+  if (row[amb_isolation_row(iso) - 1] > AMB_C(0.0)) {
+    back_over_restart(iso, w);
+  }
+  back_over_update(iso, row, w);
+  back_over_prediction(iso, row, w);
+}
