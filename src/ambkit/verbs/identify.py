@@ -93,21 +93,20 @@ def identify_corpus(
     machine: words.Machine,
     records: words.Log | Sequence[words.Log],
     *,
-    axis: words.Axis | None = None,
     channels: words.Channels | None = None,
     window: words.Window | None = None,
     free: Sequence[str] | None = None,
     rest: words.Rest | None = None,
     initial_disturbance: words.Force | None = None,
 ) -> IdentifiedCorpus:
-    """Identify a machine from many logs, with the scatter between them.
+    """Identify a machine with one axis from many logs, with the scatter between them.
 
     Each log is fitted separately. The results are pooled with random effects, and each log is
     predicted by a model of the others.
 
     Parameters
     ----------
-    machine, axis, channels, window, free, rest, initial_disturbance : optional
+    machine, channels, window, free, rest, initial_disturbance : optional
         As for `ambkit identify`.
     records : sequence of str or path
         At least three closed-loop logs (.csv, .parquet, .mat).
@@ -120,7 +119,7 @@ def identify_corpus(
     Raises
     ------
     AmbkitError
-        The axis is unknown, there are fewer than three logs, or two have the same name.
+        The machine has several axes, there are fewer than three logs, or two have the same name.
 
     Examples
     --------
@@ -130,7 +129,7 @@ def identify_corpus(
 
     with progress("identifying") as done:
         return work.by_corpus(
-            machine, records, axis, channels, window, free=free, rest=rest,
+            machine, records, channels, window, free=free, rest=rest,
             load_std=initial_disturbance, note=done,
         )  # fmt: skip
 

@@ -213,12 +213,18 @@ class IdentifiedCorpus(Corpus):
 
 
 def by_corpus(
-    machine: Any, records: Any, axis: str | None, channels: Any, window: Any, *, free: Any,
-    rest: Any, load_std: Any, note: Note,
+    machine: Any, records: Any, channels: Any, window: Any, *, free: Any, rest: Any, load_std: Any,
+    note: Note,
 ) -> IdentifiedCorpus:  # fmt: skip
     """Identify each log, pool the results, and predict each log by the others."""
     known = arguments.machine_argument(machine)
-    start = starting_model(known, axis, rest=_rest_noise(rest, channels), load_std=load_std)
+    if not known.single:
+        of = ", ".join(axis.name for axis in known.axes)
+        raise AmbkitError(
+            f"{known.name} has the axes {of}, which move one rotor; a corpus is of a machine "
+            "with one axis (ambkit identify --axis takes one of several)"
+        )
+    start = starting_model(known, rest=_rest_noise(rest, channels), load_std=load_std)
     paths = [Path(path) for path in names_in(records=records)]
     names = [path.name for path in paths]
     if len(names) < LEAST:
@@ -227,7 +233,7 @@ def by_corpus(
         raise AmbkitError("two logs of a corpus have the same name")
     note("reading the logs")
     read = arguments.record_arguments([str(path) for path in paths], known, channels, window)
-    logs = dict(zip(names, map(start.record, read), strict=True))
+    logs = dict(zip(names, read, strict=True))
     corpus = identify_corpus(logs, start, free, note=note)
     return IdentifiedCorpus(**vars(corpus), known=known)
 
