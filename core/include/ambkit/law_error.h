@@ -78,7 +78,7 @@ AMB_INLINE void amb_law_rest(const amb_kalman *kf, const amb_real laws[],
 
 /* The bias one sample on, after a step. gain: of each innovation where it is constant, [sensors *
  * states]; NULL: that which belongs to the covariance. used: which measurements were. */
-AMB_INLINE void amb_law_step(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
+AMB_INLINE void amb_law_step(const amb_kalman *kf, const amb_magnet magnets[AMB_FORCES],
                              const amb_real laws[], const amb_real gain[],
                              const amb_kalman_state *base, const bool used[AMB_SENSORS],
                              amb_real bias[AMB_STATES])
@@ -91,7 +91,7 @@ AMB_INLINE void amb_law_step(const amb_kalman *kf, const amb_magnet magnet[AMB_F
   amb_real predicted[AMB_STATES];
   amb_stiffness k[AMB_FORCES];
   amb_law_currents(kf, base, iu);
-  amb_kalman_stiffness(kf, magnet, iu, base->mean, k);
+  amb_kalman_stiffness(kf, magnets, iu, base->mean, k);
   for (int f = 0; f < amb_forces(model); f++) {
     const amb_real of_bias = (k[f].k_i * amb_model_current(model, f, bias, none)) +
                              (k[f].k_s * amb_model_displacement(model, f, bias));
