@@ -265,10 +265,30 @@ def test_filters_that_do_not_know_the_stop_are_named():
 
 
 def test_a_stop_too_stiff_for_its_sampling_time_is_named():
-    assert not list(stop_notes(AXIS))
-    (note,) = stop_notes(AXIS.replace(stop={"stiffness": 1e12}))
-    assert "a contact lasts 1." in note
+    contact = KINDS["contact"].label
+    assert not list(stop_notes(AXIS, contact))
+    stiff = AXIS.replace(stop={"stiffness": 1e12})
+    assert not list(stop_notes(stiff, KINDS["extended"].label))
+    (note,) = stop_notes(stiff, contact)
+    assert note.startswith("zittau_axial: a contact lasts 1.")
     assert note.endswith("4.5 are needed for a consistent estimate")
+
+
+@pytest.mark.parametrize(("kind", "stiffness", "texts"), [
+    ("contact", None, ["no bearing of zittau_axial has a stop"]),
+    ("contact", 1e12, ["zittau_axial: a contact lasts 1."]),
+    ("contact", 1e8, []),
+    ("extended", 1e12, []),
+])  # fmt: skip
+def test_check_and_export_name_what_keeps_stops_unknown(kind, stiffness, texts, tmp_path, caplog):
+    stop = None if stiffness is None else {"stiffness": stiffness, "damping": 0.3}
+    kf = KINDS[kind].make(AXIS.replace(stop=stop))
+    kf.save(tmp_path / "f.toml")
+    checked = ambkit.check([tmp_path / "f.toml"])
+    export_c(kf.machine, kf, tmp_path / "c")
+    for notes in (checked.notes, caplog.messages):
+        found = [text for text in notes if "a stop" in text or "a contact" in text]
+        assert all(text in note for text, note in zip(texts, found, strict=True))
 
 
 @pytest.mark.parametrize("scatter", [-0.1, np.nan, np.inf])

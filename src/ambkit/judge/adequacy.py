@@ -14,6 +14,7 @@ from ambkit.base.threads import one_thread
 from ambkit.estimate.estimator import Estimator
 from ambkit.judge import adequacy_criteria as criteria
 from ambkit.judge.adequacy_criteria import Finding
+from ambkit.judge.contact import stop_notes
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.scenario import Scenario, control_of, feedback_of
@@ -59,7 +60,7 @@ def require_adequate(
             f"not exported, the filter is inadequate: {'; '.join(fatal)}. "
             "--force (in Python force=True) exports it"
         )
-    for text in sentences(result):
+    for text in (*sentences(result), *stop_notes(filter.machine, filter.name)):
         logging.getLogger("ambkit").warning(text)
     return fatal
 

@@ -38,8 +38,10 @@ def on_stop(machine: Machine, record: Record) -> Bools:
     return result
 
 
-def stop_notes(machine: Machine) -> Iterator[str]:
-    """Yield why the filter contact cannot know the stops of a machine."""
+def stop_notes(machine: Machine, filter: str) -> Iterator[str]:
+    """Yield why a filter, by its full name, cannot know the stops of a machine if it should."""
+    if KINDS["contact"].label not in filter:
+        return
     if not any(bearing.stop for bearing in machine.bearings):
         table = "[stop]" if machine.single else "[bearing.stop]"
         yield (
@@ -53,8 +55,8 @@ def stop_notes(machine: Machine) -> Iterator[str]:
             samples = math.pi * math.sqrt(isolated.rotor.mass / k) / machine.sampling_time
             if samples < BRIEF:
                 yield (
-                    f"{axis.name}: a contact lasts {samples:.1f} samples under the load capacity "
-                    f"of the bearing, {BRIEF:g} are needed for a consistent estimate"
+                    f"{axis.name or machine.name}: a contact lasts {samples:.1f} samples under the "
+                    f"load capacity of the bearing, {BRIEF:g} are needed for a consistent estimate"
                 )
 
 
@@ -64,8 +66,8 @@ def contact_notes(
     """Yield which filters do not know the force of a stop, by their names."""
     known = any(bearing.stop is not None for bearing in machine.bearings)
     knows = [name for name, one in estimates.items() if KINDS["contact"].label in one.estimator]
-    if knows:
-        yield from (f"{', '.join(knows)}: {note}" for note in stop_notes(machine))
+    for note in stop_notes(machine, KINDS["contact"].label) if knows else ():
+        yield f"{', '.join(knows)}: {note}"
     table = "[stop]" if machine.single else "[bearing.stop]"
     share = float(np.mean(on_stop(machine, record)))
     others = ", ".join(name for name in estimates if name not in knows)

@@ -201,6 +201,7 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Inspec
     from ambkit.campaigns.plan import Plan
     from ambkit.judge.adequacy import judge_adequacy, sentences
     from ambkit.judge.adequacy_criteria import of_machine
+    from ambkit.judge.contact import stop_notes
     from ambkit.rotordynamics import machine_report
 
     result = documents()[kind].load(path)
@@ -214,6 +215,7 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Inspec
         judged = judge_adequacy(made, machine)
         fatal = sentences([item for item in judged if item.fatal])
         others = [text for text in sentences(judged) if text not in fatal]
+        others += stop_notes(result.plant, made.name)
         problems = tuple(
             f"{path}: not exported, the filter is inadequate: {text}" for text in fatal
         )

@@ -265,8 +265,7 @@ def tune(
     if use_tuned:
         estimator.origin = origin_of(best.values, made_by("tune", task.said(source)))
     warnings = [*_at_an_end(chosen, best.values), *task.warnings(estimator, use_tuned, after)]
-    if kind == "contact":
-        warnings += stop_notes(machine)
+    warnings += stop_notes(machine, estimator.name)
     if use_tuned and gives_estimate:
         warnings += _in_the_loop(loop.peak(estimator), untuned, max_sensitivity)
     validation = {name: (before[name], after[name]) for name in before}
