@@ -172,6 +172,7 @@ def wrong(text, folder):
 
 HEAD = 'kind = "extended"\nsampling_time = "0.1 ms"\n'
 OF_TUM = f'{HEAD}machine.preset = "tum_mlps"\n'
+OF_CONTACT = f"{OF_TUM}[options]\n".replace("extended", "contact")
 
 
 @pytest.mark.parametrize(("text", "told"), [
@@ -185,6 +186,11 @@ OF_TUM = f'{HEAD}machine.preset = "tum_mlps"\n'
      "5: options.memory: unknown key, known here: none, of the extended"),
     ('kind = "augmented"\nsampling_time = "0.25 ms"\nmachine.preset = "zittau_axial"\n[options]\n'
      "wander = 0.02\n", "5: options.wander: 0.02 has no unit, write it like"),
+    (OF_CONTACT + "scatter = -0.1\n", "5: options.scatter: must be 0 or more, got -0.1"),
+    (OF_CONTACT + "scatter = nan\n", "5: options.scatter: must be 0 or more, got nan"),
+    (OF_CONTACT + "scatter = [0.1, 0.2]\n", "5: options.scatter: must be one number"),
+    (OF_CONTACT.replace("contact", "multiple-model") + "scales = 0.8\n",
+     "5: options.scales: must be a list of numbers"),
     (HEAD + 'machine.preset = "zittau_axial"\n[inputs.y]\nunit = "N"\n',
      "inputs.y.unit: makes y a quantity in N, it is one in m"),
     ('kind = "extended"\nsampling_time = "1 ms"\nmachine.preset = "zittau_axial"\n',

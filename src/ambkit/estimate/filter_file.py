@@ -53,13 +53,15 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.filter_parts import Assumed, PlantOf, Reference
 from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise
-from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
+from ambkit.estimate.registry import KINDS, Kind, kind_called, learned_magnet
 from ambkit.machine.axes import bank_of, isolated_axes
 from ambkit.machine.forces.force_map import surface_in
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
 
 Limit = Annotated[int, Field(ge=0, strict=True)]
+
+LISTS = ("scales",)  #: Options that hold several numbers.
 
 FORMAT = 1  #: Newest file format: written by this ambkit, and the newest that it reads.
 
@@ -109,7 +111,8 @@ class FilterFile(Document):
         version = read("format")
         if version > FORMAT:
             yield "format", f"is {version}, and this ambkit reads up to {FORMAT}: use a newer one"
-        yield from _of_options(read("kind"), read("options"))
+        wrong = list(_of_options(read("kind"), read("options")))
+        yield from wrong
         keys = list(cls.model_fields)
         for name in read("origin") if isinstance(read("origin"), dict) else ():
             if name.partition(".")[0] not in keys:
@@ -122,6 +125,9 @@ class FilterFile(Document):
             time_texts = [units.engineering(item, "s") for item in (own, T)]
             yield "sampling_time", f"must be the machine's, {time_texts[0]}, is {time_texts[1]}"
         yield from _contradictions_of(View(of.plant), read)
+        options = read("options")
+        if read("kind") in KINDS and isinstance(options, dict) and options and not wrong:
+            yield from _out_of_range(of.plant, KINDS[read("kind")], options)
 
     @property
     def plant(self) -> Any:
@@ -237,10 +243,25 @@ def _of_options(kind: Any, options: Any) -> Iterator[tuple[str, str]]:
         if name not in known:
             yield f"options.{name}", f"{unknown_key(name, known)}, of the {kind}"
             continue
+        if isinstance(value, tuple) != (several := name in LISTS):
+            yield f"options.{name}", f"must be {'a list of numbers' if several else 'one number'}"
+            continue
         try:
             _option(value, known[name])
         except ValueError as error:
             yield f"options.{name}", str(error)
+
+
+def _out_of_range(
+    machine: Machine, kind: Kind, options: Mapping[str, Any]
+) -> Iterator[tuple[str, str]]:
+    """Yield an option that its kind refuses, with the reason."""
+    try:
+        kind.make(machine, **{k: _option(v, kind.option_units[k]) for k, v in options.items()})
+    except ValueError as error:
+        name, _, text = str(error).partition(" ")
+        if name in options:
+            yield f"options.{name}", text
 
 
 def _contradictions_of(view: View, read: Read) -> Iterator[tuple[str, str]]:
