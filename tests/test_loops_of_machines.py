@@ -30,7 +30,7 @@ def reference(**keys):
     amplifier = {"bandwidth": 1500.0}
     bearings = [
         at.model_copy(update={"amplifier": at.amplifier.model_copy(update=amplifier), "angle": 0.0})
-        for at in tum.bearing
+        for at in tum.bearings
     ]
     sensors = [
         tum.sensors[0].model_copy(update={"name": at.name, "place": at.place, "angle": 0.0,
@@ -159,7 +159,7 @@ def test_least_peak_by_the_dead_time_is_that_of_the_fastest_pole():
     # Sampled so fast that neither hold nor lags count, the dead time is what is left.
     fast = reference(sampling_time=1e-5, delay=1.4e-4, sensor=tuple(
         at.model_copy(update={"lag": 1e-9}) for at in machine.sensors
-    ), bearing=tuple(
+    ), bearings=tuple(
         at.model_copy(update={"amplifier": at.amplifier.model_copy(update={"bandwidth": None})})
         for at in machine.bearings
     ))  # fmt: skip

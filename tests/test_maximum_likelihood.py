@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from iron import TWO_SIDED
 from quick import quick
 from scipy.optimize import minimize_scalar
 
@@ -493,8 +494,10 @@ def test_every_parameter_moves_the_model():
     lagging = replace(TRUTH, current_lag=1e-4)
     laminated = lagging.replace(magnet__eddy_current_lag=1e-4)
     solid = lagging.replace(magnet__eddy_current_corner=100.0)
+    saturating = replace(lagging, isolated=TWO_SIDED)
+    others = {"eddy_current_corner": solid, "saturation": saturating}
     for name, parameter in PARAMETERS.items():
-        model = solid if name == "eddy_current_corner" else laminated
+        model = others.get(name, laminated)
         moved = Coordinates(model, [parameter]).model_at(np.array([0.01]))
         assert parameter.of(moved) != parameter.of(model)
 

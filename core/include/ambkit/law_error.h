@@ -119,8 +119,12 @@ AMB_INLINE void amb_law_step(const amb_kalman *kf, const amb_magnet magnets[AMB_
       bias[i] -= K[i] * shown;
     }
   }
-  for (int i = 0; i < n; i++) { /* where the mean or the covariance is none, nor is there a bias */
-    bias[i] = AMB_WITHIN(bias[i], kf->set.cap[i]) ? bias[i] : AMB_C(0.0);
+  /* Beyond its cap there is no bias, nor where a state is known by its cap only. */
+  amb_real variance[AMB_STATES];
+  amb_model_variances(model, base->cov, variance);
+  for (int i = 0; i < n; i++) {
+    const bool known = variance[i] < (AMB_C(0.99) * kf->widest[i]);
+    bias[i] = (known && AMB_WITHIN(bias[i], kf->set.cap[i])) ? bias[i] : AMB_C(0.0);
   }
 }
 

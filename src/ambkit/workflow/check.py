@@ -338,7 +338,8 @@ def _describe_record(
     from ambkit.judge.plausibility import evaluate_record
 
     record = load(path, channel_map)
-    lacking = [name for name in ("y", "u") if name not in record]
+    kinds = {name.partition("_")[0] for name in record}  # of several axes with their names
+    lacking = [name for name in ("y", "u") if name not in kinds]
     unfit = f"; without {' and '.join(lacking)}, so nothing to filter" if lacking else ""
     lost = _lost({name: int(np.isnan(record[name]).sum()) for name in record})
     about = (

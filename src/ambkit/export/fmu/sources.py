@@ -155,6 +155,7 @@ def description_files(kind: str, model: Model) -> dict[str, str]:
 def filter_data(filter: Estimator) -> dict[str, Any]:
     """Return the data file of an estimator."""
     precision, of_model = c_literals.precision_of(filter), c_model(filter)
+    gain = np.ravel(getattr(filter, "gain", ()))  # where it is constant
     magnets = [
         magnet_data(held, f"magnet_{k}", precision)
         for k, held in enumerate(exported.magnets_of(filter))
@@ -168,6 +169,7 @@ def filter_data(filter: Estimator) -> dict[str, Any]:
         "own": c_literals.own(filter, precision),
         "std": c_literals.array(np.asarray(filter.default_std()), precision),
         "law_error": filter.law_error.size and c_literals.array(filter.law_error, precision),
+        "gain": gain.size and c_literals.array(gain, precision),
         **{name: c_literals.array(start, precision) for name, start in _starts(filter).items()},
     }
 

@@ -38,11 +38,9 @@ class LoopModel:
     described: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     isolated: Machine  #: Magnet, rotor, amplifier and sensor.
-    #: Time from a logged control signal to its effect in the logged position [s]; NaN: the
-    #: machine's own. That of the complete loop, because the parts before and after the magnet are
-    #: indistinguishable. Whole steps shift the signal; with a fraction f each step has the mean
-    #: control ``(1 - f) u[k] + f u[k - 1]``. That is exact for the momentum; the error of the
-    #: position is in `misplaced`.
+    #: Time from a logged control signal to its effect in the logged position [s], of the complete
+    #: loop; NaN: the machine's own. With a fraction f of a step the mean control of each step is
+    #: ``(1 - f) u[k] + f u[k - 1]``, exact for the momentum; of the position see `offset_error`.
     delay: float = math.nan
     #: Time constant from the logged control signal to the acting current [s]: amplifier, coil and
     #: eddy currents; 0: none; NaN: that of the amplifier's bandwidth.
@@ -54,19 +52,16 @@ class LoopModel:
     #: Prior standard deviation of the initial disturbance, with mean zero [N]; NaN: the weight.
     load_std: float = math.nan
     magnet: MagnetModel | None = None  #: Magnet model, if it is not the machine's own.
-    #: Steps of the filter per sample. The paper's discretisation holds the magnet force over a
-    #: step, in spite of the motion: with one step per sample the error would be a fraction of a
-    #: sample's delay, more than the uncertainty from a second of record.
+    #: Steps of the filter per sample. The magnet force is held over a step: with one per sample the
+    #: error would exceed the uncertainty from a second of record.
     substeps: int = 4
-    #: Whether the logged control signal is a measured current, which is interpolated between
-    #: samples. A control signal is held. The delay is relative to that line, or to the steps; the
-    #: half sample between the two is no delay.
+    #: Whether the logged control signal is a measured current, interpolated between samples, and
+    #: not a held control signal. The half sample between the two is no delay.
     line: bool = False
     #: Correlation time of the current's deviation from the control signal [s], for a current
     #: smoothed from both (``current.py``); 0: white noise on the control.
     memory: float = 0.0
-    #: (float, float) Prior of parameters by name: value and standard deviation [SI]; see
-    #: `beforehand`.
+    #: (float, float) Prior of parameters by name: value and standard deviation [SI].
     known: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -4,8 +4,8 @@
 
 #include "filter.h"
 
-/* Write all estimates of a filter in this state, whose last word was that. */
+/* Write all estimates of a filter with this state and result; `carried` as amb_filter_show_std. */
 void amb_estimates_show(const amb_data_state *state, const amb_kalman_result *result,
-                        double value[]);
+                        const amb_real carried[], double value[]);
 
 #endif

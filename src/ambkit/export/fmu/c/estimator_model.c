@@ -25,6 +25,7 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   amb_filter_shown(&model->filter, y, mean);
   amb_filter_start(&model->filter, &model->state, &model->result, mean);
   memset(model->last_u, 0, sizeof model->last_u);
+  memset(model->bias, 0, sizeof model->bias);
   model->sampled = false;
   return AMB_OK;
 }
@@ -37,6 +38,7 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   read(value, y);
   (void)amb_estimator_step(&estimator, &model->state, y, model->sampled ? model->last_u : NULL,
                            &model->result);
+  amb_filter_carry(&model->filter, &model->state, &model->result, !model->sampled, model->bias);
   for (int c = 0; c < AMB_CONTROLS; c++)
     model->last_u[c] = (amb_real)value[FIRST_u + c];
   model->sampled = true;
@@ -52,5 +54,5 @@ void amb_unit_part(amb_unit *model, double from, double to, const double value[A
 
 void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
 {
-  amb_estimates_show(&model->state, &model->result, value);
+  amb_estimates_show(&model->state, &model->result, model->bias, value);
 }

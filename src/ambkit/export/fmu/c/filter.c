@@ -74,15 +74,32 @@ void amb_filter_start(amb_kalman *filter, amb_data_state *state, amb_kalman_resu
   result->status = AMB_OK;
 }
 
-void amb_filter_show_std(const amb_data_state *state, double *std)
+void amb_filter_carry(const amb_kalman *filter, const amb_data_state *state,
+                      const amb_kalman_result *result, bool first, amb_real bias[AMB_STATES])
+{
+  const amb_kalman_state *base = (const amb_kalman_state *)state;
+  bool used[AMB_SENSORS];
+  if (amb_data_law_error == NULL)
+    return;
+  if (first) {
+    amb_law_rest(filter, amb_data_law_error, base, bias);
+    return;
+  }
+  for (int r = 0; r < AMB_SENSORS; r++)
+    used[r] = (result->health[r] & AMB_UNUSED) == AMB_OK;
+  amb_law_step(filter, amb_data_magnet, amb_data_law_error, amb_data_gain, base, used, bias);
+}
+
+void amb_filter_show_std(const amb_data_state *state, const amb_real carried[], double *std)
 {
   const amb_kalman_state *base = (const amb_kalman_state *)state;
   amb_real variances[AMB_STATES];
-  amb_real bias[AMB_STATES] = {0};
+  amb_real rest[AMB_STATES] = {0};
+  const amb_real *bias = (carried != NULL) ? carried : rest;
   amb_model_variances(&amb_data_model, base->cov, variances);
-  if (amb_data_law_error != NULL) {
+  if ((amb_data_law_error != NULL) && (carried == NULL)) {
     const amb_kalman filter = {.set = amb_data_settings, .model = amb_data_model};
-    amb_law_rest(&filter, amb_data_law_error, base, bias);
+    amb_law_rest(&filter, amb_data_law_error, base, rest);
   }
   for (int i = 0; i < AMB_STATES; i++) {
     const amb_real variance = variances[i] + bias[i] * bias[i];

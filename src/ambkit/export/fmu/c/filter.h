@@ -10,6 +10,7 @@ extern const amb_kalman_settings amb_data_settings;
 extern const amb_model amb_data_model;
 extern const amb_real amb_data_std[AMB_STATES];  /* at the start */
 extern const amb_real *const amb_data_law_error; /* of the force law, or NULL: none */
+extern const amb_real *const amb_data_gain;      /* sensors x states; NULL: not constant */
 /* At the start: the rotor in the middle without current, and what each metre along an axis and each
  * ampere adds. Where the first readings show it: of several axes the middle, and what each metre of
  * a reading adds; of one, NULL, the current that holds it there [A], and per metre. */
@@ -39,7 +40,11 @@ void amb_filter_shown(const amb_kalman *filter, const amb_real y[], amb_real mea
 void amb_filter_start(amb_kalman *filter, amb_data_state *state, amb_kalman_result *result,
                       const amb_real mean[AMB_STATES]);
 
-/* Write the standard deviations of the states, one after the other. */
-void amb_filter_show_std(const amb_data_state *state, double *std);
+/* After a sample, the bias of the states by the error of the force law (ambkit/law_error.h). */
+void amb_filter_carry(const amb_kalman *filter, const amb_data_state *state,
+                      const amb_kalman_result *result, bool first, amb_real bias[AMB_STATES]);
+
+/* Write the standard deviations of the states, with the carried bias; NULL: that at rest. */
+void amb_filter_show_std(const amb_data_state *state, const amb_real carried[], double *std);
 
 #endif

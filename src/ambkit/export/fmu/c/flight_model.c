@@ -71,5 +71,5 @@ void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
   value[VR_on] = flown->on ? 1 : 0;
   value[VR_status] = (double)model->status;
   amb_flight_show(flown, value);
-  amb_estimates_show(&model->estimate, &flown->estimator, value);
+  amb_estimates_show(&model->estimate, &flown->estimator, NULL, value);
 }

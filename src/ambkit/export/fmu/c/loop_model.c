@@ -104,6 +104,6 @@ void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
     value[FIRST_u + f] = s->u[f];
     value[FIRST_iu + f] = s->acting[f].iu;
   }
-  amb_estimates_show(&model->estimate, &s->result, value);
+  amb_estimates_show(&model->estimate, &s->result, NULL, value);
   amb_held_show(model, value);
 }
