@@ -37,8 +37,8 @@ void amb_filter_shown(const amb_kalman *filter, const amb_real y[], amb_real mea
   amb_real first[AMB_SENSORS] = {0};
   bool within = true;
   for (int r = 0; r < AMB_SENSORS; r++) {
-    const amb_real gain = set->K_sen[r], reach = (gain < 0 ? -gain : gain) * set->travel[r];
-    within = within && (y[r] >= -reach) && (y[r] <= reach);
+    const amb_real gain = set->K_sen[r], limit = (gain < 0 ? -gain : gain) * set->travel[r];
+    within = within && (y[r] >= -limit) && (y[r] <= limit);
   }
   for (int r = 0; within && (r < AMB_SENSORS); r++)
     first[r] = y[r];
