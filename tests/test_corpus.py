@@ -23,6 +23,7 @@ from ambkit.identification.corpus.segmentation import cut, flights
 from ambkit.identification.maximum_likelihood.baselines import AHEAD, Baselines, Layout, _parts
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
+from ambkit.workflow.identify import starting_model
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
 BALL = Machine.preset("inteco_ml").replace(sensor__position_noise=-90.0)
@@ -141,7 +142,7 @@ def test_a_log_is_cut_where_it_does_not_fly():
     ends = record.t > 4.6
     u[ends] = 1.7
     made = Record(record.t, {"y": y, "u": u})
-    stretches = cut(made, BALL)
+    stretches = cut(made, LoopModel(BALL))
     assert stretches[0].begin == 0
     assert {s.kind for s in stretches if s.end <= 1.0} <= {"landed", "fetched", "rest"}
     assert "landed" in {s.kind for s in stretches}
@@ -262,6 +263,61 @@ def test_three_logs_on_the_command_line_are_a_corpus(call):
         in Path("all.html").read_text()
     )
     assert ambkit.Estimator.load("kf.toml").run(flown(7)).nis[300:].mean() < 1.3
+
+
+def moved_along_an_axis(machine, seed, duration):
+    random, count = np.random.default_rng(seed), round(100 * duration) + 1
+    places = ambkit.Sequence(
+        times=0.01 * np.arange(count), values=random.uniform(-5e-5, 5e-5, count)
+    )
+    return simulate(machine, Scenario(duration=duration, reference=places, seed=seed)).record
+
+
+def test_an_axis_among_others_is_cut_and_foretold_with_their_forces():
+    machine = Machine.preset("ufu_rig")
+    start = starting_model(machine, "A2").replace(substeps=1)
+    record = start.record(moved_along_an_axis(machine, 1, 0.3))
+    assert {s.kind for s in cut(record, start)} == {"flight"}
+    assert "flight" not in {s.kind for s in cut(record, LoopModel(start.isolated))}
+    past, ahead = 30, 10
+    controls = np.lib.stride_tricks.sliding_window_view(record["u"], past + ahead)
+    end = past + len(controls) - 1
+    seen = start.predict_with(record.between(None, record.t[end]), ahead, controls, past)
+    np.testing.assert_allclose(
+        seen[:-ahead], start.predict(record, ahead)[past - 1 : end - ahead], atol=1e-9
+    )
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "axis"), [("tum_mlps", "B2"), ("ufu_rig", "A1")])
+def test_three_logs_of_an_axis_among_others_are_a_corpus(name, axis, call):
+    machine, logs = Machine.preset(name), ("21.csv", "22.csv", "23.csv")
+    for log in logs:
+        moved_along_an_axis(machine, int(Path(log).stem), 0.3).save(log)
+    code, out, err = call(
+        "identify", "corpus", name, *logs, "--axis", axis, "--free", "magnet_constant",
+        "--free", "measurement_noise", "--free", "disturbance_noise",
+        "--out", "found.toml", "--out", "found.json", "--out", "filter=kf.toml",
+    )  # fmt: skip
+    assert code == 0, err
+    assert f"3 of 3 logs of {axis} are predicted well" in " ".join(out.split())
+    k = json.loads(Path("found.json").read_text())["parameters"]["magnet constant"]
+    true = machine.isolated_axis(axis).magnet.magnet_constant
+    assert k["standard_error"] < 0.05 * true
+    assert 0 < abs(k["value"] - true) < 3 * k["standard_error"]
+    found = Machine.load("found.toml").isolated_axis(axis).magnet
+    assert found.magnet_constant == pytest.approx(k["value"])
+    assert np.nanmean(ambkit.Estimator.load("kf.toml").run(ambkit.load("21.csv")).nis[300:]) < 1.3
+
+
+@pytest.mark.parametrize(
+    ("axis", "why"), [((), "name one of them"), (("--axis", "X"), "no axis X")]
+)
+def test_an_axis_of_a_corpus_is_one_of_the_machine(axis, why, call):
+    code, _, err = call("identify", "corpus", "tum_mlps", "a.csv", "b.csv", "c.csv", *axis)
+    assert code == 2
+    assert "tum_mlps has the axes A1, A2, B1, B2: " in err
+    assert why in err
 
 
 @pytest.mark.skipif(not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)")

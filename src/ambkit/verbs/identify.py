@@ -93,20 +93,21 @@ def identify_corpus(
     machine: words.Machine,
     records: words.Log | Sequence[words.Log],
     *,
+    axis: words.Axis | None = None,
     channels: words.Channels | None = None,
     window: words.Window | None = None,
     free: Sequence[str] | None = None,
     rest: words.Rest | None = None,
     initial_disturbance: words.Force | None = None,
 ) -> IdentifiedCorpus:
-    """Identify a machine with one axis from many logs, with the scatter between them.
+    """Identify a machine from many logs, with the scatter between them.
 
     Each log is fitted separately. The results are pooled with random effects, and each log is
     predicted by a model of the others.
 
     Parameters
     ----------
-    machine, channels, window, free, rest, initial_disturbance : optional
+    machine, axis, channels, window, free, rest, initial_disturbance : optional
         As for `ambkit identify`.
     records : sequence of str or path
         At least three closed-loop logs (.csv, .parquet, .mat).
@@ -119,19 +120,19 @@ def identify_corpus(
     Raises
     ------
     AmbkitError
-        The machine has several axes, there are fewer than three logs, or two have the same name.
+        The axis is unknown, there are fewer than three logs, or two have the same name.
 
     Examples
     --------
     $ ambkit identify corpus my.toml logs/a.mat logs/b.mat logs/c.mat --channels rig.toml
     """
+    from ambkit.arguments import machine_argument
     from ambkit.workflow import identify as work
 
+    known, noise = machine_argument(machine), work.standstill(rest, channels)
+    start = work.starting_model(known, axis, rest=noise, load_std=initial_disturbance)
     with progress("identifying") as done:
-        return work.by_corpus(
-            machine, records, channels, window, free=free, rest=rest,
-            load_std=initial_disturbance, note=done,
-        )  # fmt: skip
+        return work.by_corpus(known, start, records, channels, window, free=free, note=done)
 
 
 def identify_online(

@@ -45,7 +45,7 @@ def starting_model(
     axis: str | None = None,
     *,
     rest: StandstillNoise | None = None,
-    load_std: Given | None = None,
+    load_std: Any = None,
 ) -> LoopModel:
     """Return the initial model of an identification."""
     load_std = in_si("load_std", load_std, "N")
@@ -120,7 +120,7 @@ def by_likelihood(
 ) -> Identified:  # fmt: skip
     """Identify an axis of a machine from records, and validate it."""
     known = arguments.machine_argument(machine)
-    rest_noise = _rest_noise(rest, channels)
+    rest_noise = standstill(rest, channels)
     starting_model(known, axis, rest=rest_noise, load_std=load_std)
     named(tuple(free or ()))
     sources, others = (names_in(Record, records=item) for item in (records, validate))
@@ -152,7 +152,7 @@ def _refuse_shared(records: list[Any], others: list[Any]) -> None:
         )
 
 
-def _rest_noise(rest: Any, channels: Any) -> dict[str, Any]:
+def standstill(rest: Any, channels: Any) -> dict[str, Any]:
     """Return the noise of each signal of a standstill record, with its own channel map if named."""
     if rest is None:
         return {}
@@ -186,7 +186,7 @@ class IdentifiedCorpus(Corpus):
         """The extended filter of the pooled parameters."""
         made, raised = filter_following_load(self.machine, self.model.disturbance_noise)
         origin = made_by("identify", f"likelihood of {len(self.found)} logs")
-        keys = ("noise.measurement", "noise.control", "noise.disturbance")
+        keys = ("noise.measurement", "noise.control", "noise.disturbance") * self.machine.single
         made.origin = dict.fromkeys(keys, origin) | raised
         return made
 
@@ -213,18 +213,10 @@ class IdentifiedCorpus(Corpus):
 
 
 def by_corpus(
-    machine: Any, records: Any, channels: Any, window: Any, *, free: Any, rest: Any, load_std: Any,
+    known: Machine, start: LoopModel, records: Any, channels: Any, window: Any, *, free: Any,
     note: Note,
 ) -> IdentifiedCorpus:  # fmt: skip
     """Identify each log, pool the results, and predict each log by the others."""
-    known = arguments.machine_argument(machine)
-    if not known.single:
-        of = ", ".join(axis.name for axis in known.axes)
-        raise AmbkitError(
-            f"{known.name} has the axes {of}, which move one rotor; a corpus is of a machine "
-            "with one axis (ambkit identify --axis takes one of several)"
-        )
-    start = starting_model(known, rest=_rest_noise(rest, channels), load_std=load_std)
     paths = [Path(path) for path in names_in(records=records)]
     names = [path.name for path in paths]
     if len(names) < LEAST:
@@ -233,7 +225,7 @@ def by_corpus(
         raise AmbkitError("two logs of a corpus have the same name")
     note("reading the logs")
     read = arguments.record_arguments([str(path) for path in paths], known, channels, window)
-    logs = dict(zip(names, read, strict=True))
+    logs = dict(zip(names, map(start.record, read), strict=True))
     corpus = identify_corpus(logs, start, free, note=note)
     return IdentifiedCorpus(**vars(corpus), known=known)
 

@@ -26,10 +26,19 @@ from ambkit.identification.corpus.prediction import (
     predict,
 )
 from ambkit.identification.corpus.segmentation import SMOOTHED, Stretch, cut, flights
+from ambkit.identification.maximum_likelihood.axis_model import AxisModel
 from ambkit.identification.maximum_likelihood.baselines import AHEAD, Baselines
+from ambkit.identification.maximum_likelihood.current_state import is_interpolated
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel, is_interpolated
-from ambkit.identification.maximum_likelihood.parameters import NOISES, Parameter, priors_of, usual
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import (
+    NOISES,
+    OFFSETS,
+    Parameter,
+    named,
+    priors_of,
+    usual,
+)
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.noise import white_noise, with_steps
 from ambkit.machine.accessories import Hum
@@ -159,6 +168,9 @@ class Corpus(Result):
             "magnet. All are fitted to the other logs. Predictable: share of the "
             "residuals that their past predicts. Good: no baseline with the same information is "
             "better, NIS is near 1, and little is predictable.",
+            *["The model has the signals of all axes, with the other axes' later controls as they "
+              "are in the log; the baselines have those of this axis."
+              for _ in range(isinstance(self.start, AxisModel))],
             *(f"{name} differs from the others: {_difference(one)}."
               for name, one in self.deviations.items() if one.far),
             *(f"{said[0].upper()}{said[1:]}." for said in weaker),
@@ -232,7 +244,7 @@ def identify_corpus(
         [cleaned[name]], remark = without_spikes([record])
         if remark:
             spikes[name] = remark
-    stretches = {name: cut(record, start.isolated) for name, record in cleaned.items()}
+    stretches = {name: cut(record, start) for name, record in cleaned.items()}
     flight_records, left_out = _flown(cleaned, stretches, start)
     if len(flight_records) < FEWEST:
         why = "; ".join(f"{name}: {text}" for name, text in left_out.items())
@@ -299,6 +311,10 @@ def _together(results: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[P
                 )
             )  # fmt: skip
     values = {p.place: float(v) for p, v in zip(pooled.parameters, pooled.values, strict=True)}
+    # A parameter that no log determines keeps the value at which they hold it, such as a noise.
+    held = {name for one in results for name in one.held} - set(OFFSETS)
+    for p in named([*held - {p.name for p in pooled.parameters}]):
+        values[p.place] = float(np.median([p.of(one.model) for one in results]))
     return pooled, start.replace(**values, sensor__hum=(*start.isolated.sensor.hum, *shared))
 
 
@@ -345,8 +361,9 @@ def _each(
         nonlocal done
         try:
             return maximum_likelihood(
-                flight_records[name], begin, free, improve_start=improve, profile=False, lines=True
-            )
+                flight_records[name], begin, free, improve_start=improve, profile=False,
+                lines=not isinstance(start, AxisModel),
+            )  # fmt: skip
         except (AmbkitError, RecordError) as error:
             return str(error)
         finally:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array, Bools, interpolated
 from ambkit.data.record import Record
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.noise import white_noise
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness, magnet_of, own_time
@@ -42,12 +43,12 @@ class Stretch:
     end: float
 
 
-def cut(record: Record, machine: Machine) -> list[Stretch]:
+def cut(record: Record, model: LoopModel) -> list[Stretch]:
     """Divide a log into segments."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
     from scipy.signal import savgol_filter
 
-    T = record.sampling_time
+    machine, T = model.isolated, record.sampling_time
     y, u = interpolated(record["y"]), interpolated(record["u"])
     own = max(own_time(machine) / T, 2.0)
     width = 2 * round(own) + 1
@@ -57,6 +58,7 @@ def cut(record: Record, machine: Machine) -> list[Stretch]:
     x = np.clip(y / machine.sensor.gain, -gap, gap)
     current = np.clip(machine.amplifier.gain * u, machine.current_min, machine.current_max)
     force = np.asarray(magnet_of(machine).force(current, x)) + machine.weight
+    force += interpolated(model.force_of_others(record))
     acceleration = savgol_filter(x, width, 3, deriv=2, delta=T)
     model_acceleration = savgol_filter(force / machine.rotor.mass, width, 2)
     k_i = ConstantStiffness.of(machine).k_i

@@ -75,6 +75,14 @@ class AxisModel(LoopModel):
         )
         return y, u
 
+    def _inputs(self, own: Array, u: Array) -> Array:
+        # Those of the other axes are as in the record: u (n, axes), from the first of own on.
+        m, steps = own.shape
+        at = self.substeps * np.arange(m)[:, None] + np.arange(steps)
+        inputs = u[np.minimum(at, len(u) - 1)]
+        inputs[:, :, self.number] = own
+        return np.asarray(inputs.reshape(m * steps, -1))
+
     def begin(self, kalman: Estimator, y: Array, _u: Array) -> tuple[Array, list[float]]:
         std = dict(zip((s.name for s in kalman.states), kalman.default_std(), strict=True))
         if np.isfinite(self.load_std):

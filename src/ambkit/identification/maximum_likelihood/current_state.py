@@ -48,6 +48,12 @@ QUIET = 0.1
 """Rms noise of a current, over its change within the plant's time constant, that is acceptable."""
 
 
+def is_interpolated(record: Record) -> bool:
+    """Return whether the control signal of a record is a measured current."""
+    # Its channel map states it, or the record also has the current's control signal.
+    return "u" in record.meta.get("measured", ()) or CONTROL in record
+
+
 @dataclass(frozen=True, eq=False)
 class CurrentState:
     """Smoothed current from control signals and measured currents."""

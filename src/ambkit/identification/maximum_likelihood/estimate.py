@@ -22,6 +22,7 @@ from ambkit.identification.maximum_likelihood.current_state import (
     INSUFFICIENT_EXCITATION,
     CurrentState,
     insufficient_excitation,
+    is_interpolated,
     smooth_current,
 )
 from ambkit.identification.maximum_likelihood.information import (
@@ -32,7 +33,7 @@ from ambkit.identification.maximum_likelihood.information import (
 from ambkit.identification.maximum_likelihood.joint import Joint
 from ambkit.identification.maximum_likelihood.likelihood import Data
 from ambkit.identification.maximum_likelihood.line_noise import with_lines
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel, is_interpolated
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
     NOISES,

@@ -13,7 +13,6 @@ import numpy as np
 
 from ambkit.base.arrays import Array, Bools
 from ambkit.data.record import Record
-from ambkit.data.signals import CONTROL
 from ambkit.estimate.batch import processors, run_many
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.estimator import Estimator
@@ -186,18 +185,20 @@ class LoopModel:
     def predict_with(self, record: Record, ahead: int, controls: Array, past: int) -> Array:
         """Predict the measurement some samples ahead, with given controls."""
         # controls (m, past + f) [V]; returns (m,) [m]
-        out, _, kalman = self.run(record)
+        out, u, kalman = self.run(record)
         count, every, steps = len(controls), self.substeps, ahead * self.substeps
         first = (past - 1) * every
-        acting = self._delayed_control(controls.ravel()).reshape(count, -1)[
-            :, first : first + steps
-        ]
+        acting = self._delayed_control(controls.ravel()).reshape(count, -1)[:, first:][:, :steps]
         mean = out["mean"][::every][len(record) - count :]
         begun = np.repeat(np.concatenate([mean, mean[-1:]]), steps, axis=0)
-        u = np.concatenate([acting.ravel(), np.zeros(steps)])
-        seen = kalman.core.forecast(np.ascontiguousarray(begun), u, steps)[::steps, 0]
+        u = self._inputs(np.vstack([acting, np.zeros(steps)]), u[(len(record) - count) * every :])
+        seen = kalman.core.forecast(np.ascontiguousarray(begun), u, steps)[::steps, self.reading]
         missed = self.offset_error(record["u"])[len(record) - count :]
         return np.asarray(seen[:count]) + self.position_offset + missed
+
+    def _inputs(self, own: Array, _u: Array) -> Array:
+        """Return the filter's inputs in sequence, given those of its axis (m, steps)."""
+        return own.ravel()
 
     def _delayed_control(self, u: Array) -> Array:
         """Return the acting control at the filter's steps, of a control signal (n,) [V]."""
@@ -324,12 +325,6 @@ class LoopModel:
             constant = float(of_bearing.pop("magnet__magnet_constant"))  # type: ignore[arg-type]
             of_bearing |= self.isolated.magnet.with_constant(constant)
         return replace(model, isolated=self.isolated.replace(**of_bearing))
-
-
-def is_interpolated(record: Record) -> bool:
-    """Return whether the control signal of a record is a measured current."""
-    # Its channel map states it, or the record also has the current's control signal.
-    return "u" in record.meta.get("measured", ()) or CONTROL in record
 
 
 def _late(machine: Machine, delay: float, current_lag: float) -> Machine:
