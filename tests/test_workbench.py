@@ -291,6 +291,19 @@ def test_the_sensitivity_is_that_of_the_margins(page, name):
         assert told["peak"] == pytest.approx(float(peak), rel=2e-4)  # of the plant's substeps
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["tum_mlps", "heart_pump"])
+def test_the_sensitivity_of_a_rotor_is_that_of_the_assessment(page, tmp_path, name):
+    machine = Machine.preset(name)
+    workbench_of(machine).save(tmp_path / "rotor.html")
+    page.goto((tmp_path / "rotor.html").as_uri())
+    page.wait_for_function("/zone [ABCD]|unstable/.test(document.body.innerText)")
+    found = re.search(r"peak ([0-9.]+) at", page.inner_text("body"))
+    assessment = ambkit.assess(machine, "none")
+    (axis, *_) = assessment.loops[assessment.last].axes.values()
+    assert found and float(found[1]) == pytest.approx(axis.peak, rel=1e-2)
+
+
 # ---- Knobs, links, files ----
 
 SETTINGS = "JSON.stringify(workbench.settings)"
