@@ -36,6 +36,7 @@ from ambkit.machine.magnets import own_time
 from ambkit.result.row import Row, put
 
 MOST = 4  #: Maximum number of named structures.
+FULL = 100.0  #: Maximum size of a relative structure [%].
 SMALL = 1e-4  #: Excluded shares of the bias current and of the sensor's noise as divisors.
 JUMPS = ("load jump", "sensor jump")
 SETTLED = 20.0  #: Time constants of the plant after which a jump has no effect.
@@ -49,7 +50,7 @@ class Structure:
 
     departures: Sequence[Departure] = field(default=())
     remarks: Sequence[str] = field(default=())  #: Implausible values, in sentences.
-    tested: bool = False  #: False if all records have gaps in the control signal.
+    tested: bool = False  #: False if no record has a complete control signal, and motion.
     #: By kind, the size that half of such records would reveal, by Fisher's information.
     detectable: Mapping[str, float] = field(default_factory=dict)
 
@@ -79,7 +80,8 @@ class Structure:
 
     def rows(self) -> list[Row]:
         """Return verdict and figures as rows."""
-        verdict = self.suspect or ("no departure" if self.tested else "not tested: gaps in u")
+        verdict = "no departure" if self.tested else "not tested: no motion, or gaps in u"
+        verdict = self.suspect or verdict
         rows = [Row("verdict", "verdict", verdict, of="structure")]
         rows += [
             Row(f"detectable.{name}", f"smallest {name} shown", size, KINDS[name].unit, 2,
@@ -113,6 +115,9 @@ def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
         return Structure()
     model = result.model.replace(rotor__clearance=start.isolated.clearance)  # as in the search
     remarks = list(implausible(result.model))
+    noise = math.sqrt(model.isolated.sensor.noise_variance)
+    if max(float(np.std(Motion.of(model, record).x)) for record in records) < noise:
+        return Structure(remarks=remarks)
     refits = Refits(Data(records, settling), start, model, result.parameters)
     departures = [] if remarks else [*refits.lag()]
     centred = refits.centred()
@@ -293,12 +298,15 @@ def _select(tests: _Tests, model: LoopModel) -> list[Departure]:
     taken: list[int] = []
     names = np.array([one.kind.name for one in tests.kinds])
     signs = np.array([one.kind.sign for one in tests.kinds])
+    # A change by more than the quantity itself is what a rotor at rest makes of its noise.
+    limits = np.array([FULL if one.kind.unit == "%" else math.inf for one in tests.kinds])
+    scales = np.array([one.scale for one in tests.kinds])
     while len(result) < MOST:
         left, slope, precision = _one_more(tests, taken)
         size = slope / precision
         plain = slope**2 / precision
         possible = (plain > tests.limits) & (signs * size >= 0)
-        possible &= ~np.isin(names, names[taken])
+        possible &= ~np.isin(names, names[taken]) & (np.abs(size * scales) <= limits)
         best, statistic = -1, 0.0
         for c in np.flatnonzero(possible):
             # Coloured noise correlates scores within a block (White 1982).
