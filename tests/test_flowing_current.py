@@ -75,7 +75,7 @@ def test_magnet_and_delay_are_found_in_a_quiet_loop(records):
     assert found.model.memory == 0
     raw = identified(records[1], use_control=False)
     assert raw["delay"] < -2.5 * raw.standard_error("delay")
-    assert any("too quiet" in said or "good part" in said for said in raw.remarks)
+    assert any("too little motion" in said or "good part" in said for said in raw.remarks)
 
 
 def test_what_drives_no_current_is_not_taken_for_its_control(records):

@@ -82,39 +82,37 @@ def chain(study: Study) -> Part:
             id="chain",
             title="The whole chain, in one run",
             lead="ADALINE identifies the magnet constant, map and expert are made from it, and the "
-            "filter that asks this expert flies on. Then the constant drifts, and all is done "
-            "again, twice, without a landing.",
+            "adaptive filter continues with this expert. Then the constant drifts, and the chain "
+            "runs twice more during levitation.",
             blocks=[
                 Text(f"The bearing is described with a magnet constant {100 * (WRONG - 1):.0f} % "
                      "too large. The rotor is moved up and down by 0.3 mm, so that the force law "
                      f"counts; a load of {LOAD:g} N comes and goes three times, and from "
                      f"{DRIFT[0]:g} to {DRIFT[1]:g} s the true constant grows by "
                      f"{100 * DRIFT[2]:.0f} %. Between the loads ADALINE learns from what has "
-                     "just been recorded (a load that it is not told it would take for the magnet, "
-                     "see [](#adaline)), and its k makes a new filter, which takes over between "
-                     "two samples."),
-                Text("**Learned anew.** The constant is a factor on the force, and so on every "
-                     "stiffness: with another one the rules keep places and widths, and their "
-                     "conclusions are multiplied. Trained anew, on the map of the first k that was "
-                     "identified here, the network gives the same force but for "
+                     "just been recorded (an unknown load would bias it, see [](#adaline)), and a "
+                     "new filter with its k replaces the old one between two samples."),
+                Text("**Retraining.** The constant is a factor on the force, and so on every "
+                     "stiffness: with another one the rules keep centres and widths, and their "
+                     "conclusions are multiplied. Retrained on the map of the first identified k, "
+                     "the network gives the same force to within "
                      f"{_trained_off(study, shown['learned'].k[1]):.1g} % of its largest. So a "
                      "controller multiplies 50 numbers, and need not train."),
                 FigureBlock(_figure(study, shown)),
                 _table(results),
-                Text("**Without a jump.** The new filter takes over mean and covariance of the "
-                     "old one; in C it is the same state and other parameters. The estimates go on "
-                     "as from any sample to the next, see the last columns of the table. What "
-                     "changes is where they go: the force that the wrong constant had invented "
-                     "fades within milliseconds, and nothing rings. A filter that starts afresh "
-                     "has to find velocity and force again, and the controller is fed with it."),
+                Text("**Bumpless transfer.** The new filter starts with mean and covariance of the "
+                     "old one; in C it is the same state with other parameters. The estimates do "
+                     "not jump, see the last columns of the table. The force error of the wrong "
+                     "constant decays within milliseconds, without oscillation. A restarted filter "
+                     "would have to estimate velocity and force again, with the controller on it."),
                 FigureBlock(_figure_swap(study, shown)),
                 Remark("What it buys",
                        r"From the first swap on the error of $f_d$ is "
                        f"{force['wrong'].mean():.2f} N rms with the constant as described, "
-                       f"{force['learned'].mean():.2f} N with what was learned in flight, and "
-                       f"{force['told'].mean():.2f} N where it is told: {got_back.mean():.0f} % of "
-                       "what the wrong constant costs is got back. What is missing is the drift "
-                       f"during the learning: at the swaps k is {off_k.mean():.1f} % off (rms)."),
+                       f"{force['learned'].mean():.2f} N with the identified one, and "
+                       f"{force['told'].mean():.2f} N with the true one: identification removes "
+                       f"{got_back.mean():.0f} % of the cost of the wrong constant. The rest is "
+                       f"the drift meanwhile: at the swaps k is {off_k.mean():.1f} % off (rms)."),
             ],
         ),
         [
@@ -271,13 +269,13 @@ def _figure(study: Study, shown: dict[str, Flight]) -> Figure:
     spans: list[Item] = [Span(*span, signal="identified", label="") for span in LEARNED_FROM]
     return Figure(
         id="chain_run",
-        title="Identified, learned, flown, and learned anew while the magnet drifts",
+        title="Identification, training and bumpless transfer while the magnet drifts",
         source="the paper's Fig. 1 and 5 to 9, put together",
-        caption="Shaded: ADALINE learns; at the end of each stretch, at the dashed line, the "
-        "filter that is made of its k takes over. Above, the rotor with the filter in the loop "
-        "that learns. Middle, the magnet constant that each filter assumes, and the true one. "
-        "Below, the disturbance force: with a wrong constant the filter reports newtons that "
-        f"nobody exerts (with the constant told it looks as with that learned). {study.one_run}",
+        caption="Shaded: ADALINE learns; at the dashed line at its end the filter with its k "
+        "replaces the old one. Above, the rotor with the learning filter in the loop. Middle, the "
+        "magnet constant of each filter, and the true one. Below, the disturbance force: with a "
+        "wrong constant the filter reports a force of newtons that is not there (with the true "
+        f"constant it looks as with the identified one). {study.one_run}",
         panels=[
             Panel(TIME, POSITION, [
                 Line(t, learned.truth("r"), signal="reference"),

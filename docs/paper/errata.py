@@ -52,8 +52,8 @@ def errata(study: Study) -> Part:
          "Eq. 12 compares Z(k) with H X(k|k-1), of the same instant."],
         ["Eq. 9", "$u(k)$", "$u(k-1)$",
          "The prediction of X(k) needs the control signal that acted until k; u(k) is made from "
-         f"it. Taken for it, the error of $F_{{\\mathrm{{St}}}}$ during the step of 0.5 mm is "
-         f"{late.mean():.2f} N rms instead of {timely.mean():.2f} N ({SEEDS} seeds)."],
+         f"it. With u(k) instead, the error of $F_{{\\mathrm{{St}}}}$ during the step of 0.5 mm is "
+         f"{late.mean():.3f} N rms instead of {timely.mean():.3f} N ({SEEDS} seeds)."],
         ["Eq. 13", "$P = (I - K H) P$ on the full matrix",
          "upper triangle only, or Joseph's form",
          f"Typed in as printed it holds for {survived} steps. With the usual shortcut "

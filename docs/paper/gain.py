@@ -41,7 +41,7 @@ def gain(study: Study) -> Part:
             id="gain",
             title="What it buys",
             lead=f"The same noise, the same Q and R, {SEEDS} seeds. The adaptive filter knows the "
-            "disturbance force better; where the rotor is, they know alike.",
+            "disturbance force better; the position equally well.",
             blocks=[
                 _table(scores),
                 FigureBlock(_figure_bars(scores)),

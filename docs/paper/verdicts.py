@@ -76,7 +76,7 @@ def ours(row: SummaryRow) -> str:
 
 
 def runs(row: SummaryRow) -> str:
-    """Print of how many runs it is; a dash where chance has no part."""
+    """Print of how many runs it is; a dash if the result is deterministic."""
     count = row.get("runs")
     return "–" if count is None else str(count)
 

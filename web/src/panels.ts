@@ -64,7 +64,7 @@ export function lamp(nis: number): { tone: string; text: string } {
   if (!Number.isFinite(nis)) return { tone: "", text: "states no variance" };
   const within = ([low, high]: number[]) => nis > low && nis < high;
   if (within(NIS_LIMITS)) return { tone: "good", text: "consistent" };
-  const text = nis > 1 ? "too sure of itself" : "too cautious";
+  const text = nis > 1 ? "overconfident" : "too cautious";
   return { tone: within(NIS_FAIR) ? "fair" : "bad", text };
 }
 

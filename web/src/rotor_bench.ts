@@ -61,7 +61,7 @@ export class RotorBench {
         this.change(false);
       },
     });
-    this.cards.orbits = card(charts, "orbits", "Orbits, last fifth of the flight");
+    this.cards.orbits = card(charts, "orbits", "Orbits, last fifth of the run");
     this.cards.orbits.element.dataset.for = "rotor";
     this.canvas.className = "map";
     this.cards.orbits.body.append(this.canvas);

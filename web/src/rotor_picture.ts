@@ -174,7 +174,7 @@ export class RotorPicture {
       const length = (60 * now.s[f]) / of.filter.view.clearance[f], x = this.z(of.bearings[k].place);
       this.thrust.setAttribute("d", `M${x} 142v18M${x} 151h${length.toFixed(1)}`);
     }
-    this.words.textContent = `the views are ${shown(VIEW / this.scale, "m", 2)} from the middle to the rim`;
+    this.words.textContent = `radius of the views: ${shown(VIEW / this.scale, "m", 2)}`;
   }
 
   /** The shaft as it lies and bends, in the scale of the views. */

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def workbench(machine: Machine | None = None, *, open: bool = False) -> Workbench:
-    """Show a machine that moves, with knobs, in the browser.
+    """Show an interactive simulation of a machine in the browser.
 
     The page needs neither a server nor a network, and computes with the C of ambkit: for the same
     seed its numbers are those of `ambkit simulate`, to the last bit. A notebook shows it.

@@ -246,9 +246,7 @@ class Identified(Result):
             model, delay=not self.likelihood.delay_counts, offsets=self.likelihood.offsets_count
         )
         if any("[signals." in line for line in carried):
-            notes.append(
-                "The machine file lists the changes that the channel map of such logs needs."
-            )
+            notes.append("The machine file lists the necessary changes of the channel map.")
         noise = self.filter.variances.disturbance if self.machine.single else None
         if noise is not None and RAISED in self.filter.origin.values():
             notes.append(

@@ -50,9 +50,7 @@ class Workbench:
     def finding(self) -> str:
         """Description, in a sentence."""
         size = len(self.text.encode()) / 1e6
-        return (
-            f"The workbench of {self.machines[0].name}: a page of {size:.1f} MB, for any browser."
-        )
+        return f"The workbench of {self.machines[0].name}: one HTML page of {size:.1f} MB."
 
     @cached_property
     def text(self) -> str:

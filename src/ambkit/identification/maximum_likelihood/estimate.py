@@ -209,7 +209,7 @@ class _Search:
         covariance = curved * np.outer(larger, larger)
         profiles: dict[str, tuple[float, float]] = {}
         if profile:
-            self.note("looking how far the errors hold")
+            self.note("computing profile likelihood intervals")
             # As if the coil were known.
             uncoupled = np.asarray(np.linalg.inv(local.information), float)
             larger *= np.sqrt(np.diag(inverse) / np.diag(uncoupled))
@@ -245,7 +245,9 @@ class _Search:
         """Return the result, with the stops of the description."""
         delay = [k for k, p in enumerate(parameters) if p.name == "delay"]
         if delay and CONFIDENCE * errors["errors"][delay[0]] > model.isolated.sampling_time:
-            self.remarks.append("the loop is too quiet to tell the delay to a sample")
+            self.remarks.append(
+                "the records have too little motion to determine the delay to a sample"
+            )
         model, touched = ascent.restore_clearance(self.data.records, self.nominal, model)
         return MaximumLikelihood(
             start=self.initial,
