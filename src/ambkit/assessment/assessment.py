@@ -35,7 +35,7 @@ BASIS = (
 
 
 NEEDED = (
-    "give the amplifier's resistance, and under [coil] its thermal_resistance and temperature_limit"
+    "they need the amplifier's resistance, and [coil] with thermal_resistance and temperature_limit"
 )
 """Inputs of the coil temperatures."""
 
