@@ -87,8 +87,8 @@ def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) 
         "and its sensor is noisy and delayed. The paper corrects the model of a Kalman filter as "
         "it runs: ADALINE identifies the magnet, least squares gives the stiffnesses at 25 points, "
         "a fuzzy network interpolates them, and the filter evaluates it at each sample (Fig. 1 "
-        "of the paper is the block diagram). Everything below is computed by the C core that runs in "
-        "the controller.",
+        "of the paper is the block diagram). Everything below is computed by the C core that runs "
+        "in the controller.",
         version=version("ambkit"),
         chapters=[part.chapter for part in parts],
         summary=partial(summary_of, rows),
