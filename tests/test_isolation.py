@@ -157,6 +157,9 @@ def test_a_run_up_is_no_fault_and_an_unbalance_that_jumps_in_it_is():
         record = simulate(machine, scenario, external_inputs=ExternalInputs(**inputs))
         result = diagnosed(record, "extended+unbalance", machine, None, None)
         assert result.faults[:1] == expected
+        assert not any("extended+unbalance" in note for note in result.notes)
+    without = diagnosed(record, "extended", machine, None, None)
+    assert any("extended+unbalance" in note for note in without.notes)
 
 
 def test_a_rotor_on_its_stop_is_said_and_no_fault_is_named():

@@ -34,11 +34,16 @@ def diagnosed(record: Any, filter: Any, machine: Any, channels: Any, window: Any
         raise AmbkitError("machine is missing: a preset's name, or a TOML file")
     plant = FilterFile.load(filter).plant if machine is None else machine_argument(machine)
     log = record_argument(record, channels, window)
-    kalman, remark = _filter(filter, plant, log)
+    kalman, remarks = _filter(filter, plant, log)
+    if plant.turns and not any(state.role == "unbalance" for state in kalman.states):
+        remarks.append(
+            f"{kalman.name} does not estimate the unbalance of the rotor, which may be named as a "
+            "fault: use --filter extended+unbalance"
+        )
     isolation = FaultIsolation(kalman)
     searches = isolation.run(log)
     name = f"{plant.name}, {kalman.name}"
-    return Diagnosis(name, searches, isolation.limit, plant.sampling_time, remark)
+    return Diagnosis(name, searches, isolation.limit, plant.sampling_time, remarks)
 
 
 def _filter(filter: Any, plant: Machine, log: Record) -> tuple[Any, list[str]]:
