@@ -23,6 +23,7 @@ LEADS = 1.2  #: Ratio by which a command leads the current that follows it, in c
 LAGS = 6  #: Samples in which a controller passes on the noise of its position.
 PASSED = 0.05  #: Part of a control's noise that is that of its position, at least.
 OWN = 3.0  #: Ratio of that part to the one of another axis.
+MOST = 100  #: Positions that are compared in pairs: no machine measures more.
 RAWER = 0.8  #: Noise of an estimate over that of its original, at most.
 LARGEST, SHORT = 0.6, 0.25  #: Shares of a turn that a mark takes, with a name and without one.
 STEADY = 0.15  #: Change of the time of a turn from one to the next, over that time.
@@ -37,8 +38,11 @@ def position_of(results: Sequence[Candidate]) -> Candidate | None:
 def keep_rawest(results: Sequence[Candidate]) -> None:
     """Of channels named positions that hold one motion keep the one with most noise."""
     places = [c for c in results if c.role == "y" and not c.estimated]
+    if len(places) > MOST:
+        return
+    noises = {id(c): noise(c.values) for c in places}
     for c, y in permutations(places, 2):
-        rough, own = (noise(x.values) for x in (y, c))
+        rough, own = noises[id(y)], noises[id(c)]
         if c.values.shape == y.values.shape and own < RAWER * rough and is_near(c, y, rough):
             c.estimated = True
             c.why.append(f"lies within the noise of {y.label}, with less: an estimate of it")
