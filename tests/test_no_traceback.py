@@ -182,16 +182,15 @@ def test_faults_behind_one_another_are_all_found_at_their_lines():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("header", ["t [s],{}", "t,{}"])
-def test_twenty_thousand_columns_are_guessed_at_in_seconds(call, header):
+@pytest.mark.parametrize("unit", [" [mm]", " [A]", ""])
+def test_twenty_thousand_columns_are_guessed_at_in_seconds(call, unit):
     count = 20_000
-    units = " [mm]" if "[" in header else ""
-    names = header.format(",".join(f"c{k}{units}" for k in range(1, count)))
+    names = ",".join(["t [s]" if unit else "t", *(f"c{k}{unit}" for k in range(1, count))])
     rows = ["{},{}".format(i * 1e-4, ",".join(f"{k * i % 7}.5" for k in range(1, count)))
             for i in range(40)]  # fmt: skip
     Path("wide.csv").write_text("\n".join([names, *rows]) + "\n")
     before = time.process_time()
-    assert call("read", "guess", "wide.csv")[0] == (0 if units else 2)  # nothing floats there
+    assert call("read", "guess", "wide.csv")[0] == (0 if unit else 2)  # nothing floats there
     assert time.process_time() - before < 10
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from ambkit.base.arrays import Array, block_means
 
 LOOKED_AT = 50_000  #: Samples that the statistics are made of.
+COMPARED = 40  #: Channels that are compared, each with each.
 
 
 def seen(values: Array) -> Array:

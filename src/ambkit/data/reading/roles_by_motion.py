@@ -14,7 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from ambkit.base.arrays import interpolated
 from ambkit.data.reading.candidates import BY_UNIT, Candidate
-from ambkit.data.reading.channel_statistics import LOOKED_AT, correlation, seen, slow
+from ambkit.data.reading.channel_statistics import COMPARED, LOOKED_AT, correlation, seen, slow
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import RELATED
 
@@ -23,7 +23,6 @@ LEADS = 1.2  #: Ratio by which a command leads the current that follows it, in c
 LAGS = 6  #: Samples in which a controller passes on the noise of its position.
 PASSED = 0.05  #: Part of a control's noise that is that of its position, at least.
 OWN = 3.0  #: Ratio of that part to the one of another axis.
-MOST = 100  #: Positions that are compared in pairs: no machine measures more.
 RAWER = 0.8  #: Noise of an estimate over that of its original, at most.
 LARGEST, SHORT = 0.6, 0.25  #: Shares of a turn that a mark takes, with a name and without one.
 STEADY = 0.15  #: Change of the time of a turn from one to the next, over that time.
@@ -37,9 +36,7 @@ def position_of(results: Sequence[Candidate]) -> Candidate | None:
 
 def keep_rawest(results: Sequence[Candidate]) -> None:
     """Of channels named positions that hold one motion keep the one with most noise."""
-    places = [c for c in results if c.role == "y" and not c.estimated]
-    if len(places) > MOST:
-        return
+    places = [c for c in results if c.role == "y" and not c.estimated][:COMPARED]
     noises = {id(c): noise(c.values) for c in places}
     for c, y in permutations(places, 2):
         rough, own = noises[id(y)], noises[id(c)]
@@ -115,7 +112,7 @@ def find_commands(results: Sequence[Candidate]) -> None:
     """Of two currents that go together take the one that leads for the demanded one."""
     if any(c.role == "u" and not c.estimated for c in results):
         return
-    currents = [c for c in results if c.role == "i" and not c.estimated]
+    currents = [c for c in results if c.role == "i" and not c.estimated][:COMPARED]
     for a, b in permutations(currents, 2):
         alike = a.values.shape == b.values.shape
         if not alike or correlation(slow(a.values), slow(b.values)) < RELATED:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ambkit.base.arrays import Array, interpolated
 from ambkit.data.reading.candidates import BY_UNIT, TEXT, Candidate, role_from_name
-from ambkit.data.reading.channel_statistics import LOOKED_AT, correlation, seen, slow
+from ambkit.data.reading.channel_statistics import COMPARED, LOOKED_AT, correlation, seen, slow
 from ambkit.data.reading.derived_channels import same_numbers
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import RELATED, Rotor, in_steps, rotor
@@ -33,7 +33,6 @@ from ambkit.data.reading.roles_by_motion import (
     rate_likeness,
 )
 
-COMPARED = 40  #: Channels that are compared, each with each.
 SAME_UNIT = 1.25  #: Ratio within which the two are counted in one unit: a demanded current.
 EVEN = 0.2  #: Part of the usual step by which the steps of a time without a name differ at most.
 
