@@ -17,6 +17,7 @@ from ambkit.data.reading.clock import examine
 from ambkit.data.reading.derived_channels import is_filtered, rough, standardised
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import NO_NOISE, Rotor, WeightScale, in_steps, weight_scale
+from ambkit.data.reading.roles_by_motion import rate_likeness
 from ambkit.data.signals import si_unit
 
 _OF_Y = {
@@ -278,10 +279,18 @@ def _chosen(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidat
         chosen["control"], chosen["u"] = chosen["u"], chosen.pop("i")
     for role, name in (("y", "x_logged"), ("v", "v_logged")):
         logged = [c for c in results if c.role == role and (c.estimated or role == "v")]
+        position = chosen.get("x_logged", chosen.get("y")) if role == "v" else None
         if logged:
-            chosen[name] = max(logged, key=lambda c: c.estimated)
+            chosen[name] = max(logged, key=lambda c: (c.estimated, _goes_as_rate(c, position)))
     order = ("t", "y", "u", "control", "r", "i", "x_logged", "v_logged", "k")
     return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
+
+
+def _goes_as_rate(c: Candidate, position: Candidate | None) -> float:
+    """Return how much a velocity goes as the rate of a position, 0 where none is there."""
+    if position is None or c.values.shape != position.values.shape:
+        return 0.0
+    return rate_likeness(c, position)
 
 
 def _has_no_noise(candidate: Candidate) -> bool:
