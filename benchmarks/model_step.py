@@ -217,7 +217,8 @@ class Built:
     def __init__(self, folder: Path, name: str, text: str, model: Model, *options: str) -> None:
         source, library = folder / f"{name}.c", folder / f"{name}.so"
         source.write_text(text, encoding="utf-8")
-        also = [ROOT / "core/src/loops.c"] if "-DAMB_MODEL_LOOPS" in options else []
+        loops = [ROOT / "core/src" / name for name in ("loops.c", "covariance_loops.c")]
+        also = loops if "-DAMB_MODEL_LOOPS" in options else []
         includes = [f"-I{folder}", f"-I{ROOT / 'core/include'}", f"-I{ROOT / 'core'}"]
         flags = [*FLAGS.split(), *([] if also else ["-fno-tree-slp-vectorize"])]  # CMakeLists.txt
         command = ["gcc", *flags, "-DAMB_DOUBLE", *options, *includes, str(source)]

@@ -1,4 +1,4 @@
-// Arrays in, arrays out: NumPy on one side, plain pointers on the other.
+// Arrays in, arrays out: NumPy in Python, plain pointers in C.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -23,7 +23,7 @@ namespace nb = nanobind;
 using Vector = nb::ndarray<const amb_real, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Matrix = nb::ndarray<const amb_real, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Places = nb::ndarray<const unsigned short, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Named = nb::typed<nb::dict, nb::str, nb::any>; // what is returned, by name
+using Named = nb::typed<nb::dict, nb::str, nb::any>; // returned values, by name
 template <typename T> using Out = nb::ndarray<nb::numpy, T>;
 
 // A new NumPy array that owns its memory, and the pointer to fill it through.
@@ -35,13 +35,13 @@ template <typename T> struct Fresh {
     size_t size = 1;
     for (size_t extent : shape)
       size *= extent;
-    data = new T[size > 0 ? size : 1]; // not zeroed: every element is written
+    data = new T[size > 0 ? size : 1]; // not initialised: every element is written
     nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<T *>(p); });
     array = Out<T>(data, shape, owner);
   }
 };
 
-// What a function returns: new arrays by their names.
+// Results of a function: new arrays by name.
 class Results
 {
 public:
@@ -60,7 +60,7 @@ private:
   nb::dict by_name;
 };
 
-// Read a number of a dict into the field of its name.
+// Read a number of a dict into the field with its name.
 template <typename T> void read(const nb::dict &from, const char *name, T &to)
 {
   to = nb::cast<T>(from[name]);
@@ -73,7 +73,7 @@ inline void same_length(size_t n, size_t other, const char *name)
                                 " samples, expected " + std::to_string(n));
 }
 
-// What a struct of the core points to, copied out of Python and kept at its place.
+// Arrays for the pointers of a struct of the core, copied from Python.
 class Kept
 {
 public:
@@ -93,7 +93,7 @@ public:
   }
 
 private:
-  std::list<std::vector<amb_real>> reals; // a list, as its elements never move
+  std::list<std::vector<amb_real>> reals; // a list, because its elements never move
 };
 
 inline std::vector<amb_real> copied(const Vector &a)
@@ -101,7 +101,7 @@ inline std::vector<amb_real> copied(const Vector &a)
   return std::vector<amb_real>(a.data(), a.data() + a.size());
 }
 
-// Memory of the C core, with its size: what of an object a copy must take along.
+// Memory of the C core with its size: the part of an object that a copy must include.
 template <typename T> using Parts = std::initializer_list<std::pair<T *, size_t>>;
 
 inline nb::bytes kept(Parts<const void> parts)
@@ -127,7 +127,7 @@ inline void restore(const nb::bytes &from, Parts<void> parts)
   }
 }
 
-// A NumPy array of its own from what a struct points to.
+// A new NumPy array with the values at a struct's pointer.
 inline Out<amb_real> shown(const std::vector<amb_real> &a, std::initializer_list<size_t> shape)
 {
   Fresh<amb_real> copy(shape);
@@ -141,6 +141,7 @@ void bind_sampling(nb::module_ &m);
 void bind_settings(nb::module_ &m);
 void bind_estimator(nb::module_ &m);
 void bind_estimators(nb::module_ &m);
+void bind_own(nb::module_ &m);
 void bind_scale_estimators(nb::module_ &m);
 void bind_learners(nb::module_ &m);
 void bind_rls(nb::module_ &m);

@@ -20,7 +20,7 @@ using Rows = nb::ndarray<const amb_real, nb::ndim<2>, nb::c_contig, nb::device::
 using Cube = nb::ndarray<const amb_real, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 template <typename T> using To = nb::ndarray<T, nb::c_contig, nb::device::cpu>;
 
-// Where run i begins in an array of one row for all runs, or of a row for each.
+// Start of run i in an array with one row for all runs, or a row for each.
 template <typename Array> auto row(const Array &a, size_t i, size_t runs, size_t width)
 {
   if (a.shape(0) != 1 && a.shape(0) != runs)
@@ -39,7 +39,7 @@ T *place(const std::optional<To<T>> &a, size_t i, size_t runs, size_t width, con
   return a->data() + i * width;
 }
 
-// Chunks of runs that go side by side: of the same kind, in their order.
+// Chunks of runs that go side by side: of the same group, in their order.
 std::vector<std::vector<amb_batch_run *>> chunks(std::vector<amb_batch_run> &runs, size_t lanes)
 {
   std::map<unsigned int, std::vector<amb_batch_run *>> waiting;

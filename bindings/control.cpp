@@ -11,8 +11,8 @@ unsigned int counted(const nb::dict &given, const char *name)
   return value;
 }
 
-// What each sample of a record left, as it was recorded: means (n, states), control signals (n, p)
-// and upper triangles (n, entries).
+// State at each sample of a recorded run: means (n, states), control signals (n, p) and upper
+// triangles (n, entries).
 struct Recorded {
   explicit Recorded(const Named &of)
       : mean(nb::cast<Samples>(of["mean"])), u(nb::cast<Samples>(of["u"])),
@@ -20,7 +20,8 @@ struct Recorded {
   {
   }
 
-  // Before sample k of n, as the exported self-test does: the covariance where there is a snapshot.
+  // State before sample k of n, as in the exported self-test; the covariance if there is a
+  // snapshot.
   void restore(const Control &self, size_t k, amb_control_state &state,
                amb_kalman_state &filter) const
   {
@@ -35,7 +36,7 @@ struct Recorded {
   Vector snapshot;
 };
 
-// A record through the controller from power-on; the estimator's state is left where it ends.
+// Runs the controller along a record from power-on; the estimator keeps its final state.
 Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, amb_real speed,
           const std::optional<Vector> &transferred, const std::optional<Named> &recorded)
 {

@@ -1,4 +1,4 @@
-// The whole controller of an axis or a machine (ambkit/control.h), with the memory it works on.
+// The complete controller of an axis or a machine (ambkit/control.h), with its memory.
 #pragma once
 
 #include "estimator.h"
@@ -7,16 +7,16 @@ extern "C" {
 #include "ambkit/control.h"
 }
 
-// A PID from its gains and limits, and the coefficients of the sections behind it.
+// A PID from its gains and limits, and the coefficients of its sections.
 amb_pid pid_of(nb::handle given, amb_real T, Kept &kept);
 
-// amb_controllers with all that it points to, from its fields by their names.
+// amb_controllers with its arrays, from its fields by name.
 class Law
 {
 public:
   Law() = default;
   Law(const Law &) = delete; // `law` points into the object
-  // Of p axes, fed by so many states or readings.
+  // For p axes; input: this number of states or readings.
   void set(const nb::dict &given, amb_real T, size_t p, size_t seen);
   amb_controllers law{};
 
@@ -30,7 +30,7 @@ private:
 };
 
 struct Control {
-  // The arrays and numbers of amb_control, amb_controllers and amb_sequence by their names.
+  // The arrays and numbers of amb_control, amb_controllers and amb_sequence by name.
   Control(Estimator &of, const nb::dict &given);
   Control(const Control &) = delete; // `control` points into the object
 

@@ -1,4 +1,4 @@
-// What every estimator of the family is made of, starts from, and shows.
+// Construction, start and properties of the estimators.
 #include "estimator.h"
 
 extern "C" {
@@ -10,7 +10,7 @@ extern "C" {
 namespace
 {
 
-// Each setting with its name, and how many numbers it has; 0: one that is no array.
+// The settings by name, with their numbers of values; 0: a scalar.
 template <typename Settings, typename Visit>
 void each_setting(Settings &s, const Sizes &of, Visit visit)
 {
@@ -35,7 +35,7 @@ void each_setting(Settings &s, const Sizes &of, Visit visit)
   visit("outlier_limit", s.outlier_limit, 0);
 }
 
-// All must be there, and no other.
+// All must be given, and no others.
 amb_kalman_settings settings_of(const nb::kwargs &given, const Sizes &of)
 {
   amb_kalman_settings s{};
@@ -137,7 +137,8 @@ void reset(Estimator &self, const Vector &mean, std::optional<Vector> std)
   self.result = amb_kalman_result{};
 }
 
-// Whether a kind keeps nothing that depends on its parameters: mean, covariance, counts only.
+// Whether the state of a kind does not depend on its parameters: mean, covariance and counters
+// only.
 bool keeps_estimates_only(const Estimator &one)
 {
   const amb_estimator_methods *kinds[] = {&amb_kalman_methods, &amb_extended_methods,
@@ -165,7 +166,7 @@ Out<amb_real> mean(const Estimator &self)
   return a.array;
 }
 
-// The state's own memory, so that a caller who steps sample by sample makes no array of his own.
+// The memory of the state, so that a caller can step without creating arrays.
 nb::ndarray<nb::numpy, const amb_real> live(nb::handle_t<Estimator> self)
 {
   const auto &estimator = nb::cast<Estimator &>(self);
@@ -182,9 +183,9 @@ Out<amb_real> covariance(const Estimator &self)
   return P.array;
 }
 
-// Of n samples with control signals (n, controls) that acted last, of which one that is not finite
-// is the last before it. Without a bias before them the first is at rest, and all are where it is
-// not carried from one to the next.
+// Along n samples with the control signals (n, controls) that acted last; one that is not finite is
+// replaced by the last finite one. Without an initial bias the first is the equilibrium one; all
+// are, if the bias is not carried from one sample to the next.
 Out<amb_real> law_bias(const Estimator &self, const Vector &law, const Vector &gain,
                        const Samples &mean, const Samples &covariance, const Samples &u,
                        const nb::ndarray<const bool, nb::ndim<2>, nb::c_contig> &used,
@@ -270,7 +271,7 @@ Named parameters(const Estimator &self)
   return all;
 }
 
-// What is told of each sensor or force: a number where there is one only.
+// A value per sensor or force; a scalar if there is only one.
 nb::object told(const amb_real *from, size_t n)
 {
   return n == 1 ? nb::cast(*from) : nb::cast(numbers(from, n));

@@ -1,4 +1,4 @@
-// What every estimator of the family is to Python: its parameters, its magnet, its state.
+// Estimators in Python: parameters, magnets, state.
 #pragma once
 
 #include "magnets.h"
@@ -17,10 +17,10 @@ extern "C" {
 #endif
 }
 
-// What is heard of the rotation at a sample: the fields of amb_rotation, and the speed there.
+// Information on the rotation at a sample: the fields of amb_rotation, and the speed there.
 constexpr size_t HEARD = 8;
 
-// The model of a machine (ambkit/model.h), and in the build for any model the memory of its arrays.
+// The model of a machine (ambkit/model.h); in the build for any model with its arrays.
 struct Model {
   amb_model model{};
   Model() = default;
@@ -28,12 +28,12 @@ struct Model {
 #if defined(AMB_MODEL_LOOPS)
   explicit Model(const nb::dict &arrays);
 
-  // What of its numbers a speed changes, at nodes (ambkit/turning.h); from then on it can turn.
+  // Its numbers that depend on the speed, at nodes (ambkit/turning.h); required for variable speed.
   void nodes(int lowest, amb_real step, const Vector &still, const Places &which, const Matrix &at,
              const Places &grown, const Matrix &by_growth);
   void turn(amb_real speed, amb_real growth);
   void stand(const Vector &still);
-  // The states that turn with the rotor, and the error of its speed (ambkit/turning.h).
+  // The states that rotate with the rotor, and the error of its speed (ambkit/turning.h).
   void synchronous(const nb::dict &arguments);
   amb_real by(amb_kalman &kf, amb_kalman_state &state, const amb_real heard[]);
   bool turns() const
@@ -51,7 +51,7 @@ private:
   std::vector<amb_real> kept_at, kept_by_growth;
   std::vector<std::vector<unsigned short>> places;
   std::vector<std::vector<amb_real>> loose; // until they are gathered
-  std::vector<amb_real> numbers;            // of L, b, B_u, h, e, r, d, c, N, rest
+  std::vector<amb_real> numbers;            // L, b, B_u, h, e, r, d, c, N, rest
   std::vector<unsigned char> roles;
   amb_sparse sparse(const nb::dict &arrays, const char *name, size_t rows, size_t columns);
   void values(const nb::dict &arrays, const char *name, size_t count);
@@ -61,10 +61,10 @@ private:
 #endif
 };
 
-// The numbers of a built-in model, by their names.
+// The numbers of a built-in model, by name.
 nb::dict shown(const amb_model &model);
 
-// How many of what a model has.
+// Sizes of a model.
 struct Sizes {
   size_t states, entries, forces, controls, sensors, noises;
   explicit Sizes(const amb_model &model)
@@ -74,8 +74,8 @@ struct Sizes {
   }
 };
 
-// Memory of a history. It is megabytes, and fetched from the system page by page it would cost a
-// tenth of the filter's time or more: the last that was let go of is taken again where it fits.
+// Memory of a history. It takes megabytes, and allocating it page by page would cost a tenth of the
+// filter's time or more; the last one released is reused if it fits.
 struct Memory {
   size_t size;
   std::unique_ptr<amb_real[]> data;
@@ -107,7 +107,7 @@ private:
   }
 };
 
-// Where a filter writes its history: arrays for n samples, in one block of memory.
+// Destination of a filter's history: arrays for n samples, in one block of memory.
 class History
 {
 public:
@@ -115,7 +115,7 @@ public:
   {
     const size_t columns = of.states + 2 * of.sensors + 2 * of.forces +
                            (with_covariance ? of.entries : 0) + (with_scale ? 2 : 0);
-    const size_t flags = n * (1 + of.sensors); // a status is at most half a real
+    const size_t flags = n * (1 + of.sensors); // a status is at most half the size of a real
     Memory *memory = Memory::of(n * columns + flags / 2 + 1);
     owner = nb::capsule(memory, [](void *p) noexcept { Memory::let_go(static_cast<Memory *>(p)); });
     amb_real *next = memory->data.get();
@@ -138,7 +138,7 @@ public:
 
 private:
   nb::capsule owner;
-  // n rows; where there is one column only, and it is none of a table, of numbers.
+  // n rows; scalars if there is a single column that is not a table.
   amb_real *place(const char *name, amb_real *&next, size_t n, size_t columns, bool table)
   {
     amb_real *data = next;
@@ -151,7 +151,7 @@ private:
   }
 };
 
-// Arrays of one row a sample, or of one number: n x columns.
+// Arrays with n rows, or of n numbers: n x columns.
 using Samples = nb::ndarray<const amb_real, nb::c_contig, nb::device::cpu>;
 
 inline size_t samples_of(const Samples &a, size_t columns, const char *name)
@@ -162,8 +162,8 @@ inline size_t samples_of(const Samples &a, size_t columns, const char *name)
   return a.size() / columns;
 }
 
-// An estimator, its state, the magnets it asks, and what its last step said. Each kind is a class
-// of its own, which adds what only it has (`own`) and how that is shown (`more`).
+// An estimator with its state, its magnets and the result of its last step. Each kind is a derived
+// class with its own data (`own`), and their presentation (`more`).
 struct Estimator {
   amb_kalman kf{};
   std::vector<amb_magnet> magnets;
@@ -184,7 +184,7 @@ struct Estimator {
   {
     return *reinterpret_cast<const amb_kalman_state *>(memory.data());
   }
-  void copy_state(const Estimator &other) // of a kind that keeps the same
+  void copy_state(const Estimator &other) // of the same kind
   {
     memory = other.memory;
     result = other.result;
@@ -198,20 +198,20 @@ struct Estimator {
     return estimator.methods->scale != nullptr;
   }
 #if defined(AMB_MODEL_LOOPS)
-  // The model that it was made of while the rotor gets from one speed to another [rad/s].
+  // Update the model for a change between two speeds [rad/s].
   void turn(Model &model, amb_real before, amb_real after)
   {
     model.turn((before + after) / 2, (after - before) / kf.set.T);
     amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
   }
-  // The same by what is heard of the rotation within a sample: HEARD numbers.
+  // The same from the information on the rotation within a sample: HEARD numbers.
   amb_real turn_by(Model &model, void *of, const amb_real heard[])
   {
     if (usual.empty())
       usual.assign(kf.set.var_d, kf.set.var_d + sizes().noises);
     return model.by(kf, *static_cast<amb_kalman_state *>(of), heard);
   }
-  // The same for sample k of a record: speeds (n,) [rad/s], or what is heard (n, HEARD).
+  // The same for sample k of a record: speeds (n,) [rad/s], or information (n, HEARD).
   void turn_at(Model &model, const amb_real *speed, size_t k, bool heard)
   {
     if (k > 0 && heard)
@@ -219,7 +219,7 @@ struct Estimator {
     else if (k > 0)
       turn(model, speed[k - 1], speed[k]);
   }
-  // The same at the speed that it was made for, to the last bit, wherever it has been since.
+  // Restore the model for its original speed, with the same bits.
   void stand(Model &model, const Vector &still)
   {
     model.stand(still);
@@ -228,36 +228,37 @@ struct Estimator {
     amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
   }
 #endif
-  virtual nb::dict more() const // the fields of `own`, by their names
+  virtual nb::dict more() const // the fields of `own`, by name
   {
     return {};
   }
 
-  // That a kind, or what is done with it, finds the states that it works with.
+  // Check that the model has the states that a kind or function needs.
   void must_have(std::initializer_list<amb_role> roles, const char *who) const;
-  // That there is one sensor and one control.
+  // Check that there is one sensor and one control.
   void must_be_single(const char *who) const;
 
 private:
 #if defined(AMB_MODEL_LOOPS)
-  std::vector<amb_real> usual; // var_d of the settings, while the angle says some of it
+  // var_d of the settings, while the angle's error changes some of them
+  std::vector<amb_real> usual;
 #endif
-  nb::object keeps, keeps_too; // the magnets' owners and the model's, or the estimator inside
+  nb::object keeps, keeps_too; // owners of the magnets, and of the model or inner estimator
   std::vector<std::max_align_t> memory;
 };
 
-// Fill an array of a struct of the core; all of it must be there.
+// Fill an array of a struct of the core; all values must be given.
 inline void fill(amb_real *to, const Vector &from, size_t n, const char *name)
 {
   same_length(n, from.size(), name);
   std::copy_n(from.data(), n, to);
 }
 
-// A whole record, with these instructions or the fastest; the history is made here.
+// A complete record, with these instructions or the widest; the history is created here.
 Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance,
                 const std::optional<std::string> &instructions);
 
-// Of estimator_runs.cpp: steps and runs of the class, and runs along which the rotor turns.
+// In estimator_runs.cpp: steps and runs of the class, and runs with variable speed.
 void bind_steps(nb::class_<Estimator> &estimator);
 #if defined(AMB_MODEL_LOOPS)
 void bind_turning(nb::module_ &m);

@@ -1,4 +1,4 @@
-// What every estimator of the family does with samples: one by one, and whole records.
+// Steps and runs of the estimators.
 #include "estimator.h"
 #include "work.h"
 
@@ -43,7 +43,7 @@ amb_status step(Estimator &self, const Samples &y, const Samples &u)
   return amb_estimator_step(&self.estimator, self.state(), y.data(), u.data(), &self.result);
 }
 
-// The same of one sensor and one control, without an array.
+// For one sensor and one control, without arrays.
 void only_one(const Estimator &self)
 {
   self.must_be_single("a step with numbers instead of arrays");
@@ -87,7 +87,7 @@ Named run(Estimator &self, const Samples &y, const Samples &u, bool covariance,
 
 #if defined(AMB_MODEL_LOOPS)
 
-// A whole record in which the rotor's speed changes: between samples it grows evenly.
+// A complete record with a variable speed of rotation, linear between samples.
 Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Samples &speed,
                   Model &model, bool covariance, bool heard)
 {

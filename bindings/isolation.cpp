@@ -97,7 +97,7 @@ void init_isolation(Isolation *self, const nb::dict &of)
 }
 
 // Run the filter along a record, and search the window every `every` samples. `model` and `speed`
-// where the rotor's speed changes, as a record has them.
+// for a record with variable speed of rotation.
 Named run(Isolation &self, Estimator &filter, const Samples &y, const Samples &u, size_t every,
           Model *model, const std::optional<Samples> &speed, bool heard)
 {

@@ -1,4 +1,4 @@
-// What learns the magnet constant from the motion, sample by sample: ADALINE and least squares.
+// Online identification of the magnet constant: ADALINE and least squares.
 #include "arrays.h"
 
 extern "C" {
@@ -26,7 +26,7 @@ struct MagnetRls {
   }
 };
 
-// What is shown of a learner's state, by its name.
+// State of a learner, by name.
 template <typename Learner> struct Shown {
   const char *name;
   amb_real (*value)(const Learner &);
@@ -45,7 +45,7 @@ constexpr Shown<MagnetRls> of_rls[] = {
     {"excitation", [](const MagnetRls &a) { return a.state.excitation; }},
 };
 
-// The plant as both see it, and how fast they learn.
+// Plant and learning rates.
 amb_adaline front_of(amb_real s0, amb_real i0, bool two_sided, amb_real T, amb_real m,
                      amb_real K_sen, amb_real a_sen, amb_real k_ui, amb_real iu_min,
                      amb_real iu_max, amb_real f_0, amb_real bandwidth, amb_real rate_force,

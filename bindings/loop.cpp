@@ -3,7 +3,8 @@
 namespace
 {
 
-// Plant, controller and last sample of a loop, between two stretches of a run; empty at first.
+// State of plant and controller and the last sample of a loop, between two parts of a run; empty at
+// first.
 struct LoopState {
   amb_loop_state state{};
 };

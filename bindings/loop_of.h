@@ -1,4 +1,4 @@
-// A closed loop from what Python says of it, for one run and for many.
+// A closed loop from its Python description, for one run and for many.
 #pragma once
 
 #include "control.h"
@@ -7,7 +7,7 @@ extern "C" {
 #include "loop.h"
 }
 
-// The parts of a plant, by the names of amb_parts; what is not named is 0.
+// The parts of a plant, with the names of amb_parts; others are 0.
 amb_parts parts_of(const nb::dict &given);
 
 // Rows of entries from a tuple of start, column and value.
@@ -21,17 +21,17 @@ private:
   std::vector<amb_real> value;
 };
 
-// Plant and controllers of a loop, by the names of amb_plant, and all that they point to.
+// Plant and controllers of a loop, with the names of amb_plant, and their arrays.
 class LoopOf
 {
 public:
   LoopOf(const nb::dict &given, Estimator *estimator, Control *control);
   LoopOf(const LoopOf &) = delete; // `loop` points into the object
-  // A rotor at rest at q, where these currents [A] have long been, and the controllers with these
-  // integrals. A control takes over a rotor that hovers, or is at power-on.
+  // A rotor in equilibrium at q with these currents [A], and controllers with these integrals. A
+  // complete controller starts levitated, or at power-on.
   void settle(amb_loop_state &state, const Vector &q, const Vector &current, const Vector &integral,
               bool hovers, void *estimator) const;
-  // That a start has a value for each.
+  // Check that a start has a value for each.
   void check_start(const Vector &q, const Vector &current, const Vector &integral) const;
   size_t axes() const
   {
@@ -56,7 +56,7 @@ private:
   amb_sparse rows(const char *name, size_t count, size_t columns);
   std::vector<amb_parts> all_parts(const char *name, size_t n) const;
 
-  nb::dict given; // keeps the magnets
+  nb::dict given; // owns the magnets
   Kept reals;
   std::list<std::vector<int>> ints;
   std::list<Rows> all_rows;
@@ -68,7 +68,7 @@ private:
   Law law;
 };
 
-// The arguments of a call by name: none may be there that is not asked for.
+// The arguments of a call by name; unknown names are errors.
 class Arguments
 {
 public:
@@ -111,7 +111,8 @@ private:
   std::vector<std::string_view> taken;
 };
 
-// The faults of a run: arrays by the names of amb_loop_faults, a value a sample and sensor or axis.
+// The faults of a run: arrays with the names of amb_loop_faults, a value per sample and sensor or
+// axis.
 class Faults
 {
 public:
@@ -122,16 +123,16 @@ private:
   std::vector<Samples> kept;
 };
 
-// A controller or a plant in Python, around numbers of C. What is called raises nothing, and
-// returns as many numbers as there are (control/user_controller.py, simulation/external_inputs.py).
+// A controller or plant in Python, for numbers of C. The function raises no exception, and returns
+// the required number of values (control/user_controller.py, simulation/external_inputs.py).
 struct OwnOf {
   nb::callable answer;
   size_t given[3], answers;
-  std::vector<size_t> places; // of the answer's numbers
+  std::vector<size_t> places; // indices of the returned numbers
   bool ask(std::initializer_list<const amb_real *> from, amb_real to[]) const;
 };
 
-// A loop, where it starts, and all that comes from outside but its noise.
+// A loop, its start, and all external inputs except noise.
 class ClosedLoop
 {
 public:
@@ -145,7 +146,7 @@ public:
   Control *control;
   LoopOf of;
   amb_loop_input in{};
-  // An array of the run, a row a sample, that may be absent; it is kept.
+  // An optional array of the run, a row per sample; it is kept alive.
   const amb_real *series(nb::handle given, size_t n, size_t columns, const char *name);
 
 private:
@@ -158,7 +159,7 @@ private:
   std::optional<Faults> faults;
   std::optional<OwnOf> controller, plant;
 #if defined(AMB_MODEL_LOOPS)
-  // An estimator, and the model that turns with the rotor.
+  // An estimator, and its model for variable speed.
   struct Turning {
     Estimator *estimator;
     Model *model;

@@ -1,4 +1,4 @@
-// The implementations of ambkit/magnet.h, each with the memory it works on.
+// The implementations of ambkit/magnet.h, with their memory.
 #pragma once
 
 #include "arrays.h"
@@ -9,13 +9,12 @@ extern "C" {
 #include "ambkit/table.h"
 }
 
-// How a magnet of the core is called in C: its struct and methods, its header and source, and what
-// it is.
+// Names of a magnet of the core in C: its struct and methods, its header and source, and its kind.
 struct InC {
   const char *type, *methods, *source, *about;
 };
 
-// A law of models/laws, and where the fields of its struct are.
+// A law of models/laws, and the offsets of the fields of its struct.
 struct LawInCore {
   const char *name;
   InC in_c;
@@ -34,6 +33,6 @@ struct Magnet {
   virtual ~Magnet() = default;
   Magnet() = default;
   Magnet(const Magnet &) = delete;      // `magnet.self` points into the object
-  virtual Named parameters() const = 0; // the fields of what `magnet.self` points to
+  virtual Named parameters() const = 0; // the fields of the struct at `magnet.self`
   virtual InC in_c() const = 0;
 };

@@ -1,4 +1,4 @@
-// Many closed loops, judged while they run: SIMD lanes (sim/many.h) and threads.
+// Many closed loops, evaluated while they run: SIMD lanes (sim/many.h) and threads.
 #include "loop_of.h"
 #include "work.h"
 
@@ -12,10 +12,10 @@ namespace
 {
 
 using Doubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
-using Tables = nb::typed<nb::list, nb::any>; // of start, column and value
+using Tables = nb::typed<nb::list, nb::any>; // start, column and value
 using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
-// Displacements, velocities and, where they are known, loads of the axes by an estimator's states.
+// Displacements, velocities and, if known, loads of the axes as functions of an estimator's states.
 struct Along {
   Along(const Tables &parts, size_t axes, size_t states_) : states(states_)
   {
@@ -29,7 +29,7 @@ struct Along {
   std::list<Rows> rows;
 };
 
-// All of a run but its number: loop, start, and what comes from outside.
+// A run without its number: loop, start and external inputs.
 struct Plan {
   ClosedLoop closed_loop;
   amb_many_run run{};
@@ -39,7 +39,7 @@ struct Plan {
   }
   Plan(const Plan &) = delete; // `run` points into the object
 
-  // Of an estimator's state, in units of the greatest alignment.
+  // Memory of an estimator's state, in units of the largest alignment.
   size_t memory() const
   {
     const amb_estimator *e = closed_loop.of.loop.estimator;
@@ -56,7 +56,7 @@ private:
   std::vector<double> std_u, std_y;
   std::optional<Doubles> noise_u, noise_y;
   std::vector<amb_windows> windows;
-  nb::object along; // keeps its rows
+  nb::object along; // owns its rows
 
   Plan(const nb::dict &loop, Arguments named) : closed_loop(loop, named)
   {
@@ -123,7 +123,7 @@ private:
   }
 };
 
-// Room for the samples of one run at a time.
+// Memory for the samples of one run at a time.
 class Room
 {
 public:
@@ -174,7 +174,7 @@ private:
   std::vector<unsigned short> flags;
 };
 
-// Runs that go side by side, by their places: alike, and in their order.
+// Indices of the runs that go side by side: of the same group, in their order.
 std::vector<std::vector<size_t>> chunks(const std::vector<const Plan *> &plans,
                                         const int64_t *which, size_t count, size_t lanes)
 {

@@ -27,7 +27,7 @@ amb_sparse Model::sparse(const nb::dict &arrays, const char *name, size_t rows, 
   places.push_back(column);
   const unsigned short *of_entries = places.back().data();
   loose.push_back(value);
-  return {rows_start, of_entries, nullptr}; // `gather` lets it point there
+  return {rows_start, of_entries, nullptr}; // `gather` sets the pointer
 }
 
 void Model::values(const nb::dict &arrays, const char *name, size_t count)
@@ -104,7 +104,7 @@ void Model::nodes(int lowest, amb_real step, const Vector &still, const Places &
   kept_grown.assign(grown.data(), grown.data() + grown.size());
   kept_at = {at.data(), at.data() + at.size()};
   kept_by_growth = {by_growth.data(), by_growth.data() + by_growth.size()};
-  std::copy_n(still.data(), numbers.size(), numbers.data()); // wherever it has been before
+  std::copy_n(still.data(), numbers.size(), numbers.data()); // independent of the present speed
   turning = {static_cast<int>(at.shape(0)),
              static_cast<int>(numbers.size()),
              static_cast<int>(which.size()),
@@ -162,7 +162,8 @@ amb_real Model::by(amb_kalman &kf, amb_kalman_state &state, const amb_real heard
 void Model::stand(const Vector &still)
 {
   same_length(numbers.size(), still.size(), "still");
-  std::copy_n(still.data(), numbers.size(), numbers.data()); // in place, as the core points there
+  // in place, because the core points there
+  std::copy_n(still.data(), numbers.size(), numbers.data());
 }
 
 nb::dict shown(const amb_model &)

@@ -1,5 +1,5 @@
-// One thin module: arrays in, arrays out, no logic. Built four times: for
-// double and for float, with the built-in model and for any.
+// A thin module: arrays in, arrays out, no logic. Built four times: in double and float, with the
+// built-in model and for any model.
 #include "arrays.h"
 
 NB_MODULE(AMBKIT_MODULE_NAME, m)
@@ -11,6 +11,7 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
   bind_settings(m);
   bind_estimator(m);
   bind_estimators(m);
+  bind_own(m);
   bind_scale_estimators(m);
   bind_learners(m);
   bind_rls(m);

@@ -1,4 +1,4 @@
-// A continuous model over one sample (ambkit/sampling.h), in double whatever the build.
+// Sampling of a continuous model (ambkit/sampling.h), in double in every build.
 #include "arrays.h"
 
 #include <nanobind/stl/tuple.h>
@@ -14,7 +14,7 @@ using Doubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 using Square = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Bytes = nb::ndarray<const unsigned char, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// The order of the last two dimensions, which must be alike.
+// Size of the last two dimensions, which must be equal.
 int order_of(const Doubles &A)
 {
   if (A.ndim() < 2 || A.shape(A.ndim() - 1) != A.shape(A.ndim() - 2))
@@ -55,13 +55,13 @@ Out<double> process_noise(const Square &A, const Square &intensity, double time)
   return N.array;
 }
 
-// Demanded currents that act late, with what they point to.
+// Demanded currents with dead time, and their arrays.
 struct Lates {
   std::vector<std::vector<unsigned short>> past;
   std::vector<amb_late> lates;
   explicit Lates(const nb::list &late)
   {
-    past.reserve(nb::len(late)); // so that nothing moves
+    past.reserve(nb::len(late)); // no reallocation, so pointers stay valid
     for (const auto item : late) {
       const auto [control, states, share] =
           nb::cast<std::tuple<int, std::vector<unsigned short>, double>>(item);

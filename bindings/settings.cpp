@@ -1,4 +1,4 @@
-// Settings of filters that nobody states (sim/settings.h), in double whatever the build.
+// Default settings of filters (sim/settings.h), in double in every build.
 #include "arrays.h"
 
 extern "C" {
@@ -8,7 +8,7 @@ extern "C" {
 namespace
 {
 
-// A machine as its filters see it, with what it points to.
+// A machine as seen by its filters, and its arrays.
 class View
 {
 public:
@@ -45,7 +45,7 @@ public:
   }
 
 private:
-  std::list<std::vector<double>> kept; // a list, as its elements never move
+  std::list<std::vector<double>> kept; // a list, because its elements never move
 };
 
 std::vector<double> intensity(const nb::dict &fields)

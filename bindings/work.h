@@ -1,4 +1,4 @@
-// Work for several threads, and the instructions that it is done with.
+// Work for several threads, and the instruction sets.
 #pragma once
 
 #include "arrays.h"
@@ -14,7 +14,7 @@ extern "C" {
 
 inline const char *const INSTRUCTIONS[] = {"scalar", "baseline", "avx2", "avx512"};
 
-// Those of this name; without one the fastest.
+// Those of this name; without a name the widest.
 inline amb_instructions chosen(const std::optional<std::string> &name)
 {
   amb_instructions best = AMB_BASELINE;
@@ -31,8 +31,8 @@ inline amb_instructions chosen(const std::optional<std::string> &name)
   return best;
 }
 
-// All pieces of work, `one(i)` each, by several threads; without the lock of Python, which is taken
-// now and then to see whether the user interrupts. Returns false where it was so.
+// All pieces of work, `one(i)` each, by several threads and without Python's lock, which is
+// acquired now and then to check for an interrupt. Returns false if there was one.
 template <typename One> bool work_off(size_t pieces, size_t threads, const One &one)
 {
   std::atomic<size_t> next{0};

@@ -1,7 +1,10 @@
-/* An exported filter of a machine on a Cortex-M4F: its self-test, and what its steps take.
+/* An exported filter of a machine on a Cortex-M4F: its self-test, and the instructions of its
+ * steps.
  *
- * The build says which export, as for main.c. Reads input.bin, readings and control signals of each
- * sample; writes instructions.bin, a number for each step. How it counts: README.md. */
+ * The build selects the export, as for main.c. Reads input.bin with the readings and control
+ * signals of each sample; writes instructions.bin, a number per step. How instructions are counted:
+ * README.md.
+ */
 #include HEADER
 #include "counting.h"
 #include "semihosting.h"
@@ -11,7 +14,7 @@
 
 typedef struct sample {
   amb_real y[AMB_SENSORS];
-  amb_real u[AMB_CONTROLS]; /* that acted since the last sample */
+  amb_real u[AMB_CONTROLS]; /* since the last sample */
 } sample;
 
 typedef amb_status step_function(filter_state *state, const amb_real y[AMB_SENSORS],
@@ -33,7 +36,7 @@ static uint32_t count(step_function *volatile step, const filter_state *state, c
   return ticks_since(before);
 }
 
-/* Two instructions: what is counted around it is the loop. */
+/* Two instructions: subtracts the overhead of the counting loop. */
 static amb_status nothing(filter_state *state, const amb_real y[AMB_SENSORS],
                           const amb_real u[AMB_CONTROLS], filter_estimates *estimates)
 {

@@ -1,6 +1,6 @@
-/* Fault isolation beside an exported filter on a Cortex-M4F: its self-test, and what a sample and a
- * search of a full window take, without a fault and with one. Reads input.bin as main.c; writes
- * instructions.bin. How it counts: README.md. */
+/* Fault isolation beside an exported filter on a Cortex-M4F: its self-test, and the instructions of
+ * a sample and of a search over a full window, with and without a fault. Reads input.bin as main.c;
+ * writes instructions.bin. How instructions are counted: README.md. */
 #include HEADER
 #include "counting.h"
 #include "semihosting.h"
@@ -10,7 +10,7 @@
 
 typedef struct sample {
   amb_real y; /* measurement [m] */
-  amb_real u; /* control signal that acted since the last sample [V] */
+  amb_real u; /* control signal since the last sample [V] */
 } sample;
 
 static sample input[MOST_SAMPLES];

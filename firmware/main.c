@@ -1,7 +1,8 @@
-/* An exported filter on a Cortex-M4F: its self-test, and a recorded run through it.
+/* An exported filter on a Cortex-M4F: its self-test, and a recorded run.
  *
- * The build says which export, with -DHEADER="\"NAME_selftest.h\"" and -Dfilter_step=NAME_step and
- * so on (firmware/harness.py). Reads input.bin, writes output.bin; the text is for people. */
+ * The build selects the export, with -DHEADER="\"NAME_selftest.h\"" and -Dfilter_step=NAME_step and
+ * so on (firmware/harness.py). Reads input.bin, writes output.bin; the printed text is for people.
+ */
 #include HEADER
 #include "counting.h"
 #include "semihosting.h"
@@ -11,21 +12,21 @@
 
 typedef struct sample {
   amb_real y; /* measurement [m] */
-  amb_real u; /* control signal that acted since the last sample [V] */
+  amb_real u; /* control signal since the last sample [V] */
 } sample;
 
 typedef struct answer {
   amb_real x, v, f_d, x_m;
   uint32_t status;
   uint32_t instructions; /* of this step; 0 for the first sample, a reset */
-  uint32_t trusted;      /* of the step that trusts its input; 0 where there is none */
+  uint32_t trusted;      /* of the unchecked step; 0 if there is none */
 } answer;
 
 typedef struct summary {
   uint32_t unequal, wrong_status; /* of the self-test */
-  uint32_t stack;                 /* bytes that a step needs below its caller */
+  uint32_t stack;                 /* bytes of stack used by a step */
   uint32_t state;                 /* bytes of an instance */
-  uint32_t selftest;              /* instructions of the self-test, to 40 of them */
+  uint32_t selftest;              /* instructions of the self-test, in units of 40 */
 } summary;
 
 typedef amb_status step_function(filter_state *state, amb_real y, amb_real u,
@@ -34,8 +35,8 @@ typedef amb_status step_function(filter_state *state, amb_real y, amb_real u,
 static sample input[MOST_SAMPLES];
 static answer output[MOST_SAMPLES];
 
-/* Twice the ticks' grain would be lost if the compiler moved work across the readings: it calls
- * through a pointer that it cannot see through. */
+/* The compiler may not move work across the counter readings, so the call goes through a pointer
+ * whose target it cannot know. */
 static uint32_t count(step_function *volatile step, const filter_state *state, const sample *s)
 {
   filter_state copy;
@@ -49,7 +50,7 @@ static uint32_t count(step_function *volatile step, const filter_state *state, c
   return ticks_since(before);
 }
 
-/* Two instructions: what is counted around it is the loop. */
+/* Two instructions: subtracts the overhead of the counting loop. */
 static amb_status nothing(filter_state *state, amb_real y, amb_real u, filter_estimates *estimates)
 {
   (void)state;
@@ -65,8 +66,8 @@ static uint32_t instructions(const filter_state *state, const sample *s)
 }
 
 #ifdef filter_step_trusted
-/* The step that trusts its input returns nothing, and takes no estimates: it is counted inside a
- * function that does, less the same function around one that only returns. */
+/* The unchecked step returns nothing and takes no estimates. It is counted inside a function that
+ * returns a status; the cost of the same function without it is subtracted. */
 typedef void trusted_function(filter_state *state, amb_real y, amb_real u);
 
 static void only_returns(filter_state *state, amb_real y, amb_real u)
@@ -92,7 +93,7 @@ static uint32_t trusted_instructions(const filter_state *state, const sample *s)
   inner = filter_step_trusted;
   return count(around, state, s) - frame + 1U;
 }
-#else /* only the paper's filter has one */
+#else /* available for the paper's filter only */
 static uint32_t trusted_instructions(const filter_state *state, const sample *s)
 {
   (void)state;
@@ -101,7 +102,7 @@ static uint32_t trusted_instructions(const filter_state *state, const sample *s)
 }
 #endif
 
-/* Bytes of stack that a step needs below its caller. */
+/* Bytes of stack used by a step. */
 __attribute__((noinline)) static uint32_t stack_bytes(const filter_state *state, const sample *s)
 {
   filter_state copy = *state;

@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 from ambkit.base.errors import AmbkitError
 from ambkit.export.pil.build import ARM
+from firmware.flow_graph import Graph, is_it, sets_pc
 from firmware.registers import LR, PC, SP, State, Unknown
 from firmware.thumb import CONDITIONS, Instruction, execute, register
 
@@ -92,7 +93,7 @@ def bound(
         state.store(_OBJECTS + _APART * k + offset, _place(image, name))
     (entry,) = [at for at, name in program.names.items() if name == function]
     try:
-        return Bound(_Walk(program).call(state, entry), "")
+        return Bound(Walk(program).call(state, entry), "")
     except Unknown as error:
         return Bound(None, str(error))
 
@@ -114,18 +115,18 @@ class _Path(NamedTuple):
     taken: int  # instructions
 
 
-class _Walk:
+class Walk:
     """A program that is followed."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
         self.entries = {at for at, name in program.names.items() if ".cold" not in name}
-        self.graphs: dict[int, _Graph] = {}
+        self.graphs: dict[int, Graph] = {}
 
     def call(self, state: State, entry: int) -> int:
         """Follow a function to its return; what it takes. The state becomes the one after it."""
         if entry not in self.graphs:
-            self.graphs[entry] = _Graph(self, entry)
+            self.graphs[entry] = Graph(self, entry)
         graph, back, order = self.graphs[entry], state.r[LR], count()
         open_: list[tuple[tuple[int, ...], int, _Path]] = []
         ends: list[tuple[State, int]] = []
@@ -157,7 +158,7 @@ class _Walk:
         state.take(after)
         return max(most for _, most in ends)
 
-    def stretch(self, state: State, at: int, graph: _Graph) -> list[tuple[State, int | None, int]]:
+    def stretch(self, state: State, at: int, graph: Graph) -> list[tuple[State, int | None, int]]:
         """Follow to where ways part or meet: the states there, where they go on, what it took."""
         taken = 0
         while True:
@@ -166,7 +167,7 @@ class _Walk:
                 raise Unknown(f"there is no instruction at {at:#x}")
             taken += 1
             after = insn.at + insn.size
-            if _is_it(insn):
+            if is_it(insn):
                 more, after = self.predicated(state, insn)
                 taken += more
                 ways: list[int | None] = [after]
@@ -182,7 +183,7 @@ class _Walk:
             at = to
 
     def one(
-        self, state: State, insn: Instruction, after: int, graph: _Graph
+        self, state: State, insn: Instruction, after: int, graph: Graph
     ) -> tuple[int, list[int | None]]:
         """Do one instruction: what it took besides itself, and where it may go on."""
         name = insn.name
@@ -200,7 +201,7 @@ class _Walk:
         return 0, list(dict.fromkeys(ways))
 
     def straight(
-        self, state: State, insn: Instruction, after: int, graph: _Graph
+        self, state: State, insn: Instruction, after: int, graph: Graph
     ) -> tuple[int, list[int | None]]:
         """Do what has one way to go on: within the function, or by a call and after it."""
         name = insn.name
@@ -210,7 +211,7 @@ class _Walk:
             target = state.r[_number(insn.operands[0])]
         else:
             execute(state, insn)
-            if not _sets_pc(insn):
+            if not sets_pc(insn):
                 return 0, [after]
             target = state.r[PC]
         if target is None:
@@ -232,7 +233,7 @@ class _Walk:
             done = state.holds(condition)
             done = not done if letter == "e" and done is not None else done
             inner = _plain(self.program.instructions[at])
-            if inner.name in ("b", "bx", "bl", "blx") or _sets_pc(inner):
+            if inner.name in ("b", "bx", "bl", "blx") or sets_pc(inner):
                 raise Unknown(f"{self.where(at)} leaves under a condition")
             taken += 1
             at += inner.size
@@ -274,114 +275,6 @@ class _Walk:
         """Return the name of the function that an address lies in."""
         below = [place for place in self.program.names if place <= at]
         return self.program.names[max(below)] if below else hex(at)
-
-
-class _Graph:
-    """The ways within a function, and its loops."""
-
-    def __init__(self, walk: _Walk, entry: int) -> None:
-        self.ways: dict[int, list[int]] = {}
-        before: dict[int, list[int]] = {}
-        waiting = [entry]
-        while waiting:
-            at = waiting.pop()
-            insn = walk.program.instructions.get(at)
-            if at in self.ways or insn is None:
-                continue
-            following = _following(walk, insn, entry)
-            self.ways[at] = following
-            waiting += following
-            for to in following:
-                before.setdefault(to, []).append(at)
-        self.meets = {at for at, froms in before.items() if len(froms) > 1} | {entry}
-        self.rank, backs = self._ranked(entry)
-        self.loops: dict[int, set[int]] = {}
-        for of, header in backs:
-            self.loops.setdefault(header, {header}).update(_reaching(of, header, before))
-        self.meets |= set(self.loops)
-        # Of each place the loops that it is in, the outermost first.
-        outer = sorted(self.loops, key=lambda header: -len(self.loops[header]))
-        self.nest = {at: [h for h in outer if at in self.loops[h]] for at in self.ways}
-
-    def _ranked(self, entry: int) -> tuple[dict[int, int], list[tuple[int, int]]]:
-        """Return the reverse postorder, and the ways that lead back."""
-        done: list[int] = []
-        backs: list[tuple[int, int]] = []
-        under, seen = {entry}, {entry}
-        stack = [(entry, iter(self.ways[entry]))]
-        while stack:
-            at, following = stack[-1]
-            to = next(following, None)
-            if to is None:
-                stack.pop()
-                under.discard(at)
-                done.append(at)
-            elif to in under:
-                backs.append((at, to))
-            elif to not in seen and to in self.ways:
-                seen.add(to)
-                under.add(to)
-                stack.append((to, iter(self.ways[to])))
-        return {at: k for k, at in enumerate(reversed(done))}, backs
-
-    def place(self, at: int, rounds: dict[int, int]) -> tuple[int, ...]:
-        """Return what orders places: who is behind, in an earlier round, goes first."""
-        within = [part for h in self.nest[at] for part in (self.rank[h], rounds[h])]
-        return (*within, self.rank[at])
-
-    def entered(self, rounds: dict[int, int], of: int, to: int) -> dict[int, int]:
-        """Return the rounds after a way that leads to `to`."""
-        kept = {h: rounds.get(h, 0) for h in self.nest[to]}
-        if to in self.loops:
-            back = of in self.loops[to]
-            inner = {h for h in kept if h != to and self.loops[h] <= self.loops[to]}
-            kept = {h: n for h, n in kept.items() if h not in inner}
-            kept |= dict.fromkeys(inner, 0)
-            kept[to] = rounds.get(to, 0) + 1 if back else 0
-        return kept
-
-
-def _following(walk: _Walk, insn: Instruction, entry: int) -> list[int]:
-    """Return where an instruction may go on within its function."""
-    name, after = insn.name, insn.at + insn.size
-    if _is_it(insn):
-        for _ in insn.name[1:]:
-            after += walk.program.instructions[after].size
-        return [after]
-    if name == "b":
-        ways = [int(insn.operands[0], 16)]
-    elif name[:1] == "b" and name[1:] in CONDITIONS:
-        ways = [int(insn.operands[0], 16), after]
-    elif name in ("cbz", "cbnz"):
-        ways = [int(insn.operands[1], 16), after]
-    elif name in ("tbb", "tbh"):
-        ways = walk.table(insn)
-    elif name == "bx" or _sets_pc(insn):
-        ways = []
-    else:
-        ways = [after]
-    return [to for to in dict.fromkeys(ways) if to == entry or to not in walk.entries]
-
-
-def _reaching(of: int, header: int, before: dict[int, list[int]]) -> set[int]:
-    """Return all from where `of` is reached but by way of the header."""
-    found, waiting = {header}, [of]
-    while waiting:
-        at = waiting.pop()
-        if at not in found:
-            found.add(at)
-            waiting += before.get(at, [])
-    return found
-
-
-def _is_it(insn: Instruction) -> bool:
-    return insn.name.startswith("it") and set(insn.name[1:]) <= set("te")
-
-
-def _sets_pc(insn: Instruction) -> bool:
-    if insn.name.startswith(("pop", "ldm")):
-        return "pc" in insn.operands[-1]
-    return insn.operands[:1] == ("pc",)
 
 
 def _plain(insn: Instruction) -> Instruction:

@@ -64,7 +64,7 @@ unsigned int amb_batch_group(const amb_estimator *e)
   return 0U;
 }
 
-/* One run as ambkit/estimator.h does it. */
+/* One run by ambkit/estimator.h. */
 static void alone(amb_batch_run *run, size_t samples, size_t skip)
 {
   const amb_model *model = &run->estimator->kf->model;

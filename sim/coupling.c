@@ -1,6 +1,6 @@
 #include "coupling.h"
 
-/* T_n(u) and its slopes by recurrence (Abramowitz and Stegun 1964, 22.7.4). */
+/* T_n(u) and its derivatives by recurrence (Abramowitz and Stegun 1964, 22.7.4). */
 static void polynomials(amb_real u, amb_real T[], amb_real slope[])
 {
   const amb_real at = amb_clamp(u, -1, 1);

@@ -1,7 +1,7 @@
-/* Two axes whose magnets share their iron: the forces are slopes of one coenergy, so that no closed
- * loop of currents and displacements does work.
+/* Two axes whose magnets share their iron. Their forces are derivatives of one coenergy, so that no
+ * closed loop of currents and displacements does work.
  *
- *   W = sum_k c_k T_a(i_1) T_b(i_2) T_c(s_1) T_d(s_2),   F_1 = dW/ds_1,   F_2 = dW/ds_2
+ * W = sum_k c_k T_a(i_1) T_b(i_2) T_c(s_1) T_d(s_2),   F_1 = dW/ds_1,   F_2 = dW/ds_2
  *
  * with Chebyshev polynomials T of currents and displacements over their ranges.
  */
@@ -17,10 +17,10 @@ typedef struct amb_coupling {
   int terms;
   const int *degree;       /* [terms][4], each less than AMB_COUPLING_DEGREES */
   const amb_real *energy;  /* [terms] [J] */
-  amb_real current, place; /* greatest, either way [A], [m]; beyond, the force stays */
+  amb_real current, place; /* maximum magnitudes [A], [m]; beyond them the force is constant */
 } amb_coupling;
 
-/* Forces [N] of control currents i [A] at displacements s [m]. */
+/* Forces [N] at control currents i [A] and displacements s [m]. */
 void amb_coupling_force(const amb_coupling *of, const amb_real i[2], const amb_real s[2],
                         amb_real F[2]);
 

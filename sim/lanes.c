@@ -1,4 +1,4 @@
-/* Filters along records side by side, compiled once for each set of instructions. */
+/* Filters along records side by side, compiled for each instruction set. */
 #include "lanes_run.h"
 
 #if defined(AMB_HAS_LANES)
@@ -60,7 +60,7 @@ static void write_out(team *t, size_t first, size_t count)
   }
 }
 
-/* Adds up the squared errors of samples `from` to `count` of the block. */
+/* Adds the squared errors of samples `from` to `count` of the block. */
 static void judge(team *t, size_t first, size_t from, size_t count)
 {
   lanes sum[AMB_BATCH_JUDGED] = {{AMB_C(0.0)}, {AMB_C(0.0)}, {AMB_C(0.0)}};

@@ -1,7 +1,5 @@
-/* The same text as the core's, for several filters side by side: the generated model and the closed
- * law, compiled with vectors instead of numbers. GCC's and clang's vectors; a lane is never
- * mixed with another.
- */
+/* The core's text for several filters side by side: the generated model and the closed law,
+ * compiled with vectors in place of numbers (GCC and clang). Lanes never mix. */
 #ifndef AMBKIT_SIM_LANES_H
 #define AMBKIT_SIM_LANES_H
 
@@ -21,17 +19,17 @@ typedef int32_t lanes_mask __attribute__((vector_size(AMB_LANES_BYTES)));
 typedef int64_t lanes_mask __attribute__((vector_size(AMB_LANES_BYTES)));
 #endif
 
-/* By the names of amb_stiffness. */
+/* With the names of amb_stiffness. */
 typedef struct lanes_stiffness {
   lanes k_i, k_s;
 } lanes_stiffness;
 
-/* Of the closed law, by the names of amb_law. */
+/* The closed law, with the names of amb_law. */
 typedef struct lanes_law {
   lanes k, s0, i0, ampere, metre;
 } lanes_law;
 
-/* The text once more; the names of functions are those of lanes from here on. */
+/* The same text again; from here on its functions have lanes' names. */
 #define AMB_SIDE_BY_SIDE
 #define amb_real lanes
 #define amb_stiffness lanes_stiffness
@@ -71,7 +69,7 @@ AMB_INLINE lanes lanes_all_equal(amb_real a)
   return zero + a;
 }
 
-/* `a` where the mask says so, else 0. */
+/* `a` where the mask is set, else 0. */
 AMB_INLINE lanes lanes_where(lanes_mask mask, lanes a)
 {
   return (lanes)((lanes_mask)a & mask);
@@ -89,7 +87,7 @@ AMB_INLINE lanes lanes_clamp(lanes a, lanes low, lanes high)
   return lanes_choose(above > high, high, above);
 }
 
-/* Whether the mask holds in any lane. */
+/* Whether the mask is set in any lane. */
 AMB_INLINE bool lanes_any(lanes_mask mask)
 {
 #if defined(__AVX512F__) && AMB_LANES_BYTES == 64

@@ -1,5 +1,4 @@
-/* The core's loop along a record, one run by itself, compiled once more for each set of
- * instructions. */
+/* The core's loop along a record, one run at a time, compiled for each instruction set. */
 #include "lanes_run.h"
 
 #if defined(AMB_HAS_LANES) && (AMB_LANES_BYTES > 16)

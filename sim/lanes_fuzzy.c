@@ -1,4 +1,4 @@
-/* The core's fuzzy network, compiled once more for each set of instructions. */
+/* The core's fuzzy network, compiled for each instruction set. */
 #include "lanes_run.h"
 
 #if defined(AMB_HAS_LANES) && (AMB_LANES_BYTES > 16)

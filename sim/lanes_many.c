@@ -1,7 +1,6 @@
-/* Closed loops of the nonlinear plant side by side, compiled once for each set of instructions:
- * what loop.c, plant.c and controller.c do, with masks where they branch. The filter is that of
- * lanes.c.
- */
+/* Closed loops with the nonlinear plant side by side, compiled for each instruction set: the same
+ * as loop.c, plant.c and controller.c, with masks in place of branches. The filter is that of
+ * lanes.c. */
 #include "lanes_run.h"
 
 #if defined(AMB_HAS_LANES) && !defined(AMB_FLOAT)
@@ -9,10 +8,9 @@
 #include "many_figures.h"
 #include "noise_drawn.h"
 
-/* ---- The texts once more; names that are of lanes from here on, but for those of types that both
- * have. ---- */
+/* ---- The same text again, with lanes' names except for types that both have. ---- */
 
-/* An isolated axis that is plain: the pattern closed_axis of plant.c. */
+/* A plain isolated axis: the pattern closed_axis of plant.c. */
 typedef struct lanes_pattern {
   int positions, axes, states;
   bool plain;
@@ -70,9 +68,9 @@ typedef struct lanes_windows {
 
 /* ---- Plant, amplifier and controller. ---- */
 
-#define STRETCH AMB_NOISE_DRAWN /* samples whose noise is drawn together; blocks fill it */
+#define STRETCH AMB_NOISE_DRAWN /* samples whose noise is generated together */
 
-/* The first numbers of amb_pid and of amb_pid_state, in their order. */
+/* The leading numbers of amb_pid and amb_pid_state, in their order. */
 typedef struct lanes_pid {
   lanes T, kp, ki, kd, T_f, T_t, weight, iu_min, iu_max;
 } lanes_pid;
@@ -88,17 +86,17 @@ typedef struct loops {
   lanes_pid pid;
   lanes_pid_state at;
   lanes_mask started;
-  lanes u; /* control signal from the last sample on */
+  lanes u; /* control signal since the last sample */
   size_t substeps;
   bool feedback_estimate;
 } loops;
 
 typedef struct loops_in_lanes {
-  team t; /* its filters; the runs of the team are the `filter`s here */
+  team t; /* its filters; the team's runs here are each run's `filter` */
   loops l;
   lanes_windows windows;
   lanes_tally tally;
-  amb_many_run *runs[LANES]; /* the last one again where there are fewer */
+  amb_many_run *runs[LANES]; /* the last one is repeated if there are fewer */
   amb_batch_run filter[LANES];
   double noise[LANES][2][STRETCH];
   lanes r[BLOCK], f_d[BLOCK], noise_u[BLOCK], noise_y[BLOCK];
@@ -139,7 +137,7 @@ AMB_INLINE lanes_mask finite(lanes a)
   return (a >= -AMB_REAL_MAX) & (a <= AMB_REAL_MAX);
 }
 
-/* amb_pid_step; `known` is the estimated velocity, if the loop has it. */
+/* amb_pid_step; `known` is the estimated velocity, if the loop provides it. */
 AMB_INLINE lanes pid_step(loops *l, lanes r, lanes x, const lanes *known)
 {
   const lanes_pid *pid = &l->pid;
@@ -179,7 +177,7 @@ AMB_INLINE lanes_mask stop(lanes travel, lanes X[])
   return touched;
 }
 
-/* act() and what follows from it: the plant one sample on. */
+/* act() of loop.c, then the plant over one sample. */
 AMB_INLINE lanes_mask act(loops *l, lanes iu, lanes f_d)
 {
   lanes_going of = l->of;
@@ -197,7 +195,7 @@ AMB_INLINE lanes_mask act(loops *l, lanes iu, lanes f_d)
   return touched;
 }
 
-/* Sample b of the block, the `first` of all or a later one. */
+/* Sample b of the block; `first`: of the run. */
 AMB_INLINE void sample(loops_in_lanes *f, size_t b, lanes_of of, lanes_state *s, bool is_first)
 {
   loops *l = &f->l;
@@ -237,7 +235,7 @@ AMB_INLINE void samples(loops_in_lanes *f, bool from_start, size_t count, lanes_
   f->t.s = s;
 }
 
-/* ---- What comes from outside, and what is told. ---- */
+/* ---- Inputs and outputs. ---- */
 
 static void draw(loops_in_lanes *f, size_t first, size_t n)
 {
@@ -275,7 +273,7 @@ static void fetch(loops_in_lanes *f, size_t first, size_t count)
   }
 }
 
-/* Which measurements were taken in, where the block has something to tell; counts the flags. */
+/* Marks the measurements that were used, if the block has flags; counts the flags. */
 static void flags(loops_in_lanes *f, size_t count, lanes_mask used[BLOCK])
 {
   for (size_t b = 0; b < count; b++)

@@ -1,7 +1,6 @@
-/* The steps of the family for several filters side by side: what kalman_step.h, estimator.c,
- * observer.c and low_pass.c do when nothing is out of the ordinary, and a mask of the lanes in
- * which nothing was. Only these may be believed.
- */
+/* The steps of the estimators for several filters side by side, for the usual case of
+ * kalman_step.h, estimator.c, observer.c and low_pass.c; with a mask of the lanes in which nothing
+ * unusual occurred. The results of the other lanes are invalid. */
 #ifndef AMBKIT_SIM_LANES_STEP_H
 #define AMBKIT_SIM_LANES_STEP_H
 
@@ -12,11 +11,11 @@ typedef struct lanes_low_pass {
   lanes m, position, velocity, force;
 } lanes_low_pass;
 
-/* Parameters and states as the core's structs, a vector for each number. */
+/* Parameters and states as in the core's structs, a vector for each number. */
 typedef struct lanes_parameters {
   lanes_model model;
   lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_y, rounding, rise, reach, gate_squared;
-  lanes fine;   /* 1 where the sensor's step is hidden by its noise, else 0 */
+  lanes fine;   /* 1 if the quantisation step is below the noise, else 0 */
   lanes widest; /* of the position */
   lanes growth[AMB_TRIANGLE];
   lanes k_i, k_s; /* of a constant magnet */
@@ -37,18 +36,18 @@ typedef struct lanes_result {
   lanes innovation, variance;
 } lanes_result;
 
-/* What kinds there are in lanes, as amb_batch_group numbers them. */
+/* Kinds available in lanes, numbered as by amb_batch_group. */
 typedef enum lanes_kind { LANES_KALMAN, LANES_EXTENDED, LANES_OBSERVER, LANES_LOW_PASS } lanes_kind;
 typedef enum lanes_magnet { LANES_CONSTANT, LANES_LAW, LANES_EACH } lanes_magnet;
 
-/* What a step is made of. */
+/* Parts of a step. */
 typedef struct lanes_of {
   lanes_kind kind;
   lanes_magnet magnet;
-  const amb_magnet *each; /* [LANES], for those that are asked lane by lane */
+  const amb_magnet *each; /* [LANES], for magnets that are evaluated lane by lane */
 } lanes_of;
 
-/* As magnet.c has it, for two sides. */
+/* As in magnet.c, for two sides. */
 AMB_INLINE void lanes_law_through_origin(const lanes_law *law, lanes iu, lanes x, lanes *k_i,
                                          lanes *k_s)
 {
@@ -77,7 +76,7 @@ AMB_INLINE void lanes_ask(const lanes_parameters *p, lanes_of of, lanes iu, lane
     lanes_law_through_origin(&p->law, iu, near, k_i, k_s);
     return;
   }
-  *k_i = near; /* something, before the lanes are set one by one */
+  *k_i = near; /* initialised before the lanes are set one by one */
   *k_s = near;
   for (size_t i = 0; i < LANES; i++) {
     const amb_stiffness k = of.each[i].methods->through_origin(of.each[i].self, iu[i], near[i]);
@@ -86,12 +85,12 @@ AMB_INLINE void lanes_ask(const lanes_parameters *p, lanes_of of, lanes iu, lane
   }
 }
 
-/* Force of the magnet and its tangents, continued beyond the stops; amb_step_force. */
+/* Force of the magnet and its tangents, extrapolated beyond the stops; amb_step_force. */
 AMB_INLINE lanes lanes_force(const lanes_parameters *p, lanes_of of, lanes iu, lanes x, lanes *k_i,
                              lanes *k_s)
 {
   const lanes near = lanes_clamp(x, -p->x_max, p->x_max);
-  lanes f = near; /* something, before the lanes are set one by one */
+  lanes f = near; /* initialised before the lanes are set one by one */
   *k_i = near;
   *k_s = near;
   if (of.magnet == LANES_CONSTANT) {
@@ -113,13 +112,13 @@ AMB_INLINE lanes lanes_force(const lanes_parameters *p, lanes_of of, lanes iu, l
   return f + *k_s * (x - near);
 }
 
-/* A measurement that can be the rotor. */
+/* Whether a measurement is a possible position. */
 AMB_INLINE lanes_mask lanes_possible(const lanes_parameters *p, lanes y)
 {
   return (y <= p->reach) & (y >= -p->reach);
 }
 
-/* One that also moves. */
+/* Whether it also differs from the last one. */
 AMB_INLINE lanes_mask lanes_measured(const lanes_parameters *p, lanes_state *s, lanes y)
 {
   const lanes_mask usual = lanes_possible(p, y) & (y != s->last_y) & (p->fine > AMB_C(0.0));
@@ -133,7 +132,7 @@ AMB_INLINE lanes_mask lanes_measured(const lanes_parameters *p, lanes_state *s, 
   return usual;
 }
 
-/* The innovation e of variance S is expected; counts the larger ones. */
+/* Whether the innovation e of variance S is expected; counts larger ones. */
 AMB_INLINE lanes_mask lanes_expected(const lanes_parameters *p, lanes_state *s, lanes e, lanes S)
 {
   const lanes_mask beyond = (e * e) > (AMB_C(4.0) * S);
@@ -192,7 +191,7 @@ AMB_INLINE lanes_mask lanes_step_observer(const lanes_parameters *p, lanes_of of
   lanes k_s;
   const lanes at = lanes_model_displacement(&p->model, 0, s->mean);
   lanes_ask(p, of, iu, at, &k_i, &k_s);
-  /* The scale of the magnet is 1 here, and a product with 1 changes nothing. */
+  /* The scale of the magnet is 1 here, and multiplication by 1 changes nothing. */
   const lanes f = (k_i * iu + k_s * at) + p->f_0;
   lanes_model_predict_mean(&p->model, &f, &iu, s->mean);
   const lanes e = y - lanes_model_shown(&p->model, 0, s->mean);
@@ -228,13 +227,14 @@ AMB_INLINE lanes_mask lanes_step_low_pass(const lanes_parameters *p, lanes_of of
   return lanes_measured(p, s, y);
 }
 
-/* Whether the measurements y [m] of all lanes are missing, of a kind that goes on without. */
+/* Whether the measurements y [m] of all lanes are missing, for a kind that continues without them.
+ * */
 AMB_INLINE bool lanes_missing(const lanes_parameters *p, lanes_of of, lanes y)
 {
   return (of.kind <= LANES_EXTENDED) && !lanes_any(lanes_possible(p, y));
 }
 
-/* One sample on with the control signal u [V] that acted, then measurement y [m] or `missing`. */
+/* One sample with the control signal u [V] that acted, then the measurement y [m] or `missing`. */
 AMB_INLINE lanes_mask lanes_step(const lanes_parameters *p, lanes_of of, lanes_state *s, lanes y,
                                  lanes u, bool missing, lanes_result *r)
 {

@@ -1,10 +1,10 @@
-/* A team of filters side by side, between the core's structs and lanes, and one sample of it.
+/* A team of filters side by side: conversion between the core's structs and lanes, and one sample.
  *
- * A step computes what is usual for all lanes at once, a measurement that all lack included. Where
- * something is not, a measurement that is missing in some, frozen or too far, a current at its
- * limit, a variance that is lost, these lanes take their step again from where they stood, by the
- * core's own function. So what is rare costs nothing where it does not happen, and each lane is its
- * own run to the last bit.
+ * A step computes the usual case for all lanes at once, including a measurement that all lanes
+ * lack. Lanes with an unusual event (a measurement missing in some lanes, frozen or an outlier, a
+ * current at its limit, an invalid variance) repeat their step from its start by the core's
+ * function. Rare events cost nothing where they do not occur, and each lane has the bits of a
+ * single run.
  */
 #ifndef AMBKIT_SIM_LANES_TEAM_H
 #define AMBKIT_SIM_LANES_TEAM_H
@@ -16,10 +16,10 @@
 
 #define BLOCK AMB_BATCH_BLOCK
 
-/* What goes in and out, sample by sample, a vector for each number. */
+/* Inputs and outputs of each sample, a vector for each number. */
 typedef struct block {
   lanes y[BLOCK];
-  lanes u[BLOCK]; /* that acted since the sample before */
+  lanes u[BLOCK]; /* since the previous sample */
   lanes mean[BLOCK][AMB_STATES];
   lanes_result result[BLOCK];
   unsigned short status[BLOCK][LANES];
@@ -34,13 +34,13 @@ typedef struct team {
   unsigned int outliers[LANES];
   bool counting; /* some of these are not 0 */
   block b;
-  amb_batch_run *runs[LANES]; /* the last one again where there are fewer */
+  amb_batch_run *runs[LANES]; /* the last one is repeated if there are fewer */
   amb_magnet magnets[LANES];
   size_t count;
-  bool judged; /* all have their truth */
+  bool judged; /* all have a truth */
 } team;
 
-/* The fuzzy network is asked lane by lane, and computes its rules side by side itself: with these
+/* The fuzzy network is evaluated lane by lane; it computes its rules side by side, with these
  * instructions. */
 static amb_magnet asked(const amb_magnet *magnet)
 {
@@ -54,14 +54,15 @@ static amb_magnet asked(const amb_magnet *magnet)
 
 /* ---- From the core's structs into lanes, and back. ---- */
 
-/* Lane i of vectors, from as many numbers as take that size: an array, or a struct of these. */
+/* Lane i of as many vectors as there are numbers in `size` bytes: an array, or a struct of numbers.
+ * */
 static void fill(lanes to[], size_t i, const amb_real from[], size_t size)
 {
   for (size_t j = 0; j < size / sizeof *from; j++)
     to[j][i] = from[j];
 }
 
-/* And back. */
+/* The inverse. */
 static void lane(const lanes from[], size_t i, amb_real to[], size_t size)
 {
   for (size_t j = 0; j < size / sizeof *to; j++)
@@ -156,7 +157,7 @@ static void tell(team *t, size_t b, size_t i, amb_status status)
   }
 }
 
-/* What was not usual, once more, lane by lane; and what there is to say. */
+/* Repeats the unusual lanes one by one, and stores their flags. */
 static __attribute__((noinline)) void mend(team *t, size_t b, lanes_mask usual,
                                            lanes_mask inconsistent, const lanes_state *before,
                                            lanes_state *after)
@@ -169,7 +170,7 @@ static __attribute__((noinline)) void mend(team *t, size_t b, lanes_mask usual,
       t->chance[i] = AMB_C(1.0);
       t->outliers[i] = 0U;
     } else {
-      if (i < t->count) { /* beyond, the lanes repeat the last run, which has just been mended */
+      if (i < t->count) { /* the other lanes repeat the last run, which has just been corrected */
         amb_kalman_result r;
         get(t, before, i);
         const amb_real y = t->b.y[b][i], u = t->b.u[b][i];
@@ -183,8 +184,8 @@ static __attribute__((noinline)) void mend(team *t, size_t b, lanes_mask usual,
   }
 }
 
-/* Sample b of the block, from the state `s`. What is copied is named, or compilers move the whole
- * through memory. */
+/* Sample b of the block, from the state `s`. Copies name their members, or compilers move the
+ * complete struct through memory. */
 AMB_INLINE void step_at(team *t, size_t b, lanes_of of, lanes_state *s)
 {
   lanes_state next = *s;
@@ -194,7 +195,7 @@ AMB_INLINE void step_at(team *t, size_t b, lanes_of of, lanes_state *s)
   const lanes_mask inconsistent = next.surprise > AMB_INCONSISTENT_SHARE;
   t->b.result[b].innovation = r.innovation;
   t->b.result[b].variance = r.variance;
-  if (missing && !lanes_any(~usual)) { /* nothing counts, and nothing is surprising */
+  if (missing && !lanes_any(~usual)) { /* no counters and no consistency check */
     for (size_t i = 0; i < t->count; i++)
       tell(t, b, i, AMB_MISSING);
   } else if (__builtin_expect(t->counting || lanes_any(~usual | inconsistent), 0)) {
@@ -209,7 +210,7 @@ AMB_INLINE void step_at(team *t, size_t b, lanes_of of, lanes_state *s)
     t->b.mean[b][j] = s->mean[j];
 }
 
-/* The first measurements are only taken in, by the core's own function. */
+/* The first sample has only measurement updates, by the core's function. */
 static void begin(team *t, lanes_state *s)
 {
   for (size_t i = 0; i < t->count; i++) {
@@ -227,7 +228,7 @@ static void begin(team *t, lanes_state *s)
     put(t, s, i);
 }
 
-/* The statuses of a block are written out. */
+/* Writes the statuses of a block. */
 static void silence(team *t)
 {
   if (t->b.told)
@@ -235,7 +236,7 @@ static void silence(team *t)
   t->b.told = false;
 }
 
-/* What the filters of a team are made of, by the first one: they are all alike. */
+/* Configuration of a team, from its first filter; all are alike. */
 static lanes_of made_of(const team *t)
 {
   const unsigned int group = amb_batch_group(t->runs[0]->estimator) - 1U;
@@ -243,8 +244,8 @@ static lanes_of made_of(const team *t)
   return of;
 }
 
-/* Calls `each` with kind and magnet as constants: what is asked within a step is compiled away.
- * Only some magnets of a kind have a step of their own. */
+/* Calls `each` with kind and magnet as constants, so that branches within a step are compiled away.
+ * Only some magnets of a kind have a specialised step. */
 #define FOR_MADE_OF(of, each)                                                                      \
   do {                                                                                             \
     if ((of).kind == LANES_OBSERVER)                                                               \

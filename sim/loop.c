@@ -5,14 +5,15 @@ static size_t axes(const amb_loop *loop)
   return (size_t)loop->plant.axes;
 }
 
-/* The speed of rotation that the controllers know [rad/s]. */
+/* Speed of rotation known to the controllers [rad/s]. */
 static amb_real speed_known(const amb_loop_state *s, const amb_loop_sample *sample)
 {
   const amb_real own = sample->speed != NULL ? sample->speed[0] : 0;
   return sample->heard != NULL ? s->speed : own;
 }
 
-/* The whole controller, with one measurement for all of it; `told` of the control signals [V]. */
+/* One step of the complete controller with its estimator; `told`: control signals known to it [V].
+ * */
 static void control(const amb_loop *loop, amb_loop_state *s, void *estimator,
                     const amb_loop_sample *sample, const amb_real told[])
 {
@@ -23,7 +24,7 @@ static void control(const amb_loop *loop, amb_loop_state *s, void *estimator,
   amb_copy(loop->plant.axes, s->control.u, s->u);
 }
 
-/* Control currents that are demanded, where `direct` [m] is measured. */
+/* Demanded control currents, for the measurements `direct` [m]. */
 static void demand(const amb_loop *loop, amb_loop_state *s, const void *estimator,
                    const amb_loop_sample *sample, const amb_real direct[], amb_real iu[])
 {
@@ -42,8 +43,8 @@ static void demand(const amb_loop *loop, amb_loop_state *s, const void *estimato
     (void)amb_pid_step(&loop->pid, s->pid, sample->r[0], direct[0] / loop->plant.gain[0], NULL, iu);
 }
 
-/* A sample at which the controllers get the measurements `direct` [m], and the estimator those of
- * the state and that `told` [V] acted before it. The plant is left where it is. */
+/* One sample: the controllers get the measurements `direct` [m], the estimator those of the state
+ * and the control signals `told` [V] that acted before. The plant is not advanced. */
 static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
                   const amb_loop_sample *sample, const amb_real direct[], const amb_real told[])
 {
@@ -62,7 +63,8 @@ static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
     s->u[c] = iu[c] / loop->k_ui[c];
 }
 
-/* And the plant on to the next, with these shares of the amplifiers' ranges; NULL: all. */
+/* Advances the plant to the next sample, with these shares of the amplifiers' ranges; NULL: all of
+ * them. */
 static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *sample,
                 const amb_real share[])
 {
@@ -91,7 +93,7 @@ static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *
   return amb_plant_advance(plant, &s->plant, loop->T, &acts);
 }
 
-/* What the sensors show [m]. */
+/* Sensor outputs [m]. */
 static void read(const amb_plant *plant, const amb_plant_state *state, const amb_real noise[],
                  amb_real y[])
 {
@@ -113,7 +115,7 @@ bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
   return act(loop, state, sample, NULL);
 }
 
-/* The measurement of sensor r at sample k, as far as it has come: x_m is known up to there. */
+/* Measurement of sensor r at sample k with its delay; earlier outputs are known from x_m. */
 static amb_real faulted(const amb_plant *plant, const amb_loop_faults *faults, const amb_real *x_m,
                         const amb_real *noise, size_t k, int r)
 {
@@ -145,7 +147,7 @@ static amb_loop_sample sample_of(const amb_loop *loop, const amb_loop_input *in,
   return sample;
 }
 
-/* What is written of a sample, but for the plant's states before it went on. */
+/* Writes the results of a sample, except the plant's states before its advance. */
 static void note(const amb_loop *loop, const amb_loop_state *s, const void *estimator,
                  const amb_real told[], size_t k, amb_loop_output *out)
 {

@@ -3,7 +3,8 @@
 #include "many_figures.h"
 #include <string.h>
 
-/* In lanes: a plain axis on the closed law of two sides, a PID, an estimator that has lanes. */
+/* Available in lanes: a plain axis with the closed law of two sides, a PID, and an estimator kind
+ * with lanes. */
 unsigned int amb_many_group(const amb_many_run *run)
 {
   const amb_loop *loop = run->loop;
@@ -40,7 +41,7 @@ static void draw(const double *given, const amb_many_run *run, const double std[
     }
 }
 
-/* Sample k of a plant: what happens along the axes. */
+/* Sample k of a plant: motion along the axes. */
 static void see(const amb_many_run *run, size_t k, const amb_loop_output *all, amb_seen seen[])
 {
   const amb_plant *plant = &run->loop->plant;
@@ -71,7 +72,7 @@ static void see(const amb_many_run *run, size_t k, const amb_loop_output *all, a
   }
 }
 
-/* And what the estimator says of it. */
+/* The estimates of sample k. */
 static void see_estimate(const amb_many_run *run, size_t k, const amb_kalman_history *history,
                          amb_seen seen[])
 {

@@ -1,4 +1,4 @@
-/* The figures of many.h for one run, in double whatever the loop is computed in. */
+/* The figures of many.h for one run, always in double. */
 #ifndef AMBKIT_SIM_MANY_FIGURES_H
 #define AMBKIT_SIM_MANY_FIGURES_H
 
@@ -19,7 +19,7 @@
 #undef amb_judged_where
 #undef amb_judged_all
 
-/* Flags with which a measurement was not taken in. */
+/* Flags of measurements that were not used. */
 #define AMB_NOT_USED (AMB_UNUSED | AMB_BAD_VARIANCE)
 
 /* Before the first sample. */
@@ -29,7 +29,7 @@ AMB_INLINE amb_tally amb_tally_none(const amb_windows *at)
   return none;
 }
 
-/* One sample more of each of these flags. */
+/* Adds one sample for each of these flags. */
 static inline void amb_flags_count(amb_many_run *run, unsigned int status)
 {
   for (unsigned int flag = 0; (status != 0U) && (flag < AMB_FLAGS); flag++)
@@ -39,14 +39,14 @@ static inline void amb_flags_count(amb_many_run *run, unsigned int status)
 static const amb_double_bits infinite = {.bits = UINT64_C(0x7FF0000000000000)};
 static const amb_double_bits no_number = {.bits = UINT64_C(0x7FF8000000000000)};
 
-/* After which time it stays inside [s], the last sample outside being `last`. */
+/* Settling time [s], for the last sample `last` outside the band. */
 static inline double amb_stays(double from, double to, double last, double T)
 {
   return (last >= to - 1.0) ? infinite.number : (last - from + 1.0) * T;
 }
 
-/* Of several axes the worst counts: a number that there is not hides no other, but where a figure
- * is of those axes that have a step. */
+/* With several axes the worst counts: NaN does not hide another value, except for figures of axes
+ * with a step. */
 static inline void amb_figures_worst(double figures[], const double of[])
 {
   for (int i = 0; i < AMB_FIGURES; i++) {
@@ -56,7 +56,7 @@ static inline void amb_figures_worst(double figures[], const double of[])
   }
 }
 
-/* Of axis f, after those of the ones before it. */
+/* Of axis f, combined with those of the axes before it. */
 static inline void amb_figures_of(amb_many_run *run, int f, const amb_tally *t)
 {
   const amb_windows *at = &run->windows[f];

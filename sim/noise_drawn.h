@@ -1,13 +1,12 @@
-/* Noise of several samples at once, in loops that compilers make vectors of; many.h says what it
- * is. Inline, so that each set of instructions has its own.
- */
+/* Noise of several samples at once, in loops that compilers vectorise; many.h defines it. Inline,
+ * so that each instruction set has its own version. */
 #ifndef AMBKIT_SIM_NOISE_DRAWN_H
 #define AMBKIT_SIM_NOISE_DRAWN_H
 
 #include "many.h"
 
-/* The C library's, rounded correctly: one instruction where there is one. A program may declare it
- * itself (C99, 7.1.4); math.h brings extensions of compilers along. */
+/* The C library's correctly rounded root, a single instruction on most processors. Declared here as
+ * C99 (7.1.4) permits, because math.h brings extensions of compilers. */
 double sqrt(double a);
 
 /* A number and its bits. */
@@ -22,7 +21,7 @@ typedef union amb_double_bits {
 #define AMB_PHILOX_W0 UINT32_C(0x9E3779B9)
 #define AMB_PHILOX_W1 UINT32_C(0xBB67AE85)
 
-#define AMB_NORMAL_CENTRAL 0.425              /* of q = p - 1/2, either way */
+#define AMB_NORMAL_CENTRAL 0.425              /* of q = p - 1/2, either sign */
 #define AMB_NORMAL_FAR 1.3887943864964021e-11 /* exp(-25) */
 
 /* Natural logarithm of a normal number a > 0, to about one machine epsilon: a = 2^e m with m
@@ -43,7 +42,7 @@ AMB_INLINE double amb_noise_log(double a)
   return e * 0.69314718036912382 + ((twice * z * tail + e * 1.9082149292705877e-10) + twice);
 }
 
-/* Of degree 7, its coefficients from the highest on. */
+/* Polynomial of degree 7, coefficients from the highest on. */
 AMB_INLINE double amb_polynomial(double r, double a, double b, double c, double d, double e,
                                  double f, double g, double h)
 {
@@ -65,8 +64,8 @@ AMB_INLINE double amb_normal_central(double q)
   return q * above / below;
 }
 
-/* ... and beyond, where the distribution, or what is left of it, is `share`; with r, the root of
- * -log(share), up to 5, which leaves out 3 in 10^11 ... */
+/* ... and the tails, with a probability of `share`: for r, the root of -log(share), up to 5, which
+ * excludes 3 in 10^11 ... */
 AMB_INLINE double amb_normal_near(double share)
 {
   const double r = sqrt(-amb_noise_log(share)) - 1.6;
@@ -81,7 +80,7 @@ AMB_INLINE double amb_normal_near(double share)
   return above / below;
 }
 
-/* ... and these. */
+/* ... and beyond. */
 AMB_INLINE double amb_normal_far(double share)
 {
   const double r = sqrt(-amb_noise_log(share)) - 5.0;
@@ -96,8 +95,8 @@ AMB_INLINE double amb_normal_far(double share)
   return above / below;
 }
 
-/* Ten rounds: four words of a counter and two of a key make four that look random; of so many
- * counters, word by word. */
+/* Philox: ten rounds turn a counter of four words and a key of two into four random words; for
+ * several counters, word by word. */
 AMB_INLINE void amb_philox_rounds(size_t count, uint32_t k, uint32_t l, uint32_t a[], uint32_t b[],
                                   uint32_t c[], uint32_t d[])
 {
@@ -114,7 +113,7 @@ AMB_INLINE void amb_philox_rounds(size_t count, uint32_t k, uint32_t l, uint32_t
   }
 }
 
-/* AMB_NOISE_DRAWN variates from sample `first` on, which is a multiple of so many. */
+/* AMB_NOISE_DRAWN variates from sample `first` on, a multiple of that number. */
 AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first, double *to)
 {
   enum { PAIRS = AMB_NOISE_DRAWN / 2 };
@@ -136,7 +135,7 @@ AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first
   }
   for (size_t i = 0; i < AMB_NOISE_DRAWN; i++)
     to[i] = amb_normal_central(q[i]);
-  /* The others are gathered, so that they are computed side by side as well. */
+  /* The tails are gathered, so that they are vectorised as well. */
   size_t at[AMB_NOISE_DRAWN], others = 0;
   double share[AMB_NOISE_DRAWN], z[AMB_NOISE_DRAWN];
   for (size_t i = 0; i < AMB_NOISE_DRAWN; i++) {
@@ -153,7 +152,7 @@ AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first
   }
 }
 
-/* Standard normal variates of the samples `first` to `first + n`, n of them into `to`. */
+/* Standard normal variates of samples `first` to `first + n`, n values in `to`. */
 AMB_INLINE void amb_noise_normal(amb_noise_key key, uint32_t stream, size_t first, size_t n,
                                  double *to)
 {

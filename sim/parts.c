@@ -79,7 +79,7 @@ amb_real amb_parts_reading(const amb_parts *parts, amb_real x_m, amb_real noise)
   if (!(parts->step > 0))
     return y;
   const amb_real steps = y / parts->step;
-  if (!(amb_magnitude(steps) < AMB_C(1e15))) /* it has no digits after the point, or is none */
+  if (!(amb_magnitude(steps) < AMB_C(1e15))) /* no digits after the point, or not finite */
     return y;
   return parts->step * (amb_real)(int64_t)(steps < 0 ? steps - AMB_C(0.5) : steps + AMB_C(0.5));
 }

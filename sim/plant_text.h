@@ -1,17 +1,18 @@
-/* The plant over one substep, as one text for every pattern. No include guard: it is compiled for
- * numbers (plant.c: unrolled for an isolated axis, and in loops) and for lanes (lanes_many.c), who
- * say what amb_real, amb_going, amb_stage, amb_driven and amb_reachable are. With a pattern that is
- * a constant the loops unroll, and what is not there drops out.
+/* The plant over one substep, one text for every pattern. No include guard: it is compiled for
+ * numbers (plant.c: unrolled for an isolated axis, and in loops) and for lanes (lanes_many.c),
+ * which define amb_real, amb_going, amb_stage, amb_driven and amb_reachable. With a constant
+ * pattern the loops are unrolled and unused parts removed.
  *
- * X: positions, velocities, then states of first order (readings, currents). Stage 0 of a substep
- * is at its start, 1 in its middle, 2 at its end.
+ * X: positions, velocities, then first-order states (readings, currents). Stage 0 is at the start
+ * of a substep, 1 in its middle, 2 at its end.
  */
 
-/* One step of the classical method of order 4 (Kutta 1901), the constant accelerations g held.
+/* One step of the classical method of order 4 (Kutta 1901), with constant accelerations g.
  *
- * The stages of the velocities are eliminated (Nystroem 1925) and g's part is the parabola that it
- * is: a shorter chain of operations that wait for one another, and that is what the time goes into.
- * What depends on velocities needs these stages, and in a plain plant nothing does. */
+ * The velocity stages are eliminated (Nystroem 1925), and the effect of g is exact: this shortens
+ * the chain of dependent operations, which determines the time. Terms that depend on velocities
+ * need these stages; a plain plant has none.
+ */
 AMB_INLINE void amb_substep(const amb_pattern *p, const amb_going *of, amb_real X[])
 {
   const amb_real h = of->h, half = of->half, sixth = of->sixth;
@@ -19,7 +20,7 @@ AMB_INLINE void amb_substep(const amb_pattern *p, const amb_going *of, amb_real 
   amb_real X2[AMB_PLANT_STATES], X3[AMB_PLANT_STATES], X4[AMB_PLANT_STATES];
   amb_real d1[AMB_PLANT_STATES], d2[AMB_PLANT_STATES], d3[AMB_PLANT_STATES], d4[AMB_PLANT_STATES];
   amb_real F1[AMB_PLANT_AXES], F2[AMB_PLANT_AXES], F3[AMB_PLANT_AXES], F4[AMB_PLANT_AXES];
-  amb_real coasting[AMB_PLANT_STATES]; /* where it gets without the magnets */
+  amb_real coasting[AMB_PLANT_STATES]; /* position at the end without magnet forces */
 
   amb_stage(p, of, X, 0, F1, d1);
   for (int k = 0; k < q; k++) {

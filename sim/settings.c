@@ -1,6 +1,6 @@
 #include "settings.h"
 
-/* By itself, as C99 (7.1.4) allows; math.h brings extensions of compilers along. */
+/* Declared as C99 (7.1.4) permits; math.h brings extensions of compilers. */
 double sqrt(double a);
 
 static double larger_of(double a, double b)
@@ -23,7 +23,7 @@ static double square_of(double a)
   return a * a;
 }
 
-/* In which an uncontrolled rotor falls away by e along an axis [s]. */
+/* Time constant of the unstable pole of an axis [s]. */
 static double own_time(const amb_view *of, int axis)
 {
   return sqrt(of->mass[axis] / of->stiffness[axis]);
@@ -43,11 +43,11 @@ static double rounded(const amb_view *of, int sensor, double var_y)
   return ((of->step[sensor] * of->step[sensor]) / 12.0) + var_y;
 }
 
-/* A filter of bandwidth w takes the force from positions with R every T, with a noise of
- * R T (m w^3)^2, and from what the amplifier's noise leaves of it: of a random walk of this
- * intensity it has that bandwidth. Beyond one over the sensor's lag and 1.5 T it would only undo
- * the lag, and make more of the noise than the measurement has; up to eight times the unstable
- * pole it is needed. Never more than a random walk by twice the weight in a second. */
+/* With measurement noise R at every T, a filter of bandwidth w estimates the force with a noise of
+ * R T (m w^3)^2, plus the amplifier's noise. It has this bandwidth for a random walk of the
+ * resulting intensity. The bandwidth is one over the sensor's lag plus 1.5 T, as more would only
+ * invert the lag and amplify noise; but at least eight times the unstable pole. The random walk is
+ * limited to twice the weight in one second. */
 double amb_view_intensity(const amb_view *of, int axis)
 {
   double R = rounded(of, 0, of->var_y[0]) / square_of(of->K_sen[0]);
@@ -63,7 +63,7 @@ double amb_view_intensity(const amb_view *of, int axis)
   return smaller_of(square_of(2.0 * (m * AMB_GRAVITY)), known * of->T * (w * w));
 }
 
-/* Half the time in which the fastest axis falls away by e. */
+/* Half of the shortest time constant of the axes. */
 double amb_view_dwell(const amb_view *of)
 {
   double least = 0.5 * own_time(of, 0) / of->T;
@@ -150,7 +150,7 @@ void amb_view_start(const amb_view *of, const amb_view_states *states, const dou
   }
 }
 
-/* The cube root of a > 0, by Newton's steps from below twice of it. */
+/* Cube root of a > 0, by Newton's method from below twice its value. */
 static double cube_root(double a)
 {
   double scale = 1.0;
@@ -170,10 +170,11 @@ static double cube_root(double a)
   return scale * x;
 }
 
-/* Of noise of density R T a corner x lets x R T/2 through, a slower one v behind it x v^2 times as
- * much of its derivative, and f behind both x v^2 f^2 of the second. A motion of velocity u lags by
- * u/x, its acceleration a by a/v, and a force of intensity q by q/(2 f). Each is where both have
- * the least sum; a rotor's usual motion is a tenth of its clearance by the unstable pole. */
+/* Noise of density R T gives a variance of x R T/2 behind a low-pass of corner x; a slower one of
+ * corner v multiplies that by v^2 for the derivative, and one of corner f by v^2 f^2 for the
+ * second. A motion with velocity u lags by u/x, its acceleration a by a/v, and a force of intensity
+ * q by q/(2 f). Each corner minimises the sum of both errors; the typical motion of a rotor is a
+ * tenth of its clearance at the unstable pole. */
 void amb_view_corners(const amb_view *of, double var_y, double intensity, double corner[3])
 {
   const double pole = 1.0 / own_time(of, 0);

@@ -1,26 +1,26 @@
-/* What a closed loop is judged by, sample by sample. No include guard: the text is compiled for
- * numbers (many_figures.h) and for lanes (lanes_many.c), who say what amb_judged, its masks, and
- * choosing by them are, and how AMB_TALLY names what is written here.
- */
+/* Figures of a closed loop, sample by sample. No include guard: the text is compiled for numbers
+ * (many_figures.h) and for lanes (lanes_many.c), which define amb_judged, its masks and selection,
+ * and how AMB_TALLY names the results. */
 
-/* Sums, extremes, and the last samples outside. */
+/* Sums, extremes, and the last samples outside the bands. */
 typedef struct AMB_TALLY(tally) {
   amb_judged squares[3], peaks[3]; /* errors of x, v, f_d */
   amb_judged nis, taken;
   amb_judged control, control_peak, effort, last_u;
   amb_judged farthest, current, orbit;
-  amb_judged way, outside; /* how far beyond the step it went, in steps; the last sample outside */
-  amb_judged late;         /* the last sample out of the band after the load */
+  amb_judged way, outside; /* overshoot, relative to the step; last sample outside the settling band
+                            */
+  amb_judged late;         /* last sample outside the band after the load */
   amb_judged load, touched, landed;
 } AMB_TALLY(tally);
 
 /* One sample. */
 typedef struct AMB_TALLY(seen) {
   amb_judged k, r, f_d, x, v, u, iu;
-  amb_judged orbit, load;  /* how far the rotor is from the middle there; all loads together */
-  amb_judged mean[3];      /* x, v, f_d as estimated */
-  amb_judged nis, taken;   /* of so many measurements that were taken in, the sum */
-  amb_judged_mask touched; /* a stop was, from this sample to the next */
+  amb_judged orbit, load;  /* radius of the orbit there; sum of all loads */
+  amb_judged mean[3];      /* estimates of x, v, f_d */
+  amb_judged nis, taken;   /* sum over the measurements used, and their number */
+  amb_judged_mask touched; /* contact with a stop, from this sample to the next */
 } AMB_TALLY(seen);
 
 AMB_INLINE amb_judged AMB_TALLY(judged_magnitude)(amb_judged a)
@@ -72,12 +72,12 @@ AMB_INLINE void AMB_TALLY(tally_loop)(const AMB_TALLY(windows) * at, AMB_TALLY(t
   t->load = amb_judged_choose(t->touched > 0.0, t->load, borne);
 }
 
-/* Only where the sample can be within the window of the step: there is a division in it. */
+/* Only if the sample may be within the window of the step, to avoid the division. */
 AMB_INLINE void AMB_TALLY(tally_response)(const AMB_TALLY(windows) * at, AMB_TALLY(tally) * t,
                                           const AMB_TALLY(seen) * seen)
 {
   const amb_judged_mask within = (seen->k >= at->step_from) & (seen->k < at->step_to);
-  const amb_judged way = (seen->x - at->there) / at->height; /* -1 before, 0 there */
+  const amb_judged way = (seen->x - at->there) / at->height; /* -1 before, 0 at the reference */
   t->way = amb_judged_choose(within, AMB_TALLY(judged_most)(t->way, way), t->way);
   const amb_judged_mask out = within & (AMB_TALLY(judged_magnitude)(way) > 0.05);
   t->outside = amb_judged_choose(out, seen->k, t->outside);

@@ -81,7 +81,7 @@ def test_where_the_compiler_contracts_it_passes_within_its_bound(exported, tmp_p
         ("selftest/{}_vectors.c", r"_status\[.*\{\s+[^,U]*", "a status"),
         ("{}_data.c", r"\.var_y = \{\s*[^,}]*", "a setting"),
         ("{}_data.c", r"_std\[.*\{\s+[^,]*", "a start"),
-        ("core/src/kalman_step.h", r"unchanged >= ", "the frozen sensor"),
+        ("core/src/kalman_sensor.h", r"unchanged >= ", "the frozen sensor"),
     ],
 )
 def test_the_selftest_fails_where_something_is_wrong(exported, tmp_path, file, pattern, changed):

@@ -55,7 +55,8 @@ class Compiled:
         sources, options = [folder / "model.c"], ["-DAMB_DOUBLE"]
         if loops:
             filled, options = by_loops(model)
-            sources.append(ROOT / "core" / "src" / "loops.c")
+            folder_of_core = ROOT / "core" / "src"
+            sources += [folder_of_core / "loops.c", folder_of_core / "covariance_loops.c"]
         sources[0].write_text(self.source(filled))
         library = folder / "model.so"
         optimised = "-O1" if self.n < 6 and not loops else "-O0"  # at 40 states it takes a minute

@@ -38,17 +38,17 @@ FAULTS = {
         "return inconsistent | (outlier & ~AMB_OUTLIER);",
     ),
     "outliers left out for ever": (
-        "core/src/kalman_step.h",
+        "core/src/kalman_sensor.h",
         "if (sensor->outliers < kf->set.outlier_limit) {",
         "if (sensor->outliers < 65535U) {",
     ),
     "gate 100 times wider": (
-        "core/src/kalman_step.h",
+        "core/src/kalman_sensor.h",
         "(e * e) > (kf->gate_squared * S)",
         "(e * e) > (AMB_C(10000.0) * kf->gate_squared * S)",
     ),
     "INCONSISTENT never told": (
-        "core/src/kalman_step.h",
+        "core/src/kalman_sensor.h",
         "(share > AMB_INCONSISTENT_SHARE) ? AMB_INCONSISTENT : AMB_OK",
         "(share > AMB_INCONSISTENT_SHARE) ? AMB_OK : AMB_OK",
     ),
@@ -56,7 +56,7 @@ FAULTS = {
     "outlier_limit 3,000": ("{}_data.c", ".outlier_limit = 3U", ".outlier_limit = 3000U"),
     "fed back at once": ("{}.c", "(state->doubted == 0U) && (", "("),
     "a saturated current is believed": (
-        "core/src/kalman_step.h",
+        "core/src/kalman_prediction.h",
         "*status |= AMB_SATURATED;",
         "(void)status;",
     ),
@@ -135,7 +135,8 @@ def test_a_tenth_of_a_node_is_seen_without_the_crc_too(bench, count):
 @pytest.mark.parametrize("count", quick([12, 40], [12]))
 def test_operators_that_became_others_are_seen(bench, count):
     """A sample of those whose mutants are not alive in the whole score."""
-    files = ("core/generated/axial.h", "core/src/kalman_step.h", f"{bench.name}.c")
+    steps = [f"core/src/kalman_{part}.h" for part in ("prediction", "sensor", "step")]
+    files = ["core/generated/axial.h", *steps, f"{bench.name}.c"]
     found = [m for file in files for m in mutants.of_operators(file, bench.text(file))]
     some = random.Random(0).sample(found, count)
     alive = [m for m in some if bench.judge(m).exact]
@@ -208,7 +209,7 @@ MACHINE_FAULTS = {
     "starts far beyond a stop": ("f.c", "(AMB_C(16.0) * var_y)", "(AMB_C(25.0) * var_y)"),
     "HELD never told": ("core/src/envelope.c", "sound ? AMB_HELD", "sound ? AMB_OK"),
     "a demand whose product is none": (
-        "core/src/kalman_step.h",
+        "core/src/kalman_prediction.h",
         "= amb_clamp(u, -AMB_REAL_ROOT, AMB_REAL_ROOT);",
         "= (u > AMB_REAL_ROOT) ? AMB_C(0.0) : amb_clamp(u, -AMB_REAL_ROOT, AMB_REAL_ROOT);",
     ),

@@ -53,11 +53,11 @@ NOT_RUN: tuple[tuple[Callable[[Has], bool], str], ...] = (
     (lambda has: not has.rising, """
 the noise of each sensor is the same everywhere:
     real.h@amb_noise_share
-    kalman_step.h@amb_step_noise  share) * share
+    kalman_sensor.h@amb_step_noise  share) * share
 """),
     (lambda _: True, """
 of kinds of filters that this is not:
-    kalman_step.h@amb_step_advance  F[f] = scale
+    kalman_prediction.h@amb_step_advance  F[f] = scale
 of a single reading, or of kinds of filters that this is not:
     equilibrium.c@amb_rest_where_shown
     envelope.c@place_there,place_towards,amb_envelope_place,add_square,clear,restart_there
@@ -71,11 +71,11 @@ no blocks behind a PID:
 """),
     (lambda has: has.states >= 8, """
 of fewer than 8 states:
-    loops.c@add_up  j < wanted  sum->row[  k < sum->count
+    covariance_loops.c@add_up  j < wanted  sum->row[  k < sum->count
 """),
     (lambda has: has.states % 4 == 0, """
 of states that are no multiple of 4:
-    loops.c@turn  ; j < end; j++  r < rows  apart -= less
+    covariance_loops.c@turn  ; j < end; j++  r < rows  apart -= less
 """),
     (lambda has: has.states % 2 == 0, """
 of an odd number of states:
@@ -84,10 +84,10 @@ of an odd number of states:
     (lambda has: not has.direct, """
 no control signal acts on the states past the magnets:
     loops.c@amb_model_predict_mean  model->B_u.value[k]
-    loops.c@pushes  model->B_u.value[a]
-    loops.c@with_control
-    loops.c@with_next_state  noise->gain[f][c]
-    loops.c@next_column  model->B_u.value[a]
+    covariance_loops.c@pushes  model->B_u.value[a]
+    covariance_loops.c@with_control
+    covariance_loops.c@with_next_state  noise->gain[f][c]
+    covariance_loops.c@next_column  model->B_u.value[a]
 """),
     (lambda has: has.fed, """
 the estimate feeds it:
@@ -183,9 +183,9 @@ the supervisor starts anew:
 what starts it is between the stops:
     .c  AMB_WITHIN(y, far) ?
 no reading or current is so large:
-    kalman_step.h  amb_clamp(u, -AMB_REAL_ROOT
+    kalman_prediction.h  amb_clamp(u, -AMB_REAL_ROOT
 the noise of each sensor is the same everywhere:
-    kalman_step.h  if (rise == AMB_C(0.0))
+    kalman_sensor.h  if (rise == AMB_C(0.0))
 for bits that flip in memory:
     .c  finite = finite && amb_is_finite(result->variance[r])
 not visited, or killed:
@@ -282,9 +282,9 @@ no measurement is so far away:
 what a repeat's probability is made of, which is held to a limit:
     exponential.h  /* ln 2 in two parts */
 room that no sum of rows uses up:
-    loops.c  value[AMB_STATES + AMB_FORCES  row[AMB_STATES + AMB_FORCES
+    covariance_loops.c  value[AMB_STATES + AMB_FORCES  row[AMB_STATES + AMB_FORCES
 the sums are the same, row by row and in blocks:
-    loops.c  if (n >= BLOCK)
+    covariance_loops.c  if (n >= BLOCK)
 a loop over no entries:
     loops.c@amb_model_predict_mean  model->B_u.start[i]
 what lies behind is room that is written anew:
@@ -299,11 +299,11 @@ a reading is a state, taken once:
     loops.c@add_row_of  cov[entry] * value  row[j - k] * value
     loops.c@amb_model_shown_variance  * model->c.value[a];
 of controls past the magnets: none, or below a digit:
-    loops.c  (direct > 0) &&
+    covariance_loops.c  (direct > 0) &&
 there is nothing in that room:
-    loops.c  room.v =  room.u =
+    covariance_loops.c  room.v =  room.u =
 the same without a loop, which is quicker:
-    loops.c  if (rows == 4)
+    covariance_loops.c  if (rows == 4)
 by 1 but where a mass is calibrated, see test_calibration.py:
     control.c  c->excess)
 PIDs are set again as it lifts, or were just:
@@ -321,20 +321,22 @@ for bits that flip in memory:
 no blocks, by which nothing is filtered:
     controller.c  (pid->sections > 0) ?
 what is near, or above the root, went another way before:
-    kalman_step.h  amb_clamp(u, -AMB_REAL_ROOT
+    kalman_prediction.h  amb_clamp(u, -AMB_REAL_ROOT
 the stiffnesses are the same wherever the rotor is:
-    kalman_step.h  amb_clamp(s, -x_max, x_max)
+    kalman_prediction.h  amb_clamp(s, -x_max, x_max)
 the noise of each sensor is the same everywhere:
-    kalman_step.h  if (rise == AMB_C(0.0))
+    kalman_sensor.h  if (rise == AMB_C(0.0))
 """)
 """Of a machine's linear filter and its controllers."""
 
 UNROUNDED = listed("""
 no sensor's readings come in steps:
     *  kf->rounding[
-    kalman_step.h  kf->set.step[r]) > (than  const bool again = !(  bool coarse = very || (interval
-    kalman_step.h  as.moved  const bool told = (status  const amb_real grown = before
-    kalman_step.h  const amb_real change = y  return amb_step_each(amb_step_plain, kf, NULL
+    kalman_sensor.h  kf->set.step[r]) > (than  const amb_real grown = before
+    kalman_sensor.h  const amb_real change = y
+    kalman_step.h  const bool again = !(  bool coarse = very || (interval
+    kalman_step.h  as.moved  const bool told = (status
+    kalman_step.h  return amb_step_each(amb_step_plain, kf, NULL
     kalman_step.h@amb_step_rounded  const amb_real e = y  if (AMB_WITHIN(e, AMB_REAL_ROOT)
     kalman_step.h@amb_step_rounded  as = very
     kalman_step.h  if (coarse && !stays) {

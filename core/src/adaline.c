@@ -9,7 +9,7 @@ void amb_adaline_reset(amb_adaline_state *state, amb_real k)
   state->k = k;
 }
 
-/* Whole force over k. */
+/* Total force over k. */
 static amb_real regressor(const amb_law *law, amb_real iu, amb_real x)
 {
   return amb_law_regressor(law, law->two_sided ? AMB_C(1.0) : AMB_C(0.0), iu, x);
@@ -24,7 +24,7 @@ static void low_pass(amb_real w, amb_real T, amb_real keep, amb_real input, amb_
   *z_dot = keep * ((1 - wT) * slope - w * wT * off);
 }
 
-/* What the sensor shows, between two samples, of something that is held over the sample. */
+/* Sensor lag: mean over the sample of its response to an input that is held over the sample. */
 static amb_real sensed(const amb_adaline *a, amb_real input, amb_real *shown)
 {
   const amb_real before = *shown;
@@ -36,7 +36,7 @@ amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real
                             amb_real f_d)
 {
   const amb_real now = y / a->K_sen;
-  if (!((now > -a->law.s0) && (now < a->law.s0))) /* nowhere but in the gap; NaN is not either */
+  if (!((now > -a->law.s0) && (now < a->law.s0))) /* outside the air gap, or NaN */
     return AMB_MISSING;
   if (!amb_is_finite(u) || !amb_is_finite(f_d))
     return AMB_BAD_CONTROL;
@@ -54,9 +54,9 @@ amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real
     return AMB_UNEXCITED;
   }
 
-  /* Between the two samples: the mean place, and phi as the sensor shows what it does. The lag is
-   * put on phi and not on the current: phi bends with the current, and a restless one pulls more
-   * than its mean. */
+  /* Between the two samples: the mean position, and phi with the sensor's lag. The lag is applied
+   * to phi, not to the current: phi is convex in the current, so a fluctuating current has a larger
+   * mean force than its mean. */
   const amb_real place = AMB_C(0.5) * (s->last_y + now);
   s->last_y = now;
   const amb_real phi = sensed(a, regressor(&a->law, iu, place), &s->phi_shown);
@@ -68,10 +68,9 @@ amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real
   low_pass(a->bandwidth, a->T, keep, phi, &s->phi, &s->phi_dot);
   low_pass(a->bandwidth, a->T, keep, load, &s->load, &s->load_dot);
 
-  /* Eq. 24: prediction, error, and the normalised rule for its last weight. Of the two rows of the
-   * motion the one of v: its error is the mean acceleration of the sample, whatever the low-pass
-   * does within it. The row of x weighs the sample's beginning more, where the low-pass still
-   * swings: that would find forces too large by bandwidth T / 3. */
+  /* Eq. 24: prediction, error, and the normalised rule for its last weight. The row of v is used:
+   * its error is the mean acceleration over the sample, for any state of the low-pass. The row of x
+   * weights the start of the sample more, and finds forces too large by bandwidth T / 3. */
   const amb_real input = a->T / a->m;
   const amb_real predicted = v + input * (s->load + a->f_0 + s->force);
   s->force += a->rate_force * (s->v - predicted) / input;
@@ -84,8 +83,8 @@ amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real
   if (s->excitation < a->least_excitation * a->least_excitation)
     return AMB_UNEXCITED;
 
-  /* Eq. 25. The normalisation is by the larger of this sample's input and the mean one: a passage
-   * of phi through zero must not make a huge step out of a small error. */
+  /* Eq. 25. The normalisation uses the larger of this sample's input and the mean one; otherwise a
+   * zero crossing of phi would turn a small error into a huge step. */
   const amb_real norm = amb_at_least(relative * relative, s->excitation);
   const amb_real error = s->force - s->k * s->phi_late;
   s->k += a->rate_k * relative * error / (norm * reference);

@@ -1,11 +1,11 @@
 #include "ambkit/adaptive_noise.h"
 #include "kalman_step.h"
 
-/* A sum of corrections' variances below this share of the smallest growth tells nothing of it [1].
- */
+/* Minimum expected variance of the corrections, as a share of the smallest growth [1]; below it the
+ * window carries no information. */
 #define TELLING (AMB_ROOT_EPSILON * AMB_ROOT_EPSILON)
 
-/* Square of the standard deviations beyond which an innovation is none of the noise [1]. */
+/* Square of the standard deviations beyond which an innovation is not attributed to noise [1]. */
 #define BEYOND AMB_C(25.0)
 
 static const amb_adaptive_noise *own(const amb_estimator *self)
@@ -13,7 +13,7 @@ static const amb_adaptive_noise *own(const amb_estimator *self)
   return (const amb_adaptive_noise *)self->own;
 }
 
-/* The inner filter, on this plant with this noise. */
+/* The inner estimator with this plant and noise. */
 static amb_estimator inner_with(const amb_estimator *self, const amb_kalman *kf)
 {
   const amb_estimator inner = {own(self)->inner.methods, kf, self->magnet, own(self)->inner.own};
@@ -27,7 +27,7 @@ static void open_window(amb_adaptive_noise_state *s)
   s->samples = 0U;
 }
 
-/* The noise that was assumed, nothing learned. */
+/* Reset to the nominal noise. */
 static void forget(const amb_estimator *self, amb_adaptive_noise_state *s)
 {
   s->kf = *self->kf;
@@ -49,13 +49,13 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   return status;
 }
 
-/* What has been found of a noise, as far as it can be; else what was assumed of it. */
+/* The estimated noise within its limits, or the nominal one where it is not estimated. */
 static amb_real found(amb_real noise, amb_real nominal, amb_real most)
 {
   return ((noise >= (nominal / most)) && (noise <= (nominal * most))) ? noise : nominal;
 }
 
-/* All that was not found online is written anew: a bit in memory may flip. */
+/* Everything that is not estimated is rewritten at each sample: a bit in memory may flip. */
 static void renew(const amb_estimator *self, amb_adaptive_noise_state *s)
 {
   const amb_adaptive_noise *a = own(self);
@@ -89,13 +89,14 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   const amb_estimator inner = inner_with(self, &s->kf);
   const amb_status status = inner.methods->predict(&inner, &s->inner, u, result);
   if ((status & (AMB_HELD | AMB_BAD_PARAMETER)) != AMB_OK) {
-    open_window(s); /* what is corrected next is no growth */
+    open_window(s); /* the next corrections are not due to process noise */
   }
   return status;
 }
 
-/* One step of `noise` towards what makes `square`, seen, the `variance` that was expected. What is
- * beyond five standard deviations counts as these: a wrong estimate is no noise. */
+/* One step of `noise` towards the value at which the observed `square` equals the expected
+ * `variance`. The ratio is limited to that of five standard deviations, because a larger one is
+ * caused by a wrong estimate. */
 static amb_status follow(amb_real share, amb_real square, amb_real variance, amb_real nominal,
                          amb_real most, amb_real *noise)
 {
@@ -107,13 +108,13 @@ static amb_status follow(amb_real share, amb_real square, amb_real variance, amb
   return ((next < low) || (next > high)) ? AMB_NOISE_LIMIT : AMB_OK;
 }
 
-/* The growth by each noise, by what is seen of the loads that it drives. */
+/* Adapts the growth by each noise, from the corrections of the loads that it drives. */
 static amb_status adapt_growth(const amb_adaptive_noise *a, const amb_kalman_settings *nominal,
                                amb_adaptive_noise_state *s)
 {
   const amb_model *model = &s->kf.model;
   amb_status status = AMB_OK;
-  /* A window tells once what its samples would have told one by one. */
+  /* One step per window, with the weight of all its samples. */
   const amb_real share = amb_clamp(s->share * (amb_real)a->window, AMB_C(0.0), AMB_C(0.5));
   for (int k = 0; k < amb_noises(model); k++) {
     amb_real square = AMB_C(0.0);
@@ -132,8 +133,8 @@ static amb_status adapt_growth(const amb_adaptive_noise *a, const amb_kalman_set
   return status;
 }
 
-/* Variance of an innovation of sensor r [m^2]: at least what is left of its noise where that is the
- * smallest (amb_noise_share). */
+/* Variance of an innovation of sensor r [m^2], at least the smallest variance of its noise
+ * (amb_noise_share). */
 static amb_real variance_of(const amb_adaptive_noise_state *s, int r, amb_real S)
 {
   return amb_at_least(S, s->kf.set.var_y[r] / AMB_C(64.0));
@@ -160,12 +161,12 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
     }
     open_window(s);
   }
-  /* d = (1 - b) / (1 - b^n), b = 1 - share, one further: 1/d <- 1 + b/d. */
+  /* d = (1 - b) / (1 - b^n) with b = 1 - share, one sample later: 1/d <- 1 + b/d. */
   s->share = amb_at_least(s->share / (s->share + AMB_C(1.0) - a->share), a->share);
   return status;
 }
 
-/* Whether an innovation is too large for any start, or R has become so. */
+/* Whether an innovation, or R, has become too large for a correct start. */
 static bool is_amiss(const amb_estimator *self, const amb_adaptive_noise_state *s,
                      const amb_kalman_result *result)
 {
@@ -178,7 +179,7 @@ static bool is_amiss(const amb_estimator *self, const amb_adaptive_noise_state *
   return amiss;
 }
 
-/* Whether measurements tell of the noise, and not of the start or of a fault. */
+/* Whether the measurements carry information on the noise, unaffected by the start or a fault. */
 static bool learns(const amb_estimator *self, amb_adaptive_noise_state *s, amb_status status,
                    const amb_kalman_result *result)
 {
@@ -194,8 +195,8 @@ static bool learns(const amb_estimator *self, amb_adaptive_noise_state *s, amb_s
   return amb_step_tells(&self->kf->model, result);
 }
 
-/* What the sensors have corrected of each load, and what of it was expected: K S K', of several
- * sensors what they have taken off its variance together. */
+/* Adds the corrections of each load by the sensors, and their expected variance K S K'; with
+ * several sensors that is the total reduction of the load's variance. */
 static void add_corrections(const amb_model *model, const amb_real before[AMB_STATES],
                             const amb_real variances[AMB_STATES], const amb_real with_y[AMB_STATES],
                             amb_real S, amb_adaptive_noise_state *s)
@@ -216,7 +217,7 @@ static void add_corrections(const amb_model *model, const amb_real before[AMB_ST
       if (AMB_WITHIN(correction, most) && AMB_WITHIN(sum, most * most)) {
         s->correction[i] = correction;
         s->expected[i] = sum;
-      } else { /* no rotor's */
+      } else { /* impossible for a rotor */
         s->correction[i] = AMB_C(0.0);
         s->expected[i] = AMB_C(0.0);
       }
@@ -234,7 +235,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   amb_real before[AMB_STATES] = {0};
   amb_real variances[AMB_STATES] = {0};
   amb_real with_y[AMB_STATES] = {0};
-  for (int r = 0; r < amb_sensors(model); r++) { /* as it is, were no bit in memory to flip */
+  for (int r = 0; r < amb_sensors(model); r++) { /* no change, unless a bit in memory has flipped */
     const amb_real low = self->kf->set.var_y[r] / own(self)->most;
     s->kf.set.var_y[r] = amb_at_least(s->kf.set.var_y[r], low);
   }

@@ -6,7 +6,7 @@ static const amb_augmented *own_of(const amb_estimator *self)
   return (const amb_augmented *)self->own;
 }
 
-/* Write from + s var s' into `to`. */
+/* to = from + s var s'. */
 static void widen(int n, const amb_real from[AMB_TRIANGLE], const amb_real s[AMB_STATES],
                   amb_real var, amb_real to[AMB_TRIANGLE])
 {
@@ -36,8 +36,8 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   return status;
 }
 
-/* States that were started afresh have nothing to do with theta any more: of several sensors those
- * that one of them saw, of which with_y is not 0. */
+/* Decorrelates restarted states from theta; with several sensors only those that correlate with the
+ * restarted one (with_y nonzero). */
 static void part_from_theta(const amb_model *model, amb_augmented_state *s,
                             const amb_real with_y[AMB_STATES])
 {
@@ -52,8 +52,8 @@ static void part_from_theta(const amb_model *model, amb_augmented_state *s,
   }
 }
 
-/* As amb_step_contain. As long as a position is known, what is known of other states than the held
- * ones stays, and what of it is theta's. */
+/* As amb_step_contain. While a position is known, the other states keep their correlations, with
+ * theta too. */
 static amb_status contain(const amb_kalman *kf, amb_augmented_state *s)
 {
   const int n = amb_states(&kf->model);
@@ -78,7 +78,7 @@ static amb_status contain(const amb_kalman *kf, amb_augmented_state *s)
   return status;
 }
 
-/* Set theta, and the states to what they would be had it been that. */
+/* Sets theta, and moves the states along their slopes. */
 static void move(int n, amb_augmented_state *s, amb_real theta)
 {
   const amb_real by = theta - s->theta;
@@ -88,7 +88,7 @@ static void move(int n, amb_augmented_state *s, amb_real theta)
   }
 }
 
-/* Theta wanders by var_k: its covariance with the states, s p, stays what it was. */
+/* Random walk of theta by var_k; its covariance with the states, s p, is unchanged. */
 static void wander(int n, const amb_augmented *own, amb_augmented_state *s)
 {
   if (s->var < (own->std * own->std)) {
@@ -102,8 +102,8 @@ static void wander(int n, const amb_augmented *own, amb_augmented_state *s)
   }
 }
 
-/* Theta and its variance, where a bit in memory has flipped: as before the last doubt, and as
- * unsure as at the start. */
+/* Repairs theta and its variance after a bit flip: the last trusted value, with the initial
+ * variance. */
 static void mend(const amb_augmented *own, amb_augmented_state *s)
 {
   const amb_real most = own->std * own->std;
@@ -157,12 +157,12 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   return status | predicted;
 }
 
-/* A sample, and what each of its sensors said with theta as it was. */
+/* One sample, with the innovations of all sensors for theta before the update. */
 typedef struct hearing {
   amb_augmented_state *s;
-  amb_real on_y[AMB_SENSORS]; /* slope of what it shows */
-  amb_real e[AMB_SENSORS];    /* its innovation [m] */
-  amb_real S[AMB_SENSORS];    /* variance of that, were theta known [m^2] */
+  amb_real on_y[AMB_SENSORS]; /* slope of the reading */
+  amb_real e[AMB_SENSORS];    /* innovation [m] */
+  amb_real S[AMB_SENSORS];    /* its variance for known theta [m^2] */
 } hearing;
 
 static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
@@ -179,7 +179,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   const amb_status status = amb_step_update(kf, &s->base, r, y, noise, told);
   amb_copy(amb_entry(n, n - 1, n), s->base.cov, s->cov);
   h->e[r] = told->innovation;
-  h->S[r] = amb_at_least(told->variance, noise); /* as it is: the proof is told so */
+  h->S[r] = amb_at_least(told->variance, noise); /* no change; shows the bound to the proof */
   told->variance += h->on_y[r] * s->var * h->on_y[r];
   if ((status & AMB_RESTARTED) != 0U) {
     part_from_theta(&kf->model, s, with_y);
@@ -190,8 +190,8 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   return status;
 }
 
-/* Correct theta by what the sensors said, one after the other; each innovation is less what those
- * before have made theta of. */
+/* Corrects theta by the sensors in sequence; each innovation is reduced by the change of theta so
+ * far. */
 static void learn(const amb_kalman *kf, const amb_augmented *own, const hearing *h,
                   amb_kalman_result *result)
 {

@@ -1,6 +1,6 @@
 #include "ambkit/calibration.h"
 
-/* The kinds of the numbers that are beyond their limits, or none. */
+/* Bits of the kinds with a value beyond its limits, 0 if none. */
 static uint32_t refused(const amb_calibration_base *base, const amb_real wanted[AMB_PARAMETERS])
 {
   uint32_t wrong = 0U;
@@ -12,7 +12,7 @@ static uint32_t refused(const amb_calibration_base *base, const amb_real wanted[
   return wrong;
 }
 
-/* Where a number goes to. */
+/* Destination of a value. */
 static amb_real *place_of(int kind, int i, amb_kalman_settings *settings, amb_real *mass,
                           amb_calibration_set *set)
 {
@@ -39,7 +39,7 @@ static amb_real *place_of(int kind, int i, amb_kalman_settings *settings, amb_re
     place = &set->pid[i].T_t;
   } else if (kind == (int)AMB_WEIGHT) {
     place = &set->pid[i].weight;
-  } else { /* of the rotor */
+  } else { /* AMB_MASS */
   }
   return place;
 }
@@ -54,9 +54,9 @@ static bool drives_a_load(const amb_model *model, int noise)
   return drives;
 }
 
-/* A rotor of so many times the mass moves as the exported one does under all forces by it: the
- * model stays, and loads are in parts of `heavier`. What is as it was exported is so to the last
- * bit. */
+/* Under forces scaled by the mass ratio `heavier` the rotor moves as the exported one: the model is
+ * unchanged, and disturbance forces are in units of `heavier`. With unchanged values all constants
+ * keep their bits. */
 static void weigh(const amb_calibration_base *base, amb_real heavier, amb_kalman_settings *settings,
                   amb_scaled scaled[AMB_FORCES])
 {
@@ -72,7 +72,7 @@ static void weigh(const amb_calibration_base *base, amb_real heavier, amb_kalman
   }
 }
 
-/* Work the numbers into the constants of filter and controllers. */
+/* Writes the values into the constants of filter and controllers. */
 static amb_status take(const amb_calibration_base *base, const amb_real wanted[AMB_PARAMETERS],
                        amb_calibration_set *set)
 {
@@ -98,7 +98,7 @@ static amb_status take(const amb_calibration_base *base, const amb_real wanted[A
   return amb_kalman_init(&set->kf, &exported->model, &settings);
 }
 
-/* A set whose parts point to each other. */
+/* Connects the parts of a set by their pointers. */
 static void tie(const amb_calibration_base *base, amb_calibration_set *set)
 {
   for (int f = 0; f < amb_forces(&set->kf.model); f++) {
@@ -123,7 +123,7 @@ uint32_t amb_calibration_sum(const amb_calibration_kept *kept)
   return sum;
 }
 
-/* Work a set out of numbers. Returns of which kinds are those that cannot be. */
+/* Computes a set from values. Returns the bits of the kinds that are invalid. */
 static uint32_t work(const amb_calibration_base *base, const amb_real numbers[AMB_PARAMETERS],
                      amb_calibration_kept *kept)
 {
@@ -168,7 +168,7 @@ const amb_control *amb_calibration_update(const amb_calibration_base *base,
   fly(calibration, flying);
   if (calibration->request != calibration->answered) {
     const uint32_t request = calibration->request;
-    amb_real wanted[AMB_PARAMETERS]; /* as they are now, whatever is written meanwhile */
+    amb_real wanted[AMB_PARAMETERS]; /* a snapshot, because the tool may write meanwhile */
     amb_copy(AMB_PARAMETERS, calibration->wanted, wanted);
     calibration->refused = work(base, wanted, next);
     if (calibration->refused == 0U) {
@@ -178,7 +178,7 @@ const amb_control *amb_calibration_update(const amb_calibration_base *base,
   } else if ((flying != 0U) && (calibration->kept[flying - 1U].sum !=
                                 amb_calibration_sum(&calibration->kept[flying - 1U]))) {
     fly(calibration, (work(base, calibration->in_use, next) == 0U) ? idle : 0U);
-  } else { /* all is as it was */
+  } else { /* unchanged */
   }
   if (calibration->flying == 0U) {
     amb_copy(AMB_PARAMETERS, base->exported, calibration->in_use);
@@ -193,7 +193,7 @@ const amb_control *amb_calibration_flown(const amb_calibration_base *base, amb_w
 {
   const amb_control *control = amb_working_by(works_by, base->control);
   if (control != base->control) {
-    const void *start = control; /* of what was kept */
+    const void *start = control; /* of the active set */
     const amb_calibration_kept *kept = (const amb_calibration_kept *)start;
     control = (kept->sum == amb_calibration_sum(kept)) ? control : base->control;
   }

@@ -21,8 +21,8 @@ const amb_control *amb_working_by(amb_works_by *works_by, const amb_control *oth
   return control;
 }
 
-/* A number, held to a limit; `none` where it is not finite. Comparisons of `a` itself: the proof
- * sees its bounds. */
+/* A number limited to a range; `none` if it is not finite. Comparisons of `a` itself show its
+ * bounds to the proof. */
 static amb_real held(amb_real a, amb_real most, amb_real none)
 {
   const amb_real beyond = (a > most) ? most : -most;
@@ -48,7 +48,7 @@ static void start_at(const amb_control *c, amb_control_state *s, void *filter,
   s->sampled = false;
 }
 
-/* Nothing is known until there is a reading. */
+/* No information before the first reading. */
 static void forget(const amb_control *c, amb_control_state *s, void *filter)
 {
   const amb_real nothing[AMB_SENSORS] = {0};
@@ -83,7 +83,7 @@ void amb_control_levitate(const amb_control *control, amb_control_state *state, 
   state->sampled = false;
 }
 
-/* Set off from where the rotor lies: integrals hold it there. */
+/* Initial integrals: those that hold the rotor where it lies. */
 static void lift(const amb_control *c, amb_control_state *s, const amb_real mean[])
 {
   const int n = amb_states(&c->estimator->kf->model);
@@ -117,8 +117,8 @@ void amb_control_transfer(const amb_control *control, amb_control_state *state, 
   amb_control_levitate(control, state, iu, integral);
 }
 
-/* Where a rotor can be that nothing is known of yet: between the stops, or on one, which noise
- * shows beyond it by up to four standard deviations. */
+/* Range of readings of a rotor that is not known yet: between the stops, plus four standard
+ * deviations of noise for a rotor in contact. */
 static bool is_between_the_stops(const amb_kalman *kf, const amb_real y[AMB_SENSORS])
 {
   bool between = true;
@@ -132,15 +132,15 @@ static bool is_between_the_stops(const amb_kalman *kf, const amb_real y[AMB_SENS
   return between;
 }
 
-/* Start anew where the estimate is no rotor, or where its covariance is none (a bit in memory has
- * flipped), and say whether it can be used. */
+/* Restarts an estimate that is physically impossible, or has an invalid covariance (a bit in memory
+ * has flipped). Returns whether the estimate is usable. */
 static amb_status supervise(const amb_control *c, amb_control_state *s, void *filter,
                             amb_status status, amb_control_output *out)
 {
   const amb_status unsure = AMB_HELD | AMB_RESTARTED | AMB_BAD_PARAMETER;
   const amb_kalman *kf = c->estimator->kf;
   amb_status told = status;
-  bool used = false; /* one reading: where none tells of a coordinate any more, it is held */
+  bool used = false; /* at least one reading; states without information are held by the envelope */
   const amb_kalman_state *base = (const amb_kalman_state *)filter;
   bool sound = amb_envelope_bounds(kf, c->bound, base->mean, base->cov);
   for (int r = 0; r < amb_sensors(&kf->model); r++) {
@@ -155,13 +155,13 @@ static amb_status supervise(const amb_control *c, amb_control_state *s, void *fi
     s->missed = 0U;
   } else if (s->missed < c->settling) {
     s->missed++;
-  } else { /* for too long, however long */
+  } else { /* count of samples, limited */
   }
   if (((told & unsure) != 0U) || (s->doubted > c->settling)) { /* or a bit has flipped */
     s->doubted = c->settling;
   } else if (used && (s->doubted > 0U)) {
     s->doubted--;
-  } else { /* as it was */
+  } else { /* unchanged */
   }
   const bool settled = (s->doubted == 0U) || !c->feedback_estimate;
   out->usable = s->started && settled && (s->missed < c->settling);
@@ -182,8 +182,8 @@ static amb_status estimate(const amb_control *c, amb_control_state *s, void *fil
   return (c->sequence != NULL) ? supervise(c, s, filter, status, out) : status;
 }
 
-/* What the controllers see. The load on a rotor that lies is its bearing's own, and who takes that
- * back never lifts: loads count from half of the way on. */
+/* The input of the controllers. In contact the estimated load is the force of the bearing;
+ * compensating it would prevent lift-off, so loads count from half of the way on. */
 static void see(const amb_control *c, const amb_real mean[], const amb_real y[], amb_real way,
                 amb_real x[])
 {

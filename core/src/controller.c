@@ -1,6 +1,6 @@
 #include "ambkit/controller.h"
 
-/* Beyond so many ranges of the current a derivative or what a section gives is no rotor's. */
+/* Maximum derivative and section output, in current ranges; beyond, the value is invalid. */
 #define FASTEST AMB_C(1000.0)
 
 static void keep(amb_pid_state *state, amb_real integral)
@@ -11,7 +11,7 @@ static void keep(amb_pid_state *state, amb_real integral)
   state->copy[1] = held;
 }
 
-/* The one of three of which two are equal. */
+/* Majority of three copies. */
 static amb_real kept(const amb_pid_state *state)
 {
   return (state->integral == state->copy[0]) ? state->integral : state->copy[1];
@@ -27,7 +27,7 @@ void amb_pid_reset(amb_pid_state *state, amb_real integral)
   state->flows = false;
 }
 
-/* The sections as they are where `demanded` has long been. */
+/* Initialise the sections to the steady state for `demanded`. */
 static amb_real settled(const amb_pid *pid, amb_pid_state *state, amb_real demanded)
 {
   amb_real at = demanded;
@@ -41,7 +41,7 @@ static amb_real settled(const amb_pid *pid, amb_pid_state *state, amb_real deman
   return at;
 }
 
-/* What the sections make of a demand: direct form II, transposed. */
+/* Output of the sections: direct form II, transposed. */
 static amb_real filtered(const amb_pid *pid, amb_pid_state *state, amb_real demanded)
 {
   amb_real at = demanded;
@@ -79,7 +79,7 @@ amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, am
         state->velocity = AMB_C(0.0); /* a bit in memory has flipped */
       }
       state->velocity = amb_clamp(state->velocity, -AMB_REAL_ROOT, AMB_REAL_ROOT);
-    } else { /* nothing to compare it with */
+    } else { /* first sample */
     }
     state->last_x = x;
     state->started = true;
@@ -101,7 +101,7 @@ amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, am
     keep(state, integral + (pid->T * (pid->ki * error + (*iu - demanded) / pid->T_t)));
   } else if (!saturated) {
     keep(state, integral + (pid->T * pid->ki * error));
-  } else { /* at the limit it stands */
+  } else { /* at the limit the integrator stops */
     keep(state, integral);
   }
   return saturated ? (status | AMB_SATURATED) : status;

@@ -9,13 +9,13 @@ static amb_real dot(int n, const amb_real a[], const amb_real x[])
   return sum;
 }
 
-/* Where a speed is among the nodes: the one before, and the share of the way to the next. */
+/* Position of a speed among the nodes: the preceding node and the fraction of the interval. */
 typedef struct amb_between {
   int node;
   amb_real share;
 } amb_between;
 
-/* Whether it is past the first node. */
+/* whether the speed is beyond the first node */
 static bool find(const amb_unbalance_control *turn, amb_real speed, amb_between *where)
 {
   const int last = turn->nodes - 1;
@@ -26,7 +26,7 @@ static bool find(const amb_unbalance_control *turn, amb_real speed, amb_between 
   return at > AMB_C(0.0);
 }
 
-/* A row of a table of so many rows at a speed, times the unbalance u. */
+/* Row of a table at a speed, multiplied by the unbalance u. */
 static amb_real turned(const amb_unbalance_control *turn, const amb_between *where,
                        const amb_real table[], int row, int rows, const amb_real u[])
 {
@@ -39,15 +39,15 @@ static amb_real turned(const amb_unbalance_control *turn, const amb_between *whe
   return amb_is_finite(sum) ? sum : AMB_C(0.0);
 }
 
-/* What is left to the rotor: the first states' share in its motion, and the currents. */
+/* The motion that is not controlled: its share in the first states, and its currents. */
 typedef struct amb_left {
   amb_real motion[AMB_UNBALANCE_STATES];
   amb_real current[AMB_UNBALANCE_AXES];
 } amb_left;
 
-/* The square of the greatest share of a travel or of a current that it takes in a turn: of the
- * motion a quarter of a turn on is the velocity over the speed, of the current it is that of an
- * unbalance there. */
+/* Square of the largest share of a clearance or a current limit over one revolution. The motion a
+ * quarter revolution later is its velocity over the speed; the current is that of the unbalance
+ * rotated by a quarter. */
 static amb_real taken(const amb_controllers *c, const amb_between *where, const amb_real u[],
                       amb_real speed, const amb_left *left)
 {
@@ -73,7 +73,7 @@ static amb_real taken(const amb_controllers *c, const amb_between *where, const 
   return most;
 }
 
-/* What is left to the rotor at a speed by the states x. */
+/* The motion that is not controlled, at a speed and an estimate x. */
 static void leave(const amb_controllers *c, const amb_between *where, amb_real speed,
                   const amb_real x[], amb_left *left)
 {
@@ -97,7 +97,7 @@ static void leave(const amb_controllers *c, const amb_between *where, amb_real s
   }
 }
 
-/* What the states add to the current of an axis, by no, one and two powers of the speed. */
+/* Feedback of the states to the current of an axis, by powers 0, 1 and 2 of the speed. */
 static amb_real fed_back(const amb_controllers *c, int axis, const amb_real x[], amb_real speed)
 {
   amb_real sum = AMB_C(0.0);

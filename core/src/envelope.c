@@ -1,7 +1,7 @@
 #include "ambkit/envelope.h"
 #include "equilibrium.h"
 
-/* Of a standard deviation, at each start from a measurement. */
+/* Factor of the standard deviations at each restart. */
 #define LESS_SURE AMB_C(10.0)
 
 bool amb_envelope_within(const amb_kalman *kf, amb_real caps, const amb_real mean[AMB_STATES])
@@ -36,7 +36,7 @@ bool amb_envelope_bounds(const amb_kalman *kf, amb_real caps, const amb_real mea
   return true;
 }
 
-/* The only sensor: the rotor is at rest where it shows it. */
+/* One sensor: the rotor at rest at its reading. */
 static void place_there(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
 {
   const amb_model *model = &kf->model;
@@ -54,7 +54,8 @@ static void place_there(const amb_kalman *kf, int r, amb_real y, amb_real mean[A
 }
 
 #if AMB_SENSORS > 1
-/* One of several: what it sees of the rotor is at rest, the least way from where it was. */
+/* Several sensors: the coordinate that this one measures is at rest, at the nearest position to the
+ * previous one with that reading. */
 static void place_towards(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
 {
   const amb_model *model = &kf->model;
@@ -101,8 +102,8 @@ static void add_square(int n, amb_real variance, const amb_real a[AMB_STATES],
   }
 }
 
-/* What state `s` shows of the rotor at rest: its row of P from those of the positions, to a tenth.
- */
+/* Row `s` of P, a reading in equilibrium, from the rows of the positions; its variance is one
+ * percent larger, for definiteness. */
 static void show(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
 {
   const int n = amb_states(model);
@@ -132,8 +133,8 @@ static void show(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
   P[amb_entry(n, s, s)] = variance * AMB_C(1.01);
 }
 
-/* Forget the lost ones: of these variances, positions anywhere between the stops, and sensors that
- * show the rotor to a tenth. What is known of the others stays. */
+/* Resets the lost states: positions uniform between the stops, the others with these variances,
+ * readings consistent with the positions. The other states keep their covariance. */
 static void forget(const amb_kalman *kf, const bool lost[AMB_STATES],
                    const amb_real variance[AMB_STATES], amb_real P[AMB_TRIANGLE])
 {
@@ -176,7 +177,7 @@ bool amb_envelope_lost(const amb_kalman *kf, const amb_real P[AMB_TRIANGLE], boo
   return some;
 }
 
-/* Means of what was lost: of a rotor at rest in the middle, as far as it is not known. */
+/* Means of lost states: at rest at the centre, given the others. */
 static void rest_in_the_middle(const amb_kalman *kf, const bool lost[AMB_STATES],
                                amb_real mean[AMB_STATES])
 {
@@ -201,7 +202,8 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
   const int n = amb_states(model);
   bool sound = amb_envelope_within(kf, AMB_ASTRAY, state->mean);
   bool lost[AMB_STATES];
-  amb_real share = AMB_C(1.0); /* of the variances, with which positions are between the stops */
+  amb_real share = AMB_C(1.0); /* factor that brings the position variances back between the stops
+                                */
   amb_real variance[AMB_STATES];
   (void)amb_envelope_lost(kf, state->cov, lost);
   for (int i = 0; i < n; i++) {
@@ -233,7 +235,7 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
   return sound ? AMB_HELD : (AMB_HELD | AMB_RESTARTED);
 }
 
-/* The only sensor: the rotor is where it shows it. */
+/* One sensor: the rotor is at its reading. */
 static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y)
 {
   const amb_model *model = &kf->model;
@@ -241,7 +243,7 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
   const amb_real lag = kf->set.T + kf->set.lag[r];
   amb_real variance[AMB_STATES];
   amb_real shown[AMB_STATES];
-  amb_real fastest = AMB_C(0.0); /* variance of a velocity */
+  amb_real fastest = AMB_C(0.0); /* largest variance of a velocity */
   for (int i = 0; i < n; i++) {
     const amb_role role = amb_model_role(model, i);
     variance[i] = state->cov[amb_entry(n, i, i)];
@@ -256,7 +258,7 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
   amb_clear(amb_entry(n, n - 1, n), state->cov);
   for (int i = 0; i < n; i++) {
     const amb_role role = amb_model_role(model, i);
-    if (role == AMB_POSITION) { /* at this speed it goes away from what the sensor shows */
+    if (role == AMB_POSITION) { /* it moves at this speed during the sensor's lag */
       variance[i] = amb_at_most(variance[i] + (lag * lag) * fastest, kf->widest[i]);
     }
     if (role != AMB_SHOWN) {
@@ -269,7 +271,7 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
 }
 
 #if AMB_SENSORS > 1
-/* Take in y of sensor r, of this variance at least; half the digits of its own must be left, as in
+/* Update with y of sensor r, of this variance or more; half of the digits must remain, as in
  * amb_step_update. */
 static void believe(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y,
                     amb_real variance)
@@ -282,7 +284,7 @@ static void believe(const amb_kalman *kf, amb_kalman_state *state, int r, amb_re
   amb_model_update(&kf->model, r, y, shown + var_y, state->mean, state->cov, &e);
 }
 
-/* What the estimate says that sensor r shows, once more, until it is as sure as it `was`. */
+/* Repeats the estimated reading of sensor r as a measurement, until its variance is again `was`. */
 static void tell_again(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real was)
 {
   const amb_real now = amb_model_shown_variance(&kf->model, r, state->cov);
@@ -292,8 +294,8 @@ static void tell_again(const amb_kalman *kf, amb_kalman_state *state, int r, amb
   }
 }
 
-/* One of several: what has to do with it is less sure, but as far as the others have told it; then
- * it is believed. */
+/* Several sensors: states correlated with this one become less certain, are corrected by the
+ * readings of the other sensors, and then by this one. */
 static void restart_towards(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y)
 {
   const amb_model *model = &kf->model;
@@ -321,7 +323,8 @@ static void restart_towards(const amb_kalman *kf, amb_kalman_state *state, int r
     }
   }
   believe(kf, state, r, y, kf->set.var_y[r]);
-  (void)amb_envelope_clamp(kf, state->mean); /* no variance here could lead it back from beyond */
+  (void)amb_envelope_clamp(kf, state->mean); /* the variances are too small to correct a mean beyond
+                                                the caps */
   state->sensor[r].residual = AMB_C(0.0);
 }
 #endif

@@ -47,7 +47,7 @@ bool amb_rest_sees(const amb_model *model, int r, const bool these[AMB_STATES])
   return seen;
 }
 
-/* The position that velocity j moves most within a sample, or else the first one. */
+/* The position that velocity j moves most within a sample; the first one if there is none. */
 static int moved_by(const amb_model *model, int j)
 {
   const amb_real iu[AMB_CONTROLS] = {0};

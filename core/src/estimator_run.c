@@ -14,7 +14,7 @@ amb_status amb_estimator_run(const amb_estimator *estimator, void *state,
                              const amb_kalman_input *in, const amb_kalman_history *history)
 {
   const amb_estimator_methods *methods = estimator->methods;
-  if (methods == &amb_kalman_methods) /* the same numbers, with the state in registers */
+  if (methods == &amb_kalman_methods) /* the same bits, with the state in registers */
     return amb_kalman_run(estimator->kf, estimator->magnet, (amb_kalman_state *)state, in, history);
   const size_t m = (size_t)amb_sensors(&estimator->kf->model);
   const size_t controls = (size_t)amb_controls(&estimator->kf->model);

@@ -26,7 +26,7 @@ void amb_excitation_miss(amb_excitation *e)
 bool amb_excitation_doubt(amb_excitation *e, const amb_excitation_settings *settings)
 {
   const bool before = e->doubt >= AMB_DOUBTFUL_WINDOWS;
-  /* The measurement that follows takes one of the two back. */
+  /* The following measurement update decrements it again. */
   e->doubt = amb_at_most(e->doubt + AMB_C(2.0) * settings->fresh, AMB_DOUBT_WINDOWS);
   return !before && (e->doubt >= AMB_DOUBTFUL_WINDOWS);
 }
@@ -38,7 +38,7 @@ void amb_excitation_predict(amb_excitation *e, const amb_model *model,
   amb_step_carry(model, k, known, none, e->slope);
 }
 
-/* Begun anew where one of them is beyond what a machine comes near to, or not a number. */
+/* Restarts the statistics if one of them is not finite or far beyond its physical range. */
 static void follow(amb_recent *recent, amb_real value, amb_real fresh, amb_real most)
 {
   const amb_real widest = AMB_C(4.0) * most * most;
@@ -84,7 +84,7 @@ void amb_excitation_update(amb_excitation *e, const amb_model *model, int r,
   e->told += on_y * per;
 }
 
-/* Whether the magnets move more than the loads, of which the sample is told first. */
+/* Whether the magnet forces vary more than the disturbances, including this sample. */
 static bool moves_more(amb_excitation *e, const amb_kalman *kf, amb_real slowly,
                        const amb_real mean[AMB_STATES])
 {

@@ -1,15 +1,15 @@
 #include "ambkit/fuzzy.h"
 #include "ambkit/exponential.h"
 
-/* An output and its derivatives after iu [A] and x [m]. */
+/* An output and its derivatives with respect to iu [A] and x [m]. */
 typedef struct surface {
   amb_real value;
   amb_real d_iu;
   amb_real d_x;
 } surface;
 
-/* Two numbers added up along the rules, in four chains: the adders are not waited for, and every
- * compiler adds in this order. */
+/* Sums of two arrays over the rules, in four interleaved chains: this hides the latency of the
+ * adder, and fixes the order of the additions for every compiler. */
 typedef struct sums {
   amb_real plain;
   amb_real weighted;
@@ -44,7 +44,7 @@ static void exponents(const amb_fuzzy *net, const amb_real *sharpness, amb_real 
   }
 }
 
-/* Those of both outputs: the distances are the same. */
+/* Terms of both outputs, which share the distances. */
 static void both_exponents(const amb_fuzzy *net, amb_real p, amb_real q, amb_real *e_i,
                            amb_real *e_s)
 {
@@ -65,8 +65,8 @@ static void exponentials(amb_real *e, int n)
   }
 }
 
-/* The sums of one output from its memberships u. Where a normalised network is so far from every
- * rule that they vanish, the smallest exponent is taken out of all of them first. */
+/* Sums of one output from its memberships u. If a normalised network is so far from every rule that
+ * all memberships vanish, the smallest exponent is subtracted from all first. */
 static sums total(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real p, amb_real q,
                   amb_real *u)
 {
@@ -82,7 +82,7 @@ static sums total(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real
     }
     exponentials(u, net->rules);
     s = add_up(u, output->weight, net->rules);
-    s.plain = amb_at_least(s.plain, AMB_C(1.0)); /* that of the nearest rule */
+    s.plain = amb_at_least(s.plain, AMB_C(1.0)); /* the nearest rule contributes 1 */
   }
   return s;
 }
@@ -107,7 +107,7 @@ void amb_fuzzy_basis(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_r
   }
 }
 
-/* Both outputs at once: one loop over twice as many exponentials fills the vector registers. */
+/* Both outputs together: one loop over twice as many exponentials fills the vector registers. */
 static amb_stiffness fuzzy_through_origin(const void *self, amb_real iu, amb_real x)
 {
   const amb_fuzzy *net = (const amb_fuzzy *)self;
@@ -173,7 +173,7 @@ static amb_stiffness fuzzy_tangent(const void *self, amb_real iu, amb_real x)
   const amb_real held_x = amb_clamp(x, net->x_min, net->x_max);
   const surface k_i = with_slopes(net, &net->k_i, held_iu, held_x);
   const surface k_s = with_slopes(net, &net->k_s, held_iu, held_x);
-  /* Held at the edge, the stiffnesses do not change with what lies outside. */
+  /* Beyond the box the stiffnesses are constant, and their derivatives zero. */
   const amb_real in_iu = (held_iu == iu) ? AMB_C(1.0) : AMB_C(0.0);
   const amb_real in_x = (held_x == x) ? AMB_C(1.0) : AMB_C(0.0);
   const amb_stiffness k = {k_i.value + in_iu * (k_i.d_iu * iu + k_s.d_iu * x),

@@ -2,25 +2,27 @@
 #include "ambkit/root.h"
 #include "kalman_step.h"
 
-/* Standard deviations of the prediction, beyond which a step says no more than where it ends. */
+/* Distance of the nearer edge of a step from the prediction, in standard deviations, beyond which
+ * only this edge matters. */
 #define FARTHEST AMB_C(6.0)
 
-/* Half a step, in such, from which on it says more than its rounding's variance. */
+/* Half step in standard deviations of the innovation, above which the interval carries more
+ * information than its rounding variance. */
 #define NARROW AMB_C(0.5)
 
-/* A rotor that the disturbance force moves, or of which no more is known than the step, stays in a
- * step of up to five standard deviations for less than three of its time constants: exponent of the
- * chance of a repeat, over the samples that it stays in a very coarse one. */
+/* Exponent of the probability of a repeat over the dwell time in a very coarse step. A rotor that
+ * the disturbance force moves, or whose position is known to a step only, stays in a step of up to
+ * five standard deviations for less than three time constants. */
 #define LEAVES AMB_C(5.16)
 
-/* Least variance of the noise, over that in the middle (amb_noise_share). */
+/* Minimum variance of the noise, relative to that at the centre (amb_noise_share). */
 #define LEAST_NOISE AMB_C(0.015625)
 
-/* Share of a variance that a measurement takes at least. */
+/* Minimum relative reduction of a variance by a measurement. */
 #define LEAST AMB_C(1e-4)
 
-/* Variance of a repeated very coarse measurement, over that of its rounding for so many samples,
- * where the prediction is as wide as the step. */
+/* Variance of a repeated very coarse measurement, relative to the rounding variance over the dwell
+ * time, for a prediction as wide as the step. */
 #define REPEATED AMB_C(15.0)
 
 static bool not_negative(amb_real a)
@@ -64,7 +66,7 @@ static amb_real density(amb_real t)
   return AMB_C(0.39894228040143268) * amb_exp_negative(AMB_C(0.5) * (t * t));
 }
 
-/* Its tail beyond t >= 0 over its density, to 1e-4 of itself. */
+/* Mills ratio, its tail beyond t >= 0 over its density, with a relative error of 1e-4. */
 static amb_real mills(amb_real t)
 {
   return (AMB_C(6.59915492) + t * (AMB_C(4.05471361) + t)) /
@@ -79,11 +81,11 @@ amb_rounded amb_kalman_rounded(const amb_kalman *kf, int r, amb_real e, amb_real
   const amb_real s = amb_root(S);
   const amb_real middle = amb_magnitude(e) / s;
   const amb_real half = (AMB_C(0.5) * step) / s;
-  const amb_real near = middle - half; /* ends of the step, in standard deviations */
+  const amb_real near = middle - half; /* edges of the step, in standard deviations */
   const amb_real far = middle + half;
   amb_rounded as = {AMB_C(0.0), noise + (step * step) / AMB_C(12.0), AMB_C(0.0)};
   if (!(near < FARTHEST)) {
-    if (half > NARROW) { /* the nearer end */
+    if (half > NARROW) { /* only the nearer edge matters */
       as.moved = (e < AMB_C(0.0)) ? (AMB_C(0.5) * step) : (AMB_C(-0.5) * step);
       as.noise = noise;
     }
@@ -121,7 +123,7 @@ amb_rounded amb_kalman_edge(const amb_kalman *kf, int r, amb_real e, amb_real ch
   } else if ((size <= AMB_C(0.5) * step) && (amb_magnitude(e) <= AMB_C(0.5) * step)) {
     const amb_real narrow = least / amb_at_least(shown, LEAST * least);
     as.noise += (REPEATED * kf->rounding[r]) * (narrow * narrow);
-  } else { /* nothing but the step itself */
+  } else { /* no information beyond the step itself */
   }
   return as;
 }
@@ -130,7 +132,8 @@ amb_real amb_kalman_repeats(const amb_kalman *kf, int r, amb_real least_change, 
 {
   const amb_real step = kf->set.step[r];
   const amb_real var_y = kf->set.var_y[r];
-  /* With more sensors than magnets, others can hold the rotor at rest within this one's step. */
+  /* With more sensors than magnets, the other sensors can hold the rotor at rest within a step of
+   * this one. */
   const bool spare = (step > AMB_C(0.0)) && (amb_sensors(&kf->model) > amb_forces(&kf->model));
   const amb_real leaves =
       spare ? AMB_C(0.0) : (AMB_C(1.0) / amb_at_least(kf->set.dwell, AMB_C(1.0)));
@@ -144,7 +147,7 @@ amb_real amb_kalman_repeats(const amb_kalman *kf, int r, amb_real least_change, 
   }
   const amb_real wide = (AMB_C(0.15915494309189535) * square) / variance; /* 1 / (2 pi) */
   const amb_real within = amb_root(AMB_C(1.0) - amb_exp_negative(wide));
-  /* In a coarse step, the rotor stays and the noise leaves it there too. */
+  /* In a coarse step both the rotor and the noise must have left the measurement within it. */
   return fine ? amb_at_most(within, stays) : (within * stays);
 }
 
@@ -185,7 +188,7 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model, const amb_kal
   return AMB_OK;
 }
 
-/* Not more than the rotor can do, and not less than there are digits for. */
+/* Limited to the physical maximum, and from below to the precision of the number type. */
 static amb_real variance_at_start(amb_real std, amb_real cap)
 {
   const amb_real least = (AMB_ROOT_EPSILON * AMB_ROOT_EPSILON) * cap;
@@ -216,7 +219,7 @@ amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
   }
   amb_clear(amb_controls(&kf->model), state->last_u);
   for (int r = 0; r < amb_sensors(&kf->model); r++) {
-    /* No measurement is so far away: the first one is no change. */
+    /* Impossible as a measurement, so the first one does not count as a change. */
     const amb_sensor_state well = {AMB_C(2.0) * kf->far[r], AMB_C(0.0), AMB_C(0.0), AMB_C(1.0),
                                    kf->far[r] * kf->far[r], 0U,         0U};
     state->sensor[r] = well;

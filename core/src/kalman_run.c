@@ -1,7 +1,7 @@
 #include "ambkit/kalman_run.h"
 #include "kalman_step.h"
 
-/* Entry by entry: what is copied as a block of memory cannot stay in registers. */
+/* Element by element: a block copy would force the state out of registers. */
 AMB_INLINE void note(const amb_model *model, const amb_kalman_state *state,
                      const amb_kalman_result *result, size_t k, const amb_kalman_history *h)
 {
@@ -39,8 +39,8 @@ static bool all_constant(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCE
   return constant;
 }
 
-/* Prediction with the control currents iu [A] that acted and the result's stiffnesses, then
- * measurements y [m]. What is not usual has a copy, so that the state itself stays in registers. */
+/* Prediction with the control currents iu [A] that acted and the result's stiffnesses, then update
+ * with the measurements y [m]. Rare cases work on a copy, so that the state stays in registers. */
 AMB_INLINE void step(const amb_kalman *kf, amb_kalman_state *s, const amb_real iu[AMB_CONTROLS],
                      const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
@@ -62,11 +62,11 @@ AMB_INLINE void step(const amb_kalman *kf, amb_kalman_state *s, const amb_real i
   }
 }
 
-/* Where the stiffnesses of a step come from. */
+/* Source of the stiffnesses of a step. */
 typedef enum source { GIVEN, CONSTANT, ASKED } source;
 
-/* All samples but the first. Inlined for each source by itself: a call empties the registers, and
- * who asks nobody is not to be arranged for it. */
+/* All samples but the first. Inlined for each source separately: a call would clear the registers
+ * even when no magnet is evaluated. */
 AMB_INLINE amb_status go_on(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
                             amb_kalman_state *state, const amb_kalman_input *in, source from,
                             const amb_kalman_result *first, const amb_kalman_history *h)
@@ -82,7 +82,7 @@ AMB_INLINE amb_status go_on(const amb_kalman *kf, const amb_magnet magnet[AMB_FO
       amb_step_given(kf, in->k_i, in->k_s, i - 1, result.stiffness);
     } else if (from == ASKED) {
       amb_step_ask_all(kf, magnet, iu, s.mean, result.stiffness);
-    } else { /* as before */
+    } else { /* the given stiffnesses are kept */
     }
     step(kf, &s, iu, in->y + i * m, &result);
     all |= result.status;
@@ -96,14 +96,14 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
                           amb_kalman_state *state, const amb_kalman_input *input,
                           const amb_kalman_history *history)
 {
-  const amb_kalman own = *kf; /* copies: nothing that is written can be part of them */
+  const amb_kalman own = *kf; /* copies: the compiler can assume that no output aliases them */
   const amb_kalman_history h = *history;
   const amb_kalman_input in = *input;
   const bool given = (in.k_i != NULL) && (in.k_s != NULL);
   if (in.n == 0) {
     return AMB_OK;
   }
-  /* The first sample, which is only taken in, with the stiffnesses that come first. */
+  /* The first sample has only a measurement update, with the first stiffnesses. */
   const amb_real none[AMB_CONTROLS] = {0};
   amb_kalman_result first;
   if (given) {

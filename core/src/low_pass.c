@@ -18,7 +18,7 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   return status;
 }
 
-/* What follows from the controls goes one sample on, as the model says; nothing else does. */
+/* Advances the states that the controls determine by one sample; the others are unchanged. */
 static void follow(const amb_model *model, const amb_real iu[AMB_CONTROLS],
                    amb_real mean[AMB_STATES])
 {
@@ -32,7 +32,7 @@ static void follow(const amb_model *model, const amb_real iu[AMB_CONTROLS],
   }
 }
 
-/* The force that acts, at the current of the sample's mean, is kept for the next measurement. */
+/* Stores the force at the mean current of the sample, for the next measurement. */
 static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                           amb_kalman_result *result)
 {

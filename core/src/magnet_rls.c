@@ -1,6 +1,6 @@
 #include "ambkit/magnet_rls.h"
 
-/* Regressors are of order one: 1 for the load, and phi over this for k. */
+/* Scaling of phi, so that both regressors are of order one: 1 for the load, phi over this for k. */
 static amb_real reference_of(const amb_law *law)
 {
   const amb_real own = (AMB_C(2.0) * law->i0) / law->s0;
@@ -19,8 +19,8 @@ amb_status amb_magnet_rls_reset(const amb_magnet_rls *m, amb_magnet_rls_state *s
   const size_t last = rls.n - 1U;
   const amb_real least = m->least_excitation * m->least_excitation;
   amb_real theta[2] = {AMB_C(0.0), AMB_C(0.0)};
-  /* The start of k weighs as much as what just excites. Nothing is known of a load: it takes what
-   * does not move, from the first sample on. */
+  /* The initial k has the weight of just sufficient excitation. The load has none: it is fitted
+   * from the first sample on. */
   amb_real known[2] = {AMB_C(0.0), AMB_C(0.0)};
   known[last] = least;
   theta[last] = k * reference_of(&m->front.law);

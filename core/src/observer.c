@@ -2,8 +2,8 @@
 #include "equilibrium.h"
 #include "kalman_step.h"
 
-/* Of a very coarse step, how far from its middle the rotor is taken to be at most: a constant gain
- * comes too late where it crosses an edge, and beyond the edges it is not. */
+/* Maximum distance of the rotor from the centre of a very coarse step [steps]: a constant gain
+ * corrects too late at an edge, so the rotor is assumed to be within the step. */
 #define MIDDLE AMB_C(0.3)
 
 static const amb_observer *own(const amb_estimator *self)
@@ -35,7 +35,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   return status;
 }
 
-/* Bring the rotor into the very coarse step that sensor r shows. */
+/* Moves the rotor into the very coarse step of sensor r. */
 static void hold_to_step(const amb_kalman *kf, int r, amb_kalman_state *s)
 {
   const amb_real half = MIDDLE * kf->set.step[r];
@@ -63,7 +63,7 @@ static amb_status take_in(const amb_kalman *kf, const void *constants, void *of,
     const amb_real e = seen - amb_model_shown(&kf->model, r, s->mean);
     told->innovation = e;
     status = amb_step_inconsistent(&s->sensor[r], e, S);
-    /* After too many outliers it is the estimate that is wrong: a constant gain leads it back. */
+    /* After too many outliers the estimate is wrong, and the constant gain corrects it. */
     if (amb_step_outlier(kf, &s->sensor[r], r, e, S) == AMB_OUTLIER) {
       status |= AMB_OUTLIER;
     } else {
@@ -81,11 +81,11 @@ static amb_status take_in(const amb_kalman *kf, const void *constants, void *of,
     }
   }
   if (((status & AMB_UNUSED) != 0U) && !amb_envelope_within(kf, AMB_ASTRAY, s->mean)) {
-    amb_clear(amb_states(&kf->model), s->mean); /* no rotor's; nor is its load's limit */
+    amb_clear(amb_states(&kf->model), s->mean); /* invalid, and so is its disturbance force */
     status |= AMB_HELD | AMB_RESTARTED;
   } else if (((status & AMB_UNUSED) != 0U) && amb_envelope_clamp(kf, s->mean)) {
     status |= AMB_HELD;
-  } else { /* within the envelope, or led by the measurement */
+  } else { /* within the envelope, or corrected by measurements */
   }
   return status;
 }

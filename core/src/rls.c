@@ -1,6 +1,6 @@
 #include "ambkit/rls.h"
 
-/* Place of row i, column j <= i in a lower triangle. */
+/* Index of row i, column j <= i in a lower triangle. */
 static size_t at(size_t i, size_t j)
 {
   return ((i * (i + 1U)) / 2U) + j;
@@ -28,7 +28,7 @@ amb_status amb_rls_reset(const amb_rls *rls, amb_rls_state *state, const amb_rea
   return AMB_OK;
 }
 
-/* Solve  moment gain = phi  for the excited parameters, the gain of the others is zero. Returns
+/* Solves  moment gain = phi  for the excited parameters; the gain of the others is zero. Returns
  * whether all are excited. */
 static bool solve(const amb_rls *rls, const amb_real moment[], const amb_real phi[],
                   amb_real excitation[], amb_real gain[])
@@ -48,8 +48,8 @@ static bool solve(const amb_rls *rls, const amb_real moment[], const amb_real ph
       left -= L[at(j, i)] * forward[i];
     }
     excitation[j] = amb_at_least(pivot, AMB_C(0.0));
-    /* Held: its row and column stay zero, as if it were not there. Rounding leaves of a pivot that
-     * should be zero a part of the whole: not more is taken for excitation. */
+    /* Held: its row and column stay zero. Rounding leaves a relative residue in a pivot that should
+     * be zero, which does not count as excitation. */
     const amb_real rounding = AMB_ROOT_EPSILON * AMB_ROOT_EPSILON * moment[at(j, j)];
     const bool excited = (pivot > (AMB_C(16.0) * rounding)) && (pivot >= least);
     if (excited) {

@@ -1,337 +1,8 @@
 #include "ambkit/sampling.h"
-#include <float.h>
+#include "square.h"
 
-#if DBL_MANT_DIG != 53
-#error "double is not IEEE 754 binary64"
-#endif
-
-#define TERMS 20         /* 1/20! is below the rounding of a double where terms do not grow */
-#define ROUNDS 24        /* of the iteration for the spectral radius */
-#define MOST_DECAY 708.0 /* exp(-t) is a normal number up to here */
-
-static bool is_zero(double a)
-{
-  return (a >= 0.0) && (a <= 0.0);
-}
-
-static bool is_number(double a)
-{
-  return (a >= -DBL_MAX) && (a <= DBL_MAX);
-}
-
-static double magnitude_of(double a)
-{
-  return (a < 0.0) ? -a : a;
-}
-
-static double larger_of(double a, double b)
-{
-  return (a > b) ? a : b;
-}
-
-/* exp(-t), t >= 0: its series at the rest r of t / ln 2, halved; to two machine epsilons. */
-static double decay_over(double t)
-{
-  const double held = (t < MOST_DECAY) ? t : MOST_DECAY;
-  const double nearest = (held * 1.4426950408889634) + 0.5;
-  const int halvings = (int)nearest;
-  const double n = (double)halvings;
-  const double r = ((n * 0.69314718036912382) - held) + (n * 1.9082149292705877e-10);
-  double sum = 1.0;
-  for (int k = 14; k > 0; k--) {
-    sum = 1.0 + ((r * sum) / (double)k);
-  }
-  for (int k = 0; k < halvings; k++) {
-    sum *= 0.5;
-  }
-  return sum;
-}
-
-static void copy(int count, const double from[], double to[])
-{
-  for (int i = 0; i < count; i++) {
-    to[i] = from[i];
-  }
-}
-
-static void set_identity(int n, double A[])
-{
-  for (int i = 0; i < (n * n); i++) {
-    A[i] = ((i / n) == (i % n)) ? 1.0 : 0.0;
-  }
-}
-
-/* to = A B / divisor, where many entries of A are zero. */
-static void multiply(int n, const double A[], const double B[], double divisor, double to[])
-{
-  for (int i = 0; i < n; i++) {
-    double *row = &to[i * n];
-    for (int j = 0; j < n; j++) {
-      row[j] = 0.0;
-    }
-    for (int k = 0; k < n; k++) {
-      if (!is_zero(A[(i * n) + k])) {
-        const double a = A[(i * n) + k] / divisor;
-        const double *of = &B[k * n];
-        for (int j = 0; j < n; j++) {
-          row[j] += a * of[j];
-        }
-      }
-    }
-  }
-}
-
-/* R, whether state j drives state i, by whatever way (Warshall 1962). */
-static void find_ways(int n, const double A[], double R[])
-{
-  for (int i = 0; i < (n * n); i++) {
-    R[i] = is_zero(A[i]) ? 0.0 : 1.0;
-  }
-  for (int k = 0; k < n; k++) {
-    for (int i = 0; i < n; i++) {
-      if (R[(i * n) + k] > 0.0) {
-        for (int j = 0; j < n; j++) {
-          R[(i * n) + j] = (R[(k * n) + j] > 0.0) ? 1.0 : R[(i * n) + j];
-        }
-      }
-    }
-  }
-}
-
-static bool in_circle(int n, const double R[], int i, int j)
-{
-  return (R[(i * n) + j] > 0.0) && (R[(j * n) + i] > 0.0);
-}
-
-/* How many states the longest way passes, all of each circle; `length` is room. */
-static int longest_way(int n, const double R[], double length[])
-{
-  double longest = 0.0;
-  bool grows = true;
-  for (int i = 0; i < n; i++) {
-    length[i] = 0.0;
-  }
-  while (grows) {
-    grows = false;
-    for (int i = 0; i < n; i++) {
-      double before = 0.0;
-      double own = 0.0;
-      for (int j = 0; j < n; j++) {
-        const bool same = (i == j) || in_circle(n, R, i, j);
-        own += same ? 1.0 : 0.0;
-        before = (!same && (R[(i * n) + j] > 0.0)) ? larger_of(length[j], before) : before;
-      }
-      grows = grows || ((own + before) > length[i]);
-      length[i] = own + before;
-      longest = larger_of(length[i], longest);
-    }
-  }
-  return (int)longest;
-}
-
-/* The spectral radius of C, which is not negative, from above and whatever the units: the greatest
- * (C x)_i / x_i of a positive x (Collatz 1942), which the power method makes nearly the
- * eigenvector. Below 1/2 it does not matter. x and y are room. */
-static double radius_of(int n, const double C[], double x[], double y[])
-{
-  double radius = DBL_MAX;
-  for (int i = 0; i < n; i++) {
-    x[i] = 1.0;
-  }
-  bool matters = true;
-  for (int round = 0; (round < ROUNDS) && matters; round++) {
-    double bound = 0.0;
-    for (int i = 0; i < n; i++) {
-      y[i] = 0.0;
-      for (int j = 0; j < n; j++) {
-        if (C[(i * n) + j] > 0.0) {
-          y[i] += C[(i * n) + j] * x[j];
-        }
-      }
-      bound = larger_of(y[i] / x[i], bound);
-    }
-    radius = (bound < radius) ? bound : radius;
-    matters = radius > 0.5;
-    for (int i = 0; (i < n) && matters; i++) {
-      x[i] = (0.5 * x[i]) + (y[i] / radius); /* the first keeps it positive */
-    }
-  }
-  return radius;
-}
-
-/* A share of a linear system's time. */
-typedef struct share {
-  double *A;     /* over the share: its circles pass on at most half */
-  int terms;     /* that its series needs */
-  int doublings; /* from it to all of the time */
-} share;
-
-/* `of`, of A time; false where that is not finite. C: the magnitudes of what states pass on to each
- * other in circles over all of the time; room for n^2 + 2 n more. */
-static bool take_share(int n, const double A[], double time, share *of, double C[], double work[])
-{
-  double *R = work;
-  double *length = &work[n * n];
-  bool finite = true;
-  for (int i = 0; i < (n * n); i++) {
-    of->A[i] = A[i] * time;
-    finite = finite && is_number(of->A[i]);
-  }
-  find_ways(n, of->A, R);
-  of->terms = TERMS + longest_way(n, R, length);
-  of->doublings = 0;
-  for (int i = 0; i < (n * n); i++) {
-    C[i] = in_circle(n, R, i / n, i % n) ? magnitude_of(of->A[i]) : 0.0;
-  }
-  double part = 1.0;
-  const double radius = finite ? radius_of(n, C, length, &length[n]) : 0.0;
-  bool short_enough = radius <= 0.5;
-  while (!short_enough) {
-    of->doublings++;
-    part *= 0.5;
-    short_enough = (radius * part) <= 0.5;
-  }
-  for (int i = 0; i < (n * n); i++) {
-    of->A[i] *= part;
-  }
-  return finite;
-}
-
-/* The exponential of a share by Horner's scheme, and its diagonal less 1. */
-static void sum_series(int n, const share *of, double Phi[], double less_one[], double next[])
-{
-  set_identity(n, Phi);
-  for (int k = of->terms; k > 0; k--) {
-    multiply(n, of->A, Phi, (double)k, next);
-    for (int i = 0; i < n; i++) {
-      less_one[i] = next[(i * n) + i];
-      next[(i * n) + i] += 1.0;
-    }
-    copy(n * n, next, Phi);
-  }
-}
-
-/* Phi of twice the time. What hardly moves is kept as that, not as what is left of 1: else each
- * doubling would lose a bit of it. */
-static void double_time(int n, double Phi[], double less_one[], double next[])
-{
-  multiply(n, Phi, Phi, 1.0, next);
-  for (int i = 0; i < n; i++) {
-    double around = 0.0;
-    for (int k = 0; k < n; k++) {
-      around += (k == i) ? 0.0 : (Phi[(i * n) + k] * Phi[(k * n) + i]);
-    }
-    less_one[i] = (less_one[i] * (2.0 + less_one[i])) + around;
-    next[(i * n) + i] = (less_one[i] > -0.5) ? (1.0 + less_one[i]) : next[(i * n) + i];
-  }
-  copy(n * n, next, Phi);
-}
-
-/* What is on no circle but its own decays by its own rate, however far. */
-static void set_decays(int n, const double A[], double time, const double C[], double Phi[])
-{
-  for (int i = 0; i < n; i++) {
-    const double rate = A[(i * n) + i] * time;
-    bool by_itself = !is_zero(rate);
-    for (int j = 0; j < n; j++) {
-      by_itself = by_itself && ((j == i) || is_zero(C[(i * n) + j]));
-    }
-    if (by_itself) {
-      const double decay = decay_over(magnitude_of(rate));
-      Phi[(i * n) + i] = (rate < 0.0) ? decay : (1.0 / decay);
-    }
-  }
-}
-
-bool amb_transition(int n, const double A[], double time, double Phi[], double work[])
-{
-  double *C = &work[n * n];
-  double *next = &work[2 * n * n];
-  share of = {work, 0, 0};
-  if (!take_share(n, A, time, &of, C, next)) {
-    return false;
-  }
-  double *less_one = &work[3 * n * n];
-  sum_series(n, &of, Phi, less_one, next);
-  for (int k = 0; k < of.doublings; k++) {
-    double_time(n, Phi, less_one, next);
-  }
-  set_decays(n, A, time, C, Phi);
-  return true;
-}
-
-/* Its covariance over the share, by the series of dN/dt = A N + N A' + diag(intensity). */
-static void sum_noise(int n, const share *of, double time, const double intensity[], double N[],
-                      double term[], double driven[])
-{
-  for (int i = 0; i < (n * n); i++) {
-    term[i] = ((i / n) == (i % n)) ? (intensity[i / n] * time) : 0.0;
-    N[i] = term[i];
-  }
-  bool changed = true;
-  for (int k = 2; (k <= (2 * of->terms)) && changed; k++) {
-    multiply(n, of->A, term, (double)k, driven);
-    changed = false; /* each state is reached one term after its neighbour */
-    for (int i = 0; i < n; i++) {
-      for (int j = 0; j < n; j++) {
-        const double before = N[(i * n) + j];
-        term[(i * n) + j] = driven[(i * n) + j] + driven[(j * n) + i];
-        N[(i * n) + j] += term[(i * n) + j];
-        changed = changed || (N[(i * n) + j] < before) || (N[(i * n) + j] > before);
-      }
-    }
-  }
-}
-
-/* N(2 t) = N(t) + Phi(t) N(t) Phi(t)'. */
-static void double_noise(int n, const double Phi[], double N[], double driven[])
-{
-  multiply(n, Phi, N, 1.0, driven);
-  for (int i = 0; i < n; i++) {
-    for (int j = i; j < n; j++) {
-      double more = 0.0;
-      for (int k = 0; k < n; k++) {
-        more += driven[(i * n) + k] * Phi[(j * n) + k];
-      }
-      N[(i * n) + j] += more;
-      N[(j * n) + i] = N[(i * n) + j];
-    }
-  }
-}
-
-bool amb_process_noise(int n, const double A[], double time, int count, const double intensity[],
-                       double N[], double work[])
-{
-  const int square = n * n;
-  double *term = &work[square];
-  double *driven = &work[2 * square];
-  double *Phi = &work[3 * square];
-  double *less_one = &work[4 * square];
-  share of = {work, 0, 0};
-  if (!take_share(n, A, time, &of, term, driven)) {
-    return false;
-  }
-  double part = time;
-  for (int k = 0; k < of.doublings; k++) {
-    part *= 0.5;
-  }
-  for (int w = 0; w < count; w++) {
-    sum_noise(n, &of, part, &intensity[w * n], &N[w * square], term, driven);
-  }
-  if (of.doublings > 0) {
-    sum_series(n, &of, Phi, less_one, driven);
-  }
-  for (int k = 0; k < of.doublings; k++) {
-    for (int w = 0; w < count; w++) {
-      double_noise(n, Phi, &N[w * square], driven);
-    }
-    double_time(n, Phi, less_one, driven);
-  }
-  return true;
-}
-
-/* What acts on an amplifier from some share of the sample on: a demand of before, or that of now.
- */
+/* The demand that acts on an amplifier from a share of the sample on: a past one, or the present
+ * one. */
 static int acting(const amb_plan *plan, int column, double after)
 {
   int source = column;
@@ -345,7 +16,7 @@ static int acting(const amb_plan *plan, int column, double after)
   return source;
 }
 
-/* The first n states of the continuous model, from some share of the sample on. */
+/* Matrix of the first n states of the continuous model, from a share of the sample on. */
 static void generate(const amb_plan *plan, unsigned int use, double after, int n, double A[])
 {
   for (int i = 0; i < (n * n); i++) {
@@ -360,7 +31,7 @@ static void generate(const amb_plan *plan, unsigned int use, double after, int n
   }
 }
 
-/* A force that follows its current was given it twice: its mean is in the force that is held. */
+/* A force that follows its current was counted twice: its mean is already in the held force. */
 static void hold_means(const amb_plan *plan, int size, double Phi[])
 {
   const int n = plan->states;
@@ -368,7 +39,7 @@ static void hold_means(const amb_plan *plan, int size, double Phi[])
   const int to = n + p + plan->controls;
   for (int f = 0; f < p; f++) {
     const double *current = &Phi[(to + p + f) * size];
-    for (int i = 0; (i < n) && !is_zero(plan->k_i[f]); i++) {
+    for (int i = 0; (i < n) && !amb_is_zero(plan->k_i[f]); i++) {
       const double held = plan->k_i[f] * Phi[(i * size) + n + f];
       for (int j = 0; j < to; j++) {
         const bool force = (j >= n) && (j < (n + p));
@@ -378,7 +49,7 @@ static void hold_means(const amb_plan *plan, int size, double Phi[])
   }
 }
 
-/* Past demands move on by one sample. */
+/* Shifts the past demands by one sample. */
 static void shift(const amb_plan *plan, int size, double Phi[])
 {
   for (int k = 0; k < plan->lates; k++) {
@@ -401,7 +72,7 @@ bool amb_plan_sampled(const amb_plan *plan, double Phi[], double N[], double wor
   double *A = work;
   double *piece = &work[size * size];
   double *room = &work[2 * size * size];
-  set_identity(size, Phi);
+  amb_square_identity(size, Phi);
   double start = 0.0;
   while (start < 1.0) { /* from one change of a demand to the next */
     double end = 1.0;
@@ -414,10 +85,10 @@ bool amb_plan_sampled(const amb_plan *plan, double Phi[], double N[], double wor
       return false;
     }
     if (start > 0.0) {
-      multiply(size, piece, Phi, 1.0, room);
-      copy(size * size, room, Phi);
+      amb_square_multiply(size, piece, Phi, 1.0, room);
+      amb_square_copy(size * size, room, Phi);
     } else {
-      copy(size * size, piece, Phi);
+      amb_square_copy(size * size, piece, Phi);
     }
     start = end;
   }

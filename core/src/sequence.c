@@ -22,7 +22,7 @@ bool amb_sequence_on(const amb_sequence_state *state)
          (state->mode == AMB_LANDING);
 }
 
-/* One more in a row, or none; never more than what is beyond the limit. */
+/* Counter of consecutive samples, limited to `limit` + 1. */
 static unsigned int counted(unsigned int in_a_row, bool one_more, unsigned int limit)
 {
   unsigned int found = in_a_row;
@@ -30,7 +30,7 @@ static unsigned int counted(unsigned int in_a_row, bool one_more, unsigned int l
     found = 0U;
   } else if (in_a_row <= limit) {
     found = in_a_row + 1U;
-  } else { /* beyond, however far */
+  } else { /* limited */
   }
   return found;
 }
@@ -62,8 +62,8 @@ static void wait(const amb_sequence *sequence, amb_sequence_state *state, bool u
   }
 }
 
-/* A bit in memory may flip. What has come some of the way has currents, and in flight it is there;
- * nothing else is on its way. */
+/* Consistency after a bit flip: lifting and landing imply currents on, levitation the full way, all
+ * other modes none of it. */
 static void mend(amb_sequence_state *state)
 {
   const bool there = (state->mode == AMB_FLYING) || !AMB_WITHIN(state->share, AMB_C(1.0));
@@ -73,14 +73,14 @@ static void mend(amb_sequence_state *state)
     state->mode = (state->share > AMB_C(0.0)) ? AMB_LIFTING : AMB_TRIPPED;
   } else if (state->share > AMB_C(0.0)) {
     state->mode = AMB_LIFTING;
-  } else { /* off, with nothing of the way */
+  } else { /* off, at the start of the way */
   }
 }
 
 amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_state *state, bool fly,
                                   bool usable, bool limited)
 {
-  /* The next mode, without and with the request to levitate. */
+  /* The next mode, without and with the command to levitate. */
   static const amb_flight_mode next_mode[][2] = {
       {AMB_OFF, AMB_WAITING},    {AMB_OFF, AMB_WAITING},     {AMB_LANDING, AMB_LIFTING},
       {AMB_LANDING, AMB_FLYING}, {AMB_LANDING, AMB_LIFTING}, {AMB_OFF, AMB_TRIPPED}};
@@ -93,7 +93,7 @@ amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_sta
       state->share = AMB_C(0.0);
     }
   }
-  /* More than that: a bit in memory has flipped. */
+  /* any other value: a bit in memory has flipped */
   const amb_flight_mode before = (state->mode <= AMB_TRIPPED) ? state->mode : AMB_TRIPPED;
   state->mode = next_mode[before][fly ? 1 : 0];
   if ((before == AMB_TRIPPED) && !fly) {
@@ -106,7 +106,7 @@ amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_sta
     rise(sequence, state);
   } else if (before == AMB_LANDING) {
     sink(sequence, state);
-  } else { /* it stays */
+  } else { /* unchanged */
   }
   return state->mode;
 }

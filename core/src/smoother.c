@@ -5,7 +5,7 @@
 #define N AMB_STATES
 #define BROKEN (AMB_HELD | AMB_RESTARTED | AMB_BAD_PARAMETER | AMB_BAD_VARIANCE)
 
-/* What the samples after the present one say of it, and room to work in. */
+/* Information of later samples on the present one, and workspace. */
 typedef struct adjoint {
   int n;
   amb_real lambda[N];
@@ -13,7 +13,7 @@ typedef struct adjoint {
   amb_real A[N][N];
   amb_real B[N][N];
   amb_real P[N][N];
-  amb_real K[AMB_SENSORS][N]; /* of each sensor */
+  amb_real K[AMB_SENSORS][N]; /* gain of each sensor */
   bool used[AMB_SENSORS];
   amb_real triangle[AMB_TRIANGLE];
   amb_real work[AMB_WORK];
@@ -25,7 +25,7 @@ static void forget(adjoint *a)
   memset(a->Lambda, 0, sizeof a->Lambda);
 }
 
-/* C = A B, or with `transposed` A' B. */
+/* C = A B, or A' B if `transposed`. */
 static void multiply(int n, amb_real A[N][N], amb_real B[N][N], bool transposed, amb_real C[N][N])
 {
   for (int i = 0; i < n; i++) {
@@ -37,7 +37,7 @@ static void multiply(int n, amb_real A[N][N], amb_real B[N][N], bool transposed,
   }
 }
 
-/* A of eq. 20: what the linear transition makes of the unit vectors. */
+/* A of eq. 20: the linear transition applied to the unit vectors. */
 static void transition(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES], amb_real A[N][N])
 {
   const amb_model *model = &kf->model;
@@ -51,7 +51,7 @@ static void transition(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES], 
   }
 }
 
-/* The prediction of sample k from the filter's covariance before it, without growth. */
+/* Covariance of the prediction of sample k, without process noise. */
 static void predict(adjoint *a, const amb_kalman *kf, const amb_kalman_history *h, size_t k,
                     const amb_stiffness stiffness[AMB_FORCES])
 {
@@ -62,11 +62,10 @@ static void predict(adjoint *a, const amb_kalman *kf, const amb_kalman_history *
                                a->triangle, a->work);
 }
 
-/* With which the filter took in sample k from its only sensor: the prediction's covariance with
- * what that shows, over S. `load`: the first load. The growth has a small part in it; how large
- * that was, beside the settings', the filter's variances of the load before and after tell, P+ = P
- * + growth - K S K, and a filter that adapts it shows the same. `after`: the filter's P+ of the
- * load. */
+/* Gain with which the filter used sample k of its only sensor: covariance of the prediction with
+ * the reading, over S. The process noise contributes a small part. Its size beyond the settings
+ * follows from the variances of the first load before and after, P+ = P + growth - K S K, also for
+ * a filter that adapts it. `after`: the filter's P+ of the load. */
 static void gain_of_one(const adjoint *a, const amb_kalman *kf, int load, amb_real S,
                         amb_real after, amb_real K[N])
 {
@@ -76,15 +75,14 @@ static void gain_of_one(const adjoint *a, const amb_kalman *kf, int load, amb_re
   amb_real known[N], grown[N], share = 0;
   amb_model_shown_with(model, 0, a->triangle, known);
   amb_model_shown_with(model, 0, kf->growth, grown);
-  for (int pass = 0; pass < 4; pass++) { /* each is right to three digits more */
+  for (int pass = 0; pass < 4; pass++) { /* each pass adds three correct digits */
     for (int i = 0; i < a->n; i++)
       K[i] = (known[i] + grown[i] * share) / S;
     share = (growth > 0) ? ((after - before) + K[load] * S * K[load]) / growth : 0;
   }
 }
 
-/* The gains of several sensors, one after the other, or where there is no load; the growth is the
- * settings'. */
+/* Gains of several sensors in sequence, or without a load; process noise as in the settings. */
 static void gains_of_all(adjoint *a, const amb_kalman *kf, const amb_real S[AMB_SENSORS])
 {
   const int n = a->n;
@@ -104,11 +102,11 @@ static void gains_of_all(adjoint *a, const amb_kalman *kf, const amb_real S[AMB_
   }
 }
 
-/* Back over the update by sensor r with the innovation e of variance S. */
+/* Backward step over the update by sensor r with innovation e of variance S. */
 static void over_update(adjoint *a, const amb_model *model, int r, amb_real e, amb_real S)
 {
   const amb_real *K = a->K[r];
-  amb_real w[N], H[N]; /* Lambda K; what the sensor shows of each state */
+  amb_real w[N], H[N]; /* Lambda K; output row of the sensor */
   amb_real q = AMB_C(0.0), p = AMB_C(0.0);
   for (int i = 0; i < a->n; i++) {
     amb_real one[N] = {0};
@@ -127,11 +125,11 @@ static void over_update(adjoint *a, const amb_model *model, int r, amb_real e, a
   }
 }
 
-/* Back over the prediction. */
+/* Backward step over the prediction. */
 static void over_prediction(adjoint *a)
 {
   amb_real before[N];
-  multiply(a->n, a->A, a->Lambda, true, a->B); /* A' Lambda, and then that times A */
+  multiply(a->n, a->A, a->Lambda, true, a->B); /* A' Lambda, then multiplied by A */
   for (int i = 0; i < a->n; i++) {
     before[i] = AMB_C(0.0);
     for (int j = 0; j < a->n; j++) {
@@ -164,7 +162,8 @@ static void smooth_sample(adjoint *a, amb_real mean[N], amb_real cov[AMB_TRIANGL
   }
 }
 
-/* Back over sample k; `after`: the filter's variance of the first load, before it was smoothed. */
+/* Backward step over sample k; `after`: the filter's variance of the first load, before smoothing.
+ * */
 static void over_sample(adjoint *a, const amb_kalman *kf, const amb_kalman_history *h, size_t k,
                         int load, amb_real after)
 {
@@ -202,7 +201,7 @@ void amb_smooth(const amb_kalman *kf, size_t n, const amb_kalman_history *h)
   forget(&a);
   for (size_t k = n; k-- > 0;) {
     amb_real *cov = h->cov + k * entries;
-    /* Before it is smoothed. */
+    /* before smoothing */
     const amb_real after = (load >= 0) ? cov[amb_entry(states, load, load)] : AMB_C(0.0);
     smooth_sample(&a, h->mean + k * (size_t)states, cov);
     if ((k == 0) || ((h->status[k] & BROKEN) != 0U))

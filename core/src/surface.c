@@ -1,21 +1,21 @@
 #include "ambkit/surface.h"
 #include "turn.h"
 
-/* So near to the origin, squared, a force that is the difference of two larger ones has lost as
- * many digits as the mean of the slopes on the way is wrong: (machine epsilon)^(2/3). */
+/* Square of the distance from the origin below which the force, a difference of two larger ones,
+ * has lost as many digits as the mean slope on the way is inaccurate: (machine epsilon)^(2/3). */
 #if defined(AMB_FLOAT)
 #define NEAR AMB_C(2.4e-5)
 #else
 #define NEAR AMB_C(3.7e-11)
 #endif
 
-/* Where a value lies on one axis, and the weights there of value and slope at both ends of its
- * cell, for the surface and for its derivative. */
+/* Cell of a value on one axis, and the weights of value and slope at both of its ends, for the
+ * surface and for its derivative. */
 typedef struct weights {
   int node;
-  amb_real of[4];    /* value and slope below, value and slope above */
+  amb_real of[4];    /* value and slope at the lower node, value and slope at the upper node */
   amb_real slope[4]; /* their derivatives */
-  amb_real beyond;   /* how far outside of the grid */
+  amb_real beyond;   /* distance beyond the grid */
 } weights;
 
 static weights weigh(amb_real value, amb_real first, amb_real step, amb_real per_step,
@@ -24,7 +24,7 @@ static weights weigh(amb_real value, amb_real first, amb_real step, amb_real per
   const amb_real position = (value - first) * per_step;
   const amb_real held = amb_clamp(position, AMB_C(0.0), last);
   weights w;
-  w.node = 0; /* NaN: any node, the fraction carries it on */
+  w.node = 0; /* NaN: any node, the fraction propagates it */
   if (held >= last) {
     w.node = nodes - 2;
   } else if (held >= AMB_C(0.0)) {
@@ -45,7 +45,7 @@ static weights weigh(amb_real value, amb_real first, amb_real step, amb_real per
   return w;
 }
 
-/* Sum over the corners of a cell, with the weights along current and along displacement. */
+/* Sum over the corners of a cell, with the weights along current and displacement. */
 static amb_real patch(const amb_force_node *lower, const amb_force_node *upper,
                       const amb_real along[4], const amb_real across[4])
 {
@@ -60,7 +60,7 @@ static amb_real patch(const amb_force_node *lower, const amb_force_node *upper,
   return (across[0] * f_lower + across[2] * f_upper) + (across[1] * x_lower + across[3] * x_upper);
 }
 
-/* Force and tangents, continued outside of the grid. */
+/* Force and tangents, extrapolated outside the grid. */
 static amb_stiffness ask(const amb_surface *s, amb_real iu, amb_real x, amb_real *force)
 {
   const weights i = weigh(iu, s->iu_min, s->iu_step, s->per_ampere, s->last_column, s->columns);

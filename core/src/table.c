@@ -1,10 +1,10 @@
 #include "ambkit/table.h"
 
-/* Where a value lies on one axis: the node below, and the fraction of the cell in 0..1. */
+/* Cell of a value on one axis: the lower node, and the fraction in 0..1. */
 typedef struct place {
   int node;
   amb_real fraction;
-  amb_real slope; /* d fraction / d value; 0 where the value is held at the edge */
+  amb_real slope; /* d fraction / d value; 0 outside the grid */
 } place;
 
 static place locate(amb_real value, amb_real first, amb_real per_step, amb_real last, int nodes)
@@ -15,7 +15,7 @@ static place locate(amb_real value, amb_real first, amb_real per_step, amb_real 
     p.node = (int)position;
     p.fraction = position - (amb_real)p.node;
     p.slope = per_step;
-  } else { /* at or beyond an edge; NaN: any node, the fraction carries it on */
+  } else { /* at or beyond an edge; NaN: any node, the fraction propagates it */
     p.node = (position >= last) ? (nodes - 2) : 0;
     p.fraction = amb_clamp(position, AMB_C(0.0), AMB_C(1.0));
     p.slope = ((position >= last) && (position <= last)) ? per_step : AMB_C(0.0);
@@ -23,12 +23,12 @@ static place locate(amb_real value, amb_real first, amb_real per_step, amb_real 
   return p;
 }
 
-/* The nodes around a place. */
+/* The nodes around a point. */
 typedef struct corners {
   place row;
   place column;
-  const amb_stiffness *lower; /* two neighbours in a row ... */
-  const amb_stiffness *upper; /* ... and those in the next */
+  const amb_stiffness *lower; /* two adjacent nodes of a row ... */
+  const amb_stiffness *upper; /* ... and those of the next row */
 } corners;
 
 static corners find(const amb_table *t, amb_real iu, amb_real x)
@@ -41,7 +41,7 @@ static corners find(const amb_table *t, amb_real iu, amb_real x)
   return c;
 }
 
-/* A surface and its derivatives after iu and x, from its values at the corners. */
+/* A value and its derivatives with respect to iu and x, from the values at the corners. */
 typedef struct surface {
   amb_real value;
   amb_real d_iu;

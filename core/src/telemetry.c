@@ -1,7 +1,7 @@
 #include "ambkit/telemetry.h"
 #include "ambkit/crc.h"
 
-/* A number and its bits, which C99 lets us read either way. */
+/* A number and its bits; C99 permits reading either. */
 typedef union single {
   float number;
   uint32_t bits;
@@ -19,7 +19,8 @@ void amb_telemetry_init(amb_telemetry *ring, volatile uint32_t words[], unsigned
   ring->taken = 0U;
 }
 
-/* Where frame number k stands: of a power of two of them this goes on where k wraps to 0. */
+/* Memory of frame k: the number of frames is a power of two, so this remains continuous where k
+ * wraps to 0. */
 static volatile uint32_t *place(const amb_telemetry *ring, unsigned int k)
 {
   const unsigned int length = ring->numbers + (unsigned int)AMB_TELEMETRY_AROUND;
@@ -45,7 +46,7 @@ bool amb_telemetry_put(amb_telemetry *ring, uint32_t flags, const amb_real numbe
     as.number = (float)numbers[i];
     frame[i + 4U] = as.bits;
   }
-  ring->written = k + 1U; /* last: from here on it may be taken */
+  ring->written = k + 1U; /* last: from here on it may be read */
   return true;
 }
 
@@ -64,6 +65,6 @@ bool amb_telemetry_take(amb_telemetry *ring, uint32_t frame[])
     crc = amb_crc_word(crc, frame[i]);
   }
   frame[last] = ~crc;
-  ring->taken = k + 1U; /* last: from here on it may be written over */
+  ring->taken = k + 1U; /* last: from here on it may be overwritten */
   return true;
 }

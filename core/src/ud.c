@@ -1,10 +1,10 @@
 #include "ambkit/ud.h"
 #include "kalman_step.h"
 
-/* Bounds of the factors, far beyond those of any run: with them no step overflows, whatever its
- * input. An entry U[i][j] is held to so many caps of i a cap of j, and what remains of a variance
- * to AMB_BOUNDLESS caps squared; of a cap squared, less than NOTHING tells of no other state. */
-#if defined(AMB_MODEL_LOOPS) /* of many states some are known but for rounding: no bounds */
+/* Bounds of the factors, far beyond those of any run, with which no step overflows for any input.
+ * An entry U[i][j] is limited to this many caps of i per cap of j, and an entry of D to
+ * AMB_BOUNDLESS caps squared. Below NOTHING caps squared a variance is taken for zero. */
+#if defined(AMB_MODEL_LOOPS) /* rounding may make variances zero: no bounds */
 #define MOST_SHARE AMB_REAL_MAX
 #define NOTHING AMB_C(0.0)
 #else
@@ -12,11 +12,11 @@
 #define NOTHING AMB_C(1e-20)
 #endif
 
-/* A power of two and its inverse: a quotient computed in parts of it has the same digits. */
+/* A power of two and its inverse: scaling a quotient by it keeps all digits. */
 #define PART AMB_C(9.094947017729282e-13)
 #define WHOLE AMB_C(1099511627776.0)
 
-/* P = U D U' for those who ask for it. */
+/* P = U D U', for the interface. */
 static void multiply_out(int n, amb_ud_state *s)
 {
   int entry = 0;
@@ -32,9 +32,9 @@ static void multiply_out(int n, amb_ud_state *s)
   }
 }
 
-/* Factors U and D of a covariance, row i of U from U[i] on, `stride` apart. Where it is singular
- * but for rounding, the rest is 0. What a filter has come to is held to `bounds`; NULL: constants.
- */
+/* Factors U and D of a covariance, row i of U from U[i] on, `stride` apart. Where it is singular up
+ * to rounding, the rest is 0. An estimated covariance is limited by `bounds`; NULL for constants.
+ * */
 AMB_INLINE void factor(int n, const amb_real triangle[AMB_TRIANGLE], const amb_kalman *bounds,
                        amb_real *U, int stride, amb_real D[AMB_STATES])
 {
@@ -95,32 +95,32 @@ static amb_status contain(const amb_kalman *kf, amb_ud_state *s)
   return status;
 }
 
-/* Row j of W made orthogonal to those before it, under the weights `weight`: its entry of D, and
- * its column of U. From column `first` to `beyond` all of these rows have nothing. What two rows
- * share beyond all bounds is left out; their variances stay. */
+/* Row j of W made orthogonal to those before it, with weights `weight`: its entry of D and its
+ * column of U. Columns `first` to `beyond` of these rows are zero. Correlations beyond the bounds
+ * are dropped; variances are kept. */
 AMB_INLINE void sweep(const amb_kalman *kf, int j, int first, int beyond,
                       const amb_real weight[AMB_UD_COLUMNS], amb_ud_state *s)
 {
   const int n = amb_states(&kf->model);
   const int columns = 2 * n + amb_controls(&kf->model);
-  const amb_real bound = (PART * MOST_SHARE) / kf->set.cap[j]; /* for each cap of the other's */
+  const amb_real bound = (PART * MOST_SHARE) / kf->set.cap[j]; /* for each cap of the other state */
   const amb_real most = kf->most[amb_entry(n, j, j)];
   amb_real weighted[AMB_UD_COLUMNS];
   amb_real square = AMB_C(0.0);
   for (int c = 0; c < columns; c++) {
     if ((c < first) || (c >= beyond)) {
       weighted[c] = s->W[j][c] * weight[c];
-      square += s->W[j][c] * (s->W[j][c] * weight[c]); /* as it is: a square, the proof sees */
+      square += s->W[j][c] * (s->W[j][c] * weight[c]); /* no change; the proof sees a square */
     }
   }
-  for (int i = j; i < n; i++) { /* as they are, were no bit in memory to flip */
+  for (int i = j; i < n; i++) { /* no change, unless a bit in memory has flipped */
     s->U[i][j] = (i == j) ? AMB_C(1.0) : AMB_C(0.0);
   }
   amb_real part = AMB_C(0.0);
   if (square > (NOTHING * kf->widest[j])) {
     part = PART / square;
     s->D[j] = amb_at_most(square, most);
-  } else { /* a fault in memory is no number, and nothing is known then */
+  } else { /* not finite after a bit flip: no information */
     s->D[j] = (square >= AMB_C(0.0)) ? AMB_C(0.0) : most;
   }
   for (int i = 0; i < j; i++) {
@@ -142,8 +142,8 @@ AMB_INLINE void sweep(const amb_kalman *kf, int j, int first, int beyond,
   }
 }
 
-/* The rows of W made orthogonal from the last to the first: W weight W' is then U D U'. Of its last
- * n columns, a factor of the growth, the last row has but the last. */
+/* The rows of W made orthogonal from the last to the first, so that W weight W' = U D U'. Of its
+ * last n columns, a factor of the process noise, the last row has only the last one. */
 static void orthogonalise(const amb_kalman *kf, const amb_real weight[AMB_UD_COLUMNS],
                           amb_ud_state *s)
 {
@@ -155,7 +155,7 @@ static void orthogonalise(const amb_kalman *kf, const amb_real weight[AMB_UD_COL
   }
 }
 
-/* Eq. 10 on the factor. */
+/* Eq. 10 on the factors. */
 static void predict_factor(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES], amb_ud_state *s)
 {
   const amb_model *model = &kf->model;
@@ -211,7 +211,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   return status;
 }
 
-/* Bierman's update with a measurement of sensor r of variance var_y: innovation e. */
+/* Bierman's update with a measurement of sensor r of variance var_y; e: innovation. */
 static void correct(const amb_kalman *kf, amb_ud_state *s, int r, amb_real e, amb_real var_y)
 {
   const amb_model *model = &kf->model;
@@ -228,7 +228,7 @@ static void correct(const amb_kalman *kf, amb_ud_state *s, int r, amb_real e, am
     if ((shown < AMB_C(0.0)) || (shown > AMB_C(0.0))) {
       const amb_real weighted = s->D[j] * shown;
       const amb_real before = alpha;
-      alpha += shown * (s->D[j] * shown); /* as it is: not negative, the proof sees */
+      alpha += shown * (s->D[j] * shown); /* no change; the proof sees that it is not negative */
       s->D[j] *= amb_at_most(before / alpha, AMB_C(1.0));
       for (int i = 0; i < j; i++) {
         const amb_real u = s->U[i][j];
@@ -252,7 +252,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   (void)own;
   told->innovation = AMB_C(0.0);
   told->variance = AMB_C(0.0);
-  if (!AMB_WITHIN(S, AMB_REAL_MAX)) { /* no more than the factor is; in sight, for the proof */
+  if (!AMB_WITHIN(S, AMB_REAL_MAX)) { /* as the factors are bounded; repeated here for the proof */
     amb_envelope_open(kf, s->base.cov);
     factor_state(kf, s);
     return AMB_RESTARTED;
@@ -273,7 +273,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
       correct(kf, s, r, e, noise);
       s->base.sensor[r].residual = seen - amb_model_shown(model, r, s->base.mean);
       multiply_out(amb_states(model), s);
-    } else { /* left out */
+    } else { /* not used */
     }
   }
   return status;

@@ -2,8 +2,8 @@
 #include "ambkit/root.h"
 #include "kalman_step.h"
 
-/* Of the mean displacement of magnet f over the sample [m^2]: what a column of the covariance does
- * to it is a linear form, and so is that of these. */
+/* Variance of the mean displacement of magnet f over the sample [m^2]: the displacement is a linear
+ * form of each column of the covariance, and of these forms in turn. */
 static amb_real displacement_variance(const amb_model *model, int f, const amb_real P[AMB_TRIANGLE])
 {
   const int n = amb_states(model);
@@ -18,7 +18,7 @@ static amb_real displacement_variance(const amb_model *model, int f, const amb_r
   return amb_model_displacement(model, f, with);
 }
 
-/* Force of magnet f at its points: their mean less the force at the mean, d [N]; k_s becomes the
+/* Force of magnet f at its points: their mean minus the force at the mean, d [N]; k_s becomes the
  * secant. */
 static amb_real spread(const amb_estimator *self, int f, const amb_kalman_state *s,
                        const amb_real iu[AMB_CONTROLS], amb_real force, amb_stiffness *k)
@@ -40,7 +40,7 @@ static amb_real spread(const amb_estimator *self, int f, const amb_kalman_state 
   return d;
 }
 
-/* Variance that a force of this variance [N^2] at magnet f leaves in the states. */
+/* Adds the variance of the states from a force of this variance [N^2] at magnet f. */
 static void add_force_noise(const amb_model *model, int f, amb_real variance,
                             amb_real P[AMB_TRIANGLE])
 {
@@ -63,7 +63,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   amb_real iu[AMB_CONTROLS];
   amb_real F[AMB_FORCES];
   amb_real d[AMB_FORCES];
-  d[0] = AMB_C(0.0); /* compilers do not know that there is one */
+  d[0] = AMB_C(0.0); /* compilers do not know that there is at least one */
   amb_status status = amb_step_currents(kf, s, u, iu);
   amb_step_forces(kf, self->magnet, iu, s->mean, F, result->stiffness);
   for (int f = 0; f < amb_forces(&kf->model); f++) {

@@ -1,13 +1,13 @@
-/* The constants of the paper's axis as its straight-line build has them: their own formulas, which
- * round otherwise than the exponential of any model. The one part of the page that is built without
- * loops; nothing of a model's structs leaves it. */
+/* Constants of the paper's axis by the formulas of its straight-line build, which round differently
+ * from the general matrix exponential. This is the only file of the page that is compiled without
+ * loops; none of its model structs leaves it. */
 #undef AMB_MODEL_LOOPS
 #include "ambkit/model.h"
 
 void axial_constants(const double p[], double to[]);
 
-/* Of T, mass, gain and lag, in the order of PAPER_CONSTANTS (src/ambkit/models/machine_parts.py).
- */
+/* From T, mass, gain and lag, in the order of PAPER_CONSTANTS (src/ambkit/models/machine_parts.py).
+ * */
 void axial_constants(const double p[], double to[])
 {
   amb_model m;

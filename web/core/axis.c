@@ -1,5 +1,5 @@
-/* What the page calls of a machine with one axis: a flight of the closed loop, filters over it, and
- * a rotor that moves sample by sample under the hand. */
+/* Functions of the page for a machine with one axis: a run of the closed loop, filters over its
+ * record, and the interactive rotor. */
 #include "axis.h"
 
 typedef struct live {
@@ -30,7 +30,7 @@ EXPORT(parameters) double *parameters(void)
   return (double *)&stated;
 }
 
-/* Series of the flight, by the letters of the page. */
+/* Time series of the run, by the page's letters. */
 EXPORT(series) void *series(int which)
 {
   void *const all[] = {r, load, noise_u, noise_y, X[0], X[1], X[2], iu, force, y, u, at_stop};
@@ -39,7 +39,7 @@ EXPORT(series) void *series(int which)
 
 /* ---- Filters ---- */
 
-/* A filter of a kind for what is stated. */
+/* A filter of a kind with the page's settings. */
 static bool make_filter(int kind, bench_filter *filter)
 {
   static const double zero = 0.0, one = 1.0;
@@ -77,7 +77,7 @@ static bool make_filter(int kind, bench_filter *filter)
   return bench_filter_of(&known, bench_model_of(p->T, parameters), kind, filter);
 }
 
-/* Start a filter at rest, where the current is this. */
+/* Start a filter in equilibrium with this current. */
 static void start_filter(bench_filter *filter, double x, double reading, double current)
 {
   amb_real mean[AMB_STATES] = {x, 0, 0, reading};
@@ -86,7 +86,7 @@ static void start_filter(bench_filter *filter, double x, double reading, double 
   bench_start(filter, mean);
 }
 
-/* The current that holds the rotor by what a filter knows of it: in the middle, and its slope. */
+/* The current that holds the rotor according to a filter's model: at the centre, and its slope. */
 static double known_current(const bench_filter *filter, double x)
 {
   const amb_kalman_settings *set = &filter->kf.set;
@@ -108,7 +108,7 @@ static double first_reading(size_t n)
   return 0.0;
 }
 
-/* Another filter over the record of the flight, or over a record that the page has written. */
+/* Another filter over the record of the run, or over a record written by the page. */
 EXPORT(estimate) int estimate(int filter, int kind)
 {
   const size_t n = (size_t)stated.samples;
@@ -123,7 +123,7 @@ EXPORT(estimate) int estimate(int filter, int kind)
   return of->kf.model.states;
 }
 
-/* What the filters assume where the page changes nothing: R [m^2] and Q [N^2/s]. */
+/* Default R [m^2] and Q [N^2/s] of the filters. */
 EXPORT(assumed) double *assumed(void)
 {
   static double at[2];
@@ -136,7 +136,7 @@ EXPORT(assumed) double *assumed(void)
   return at;
 }
 
-/* ---- Flights ---- */
+/* ---- Runs ---- */
 
 static void settle(const axis_loop *l, amb_loop_state *state)
 {
@@ -151,8 +151,8 @@ static void make_loop(bench_filter *filter, axis_loop *of)
   of->loop.feedback_estimate = stated.feedback > 0;
 }
 
-/* Fly; the first filter, of this kind, is in the loop. Returns how many states it has, 0 where
- * settings are not possible. */
+/* Run with a filter of this kind in the loop. Returns its number of states, 0 if the settings are
+ * invalid. */
 EXPORT(fly) int fly(int kind)
 {
   const size_t n = (size_t)stated.samples;
@@ -181,8 +181,8 @@ EXPORT(fly) int fly(int kind)
   return first->kf.model.states;
 }
 
-/* abs(S) of the loop at rest at the reference, with a filter of this kind. Returns 1 where the loop
- * is stable, 0 where it is not, and -1 without a filter. */
+/* abs(S) of the loop in equilibrium at the reference, with a filter of this kind. Returns 1 if the
+ * loop is stable, 0 if not, and -1 without a filter. */
 EXPORT(sensitivity) int sensitivity(int kind)
 {
   static bench_filter filter;
@@ -201,7 +201,7 @@ EXPORT(sensitivity) int sensitivity(int kind)
   return bench_sensitivity(&l.loop, &state, &at, 0, &pulse) ? 1 : 0;
 }
 
-/* Force [N], bias force and all, and its tangents, at a current and a displacement. */
+/* Force [N] with the bias force, and its tangents, at a current and a displacement. */
 EXPORT(magnet_at) double *magnet_at(double current, double x)
 {
   static double at[3];
@@ -218,9 +218,9 @@ EXPORT(levitation) double levitation(double x, double at_load)
   return axis_levitation_current(&stated, x, at_load);
 }
 
-/* ---- The rotor under the hand ---- */
+/* ---- The interactive rotor ---- */
 
-/* Take over what is stated; `anew`: from its start, else from where the rotor is. */
+/* Apply the settings; `anew`: from the start, else from the present state. */
 EXPORT(live_set) int live_set(int kind, int anew)
 {
   static bench_filter tried;
@@ -229,7 +229,7 @@ EXPORT(live_set) int live_set(int kind, int anew)
   const bool keeps =
       (anew == 0) && (kind == hand.kind) && (tried.kf.model.states == hand.filter.kf.model.states);
   const amb_real at = hand.state.plant.X[0];
-  (void)make_filter(kind, &hand.filter); /* its state stays */
+  (void)make_filter(kind, &hand.filter); /* its state is kept */
   make_loop(&hand.filter, &hand.closed);
   hand.kind = kind;
   if (anew != 0) {
@@ -260,8 +260,9 @@ static void show(void)
   amb_copy(10, all, hand.shown);
 }
 
-/* So many samples on, with a reference [m], a load [N], and magnets that are on or off. Returns x,
- * v, iu, the magnet's force, y, the filter's x, v, f_d and its variance, and samples so far. */
+/* Advances by so many samples with a reference [m], a load [N], and magnets on or off. Returns x,
+ * v, iu, the magnet's force, y, the filter's x, v, f_d and its variance, and the number of samples.
+ * */
 EXPORT(live_step) double *live_step(int n, double reference, double push, int off)
 {
   double w_u = 0, w_y = 0;

@@ -1,10 +1,10 @@
-/* The workbench's machine with one axis: what the page states of it, and its closed loop. */
+/* The workbench's machine with one axis: its settings, and its closed loop. */
 #ifndef WORKBENCH_AXIS_H
 #define WORKBENCH_AXIS_H
 
 #include "bench.h"
 
-/* What the page states, each a number in SI; the page asks for the names in this order. */
+/* Settings in SI units; the page queries their names in this order. */
 /* clang-format off */
 #define AXIS_PARAMETERS(P)                                                     \
   P(T) P(mass) P(gravity) P(clearance) P(k) P(s0) P(i0) P(two_sided)           \
@@ -21,10 +21,10 @@ typedef struct axis_parameters {
 #undef AXIS_FIELD
 } axis_parameters;
 
-/* Where a flight starts. */
+/* Initial values of a run. */
 enum { LEVITATED, LANDED, RELEASED };
 
-/* The closed loop with all that it points to. */
+/* The closed loop with all data that it points to. */
 typedef struct axis_loop {
   amb_loop loop;
   amb_law law;

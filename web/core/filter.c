@@ -1,4 +1,4 @@
-/* Filters of a machine: settings that nobody states follow from it (sim/settings.h). */
+/* Filters of a machine, with default settings derived from it (sim/settings.h). */
 #include "ambkit/phi.h"
 #include "bench.h"
 #include <math.h>
@@ -10,7 +10,7 @@ EXPORT(expert) double *expert(void)
   return (double *)&known_expert;
 }
 
-/* What the filter knows of its magnets. */
+/* The filter's model of its magnets. */
 static void set_magnets(const bench_known *known, int kind, bench_filter *filter)
 {
   const bench_expert *e = &known_expert;
@@ -42,7 +42,7 @@ static void set_magnets(const bench_known *known, int kind, bench_filter *filter
   }
 }
 
-/* The view with what the filter takes the magnets for. */
+/* The machine with the filter's magnet model. */
 static amb_view view_of(const bench_known *known, const bench_filter *filter, double k_i[],
                         double stiffness[])
 {

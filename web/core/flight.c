@@ -1,13 +1,13 @@
-/* Flights: noise, histories of filters, and how a loop answers a pulse. */
+/* Runs: noise, histories of filters, and the response of a loop to a pulse. */
 #include "bench.h"
 #include <math.h>
 
-#define SETTLING 4000 /* samples at most until the gain has settled, ... */
-#define ANSWER 12000  /* ... and until an answer has died away */
-#define LOOKED 256    /* samples over which the answer is looked at */
+#define SETTLING 4000 /* maximum samples until the gain has settled, ... */
+#define ANSWER 12000  /* ... and until a response has decayed */
+#define LOOKED 256    /* samples over which decay is evaluated */
 #define FREQUENCIES 400
-#define GONE 1e-10    /* of the pulse: the answer has died away */
-#define ROUNDING 1e-6 /* of the pulse: more than rounding leaves of it */
+#define GONE 1e-10    /* relative to the pulse: the response has decayed */
+#define ROUNDING 1e-6 /* relative to the pulse: above rounding errors */
 
 typedef struct history {
   double mean[MEANS], innovation[10 * FEWER], variance[10 * FEWER];
@@ -55,7 +55,7 @@ void bench_draw(double seed, uint32_t stream, size_t first, size_t n, size_t str
   }
 }
 
-/* ---- The answer to a pulse ---- */
+/* ---- The response to a pulse ---- */
 
 EXPORT(frequencies) double *frequencies(int answered)
 {
@@ -64,10 +64,10 @@ EXPORT(frequencies) double *frequencies(int answered)
 
 static const double none[2 * WIDE] = {0};
 
-/* A loop and its filter as they are. */
+/* State of a loop and its filter. */
 typedef struct moving {
   amb_loop_state loop;
-  bench_filter filter; /* of which the state moves */
+  bench_filter filter; /* with its own state */
 } moving;
 
 static moving calm, struck;
@@ -89,8 +89,8 @@ static bool on(const amb_loop *loop, moving *of, const double r[], double speed,
   return amb_loop_step(loop, &of->loop, &of->filter.state, &sample);
 }
 
-/* A filter whose readings are not rounded, but as uncertain as if they were; else a small pulse
- * would not pass. */
+/* A filter without quantisation but with its variance; otherwise a small pulse would have no
+ * effect. */
 static bool smooth(bench_filter *filter)
 {
   amb_kalman_settings set = filter->kf.set;
@@ -134,7 +134,7 @@ static double gain_at(double cycles, int n, const double answer[])
 {
   const double w = 6.283185307179586 * cycles, c = cos(w), s = sin(w);
   double re = 0, im = 0;
-  for (int k = n - 1; k >= 0; k--) { /* Horner's scheme of exp(-i w) */
+  for (int k = n - 1; k >= 0; k--) { /* Horner's scheme in exp(-i w) */
     const double next = re * c + im * s + answer[k];
     im = im * c - re * s;
     re = next;
@@ -142,7 +142,7 @@ static double gain_at(double cycles, int n, const double answer[])
   return sqrt(re * re + im * im);
 }
 
-/* abs(S) of the last answer at the first frequencies. */
+/* abs(S) of the last response at the first frequencies. */
 EXPORT(gains) void gains(int points)
 {
   for (int k = 0; k < points; k++)
@@ -188,6 +188,6 @@ bool bench_sensitivity(const amb_loop *loop, const amb_loop_state *start, const 
   }
   answered = n;
   sampling_time = loop->T;
-  /* What rounding leaves of an answer neither grows nor dies away. */
+  /* What rounding leaves of a response neither grows nor decays. */
   return stable && (gone || (late < early) || (late < ROUNDING));
 }

@@ -1,10 +1,10 @@
-/* From the machine's parameters to its closed loop. */
+/* The closed loop from the machine's parameters. */
 #include "axis.h"
 
 #define PI 3.141592653589793
 #define EPSILON_4 8.881784197001252e-16 /* 4 2^-52 */
 
-#define SHORTEST_LAG 1e-3 /* of a sample */
+#define SHORTEST_LAG 1e-3 /* relative to a sample */
 
 amb_law axis_law(const axis_parameters *p, double scale)
 {
@@ -38,7 +38,7 @@ double axis_lag(const axis_parameters *p)
   return p->lag > SHORTEST_LAG * p->T ? p->lag : SHORTEST_LAG * p->T;
 }
 
-/* Brent's root (1973, ch. 4), step by step as Python's `base.root` has it: the same bits. */
+/* Brent's method (1973, ch. 4), in the order of Python's `base.root`: the same bits. */
 static double secant(double a, double f_a, double x, double f, double c, double f_c)
 {
   if (!((a < c) || (a > c)))

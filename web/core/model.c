@@ -1,6 +1,5 @@
-/* A filter's model, made of physical parameters by ambkit/rebuild.h. The page writes pattern, plan
- * and states as numbers one after the other, in the order of `read_model`.
- */
+/* A filter's model from physical parameters, by ambkit/rebuild.h. The page writes pattern, plan and
+ * states as consecutive numbers, in the order of `read_model`. */
 #include "bench.h"
 
 #define NUMBERS 16384
@@ -18,7 +17,8 @@ static unsigned short left[SLOTS], right[SLOTS], row[PLAN], column[PLAN], value[
 static unsigned short intensity[AMB_NOISES * AMB_STATES];
 static unsigned int from[NUMBERS];
 static amb_late late[WIDE];
-static int named[NUMBERS], names; /* of the numbers those that are constants of the paper's axis */
+static int named[NUMBERS], names; /* indices of the numbers that are constants of the paper's axis
+                                   */
 static int indices[AMB_STATES];
 static double sizes[AMB_STATES], vague[AMB_STATES], others[AMB_NOISES];
 static amb_rebuild plan;
@@ -43,7 +43,7 @@ static void take_places(int n, unsigned short to[])
     to[i] = (unsigned short)count();
 }
 
-/* Rows of a matrix: where they start, and their columns; its numbers come from the plan. */
+/* Pattern of a matrix: row starts and columns; its numbers come from the plan. */
 static int take_pattern(int rows, int *s, int *c, amb_sparse *to)
 {
   take_places(rows + 1, &starts[*s]);
@@ -74,7 +74,7 @@ static void take_model(void)
     const int entries = take_pattern(rows[k], &s, &c, parts[k]);
     *values[k] = &numbers[at];
     at += entries;
-    if (k == 3) { /* e and r stand behind h */
+    if (k == 3) { /* e and r follow h */
       model->e = &numbers[at];
       model->r = &numbers[at + entries];
       at += 2 * entries;
@@ -175,7 +175,7 @@ EXPORT(read_model) void read_model(void)
   take_states();
 }
 
-/* Where the share stands after which a late demand acts, of all controls alike. */
+/* Share of the sample after which a late demand acts, the same for all controls. */
 EXPORT(set_share) void set_share(double share)
 {
   for (int k = 0; k < plan.plan.lates; k++)

@@ -1,4 +1,5 @@
-/* A rotor on several bearings under its PIDs: a flight, filters over it, and its sensitivity. */
+/* A rotor on several bearings with its PIDs: a run, filters over its record, and its sensitivity.
+ * */
 #include "rotor.h"
 
 #define WIDEST (2 * BENDS + WIDE)
@@ -33,8 +34,8 @@ static bool make_filter(int kind, bench_filter *filter)
                          filter);
 }
 
-/* The current that holds the rotor in the middle by what a filter knows [A], and its slope [A/m].
- */
+/* The current that holds the rotor at the centre according to a filter's model [A], and its slope
+ * [A/m]. */
 static void known_current(const bench_filter *filter, int f, double *middle, double *slope)
 {
   const amb_kalman_settings *set = &filter->kf.set;
@@ -47,8 +48,8 @@ static void known_current(const bench_filter *filter, int f, double *middle, dou
   *slope = (current[2] - current[0]) / (2 * away);
 }
 
-/* Start a filter at rest where the first readings are these [m]; or in the middle, where the
- * currents are these [A]. */
+/* Start a filter in equilibrium at these first readings [m]; or at the centre with these currents
+ * [A]. */
 void rotor_start_filter(bench_filter *filter, const double readings[], const double currents[])
 {
   amb_real mean[AMB_STATES];
@@ -69,7 +70,7 @@ void rotor_start_filter(bench_filter *filter, const double readings[], const dou
   bench_start(filter, mean);
 }
 
-/* Another filter over the readings of the flight. */
+/* Another filter over the readings of the run. */
 EXPORT(rotor_estimate) int rotor_estimate(int samples, int filter, int kind)
 {
   bench_filter *of = &filters[filter];
@@ -82,7 +83,7 @@ EXPORT(rotor_estimate) int rotor_estimate(int samples, int filter, int kind)
   return of->kf.model.states;
 }
 
-/* The loop with a filter in it, or without: then nothing is fed by it. */
+/* The loop with or without a filter; without one, the readings feed the controllers. */
 amb_loop rotor_with_filter(bench_filter *filter, int kind)
 {
   amb_loop with = rotor.loop;
@@ -92,7 +93,7 @@ amb_loop rotor_with_filter(bench_filter *filter, int kind)
   return with;
 }
 
-/* Fly under the PIDs, with a filter of this kind; below 0: none. Returns how many states it has. */
+/* Run with the PIDs, and a filter of this kind; below 0: none. Returns its number of states. */
 EXPORT(rotor_fly) int rotor_fly(int samples, int kind)
 {
   const size_t n = (size_t)samples, p = (size_t)rotor.loop.plant.axes,
@@ -131,8 +132,8 @@ EXPORT(rotor_fly) int rotor_fly(int samples, int kind)
   return with.estimator != NULL ? filters[0].kf.model.states : 0;
 }
 
-/* abs(S) along an axis at a speed [rad/s], with a filter of this kind. Returns 1 where the loop is
- * stable, 0 where it is not, and -1 without the filter that it needs. */
+/* abs(S) along an axis at a speed [rad/s], with a filter of this kind. Returns 1 if the loop is
+ * stable, 0 if not, and -1 if the filter that feeds it is missing. */
 EXPORT(rotor_sensitivity) int rotor_sensitivity(int axis, int kind, double turns)
 {
   static bench_filter filter;
@@ -145,7 +146,7 @@ EXPORT(rotor_sensitivity) int rotor_sensitivity(int axis, int kind, double turns
     return -1;
   with.estimator = rotor.loop.feedback_estimate ? with.estimator : NULL;
   with.plant.sensor = exact;
-  with.plant.cosine = NULL; /* the unbalance is there with and without a pulse */
+  with.plant.cosine = NULL; /* the response to a pulse does not depend on the unbalance */
   rotor_settle(&state);
   const int m = rotor.loop.plant.sensors, p = rotor.loop.plant.axes;
   for (int i = 0; i < m; i++)

@@ -1,10 +1,10 @@
-/* A rotor on several bearings as it was read, and a filter on it. */
+/* A rotor on several bearings from its description, and a filter for it. */
 #ifndef WORKBENCH_ROTOR_H
 #define WORKBENCH_ROTOR_H
 
 #include "bench.h"
 
-#define BENDS 24 /* positions at most, rigid and bending */
+#define BENDS 24 /* maximum positions, rigid and bending */
 
 typedef struct bench_rotor {
   amb_loop loop;
@@ -18,14 +18,14 @@ typedef struct bench_rotor {
 
 extern bench_rotor rotor;
 
-/* Start the loop from the middle, or where the rotor lies. */
+/* Start the loop at the centre, or in contact. */
 void rotor_settle(amb_loop_state *state);
 
-/* Start a filter at rest where the first readings are these [m]; or in the middle, where the
- * currents are these [A]. */
+/* Start a filter in equilibrium at these first readings [m]; or at the centre with these currents
+ * [A]. */
 void rotor_start_filter(bench_filter *filter, const double readings[], const double currents[]);
 
-/* The loop with a filter in it, or without: then nothing is fed by it. */
+/* The loop with or without a filter; without one, the readings feed the controllers. */
 amb_loop rotor_with_filter(bench_filter *filter, int kind);
 
 #endif

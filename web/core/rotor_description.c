@@ -1,5 +1,5 @@
-/* The description of a rotor on several bearings: numbers one after the other, which the page
- * writes in the order of `read_rotor`. */
+/* The description of a rotor on several bearings: consecutive numbers, which the page writes in the
+ * order of `read_rotor`. */
 #include "rotor.h"
 
 #define ENTRIES 2048
@@ -26,7 +26,7 @@ static amb_pid pid[WIDE];
 static int current[WIDE], second[WIDE], shows[WIDE];
 static amb_controllers controllers;
 
-static const double *next; /* what of the description is read next */
+static const double *next; /* next number to be read */
 
 static void take(int n, double to[])
 {
@@ -144,7 +144,7 @@ static const double *take_view(int n)
   return at - (n < 0 ? 0 : n);
 }
 
-/* What filters know, in the order of the page. */
+/* The filters' models, in the order of the page. */
 static void take_known(void)
 {
   const int p = rotor.loop.plant.axes, m = rotor.loop.plant.sensors, q = count(), n = count();

@@ -1,4 +1,4 @@
-/* A rotor on several bearings under the hand. */
+/* The interactive rotor on several bearings. */
 #include "rotor.h"
 
 static bench_filter under_hand;
@@ -11,7 +11,7 @@ EXPORT(live_push) double *live_push(void)
   return push;
 }
 
-/* Take over what was read; `anew`: from the middle, else from where the rotor is. */
+/* Apply the description; `anew`: from the centre, else from the present state. */
 EXPORT(rotor_live_set) void rotor_live_set(int kind, int anew)
 {
   bench_filter *filter = &under_hand;
@@ -23,8 +23,8 @@ EXPORT(rotor_live_set) void rotor_live_set(int kind, int anew)
     rotor_start_filter(filter, state.y, rotor.held);
 }
 
-/* So many samples on at a speed [rad/s]. Returns displacements along the axes, velocities, currents
- * and forces of each, cosine and sine of the angle, and the positions. */
+/* Advances by so many samples at a speed [rad/s]. Returns displacements along the axes, velocities,
+ * currents and forces of each, cosine and sine of the angle, and the positions. */
 EXPORT(rotor_live_step) double *rotor_live_step(int n, double turns, int off)
 {
   const size_t p = (size_t)rotor.loop.plant.axes, m = (size_t)rotor.loop.plant.sensors;

@@ -1,4 +1,4 @@
-// The page: what is set, what follows from it, and where it is shown.
+// The page: settings, results, and their presentation.
 
 import { ADAPTIVE, KINDS, type Core, type Flight, type Live, type Parameters } from "./core";
 import { FilterTable } from "./filters";
@@ -12,7 +12,7 @@ import { fresh, fromHash, parameters, signals, STARTS, toHash, type Machine, typ
 import type { Columns } from "./record";
 import { RotorBench } from "./rotor_bench";
 import type { RotorCore, RotorLive } from "./rotor_core";
-import type { RotorSettings } from "./rotor_knobs";
+import { rotorFromHash, rotorToHash, type RotorSettings } from "./rotor_knobs";
 import { tuned } from "./tune";
 import { shown } from "./units";
 
@@ -21,9 +21,9 @@ const get = <T extends HTMLElement>(id: string) => document.getElementById(id) a
 export class App {
   mode: "axis" | "rotor" = "axis";
   settings!: Settings;
-  own!: Settings; // of the machine, before a knob was turned
+  own!: Settings; // of the machine, before any change
   flight: Flight | null = null;
-  took = 0; // milliseconds of the last flight with all its charts
+  took = 0; // milliseconds of the last run with all charts
   readonly panels: Panels;
   readonly motion: Motion;
   readonly guide: Guide;
@@ -67,21 +67,21 @@ export class App {
     get("charts").addEventListener("redraw", () => this.compute());
   }
 
-  /** What is set, as the part of a link behind #. */
+  /** The settings, as the part of a link behind #. */
   get hash(): string {
-    return this.mode === "rotor" ? this.rotor.toHash(this.rotorName) : toHash(this.settings, this.machines);
+    return this.mode === "rotor" ? rotorToHash(this.rotor.settings, this.rotor.own, this.rotorName) : toHash(this.settings, this.machines);
   }
 
-  /** Take what a link states; where it states nothing, the first machine. */
+  /** Apply the settings of a link; without any, the first machine. */
   restore(hash: string): void {
     const parts = new URLSearchParams(hash.replace(/^#/, "")), named = this.machines.find((one) => one.name === parts.get("machine"));
-    if (named?.rotor) return this.pick(named, RotorBench.fromHash(parts, named.rotor));
+    if (named?.rotor) return this.pick(named, rotorFromHash(parts, named.rotor));
     const s = fromHash(hash, this.machines);
     if (s) this.choose(s);
     else this.pick(this.machines[0]);
   }
 
-  /** Take a machine as it is. */
+  /** Select a machine with its own settings. */
   pick(machine: Machine, settings: Partial<RotorSettings> = {}): void {
     if (!machine.rotor) return this.choose(fresh(machine));
     this.turnTo("rotor", machine);
@@ -101,7 +101,7 @@ export class App {
     get("power").textContent = "Magnets on";
   }
 
-  /** Take these settings, with knobs about the machine's own. */
+  /** Apply settings, with sliders around the machine's own values. */
   choose(s: Settings): void {
     if (!this.machines.some((machine) => machine.name === s.machine.name)) this.machines.push(s.machine);
     this.settings = s;
@@ -135,7 +135,7 @@ export class App {
     }
   }
 
-  /** What a group has besides sliders. */
+  /** Controls of a group besides its sliders. */
   private extras(group: string, panel: HTMLElement): void {
     if (group === "Controller") {
       const tune = document.createElement("button");
@@ -181,7 +181,7 @@ export class App {
     return parameters(this.settings, this.assumed);
   }
 
-  /** Settings have changed; `anew`: the rotor under the hand begins at its start. */
+  /** Settings have changed; `anew`: restart the interactive rotor. */
   changed(anew: boolean): void {
     this.core.state({ ...this.settings.p, filter_R: 0, filter_Q: 0 });
     this.assumed = this.core.assumed();
@@ -197,7 +197,7 @@ export class App {
     });
   }
 
-  /** Fly, filter, and draw. */
+  /** Run, filter, and draw. */
   compute(): void {
     if (this.mode === "rotor") return this.rotor.compute();
     const from = performance.now(), { r, load } = signals(this.settings), p = this.parameters();
@@ -211,7 +211,7 @@ export class App {
     this.say(`${this.settings.kinds.length} filters over ${this.flight.n.toLocaleString("en")} samples in ${(flown - from).toFixed(0)} ms, with all charts in ${this.took.toFixed(0)} ms`);
   }
 
-  /** The filters over a record; truth is what the record has of it, or else the first estimate. */
+  /** Run the filters over a record; truth is the recorded one, or else the first estimate. */
   replay(name: string, of: Columns): void {
     const { core, settings } = this, n = of.y.length, p: Parameters = { ...this.parameters(), T: of.T };
     const filters = core.filter(p, of.y, of.u, settings.kinds);
@@ -238,7 +238,7 @@ export class App {
     this.compute();
   }
 
-  /** The numbers under the drawing. */
+  /** The numbers below the drawing. */
   private readings(now: Live): void {
     const { p } = this.settings, off = this.motion.off, two = p.two_sided > 0;
     const put = (id: string, text: string) => (get(id).textContent = text);
@@ -284,7 +284,7 @@ export class App {
     });
   }
 
-  /** What moves. */
+  /** Update the animation. */
   private get moving(): Motion | RotorBench {
     return this.mode === "rotor" ? this.rotor : this.motion;
   }
@@ -311,7 +311,7 @@ export class App {
     get("power").textContent = this.moving.off ? "Magnets off" : "Magnets on";
   }
 
-  /** Turn a knob by its name, as a user does; for lessons and tests. */
+  /** Set a control by its name, as a user does; for lessons and tests. */
   turn(key: string, value: number): void {
     const knob = KNOBS.find((one) => one.key === key);
     if (!knob) throw new Error(`there is no knob ${key}`);
@@ -323,7 +323,7 @@ export class App {
     return KNOBS.map((knob) => knob.key);
   }
 
-  /** The value of a knob at a share of its range. */
+  /** The value of a control at a fraction of its range. */
   at(key: string, share: number): number {
     return fromSlider(KNOBS.find((one) => one.key === key)!, this.own, 1000 * share);
   }

@@ -28,14 +28,14 @@ export interface Axes {
   scale: number; // shown = value * scale
   x?: { label: string; log?: boolean };
   yLog?: boolean;
-  decades?: boolean; // no finer lines across
+  decades?: boolean; // no finer grid lines
   range?(low: number, high: number): [number, number];
   draw?(u: uPlot): void;
 }
 
 type Columns = (Float64Array | number[])[];
 
-/** Least and greatest of each of at most so many stretches: what a line of that many pixels shows. */
+/** Minimum and maximum of each of at most so many intervals, for a line that many pixels wide. */
 export function thinned(x: Float64Array | number[], columns: Columns, stretches: number): number[][] {
   const n = x.length;
   if (n <= 2 * stretches) return [Array.from(x), ...columns.map((column) => Array.from(column))];
@@ -74,7 +74,7 @@ export class Chart {
     return { width: Math.max(120, this.body.clientWidth), height: Math.max(100, this.body.clientHeight) };
   }
 
-  /** Draw; the plot is made anew only where its lines or colours are others. */
+  /** Draw; the plot is created again only if its lines or colours have changed. */
   show(x: Float64Array | number[], columns: Columns, lines: Line[], bands: Band[], axes: Axes): void {
     const scaled = thinned(x, columns, Math.max(200, Math.min(900, this.body.clientWidth)));
     this.data = scaled.map((column, j) => (j === 0 || axes.scale === 1 ? column : column.map((value) => value * axes.scale)));
@@ -92,7 +92,7 @@ export class Chart {
     return this.plot?.ctx.canvas;
   }
 
-  /** The values under the cursor, beside it. */
+  /** The values at the cursor. */
   private read(u: uPlot): void {
     const at = u.cursor.idx, left = u.cursor.left ?? -1;
     if (at === null || at === undefined || left < 0 || !u.over.matches(":hover")) return void this.reading.remove();
@@ -147,17 +147,17 @@ export class Chart {
   }
 }
 
-/** Ticks as somebody would write them; a logarithmic axis leaves some out. */
+/** Ticks with plain numbers; a logarithmic axis omits some. */
 function names(_u: uPlot, ticks: (number | null)[]): string[] {
   return ticks.map((value) => (value === null ? "" : digits(value)));
 }
 
-/** Decades, short enough for the axis however small. */
+/** Decades, in a short form that fits any axis. */
 function powers(_u: uPlot, ticks: (number | null)[]): string[] {
   return ticks.map((value) => (value === null ? "" : value < 0.01 ? `1e${Math.round(Math.log10(value))}` : digits(value)));
 }
 
-/** A range about zero, symmetric, in which single outliers do not decide. */
+/** A symmetric range about zero that single outliers do not determine. */
 export function aroundZero(low: number, high: number): [number, number] {
   const size = Math.max(Math.abs(low), Math.abs(high), 1e-12) * 1.08;
   return [-size, size];

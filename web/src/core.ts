@@ -1,4 +1,4 @@
-// The C of ambkit in the page: parameters go in by name, series come out as views of its memory.
+// The C code of ambkit in the page: parameters by name, results as views of its memory.
 
 export interface Exports {
   memory: WebAssembly.Memory;
@@ -25,7 +25,7 @@ export interface Exports {
 
 export type Parameters = Record<string, number>;
 
-/** The kinds of estimators in the order of web/core/axis.h. */
+/** The estimator kinds in the order of web/core/axis.h. */
 export const KINDS = [
   { name: "linear", label: "Linear Kalman filter", short: "linear" },
   { name: "closed-law", label: "Adaptive Kalman filter, closed law", short: "closed law" },
@@ -36,14 +36,14 @@ export const KINDS = [
   { name: "adaptive", label: "Adaptive Kalman filter, fuzzy expert", short: "fuzzy expert" },
 ] as const;
 
-/** The kind whose rules are learned in Python, machine by machine. */
+/** The kind whose rules are trained in Python for each machine. */
 export const ADAPTIVE = KINDS.length - 1;
 
 export const MOST_SAMPLES = 20001;
 
 export interface History {
   kind: number;
-  states: number; // x, v, f_d, x_m, and what is late: current, past controls
+  states: number; // x, v, f_d, x_m, and the delayed states: current, past controls
   mean: Float64Array; // n x states
   cov: Float64Array; // n x triangle, of the first filter
   innovation: Float64Array;
@@ -67,7 +67,7 @@ export interface Flight {
   filters: History[];
 }
 
-/** What the rotor under the hand shows after a step. */
+/** State of the interactive rotor after a step. */
 export interface Live {
   x: number;
   v: number;
@@ -81,7 +81,7 @@ export interface Live {
   samples: number;
 }
 
-/** An instance of the C, with memory of its own. */
+/** An instance of the C code with its own memory. */
 export async function instance<T>(wasm: BufferSource): Promise<T> {
   const nothing = new Proxy({}, { get: () => () => 0 });
   const made = await WebAssembly.instantiate(wasm, { wasi_snapshot_preview1: nothing });
@@ -89,7 +89,7 @@ export async function instance<T>(wasm: BufferSource): Promise<T> {
   return made.instance.exports as T;
 }
 
-/** Samples of dead time that filters know in the page, each without and with a bandwidth of the amplifier. */
+/** Samples of dead time that the page's filter models support, each with and without an amplifier bandwidth. */
 const MOST_PAST = 3;
 
 export class Core {
@@ -117,7 +117,7 @@ export class Core {
     this.lag(parameters);
   }
 
-  /** Filters know of dead time and bandwidth: their model has the states for it. */
+  /** The filters' model has states for dead time and bandwidth. */
   private lag({ delay, T, bandwidth }: Parameters): void {
     const samples = delay / T, past = Math.ceil(samples - 1e-9), model = 2 * Math.min(past, MOST_PAST) + (bandwidth > 0 ? 1 : 0);
     if (model !== this.model) {
@@ -128,13 +128,13 @@ export class Core {
     this.c.set_share(Math.min(samples - (past - 1), 1));
   }
 
-  /** The rules of the machine's expert; without any there is no adaptive filter with one. */
+  /** The rules of the machine's expert system; without rules there is no adaptive filter. */
   setExpert(numbers: number[] | undefined): void {
     this.reals(this.c.expert(), 1)[0] = 0;
     if (numbers) this.reals(this.c.expert(), numbers.length).set(numbers);
   }
 
-  /** Fly with these references [m] and loads [N]; the first kind is in the loop. */
+  /** Run with these references [m] and loads [N]; the first kind is in the loop. */
   fly(parameters: Parameters, r: Float64Array, load: Float64Array, kinds: number[]): Flight | null {
     const n = r.length;
     this.state({ ...parameters, samples: n, reference: r[0], load: load[0] });
@@ -151,7 +151,7 @@ export class Core {
     };
   }
 
-  /** Filters over a record of readings y [m] and controls u [V]. */
+  /** Run filters over a record of readings y [m] and controls u [V]. */
   filter(parameters: Parameters, y: Float64Array, u: Float64Array, kinds: number[]): History[] | null {
     this.state({ ...parameters, samples: y.length });
     this.reals(this.c.series(9), y.length).set(y);
@@ -170,7 +170,7 @@ export class Core {
     });
   }
 
-  /** Force [N], k_i [N/A] and k_s [N/m] of the stated magnet. */
+  /** Force [N], k_i [N/A] and k_s [N/m] of the magnet. */
   magnet(iu: number, x: number): { force: number; k_i: number; k_s: number } {
     const [force, k_i, k_s] = this.reals(this.c.magnet_at(iu, x), 3);
     return { force, k_i, k_s };
@@ -180,19 +180,19 @@ export class Core {
     return this.c.levitation(x, load);
   }
 
-  /** R [m^2] and Q [N^2/s] that filters assume. */
+  /** Default R [m^2] and Q [N^2/s] of the filters. */
   assumed(): { R: number; Q: number } {
     const [R, Q] = this.reals(this.c.assumed(), 2);
     return { R, Q };
   }
 
-  /** Give the loop that is stated a small pulse: whether it is stable; null: no filter can be made. */
+  /** Apply a small pulse to the loop: whether it is stable; null: no filter is possible. */
   sensitivity(kind: number): boolean | null {
     const stable = this.c.sensitivity(kind);
     return stable < 0 ? null : stable > 0;
   }
 
-  /** |S| by its answer, at frequencies f [Hz]. */
+  /** |S| from its response, at frequencies f [Hz]. */
   gains(f: number[]): number[] {
     this.reals(this.c.frequencies(0), f.length).set(f);
     this.c.gains(f.length);

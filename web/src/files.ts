@@ -1,4 +1,4 @@
-// What is dropped onto the page, and what is taken away from it.
+// Files dropped onto the page, and downloads.
 
 import type { App } from "./app";
 import { ADAPTIVE, KINDS, MOST_SAMPLES } from "./core";
@@ -73,7 +73,7 @@ export class Files {
     for (const file of files ?? []) this.take(file.name, await file.text());
   }
 
-  /** Take a file by what it is; what is wrong with it is said. */
+  /** Read a file of any supported kind; errors are shown. */
   take(name: string, text: string): void {
     try {
       const table = name.endsWith(".csv") ? {} : parse(text);

@@ -1,11 +1,11 @@
-// The filters side by side: which they are, and how far each is from the truth.
+// The filters side by side, and their errors.
 
 import { KINDS } from "./core";
 import { lamp, type Figures } from "./panels";
 import { FILTERS } from "./state";
 import { digits, shown } from "./units";
 
-/** Which filters there are, which there can be, and how they are set. */
+/** The selected filters, the available ones, and their settings. */
 export interface Choice {
   kinds(): number[];
   known(): number[];

@@ -81,7 +81,7 @@ export class Guide {
     this.watch();
   }
 
-  /** The score of the flight; 0 with the reason where it does not count. */
+  /** The score of the run; 0 with the reason if it does not count. */
   score(): { score: number; why: string } {
     const { app } = this, flight = app.flight, own = app.own;
     if (!flight) return { score: 0, why: "" };
@@ -96,7 +96,7 @@ export class Guide {
     return { score: Math.max(0, Math.round(1000 * (1 - mean / own.p.i0 ** 2))), why: `(${shown(Math.sqrt(mean), "A")} RMS, bias ${digits(own.p.i0)} A)` };
   }
 
-  /** Look whether something was reached. */
+  /** Check whether the goal is reached. */
   watch(): void {
     if (this.app.mode === "rotor") return;
     if (this.mode === "lessons" && !this.reached.has(this.at) && LESSONS[this.at].done(this.app)) {

@@ -1,4 +1,4 @@
-// The knobs: what each is called, what it turns, and how far.
+// The controls: names, effects and ranges.
 
 import { digits, shown } from "./units";
 import type { Settings } from "./state";
@@ -11,7 +11,7 @@ export interface Knob<S = Settings> {
   unit: string;
   get(s: S): number;
   set(s: S, value: number): void;
-  /** From, to, and whether in proportion; 0 is then the left end where `zero`. */
+  /** Minimum, maximum, and whether the scale is logarithmic; with `zero`, the left end is 0. */
   range(own: S): { from: number; to: number; log: boolean; zero?: boolean };
 }
 
@@ -60,7 +60,7 @@ export const KNOBS: Knob[] = [
 
 const STEPS = 1000;
 
-/** From a value to the position of a slider, 0 to STEPS, and back. */
+/** Convert a value to the position of a slider, 0 to STEPS, and back. */
 export function toSlider<S>(knob: Knob<S>, own: S, value: number): number {
   const { from, to, log, zero } = knob.range(own);
   if (!log) return Math.round((STEPS * (value - from)) / (to - from));
@@ -77,7 +77,7 @@ export function fromSlider<S>(knob: Knob<S>, own: S, at: number): number {
   return Number(near.toPrecision(3));
 }
 
-/** One slider with its number; a double click brings the machine's own value back. */
+/** A slider with its number; a double click restores the machine's own value. */
 export function slider<S>(knob: Knob<S>, own: S, now: () => S, turned: () => void): { row: HTMLElement; show(): void } {
   const row = document.createElement("div"), id = `knob-${knob.key}`;
   row.className = "knob";

@@ -1,4 +1,4 @@
-// Five lessons of a minute: what is set, what to look at, and what to do.
+// Five lessons of a minute: settings, what to observe, and a task.
 
 import type { App } from "./app";
 import { figures } from "./panels";
@@ -9,7 +9,7 @@ export interface Lesson {
   task: string;
   machine: string;
   set(app: App): void;
-  watch: string[]; // ids of what to look at
+  watch: string[]; // ids of elements to observe
   done(app: App): boolean;
 }
 

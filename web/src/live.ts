@@ -1,12 +1,12 @@
-// The rotor under the hand: it moves from frame to frame, slowed down, and can be held, knocked and let fall.
+// The interactive rotor: animated in slow motion; it can be held, knocked and dropped.
 
 import { colour } from "./charts";
 import type { Core, Live, Parameters } from "./core";
 import { Picture } from "./picture";
 import type { Settings } from "./state";
 
-const KEPT = 480; // moments of the strip
-const KNOCK = 0.004; // seconds that a knock lasts
+const KEPT = 480; // points of the strip chart
+const KNOCK = 0.004; // duration of a knock in seconds
 
 export class Motion {
   running = true;
@@ -16,7 +16,7 @@ export class Motion {
   now: Live | null = null;
   private settings!: Settings;
   private last = 0;
-  private due = 0; // samples that are still to come
+  private due = 0; // samples still to be computed
   private reached: number | null = null;
   private knock = { force: 0, samples: 0 };
   private readonly trace: [number, number, number][] = [];
@@ -34,7 +34,7 @@ export class Motion {
     requestAnimationFrame((t) => this.frame(t));
   }
 
-  /** Take over settings; `anew` begins at their start, else the rotor goes on where it is. */
+  /** Apply settings; `anew`: restart, else the rotor continues from its present state. */
   take(s: Settings, parameters: Parameters, anew: boolean): void {
     const another = this.settings?.machine !== s.machine || this.settings.p.s0 !== s.p.s0 || this.gap !== s.p.s0;
     this.settings = s;
@@ -51,7 +51,7 @@ export class Motion {
 
   private gap = 0;
 
-  /** A knock upwards or downwards. */
+  /** A force pulse upwards or downwards. */
   hit(way: number): void {
     const { p } = this.settings, change = 0.25 * p.clearance * Math.sqrt((4 * p.k * p.i0 ** 2) / p.s0 ** 3 / p.mass);
     this.knock = { force: (way * p.mass * change) / KNOCK, samples: Math.max(1, Math.round(KNOCK / p.T)) };

@@ -1,4 +1,4 @@
-// A machine with one axis from its TOML, and the settings as such a file again.
+// A machine with one axis from its TOML file, and the settings as such a file.
 
 import type { Machine, Settings } from "./state";
 import { string, type Table } from "./toml";
@@ -7,7 +7,7 @@ import { quantity } from "./units";
 const MU_0 = 1.25663706127e-6;
 const GRAVITY: Record<string, number> = { "-x": -1, "+x": 1, none: 0 };
 
-/** The keys that the page knows; any other is named as what it leaves out. */
+/** The keys supported by the page; others are listed as not simulated. */
 const KNOWN: Record<string, string[]> = {
   "": ["name", "description", "source", "sampling_time", "delay", "speed", "magnet", "rotor", "amplifier", "sensor"],
   magnet: ["type", "magnet_constant", "turns", "pole_area", "pole_angle", "air_gap", "bias_current"],
@@ -60,7 +60,7 @@ export function machineOf(table: Table): { machine: Machine; left: string[] } {
   return { machine: { name: String(table.name ?? "dropped"), description: String(table.description ?? ""), axis }, left };
 }
 
-/** The settings as a machine's file, which Python loads; the link in it lets the page restore the rest. */
+/** The settings as a machine file that Python can load; its link restores the page's other settings. */
 export function toToml(s: Settings, hash: string): string {
   const p = s.p, line = (key: string, value: number, unit: string) => `${key} = "${value} ${unit}"`;
   const direction = Object.entries(GRAVITY).find(([, share]) => share === p.gravity)?.[0];

@@ -1,4 +1,4 @@
-// The workbench: settings in, a flight and a rotor that moves out.
+// Entry point of the workbench.
 
 import { Core } from "./core";
 import { App } from "./app";

@@ -1,4 +1,5 @@
-// The map of k_i or k_s over current and displacement, with where the rotor has been, and where it is.
+// The map of k_i or k_s over current and displacement, with the trajectory and the present
+// operating point.
 
 import type { Core, Flight } from "./core";
 import type { Settings } from "./state";
@@ -7,7 +8,7 @@ import { digits } from "./units";
 
 const CELLS = 44;
 
-/** From dark to bright, the same to eyes that mix up red and green (after cividis). */
+/** From dark to bright, legible with red-green colour blindness (after cividis). */
 const RAMP = [[13, 39, 77], [59, 73, 108], [102, 105, 112], [144, 139, 117], [194, 176, 105], [253, 231, 85]];
 
 function ramp(share: number): string {
@@ -26,7 +27,7 @@ export class StiffnessMap {
     this.context = canvas.getContext("2d", { willReadFrequently: true })!;
   }
 
-  /** Draw the map of the stated magnet, and the path of a flight on it. */
+  /** Draw the map of the magnet, and the trajectory of a run. */
   show(core: Core, s: Settings, flight: Flight | null): void {
     const by = window.devicePixelRatio || 1, width = this.canvas.clientWidth, height = this.canvas.clientHeight;
     if (!width) return;
@@ -96,7 +97,7 @@ export class StiffnessMap {
     c.stroke();
   }
 
-  /** The operating point, over the map as it was drawn. */
+  /** Draw the operating point over the map. */
   point(iu: number, x: number): void {
     if (!this.base) return;
     const c = this.context, [left, top] = this.at(iu, x);

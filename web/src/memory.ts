@@ -1,4 +1,4 @@
-// What the browser remembers of the page; in a frame of a notebook there is nothing to remember it in.
+// Storage of the page's settings in the browser; a frame of a notebook has none.
 
 export function recall(name: string): string | null {
   try {
@@ -12,16 +12,17 @@ export function remember(name: string, value: string): void {
   try {
     localStorage.setItem(name, value);
   } catch {
-    // nothing is lost but the preference
+    // only the preference is lost
   }
 }
 
-/** The part of the address behind #, where there is an address. */
+/** The part of the address behind #, if there is an address. */
 export function address(hash: string): void {
   try {
     history.replaceState(null, "", `#${hash}`);
   } catch {
     // a frame without an address
   }
-  if (parent !== window) parent.postMessage({ workbench: hash }, "*"); // a widget of a notebook keeps it
+  // a notebook's widget stores it
+  if (parent !== window) parent.postMessage({ workbench: hash }, "*");
 }

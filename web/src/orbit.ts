@@ -1,4 +1,4 @@
-// Orbits at the bearings: the paths of the rotor's middle, within the touch-down bearing.
+// Orbits at the bearings: paths of the rotor's centre, within the touch-down bearing.
 
 import { colour } from "./charts";
 import { shown } from "./units";
@@ -10,7 +10,7 @@ export interface Path {
   travel: number; // [m]
 }
 
-/** Draw the last part of paths side by side, to one scale. */
+/** Draw the last part of the orbits side by side, to the same scale. */
 export function orbits(canvas: HTMLCanvasElement, paths: Path[], from: number): void {
   const c = canvas.getContext("2d")!, by = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
   canvas.width = Math.round(width * by);

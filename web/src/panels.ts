@@ -1,4 +1,4 @@
-// The charts of a flight, each in a card of its own.
+// The charts of a run, each in a card of its own.
 
 import { aroundZero, Chart, colour, type Axes, type Band, type Line } from "./charts";
 import { KINDS, type Core, type Flight, type History } from "./core";
@@ -32,7 +32,7 @@ export function describe(of: Card): void {
   of.body.setAttribute("aria-label", `${of.head.querySelector("h2")!.textContent ?? ""}: ${of.say.textContent ?? ""}`);
 }
 
-export const NIS_FROM = 50; // figures are of all but the first of so many parts
+export const NIS_FROM = 50; // figures exclude the first of this many parts
 const NIS_LIMITS = [0.7, 1.4], NIS_FAIR = [0.5, 2.2];
 
 /** Errors of a filter against the truth, from a fiftieth of the flight on, and how consistent it is. */
@@ -135,7 +135,7 @@ export class Panels {
 
   private overTime(t: Float64Array, flight: Flight): void {
     const { n, filters } = flight;
-    // The first filter is drawn last, and lies above the others.
+    // The first filter is drawn last, above the others.
     const lines = filters.map((of, j): Line => ({ label: KINDS[of.kind].short, colour: `f${j}`, width: 1.3 })).reverse();
     const estimates = (j: number) => filters.map((of) => column(of, j, n)).reverse();
     const step = (axes: Partial<Axes> = {}): Axes => ({ unit: "x [mm]", scale: 1e3, ...axes });

@@ -1,11 +1,11 @@
-// The machine as a drawing that moves: a ball below a magnet, or a collar between two.
+// Animated drawing of the machine: a ball below a magnet, or a collar between two.
 
 import type { Live } from "./core";
 import type { Settings } from "./state";
 import { shown } from "./units";
 
 const SVG = "http://www.w3.org/2000/svg";
-const MIDDLE = 210, REACH = 44; // of the rotor, and how far it goes either way, in units of the drawing
+const MIDDLE = 210, REACH = 44; // of the rotor, and its maximum displacement on the drawing
 const ARROW = 74; // length of the longest arrow
 
 function add(parent: Element, name: string, attributes: Record<string, string | number>, text?: string): SVGElement {
@@ -22,7 +22,7 @@ interface Arrow {
 
 /** What the drawing tells the page. */
 export interface Hand {
-  grab(share: number): void; // -1 to 1 of the reach, where the pointer is
+  grab(share: number): void; // -1 to 1 of the reach, at the pointer
   release(knocked: number): void; // -1, 0, 1: a short tap below or above the rotor
 }
 
@@ -71,7 +71,7 @@ export class Picture {
     this.coils = [];
     this.fields = [];
     add(svg, "title", {}, two ? "A thrust bearing: a collar between two electromagnets" : "A steel ball below an electromagnet");
-    const gap = (s.p.s0 / s.p.clearance) * REACH; // from the middle to the pole, as built
+    const gap = (s.p.s0 / s.p.clearance) * REACH; // from the centre to the pole, to scale
     if (two) this.thrust(gap, s);
     else this.ball(gap, s);
     this.stops(two);
@@ -82,7 +82,7 @@ export class Picture {
   }
 
   private magnet(top: number, down: boolean, left: number, right: number): void {
-    // An E of laminated iron with its coil; `top` is the pole face.
+    // A laminated E-core with its coil; `top` is the pole face.
     const way = down ? 1 : -1, y = (at: number) => top - way * at;
     const core = `M${left} ${y(0)}V${y(66)}H${right}V${y(0)}H${right - 22}V${y(42)}H${left + 22}V${y(0)}Z`;
     const middle = (left + right) / 2;

@@ -1,4 +1,4 @@
-// A record as CSV: columns t, y, u, and truth where it is known.
+// A record as CSV: columns t, y, u, and truth if known.
 
 import type { Flight } from "./core";
 import { quantity } from "./units";

@@ -1,4 +1,4 @@
-// The workbench of a rotor: its picture, knobs and charts.
+// The workbench of a rotor: its drawing, controls and charts.
 
 import { aroundZero, Chart, colour, type Line } from "./charts";
 import type { Card } from "./panels";
@@ -34,7 +34,8 @@ export class RotorBench {
   private readonly rows: { show(): void }[] = [];
   private readonly table: FilterTable;
   readonly later = new Later();
-  margins: [string, Sensitivity | null][] = []; // of each axis, or of each filter that could feed the controllers
+  // of each axis, or for each filter that could feed the controllers
+  margins: [string, Sensitivity | null][] = [];
   private readonly picture: RotorPicture;
   private last = 0;
   private due = 0;
@@ -218,7 +219,8 @@ export class RotorBench {
       band.length ? [{ upper: 1, lower: 2, colour: "f0" }] : [], { unit: "f_d [N]", scale: 1, range: settled([...forces, truth]) });
     const hats = filters.map((one) => estimated(of.filter.along[0], one, n).map((value, k) => value - s[k])).reverse();
     const reading = s.map((value, k) => flight.y[k * of.sensors] / of.gain[0] - value);
-    const beside = of.sensors === of.axes && rms(reading) < 5 * Math.sqrt(of.var_y[0]); // a sensor elsewhere shows another place
+    // a sensor at another place measures another displacement
+    const beside = of.sensors === of.axes && rms(reading) < 5 * Math.sqrt(of.var_y[0]);
     this.plots["rotor-error"].show(t, beside ? [reading, ...hats] : hats, [...(beside ? [{ label: "reading", colour: "sensor", width: 1, faint: true }] : []), ...lines], [],
       { unit: "error [µm]", scale: 1e6, range: settled([...(beside ? [reading] : []), ...hats], 1e6) });
     this.cards["rotor-error"].say.textContent = beside ? `raw sensor ${shown(rms(reading), "m")} RMS` : "";
@@ -297,7 +299,7 @@ export class RotorBench {
     this.cards.lines.say.textContent = `the rotor turns ${digits(once)} times a second`;
   }
 
-  // ---- The rotor under the hand ----
+  // ---- The interactive rotor ----
 
   private pointer(): void {
     const { svg } = this, where = (event: PointerEvent) => {
@@ -373,25 +375,6 @@ export class RotorBench {
 
   get titles(): Record<string, string> {
     return Object.fromEntries(Object.entries(this.cards).map(([id, one]) => [id, one.head.querySelector("h2")!.textContent ?? ""]));
-  }
-
-  // ---- Links ----
-
-  toHash(name: string): string {
-    const parts = new URLSearchParams({ machine: name });
-    for (const [key, value] of Object.entries(this.settings)) if (value !== this.own[key as keyof RotorSettings]) parts.set(key, String(value));
-    return parts.toString();
-  }
-
-  static fromHash(parts: URLSearchParams, machine: Rotor): Partial<RotorSettings> {
-    const own = freshRotor(machine), out: Record<string, unknown> = {};
-    for (const [key, text] of parts) {
-      const known = own[key as keyof RotorSettings];
-      if (typeof known === "number" && text !== "" && Number.isFinite(Number(text))) out[key] = Number(text);
-      if (typeof known === "boolean") out[key] = text === "true";
-      if (typeof known === "string" && kindsOf({ ...own, [key]: text }).length) out[key] = text;
-    }
-    return out as Partial<RotorSettings>;
   }
 }
 

@@ -1,4 +1,4 @@
-// A rotor on several bearings: its description goes to C as numbers one after the other.
+// A rotor on several bearings: its description is passed to C as consecutive numbers.
 
 import { instance } from "./core";
 import { grid, judged, type Sensitivity } from "./margins";
@@ -13,10 +13,10 @@ export interface RotorFilter {
   f_0: number[];
   rest: number[];
   by_reading: number[][];
-  displayed: number[][]; // displacements along the axes, by the readings, and back
+  displayed: number[][]; // displacements along the axes from the readings, and back
   added: number[][];
-  loads: number; // the first state that is a disturbance force
-  along: number[][]; // displacements along the axes and velocities, by the states
+  loads: number; // index of the first disturbance force among the states
+  along: number[][]; // displacements along the axes and velocities, from the states
   moving: number[][];
 }
 
@@ -54,7 +54,8 @@ export interface Rotor {
   bearings: { name: string; place: number; angle: number; type: string }[];
   discs: number[];
   filter: RotorFilter;
-  stations: number[]; // places along the shaft [m], and how it moves there by the positions
+  // positions along the shaft [m], and their motion as functions of the coordinates
+  stations: number[];
   shape: { x: number[][]; y: number[][] };
   modes: number[]; // bending modes [Hz]
 }

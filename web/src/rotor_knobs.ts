@@ -1,4 +1,4 @@
-// What can be set of a rotor, and the description that follows from it.
+// Settings of a rotor, and the resulting description.
 
 import type { Knob } from "./knobs";
 import { KINDS } from "./core";
@@ -7,8 +7,8 @@ import { FILTERS } from "./state";
 
 export interface RotorSettings {
   speed: number; // [rad/s]
-  runUp: boolean; // from rest to that speed over the flight
-  unbalance: number; // times its own [1], and so the next ones
+  runUp: boolean; // run-up from standstill to that speed
+  unbalance: number; // times its own [1]; also the following ones
   mass: number;
   gap: number;
   bias: number;
@@ -19,12 +19,12 @@ export interface RotorSettings {
   lag: number;
   delay: number; // [s]
   step: number; // quantisation of all sensors [m]
-  feedback: number; // 1: controllers are fed by the first filter, 0: by the sensors
-  filters: string; // names of the kinds, with commas; the first is in the loop
-  assumed: number; // of the magnets, by the filter over the true ones [1]
+  feedback: number; // 1: the first filter feeds the controllers, 0: the sensors
+  filters: string; // names of the kinds, separated by commas; the first is in the loop
+  assumed: number; // magnet constants of the filters over the true ones [1]
   R: number;
   Q: number;
-  push: number; // step of a force on the first axis, half-way [N]
+  push: number; // step of a force on the first axis, at half of the run [N]
   seed: number;
   noisy: boolean;
 }
@@ -37,6 +37,25 @@ export function freshRotor(of: Rotor): RotorSettings {
     filters: "extended,linear", assumed: 1, R: 1, Q: 1,
     delay: of.delay * of.T + of.delay_rest, push: Number((0.2 * of.mass * G).toPrecision(2)), seed: 1, noisy: true,
   };
+}
+
+/** Settings that differ from the machine's own, as the part of a link behind #. */
+export function rotorToHash(settings: RotorSettings, own: RotorSettings, name: string): string {
+  const parts = new URLSearchParams({ machine: name });
+  for (const [key, value] of Object.entries(settings)) if (value !== own[key as keyof RotorSettings]) parts.set(key, String(value));
+  return parts.toString();
+}
+
+/** The settings of a link; invalid ones are ignored. */
+export function rotorFromHash(parts: URLSearchParams, machine: Rotor): Partial<RotorSettings> {
+  const own = freshRotor(machine), out: Record<string, unknown> = {};
+  for (const [key, text] of parts) {
+    const known = own[key as keyof RotorSettings];
+    if (typeof known === "number" && text !== "" && Number.isFinite(Number(text))) out[key] = Number(text);
+    if (typeof known === "boolean") out[key] = text === "true";
+    if (typeof known === "string" && kindsOf({ ...own, [key]: text }).length) out[key] = text;
+  }
+  return out as Partial<RotorSettings>;
 }
 
 function times(key: "unbalance" | "Q" | "R" | "mass" | "gap" | "bias" | "kp" | "ki" | "kd" | "noise" | "lag", group: string, label: string, by: number, help = ""): Knob<RotorSettings> {

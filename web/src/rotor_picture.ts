@@ -1,4 +1,4 @@
-// A rotor on two bearings: from the side, and from its end at each bearing, where its orbit is drawn.
+// A rotor on two bearings: side view, and an end view at each bearing with its orbit.
 
 import type { Rotor, RotorLive } from "./rotor_core";
 import { shown } from "./units";

@@ -1,4 +1,4 @@
-// The amplitude spectrum of a signal, by a Hann window and a fast Fourier transform.
+// The amplitude spectrum of a signal, with a Hann window and a fast Fourier transform.
 
 /** Amplitudes [unit of the signal] at frequencies [Hz] of the last 2^k samples. */
 export function spectrum(signal: Float64Array, T: number): { f: number[]; amplitude: number[] } {
@@ -11,7 +11,7 @@ export function spectrum(signal: Float64Array, T: number): { f: number[]; amplit
   const f: number[] = [], amplitude: number[] = [];
   for (let k = 2; k < n / 2; k++) {
     f.push(k / (n * T));
-    amplitude.push((4 * Math.hypot(re[k], im[k])) / n); // two sides, and a window of mean 1/2
+    amplitude.push((4 * Math.hypot(re[k], im[k])) / n); // both sides, and a window of mean 1/2
   }
   return { f, amplitude };
 }

@@ -1,14 +1,14 @@
-// All that a user can set, as one object; a link says what of it differs from the machine's own.
+// All settings as one object; a link contains those that differ from the machine's own.
 
 import { ADAPTIVE, KINDS, type Parameters } from "./core";
 import type { Rotor } from "./rotor_core";
 
-/** A machine as the page gets it: from Python, or from a file that was dropped. */
+/** A machine as the page receives it: from Python, or from a dropped file. */
 export interface Machine {
   name: string;
   description: string;
   axis: Parameters; // of a machine with one axis; else empty
-  expert?: number[]; // rules of the paper's network for it, as web/core/axis.h has them
+  expert?: number[]; // rules of the paper's network for it, in the form of web/core/axis.h
   rotor?: Rotor;
 }
 
@@ -17,11 +17,11 @@ export const STARTS: Start[] = ["levitated", "landed", "released"];
 
 export interface Settings {
   machine: Machine;
-  p: Parameters; // of the axis, changed by knobs
+  p: Parameters; // of the axis, changed by controls
   kinds: number[]; // up to four; the first is in the loop
-  R: number; // of the filters, times their own [1]
+  R: number; // of the filters, relative to their own [1]
   Q: number;
-  reference: number; // its step [m]
+  reference: number; // step height [m]
   push: number; // step of the disturbance force [N]
   duration: number; // [s]
   start: Start;
@@ -31,7 +31,7 @@ export interface Settings {
 
 export const FILTERS = 4;
 
-/** The settings of a machine before anybody turns a knob. */
+/** The default settings of a machine. */
 export function fresh(machine: Machine): Settings {
   const p = { ...machine.axis };
   const two = p.two_sided > 0;
@@ -44,14 +44,14 @@ export function fresh(machine: Machine): Settings {
   };
 }
 
-/** A number as somebody would write it. */
+/** A number in plain notation. */
 export function tidy(value: number): number {
   return Number(value.toPrecision(2));
 }
 
 const PLAIN = ["R", "Q", "reference", "push", "duration", "seed"] as const;
 
-/** What differs from the machine's own, as the part of a link behind #. */
+/** Settings that differ from the machine's own, as the part of a link behind #. */
 export function toHash(s: Settings, known: Machine[]): string {
   const of = fresh(s.machine), parts = new URLSearchParams();
   if (known.some((machine) => machine.name === s.machine.name && same(machine, s.machine))) parts.set("machine", s.machine.name);
@@ -68,7 +68,7 @@ function same(a: Machine, b: Machine): boolean {
   return JSON.stringify(a.axis) === JSON.stringify(b.axis);
 }
 
-/** The settings that a link states; what it states wrongly is left as it was. */
+/** The settings of a link; invalid ones keep their defaults. */
 export function fromHash(hash: string, known: Machine[]): Settings | null {
   const parts = new URLSearchParams(hash.replace(/^#/, ""));
   let machine = known.find((one) => one.name === parts.get("machine"));
@@ -93,13 +93,14 @@ function checked(text: string | null): Machine | undefined {
   try {
     const machine = JSON.parse(text ?? "") as Machine;
     const numbers = Object.values(machine.axis).every((value) => Number.isFinite(value));
-    return numbers ? { name: String(machine.name), description: String(machine.description), axis: machine.axis } : undefined; // without its expert
+    // without its expert system
+    return numbers ? { name: String(machine.name), description: String(machine.description), axis: machine.axis } : undefined;
   } catch {
     return undefined;
   }
 }
 
-/** The parameters of C that settings make. */
+/** The parameters of the C code for these settings. */
 export function parameters(s: Settings, own: { R: number; Q: number }): Parameters {
   return {
     ...s.p,
@@ -109,7 +110,7 @@ export function parameters(s: Settings, own: { R: number; Q: number }): Paramete
   };
 }
 
-/** Reference and load of the flight: a step of each, at a tenth and at half of it. */
+/** Reference and load of the run: a step of each, at a tenth and at half of it. */
 export function signals(s: Settings): { r: Float64Array; load: Float64Array } {
   const n = Math.max(2, Math.round(s.duration / s.p.T) + 1);
   const r = new Float64Array(n), load = new Float64Array(n);

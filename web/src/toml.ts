@@ -1,4 +1,5 @@
-// As much of TOML as machines and filters have: tables, arrays of tables, strings, numbers, booleans, arrays.
+// The subset of TOML that machines and filters need: tables, arrays of tables, strings, numbers,
+// booleans, arrays.
 
 export type Value = string | number | boolean | Value[] | Table;
 export interface Table {
@@ -93,5 +94,5 @@ function parts(text: string): string[] {
   return all;
 }
 
-/** A text as TOML has it, whatever is in it. */
+/** A text in TOML notation, with any content. */
 export const string = (text: string) => JSON.stringify(text).replace(/[\u007f-\u009f\u2028\u2029]/g, (c) => `\\u${c.charCodeAt(0).toString(16).padStart(4, "0")}`);

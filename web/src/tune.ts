@@ -1,4 +1,4 @@
-// Gains for a machine: the stiffest whose sensitivity stays low, as ambkit's defaults are chosen.
+// Gains for a machine: the stiffest with a low sensitivity, chosen as ambkit's defaults are.
 
 import type { Core, Parameters } from "./core";
 import { sensitivity } from "./margins";
@@ -9,7 +9,7 @@ const DAMPINGS = [1.5, 1.3, 1.1, 0.95, 0.8, 0.65, 0.5];
 
 const two = (value: number) => Number(value.toPrecision(2));
 
-/** Gains by ratio k_p k_i/k_s and damping. */
+/** Gains by the ratio k_p k_i/k_s and the damping. */
 function gains(p: Parameters, k_i: number, k_s: number, ratio: number, damping: number): Partial<Parameters> {
   const w = Math.sqrt(((ratio - 1) * k_s) / p.mass), kp = two((ratio * k_s) / k_i);
   return {
@@ -17,7 +17,7 @@ function gains(p: Parameters, k_i: number, k_s: number, ratio: number, damping: 
   };
 }
 
-/** The chosen ones, and the peak of |S| with them. */
+/** The selected gains, and their peak of |S|. */
 export function tuned(core: Core, p: Parameters, kind: number): { gains: Partial<Parameters>; peak: number } {
   core.state(p);
   const { k_i, k_s } = core.magnet(0, 0);

@@ -1,4 +1,4 @@
-// Quantities with units: read as the TOML of ambkit has them, shown with a prefix.
+// Quantities with units, read as in ambkit's TOML and displayed with a prefix.
 
 const PREFIX: Record<string, number> = { n: 1e-9, u: 1e-6, "µ": 1e-6, "μ": 1e-6, m: 1e-3, c: 1e-2, k: 1e3, M: 1e6 };
 const UNIT: Record<string, number> = {
@@ -18,7 +18,7 @@ function factor(symbol: string): number {
   return value ** Number(power ?? 1);
 }
 
-/** A number in SI of a number, or of a text such as "6.7 N mm^2/A^2". */
+/** A number in SI units from a number, or from a text such as "6.7 N mm^2/A^2". */
 export function quantity(value: unknown): number {
   if (typeof value === "number") return value;
   const text = String(value).trim();
@@ -43,7 +43,7 @@ export function digits(value: number, count = 3): string {
   return text.includes(".") ? text.replace(/\.?0+$/, "") : text;
 }
 
-/** "12.3 µm" of a value in SI; units with a power or a sum of symbols have no prefix. */
+/** "12.3 µm" for a value in SI; units with a power or a sum of symbols have no prefix. */
 export function shown(value: number, unit: string, count = 3): string {
   if (!unit || unit === "1") return digits(value, count);
   if (unit === "m^2" || unit === "V^2") return `(${shown(Math.sqrt(value), unit[0], count)})²`;

@@ -81,9 +81,8 @@ def assessment_figure(
     return Figure(
         "assessment",
         title,
-        "The loop is broken at the measurement, as in ISO 14839-3. Lines are the upper limits of "
-        "its zones; circles about −1 are the same limits for the open loop. Frequencies up to half "
-        f"the sampling rate; loads are constant over a sample.{unstable}",
+        f"The loop is broken at the measurement, as in ISO 14839-3. {ZONE_CAPTION} Frequencies up "
+        f"to half the sampling rate; loads are constant over a sample.{unstable}",
         [
             Panel(frequency, heights, bode, title="Sensitivity"),
             nyquist_panel(curves, zones),
@@ -200,9 +199,17 @@ def _of_whole(
     ]  # fmt: skip
 
 
+ZONE_CAPTION = (
+    "Lines A, B and C are the upper limits of the zones of ISO 14839-3: A of new machines, B "
+    "acceptable without time limit, C for a limited time, D above; circles about −1 are the same "
+    "limits for the open loop."
+)
+"""Caption of the zones' lines."""
+
+
 def zone_lines(zones: Sequence[tuple[str, float]], top: float) -> list[Item]:
     """Return the upper ends of the zones over the frequency [dB], and the end of their range."""
-    ends = f"ends of zones {', '.join(name for name, _ in zones)}"
+    ends = f"upper limits of zones {', '.join(name for name, _ in zones)}"
     items: list[Item] = [
         Rule(20 * math.log10(limit), signal="limit", text=name, label=ends if k == 0 else "")
         for k, (name, limit) in enumerate(zones)
@@ -263,6 +270,6 @@ def capacity_figure(
         "closed loop reaches a limit. Noise, unbalance, runout and the constant force reduce each "
         "limit (the voltage: the constant force only). Marks: unbalance force at the speed.",
         panels,
-        columns=len(panels),
+        columns=min(2, len(panels)),
         panel_height=2.8,
     )

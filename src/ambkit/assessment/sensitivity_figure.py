@@ -48,9 +48,8 @@ def measured_figure(
     return Figure(
         "measured-sensitivity",
         title,
-        f"{result.periods} period{'s' * (result.periods > 1)}; the interval holds |S| at each "
-        "frequency alone. Lines are the upper ends of the zones of ISO 14839-3, the circles about "
-        "−1 the same for the open loop.",
+        f"{result.periods} period{'s' * (result.periods > 1)}; the interval is that of |S| at a "
+        f"single frequency. {assessment_figure.ZONE_CAPTION}",
         [
             Panel(frequency, heights, bode, title="Sensitivity"),
             assessment_figure.nyquist_panel(curves, zones),
@@ -91,7 +90,7 @@ def sweep_figure(
         if linear is not None:
             off.append(Line(where, np.abs(S - linear) / np.abs(linear), signal=look, label=name))
     panels = [Panel(frequency, _heights(*sizes), bode, title="Sensitivity")]
-    note = "its greatest value is named."
+    note = f"its peak is labelled. {assessment_figure.ZONE_CAPTION.partition(';')[0]}."
     if off:
         distance = Axis("distance from the model", "%", 100.0, "log", (1e-5, 3.0))
         panels.append(Panel(frequency, distance, off))

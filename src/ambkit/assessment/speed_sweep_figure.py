@@ -17,13 +17,14 @@ from ambkit.result.row import ZERO
 from ambkit.rotordynamics.campbell import SPEED
 
 SLOW = 2.0  #: Upper end of the modes' axis, over the peak's frequency or the speed.
+ZONES = "upper limits of zones A, B, C"  #: Label of their lines.
 DAMPED = 0.995  #: Damping ratio above which a mode counts as overdamped.
 
 
 def over_speed_figure(result: Any, zones: Sequence[tuple[str, float]]) -> Figure:
     """Plot sensitivity of each axis, and frequency and damping of the closed loop's modes."""
     peaks: list[Item] = [
-        Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
+        Rule(limit, signal="limit", text=name, label=ZONES if k == 0 else "")
         for k, (name, limit) in enumerate(zones)
         if k == 0 or limit < 1.5 * np.nanmax(result.peaks)
     ]
@@ -66,7 +67,7 @@ def run_up_figure(result: Any) -> Figure:
     """Plot displacement, current and voltage in a slow run-up, with their limits."""
     shares = result.orbit / result.clearance
     room: list[Item] = [
-        Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
+        Rule(limit, signal="limit", text=name, label=ZONES if k == 0 else "")
         for k, (name, limit) in enumerate(ROOM)
     ]
     room += _of_axes(result, shares)
@@ -101,9 +102,9 @@ def run_up_figure(result: Any) -> Figure:
         f"{result.fed_by}",
         "Sum of static load, unbalance, runout and three times the rms noise (the voltage without "
         "noise), of the linear loop in steady state at each speed, coil temperatures included. "
-        "Zones after ISO 14839-2.",
+        "Lines A, B and C are the upper limits of the zones of ISO 14839-2.",
         panels,
-        columns=len(panels),
+        columns=2,
         panel_height=2.8,
     )
 

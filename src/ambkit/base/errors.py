@@ -21,10 +21,10 @@ class AmbkitError(Exception):
         super().__init__(lines(message))
 
 
-TOLD = 10  #: Maximum number of reported problems of a file; the rest is counted.
+MAX_REPORTED = 10  #: Maximum number of reported problems of a file; the rest is counted.
 
 
-def shortened(problems: list[str], limit: int = TOLD) -> list[str]:
+def shortened(problems: list[str], limit: int = MAX_REPORTED) -> list[str]:
     """Return the first problems, and the number of the others."""
     left = len(problems) - limit
     return [*problems[:limit], f"and {left} more"] if left > 1 else problems

@@ -41,7 +41,7 @@ COMMANDS = {
         "design": "design:design",
     },
     "Run": {"simulate": "simulate:simulate", "filter": "filter:filter"},
-    "Judge": {
+    "Evaluate": {
         "compare": "compare:compare",
         "compare steps": "compare:compare_steps",
         "assess": "assess:assess",

@@ -15,7 +15,7 @@ from ambkit.control.stabilising_controller import holding
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
 from ambkit.judge.loop.margins import axis_peaks
-from ambkit.judge.whirl_modes import DAMPED, whirl_modes
+from ambkit.judge.whirl_modes import whirl_modes
 from ambkit.machine.machine import Machine
 from ambkit.machine.rotors import modes
 from ambkit.machine.rotors.descriptions import OfMatrices
@@ -205,7 +205,7 @@ def _critical(machine: Machine, many: Machine, max_speed: float) -> tuple[tuple[
     some, all_of = (
         [
             one.speed for one in whirl_modes(item, max_speed, count=SPEEDS, pids=pids).criticals
-            if one.amplification >= DAMPED
+            if not one.damped
         ]
         for item in (machine, many)
     )  # fmt: skip

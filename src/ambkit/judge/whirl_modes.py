@@ -35,6 +35,11 @@ class CriticalSpeed(NamedTuple):
         """Amplification factor 1/(2 zeta) [1]; infinite for an undamped whirl."""
         return 1 / (2 * self.damping_ratio) if self.damping_ratio > 0 else math.inf
 
+    @property
+    def damped(self) -> bool:
+        """Whether API 617 regards it as critically damped, and not as a critical speed."""
+        return self.amplification < DAMPED
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WhirlModes:

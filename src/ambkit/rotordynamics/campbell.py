@@ -29,8 +29,13 @@ class Campbell(WhirlModes, Result):
 
     @property
     def finding(self) -> str:
-        speeds = ", ".join(map(units.rpm, self.critical)) or "none"
-        return f"Critical speeds of {self.machine.name} up to {self._end}: {speeds}."
+        damped, sharp = (
+            ", ".join(units.rpm(one.speed) for one in self.criticals if one.damped is is_damped)
+            for is_damped in (True, False)
+        )
+        beside = f" Critically damped: {damped} (amplification factor below 2.5)." if damped else ""
+        speeds = f"{self.machine.name} up to {self._end}: {sharp or 'none'}"
+        return f"Critical speeds of {speeds} (API 617).{beside}"
 
     @property
     def _end(self) -> str:

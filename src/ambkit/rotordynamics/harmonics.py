@@ -14,7 +14,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.estimator import Estimator
 from ambkit.result.row import Row, put
 
-TOLD = 0.5  #: Remaining share of the initial standard deviation that means no information.
+UNCHANGED = 0.5  #: Remaining share of the initial standard deviation that means no information.
 CLEAR = 3.0  #: Minimum amplitude, in standard deviations, with a defined angle.
 
 
@@ -136,8 +136,8 @@ def _start_shares(covariance: Array, start: Sequence[float], places: list[int]) 
     """Return `Harmonic.start_share` of the first of each pair."""
     scale = 1 / np.array(start)[places]
     values, ways = np.linalg.eigh(scale[:, None] * covariance[np.ix_(places, places)] * scale)
-    untold = np.where(values > TOLD**2, values, 0.0)
-    share = (ways**2 @ untold).reshape(-1, 2).sum(axis=1)
+    unobserved = np.where(values > UNCHANGED**2, values, 0.0)
+    share = (ways**2 @ unobserved).reshape(-1, 2).sum(axis=1)
     total = (ways**2 @ np.maximum(values, 0.0)).reshape(-1, 2).sum(axis=1)
     result = np.divide(share, total, out=np.zeros_like(share), where=total > 0)
     return dict(zip(places[::2], result.tolist(), strict=True))

@@ -27,7 +27,7 @@ from ambkit.control.linear.steady_state_filter import tells
 from ambkit.estimate.estimator import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.loop_of import LoopOf
-from ambkit.judge.whirl_modes import DAMPED, CriticalSpeed, followed, whirl_modes
+from ambkit.judge.whirl_modes import CriticalSpeed, followed, whirl_modes
 from ambkit.machine.machine import Machine
 from ambkit.result.row import Row, put
 
@@ -53,7 +53,7 @@ class Separation:
     def needed(self) -> float:
         """Required margin [1]: none for a critically damped mode."""
         factor = self.critical.amplification
-        if factor < DAMPED:
+        if self.critical.damped:
             return 0.0
         margin = min(MOST, SHARE * (1 - 1 / (factor - 1.5)))
         return margin + (ABOVE if self.critical.speed > self.speed else 0.0)
@@ -100,7 +100,9 @@ class Separations(list[Separation]):
         near = ", ".join(one.text() for one in self if not one.kept)
         if near:
             return f"{rpm(self.speed)} is too near to {near} ({BASIS})"
-        there = ", ".join(rpm(one.critical.speed) for one in self)
+        there = ", ".join(rpm(one.critical.speed) for one in self if not one.critical.damped)
+        if not there:
+            return f"all whirl modes up to {rpm(self.end)} are critically damped ({BASIS})"
         return f"{rpm(self.speed)} keeps its margins from the critical speeds {there} ({BASIS})"
 
 
@@ -179,7 +181,7 @@ def loop_criticals(of: LoopOf, fed_by: Estimator | None, max_speed: float) -> li
             result = CriticalSpeed(critical, -pole.real / abs(pole))
             if pole.imag <= OVERDAMPED * abs(pole) or _share(moved, loop, pole) < POLE_SHARE:
                 continue
-            if result.amplification < DAMPED or _is_peak(at, result, max_speed):
+            if result.damped or _is_peak(at, result, max_speed):
                 results.append(result)
     return _distinct(at, sorted(results), END * max_speed)
 
@@ -199,7 +201,7 @@ def _distinct(at: At, criticals: list[CriticalSpeed], end: float) -> list[Critic
         last = groups[-1][-1] if groups else critical
         if groups and critical.speed <= (1 + SAME) * last.speed:
             continue
-        sharp = min(critical.amplification, last.amplification) >= DAMPED
+        sharp = not (critical.damped or last.damped)
         if sharp and last is not critical and not _valley(at, last.speed, critical.speed):
             groups[-1].append(critical)
         else:

@@ -16,8 +16,9 @@ def check(
     """Check input files and report every fault.
 
     Each fault is reported with file and line; the exit code is then 2. Anomalies of a record that
-    may be legitimate are reported as notes. Of a machine the line ends with how its default filter
-    does in simulation: consistency, and position error beside raw sensor and naive filter.
+    may be legitimate are reported as notes. The line of a machine ends with the performance of its
+    default filter in simulation: consistency, and position error compared with the raw sensor and a
+    constant-velocity filter.
 
     Parameters
     ----------
@@ -25,7 +26,7 @@ def check(
         Machines, scenarios, studies, channel maps, filters, experts, records, force maps; or names
         of presets.
     machine : Machine, str or path, optional
-        Compare records with this machine (rate, range, noise, signs), and judge filters on it.
+        Compare records with this machine (rate, range, noise, signs), and evaluate filters on it.
     channels : str or path, optional
         Channel map of the logs (`ambkit read guess` proposes one).
 

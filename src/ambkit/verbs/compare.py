@@ -41,8 +41,8 @@ def compare(
     case : str, optional
         paper, uncertain, wrong-k, saturating, coloured-noise, step, unbalance, model, or all.
     plant : MagnetModel, class, str or path, optional
-        What the filters do not know: the force map of the true magnet (iu, x, f_mag) of one axis,
-        on which table and adaptive are trained unless they have a file, or a plant as
+        True plant, unknown to the filters: the force map of the magnet (iu, x, f_mag) of one axis,
+        on which table and adaptive are trained unless they have a file, or a class as
         my.py:MyPlant.
     spread : float or str, optional
         Maximum deviation of the plant, such as "20 %": magnet constant, mass, air gap, sensor and

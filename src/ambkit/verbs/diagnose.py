@@ -22,7 +22,7 @@ def diagnose(
     """Name the faults that a record shows.
 
     Each fault (magnet, coil, amplifier, gap, dead time, sensor, mass, clock, line noise) is tested
-    by what it adds to the innovations of a filter, whenever it began, and alone or with another.
+    by its effect on the innovations of a filter, for any time of onset, alone and in pairs.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def diagnose(
     Returns
     -------
     Diagnosis
-        Likelihood ratio, size and begin of each fault.
+        Likelihood ratio, size and onset of each fault.
 
     Raises
     ------
@@ -60,10 +60,10 @@ def diagnose(
 
 
 def diagnose_limits(machine: Machine, filter: Filter = DEFAULT) -> Distinction:
-    """List which faults of a machine can be distinguished, and from which size on.
+    """List the smallest faults of a machine that can be detected and distinguished.
 
-    By Fisher's information of the faults in simulated runs, at rest and with steps of a tenth of
-    the clearance: nine in ten faults of the size raise an alarm, and exclude all others.
+    From the Fisher information of each fault in simulated runs, at rest and with steps of a tenth
+    of the clearance: nine in ten faults of that size raise an alarm, and exclude all others.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def diagnose_limits(machine: Machine, filter: Filter = DEFAULT) -> Distinction:
     Returns
     -------
     Distinction
-        Least size of each fault, and the faults that look like it.
+        Smallest size of each fault, and the faults confused with it.
 
     Raises
     ------

@@ -28,8 +28,8 @@ def excite(
     """Design an identification experiment and predict its errors.
 
     The excitation is a reference signal for the controller, in the most informative band and as
-    large as the limits allow in the simulated loop; predicted are the standard errors of
-    identification. `ambkit simulate --signal` reads the file of --out.
+    large as the limits allow in the simulated loop. The standard errors of identification are
+    predicted. `ambkit simulate --signal` reads the file of --out.
 
     Parameters
     ----------

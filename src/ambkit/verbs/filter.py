@@ -22,7 +22,7 @@ def filter(
     disturbance_noise: Noise | None = None,
     smooth: bool = False,
 ) -> Filtering:
-    """Run filters along a record and judge them.
+    """Run filters along a record and evaluate them.
 
     With known truth by their errors; otherwise by their innovations and by the prediction of the
     measured position, compared with the last value and with the rig's own estimates (x_logged,

@@ -41,8 +41,8 @@ def simulate(
         map (.csv) of the adaptive filter, a class as my.py:MyFilter, or none. It feeds the
         controller unless the scenario selects the measurement.
     plant : MagnetModel, class, str or path, optional
-        What the filter does not know: the force map of the true magnet (iu, x, f_mag) of one axis,
-        or a plant as my.py:MyPlant.
+        True plant, unknown to the filter: the force map of the magnet (iu, x, f_mag) of one axis,
+        or a class as my.py:MyPlant.
     duration : float or str, optional
         Duration [s]. By default that of the scenario.
     step : float or str, optional

@@ -31,8 +31,8 @@ def tune(
 ) -> Tuned:
     """Tune a filter and validate it.
 
-    With records by maximum likelihood (Schweppe 1965): the first halves tune, the second halves or
-    the validation records judge, and the tuned filter is used only if they are more likely with it.
+    With records by maximum likelihood (Schweppe 1965): tuned on the first halves, validated on the
+    second halves or the validation records, and used only if these are more likely with it.
     Without records by the errors in simulation, validated with other seeds. The filter file of
     --out is read by filter, simulate, compare, faults and export.
 
@@ -58,7 +58,7 @@ def tune(
     budget : int, optional
         Number of evaluations.
     seeds : int, range or str, optional
-        Number of simulated runs to tune on, and of others to judge by; FIRST draws others.
+        Number of simulated runs for tuning, and as many for validation; FIRST: first random seed.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def tune_trade_off(
 ) -> TradeOff:
     """Tune a filter for several sensitivity limits: error against margin.
 
-    All filters are judged by their errors in simulation, also those tuned on records, because a
+    All filters are compared by their errors in simulation, also those tuned on records, because a
     record does not determine the disturbance force.
 
     Parameters

@@ -14,12 +14,12 @@ def workbench(machine: Machine | None = None, *, open: bool = False) -> Workbenc
     """Show an interactive simulation of a machine in the browser.
 
     The page needs neither a server nor a network, and computes with the C of ambkit: for the same
-    seed its numbers are those of `ambkit simulate`, to the last bit. A notebook shows it.
+    seed its results are bit-identical to `ambkit simulate`. Notebooks display it inline.
 
     Parameters
     ----------
     machine : Machine, str or path, optional
-        Preset name or TOML file: one axis, or a rotor, rigid or bending. By default presets.
+        Preset name or TOML file: one axis, or a rigid or flexible rotor. By default all presets.
     open : bool, optional
         Open it in the browser.
 

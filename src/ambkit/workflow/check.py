@@ -12,7 +12,6 @@ from typing import Any
 
 from ambkit.base import files
 from ambkit.base.config import toml_text
-from ambkit.base.config.document import TOLD
 from ambkit.base.config.problems import fields_of
 from ambkit.base.errors import AmbkitError, ConfigError, RecordError, shortened
 from ambkit.base.units import engineering
@@ -92,7 +91,7 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
     toml = toml_text.parse(text)
     if toml.data is None:
         problems = [f"{path}:{line}: {what}" for line, what in toml.problems]
-        raise ConfigError(shortened(problems, TOLD), str(path))
+        raise ConfigError(shortened(problems), str(path))
     signals = toml.data.get("signals")
     if isinstance(signals, dict) and "f_mag" in signals and "t" not in signals:
         return SHORT["force"]

@@ -112,7 +112,7 @@ def _along(
     machine: Machine, record: Record, built: Mapping[str, Factory], noise: FilterNoise,
     tune: float | None, settling: float, *, smooth: bool, done: Callable[[str], None],
 ) -> Filtering:  # fmt: skip
-    """Run filters along a record and judge them."""
+    """Run filters along a record and evaluate them."""
     begin, end = in_flight(record)
     until, record = record.between(stop=end), record.between(begin, end)
     # A filter file determines the machine and noise of its filter.
@@ -146,8 +146,8 @@ def stretch_to_tune_on(record: Record, tune: float | None = None) -> Stretch | N
         return None if record.has_truth else Stretch(span / 4, span / 2, by_itself=True)
     if not tune < span:
         raise AmbkitError(
-            f"tune must be shorter than the record, {span:.4g} s, and leave time to judge by; is "
-            f"{tune:g} s"
+            f"tune must be shorter than the record, {span:.4g} s, and leave time for validation; "
+            f"is {tune:g} s"
         )
     return Stretch(0.0, tune, by_itself=False)
 

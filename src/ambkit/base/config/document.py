@@ -46,8 +46,6 @@ from ambkit.base.errors import ConfigError, shortened
 
 Read = Callable[[str], Any]
 
-TOLD = 20  #: Maximum number of reported problems; the rest is counted.
-
 
 if TYPE_CHECKING:  # no public name
     from pydantic._internal._model_construction import ModelMetaclass as _Model
@@ -227,7 +225,7 @@ class Document(Part):
                 results += [(toml.line(path), text) for path, text in located(error, toml.data)]
         if results:
             problems = [f"{name}:{line}: {text}" for line, text in sorted(results)]
-            raise ConfigError(shortened(problems, TOLD), name)
+            raise ConfigError(shortened(problems), name)
         return model
 
     def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from ambkit.base.arrays import Array
+from ambkit.base.errors import shortened
 from ambkit.base.escaping import markdown, one_line
 from ambkit.data.reading.clock import examine
 from ambkit.data.reading.faults import Fault
@@ -88,7 +88,7 @@ def _only(t: Array, values: Array, faults: Iterable[Fault]) -> Array:
 
 
 SHOWN = 6  #: Maximum number of channels in the figure; its clocks come first.
-TOLD = 3  #: Maximum number of reasons below it.
+MAX_REASONS = 3  #: Maximum number of reasons below it.
 
 _NUMBER = Axis("sample")
 
@@ -128,9 +128,7 @@ def refused_figure(refused: RejectedLog) -> Figure | None:
         panels.append(Panel(TIME if timed else _NUMBER, axis, [channel, *_marks(x, inside)]))
     # In Markdown a backquote would end the code, and a dollar sign begin a formula.
     plain = (one_line(text).replace("`", "'").replace("$", "") for text in refused.problems)
-    sentences = [f"`{problem}`" for problem in islice(plain, TOLD)]
-    if (more := len(refused.problems) - TOLD) > 0:
-        sentences.append(f"And {more} more.")
+    sentences = shortened([f"`{problem}`" for problem in plain], MAX_REASONS)
     if left := list(signals)[SHOWN:]:
         sentences.append(f"Not shown: {', '.join(map(markdown, left))}.")
     return Figure(

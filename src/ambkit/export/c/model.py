@@ -72,7 +72,7 @@ def loop_model(model: Model) -> CModel:
             fields[name] = Name(f"model_{name}")
     counts = ("states", "forces", "controls", "sensors", "noises")
     room = {name.upper(): fields[name] for name in counts}
-    return CModel({BUILT_IN: None}, ("src/loops.c",), fields, held, room)
+    return CModel({BUILT_IN: None}, ("src/loops.c", "src/covariance_loops.c"), fields, held, room)
 
 
 def turning(of: CModel, nodes: Nodes) -> CModel:

@@ -12,7 +12,7 @@ from ambkit.export.c import c_literals
 from ambkit.machine.axes import bias_forces_of
 from ambkit.models.model import Model
 
-SOURCES = ("src/rebuild.c", "src/sampling.c")
+SOURCES = ("src/rebuild.c", "src/sampling.c", "src/transition.c")
 TEMPLATES = {"{}_rebuild.h": "rebuild.h", "{}_rebuild.c": "rebuild.c"}
 
 _TYPES: dict[str, Any] = {

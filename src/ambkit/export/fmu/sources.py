@@ -66,7 +66,8 @@ def library_files(
                 sim[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
     headers = {f"include/ambkit/{stem}.h" for stem in _included("ambkit", texts | sim)}
     result = core_sources.closure(headers, instead=instead)
-    while more := _sources_of(result) - result.keys():
+    sources: set[str] = set() if of_model is None else set(of_model.sources)
+    while more := (_sources_of(result) | sources) - result.keys():
         result = core_sources.closure(headers := headers | more, instead=instead)
     laid = {name.removeprefix("include/").replace("src/", "core/"): t for name, t in result.items()}
     return laid | sim

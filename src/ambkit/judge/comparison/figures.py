@@ -112,7 +112,7 @@ def sweep_figure(id: str, swept: Any) -> Figure:
         if signal in swept.limit:
             items.append(Line(swept.values, swept.limit[signal], signal="truth", label="limit"))
         panels.append(Panel(axis, _from_zero(SHOWN[signal], items), items))
-    return Figure(id=id, title=title, caption=caption, panels=panels, columns=len(panels))
+    return Figure(id=id, title=title, caption=caption, panels=panels, columns=2)
 
 
 def _from_zero(axis: Axis, items: Sequence[Item]) -> Axis:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +17,7 @@ from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 
 FEW = 4  #: Curves of a picture.
+LISTED = 6  #: Faults in the table of a terminal, besides those that are named or possible.
 LEAST = 1.0  #: Likelihood ratio at its lower edge.
 
 
@@ -85,21 +86,24 @@ class Diagnosis(Result):
 
     @property
     def rows(self) -> list[Row]:
-        k = self.decisive
+        k, s = self.decisive, self.searches
+        ratios = s.likelihood.max(axis=0) if k is None else s.likelihood[k]
         result: list[Row] = []
-        for j, signature in enumerate(self.searches.signatures):
-            result += put(self._row(k, j, signature), section=("faults",), of=signature.name)
+        for place, j in enumerate(np.argsort(-ratios, kind="stable")):
+            named = k is not None and bool(s.named[k, j] or s.instead[k, j] >= 0)
+            rows = self._row(k, int(j), detail=place >= LISTED and not named)
+            result += put(rows, section=("faults",), of=s.signatures[j].name)
         return result
 
-    def _row(self, k: int | None, j: int, signature: Signature) -> list[Row]:
-        s = self.searches
+    def _row(self, k: int | None, j: int, detail: bool) -> list[Row]:
+        s, signature = self.searches, self.searches.signatures[j]
         at = int(np.argmax(s.likelihood[:, j])) if k is None else k
         size = float(np.linalg.norm(s.size[at, j])) if len(signature.columns) > 1 else None
         size = float(s.size[at, j, 0]) if size is None else size
         raised = k is not None and s.likelihood[at, j] >= self.limit
         named, possible = bool(s.named[at, j]), bool(s.instead[at, j] >= 0)
         verdict = "named" if named else "possible" if possible else "–"
-        return [
+        rows = [
             Row("likelihood", "likelihood ratio", float(s.likelihood[at, j]), digits=3),
             Row("size", "size", size if raised else None, signature.unit, 3,
                 error=float(s.std[at, j].max()) if raised else None),
@@ -107,12 +111,15 @@ class Diagnosis(Result):
             Row("verdict", "verdict", None if k is None else verdict),
             Row("about", "what is off", signature.about),
         ]  # fmt: skip
+        return [replace(row, detail=detail) for row in rows]
 
     SECTIONS = {("faults",): Section("Faults", across=True)}
 
     @property
     def notes(self) -> Sequence[str]:
-        return self.remarks
+        left = len({row.of for row in self.rows if row.detail})
+        rest = [f"{left} further faults are less likely"] * (left > 0)
+        return [*self.remarks, *rest]
 
     @property
     def series(self) -> dict[str, Any]:

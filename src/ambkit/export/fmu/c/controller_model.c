@@ -29,7 +29,7 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   model->u = iu / amb_data_k_ui[0];
 }
 
-/* What a controller looks at when a sample begins is all there is to do in it. */
+/* The controller only reads its inputs at the start of a sample. */
 void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
 {
   (void)to;

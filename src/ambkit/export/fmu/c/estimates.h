@@ -4,7 +4,8 @@
 
 #include "filter.h"
 
-/* Write all estimates of a filter with this state and result; `carried` as amb_filter_show_std. */
+/* Write all estimates of a filter with this state and result; `carried` as in amb_filter_show_std.
+ * */
 void amb_estimates_show(const amb_data_state *state, const amb_kalman_result *result,
                         const amb_real carried[], double value[]);
 

@@ -14,7 +14,7 @@ static void read(const double value[AMB_VARIABLES], amb_real y[AMB_SENSORS])
     y[r] = (amb_real)value[FIRST_y + r];
 }
 
-/* At rest where the measurements show it. */
+/* In equilibrium at the first measurements. */
 amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
 {
   const amb_status status = amb_unit_tune(model, value);
@@ -30,7 +30,7 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   return AMB_OK;
 }
 
-/* As the first sample of a record, the first one is taken in, and not predicted. */
+/* The first sample has no time update. */
 void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
 {
   const amb_estimator estimator = amb_filter_estimator(&model->filter);
@@ -44,7 +44,7 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   model->sampled = true;
 }
 
-/* It looks at its inputs when a sample begins, and not in between. */
+/* It reads its inputs at the start of a sample only. */
 void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
 {
   (void)to;

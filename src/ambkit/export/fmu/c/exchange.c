@@ -21,7 +21,7 @@ static amb_answer counted(const amb_instance *self, size_t n, size_t expected)
                     (unsigned long)n);
 }
 
-/* With inputs, parameters and time as they are now. */
+/* With the present inputs, parameters and time. */
 static amb_answer follow(amb_instance *self, size_t n, size_t expected)
 {
   if (!is_running(self) && (self->now.mode != AMB_INITIALIZING))
@@ -66,7 +66,7 @@ amb_answer amb_set_time(amb_instance *self, double time)
 {
   if (!is_running(self))
     return wrong(self, "setting the time");
-  if (!((time - time) == 0)) /* of numbers alone */
+  if (!((time - time) == 0)) /* finite numbers only */
     return amb_refuse(self, AMB_ERROR, "the time must be finite, is %g s", time);
   self->now.time = time;
   return AMB_DONE;

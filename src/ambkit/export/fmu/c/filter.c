@@ -7,7 +7,7 @@ amb_status amb_filter_tune(amb_kalman *filter, const double value[])
   amb_kalman_settings set = amb_data_settings;
   for (int r = 0; r < AMB_SENSORS; r++)
     set.var_y[r] = (amb_real)value[FIRST_measurement_variance + r];
-  for (int c = 0; c < AMB_CONTROLS; c++) { /* the loads are the first that grow */
+  for (int c = 0; c < AMB_CONTROLS; c++) { /* the first noises drive the loads */
     set.var_u[c] = (amb_real)value[FIRST_control_variance + c];
     set.var_d[c] = set.T * (amb_real)value[FIRST_disturbance_growth + c];
   }

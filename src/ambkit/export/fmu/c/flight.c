@@ -39,7 +39,7 @@ void amb_flight_show(const amb_control_output *flown, double value[])
 {
   value[VR_mode] = (double)flown->mode;
 }
-#else /* it flies, always */
+#else /* always levitated */
 bool amb_flight_wanted(const double value[])
 {
   (void)value;

@@ -8,7 +8,7 @@ amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES])
   return amb_filter_tune(&model->filter, value);
 }
 
-/* In flight where the parameters say, or at power-on. */
+/* Levitated, or at power-on, as the parameters state. */
 amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
 {
   const amb_status status = amb_unit_tune(model, value);
@@ -48,7 +48,7 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
                        amb_flight_wanted(value), &model->flown);
 }
 
-/* It looks at its inputs when a sample begins, and not in between. */
+/* It reads its inputs at the start of a sample only. */
 void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
 {
   (void)to;

@@ -1,5 +1,5 @@
-/* The whole controller as a model: when a sample begins it takes what the sensor shows, and it
- * holds the currents of the coils until the next. */
+/* The complete controller as a model: it reads the measurements at the start of a sample, and holds
+ * the coil currents until the next. */
 #ifndef AMBKIT_FMU_FLIGHT_MODEL_H
 #define AMBKIT_FMU_FLIGHT_MODEL_H
 

@@ -1,12 +1,12 @@
-/* FMI 2.0: the standard's functions, each handed on to instance.c. What they are
- * told and this model has no use for, such as a tolerance, stays unused. */
+/* FMI 2.0: the standard's functions, each forwarded to instance.c. Arguments that this model does
+ * not need, such as a tolerance, are unused. */
 #include "fmi2Functions.h"
 #include "instance.h"
 #include <stdlib.h>
 #include <string.h>
 
 typedef struct component {
-  amb_instance instance; /* first, so that a pointer to it is one to the component */
+  amb_instance instance; /* first, so that a pointer to it is a pointer to the component */
   fmi2CallbackLogger logger;
   fmi2ComponentEnvironment environment;
   char name[128];
@@ -15,7 +15,7 @@ typedef struct component {
 static void tell(const amb_instance *self, amb_answer answer, const char *text)
 {
   const component *c = (const component *)self;
-  char message[512]; /* a format to printf: in importers that cannot read one it stands as it is */
+  char message[512]; /* a format of printf: importers without printf show it unchanged */
   size_t n = 0;
   for (const char *from = text; (*from != '\0') && (n < sizeof message - 2); from++) {
     if (*from == '%')
@@ -47,7 +47,7 @@ const char *fmi2GetVersion(void)
   return fmi2Version;
 }
 
-/* What is refused is always told; there is nothing else to tell. */
+/* Only errors are logged, and they always are. */
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
                                const fmi2String categories[])
 {
@@ -89,7 +89,7 @@ void fmi2FreeInstance(fmi2Component c)
   free(c);
 }
 
-/* ---- From one mode to the next ---- */
+/* ---- Changes of the mode ---- */
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance,
                                fmi2Real startTime, fmi2Boolean stopTimeDefined, fmi2Real stopTime)
@@ -153,7 +153,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
   return (fmi2Status)amb_set_reals(of(c), vr, nvr, value);
 }
 
-/* No variables of these kinds, or none that can be set. */
+/* No variables of these types, or none that can be set. */
 static fmi2Status none(fmi2Component c, size_t n, const char *text)
 {
   return n == 0 ? fmi2OK : refuse(c, text);
@@ -250,7 +250,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedSta
                                      (amb_point **)FMUstate);
 }
 
-/* ---- How the last step went ---- */
+/* ---- Status of the last step ---- */
 
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value)
 {
@@ -271,7 +271,7 @@ fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Int
   return fmi2Discard;
 }
 
-/* It never asks for the end of a simulation. */
+/* It never terminates a simulation. */
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value)
 {
   if (s != fmi2Terminated)

@@ -1,10 +1,10 @@
-/* FMI 2.0 for model exchange: what it has beside the functions of fmi2.c. */
+/* FMI 2.0 for model exchange, in addition to fmi2.c. */
 #include "exchange.h"
 #include "fmi2Functions.h"
 
 static amb_instance *of(fmi2Component c)
 {
-  return (amb_instance *)c; /* the first in it */
+  return (amb_instance *)c; /* its first member */
 }
 
 fmi2Status fmi2EnterEventMode(fmi2Component c)

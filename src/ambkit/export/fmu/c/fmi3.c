@@ -1,11 +1,11 @@
-/* FMI 3.0: the standard's functions, each handed on to instance.c. What they are
- * told and this model has no use for, such as a tolerance, stays unused. */
+/* FMI 3.0: the standard's functions, each forwarded to instance.c. Arguments that this model does
+ * not need, such as a tolerance, are unused. */
 #include "fmi3.h"
 #include <stdlib.h>
 #include <string.h>
 
 typedef struct component {
-  amb_instance instance; /* first, so that a pointer to it is one to the component */
+  amb_instance instance; /* first, so that a pointer to it is a pointer to the component */
   fmi3LogMessageCallback logger;
   fmi3InstanceEnvironment environment;
 } component;
@@ -32,14 +32,14 @@ const char *fmi3GetVersion(void)
   return fmi3Version;
 }
 
-/* What is refused is always told; there is nothing else to tell. */
+/* Only errors are logged, and they always are. */
 fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
                                const fmi3String categories[])
 {
   return fmi3OK;
 }
 
-/* A new component that can speak, or NULL. */
+/* A new component that can log, or NULL. */
 static component *make(fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger)
 {
   component *c = (component *)calloc(1, sizeof *c);
@@ -102,7 +102,7 @@ void fmi3FreeInstance(fmi3Instance instance)
   free(instance);
 }
 
-/* ---- From one mode to the next ---- */
+/* ---- Changes of the mode ---- */
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined,
                                        fmi3Float64 tolerance, fmi3Float64 startTime,
@@ -142,7 +142,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
   return (fmi3Status)answer;
 }
 
-/* ---- Variables: scalars only ---- */
+/* ---- Variables, scalars only ---- */
 
 fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[],
                           size_t nValueReferences, fmi3Float64 values[], size_t nValues)
@@ -168,7 +168,7 @@ fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference valueRef
   return (fmi3Status)amb_get_integers(amb_fmi3_of(instance), valueReferences, nValues, values);
 }
 
-/* No variables of these kinds, or none that can be set. */
+/* No variables of these types, or none that can be set. */
 static fmi3Status none(fmi3Instance instance, size_t n, const char *text)
 {
   return n == 0 ? fmi3OK : amb_fmi3_refuse(instance, text);
@@ -341,7 +341,7 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte seriali
                                      (amb_point **)FMUState);
 }
 
-/* ---- What this model does not provide, as its modelDescription.xml says ---- */
+/* ---- Not provided, according to modelDescription.xml ---- */
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance,
                                                fmi3ValueReference valueReference,

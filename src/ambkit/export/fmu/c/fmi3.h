@@ -1,4 +1,4 @@
-/* What the parts of the FMI 3.0 layer know of each other. */
+/* Shared declarations of the FMI 3.0 layer. */
 #ifndef AMBKIT_FMU_FMI3_H
 #define AMBKIT_FMU_FMI3_H
 
@@ -8,12 +8,12 @@
 amb_instance *amb_fmi3_of(fmi3Instance instance);
 fmi3Status amb_fmi3_refuse(fmi3Instance instance, const char *text);
 
-/* A new instance; `exchange`: that its importer integrates. NULL where the token is of another
- * model, or there is no memory. */
+/* A new instance; `exchange`: its importer integrates. NULL if the token is that of another model,
+ * or without memory. */
 fmi3Instance amb_fmi3_instance(fmi3String token, fmi3InstanceEnvironment environment,
                                fmi3LogMessageCallback logger, bool exchange);
 
-/* Says that this kind of simulation is not provided; NULL. */
+/* Logs that this type of simulation is not provided; returns NULL. */
 fmi3Instance amb_fmi3_not_provided(fmi3InstanceEnvironment environment,
                                    fmi3LogMessageCallback logger);
 

@@ -1,4 +1,4 @@
-/* FMI 3.0 for model exchange: what it has beside the functions of fmi3.c. */
+/* FMI 3.0 for model exchange, in addition to fmi3.c. */
 #include "exchange.h"
 #include "fmi3.h"
 

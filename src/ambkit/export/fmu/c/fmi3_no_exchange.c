@@ -1,4 +1,4 @@
-/* FMI 3.0 of a model that is for co-simulation only. */
+/* FMI 3.0 for co-simulation only. */
 #include "fmi3.h"
 
 fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,

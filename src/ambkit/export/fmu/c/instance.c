@@ -40,13 +40,13 @@ double amb_time(const amb_instance *self)
   return self->now.start + (self->now.samples + self->now.part) * amb_sampling_time;
 }
 
-/* Of the importer's numbers, whatever the model computes in. */
+/* Values of the importer, in any precision of the model. */
 static bool is_finite(double a)
 {
   return (a >= -DBL_MAX) && (a <= DBL_MAX);
 }
 
-/* ---- From one mode to the next ---- */
+/* ---- Changes of the mode ---- */
 
 void amb_reset(amb_instance *self)
 {
@@ -124,7 +124,7 @@ void amb_catch_up(amb_instance *self)
     self->follow(&self->now.model, self->now.time - self->now.start, self->now.value);
 }
 
-/* During initialization the outputs follow what was set so far. */
+/* During initialization the outputs follow the values set so far. */
 static amb_answer show(amb_instance *self)
 {
   if (self->now.mode == AMB_INSTANTIATED)
@@ -203,7 +203,7 @@ amb_answer amb_set_reals(amb_instance *self, const uint32_t *vr, size_t n, const
 
 /* ---- Time ---- */
 
-/* On by so many sampling times. Parts end where samples begin. */
+/* Advances by so many sampling times. Steps are split at samples. */
 static void go_on(amb_point *now, double samples)
 {
   double left = samples;
@@ -234,14 +234,14 @@ amb_answer amb_do_step(amb_instance *self, double time, double step)
     return wrong_mode(self, "a step");
   if (!is_finite(time) || !(step > 0) || !(step / T < 9e15))
     return amb_refuse(self, AMB_DISCARD, "a step of %g s from %g s is not possible", step, time);
-  /* A difference of two times carries their rounding. */
+  /* Tolerance for the rounding of a difference of two times. */
   const double tolerance = 1e-6 * T + 4 * DBL_EPSILON * ((now < 0 ? -now : now) + step);
   if ((time - now > tolerance) || (now - time > tolerance))
     return amb_refuse(self, AMB_DISCARD,
                       "a step must begin at %.12g s, where the last one ended, "
                       "not at %.12g s",
                       now, time);
-  /* What ends at a sample but for that rounding, ends there. */
+  /* A step that ends within it of a sample ends at the sample. */
   const double end = part + step / T, whole = (double)(int64_t)(end + 0.5);
   const bool at_sample = ((end - whole) * T <= tolerance) && ((whole - end) * T <= tolerance);
   go_on(&self->now, (at_sample && (whole > part) ? whole : end) - part);
@@ -273,7 +273,7 @@ amb_answer amb_restore(amb_instance *self, const amb_point *point)
   return AMB_DONE;
 }
 
-/* Fowler, Noll and Vo's hash, over the token and then the bytes. */
+/* FNV hash (Fowler, Noll and Vo) of the token, then of the bytes. */
 static uint64_t checksum(const unsigned char *bytes, size_t size)
 {
   uint64_t hash = UINT64_C(14695981039346656037);

@@ -2,7 +2,7 @@
 #include "loop_model.h"
 #include "model.h"
 
-/* Its gains belong together: none can be tuned. */
+/* Its gains depend on each other: none is tunable. */
 void amb_held_tune(amb_unit *model, const double value[])
 {
   (void)model;
@@ -33,6 +33,6 @@ void amb_held_show(const amb_unit *model, double value[])
 {
   const amb_control_output *flown = &model->state.flown;
   for (int f = 0; !flown->on && (f < amb_data_rig.axes); f++)
-    value[FIRST_f_mag + f] = 0; /* no current, not even that of the bias */
+    value[FIRST_f_mag + f] = 0; /* no current, not even the bias */
   amb_flight_show(flown, value);
 }

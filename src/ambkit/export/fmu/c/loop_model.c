@@ -28,7 +28,7 @@ static amb_loop loop_of(const amb_unit *model, const amb_estimator *estimator, a
   return loop;
 }
 
-/* At rest where the parameters say, and the estimator knows it. */
+/* In equilibrium as the parameters state, known to the estimator. */
 amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
 {
   const amb_status status = amb_unit_tune(model, value);
@@ -45,7 +45,7 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   for (int f = 0; f < plant->axes; f++)
     s->demanded[f] = amb_clamp(value[FIRST_start_current + f], loop.iu_min[f], loop.iu_max[f]);
   amb_rig_settle(plant, &s->plant, value, s->demanded, place);
-  /* Nobody tells it the runout. */
+  /* The runout is unknown to it. */
   amb_filter_at(place, s->demanded, mean);
   amb_filter_start(&model->filter, &model->estimate, &s->result, mean);
   amb_held_start(&loop, model, place, value);
@@ -83,7 +83,7 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   (void)amb_loop_step(&loop, &model->state, &model->estimate, &sample);
 }
 
-/* The controller looks at its inputs when a sample begins; the rotor is glimpsed on its way. */
+/* The controller reads its inputs at the start of a sample; outputs in between are interpolated. */
 void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
 {
   if (!(from > 0))

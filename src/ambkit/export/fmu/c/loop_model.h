@@ -11,19 +11,19 @@ typedef struct amb_unit {
   amb_pid pid;
   amb_kalman filter;
   amb_data_state estimate;
-  amb_loop_state state; /* at the sample that the last one went on to */
+  amb_loop_state state; /* at the sample reached last */
   amb_glimpse between;
 } amb_unit;
 
-/* What holds the rotor: a PID (loop_pid.c), or a whole controller (loop_flight.c). Takes over the
- * parameters among the values; ... */
+/* The controller: a PID (loop_pid.c), or a complete controller (loop_flight.c). Sets the parameters
+ * among the values; ... */
 void amb_held_tune(amb_unit *model, const double value[]);
-/* ... makes itself known to the loop, for as long as `control` stays where it is; ... */
+/* ... connects it to the loop, valid while `control` is not moved; ... */
 void amb_held_by(const amb_unit *model, amb_control *control, amb_loop *loop);
-/* ... starts, at these places along the axes [m] and with the currents that are demanded; ... */
+/* ... starts it, at these displacements along the axes [m] and with the demanded currents; ... */
 void amb_held_start(const amb_loop *loop, amb_unit *model, const amb_real place[],
                     const double value[]);
-/* ... says whether it is to fly; ... */
+/* ... returns the command to levitate; ... */
 bool amb_held_wanted(const double value[]);
 /* ... and writes its outputs. */
 void amb_held_show(const amb_unit *model, double value[]);

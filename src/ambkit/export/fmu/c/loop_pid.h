@@ -6,6 +6,6 @@
 
 /* Written by the export. */
 extern const amb_pid amb_data_pid;
-extern const bool amb_data_feedback_estimate; /* what feeds it: the estimator, or the sensor */
+extern const bool amb_data_feedback_estimate; /* input: the estimator's, or the sensor's */
 
 #endif

@@ -2,7 +2,7 @@
 
 #define TURN 6.283185307179586 /* [rad] */
 
-/* The angle of rotation counts from the start. */
+/* The angle of rotation since the start. */
 static void turn(amb_unit *model, double time)
 {
   amb_plant_state *s = &model->state;
@@ -23,7 +23,7 @@ void amb_unit_follow(amb_unit *model, double time, const double value[AMB_VARIAB
     model->state.demanded[n][0] = model->demanded[0];
 }
 
-/* Where a state that an importer integrates is in the plant's: currents come first, if they lag. */
+/* Index of an importer's state in the plant's: currents come first, if they lag. */
 static int place(int i)
 {
   const int between = amb_data_rig.plant->amplifier->behind;
@@ -43,7 +43,7 @@ void amb_unit_set_states(amb_unit *model, const double states[])
     model->state.X[place(i)] = states[i];
 }
 
-/* Rates of a rotor that no hard stop holds. */
+/* Rates without a hard stop. */
 static void rates(const amb_unit *model, const double value[AMB_VARIABLES],
                   amb_real found[AMB_PLANT_STATES])
 {
@@ -54,7 +54,7 @@ static void rates(const amb_unit *model, const double value[AMB_VARIABLES],
   amb_plant_rates(&plant, &model->state, &acts, found);
 }
 
-/* How hard it is pressed against the stop on this side [m/s^2]. */
+/* Acceleration against the stop on this side [m/s^2]. */
 static amb_real pressed(const amb_unit *model, const double value[AMB_VARIABLES], int side)
 {
   amb_real found[AMB_PLANT_STATES];
@@ -72,19 +72,19 @@ void amb_unit_slopes(const amb_unit *model, const double value[AMB_VARIABLES], d
 
 void amb_plant_show_rates(const amb_unit *model, double value[])
 {
-  amb_unit_slopes(model, value, &value[VR_der_x_]); /* they stand together, in their order */
-  for (int i = 3; i < AMB_CONTINUOUS_STATES; i++)   /* and those of the other states before them */
+  amb_unit_slopes(model, value, &value[VR_der_x_]); /* consecutive, in their order */
+  for (int i = 3; i < AMB_CONTINUOUS_STATES; i++)   /* followed by the other states, in theirs */
     value[VR_der_x_ - AMB_CONTINUOUS_STATES + i] = model->state.X[place(i)];
   amb_unit_indicators(model, value, &value[VR_event_0]);
 }
 
-/* Where the rotor's way ends: at a hard stop, or where a soft one gives way no more. */
+/* End of the rotor's clearance: at a hard stop, or where a soft stop is fully compressed. */
 static amb_real end_of(void)
 {
   return amb_data_rig.plant->farthest[0];
 }
 
-/* What is left of the way on both sides [m]; at a stop, how hard it is pressed there [m/s^2]. */
+/* Remaining clearance on both sides [m]; at a stop, the acceleration against it [m/s^2]. */
 void amb_unit_indicators(const amb_unit *model, const double value[AMB_VARIABLES],
                          double indicators[AMB_EVENT_INDICATORS])
 {

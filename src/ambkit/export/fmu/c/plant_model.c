@@ -22,7 +22,7 @@ static bool frozen(const double value[], int r)
   return value[FIRST_fault_frozen + r] >= 0.5;
 }
 
-/* What a sensor shows now, frozen or not. */
+/* Output of a sensor, frozen or not. */
 static amb_real displayed(const amb_unit *model, const amb_plant *plant, const amb_plant_state *now,
                           int r, const double value[])
 {
@@ -41,7 +41,7 @@ static void keep(amb_unit *model, const amb_plant *plant, const double value[])
       model->frozen_y[r] = displayed(model, plant, &now, r, value);
 }
 
-/* At rest, and the sensors have settled. */
+/* In equilibrium, with settled sensors. */
 amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
 {
   const amb_status status = amb_unit_tune(model, value);
@@ -69,9 +69,8 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   amb_unit_part(model, 0, 1, value);
 }
 
-/* Without parts that count in samples, it goes on by whatever is asked. Dead time, amplifiers and
- * turning go on from sample to sample: these are what its inputs hold for, and what lies between is
- * glimpsed. */
+/* Without discrete parts it advances by any step. Dead time, amplifiers and rotation advance from
+ * sample to sample, with constant inputs; values in between are interpolated. */
 void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
 {
   amb_rig_room room;

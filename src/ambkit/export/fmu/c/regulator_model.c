@@ -1,7 +1,7 @@
 #include "regulator_model.h"
 #include "model.h"
 
-/* Their gains belong together: none can be tuned. */
+/* Their gains depend on each other: none is tunable. */
 amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES])
 {
   (void)model;
@@ -30,7 +30,7 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
     model->u[f] = iu[f] / amb_data_k_ui[f];
 }
 
-/* What they look at when a sample begins is all there is to do in it. */
+/* They only read their inputs at the start of a sample. */
 void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
 {
   (void)to;

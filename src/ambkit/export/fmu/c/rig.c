@@ -9,7 +9,7 @@ void amb_rig_tune(amb_rig *rig, const double value[])
   rig->off = false;
 }
 
-/* By ratios: those of the exported values are 1, and these stay what they are to the last bit. */
+/* By ratios: at the exported values these are 1, and the constants keep their bits. */
 amb_plant amb_rig_plant(const amb_rig *rig, amb_rig_room *room)
 {
   const amb_rig_data *data = &amb_data_rig;

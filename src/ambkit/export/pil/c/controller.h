@@ -1,4 +1,4 @@
-/* The exported controller as the loop calls it: of SEVERAL axes with arrays and the speed. */
+/* Interface of the exported controller to the loop: for SEVERAL axes with arrays and the speed. */
 #ifndef FIRMWARE_CONTROLLER_H
 #define FIRMWARE_CONTROLLER_H
 

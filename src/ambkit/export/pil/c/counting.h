@@ -4,15 +4,15 @@
 
 #include <stdint.h>
 
-/* With `-icount shift=0` an instruction takes 1 ns and SysTick counts every 40 ns: of 40 equal
- * calls, ticks are instructions a call. */
+/* With `-icount shift=0` an instruction takes 1 ns and SysTick counts every 40 ns: for 40 equal
+ * calls, ticks are instructions per call. */
 #define INSTRUCTIONS_A_TICK 40U
 #define REPEATS INSTRUCTIONS_A_TICK
 
-/* Of a function that only returns 0: what is counted around it is the loop. */
+/* A function that only returns 0: subtracts the overhead of the counting loop. */
 #define INSTRUCTIONS_OF_NOTHING 2U
 
-/* SysTick (ARMv7-M, B3.3), 24 bits, downwards, on the clock of the processor. */
+/* SysTick (ARMv7-M, B3.3), 24 bits, counts down at the processor clock. */
 #define SYSTICK ((volatile uint32_t *)0xE000E010U)
 
 static inline void start_ticks(void)
@@ -32,12 +32,11 @@ static inline uint32_t ticks_since(uint32_t before)
   return (before - ticks()) & 0xFFFFFFU;
 }
 
-/* Words below its caller that a call may take, and what they hold until it does. */
+/* Maximum stack of a call in words, and the value that marks unused ones. */
 #define STACK_WORDS 8192U
 #define UNUSED 0xA5A5A5A5U
 
-/* Paint what lies below the function that this stands in, which must not be inline itself; returns
- * where that begins. */
+/* Mark the stack below the calling function, which must not be inline; returns its start. */
 __attribute__((always_inline)) static inline volatile uint32_t *painted(void)
 {
   volatile uint32_t *top;
@@ -47,7 +46,7 @@ __attribute__((always_inline)) static inline volatile uint32_t *painted(void)
   return top;
 }
 
-/* Bytes down to the deepest word that has been overwritten since. */
+/* Bytes down to the deepest overwritten word. */
 __attribute__((always_inline)) static inline uint32_t used_below(const volatile uint32_t *top)
 {
   unsigned int depth = STACK_WORDS;

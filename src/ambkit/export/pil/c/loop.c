@@ -1,21 +1,22 @@
-/* An exported controller on a Cortex-M4F in a loop with a plant elsewhere: sample by sample it
- * takes from one pipe what the sensors show, and gives into another one what it demands.
+/* An exported controller on a Cortex-M4F in a loop with an external plant: at each sample it reads
+ * the measurements from one pipe, and writes its demands to another.
  *
- * The build says with -DSEVERAL whether it is of several axes, with -DSTATES how many states there
- * are, and with -DMEANS(out) which fields of its estimates they are (build.py). */
+ * The build defines -DSEVERAL for several axes, -DSTATES as the number of states, and -DMEANS(out)
+ * as the fields of its estimates (build.py).
+ */
 #include "controller.h"
 #include "counting.h"
 #include "semihosting.h"
 #include <stdint.h>
 
-#define SENT_EVERY 10U /* samples; fewer than the ring has room for */
+#define SENT_EVERY 10U /* samples; less than the size of the ring */
 
 static uint32_t deepest;
 static rig_telemetry frames;
 
 typedef amb_status step_function(PARAMETERS);
 
-static amb_status nothing(PARAMETERS) /* of which it looks at none */
+static amb_status nothing(PARAMETERS) /* ignores all of them */
 {
   return AMB_OK;
 }
@@ -33,7 +34,7 @@ static uint32_t count(step_function *volatile step, const controller_state *stat
   return ticks_since(before);
 }
 
-/* Bytes of stack that a step needs below its caller. */
+/* Bytes of stack used by a step. */
 __attribute__((noinline)) static uint32_t stack_bytes(const controller_state *state,
                                                       const sample *s)
 {
@@ -65,7 +66,7 @@ static void tell(const controller_output *out, amb_status status, answer *said)
   said->usable = out->usable ? 1U : 0U;
 }
 
-/* What a slower task does: send all frames that there are. */
+/* Work of a slower task: send all stored frames. */
 static bool send(intptr_t file)
 {
   uint32_t words[RIG_TELEMETRY_WORDS];

@@ -1,5 +1,5 @@
-/* What goes to and from a controller in the loop, a sample at a time (processor.py). Who includes
- * this says how many SENSORS, AXES and STATES there are. */
+/* Data to and from a controller in the loop, per sample (processor.py). The including file defines
+ * SENSORS, AXES and STATES. */
 #ifndef FIRMWARE_SAMPLES_H
 #define FIRMWARE_SAMPLES_H
 
@@ -7,18 +7,18 @@
 #include <stdint.h>
 
 typedef struct sample {
-  amb_real y[SENSORS]; /* as the rig has them */
+  amb_real y[SENSORS]; /* from the rig */
   amb_real r[AXES];    /* [m] */
   amb_real speed;      /* [rad/s] */
   uint32_t fly;
-  uint32_t counted; /* whether the instructions of this step are wanted; 2: the end */
+  uint32_t counted; /* whether the instructions of this step are requested; 2: the end */
 } sample;
 
 typedef struct answer {
   amb_real coil[AXES][2], iu[AXES], u[AXES], mean[STATES];
   uint32_t status, mode, on, usable;
-  uint32_t instructions; /* of this step, where they were wanted */
-  uint32_t stack;        /* bytes that a step has needed below its caller until now, likewise */
+  uint32_t instructions; /* of this step, if requested */
+  uint32_t stack;        /* maximum bytes of stack of a step so far, if requested */
 } answer;
 
 typedef struct greeting {

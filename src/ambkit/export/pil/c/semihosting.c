@@ -47,7 +47,7 @@ static intptr_t open_file(const char *name, uintptr_t mode)
   return call(SYS_OPEN, arguments);
 }
 
-/* Read or write `size` bytes; returns how many were not moved. */
+/* Read or write `size` bytes; returns the number that were not transferred. */
 static size_t move(enum operation operation, intptr_t file, const void *bytes, size_t size)
 {
   const uintptr_t arguments[] = {(uintptr_t)file, (uintptr_t)bytes, size};

@@ -34,8 +34,8 @@ void reset(void)
   semihosting_exit(main());
 }
 
-/* The first words of memory: the stack, then the handlers of reset, NMI and the faults. Nothing
- * here raises an interrupt. */
+/* The vector table: the stack, then the handlers of reset, NMI and the faults. No interrupts are
+ * used. */
 typedef struct vector_table {
   uint32_t *stack;
   void (*handlers[6])(void);
