@@ -60,7 +60,7 @@ of kinds of filters that this is not:
     kalman_prediction.h@amb_step_advance  F[f] = scale
 of a single reading, or of kinds of filters that this is not:
     equilibrium.c@amb_rest_where_shown
-    envelope.c@place_there,place_towards,amb_envelope_place,add_square,clear,restart_there
+    envelope.c@place_at_reading,place_nearest,amb_envelope_place,add_square,clear,restart_one_sensor
 for bits that flip in memory:
     control.c@amb_working_by  else if (works_by->copy[0]
     sequence.c@mend  AMB_LIFTING : AMB_TRIPPED
@@ -75,7 +75,7 @@ of fewer than 8 states:
 """),
     (lambda has: has.states % 4 == 0, """
 of states that are no multiple of 4:
-    covariance_loops.c@turn  ; j < end; j++  r < rows  apart -= less
+    covariance_loops.c@transpose_rows  ; j < end; j++  r < rows  apart -= less
 """),
     (lambda has: has.states % 2 == 0, """
 of an odd number of states:
@@ -84,9 +84,9 @@ of an odd number of states:
     (lambda has: not has.direct, """
 no control signal acts on the states past the magnets:
     loops.c@amb_model_predict_mean  model->B_u.value[k]
-    covariance_loops.c@pushes  model->B_u.value[a]
-    covariance_loops.c@with_control
-    covariance_loops.c@with_next_state  noise->gain[f][c]
+    covariance_loops.c@set_input_rows  model->B_u.value[a]
+    covariance_loops.c@set_control_covariance
+    covariance_loops.c@set_next_force_covariance  noise->gain[f][c]
     covariance_loops.c@next_column  model->B_u.value[a]
 """),
     (lambda has: has.fed, """
@@ -118,7 +118,7 @@ no gains follow the speed:
 """),
     (lambda has: not has.unbalance_control, """
 no motion is left to the rotor:
-    controllers.c@find,turned,taken,leave
+    controllers.c@find,interpolated,largest_share,find_uncontrolled
     controllers.c@amb_controllers_step  i < c->unbalance_control->moved  left.motion[  left.current[
 """),
     (lambda has: not has.rounded, """
@@ -224,9 +224,10 @@ one PID:
 one axis:
     *  axis * c->states  c->spread[(f * c->pids) + j]
 a machine's that is let turn:
-    *  turning  turn->  where->  turned(  others  sum += (one[j]  left.current[  at > AMB_C(0.0)
+    *  turning  turn->  where->  interpolated(  others  sum += (one[j]  left.current[
+    *  at > AMB_C(0.0)
     *  int node = (int)at
-    controllers.c@taken,leave
+    controllers.c@largest_share,find_uncontrolled
 a machine's:
     *  power *= speed
 no gains follow the speed:
@@ -268,11 +269,11 @@ the filter does not ask for the return value:
     envelope.c@amb_envelope_clamp  return !within;
     envelope.c@amb_envelope_lost  some =
 clears what is clear already:
-    envelope.c@show  j < n  if (j != s) {
+    envelope.c@set_reading  j < n  if (j != s) {
 all variances are finite, or none:
     envelope.c  (role == AMB_SHOWN) ||
 what is at rest is the mean elsewhere:
-    envelope.c@rest_in_the_middle  bool shows = lost[i] &&
+    envelope.c@rest_at_centre  bool shows = lost[i] &&
 a start is near, and has deviations:
     kalman.c  near && (std != NULL)
 the first change is smaller:

@@ -28,7 +28,7 @@ static void open_window(amb_adaptive_noise_state *s)
 }
 
 /* Reset to the nominal noise. */
-static void forget(const amb_estimator *self, amb_adaptive_noise_state *s)
+static void reset_noise(const amb_estimator *self, amb_adaptive_noise_state *s)
 {
   s->kf = *self->kf;
   s->share = own(self)->first_share;
@@ -42,7 +42,7 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   const amb_estimator inner = inner_with(self, self->kf);
   const amb_status status = inner.methods->reset(&inner, &s->inner, mean, std);
   if (status == AMB_OK) {
-    forget(self, s);
+    reset_noise(self, s);
     s->young = AMB_YOUNG;
     s->amiss = false;
   }
@@ -97,8 +97,8 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
 /* One step of `noise` towards the value at which the observed `square` equals the expected
  * `variance`. The ratio is limited to that of five standard deviations, because a larger one is
  * caused by a wrong estimate. */
-static amb_status follow(amb_real share, amb_real square, amb_real variance, amb_real nominal,
-                         amb_real most, amb_real *noise)
+static amb_status adapt_variance(amb_real share, amb_real square, amb_real variance,
+                                 amb_real nominal, amb_real most, amb_real *noise)
 {
   const amb_real low = nominal / most;
   const amb_real high = nominal * most;
@@ -126,7 +126,8 @@ static amb_status adapt_growth(const amb_adaptive_noise *a, const amb_kalman_set
       }
     }
     if (expected > (TELLING * (nominal->var_d[k] / a->most))) {
-      status |= follow(share, square, expected, nominal->var_d[k], a->most, &s->kf.set.var_d[k]);
+      status |=
+          adapt_variance(share, square, expected, nominal->var_d[k], a->most, &s->kf.set.var_d[k]);
     }
   }
   amb_model_growth(model, s->kf.set.var_d, s->kf.growth);
@@ -151,7 +152,7 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
     if (a->measurement && !amb_step_coarse(self->kf, r, AMB_COARSE) &&
         ((result->health[r] & AMB_UNTOLD) == AMB_OK)) {
       const amb_real S = variance_of(s, r, result->variance[r]);
-      status |= follow(s->share, e * e, S, nominal->var_y[r], a->most, &s->kf.set.var_y[r]);
+      status |= adapt_variance(s->share, e * e, S, nominal->var_y[r], a->most, &s->kf.set.var_y[r]);
     }
   }
   s->samples++;
@@ -167,8 +168,8 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
 }
 
 /* Whether an innovation, or R, has become too large for a correct start. */
-static bool is_amiss(const amb_estimator *self, const amb_adaptive_noise_state *s,
-                     const amb_kalman_result *result)
+static bool is_bad_start(const amb_estimator *self, const amb_adaptive_noise_state *s,
+                         const amb_kalman_result *result)
 {
   bool amiss = false;
   for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
@@ -180,15 +181,15 @@ static bool is_amiss(const amb_estimator *self, const amb_adaptive_noise_state *
 }
 
 /* Whether the measurements carry information on the noise, unaffected by the start or a fault. */
-static bool learns(const amb_estimator *self, amb_adaptive_noise_state *s, amb_status status,
-                   const amb_kalman_result *result)
+static bool is_informative(const amb_estimator *self, amb_adaptive_noise_state *s,
+                           amb_status status, const amb_kalman_result *result)
 {
   if (s->young > 0U) {
     s->amiss = s->amiss || ((status & (AMB_OUTLIER | AMB_RESTARTED)) != AMB_OK) ||
-               is_amiss(self, s, result);
+               is_bad_start(self, s, result);
     s->young--;
     if (s->amiss) {
-      forget(self, s);
+      reset_noise(self, s);
       return false;
     }
   }
@@ -245,7 +246,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
     amb_model_shown_with(model, 0, base->cov, with_y);
   }
   amb_status status = inner.methods->update(&inner, &s->inner, y, result);
-  if (learns(self, s, status, result)) {
+  if (is_informative(self, s, status, result)) {
     if (own(self)->disturbance) {
       const amb_real S = variance_of(s, 0, result->variance[0]);
       add_corrections(model, before, variances, with_y, S, s);

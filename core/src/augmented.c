@@ -38,8 +38,8 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
 
 /* Decorrelates restarted states from theta; with several sensors only those that correlate with the
  * restarted one (with_y nonzero). */
-static void part_from_theta(const amb_model *model, amb_augmented_state *s,
-                            const amb_real with_y[AMB_STATES])
+static void decorrelate_theta(const amb_model *model, amb_augmented_state *s,
+                              const amb_real with_y[AMB_STATES])
 {
   (void)with_y;
   for (int i = 0; i < amb_states(model); i++) {
@@ -89,7 +89,7 @@ static void move(int n, amb_augmented_state *s, amb_real theta)
 }
 
 /* Random walk of theta by var_k; its covariance with the states, s p, is unchanged. */
-static void wander(int n, const amb_augmented *own, amb_augmented_state *s)
+static void add_random_walk(int n, const amb_augmented *own, amb_augmented_state *s)
 {
   if (s->var < (own->std * own->std)) {
     const amb_real grown = s->var + own->var_k;
@@ -147,7 +147,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   if (predicted == AMB_OK) {
     amb_copy(amb_entry(n, n - 1, n), s->base.cov, s->cov);
     amb_excitation_predict(&s->excitation, &kf->model, k, known);
-    wander(n, own, s);
+    add_random_walk(n, own, s);
   }
   if ((status & AMB_BAD_CONTROL) != 0U) {
     amb_excitation_miss(&s->excitation);
@@ -158,18 +158,18 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
 }
 
 /* One sample, with the innovations of all sensors for theta before the update. */
-typedef struct hearing {
+typedef struct sample_updates {
   amb_augmented_state *s;
   amb_real on_y[AMB_SENSORS]; /* slope of the reading */
   amb_real e[AMB_SENSORS];    /* innovation [m] */
   amb_real S[AMB_SENSORS];    /* its variance for known theta [m^2] */
-} hearing;
+} sample_updates;
 
 static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
                           amb_real noise, amb_step_surprise *told)
 {
   const int n = amb_states(&kf->model);
-  hearing *h = (hearing *)of;
+  sample_updates *h = (sample_updates *)of;
   amb_augmented_state *s = h->s;
   amb_real with_y[AMB_STATES];
   (void)own;
@@ -182,7 +182,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   h->S[r] = amb_at_least(told->variance, noise); /* no change; shows the bound to the proof */
   told->variance += h->on_y[r] * s->var * h->on_y[r];
   if ((status & AMB_RESTARTED) != 0U) {
-    part_from_theta(&kf->model, s, with_y);
+    decorrelate_theta(&kf->model, s, with_y);
   }
   if ((status & AMB_UNTOLD) == 0U) {
     amb_excitation_update(&s->excitation, &kf->model, r, with_y, h->S[r]);
@@ -192,7 +192,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
 
 /* Corrects theta by the sensors in sequence; each innovation is reduced by the change of theta so
  * far. */
-static void learn(const amb_kalman *kf, const amb_augmented *own, const hearing *h,
+static void learn(const amb_kalman *kf, const amb_augmented *own, const sample_updates *h,
                   amb_kalman_result *result)
 {
   const amb_model *model = &kf->model;
@@ -224,7 +224,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
 {
   const amb_kalman *kf = self->kf;
   const amb_augmented *own = own_of(self);
-  hearing h;
+  sample_updates h;
   h.s = (amb_augmented_state *)state;
   amb_augmented_state *s = h.s;
   amb_status status = amb_step_each(take_in, kf, own, &h, &s->base, true, y, result);

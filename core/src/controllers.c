@@ -27,8 +27,8 @@ static bool find(const amb_unbalance_control *turn, amb_real speed, amb_between 
 }
 
 /* Row of a table at a speed, multiplied by the unbalance u. */
-static amb_real turned(const amb_unbalance_control *turn, const amb_between *where,
-                       const amb_real table[], int row, int rows, const amb_real u[])
+static amb_real interpolated(const amb_unbalance_control *turn, const amb_between *where,
+                             const amb_real table[], int row, int rows, const amb_real u[])
 {
   const amb_real *one = &table[((where->node * rows) + row) * turn->width];
   const amb_real *next = &one[rows * turn->width];
@@ -40,16 +40,16 @@ static amb_real turned(const amb_unbalance_control *turn, const amb_between *whe
 }
 
 /* The motion that is not controlled: its share in the first states, and its currents. */
-typedef struct amb_left {
+typedef struct amb_uncontrolled {
   amb_real motion[AMB_UNBALANCE_STATES];
   amb_real current[AMB_UNBALANCE_AXES];
-} amb_left;
+} amb_uncontrolled;
 
 /* Square of the largest share of a clearance or a current limit over one revolution. The motion a
  * quarter revolution later is its velocity over the speed; the current is that of the unbalance
  * rotated by a quarter. */
-static amb_real taken(const amb_controllers *c, const amb_between *where, const amb_real u[],
-                      amb_real speed, const amb_left *left)
+static amb_real largest_share(const amb_controllers *c, const amb_between *where,
+                              const amb_real u[], amb_real speed, const amb_uncontrolled *left)
 {
   const amb_unbalance_control *turn = c->unbalance_control;
   const int half = turn->moved / 2;
@@ -64,7 +64,8 @@ static amb_real taken(const amb_controllers *c, const amb_between *where, const 
     const amb_real s = dot(half, reach, left->motion);
     const amb_real v = dot(half, reach, &left->motion[half]) / speed;
     const amb_real i = turn->ampere[f] * left->current[f];
-    const amb_real e = turn->ampere[f] * turned(turn, where, turn->current, f, c->axes, across);
+    const amb_real e =
+        turn->ampere[f] * interpolated(turn, where, turn->current, f, c->axes, across);
     const amb_real far = (s * s) + (v * v);
     const amb_real much = (i * i) + (e * e);
     const bool known = amb_is_finite(far) && amb_is_finite(much);
@@ -74,20 +75,20 @@ static amb_real taken(const amb_controllers *c, const amb_between *where, const 
 }
 
 /* The motion that is not controlled, at a speed and an estimate x. */
-static void leave(const amb_controllers *c, const amb_between *where, amb_real speed,
-                  const amb_real x[], amb_left *left)
+static void find_uncontrolled(const amb_controllers *c, const amb_between *where, amb_real speed,
+                              const amb_real x[], amb_uncontrolled *left)
 {
   const amb_unbalance_control *turn = c->unbalance_control;
   const amb_real *u = &x[turn->from];
   for (int i = 0; i < turn->moved; i++) {
-    left->motion[i] = turned(turn, where, turn->motion, i, turn->moved, u);
+    left->motion[i] = interpolated(turn, where, turn->motion, i, turn->moved, u);
   }
   for (int f = 0; f < c->axes; f++) {
-    left->current[f] = turned(turn, where, turn->current, f, c->axes, u);
+    left->current[f] = interpolated(turn, where, turn->current, f, c->axes, u);
   }
   const amb_real upper = AMB_UNBALANCE_NONE * AMB_UNBALANCE_NONE;
   const amb_real lower = AMB_UNBALANCE_FULL * AMB_UNBALANCE_FULL;
-  const amb_real most = taken(c, where, u, speed, left);
+  const amb_real most = largest_share(c, where, u, speed, left);
   const amb_real share = amb_clamp((upper - most) / (upper - lower), AMB_C(0.0), AMB_C(1.0));
   for (int i = 0; i < turn->moved; i++) {
     left->motion[i] *= share;
@@ -143,11 +144,11 @@ amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], c
   const int n = c->states;
   const amb_real *x = state;
   amb_real others[AMB_UNBALANCE_STATES];
-  amb_left left;
+  amb_uncontrolled left;
   amb_between where;
   const bool turning = (c->unbalance_control != NULL) && find(c->unbalance_control, speed, &where);
   if (turning) {
-    leave(c, &where, speed, state, &left);
+    find_uncontrolled(c, &where, speed, state, &left);
     amb_copy(c->states, state, others);
     for (int i = 0; i < c->unbalance_control->moved; i++) {
       others[i] -= left.motion[i];

@@ -118,19 +118,19 @@ static void noise_of_controls(const amb_model *model, const amb_stiffness k[],
 }
 
 /* Parts of the workspace of a prediction. */
-typedef struct rooms {
+typedef struct workspace {
   amb_real *P; /* n x n, complete; later the transpose of M */
   amb_real *M; /* n x n, covariance of the next state with the state; later the process noise */
   amb_real *w; /* p x n, covariance of the forces with the state; later input rows of the forces */
   amb_real *z; /* p x n, covariance of the forces with the next state */
   amb_real *v; /* controls x n, covariance of the control noise with the next state */
   amb_real *u; /* controls x n, direct input rows of the controls */
-} rooms;
+} workspace;
 
-static rooms laid_out(const amb_model *model, amb_real work[])
+static workspace parts_of(const amb_model *model, amb_real work[])
 {
   const int n = model->states;
-  rooms room;
+  workspace room;
   room.P = work;
   room.M = &room.P[n * n];
   room.w = &room.M[n * n];
@@ -142,8 +142,8 @@ static rooms laid_out(const amb_model *model, amb_real work[])
 
 /* Transposes up to four rows, from entry `first` to before `end`: entry j of row r becomes element
  * r of line j. Lines are `step` apart, and this distance decreases by `less` from line to line. */
-static void turn(int rows, const amb_real *const row[], int first, int end, int step, int less,
-                 amb_real *to)
+static void transpose_rows(int rows, const amb_real *const row[], int first, int end, int step,
+                           int less, amb_real *to)
 {
   amb_real *line = to;
   int apart = step;
@@ -192,12 +192,12 @@ static void mirror(int n, const amb_real cov[], amb_real *P)
         P[j * n + r] = row[r - i][j];
       }
     }
-    turn(end - i, row, end, n, n, 0, &P[end * n + i]);
+    transpose_rows(end - i, row, end, n, n, 0, &P[end * n + i]);
   }
 }
 
 /* The complete symmetric matrix P. */
-static void unfold(int n, const amb_real cov[], amb_real *P)
+static void fill_symmetric(int n, const amb_real cov[], amb_real *P)
 {
   mirror(n, cov, P);
   for (int i = 0; i < n; i++) {
@@ -216,13 +216,13 @@ static void transpose(int n, const amb_real *from, amb_real *to)
     for (int r = i; r < end; r++) {
       row[r - i] = &from[r * n];
     }
-    turn(end - i, row, 0, n, n, 0, &to[i]);
+    transpose_rows(end - i, row, 0, n, n, 0, &to[i]);
   }
 }
 
 /* w = row_f P, and the coefficients `row` of each entry of h, from last to first. */
-static void of_forces(const amb_model *model, const amb_stiffness k[], const rooms *room,
-                      amb_real row[])
+static void set_force_covariance(const amb_model *model, const amb_stiffness k[],
+                                 const workspace *room, amb_real row[])
 {
   const int n = model->states;
   const amb_sparse *h = &model->h;
@@ -238,7 +238,8 @@ static void of_forces(const amb_model *model, const amb_stiffness k[], const roo
 }
 
 /* Input rows of forces and controls: b, and B_u k_ui of the first `direct` controls. */
-static void pushes(const amb_model *model, const amb_real k_ui[], int direct, const rooms *room)
+static void set_input_rows(const amb_model *model, const amb_real k_ui[], int direct,
+                           const workspace *room)
 {
   const int n = model->states;
   amb_clear(model->forces * n, room->w);
@@ -255,8 +256,8 @@ static void pushes(const amb_model *model, const amb_real k_ui[], int direct, co
 }
 
 /* v: covariance of the noise of control c with the next state; u is then scaled by the variance. */
-static void with_control(const amb_model *model, int c, amb_real var_u, const control_noise *noise,
-                         const rooms *room)
+static void set_control_covariance(const amb_model *model, int c, amb_real var_u,
+                                   const control_noise *noise, const workspace *room)
 {
   const int n = model->states;
   amb_real *v = &room->v[c * n];
@@ -275,8 +276,8 @@ static void with_control(const amb_model *model, int c, amb_real var_u, const co
 }
 
 /* z, where P now holds the transpose of M: the control noise in force f, then row_f M. */
-static void with_next_state(const amb_model *model, int f, const control_noise *noise,
-                            const amb_real row[], int direct, const rooms *room)
+static void set_next_force_covariance(const amb_model *model, int f, const control_noise *noise,
+                                      const amb_real row[], int direct, const workspace *room)
 {
   const int n = model->states;
   const amb_sparse *h = &model->h;
@@ -296,7 +297,7 @@ static void with_next_state(const amb_model *model, int f, const control_noise *
 }
 
 /* Column j of the predicted covariance, down to its diagonal. */
-static void next_column(const amb_model *model, int j, const amb_real k_ui[], const rooms *room,
+static void next_column(const amb_model *model, int j, const amb_real k_ui[], const workspace *room,
                         amb_real column[])
 {
   const int n = model->states;
@@ -317,12 +318,12 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
                                   const amb_real growth[], amb_real cov[], amb_real work[])
 {
   const int n = model->states;
-  const rooms room = laid_out(model, work);
+  const workspace room = parts_of(model, work);
   control_noise noise;
   amb_real row[AMB_FORCES * AMB_STATES];
   noise_of_controls(model, k, k_ui, var_u, &noise);
-  unfold(n, cov, room.P);
-  of_forces(model, k, &room, row);
+  fill_symmetric(n, cov, room.P);
+  set_force_covariance(model, k, &room, row);
   for (int i = 0; i < n; i++) {
     sum_of_rows sum;
     sum.count = 0;
@@ -333,12 +334,12 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
   transpose(n, room.M, room.P);
   const int direct = (model->B_u.start[n] > 0U) ? model->controls : 0; /* controls that act directly
                                                                           on states */
-  pushes(model, k_ui, direct, &room);
+  set_input_rows(model, k_ui, direct, &room);
   for (int c = 0; c < direct; c++) {
-    with_control(model, c, var_u[c], &noise, &room);
+    set_control_covariance(model, c, var_u[c], &noise, &room);
   }
   for (int f = 0; f < model->forces; f++) {
-    with_next_state(model, f, &noise, row, direct, &room);
+    set_next_force_covariance(model, f, &noise, row, direct, &room);
   }
   mirror(n, growth, room.M);
   for (int j = 0; j < n; j += 4) {
@@ -351,7 +352,7 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
         cov[amb_entry(n, i, c)] = column[c - j][i];
       }
     }
-    turn(end - j, columns, 0, j, n - 1, 1, &cov[j]);
+    transpose_rows(end - j, columns, 0, j, n - 1, 1, &cov[j]);
   }
 }
 

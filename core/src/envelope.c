@@ -37,7 +37,7 @@ bool amb_envelope_bounds(const amb_kalman *kf, amb_real caps, const amb_real mea
 }
 
 /* One sensor: the rotor at rest at its reading. */
-static void place_there(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
+static void place_at_reading(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
 {
   const amb_model *model = &kf->model;
   amb_real shown[AMB_STATES];
@@ -56,7 +56,7 @@ static void place_there(const amb_kalman *kf, int r, amb_real y, amb_real mean[A
 #if AMB_SENSORS > 1
 /* Several sensors: the coordinate that this one measures is at rest, at the nearest position to the
  * previous one with that reading. */
-static void place_towards(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
+static void place_nearest(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
 {
   const amb_model *model = &kf->model;
   const int n = amb_states(model);
@@ -84,11 +84,11 @@ void amb_envelope_place(const amb_kalman *kf, int r, amb_real y, amb_real mean[A
 {
 #if AMB_SENSORS > 1
   if (amb_sensors(&kf->model) > 1) {
-    place_towards(kf, r, y, mean);
+    place_nearest(kf, r, y, mean);
     return;
   }
 #endif
-  place_there(kf, r, y, mean);
+  place_at_reading(kf, r, y, mean);
 }
 
 /* P += variance a a'. */
@@ -104,7 +104,7 @@ static void add_square(int n, amb_real variance, const amb_real a[AMB_STATES],
 
 /* Row `s` of P, a reading in equilibrium, from the rows of the positions; its variance is one
  * percent larger, for definiteness. */
-static void show(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
+static void set_reading(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
 {
   const int n = amb_states(model);
   amb_real one[AMB_STATES];
@@ -135,8 +135,8 @@ static void show(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
 
 /* Resets the lost states: positions uniform between the stops, the others with these variances,
  * readings consistent with the positions. The other states keep their covariance. */
-static void forget(const amb_kalman *kf, const bool lost[AMB_STATES],
-                   const amb_real variance[AMB_STATES], amb_real P[AMB_TRIANGLE])
+static void reset_lost(const amb_kalman *kf, const bool lost[AMB_STATES],
+                       const amb_real variance[AMB_STATES], amb_real P[AMB_TRIANGLE])
 {
   const amb_model *model = &kf->model;
   const int n = amb_states(model);
@@ -150,7 +150,7 @@ static void forget(const amb_kalman *kf, const bool lost[AMB_STATES],
   }
   for (int i = 0; i < n; i++) {
     if (lost[i] && (amb_model_role(model, i) == AMB_SHOWN)) {
-      show(model, i, P);
+      set_reading(model, i, P);
     }
   }
 }
@@ -161,7 +161,7 @@ void amb_envelope_open(const amb_kalman *kf, amb_real P[AMB_TRIANGLE])
   for (int i = 0; i < amb_states(&kf->model); i++) {
     each[i] = true;
   }
-  forget(kf, each, kf->widest, P);
+  reset_lost(kf, each, kf->widest, P);
 }
 
 bool amb_envelope_lost(const amb_kalman *kf, const amb_real P[AMB_TRIANGLE], bool lost[AMB_STATES])
@@ -178,8 +178,8 @@ bool amb_envelope_lost(const amb_kalman *kf, const amb_real P[AMB_TRIANGLE], boo
 }
 
 /* Means of lost states: at rest at the centre, given the others. */
-static void rest_in_the_middle(const amb_kalman *kf, const bool lost[AMB_STATES],
-                               amb_real mean[AMB_STATES])
+static void rest_at_centre(const amb_kalman *kf, const bool lost[AMB_STATES],
+                           amb_real mean[AMB_STATES])
 {
   const amb_model *model = &kf->model;
   amb_real rest[AMB_STATES];
@@ -226,8 +226,8 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
     }
   }
   if (sound) {
-    rest_in_the_middle(kf, lost, state->mean);
-    forget(kf, lost, variance, state->cov);
+    rest_at_centre(kf, lost, state->mean);
+    reset_lost(kf, lost, variance, state->cov);
   } else {
     amb_clear(n, state->mean);
     amb_envelope_open(kf, state->cov);
@@ -236,7 +236,7 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
 }
 
 /* One sensor: the rotor is at its reading. */
-static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y)
+static void restart_one_sensor(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y)
 {
   const amb_model *model = &kf->model;
   const int n = amb_states(model);
@@ -273,8 +273,8 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
 #if AMB_SENSORS > 1
 /* Update with y of sensor r, of this variance or more; half of the digits must remain, as in
  * amb_step_update. */
-static void believe(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y,
-                    amb_real variance)
+static void update_with(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y,
+                        amb_real variance)
 {
   amb_real e;
   const amb_real shown = amb_model_shown_variance(&kf->model, r, state->cov);
@@ -285,18 +285,18 @@ static void believe(const amb_kalman *kf, amb_kalman_state *state, int r, amb_re
 }
 
 /* Repeats the estimated reading of sensor r as a measurement, until its variance is again `was`. */
-static void tell_again(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real was)
+static void repeat_reading(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real was)
 {
   const amb_real now = amb_model_shown_variance(&kf->model, r, state->cov);
   if (now > was) {
     const amb_real y = amb_model_shown(&kf->model, r, state->mean);
-    believe(kf, state, r, y, now * (was / (now - was)));
+    update_with(kf, state, r, y, now * (was / (now - was)));
   }
 }
 
 /* Several sensors: states correlated with this one become less certain, are corrected by the
  * readings of the other sensors, and then by this one. */
-static void restart_towards(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y)
+static void restart_several(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y)
 {
   const amb_model *model = &kf->model;
   const int n = amb_states(model);
@@ -319,10 +319,10 @@ static void restart_towards(const amb_kalman *kf, amb_kalman_state *state, int r
   }
   for (int other = 0; other < amb_sensors(model); other++) {
     if ((other != r) && (state->sensor[other].outliers == 0U)) {
-      tell_again(kf, state, other, was[other]);
+      repeat_reading(kf, state, other, was[other]);
     }
   }
-  believe(kf, state, r, y, kf->set.var_y[r]);
+  update_with(kf, state, r, y, kf->set.var_y[r]);
   (void)amb_envelope_clamp(kf, state->mean); /* the variances are too small to correct a mean beyond
                                                 the caps */
   state->sensor[r].residual = AMB_C(0.0);
@@ -333,9 +333,9 @@ void amb_envelope_restart(const amb_kalman *kf, amb_kalman_state *state, int r, 
 {
 #if AMB_SENSORS > 1
   if (amb_sensors(&kf->model) > 1) {
-    restart_towards(kf, state, r, y);
+    restart_several(kf, state, r, y);
     return;
   }
 #endif
-  restart_there(kf, state, r, y);
+  restart_one_sensor(kf, state, r, y);
 }

@@ -45,7 +45,7 @@ static double decay_over(double t)
 }
 
 /* R: whether state j drives state i, directly or indirectly (Warshall 1962). */
-static void find_ways(int n, const double A[], double R[])
+static void find_paths(int n, const double A[], double R[])
 {
   for (int i = 0; i < (n * n); i++) {
     R[i] = amb_is_zero(A[i]) ? 0.0 : 1.0;
@@ -61,13 +61,13 @@ static void find_ways(int n, const double A[], double R[])
   }
 }
 
-static bool in_circle(int n, const double R[], int i, int j)
+static bool in_cycle(int n, const double R[], int i, int j)
 {
   return (R[(i * n) + j] > 0.0) && (R[(j * n) + i] > 0.0);
 }
 
 /* Number of states on the longest path, with all members of each cycle; `length` is workspace. */
-static int longest_way(int n, const double R[], double length[])
+static int longest_path(int n, const double R[], double length[])
 {
   double longest = 0.0;
   bool grows = true;
@@ -80,7 +80,7 @@ static int longest_way(int n, const double R[], double length[])
       double before = 0.0;
       double own = 0.0;
       for (int j = 0; j < n; j++) {
-        const bool same = (i == j) || in_circle(n, R, i, j);
+        const bool same = (i == j) || in_cycle(n, R, i, j);
         own += same ? 1.0 : 0.0;
         before = (!same && (R[(i * n) + j] > 0.0)) ? larger_of(length[j], before) : before;
       }
@@ -123,15 +123,16 @@ static double radius_of(int n, const double C[], double x[], double y[])
 }
 
 /* A fraction of the time of a linear system. */
-typedef struct share {
+typedef struct fraction {
   double *A;     /* A times the fraction: its cycles have a gain of at most one half */
   int terms;     /* number of terms of its series */
   int doublings; /* number of doublings to the total time */
-} share;
+} fraction;
 
 /* Chooses the fraction for A time; false if that is not finite. C: magnitudes of the couplings
  * within cycles over the total time. Workspace: n^2 + 2 n more. */
-static bool take_share(int n, const double A[], double time, share *of, double C[], double work[])
+static bool choose_fraction(int n, const double A[], double time, fraction *of, double C[],
+                            double work[])
 {
   double *R = work;
   double *length = &work[n * n];
@@ -140,11 +141,11 @@ static bool take_share(int n, const double A[], double time, share *of, double C
     of->A[i] = A[i] * time;
     finite = finite && is_number(of->A[i]);
   }
-  find_ways(n, of->A, R);
-  of->terms = TERMS + longest_way(n, R, length);
+  find_paths(n, of->A, R);
+  of->terms = TERMS + longest_path(n, R, length);
   of->doublings = 0;
   for (int i = 0; i < (n * n); i++) {
-    C[i] = in_circle(n, R, i / n, i % n) ? magnitude_of(of->A[i]) : 0.0;
+    C[i] = in_cycle(n, R, i / n, i % n) ? magnitude_of(of->A[i]) : 0.0;
   }
   double part = 1.0;
   const double radius = finite ? radius_of(n, C, length, &length[n]) : 0.0;
@@ -161,7 +162,7 @@ static bool take_share(int n, const double A[], double time, share *of, double C
 }
 
 /* Exponential over the fraction by Horner's scheme; less_one: its diagonal minus 1. */
-static void sum_series(int n, const share *of, double Phi[], double less_one[], double next[])
+static void sum_series(int n, const fraction *of, double Phi[], double less_one[], double next[])
 {
   amb_square_identity(n, Phi);
   for (int k = of->terms; k > 0; k--) {
@@ -210,8 +211,8 @@ bool amb_transition(int n, const double A[], double time, double Phi[], double w
 {
   double *C = &work[n * n];
   double *next = &work[2 * n * n];
-  share of = {work, 0, 0};
-  if (!take_share(n, A, time, &of, C, next)) {
+  fraction of = {work, 0, 0};
+  if (!choose_fraction(n, A, time, &of, C, next)) {
     return false;
   }
   double *less_one = &work[3 * n * n];
@@ -224,7 +225,7 @@ bool amb_transition(int n, const double A[], double time, double Phi[], double w
 }
 
 /* Covariance over the fraction, by the series of dN/dt = A N + N A' + diag(intensity). */
-static void sum_noise(int n, const share *of, double time, const double intensity[], double N[],
+static void sum_noise(int n, const fraction *of, double time, const double intensity[], double N[],
                       double term[], double driven[])
 {
   for (int i = 0; i < (n * n); i++) {
@@ -270,8 +271,8 @@ bool amb_process_noise(int n, const double A[], double time, int count, const do
   double *driven = &work[2 * square];
   double *Phi = &work[3 * square];
   double *less_one = &work[4 * square];
-  share of = {work, 0, 0};
-  if (!take_share(n, A, time, &of, term, driven)) {
+  fraction of = {work, 0, 0};
+  if (!choose_fraction(n, A, time, &of, term, driven)) {
     return false;
   }
   double part = time;

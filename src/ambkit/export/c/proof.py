@@ -25,7 +25,7 @@ TEMPLATES = {
 
 OPTIONS = (
     "-eva-slevel 6 -eva-subdivide-non-linear 8"
-    " -eva-slevel-function amb_{tag}_envelope_bounds:200,rest_in_the_middle:40{others}"
+    " -eva-slevel-function amb_{tag}_envelope_bounds:200,rest_at_centre:40{others}"
     " -eva-auto-loop-unroll 128 -eva-split-return auto -eva-widening-delay 10"
 )
 """Precision of Eva: squares are not negative, loops unrolled, and paths through the bounds
