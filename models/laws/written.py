@@ -183,7 +183,7 @@ class {law.name.title()}Law(ForceLaw):
     Parameters
     ----------
     machine : Machine
-        A machine with one axis, whose ``[magnet]``.{reference}
+        A machine with one axis.{reference}
     \"""
 
     name = "{law.name}"

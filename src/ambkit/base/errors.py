@@ -14,7 +14,7 @@ class AmbkitError(Exception):
     Parameters
     ----------
     message : str
-        What is wrong; what a terminal would obey, and not show, is escaped.
+        The message; control characters of terminals are escaped.
     """
 
     def __init__(self, message: str) -> None:

@@ -1,6 +1,6 @@
 """Escaping of foreign text (names, descriptions, paths) for every output.
 
-Templates have these functions as filters (`FILTERS`); Jinja escapes HTML, a library writes XML.
+Templates use these functions as filters (`FILTERS`); Jinja escapes HTML, a library writes XML.
 """
 
 import json

@@ -16,13 +16,13 @@ def own_version() -> str:
 class Copyable:
     """Copied and pickled with its state: the copy continues independently.
 
-    It is made anew from the arguments of its constructor, and given the state. `copy.copy` shares
-    bearing, magnet and the like with the original, which no step changes; the state never.
+    The copy is constructed with the same arguments, then given the state. `copy.copy` shares
+    constant objects such as machine and magnet with the original, but not the state.
 
     Raises
     ------
     ValueError
-        When it is unpickled by another version of ambkit, whose states may mean something else.
+        Unpickled by another version of ambkit, in which states may differ.
     """
 
     core: Any

@@ -1,7 +1,7 @@
 """Units at the boundary: parse ``"2 mm"`` into SI, format SI for humans.
 
-Numbers pass through `decimal.Decimal`, so that ``"2 mm"`` is exactly the float ``0.002`` and a
-value survives any number of trips through a file unchanged.
+Numbers are parsed with `decimal.Decimal`, so that ``"2 mm"`` is exactly the float ``0.002`` and
+values survive repeated reading and writing unchanged.
 """
 
 import math

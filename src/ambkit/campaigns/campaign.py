@@ -104,11 +104,11 @@ class Campaign(Result, Machines):
     Parameters
     ----------
     folder : Path
-        Of the campaign.
+        Folder of the campaign.
     plan : Plan
         The study.
     parts : tuple of int
-        Those that count.
+        Parts that are included.
     """
 
     @classmethod
@@ -118,12 +118,12 @@ class Campaign(Result, Machines):
         Parameters
         ----------
         folder : path
-            Of ``ambkit campaign``.
+            Folder written by ``ambkit campaign``.
 
         Raises
         ------
         AmbkitError
-            There is none in it, or it is of another version of ambkit.
+            The folder has no campaign, or one of another version of ambkit.
         """
         place = Folder.existing(folder)
         return cls(place.path, place.plan, Counted(place).counting())
@@ -134,12 +134,12 @@ class Campaign(Result, Machines):
         Parameters
         ----------
         run : int
-            Its number.
+            Number of the run.
 
         Raises
         ------
         AmbkitError
-            There is no such run, or no such machine can be.
+            The run does not exist, or its machine is not physical.
         """
         return replay(self.plan, run)
 
@@ -149,12 +149,12 @@ class Campaign(Result, Machines):
         Parameters
         ----------
         figure : str, optional
-            By default as of `worst`.
+            By default as in `worst`.
 
         Raises
         ------
         AmbkitError
-            SALib is not installed; there is no such figure; or nothing of it can be told.
+            SALib is not installed, the figure does not exist, or it cannot be estimated.
         """
         return indices(self, figure or ("peak_S" if "peak_S" in self.columns else "tracking_peak"))
 

@@ -140,7 +140,7 @@ class Worst(NamedTuple):
 class Machines:
     """The runs of a study in their folder.
 
-    Columns are read when they are asked for: a million runs need not be held at once.
+    Columns are read on demand: a million runs need not be in memory at once.
     """
 
     def __init__(self, folder: Path, plan: Plan, parts: tuple[int, ...]) -> None:
@@ -166,12 +166,12 @@ class Machines:
         Parameters
         ----------
         name : str
-            Of a quantity that varies, or of a figure.
+            Name of a varied quantity or a figure.
 
         Raises
         ------
         AmbkitError
-            There is no such column.
+            The column does not exist.
         """
         if name not in self.columns:
             raise AmbkitError(f"there is no column {name}; there are {', '.join(self.columns)}")
@@ -259,15 +259,14 @@ class Machines:
         Parameters
         ----------
         by : str, optional
-            A figure; by default the peak of the sensitivity, or without margins the greatest
-            control error.
+            A figure; by default the sensitivity peak, or without margins the largest control error.
         count : int
-            How many.
+            Number of machines.
 
         Raises
         ------
         AmbkitError
-            There is no such figure.
+            The figure does not exist.
         """
         by = by or ("peak_S" if "peak_S" in self.columns else "tracking_peak")
         if by not in UNITS:
@@ -293,7 +292,7 @@ class Machines:
         Parameters
         ----------
         columns : sequence of str, optional
-            Which; by default all.
+            Names; by default all.
 
         Raises
         ------

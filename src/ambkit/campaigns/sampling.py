@@ -1,6 +1,6 @@
 """Sample points: each a pure function of the study's seed and the run's number.
 
-So runs can be computed in any order, in any number of pieces, on any machine.
+Runs can therefore be computed in any order, on any machine.
 """
 
 from __future__ import annotations

@@ -7,9 +7,8 @@
     out/runs/part-000000.parquet
     out/traces/part-000000.parquet
 
-A part is written under another name and then put in place, so that a campaign that is killed at any
-instant leaves whole parts and nothing else. Names that begin with a dot are no rows: readers of
-Parquet leave them out.
+A part is written under a temporary name and then renamed, so that an interrupted campaign leaves
+complete parts only. Readers of Parquet ignore names that begin with a dot.
 """
 
 from __future__ import annotations

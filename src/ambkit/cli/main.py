@@ -1,7 +1,7 @@
 """The command ``ambkit``: every outcome is an exit code and, on failure, one message.
 
-What a user can mend leaves with 2, an error of ambkit's own with 1, Ctrl-C with 130. The commands
-themselves are the verbs (`ambkit.verbs`), which are imported where an interrupt is heeded already.
+Errors of the user exit with 2, internal errors with 1, Ctrl-C with 130. The commands are made from
+the verbs (`ambkit.verbs`), which are imported where interrupts are already handled.
 """
 
 from __future__ import annotations

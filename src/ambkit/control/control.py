@@ -105,7 +105,7 @@ class Control(PID):
         return super(Control, result).completed(machine).fed_by(self.feedback or "estimate")
 
     def fed_by(self, feedback: Literal["measurement", "estimate"]) -> Self:
-        """Return the same, fed by the one or the other.
+        """Return a copy with this feedback.
 
         Parameters
         ----------

@@ -85,7 +85,7 @@ class PID(Part):
 
     ``iu = kp (b r - position) + ki integral(r - position) - kd velocity`` with the reference r and
     the set-point weight b (Åström and Hägglund 1995). The defaults hold the `zittau_axial` bearing,
-    whose gains the paper does not give; a simulation tunes what was not given to its bearing.
+    whose gains the paper does not give; a simulation tunes omitted gains to its machine.
     """
 
     kp: Annotated[float, Quantity("A/m", "3000 A/m", at_least=0)] = 1700.0
@@ -146,7 +146,7 @@ class PID(Part):
         Parameters
         ----------
         machine : Machine
-            What is to be held, with one axis.
+            Machine with one axis.
         """
         return cls(**chosen(axis_of(machine))._asdict())
 
@@ -154,24 +154,24 @@ class PID(Part):
     def textbook(cls, machine: Machine) -> Self:
         """Return gains by a rule of thumb, with which a step overshoots by half its height.
 
-        ``kp = 4 k_s/k_i``, a damping of 0.56, and all of the reference to kp.
+        ``kp = 4 k_s/k_i``, a damping ratio of 0.56, and a set-point weight of 1.
 
         Parameters
         ----------
         machine : Machine
-            What is to be held, with one axis.
+            Machine with one axis.
         """
         return cls(**textbook(axis_of(machine))._asdict())
 
     def completed(self, machine: Machine) -> Self:
         """Return the controller with unset values tuned to a machine, see `for_bearing`.
 
-        The set-point weight goes with the proportional gain that is flown, given or not.
+        The set-point weight is tuned for the proportional gain in use.
 
         Parameters
         ----------
         machine : Machine
-            What it is to hold.
+            Machine with one axis.
         """
         if self.model_fields_set >= GAINS:
             return self

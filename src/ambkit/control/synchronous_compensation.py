@@ -1,10 +1,10 @@
 """Unbalance control: the synchronous motion that the controllers do not react to, over speed.
 
-What goes round with the rotor is Re(Z U exp(j W t)) for an unbalance U, with its dynamics at that
-speed: masses, gyroscopics, bending with its damping. No current moves the estimated unbalance.
-Controllers that take this motion out of what they see therefore leave the poles of the loop where
-they are, at any speed. Near a critical speed of the rotor without their reaction, and where the
-unbalance takes much of a travel or of a current, they fade into plain control.
+The synchronous motion for an unbalance U is Re(Z U exp(j W t)), with the rotor's dynamics at that
+speed: masses, gyroscopics, bending with its damping. The compensation uses the estimated unbalance,
+which does not depend on the currents, so the poles of the loop are unchanged at any speed. Near
+critical speeds of the uncontrolled rotor, and where the unbalance takes much of a clearance or a
+current limit, the compensation is faded out.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from ambkit.machine.machine import Machine
 class ControllerProtocol(Protocol):
     """Interface of the user's controller.
 
-    Its class is made with the machine, or without arguments, anew for each run. It is named as
-    ``file.py:Class``, in Python its class is given.
+    The class is constructed with the machine, or without arguments, for each run. It is named as
+    ``file.py:Class``; in Python the class itself is passed.
     """
 
     def step(self, y: Any, r: Any, estimate: Any) -> ArrayLike:
@@ -25,18 +25,17 @@ class ControllerProtocol(Protocol):
         Parameters
         ----------
         y : float or ndarray (m,)
-            Measured position [m], of several readings all of them.
+            Measured position [m]; with several axes all readings.
         r : float or ndarray (p,)
-            Reference [m], of several axes all of them.
+            Reference [m]; with several axes all.
         estimate : ndarray (n,) or None
-            States of the filter, whose first are the displacement x [m] and velocity v [m/s] of one
-            axis; None where ``feedback = "measurement"``.
+            State estimate; with one axis the displacement x [m] and velocity v [m/s] are first.
+            None with ``feedback = "measurement"``.
 
         Returns
         -------
         float or array_like (p,)
-            Control current that is demanded [A], of several axes all of them; it is held to the
-            limits of the amplifier.
+            Demanded control current [A]; with several axes all. It is limited by the amplifier.
         """
 
 

@@ -1,6 +1,6 @@
 """Channel map: the signals in the rows or columns of a log, and the meaning of their numbers.
 
-Of each number in the log, ``value = sign * scale * number * unit + offset``, in SI::
+For each number in the log, in SI: ``value = sign * scale * number * unit + offset``, as in::
 
     [signals.y]                    # y = 10 mm - z: distance from the magnet, turned around
     row = 2
@@ -9,8 +9,8 @@ Of each number in the log, ``value = sign * scale * number * unit + offset``, in
     offset = "10 mm"
 
 A channel that was logged late has a ``delay``. A ``u`` that is a measured current is ``measured``,
-and not held between samples; ``control`` is what drives it, in any unit. A channel with a clock of
-its own names that with ``time``; a log without times has ``sampling_time``.
+and not held between samples; ``control`` is the signal that drives it, in any unit. A channel with
+its own clock names it with ``time``; a log without times has ``sampling_time``.
 """
 
 from collections.abc import Iterator, Mapping

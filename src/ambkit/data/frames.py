@@ -47,7 +47,7 @@ class Framed:
         Returns
         -------
         pandas.DataFrame
-            Its ``attrs`` hold ``units`` and what else is known.
+            Its ``attrs`` hold ``units`` and metadata.
 
         Raises
         ------
@@ -68,15 +68,15 @@ class Framed:
         Parameters
         ----------
         frame : pandas.DataFrame
-            Its index is the time, in seconds or as pandas counts it, or else its column ``t``.
+            The index is the time, in seconds or as a pandas time; or the column ``t``.
         units : mapping of str to str, optional
             Unit of each column, such as ``{"y": "mm"}``; by default ``frame.attrs["units"]``, and
-            for the standard names SI. What is not SI is converted.
+            SI for the standard names. Other units are converted.
 
         Raises
         ------
         RecordError
-            It has no time, lacks a column, has one without unit or not of numbers, or is not valid.
+            No time, a missing column, or one without unit or numbers; or the record is invalid.
         AmbkitError
             pandas is not installed.
         """
@@ -101,12 +101,12 @@ class Framed:
         Returns
         -------
         xarray.Dataset
-            Each variable has its ``units``; the rest is JSON in ``attrs``, as netCDF wants it.
+            Each variable has its ``units``; metadata is JSON in ``attrs``, as netCDF requires.
 
         Raises
         ------
         RecordError
-            JSON cannot hold the rest.
+            JSON cannot represent the metadata.
         AmbkitError
             xarray is not installed (``pip install 'ambkit[xarray]'``).
         """
@@ -132,14 +132,13 @@ class Framed:
         dataset : xarray.Dataset
             Variables over the coordinate ``t``.
         units : mapping of str to str, optional
-            Unit of each variable; by default what its ``attrs["units"]`` says, and for the
-            standard names SI. What is not SI is converted.
+            Unit of each variable; by default ``attrs["units"]``, and SI for the standard names.
+            Other units are converted.
 
         Raises
         ------
         RecordError
-            It has no time, lacks a variable, has one without unit or not of numbers, or is not
-            valid.
+            No time, a missing variable, or one without unit or numbers; or the record is invalid.
         AmbkitError
             xarray is not installed.
         """

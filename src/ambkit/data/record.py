@@ -30,7 +30,7 @@ TIME_TOLERANCE = 0.01  #: Tolerance of a time step, because logs print rounded t
 class Record(Shown, frames.Framed):
     """Evenly sampled signals of one run, n samples; simulated or measured.
 
-    The arrays are copied and cannot be written to. NaN in a signal is a missing sample.
+    The arrays are copied and read-only. NaN in a signal is a missing sample.
 
     Parameters
     ----------
@@ -41,10 +41,10 @@ class Record(Shown, frames.Framed):
         ``y`` [m], ``u`` [V], ``r`` [m], ``injected`` [m]; and the truth of a simulation, ``x`` [m],
         ``v`` [m/s], ``f_d`` [N], ``x_m`` [m], ``iu`` [A], ``f_mag`` [N].
     units : mapping of str to str, optional
-        SI unit of each signal; those of the standard names need not be given.
+        SI unit of each signal; optional for the standard names.
     meta : mapping, optional
-        Where the record comes from, such that JSON can hold it: ``bearing`` (its TOML),
-        ``scenario``, ``seed``, ``version`` of a simulation; ``source`` of a log.
+        Origin of the record, representable in JSON: ``bearing`` (its TOML), ``scenario``, ``seed``,
+        ``version`` of a simulation; ``source`` of a log.
 
     Raises
     ------
@@ -110,8 +110,8 @@ class Record(Shown, frames.Framed):
     def truth(self) -> dict[str, Array]:
         """Signals known in simulation only; empty for a measured record.
 
-        A record counts as simulated where its ``meta`` holds the scenario: an estimate has
-        signals of the same names and is not the truth.
+        A record is simulated if its ``meta`` has the scenario: signals of an estimate have the same
+        names, but are not the truth.
         """
         if "scenario" not in self.meta:
             return {}
@@ -128,15 +128,15 @@ class Record(Shown, frames.Framed):
         Parameters
         ----------
         start, stop : float or str, optional
-            Time [s], such as 0.2 or ``"200 ms"``, met to half a sampling time. Without it, the
-            record's own start or end.
+            Time [s], such as 0.2 or ``"200 ms"``, to half a sampling time. By default the start or
+            end of the record.
 
         Raises
         ------
         RecordError
-            Less than two samples lie there.
+            The part has fewer than two samples.
         AmbkitError
-            `start` or `stop` is no time.
+            `start` or `stop` is not a time.
         """
         start, stop = in_si("start", start, "s"), in_si("stop", stop, "s")
         half = 0.5 * self.sampling_time
@@ -161,7 +161,7 @@ class Record(Shown, frames.Framed):
         Parameters
         ----------
         *signals : str
-            Their names, in the order wanted.
+            Names, in the desired order.
         """
         return Record(self.t, {name: self[name] for name in signals}, self.units, self.meta)
 
@@ -178,7 +178,7 @@ class Record(Shown, frames.Framed):
         RecordError
             Another ending, or ``meta`` that JSON cannot hold.
         AmbkitError
-            The file cannot be written; an older one is left as it was.
+            The file cannot be written; an existing one is unchanged.
         """
         from ambkit.data.files.tables import Table
 
@@ -187,9 +187,9 @@ class Record(Shown, frames.Framed):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Record:
-        """Read a file of `save`, or any table with units and an even clock.
+        """Read a file written by `save`, or any table with units and an even clock.
 
-        `ambkit.load` also takes a channel map, and `ambkit.read` also logs with faults.
+        `ambkit.load` also accepts a channel map, and `ambkit.read` logs with defects.
 
         Parameters
         ----------
@@ -200,8 +200,8 @@ class Record(Shown, frames.Framed):
         Raises
         ------
         RecordError
-            The file is cut short, holds no number where one should be, has no units, or is no
-            valid record; the message names file and line.
+            The file is truncated, has text instead of a number, lacks units, or is not a valid
+            record; the message states file and line.
         AmbkitError
             The file cannot be read.
         """

@@ -23,27 +23,27 @@ def read_telemetry(
 ) -> Record:
     """Read the frames in a controller's telemetry.
 
-    Frames are found wherever they begin; bytes in between, and frames whose CRC is wrong, are left
-    out. Samples of which no frame arrived are NaN.
+    Frames are found at any position; bytes in between and frames with a wrong CRC are skipped.
+    Samples without a frame are NaN.
 
     Parameters
     ----------
     received : path or bytes
-        As they arrived.
+        Received bytes.
     layout : path
         ``telemetry.json`` of the export.
 
     Returns
     -------
     Record
-        The states, innovations and their variances, and of a whole controller its currents and
-        ``mode``; ``status`` as the sum of its flags, ``usable`` where the estimate may be fed back
-        [1]. ``meta`` has how many samples are ``missing`` and how many bytes were ``skipped``.
+        States, innovations and their variances; for a complete controller also currents and
+        ``mode``; ``status`` as the sum of its flags, ``usable`` if the estimate may be fed back
+        [1]. ``meta`` has the number of samples ``missing`` and of bytes ``skipped``.
 
     Raises
     ------
     RecordError
-        A file that is not there or no layout; no two frames of this export.
+        A file does not exist or is not a layout, or there are not two frames of this export.
     """
     schema = _layout(Path(layout))
     bytes_ = received if isinstance(received, bytes) else _bytes(Path(received))

@@ -1,7 +1,7 @@
 """The estimators, one class per kind, their registry, and their estimates.
 
-The mathematics is C. Whether an estimate is consistent with its own innovations is told here too:
-it needs nothing but the estimate.
+The mathematics is in C. The consistency of an estimate with its innovations is evaluated here, as
+it needs nothing else.
 """
 
 DEFAULT = "extended"

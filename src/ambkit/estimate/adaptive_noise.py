@@ -17,32 +17,31 @@ ADAPTS = ("measurement", "disturbance", "both")
 class AdaptiveNoise(Estimator):
     """A filter that estimates its noise online: R, the process noise of the disturbance, or both.
 
-    R is raised while innovations are larger than the filter expects, and lowered while they are
-    smaller; the growth of the disturbance force likewise by the corrections of that force.
+    R increases while innovations are larger than the filter expects, and decreases while they are
+    smaller; the process noise of the disturbance force likewise, from its corrections.
 
-    Too large an innovation has more than one reason, and sample by sample both noises cannot be
-    told apart; over a window they can, as long as the model is right and the load does wander. A
-    wrong stiffness, or a step of the load, is taken for growth, until it is forgotten. Choose what
-    is not known.
+    Large innovations have several possible causes. Sample by sample the two noises cannot be
+    distinguished; over a window they can, if the model is correct and the disturbance force varies.
+    A wrong stiffness or a step of the disturbance is temporarily taken for process noise. Estimate
+    the noise that is unknown.
 
     Parameters
     ----------
     inner : Estimator
-        The filter, with the noise to start from. It is used as a description: its own state is left
-        alone.
+        The filter, with its initial noise. It is a description: its own state is not changed.
     method : {"innovation", "sage-husa"}
-        ``"innovation"``: corrections of the load are summed over `window`, where a growth assumed
-        too small shows as corrections that go the same way again and again. ``"sage-husa"``: sample
-        by sample, and the first samples weigh more. For R they are the same rule.
+        ``"innovation"``: corrections of the disturbance force are summed over `window`; repeated
+        corrections in the same direction show that the process noise is too small. ``"sage-husa"``:
+        sample by sample, with larger weights at the start. For R the rules are equal.
     adapts : {"measurement", "disturbance", "both"}
-        What is found. Sample by sample there is one equation, so ``"sage-husa"`` finds one of them.
+        Noise to estimate; sample by sample (``"sage-husa"``) only one of them.
     memory : float or str
-        Time that the averages reach back [s].
+        Averaging time [s].
     window : float or str
-        Time over which ``"innovation"`` sums the corrections of the load [s].
+        Time over which ``"innovation"`` sums the corrections [s].
     most : float
-        Neither is taken to be more than this many times off what `inner` assumes, up or down; at
-        the end of that range the status says ``NOISE_LIMIT``.
+        Maximum factor between estimated and initial noise, up or down; at the limit the status has
+        ``NOISE_LIMIT``.
 
     Raises
     ------

@@ -29,17 +29,17 @@ class AlongRecords(Stepping):
         Parameters
         ----------
         record : Record
-            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1. Of a machine
-            with ``y_NAME`` of each reading and ``u_NAME`` of each axis, and where it is not the
-            machine's own with the ``speed`` of rotation [rad/s]; of one with ``[angle]`` with the
-            readings of that sensor, see ``estimate_angle``.
+            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1. For a machine with
+            several axes ``y_NAME`` of each reading and ``u_NAME`` of each axis, and the ``speed``
+            of rotation [rad/s] unless it is the machine's; with ``[angle]`` the readings of that
+            sensor, see ``estimate_angle``.
         covariance : bool
             Keep the covariances, 10 numbers a sample.
 
         Raises
         ------
         RecordError
-            Where the record's sampling time is not the bearing's.
+            The record's sampling time is not that of the machine.
         """
         y, u = self._start(record)
         speed, heard = self._rotation(record)
@@ -56,19 +56,19 @@ class AlongRecords(Stepping):
         Parameters
         ----------
         y, u : array_like (n,)
-            What the controller reads, in the units of `inputs`; u[k] acts from sample k to k + 1.
+            The controller's inputs, in the units of `inputs`; u[k] acts from sample k to k + 1.
         covariance : bool
             As in `run`.
 
         Returns
         -------
         Estimate
-            In SI, from t = 0 on.
+            In SI, from t = 0.
 
         Raises
         ------
         ValueError
-            The two are not equally long.
+            The lengths differ.
         """
         position, control = self.in_si(y, u)
         if position.ndim != 1 or position.shape != control.shape:
@@ -86,9 +86,9 @@ class AlongRecords(Stepping):
         Parameters
         ----------
         y : array_like (n,)
-            Positions, in the unit that `inputs` says, [m] without.
+            Positions, in the unit of `inputs`, by default [m].
         u : array_like (n,)
-            Control signals, likewise, [V] without.
+            Control signals, by default [V].
 
         Returns
         -------
@@ -101,10 +101,9 @@ class AlongRecords(Stepping):
     def smooth(self, record: Record) -> Estimate:
         """Estimate each sample of a record from the complete record.
 
-        The fixed-interval smoother of Rauch, Tung and Striebel (1965), in the form of Bryson and
-        Frazier modified by Bierman (1973), which inverts no covariance. Samples that the filter
-        leaves out are bridged. Where it was held because it knew no place any more, or started
-        afresh, nothing is carried back over the gap.
+        Fixed-interval smoother of Rauch, Tung and Striebel (1965), in the form of Bryson and
+        Frazier modified by Bierman (1973), which inverts no covariance. Samples that the filter did
+        not use are bridged. Where the filter was held or restarted, the recursion restarts.
 
         Parameters
         ----------
@@ -119,9 +118,9 @@ class AlongRecords(Stepping):
         Raises
         ------
         ValueError
-            This kind has no covariance that the smoother could go back by.
+            This kind has no covariance for the smoother.
         RecordError
-            The record's sampling time is not the bearing's.
+            The record's sampling time is not that of the machine.
         """
         if not self.smooths:
             raise ValueError(
@@ -142,7 +141,7 @@ class AlongRecords(Stepping):
         record : Record
             With ``u`` [V].
         ahead : int
-            How many samples ahead.
+            Number of samples ahead.
 
         Returns
         -------
@@ -203,13 +202,13 @@ class AlongRecords(Stepping):
         Parameters
         ----------
         readings : array_like (n,)
-            Of pulses the time since one came [s], of an encoder [rad], of a speed signal [rad/s],
-            as ``AngleEstimate.of`` takes them.
+            Time since a pulse [s], angle of an encoder [rad], or speed [rad/s], as in
+            ``AngleEstimate.of``.
 
         Returns
         -------
         ndarray (n, 8)
-            What the filter hears of the rotation at each sample, the fields of ``amb_rotation``
+            Information on the rotation at each sample, the fields of ``amb_rotation``
             (``core/include/ambkit/angle.h``) [their SI units].
         """
         angle = AngleEstimate.of(self.machine, readings, precision=self.precision)
@@ -228,14 +227,14 @@ class AlongRecords(Stepping):
         Parameters
         ----------
         speed : ndarray (n,), optional
-            Of rotation at the samples [rad/s]; by default the machine's own.
+            Speed of rotation at the samples [rad/s]; by default the machine's.
         n : int
             Samples.
 
         Returns
         -------
         ndarray (n,) or None
-            The speed that it follows [rad/s]; None where it is the machine's own.
+            The speed used [rad/s]; None if it is the machine's.
         """
         own = self.view.speed
         if own is None:

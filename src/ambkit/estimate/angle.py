@@ -40,17 +40,17 @@ class AngleEstimate:
     t : ndarray (n,)
         Time [s].
     angle : ndarray (n,)
-        From the first mark, from x towards y [rad], from -pi to pi.
+        Relative to the first mark, from x towards y [rad], from -pi to pi.
     speed : ndarray (n,)
-        Of rotation [rad/s].
+        Speed of rotation [rad/s].
     acceleration : ndarray (n,)
-        Of rotation [rad/s^2].
+        Angular acceleration [rad/s^2].
     angle_variance, speed_variance : ndarray (n,)
         Of the angle [rad^2] and of the speed [rad^2/s^2].
     status : ndarray of uint8 (n,)
         Flags of :class:`AngleStatus` [1].
     heard : ndarray (n, 8)
-        What a filter follows, the fields of ``amb_rotation`` in ``core/include/ambkit/angle.h``
+        Information for a filter, the fields of ``amb_rotation`` in ``core/include/ambkit/angle.h``
         [their SI units].
 
     Examples
@@ -81,15 +81,15 @@ class AngleEstimate:
         machine : Machine
             With ``[angle]``.
         readings : array_like (n,)
-            Of pulses the time since one came within the last sample [s], of an encoder the angle
-            [rad], of a speed signal the speed [rad/s]; NaN where there is none.
+            Time since a pulse within the last sample [s], angle of an encoder [rad], or speed
+            [rad/s]; NaN if missing.
         precision : {"float64", "float32"}
-            What the core computes in.
+            Precision of the core.
 
         Raises
         ------
         AmbkitError
-            The machine has no sensor of its angle.
+            The machine has no angle sensor.
         """
         values = np.ascontiguousarray(readings, precision)
         out = core_module(precision).run_angle(angle_settings(machine), values)
@@ -175,14 +175,14 @@ def estimate_angle(
         With ``[angle]``.
     record : Record
         With ``pulse`` [s] or ``keyphasor``, ``angle_reading`` [rad] or ``speed_reading`` [rad/s],
-        by the sensor.
+        depending on the sensor.
     precision : {"float64", "float32"}
-        What the core computes in.
+        Precision of the core.
 
     Raises
     ------
     AmbkitError
-        The machine has no sensor of its angle, or the record no readings of it.
+        The machine has no angle sensor, or the record has no readings of it.
     """
     estimate = AngleEstimate.of(machine, readings_of(machine, record), precision=precision)
     return replace(estimate, t=np.asarray(record.t))

@@ -23,26 +23,26 @@ if TYPE_CHECKING:
 class AugmentedKalmanFilter(Estimator):
     """Extended Kalman filter with the factor on the magnet constant as its fifth state.
 
-    At rest the magnet constant and a constant load cannot be told apart. The filter holds the
-    constant there and says :attr:`Status.UNEXCITED`; as long as it has not learned anything it is
-    :class:`ExtendedKalmanFilter`, to the last bit. It learns from motion: a few steps of the
-    position are enough. A load that swings is answered by the controller with as much force, and
-    is not learned from either. The known constant must not be wrong by half.
+    In equilibrium the magnet constant and a constant disturbance force cannot be distinguished. The
+    filter then holds the constant, with :attr:`Status.UNEXCITED`; until it has learned, its bits
+    are those of :class:`ExtendedKalmanFilter`. It learns from motion: a few steps of the position
+    are sufficient. An oscillating disturbance is compensated by the controller with an equal force,
+    and does not contribute. The known constant must be accurate to 50 %.
 
     Parameters
     ----------
     machine : Machine
-        What is filtered.
+        Machine to estimate.
     magnet : optional
-        What the filter knows of its magnet; by default the bearing's own law.
+        Magnet model; by default the machine's force law.
     scale_std : float, optional
-        Standard deviation of the scale at the start, and the most that it grows to [1].
+        Initial and maximum standard deviation of the scale [1].
     wander : float, optional
-        Growth of the scale's variance [1/s].
+        Random walk of the scale, growth of its variance [1/s].
     excitation : float, optional
-        The scale is learned where the measurements of one window, as long as the rotor takes to
-        fall out of the middle, would alone tell it to within this standard deviation [1]; infinity:
-        always, which drifts at rest.
+        The scale is learned while the measurements of one window, the time constant of the plant,
+        would determine it to this standard deviation [1]; infinity: always, with drift in
+        equilibrium.
     least, most : float, optional
         Limits of the scale [1].
     **options
@@ -99,20 +99,20 @@ class AugmentedKalmanFilter(Estimator):
 class MultipleModelFilter(Estimator):
     """Interacting multiple models: parallel extended filters, each with its own constant.
 
-    They are weighed by how well they predict the measurement; a magnet constant that jumps is
-    found within milliseconds of motion. At rest nothing is weighed, for the reason and with the
-    flag of :class:`AugmentedKalmanFilter`.
+    They are weighted by their predictions of the measurement; a jump of the magnet constant is
+    detected within milliseconds of motion. In equilibrium the weights are held, with the flag of
+    :class:`AugmentedKalmanFilter` and for the same reason.
 
     Parameters
     ----------
     machine : Machine
-        What is filtered.
+        Machine to estimate.
     magnet : optional
-        What the filters know of their magnet; by default the bearing's own law.
+        Magnet model; by default the machine's force law.
     scales : sequence of float, optional
-        Magnet constants over the known one, 2 to 5 [1].
+        Magnet constants relative to the known one, 2 to 5 [1].
     sojourn : float, optional
-        Mean time for which the constant keeps one of them, while there is motion [s].
+        Mean time between changes of the constant, during motion [s].
     excitation : float, optional
         As for :class:`AugmentedKalmanFilter` [1].
     **options

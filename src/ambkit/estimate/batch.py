@@ -58,10 +58,9 @@ def run_many(
 ) -> Batch:
     """Run many estimators, each along its own record with its own start.
 
-    The numbers are those of `Estimator.run`, run by run and to the last bit, whatever the lanes and
-    the threads. The estimators themselves are not changed. Those of one kind go side by side, and
-    may differ in everything else: noise, bearing, gains. Kinds from low-pass to extended have
-    lanes; the others take part, one by one.
+    The results have the bits of `Estimator.run`, for all lanes and threads. The estimators are not
+    changed. Those of one kind run side by side, and may differ in everything else: noise, machine,
+    gains. Kinds from low-pass to extended have lanes; the others run one by one.
 
     Parameters
     ----------
@@ -73,19 +72,19 @@ def run_many(
     truth : array_like (runs, n, 3) or (n, 3), optional
         x [m], v [m/s], f_d [N]; gives ``rmse`` without a history.
     skip : int
-        Samples at the beginning that the errors leave out.
+        Number of samples at the start that are excluded from the errors.
     history : sequence of {"mean", "innovation", "innovation_variance", "status"}
-        What is kept of every sample. Writing it takes about as long as the filter: where only the
-        errors are wanted, give the truth and keep nothing.
+        Outputs stored for every sample. Storing takes about as long as the filter: if only errors
+        are needed, pass the truth and store nothing.
     out : Batch, optional
-        Of an earlier call with the same shapes and `history`: its arrays are written again, which
-        spares the system fetching new memory.
+        Of an earlier call with the same shapes and `history`: its arrays are reused.
     start : (mean, std), optional
         State estimates and standard deviations at the start, (runs, states) or (states,) each
         [unit of each state].
-        Default: as `Estimator.run`, at rest at the record's first measurement within the travel.
+        Default: as `Estimator.run`, in equilibrium at the record's first measurement within the
+        clearance.
     threads : int, optional
-        Default: as many as the process may use.
+        Default: all that are available to the process.
     instructions : str, optional
         One of `instruction_sets`; default: the fastest.
 
@@ -96,7 +95,7 @@ def run_many(
     Raises
     ------
     ValueError
-        Where shapes or precisions do not fit, or the processor lacks the instructions.
+        Shapes or precisions do not match, or the processor lacks the instructions.
 
     Examples
     --------

@@ -1,9 +1,8 @@
-"""The naive baseline: a Kalman filter of positions without magnet model.
+"""Baseline: a Kalman filter of position and velocity without a magnet model.
 
-A filter with a model has to beat two things that know nothing of the bearing: the raw sensor, and
-this one. Its rotor keeps its velocity but for white acceleration (Bar-Shalom, Li and Kirubarajan,
-Estimation with Applications to Tracking and Navigation, 2001, ch. 6.2). It knows no force, no
-current, no lag of the sensor; it has one figure to tune.
+A filter with a model must be better than the raw sensor and this filter. Its velocity is a random
+walk (white acceleration; Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking
+and Navigation, 2001, ch. 6.2). It models no force, current or sensor lag, and has one parameter.
 """
 
 from __future__ import annotations
@@ -41,20 +40,20 @@ def no_force_of(machine: Machine) -> MagnetModel:
 class ConstantVelocity(KalmanFilter):
     """Kalman filter of position and velocity without forces: white acceleration only.
 
-    It is the naive filter that one with a model has to beat. It knows neither magnet, weight and
-    currents nor the sensor's lag. Its disturbance force is zero, with the variance of the start.
+    It models neither magnet, weight and currents nor the sensor's lag. Its disturbance force is
+    zero, with the initial variance.
 
     Parameters
     ----------
     machine : Machine
-        What is filtered.
+        Machine to estimate.
     magnet : optional
         Not used.
     acceleration : float or str, optional
-        Intensity of the white acceleration [m^2/s^3]. Default: ``2 g^2`` times the plant's own
-        time ``sqrt(m/k_s)``.
+        Intensity of the white acceleration [m^2/s^3]. Default: ``2 g^2`` times the plant's time
+        constant ``sqrt(m/k_s)``.
     **options
-        As for :class:`KalmanFilter`, without gravity and synchronous.
+        As for :class:`KalmanFilter`, except gravity and synchronous.
 
     Raises
     ------

@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 
 
 class ContactKalmanFilter(Estimator):
-    """Extended Kalman filter with two hypotheses: the rotor is free, or lies on a stop.
+    """Extended Kalman filter with two hypotheses: the rotor is free, or in contact with a stop.
 
-    In contact the force of the stop acts, and stiffens the model; a step says
-    :attr:`Status.CONTACT` (``core/include/ambkit/contact.h``). Stops are those of the machine's key
-    ``stop``; at a bearing without it the filter is the extended one.
+    In contact the force of the stop acts and increases the stiffness; the step has
+    :attr:`Status.CONTACT` (``core/include/ambkit/contact.h``). The stops are those of the machine's
+    key ``stop``; without it this is the extended filter.
 
     Parameters
     ----------
     machine : Machine
-        What is filtered.
+        Machine to estimate.
     magnet : optional
-        The law of its magnet; the closed one by default.
+        Force law; by default the closed one.
     scatter : float
-        Standard deviation of the contact force that a sample leaves open, as a share of it [1],
-        beside what the uncertain depth does.
+        Standard deviation of the contact force over a sample, relative to it [1], in addition to
+        the effect of the uncertain penetration.
     **options
         As for :class:`KalmanFilter`.
 
@@ -96,14 +96,14 @@ class ContactKalmanFilter(Estimator):
         Parameters
         ----------
         estimate : Estimate
-            Of a run of this filter, n samples ...
+            From a run of this filter, n samples ...
         record : Record
             ... along this record.
 
         Returns
         -------
         ndarray (n, p)
-            Along each axis, 0 where the rotor is free [N].
+            Along each axis, 0 without contact [N].
         """
         means = np.column_stack([estimate[state.name] for state in self.states])
         of = self.core.parameters["set"]

@@ -43,9 +43,9 @@ def _covariances(states: Sequence[Descriptor]) -> dict[str, str]:
 class Estimate(Shown, frames.Framed):
     """Estimates of one estimator along a record, n samples.
 
-    A DataFrame of it has a column for each state, then ``k_i``, ``k_s``, ``innovation``,
-    ``innovation_variance``, ``status``, and where they are known ``scale``, ``scale_variance`` and
-    the covariances, ``cov_x_v``; a Dataset the same as variables.
+    A DataFrame has a column for each state, then ``k_i``, ``k_s``, ``innovation``,
+    ``innovation_variance``, ``status``, and if available ``scale``, ``scale_variance`` and the
+    covariances, ``cov_x_v``; a Dataset has the same variables.
 
     Attributes
     ----------
@@ -53,13 +53,13 @@ class Estimate(Shown, frames.Framed):
         Time [s].
     mean : ndarray (n, states)
         Displacement x [m], velocity v [m/s], disturbance force f_d [N], lagged position x_m [m],
-        and what else the model has.
+        and further states of the model.
     innovation, innovation_variance : ndarray (n,) or (n, readings)
-        Measurement less its prediction [m], and the variance S that the filter expects [m^2].
-        The innovation is zero where the measurement was not used, but told of an outlier. The
-        variance is zero where the estimator has no idea of it.
+        Measurement minus prediction [m], and its expected variance S [m^2]. The innovation is zero
+        if the measurement was not used, except for outliers. The variance is zero if the estimator
+        does not compute it.
     k_i, k_s : ndarray (n,) or (n, axes)
-        Stiffnesses that the prediction used [N/A], [N/m].
+        Stiffnesses used by the prediction [N/A], [N/m].
     status : ndarray of uint16 (n,)
         Flags of :class:`Status`.
     covariance : ndarray (n, states (states + 1) / 2) or None
@@ -68,12 +68,12 @@ class Estimate(Shown, frames.Framed):
     estimator : str
         Name of the estimator.
     states : tuple of Descriptor
-        What the columns of the mean are: name, unit, typical size, role.
+        Descriptors of the columns of the mean: name, unit, typical size, role.
     scale, scale_variance : ndarray (n,) or None
-        Estimated magnet constant over the known one, and its variance [1], from estimators that
-        estimate it.
+        Estimated magnet constant relative to the known one, and its variance [1]; None if not
+        estimated.
     axes, readings : tuple of str
-        Names of the axes and the readings of a machine; empty of one axis.
+        Names of axes and readings; empty with one axis.
     """
 
     t: Array
@@ -143,16 +143,16 @@ class Estimate(Shown, frames.Framed):
     def sensor_noise(self) -> Array | None:
         """Estimated coloured noise and line noise of the measurement [m], (n,).
 
-        None where they are none of its states.
+        None if they are not states.
         """
         names = self.of_role("noise")
         return np.asarray(sum(self[name] for name in names)) if names else None
 
     @property
     def nis(self) -> Array:
-        """Normalised innovation squared, (n,) [1]; its mean is 1 if model and noise are right.
+        """Normalised innovation squared, (n,) [1]; its mean is 1 if model and noise are correct.
 
-        Of several readings their mean. NaN where the estimator has no idea of the variance.
+        The mean over several readings. NaN if the estimator has no variance.
         """
         with np.errstate(divide="ignore", invalid="ignore"):  # undefined without variance
             nis = self.innovation**2 / self.innovation_variance
@@ -188,12 +188,12 @@ class Estimate(Shown, frames.Framed):
         Parameters
         ----------
         name : str
-            Of the state.
+            Name of the state.
 
         Raises
         ------
         ValueError
-            The run did not keep the covariances.
+            The covariances were not stored.
         """
         if self.covariance is None:
             raise ValueError("run(record, covariance=True) keeps the covariances that std needs")

@@ -34,44 +34,44 @@ if TYPE_CHECKING:
 class Estimator(AlongRecords, Described, Copyable):
     """An estimator of any kind: same inputs, same outputs, one interface in C.
 
-    Each kind says in `_build` which of the core's it is (``core/include/ambkit/estimator.h``).
+    Each kind selects its implementation in the core in `_build`
+    (``core/include/ambkit/estimator.h``).
 
     Parameters
     ----------
     machine : Machine
-        What is filtered: one axis, or a machine with all its axes and readings.
+        Machine to estimate, with one axis or several.
     magnet : optional
-        What the filter knows of its magnet; by default the constant stiffnesses of the origin. Of a
-        machine one for each axis.
+        Magnet model; by default the constant stiffnesses at the origin. With several axes one for
+        each.
     noise : FilterNoise, optional
-        Variances; by default those of the bearing.
+        Variances; by default those of the machine.
     gravity : {"known", "disturbance"}
         ``"known"``: the weight is part of the model, and ``f_d`` is the disturbance alone.
-        ``"disturbance"``: as eq. 15-16 of the paper, where weight is left out and lands in F_St.
+        ``"disturbance"``: as eq. 15-16 of the paper, where weight is omitted and appears in F_St.
     precision : {"float64", "float32"}
-        Which build of the C core computes; float32 is what flies on a Cortex-M4F.
+        Precision of the C core; float32 is that of a Cortex-M4F.
     frozen_limit : int
-        Least number of equal measurements in a row that can be a frozen sensor; they must also be
-        improbable by the prediction and the sensor's quantisation. 0: never.
+        Minimum number of equal consecutive measurements of a frozen sensor; they must also be
+        improbable for the prediction and the quantisation. 0: never.
     gate : float
-        Innovations beyond this many of their standard deviations are outliers.
+        Innovations beyond this many standard deviations are outliers.
     outlier_limit : int
-        Outliers in a row that are left out; after them the estimate is wrong and not the
-        measurement, from which the filter starts afresh. 0: none is, and it never does.
+        Maximum number of consecutive outliers that are rejected; then the estimate must be wrong,
+        and the filter restarts from the measurement. 0: none is rejected, no restarts.
     as_printed : bool
-        Predict by eq. 19 as the paper prints it, with the position held over the sample in the
-        sensor's lag. That puts every estimate ahead of the rotor by
-        ``T/(1 - exp(-T/T_sen)) - T_sen``: to reproduce the paper only.
+        Predict by eq. 19 as printed in the paper, with the position held over the sample in the
+        sensor's lag. This puts every estimate ahead of the rotor by ``T/(1 - exp(-T/T_sen)) -
+        T_sen``; for reproducing the paper only.
     synchronous : sequence of str
-        Of a machine, what turns with its rotor at its speed and is estimated too:
-        ``"unbalance"``, forces in two planes, and ``"runout"`` of each sensor. At a constant speed
-        the two cannot be told apart, and the stated errors of both are those at the start; the slow
-        disturbance force is free of them.
+        Synchronous states of a rotor to estimate: ``"unbalance"``, forces in two planes, and
+        ``"runout"`` of each sensor. At a constant speed the two cannot be distinguished, and their
+        stated errors are the initial ones; the disturbance force does not include them.
 
     Raises
     ------
     ValueError
-        Where a variance is negative or not finite, with its name, limit and value.
+        A variance is negative or not finite; the message states name, limit and value.
     """
 
     name = "estimator"
@@ -200,14 +200,14 @@ class Estimator(AlongRecords, Described, Copyable):
         path : path
             Written by `save`, ``ambkit tune`` and others; see `ambkit.FilterFile`.
         precision : {"float64", "float32"}
-            What it computes in.
+            Precision of the core.
 
         Raises
         ------
         ConfigError
-            With all that is wrong in it; also where a file that it names has changed since.
+            All errors; also if a referenced file has changed.
         AmbkitError
-            The file cannot be read, or what it says cannot be built.
+            The file cannot be read, or its content is inconsistent.
         """
         made: Estimator = late_binding.call("load_filter", path, precision)
         return made
@@ -226,14 +226,14 @@ class Estimator(AlongRecords, Described, Copyable):
         path : path
             The file.
         machine, magnet : path, optional
-            The files of its machine (or a preset's name) and of the expert or force map that it
-            asks, the same for all bearings. Where they are not given and needed, they are written
-            beside `path`, as ``NAME.machine.toml`` and ``NAME.expert.json``.
+            Files of its machine (or a preset's name), and of the expert or force map, the same for
+            all bearings. If needed and not given, they are written beside `path` as
+            ``NAME.machine.toml`` and ``NAME.expert.json``.
 
         Raises
         ------
         AmbkitError
-            A file cannot be written; or it knows its magnet by what has no file.
+            A file cannot be written, or the magnet model has no file format.
         """
         late_binding.call("save_filter", self, path, machine, magnet)
 

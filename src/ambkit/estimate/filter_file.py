@@ -27,9 +27,9 @@
     [origin]
     "noise.disturbance" = "likelihood of log.csv, 0 to 2 s; ambkit tune 0.2.0"
 
-Of several axes ``[magnets.NAME]`` of a bearing's name stands instead of ``[magnet]``; a variance
-may be a list, a number for each reading or axis, and ``synchronous = ["unbalance"]`` says what
-turns with the rotor and is estimated too.
+With several axes ``[magnets.NAME]`` of a bearing replaces ``[magnet]``; a variance may be a list
+with a number for each reading or axis, and ``synchronous = ["unbalance"]`` lists the estimated
+synchronous states.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ class FilterFile(Document):
         Raises
         ------
         AmbkitError
-            What the magnet's file holds is no expert and no force map.
+            The magnet's file is neither an expert nor a force map.
         """
         if self.magnets:
             parts = {
@@ -177,15 +177,15 @@ class FilterFile(Document):
         Parameters
         ----------
         precision : {"float64", "float32"}
-            What it computes in.
+            Precision of the core.
         magnet : optional
-            What it asks instead of `asked`, such as the table of its expert.
+            Magnet model in place of `asked`, such as the table of its expert.
 
         Raises
         ------
         AmbkitError
-            What the magnet's file holds is no expert and no force map; or an option or a start is
-            out of its range.
+            The magnet's file is neither an expert nor a force map; or an option or start is out of
+            range.
         """
         kind = KINDS[self.kind]
         if magnet is None:

@@ -1,6 +1,6 @@
 """Kalman filters: linear, adaptive (paper, eq. 7-21 and Fig. 8), and extended.
 
-The first two are the same C code; they differ in what they know of their magnet.
+The first two are the same C code with different magnet models.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class KalmanFilter(Estimator):
     Parameters
     ----------
     machine : Machine
-        What is filtered.
+        Machine to estimate.
     magnet : optional
-        What the filter knows of its magnet; by default the constant stiffnesses of the origin.
+        Magnet model; by default the constant stiffnesses at the origin.
     **options
         Of :class:`ambkit.Estimator`: noise, gravity, precision, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -33,8 +33,7 @@ class KalmanFilter(Estimator):
     Raises
     ------
     ValueError
-        `gravity` or `precision` is not one of its words, a limit is negative, or `gate` is not
-        greater than 0.
+        `gravity` or `precision` is unknown, a limit is negative, or `gate` is not positive.
     """
 
     name = "linear Kalman filter"
@@ -48,14 +47,14 @@ class KalmanFilter(Estimator):
 class AdaptiveKalmanFilter(KalmanFilter):
     """Kalman filter with k_i and k_s from a network at every sample (paper, Fig. 8).
 
-    The stiffnesses are taken at the estimated displacement and the control current.
+    The stiffnesses are evaluated at the estimated displacement and the control current.
 
     Parameters
     ----------
     machine : Machine
-        What is filtered.
+        Machine to estimate.
     magnet : Expert, StiffnessMap, ClosedLaw or ConstantStiffness
-        What is asked: the trained expert, its table, or the force law itself.
+        Magnet model: the trained expert, its table, or the force law itself.
     **options
         As for :class:`KalmanFilter`.
     """
@@ -72,9 +71,9 @@ class ExtendedKalmanFilter(Estimator):
     Parameters
     ----------
     machine : Machine
-        What is filtered.
+        Machine to estimate.
     magnet : optional
-        What the filter knows of its magnet; by default the bearing's own law.
+        Magnet model; by default the machine's force law.
     **options
         As for :class:`KalmanFilter`.
 
@@ -97,15 +96,15 @@ class ExtendedKalmanFilter(Estimator):
 class UDKalmanFilter(ExtendedKalmanFilter):
     """Extended Kalman filter with the factor U D U' of its covariance, for single precision.
 
-    In exact arithmetic it is the extended filter; with constant stiffnesses, the linear one. In
-    float32 its covariance stays positive definite whatever happens: no variance is a difference.
+    In exact arithmetic it equals the extended filter; with constant stiffnesses, the linear one. In
+    float32 its covariance remains positive definite, because no variance is a difference.
 
     Parameters
     ----------
     machine : Machine
-        What is filtered.
+        Machine to estimate.
     magnet : optional
-        What the filter knows of its magnet; by default the bearing's own law.
+        Magnet model; by default the machine's force law.
     **options
         As for :class:`KalmanFilter`.
 

@@ -21,20 +21,19 @@ if TYPE_CHECKING:
 class LowPass(Estimator):
     """First-order low-pass of the measurement, its difference quotient, and the force.
 
-    The disturbance force is what accelerates the rotor beyond the known forces (paper, eq. 16,
-    solved for it), those of a current that, where amplifier or loop are late, follows from the
-    controls. The sensor's lag is not made up for, its coloured noise and hum are not told from the
-    position, and no covariance is known: it is zero.
+    The disturbance force is the unexplained acceleration force (paper, eq. 16, solved for it);
+    currents that lag the controls follow the model. The sensor's lag is not compensated, coloured
+    and line noise are not separated from the position, and the covariance is zero.
 
     Parameters
     ----------
     machine : Machine
-        What is filtered.
+        Machine to estimate.
     magnet : optional
-        What is known of the magnet; by default the constant stiffnesses of the origin.
+        Magnet model; by default the constant stiffnesses at the origin.
     position, velocity, force : float or str, optional
-        Corner frequencies [rad/s]. Defaults: where the noise that passes and the lag of a rotor's
-        usual motion, or of the disturbance force, have the least sum of squares.
+        Corner frequencies [rad/s]. Defaults: the minimum of the squared errors by noise and by the
+        lag for a typical motion or disturbance force.
     **options
         As for :class:`KalmanFilter`.
 

@@ -28,20 +28,20 @@ class FilterNoise:
     measurement : float or str, or sequence of them, optional
         R, variance of the measured position [m^2], such as ``"83 µm^2"``.
     control : float or str, or sequence of them, optional
-        Variance of the control signal [V^2], or [A^2] where that is a current; enters as
-        ``B var B'`` (paper, below eq. 21).
+        Variance of the control signal [V^2], or [A^2] if that is a current; enters as ``B var B'``
+        (paper, below eq. 21).
     disturbance : float or str, or sequence of them, optional
-        Growth of the disturbance force's variance [N^2/s]; times T a sample. Default ``(2 m g)^2``:
-        a random walk by twice the rotor's weight in a second; less where a quiet sensor would
-        give the filter a bandwidth beyond one over its lag. The paper leaves it to
-        experiment: larger follows a load faster and lets more noise through.
+        Process noise intensity, growth of the disturbance force's variance [N^2/s]. Default ``(2 m
+        g)^2``: a random walk of twice the rotor's weight in a second; less if a low-noise sensor
+        would give the filter a bandwidth beyond one over its lag. The paper leaves it to
+        experiment: a larger value follows the force faster and transmits more noise.
 
-    Of a machine one number is for all readings or axes, several are for each.
+    With several axes a single number applies to all readings or axes, several to each.
 
     Raises
     ------
     AmbkitError
-        One is neither a number nor a text with its unit.
+        A value is neither a number nor a text with its unit.
     """
 
     measurement: float | tuple[float, ...] | None = None

@@ -53,10 +53,10 @@ LED = ("position", "velocity", "disturbance force", "sensor")
 
 
 class _Observer(Estimator):
-    """Constant gain; the kinds differ in its origin.
+    """Constant gain; the kinds differ in its design.
 
-    What it says of its covariance, and expects of an innovation, is that of the machine, with
-    sensor noise that the observer itself has no states for.
+    Its covariance and innovation variance are those for the machine, with sensor noise that is not
+    among the observer's states.
     """
 
     gain: Array  # (n,), for the measurement update
@@ -112,21 +112,20 @@ class _Observer(Estimator):
 class ExtendedStateObserver(_Observer):
     """Luenberger observer with the disturbance among its states: an extended state observer.
 
-    All poles of the estimation error lie at ``exp(-bandwidth T)``, but for the sensor's own where
-    that is faster than a third of a sample. The currents of a late amplifier or loop follow from
-    the controls. Coloured noise and hum of the sensor are no states of it: without a model of them
-    nobody can tell them, and only its covariance counts with them.
+    All poles of the estimation error are at ``exp(-bandwidth T)``, except that of a sensor faster
+    than a third of a sample. Currents that lag the controls follow the model. Coloured and line
+    noise are not among the states, and only included in the covariance.
 
     Parameters
     ----------
     machine : Machine
-        What is observed.
+        Machine to estimate.
     magnet : optional
-        What the observer knows of its magnet; by default the constant stiffnesses of the origin,
-        for which the gain is computed whatever the magnet.
+        Magnet model; by default the constant stiffnesses at the origin, for which the gain is
+        always computed.
     bandwidth : float or str, optional
-        Of the estimation error [rad/s]. Default: that with the least stated error of the position,
-        by the variances of measurement, control and disturbance; 0.5 to 1000 times the unstable
+        Bandwidth of the estimation error [rad/s]. Default: the minimum of the stated position error
+        for the variances of measurement, control and disturbance; 0.5 to 1000 times the unstable
         pole.
     **options
         As for :class:`KalmanFilter`.
@@ -185,15 +184,16 @@ class ExtendedStateObserver(_Observer):
 class SteadyStateKalmanFilter(_Observer):
     """Kalman filter with its steady-state gain, from the algebraic Riccati equation.
 
-    Its stationary solution (Kalman, 1960; as Simon, 2006, section 7.3, has it for sampled models).
+    The stationary solution of Kalman (1960), in the form of Simon (2006, section 7.3) for sampled
+    models.
 
     Parameters
     ----------
     machine : Machine
-        What is filtered.
+        Machine to estimate.
     magnet : optional
-        What the filter knows of its magnet; by default the constant stiffnesses of the origin,
-        for which the gain is computed whatever the magnet.
+        Magnet model; by default the constant stiffnesses at the origin, for which the gain is
+        always computed.
     **options
         As for :class:`KalmanFilter`.
     """

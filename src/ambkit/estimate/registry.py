@@ -1,8 +1,8 @@
 """Registry of the kinds of estimators: construction, C interface, tunables.
 
-A new kind is a C file with its binding, a Python file, and a line of `KINDS`; commands, exports and
-comparisons take theirs from here. Classes stand as names: the commands show the kinds in their help
-and must not wait for numpy.
+A new kind is a C file with its binding, a Python file, and a line of `KINDS`, which commands,
+exports and comparisons use. Classes are listed by name, so that the help of a command does not
+import numpy.
 """
 
 from __future__ import annotations

@@ -62,26 +62,25 @@ class Stepping:
     ) -> None:
         """Reset.
 
-        Any start will do: good samples bring the filter back to the rotor. What is beyond what a
-        rotor between its stops can do is held to that (``core/include/ambkit/envelope.h``).
+        The filter converges from any start. Values beyond the physical limits of a rotor between
+        its stops are limited (``core/include/ambkit/envelope.h``).
 
         Parameters
         ----------
         mean : array_like (n,), optional
-            The states: displacement [m], velocity [m/s], disturbance force [N], lagged position
-            [m], and what else the model has; finite. Default: at rest in the middle, with the
-            current that holds the rotor there.
+            States: displacement [m], velocity [m/s], disturbance force [N], lagged position [m],
+            and further states of the model; finite. Default: in equilibrium at the centre.
         std : sequence of n floats, or "diffuse", optional
-            Their standard deviations, finite and positive. Default: three times the measurement
-            noise, a tenth of the travel in the plant's time constant, the weight, three times the
-            measurement noise; currents are anywhere, noise is as large as it is. ``"diffuse"``:
-            nothing is known but the stops and the sensor, and the first samples tell the rest.
+            Standard deviations, finite and positive. Default: three times the measurement noise, a
+            tenth of the clearance per time constant of the plant, the weight, and three times the
+            measurement noise; currents within their range, noise states with their stationary
+            variance. ``"diffuse"``: no information but the stops and the sensor.
 
         Raises
         ------
         ValueError
-            There are not as many numbers as states, a mean is not finite, or a standard deviation
-            not finite and positive.
+            The number of values is wrong, a mean is not finite, or a standard deviation is not
+            finite and positive.
         """
         if isinstance(std, str) and std != "diffuse":
             raise ValueError(f"std must be {len(self.states)} numbers or 'diffuse', got {std!r}")
@@ -111,24 +110,22 @@ class Stepping:
         return np.where(np.isfinite(a), near, a)
 
     def transfer_from(self, other: Stepping) -> None:
-        """Bumpless transfer: take mean, covariance and counts of bad samples from another filter.
+        """Bumpless transfer: copy mean, covariance and fault counters from another filter.
 
-        A filter that was learned anew so replaces the running one between two samples. In C, where
-        the state is the caller's, nothing needs to be done: the next step is given the new
-        parameters, and the same state.
+        A newly trained filter can replace the running one between two samples. In C, where the
+        caller owns the state, no transfer is needed: pass the new parameters with the same state.
 
         Parameters
         ----------
         other : Estimator
-            Any of the linear, adaptive, extended and unscented Kalman filters where this is one of
-            them; for the UD filter another of its kind. Sampling time and sensor should be
-            the same.
+            For linear, adaptive, extended and unscented Kalman filters any of these; for the UD
+            filter another of its kind. Sampling time and sensor should be equal.
 
         Raises
         ------
         ValueError
-            One of the two keeps something else as well, such as a scale of the magnet, which means
-            something only beside its own parameters; or they differ in precision.
+            One of the two has further states that depend on its parameters, such as a scale of the
+            magnet; or their precisions differ.
         """
         if self.precision != other.precision:
             raise ValueError(
@@ -147,17 +144,17 @@ class Stepping:
         Parameters
         ----------
         x : float or ndarray (runs,)
-            Displacement [m]; of several runs the states are (runs, n).
+            Displacement [m]; for several runs the states are (runs, n).
         shown : float or ndarray (runs,), optional
-            What the sensor shows [m]; by default what it shows of x.
+            Sensor reading [m]; by default that at x.
         current : float, optional
-            The magnet's, and what was demanded in the samples before [A]; by default what holds the
-            rotor there, see :attr:`levitation_current`.
+            Current of the magnet and of earlier samples [A]; by default that in equilibrium, see
+            :attr:`levitation_current`.
 
         Notes
         -----
-        Of several axes x are the rotor's coordinates (q,), 0 for all of them in the middle,
-        `shown` the readings (m,) and `current` the axes' currents (p,).
+        With several axes x are the rotor's coordinates (q,), 0 at the centre, `shown` the readings
+        (m,) and `current` the axes' currents (p,).
         """
         return self.view.equilibrium_state(
             self.states, self.levitation_current, x, shown, current, self.precision
@@ -182,8 +179,8 @@ class Stepping:
     def levitation_current(self) -> Any:
         """Levitation current at the centre [A], and its slope [A/m].
 
-        By what the filter knows of its magnet; 0 without a current among the states. Of a whole
-        machine such a pair for each axis.
+        According to the filter's magnet model; 0 without a current among the states. With several
+        axes a pair for each.
         """
         return self.view.levitation_current(self.magnet, self.states)
 
@@ -198,7 +195,7 @@ class Stepping:
         Returns
         -------
         ndarray (n,)
-            State estimate: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
+            State estimate: x [m], v [m/s], f_d [N], x_m [m], and further states of the model.
         """
         self.core.predict(u)
         return self.mean
@@ -214,7 +211,7 @@ class Stepping:
         Returns
         -------
         ndarray (n,)
-            State estimate: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
+            State estimate: x [m], v [m/s], f_d [N], x_m [m], and further states of the model.
         """
         self.core.update(y)
         self._steps += 1
@@ -233,7 +230,7 @@ class Stepping:
         Returns
         -------
         ndarray (n,)
-            State estimate: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
+            State estimate: x [m], v [m/s], f_d [N], x_m [m], and further states of the model.
         """
         self._core_step(y, u)
         self._steps += 1
@@ -257,8 +254,8 @@ class Stepping:
     def covariance(self) -> NDArray[np.float64]:
         """Covariance of the state estimate (n, n) [products of the states' units].
 
-        It includes the bias by the error of the filter's force law: as it has come about where the
-        covariance was asked for after the sample before as well, else as it is at rest.
+        It includes the bias by the error of the filter's force law: carried from sample to sample
+        if the covariance was also read after the previous sample, otherwise that in equilibrium.
         """
         P = np.asarray(self.core.covariance)
         if self.law_error.size:
@@ -268,7 +265,7 @@ class Stepping:
 
     @cached_property
     def law_error(self) -> NDArray[np.float64]:
-        """What its force law leaves out of the machine's (``ambkit/law_error.h``); empty: nothing.
+        """Error of its force law (``ambkit/law_error.h``), empty if there is none.
 
         Coefficients of a polynomial in current and displacement, axis by axis.
         """
@@ -311,7 +308,7 @@ class Stepping:
     def scale(self) -> tuple[float, float] | None:
         """Estimated factor on the magnet constant, and its standard deviation.
 
-        None where this kind does not estimate it.
+        None if this kind does not estimate it.
         """
         if self.core.scale is None:
             return None

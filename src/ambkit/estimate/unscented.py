@@ -18,26 +18,26 @@ if TYPE_CHECKING:
 class UnscentedKalmanFilter(Estimator):
     """Unscented Kalman filter: 2 n + 1 points around the mean pass through the force law.
 
-    Three forces are all it takes for them, because only the displacement enters the force
+    Three force evaluations are sufficient, because only the displacement enters the force
     (``core/include/ambkit/unscented.h``).
 
     Parameters
     ----------
     machine : Machine
-        What is filtered.
+        Machine to estimate.
     magnet : optional
-        What the filter knows of its magnet; by default the closed law.
+        Magnet model; by default the closed law.
     alpha, beta, kappa : float
-        Spread of the points [1]: they lie ``alpha sqrt(n + kappa)`` standard deviations from the
-        mean of n states. The defaults, ``kappa = 3 - n``, put them at ``sqrt(3)``, the abscissae of
-        Gauss and Hermite.
+        Spread of the points [1]: ``alpha sqrt(n + kappa)`` standard deviations from the mean of n
+        states. The defaults, ``kappa = 3 - n``, give ``sqrt(3)``, the nodes of Gauss-Hermite
+        quadrature.
     **options
         As for :class:`KalmanFilter`.
 
     Raises
     ------
     ValueError
-        The parameters leave no spread, or a negative variance.
+        The parameters give no spread, or a negative variance.
 
     References
     ----------

@@ -35,9 +35,9 @@ BLOCKS = 150  #: Samples of the response for the identification of a linear syst
 class EstimatorProtocol(Protocol):
     """Interface of the user's estimator.
 
-    Its class is made with the machine, or without arguments. If it has ``reset(mean, std)``, it
-    gets its start, as all others do; else a new one is made for each run. It is named as
-    ``file.py:Class``, in Python its class is given.
+    The class is constructed with the machine, or without arguments. With a method ``reset(mean,
+    std)`` it receives the initial estimate as all others do; otherwise it is constructed for each
+    run. It is named as ``file.py:Class``; in Python the class itself is passed.
     """
 
     def step(self, y: Any, u: Any) -> ArrayLike:
@@ -46,16 +46,16 @@ class EstimatorProtocol(Protocol):
         Parameters
         ----------
         y : float or ndarray (m,)
-            Measured position [m], of several readings all of them; NaN where one is missing.
+            Measured position [m]; with several axes all readings; NaN if missing.
         u : float or ndarray (p,)
-            Control signal that acted since the last sample [V], of several axes all of them; 0 at
-            the first sample.
+            Control signal that acted since the last sample [V]; with several axes all; 0 at the
+            first sample.
 
         Returns
         -------
         array_like (n,)
-            Displacement x [m], velocity v [m/s], disturbance force f_d [N] and lagged position
-            x_m [m]; of several axes the states of :class:`ambkit.KalmanFilter` up to those of the
+            Displacement x [m], velocity v [m/s], disturbance force f_d [N] and lagged position x_m
+            [m]; with several axes the states of :class:`ambkit.KalmanFilter` up to those of the
             sensors. NaN: not estimated.
         """
 

@@ -34,24 +34,24 @@ def to_control(
 ) -> control.StateSpace:
     """Return the linearised plant, or closed loop with a PID, for python-control.
 
-    Signals have names; their SI units are in the system's attribute ``units``, by name, as long as
-    python-control makes no other system of it.
+    Signals are named; their SI units are in the system's attribute ``units``, by name, until
+    python-control derives another system.
 
     Parameters
     ----------
     machine : Machine
         The plant, with amplifier and sensor.
     pid : PID, optional
-        Controller that closes the loop, what is not said of it tuned to the bearing; without it,
-        the plant alone.
+        Controller that closes the loop, with omitted settings tuned to the machine; without it, the
+        plant alone.
     filter : Estimator, optional
-        What the controller is fed by, sampled; see `estimator` for its system alone.
+        Filter that feeds the controller, sampled; `estimator` returns its system alone.
     sampled : bool, optional
-        Exactly sampled, with dead time and hold; or in continuous time, which needs a bearing
-        without delay. By default what there must be: sampled with a delay or a filter.
+        Exactly sampled, with dead time and hold; or in continuous time, which requires a machine
+        without delay. By default sampled if there is a delay or a filter.
     point : OperatingPoint, optional
-        Control current [A] and displacement [m] where it is linearised; by default where it hovers
-        in the middle.
+        Control current [A] and displacement [m] of the linearisation; by default the equilibrium at
+        the centre.
 
     Returns
     -------
@@ -61,9 +61,8 @@ def to_control(
     Raises
     ------
     AmbkitError
-        Where python-control is not installed (``pip install 'ambkit[control]'``); in continuous
-        time with a delay or a filter; a filter without a controller, or one that does not settle to
-        a gain.
+        python-control is not installed (``pip install 'ambkit[control]'``); continuous time with a
+        delay or a filter; a filter without a controller, or without a steady-state gain.
     """
     if filter is not None and pid is None:
         raise AmbkitError("a filter closes no loop without a controller: give pid as well")

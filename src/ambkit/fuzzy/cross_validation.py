@@ -1,8 +1,7 @@
 """Selection of a magnet model: force law, surface through measured points, or network.
 
-Points are left out, each model is found from the others, and held to those left out: points here
-and there, which says how well it goes between its neighbours, and whole blocks, which says how well
-it goes on where nothing was measured (Roberts et al. 2017).
+Each model is fitted without some of the points and evaluated at these: single points for the
+interpolation, and complete blocks for the extrapolation (Roberts et al. 2017).
 """
 
 from __future__ import annotations

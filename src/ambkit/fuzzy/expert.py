@@ -1,7 +1,7 @@
 """The expert system: a fuzzy basis function network for k_i and k_s (paper, eq. 32-33).
 
-A rule says: if the current is about this and the displacement about that, then k_i and k_s are
-these. The mathematics is C (``ambkit/fuzzy.h``); here is what describes a network, and its file.
+A rule states k_i and k_s for currents and displacements near its centre. The mathematics is in C
+(``ambkit/fuzzy.h``); this module has the description of a network, and its file.
 """
 
 from __future__ import annotations
@@ -78,9 +78,9 @@ class Training(Part):
 class Expert(Shown, Part):
     """A fuzzy basis function network for k_i and k_s at (iu, x).
 
-    Two inputs, scaled such that distances in them compare; Gaussian rules; two outputs, whose rules
-    share their centres and have each their own widths and weights. Outside its box the network
-    answers as at the nearest point of the box.
+    Two inputs, scaled to comparable distances; Gaussian rules; two outputs, whose rules share their
+    centres and have separate widths and weights. Outside its box the network is evaluated at the
+    nearest point of the box.
     """
 
     format: Literal["ambkit expert"] = "ambkit expert"
@@ -140,26 +140,27 @@ class Expert(Shown, Part):
         Parameters
         ----------
         stiff : StiffnessMap
-            Gives centres, box and, by default, the weights.
+            Provides centres, box and, by default, the weights.
         widths : array_like, optional
-            Widths in scaled units, of a shape that broadcasts to (2, rules): for k_i, for k_s.
-            Default: half the larger node step; on the paper's grid, scaled as in the paper, that
-            is 0.375 (the paper starts with 0.4).
+            Widths in scaled units, with a shape that broadcasts to (2, rules): for k_i, for k_s.
+            Default: half of the larger node step, 0.375 on the paper's grid with its scaling (the
+            paper starts with 0.4).
         weights : array_like (2, rules), optional
             k_i [N/A] and k_s [N/m] of the rules. Default: those of the map.
         normalised : bool
             Divide by the sum of the memberships; False is eq. 33 as printed.
         scaling : {"grid", "unit"} or tuple of 2 floats
-            How the inputs compare. ``"grid"``: a node step of current weighs as much as one of
-            displacement. ``"unit"``: an ampere weighs as much as a millimetre, as in the paper.
-            Or the scale factors themselves, (1/A, 1/m).
+            Scaling of the inputs. ``"grid"``: by the node steps of current and displacement.
+            ``"unit"``: one ampere equals one millimetre, as in the paper. Or the scale factors,
+            (1/A, 1/m).
         training : Training, optional
-            How widths and weights were found.
+            Training of widths and weights.
 
         Raises
         ------
         AmbkitError
-            Too many nodes, a width or scale factor that is not positive, shapes that do not fit.
+            Too many nodes, a width or scale factor that is not positive, or shapes that do not
+            match.
         """
         scale = scale_factors(stiff, scaling)
         shape = (2, stiff.k_i.size)
@@ -184,7 +185,7 @@ class Expert(Shown, Part):
         Parameters
         ----------
         normalised : bool
-            False: eq. 33 as printed. True: the same with the memberships divided by their sum.
+            False: eq. 33 as printed. True: with the memberships divided by their sum.
         """
         return cls._of(
             source="Tables 4, 5 and 6 of the paper",
@@ -221,14 +222,14 @@ class Expert(Shown, Part):
     def scaled(self, factor: float) -> Self:
         """Return the expert of a magnet with a scaled constant.
 
-        The magnet constant is a factor on the force, and so on every k_i and k_s: the rules stay
-        where they are, with their widths, and only what they conclude changes. Training anew on
-        the map of the other constant ends there too, but for where its search stops.
+        The magnet constant is a factor of the force, and therefore of k_i and k_s: the rules keep
+        their centres and widths, and only their conclusions are scaled. Training for the other
+        constant has the same result, except for the end of its search.
 
         Parameters
         ----------
         factor : float
-            The other magnet constant over this one's, greater than 0.
+            The other magnet constant relative to this one, positive.
 
         Raises
         ------
@@ -260,7 +261,8 @@ class Expert(Shown, Part):
         Raises
         ------
         AmbkitError
-            The file cannot be read, is no JSON, or is not such a network; names each place.
+            The file cannot be read, is not JSON, or not such a network; the message states each
+            place.
         """
         name = os.fspath(path)
         try:
@@ -294,7 +296,7 @@ class Expert(Shown, Part):
         Raises
         ------
         AmbkitError
-            The file cannot be written; an older one is left as it was.
+            The file cannot be written; an existing one is unchanged.
         """
         fields = {key: json.dumps(value) for key, value in self.model_dump().items()}
         rules = ",\n    ".join(json.dumps(rule.model_dump()) for rule in self.rules)
@@ -328,7 +330,7 @@ class Expert(Shown, Part):
         Parameters
         ----------
         core : module
-            The build of the core that computes, see `ambkit.machine.magnets.core_module`.
+            Build of the core, see `ambkit.machine.magnets.core_module`.
         """
         return network(core, self, self.widths, self.weights)
 
@@ -338,8 +340,8 @@ class Expert(Shown, Part):
         Parameters
         ----------
         iu, x : array_like
-            Control current [A] and displacement [m], of shapes that broadcast. Outside the box the
-            answer is that at the nearest point of the box.
+            Control current [A] and displacement [m], with shapes that broadcast. Outside the box
+            the nearest point of the box is used.
 
         Raises
         ------
@@ -356,7 +358,7 @@ class Expert(Shown, Part):
         Parameters
         ----------
         iu, x : array_like
-            Control current [A] and displacement [m], of shapes that broadcast.
+            Control current [A] and displacement [m], with shapes that broadcast.
 
         Raises
         ------

@@ -1,7 +1,7 @@
 """Number of rules for measured points: the smallest sufficient network by cross-validation.
 
-Whole blocks of the box are left out, not points: errors that are alike for neighbours would not be
-seen, and more rules would look better than they are (Roberts et al. 2017).
+Complete blocks of the box are left out, not single points: errors that neighbouring points share
+would otherwise be hidden, and more rules would seem better than they are (Roberts et al. 2017).
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Training of the expert system: steepest gradient as in the paper, and least squares.
 
-What a network is held to, at samples all over the box:
+Targets of the training, at samples over the complete box:
 
-- the force, which it gives as ``k_i iu + k_s x``;
-- k_i and k_s of the LSM machine. The force alone does not tell the two apart: one can make up for
-  the other, and neither then means anything to a Kalman filter.
+- the force, ``k_i iu + k_s x``;
+- k_i and k_s of the LSM machine. The force alone does not determine both: they can compensate each
+other, and are then useless for a Kalman filter.
 
-The paper trains on the second, each output by itself. Least squares here trains on both.
+The paper trains on the second, each output separately. Least squares here trains on both.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Identification of a magnet's coil: from the control signal to the current, with its lag.
 
-A switched amplifier with a diode in parallel to the coil lets the current die away by itself::
+A switched amplifier with a diode in parallel to the coil lets the current decay freely::
 
     tau(z) di/dt = G (u - u0) - i,     i >= 0,     tau(z) = L/R = a + b exp(-z/c)
 
-The target may be below zero: one cut at zero would let the current die away too slowly. Control and
-current tell ``G = V/R`` and ``tau = L/R``, not resistance or voltage alone.
+The target may be negative: limiting it to zero would slow the decay. Control signal and current
+determine ``G = V/R`` and ``tau = L/R``, not resistance or voltage.
 """
 
 from __future__ import annotations

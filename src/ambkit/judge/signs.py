@@ -1,10 +1,10 @@
 """Signs of a record's channels and timing of its control signal, by model predictions.
 
-With a channel reversed, or its control signal shifted, it predicts a record worse.
+A model with a reversed channel, or a shifted control signal, predicts a record worse.
 
-The log likelihood of the innovations (Schweppe 1965) holds in closed loop too, whatever the
-controller: only the past enters a prediction. Noise intensities are fitted to either hypothesis, so
-that their ratio tells signs and not noise.
+The log likelihood of the innovations (Schweppe 1965) is valid in closed loop, for any controller:
+predictions depend on the past only. Noise intensities are fitted for each hypothesis, so that the
+likelihood ratio depends on the signs only.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Components of a machine: rotor, and bearings, sensors and unbalance at their places.
 
-Places are measured along the shaft, which is z: from the centre of mass, or of a rotor by a table
-of its shaft or by matrices from where these begin. Across it are x, against gravity where the shaft
-lies, and y, a quarter turn on in the direction of rotation.
+Positions are measured along the shaft, the z axis: from the centre of mass, or from the origin of a
+shaft table or matrices. The transverse axes are x, vertical for a horizontal shaft, and y, a
+quarter turn further in the direction of rotation.
 """
 
 import math

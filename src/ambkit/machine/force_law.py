@@ -1,4 +1,4 @@
-"""What force laws have in common; the laws are in `ambkit.machine.laws`.
+"""Common parts of the force laws in `ambkit.machine.laws`.
 
 Each model of a magnet (these, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`) has the
 method ``in_core(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
@@ -98,7 +98,7 @@ class Law:
         Parameters
         ----------
         core : module
-            The build of the core that computes, see `core_module`.
+            Build of the core, see `core_module`.
         """
         raise NotImplementedError
 
@@ -112,14 +112,14 @@ class Law:
         return -float(_evaluate(self, "force", -m.bias_current, 0.0)[0])
 
     def carries(self, force: float, low: float, high: float) -> bool:
-        """Whether the magnet pulls at least so much at x = 0 at one of two control currents.
+        """Whether the magnet exerts at least this force at x = 0 at one of two control currents.
 
         Parameters
         ----------
         force : float
-            Whole force of the magnet [N].
+            Total force of the magnet [N].
         low, high : float
-            Least and greatest control current [A].
+            Minimum and maximum control current [A].
         """
         magnet_force, middle = force - self.bias_force, np.zeros(1)
         at = np.array([low if magnet_force < 0 else high])
@@ -128,17 +128,17 @@ class Law:
         return enough and math.isfinite(pulled)
 
     def current_for(self, force: float) -> float:
-        """Return the control current iu [A] with which the magnet pulls so much at x = 0.
+        """Return the control current iu [A] for a force at x = 0.
 
         Parameters
         ----------
         force : float
-            Whole force of the magnet [N].
+            Total force of the magnet [N].
 
         Returns
         -------
         float
-            Infinite where no current does.
+            Infinite if no current gives it.
         """
         magnet, middle, at = self.in_core(core_module()), np.zeros(1), np.zeros(1)
         magnet_force = force - self.bias_force
@@ -167,17 +167,17 @@ class Law:
         return high
 
     def force(self, iu: ArrayLike, x: ArrayLike) -> NDArray[np.float64]:
-        """Whole force of the magnet.
+        """Total force of the magnet.
 
         Parameters
         ----------
         iu, x : array_like
-            Control current [A] and displacement [m], of shapes that broadcast.
+            Control current [A] and displacement [m], with shapes that broadcast.
 
         Returns
         -------
         ndarray
-            Force [N], broadcast shape; bias force included.
+            Force [N] with the bias force, broadcast shape.
         """
         (f,) = _evaluate(self, "force", iu, x)
         return f + self.bias_force
@@ -190,7 +190,7 @@ class Law:
         Parameters
         ----------
         iu, x : array_like
-            Control current [A] and displacement [m], of shapes that broadcast.
+            Control current [A] and displacement [m], with shapes that broadcast.
         """
         return _evaluate(self, "through_origin", iu, x)
 
@@ -200,7 +200,7 @@ class Law:
         Parameters
         ----------
         iu, x : array_like
-            Control current [A] and displacement [m], of shapes that broadcast.
+            Control current [A] and displacement [m], with shapes that broadcast.
         """
         return _evaluate(self, "tangent", iu, x)
 
@@ -212,7 +212,7 @@ class ForceLaw(Law):
     Parameters
     ----------
     machine : Machine
-        A machine with one axis, whose ``[magnet]``.
+        A machine with one axis.
     """
 
     machine: IsolatedAxis
@@ -220,7 +220,7 @@ class ForceLaw(Law):
 
     @classmethod
     def holds_for(cls, m: Any) -> bool:
-        """Whether the keys of a ``[magnet]`` state this law.
+        """Whether the keys of a ``[magnet]`` define this law.
 
         Parameters
         ----------

@@ -1,11 +1,11 @@
 """Geometry of a rotor: its coordinates, the axes of its bearings, its readings.
 
-The coordinates are q = (x, y, th_x, th_y), and z where there is a thrust bearing; a point of the
-shaft at the place z moves by ``x + z th_y`` and ``y - z th_x``. A flexible rotor has m1_x, m1_y
-and so on, which add ``phi_1(z) m1_x`` and ``phi_1(z) m1_y``: how far each mode is out where its
-shape is largest, in both planes. All count from the shape in which the rotor hangs in its bearings
-at rest, bent by its weight, where sensors are set to zero; from there its weight does what forces
-along the axes do.
+The coordinates are q = (x, y, th_x, th_y), and z with a thrust bearing; a point of the shaft at z
+moves by ``x + z th_y`` and ``y - z th_x``. A flexible rotor adds m1_x, m1_y and so on, with
+``phi_1(z) m1_x`` and ``phi_1(z) m1_y``: the deflection of each mode where its shape is largest, in
+both planes. All are relative to the static shape of the levitated rotor, bent by its weight, at
+which the sensors are set to zero; the remaining effect of the weight is that of forces along the
+axes.
 """
 
 from __future__ import annotations

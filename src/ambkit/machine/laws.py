@@ -20,7 +20,7 @@ class ClosedLaw(ForceLaw):
     Parameters
     ----------
     machine : Machine
-        A machine with one axis, whose ``[magnet]``.
+        A machine with one axis.
 
     References
     ----------
@@ -42,7 +42,7 @@ class SaturatingLaw(ForceLaw):
     Parameters
     ----------
     machine : Machine
-        A machine with one axis, whose ``[magnet]``.
+        A machine with one axis.
 
     References
     ----------

@@ -47,9 +47,10 @@ if TYPE_CHECKING:
 class Machine(Shown, Document):
     """A rotor on magnetic bearings, with one axis or several.
 
-    Frozen, and checked as a whole: from TOML (`load`, `from_toml`, `preset`) or from Python, where
-    numbers are SI and strings carry units. One with a single axis is read and written in a short
-    form, with ``[magnet]``, ``[rotor]``, ``[amplifier]`` and ``[sensor]`` in place of lists.
+    Frozen, with all checks on construction: from TOML (`load`, `from_toml`, `preset`) or from
+    Python, where numbers are SI and strings have units. A machine with a single axis is read and
+    written in a short form, with ``[magnet]``, ``[rotor]``, ``[amplifier]`` and ``[sensor]`` in
+    place of lists.
 
     Examples
     --------
@@ -146,7 +147,7 @@ class Machine(Shown, Document):
         Raises
         ------
         AmbkitError
-            There is no preset of that name.
+            There is no preset with this name.
         """
         return cls.from_toml(presets.text(name), name=f"{name}.toml")
 
@@ -250,9 +251,9 @@ class Machine(Shown, Document):
         Parameters
         ----------
         place : float
-            Where, as its places are measured [m].
+            Position along the shaft [m].
         angle : float
-            From x towards y [rad].
+            Angle from x towards y [rad].
         """
         return self.shaft.line(place, angle)
 
@@ -267,7 +268,7 @@ class Machine(Shown, Document):
     def coupling(self) -> float:
         """Largest inertial coupling of two axes [1].
 
-        It is the acceleration of one by the force of the other, over the mean of their own.
+        The acceleration of one by a force along the other, relative to the mean of their own.
         """
         C = geometry.compliance(self.rotor, self.axes)
         own = np.sqrt(np.diag(C))
@@ -301,8 +302,8 @@ class Machine(Shown, Document):
     def isolated_axis(self, axis: str) -> Machine:
         """Return an axis as a machine of its own, with its effective mass.
 
-        Its motion is that of the machine's only where the axes do not couple, see
-        :attr:`coupling`. It has no weight but on a one-sided magnet.
+        Its motion equals that of the machine only if the axes are not coupled, see
+        :attr:`coupling`. It has no weight except with a one-sided magnet.
 
         Parameters
         ----------
@@ -312,7 +313,7 @@ class Machine(Shown, Document):
         Raises
         ------
         AmbkitError
-            There is no such axis.
+            The axis does not exist.
         """
         if self.single and not axis:
             return self
@@ -364,16 +365,16 @@ class Machine(Shown, Document):
         Parameters
         ----------
         sensor : Sensor
-            One of the machine's.
+            A sensor of the machine.
         """
         return max(sensor.lag, SHORTEST_LAG * self.sampling_time)
 
     def unbalances(self) -> list[tuple[float, float, float]]:
         """Return place [m], amount [kg m] and angle [rad] of each plane's unbalance.
 
-        Places are those of the description.
-        Of a balance quality grade G the rotor is permitted ``m G / speed`` (ISO 21940-11), and of
-        two planes each the share that the other's distance from the centre of mass says.
+        Positions are those of the description. A balance quality grade G permits ``m G / speed``
+        for the rotor (ISO 21940-11), divided between two planes by their distances from the centre
+        of mass.
         """
         return geometry.unbalances_of(self.unbalance, self.rotor, self.speed)
 

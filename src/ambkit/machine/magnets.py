@@ -1,8 +1,8 @@
 """Magnet models: constant stiffness, the closed law, or the law of saturating iron.
 
-`magnet_of` gives the one that a bearing describes; who wants to know anything of a bearing's magnet
-asks that. Each model of a magnet (these, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`)
-has the method ``in_core(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
+`magnet_of` returns the model that a machine describes. Each magnet model (these,
+:class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`) has a method ``in_core(core)`` that builds its
+C implementation of ``ambkit/magnet.h``.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class ConstantStiffness:
     Raises
     ------
     ValueError
-        Where a stiffness is not finite.
+        A stiffness is not finite.
     """
 
     k_i: float
@@ -69,7 +69,7 @@ class ConstantStiffness:
 
     @classmethod
     def of(cls, machine: IsolatedAxis) -> ConstantStiffness:
-        """Linearise the bearing's magnet at iu = 0, x = 0 (paper, eq. 3-5, corrected).
+        """Linearise the machine's magnet at iu = 0, x = 0 (paper, eq. 3-5, corrected).
 
         Ideal iron, two-sided: ``k_i = 4 k i0 / s0^2``, ``k_s = 4 k i0^2 / s0^3``; the paper prints
         a factor 2 and a minus sign, which its own Tables 4 and 5 contradict.
@@ -77,7 +77,7 @@ class ConstantStiffness:
         Parameters
         ----------
         machine : IsolatedAxis
-            Whose magnet.
+            The machine.
         """
         k_i, k_s = magnet_of(machine).tangent(0.0, 0.0)
         return cls(float(k_i), float(k_s))
@@ -88,18 +88,18 @@ class ConstantStiffness:
         Parameters
         ----------
         core : module
-            The build of the core that computes, see `core_module`.
+            Build of the core, see `core_module`.
         """
         return core.Constant(self.k_i, self.k_s)  # type: ignore[no-any-return]
 
 
 def magnet_of(machine: IsolatedAxis) -> Law:
-    """Return the magnet of a machine: its force map or drawing, or its law.
+    """Return the magnet model of a machine: its force map or drawing, or its law.
 
     Parameters
     ----------
     machine : IsolatedAxis
-        Whose ``[magnet]``.
+        The machine.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """The short form of a machine with one axis: reading, writing and keys.
 
 ``[magnet]``, ``[amplifier]``, ``[stop]`` and ``[coil]`` are those of its bearing, ``[rotor]`` has
-the clearance, and ``[sensor]`` is no list.
+the clearance, and ``[sensor]`` is not a list.
 """
 
 from __future__ import annotations

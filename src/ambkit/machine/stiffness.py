@@ -1,9 +1,9 @@
 """The LSM machine: k_i and k_s at operating points, from any force function (paper, eq. 26-31).
 
-At each operating point the force is asked at nine points, one small step around it, and
-``F = k_i iu + k_s x`` is fitted to them **without an intercept**, on the absolute currents and
-displacements. So k_i and k_s are no tangents: they give the force itself, along the ray through the
-origin, and the tangent across it. That is what Tables 4 and 5 of the paper hold.
+At each operating point the force is evaluated at nine points, one small step around it, and ``F =
+k_i iu + k_s x`` is fitted **without an intercept**, on the absolute currents and displacements. k_i
+and k_s are therefore no tangents: they give the force itself along the ray through the origin, and
+the tangent across it. Tables 4 and 5 of the paper have these values.
 """
 
 from __future__ import annotations
@@ -47,16 +47,16 @@ class StiffnessMap:
         Current stiffness [N/A] and position stiffness [N/m] (paper, Tables 4 and 5); rows are
         displacements, columns currents, as in the paper.
     residual : ndarray (nx, ni)
-        RMS of what the fit leaves at the nine points [N] (e of eq. 29).
+        RMS residual of the fit at the nine points [N] (e of eq. 29).
     force : callable
         Magnet force ``force(iu [A], x [m]) -> [N]`` on arrays of one shape.
     force_bias : float
-        ``F(0, 0)`` [N]: what a one-sided magnet carries. The stiffnesses describe
-        ``F - F(0, 0)``.
+        ``F(0, 0)`` [N], the static load of a one-sided magnet. The stiffnesses describe ``F - F(0,
+        0)``.
     delta_current, delta_displacement : float
         Steps of the nine points [A], [m].
     name : str
-        What it was identified from.
+        Origin of the force.
     """
 
     current: Array
@@ -78,12 +78,12 @@ class StiffnessMap:
     def stiffness_at(self, iu: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
         """k_i [N/A] and k_s [N/m] by the LSM at any operating points, on nodes or between them.
 
-        Both have the shape that `iu` and `x` broadcast to.
+        Both have the broadcast shape of `iu` and `x`.
 
         Parameters
         ----------
         iu, x : array_like
-            Operating points [A], [m], of shapes that broadcast.
+            Operating points [A], [m], with shapes that broadcast.
         """
         k_i, k_s, _ = local_stiffness(
             self.force,
@@ -101,16 +101,15 @@ class StiffnessMap:
         ----------
         model : callable, optional
             ``model(iu [A], x [m]) -> [N]``, such as :meth:`ambkit.Expert.force`. Default: the
-            constant ``F(0, 0)``, so that the answer is the RMS of the force itself.
+            constant ``F(0, 0)``, which gives the RMS of the force itself.
         samples : int
-            The box is cut into ``samples x samples`` cells and each asked at its centre (midpoint
-            rule); the paper's Table 6 has rules far narrower than a cell, which so count for no
-            more than their area.
+            Number of cells per side; each cell is evaluated at its centre (midpoint rule). The
+            paper's Table 6 has rules far narrower than a cell, which count by their area only.
 
         Raises
         ------
         AmbkitError
-            There is less than one cell.
+            `samples` is less than 1.
         """
         if samples < 1:
             raise AmbkitError(f"samples must be 1 or more, is {samples}")
@@ -131,7 +130,7 @@ class StiffnessMap:
         Parameters
         ----------
         core : module
-            The build of the core that computes, see `ambkit.machine.magnets.core_module`.
+            Build of the core, see `ambkit.machine.magnets.core_module`.
 
         Raises
         ------
@@ -186,7 +185,7 @@ def stiffness_map(
     Parameters
     ----------
     machine : Machine
-        With one axis: gives the limits of the box and, by default, the force.
+        With one axis: provides the limits of the box and, by default, the force.
     currents : array_like (ni,), optional
         Nodes of the control current [A]. Default: those of `operating_points`.
     displacements : array_like (nx,), optional
@@ -195,19 +194,19 @@ def stiffness_map(
         Steps of the nine points [A], [m], such as ``"10 µm"``. Default: a hundredth of
         ``ambkit.machine.magnets.equally_far``, on the paper's rig its 0.01 A and 0.01 mm.
     force : callable, optional
-        ``force(iu [A], x [m]) -> [N]`` on arrays of one shape, bias force included: another law, a
-        table that SciPy interpolates. Default: the bearing's magnet.
+        ``force(iu [A], x [m]) -> [N]`` on arrays of one shape, with the bias force: another law, or
+        a table interpolated by SciPy. Default: the machine's magnet.
 
     Returns
     -------
     StiffnessMap
-        For a one-sided magnet, of ``F - F(0, 0)``.
+        For a one-sided magnet of ``F - F(0, 0)``.
 
     Raises
     ------
     AmbkitError
-        Nodes that are too few, not finite or not ascending; a step that is not positive; a
-        displacement at or beyond the air gap; a force that is not finite.
+        Nodes are too few, not finite or not ascending; a step is not positive; a displacement is at
+        or beyond the air gap; a force is not finite.
     """
     machine = axis_of(machine)
     usual_current, usual_displacement = operating_points(machine)

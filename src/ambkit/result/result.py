@@ -31,7 +31,7 @@ class Result(Stated, Drawn):
         return f"<{type(self).__name__}: {escaping.one_line(self.finding)}>"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return rows, by section and by what they are of, and series as plain data, in SI.
+        """Return rows, by section and object, and series as plain data, in SI.
 
         Returns
         -------
@@ -56,7 +56,7 @@ class Result(Stated, Drawn):
         Returns
         -------
         str
-            Its text.
+            The text.
         """
         return escaping.json_text(plain(self.to_dict()), indent=2, allow_nan=False)
 
@@ -95,19 +95,19 @@ class Result(Stated, Drawn):
         return latex(self)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it to a file.
+        """Write the result to a file.
 
         Parameters
         ----------
         path : str or path
-            Ends in ``.json``, ``.csv`` or ``.tex``; ``.png``, ``.svg`` or ``.pdf`` for its main
-            picture; or ``.html`` for a page. What makes a record writes it as ``.csv`` or
-            ``.parquet``; what finds a machine or a filter, as ``.toml``.
+            Ends in ``.json``, ``.csv`` or ``.tex``; ``.png``, ``.svg`` or ``.pdf`` for the main
+            figure; or ``.html`` for a page. Results with a record write it as ``.csv`` or
+            ``.parquet``, those with a machine or a filter as ``.toml``.
 
         Raises
         ------
         AmbkitError
-            The file has another ending, or it cannot be written.
+            The file name has another extension, or the file cannot be written.
         """
         ending = Path(path).suffix
         if ending in (".csv", ".parquet") and (made := self.file()) is not None:
@@ -138,7 +138,7 @@ class Result(Stated, Drawn):
         Raises
         ------
         AmbkitError
-            It found none.
+            There is none.
         """
         raise AmbkitError(f"{path} {ENDINGS}")
 
@@ -147,12 +147,12 @@ class Result(Stated, Drawn):
         return None
 
     def page(self, path: str | os.PathLike[str]) -> None:
-        """Write it as a page, with all its tables and figures.
+        """Write the result as a page, with all its tables and figures.
 
         Parameters
         ----------
         path : str or path
-            Of the page.
+            The page.
         """
         from ambkit.result.page import write_result
 

@@ -249,6 +249,6 @@ class Stated:
         Returns
         -------
         sequence of Figure
-            Empty where there is nothing to see.
+            Empty if there is nothing to plot.
         """
         return ()

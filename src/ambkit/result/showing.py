@@ -29,23 +29,22 @@ class Drawn:
         Parameters
         ----------
         ax : matplotlib axes, or a sequence of such; optional
-            Draw into these: into one the panel that `panel` names, into several the first panels
-            in their order.
+            Axes to draw into: one for the panel named by `panel`, several for the first panels.
         panel : int or str
-            Number of the panel, or a part of its name such as ``"force"``; for `ax`.
+            Number of the panel, or part of its name such as ``"force"``; for `ax`.
         static : bool
-            Draw a figure of matplotlib, rather than an interactive one.
+            Draw with matplotlib instead of an interactive figure.
 
         Returns
         -------
         plotly Figure, matplotlib axes or ndarray of such (panels,)
-            The interactive figure; `ax` where it is given; else the axes of the figure that was
-            made. Where plotly is not installed, a figure of matplotlib.
+            The interactive figure; `ax` if given; otherwise the axes of a new matplotlib figure,
+            also if plotly is not installed.
 
         Raises
         ------
         AmbkitError
-            There is no such panel, or `ax` is no axes.
+            The panel does not exist, or `ax` is not axes.
         """
         figure = self.figure()
         if ax is None and not static:

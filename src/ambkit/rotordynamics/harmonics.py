@@ -100,14 +100,14 @@ def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:
     Parameters
     ----------
     estimator : Estimator
-        Of a machine, where the record ended.
+        Estimator of a machine, at the end of the record.
     record : Record
-        With the ``speed`` of rotation [rad/s], where it is not the machine's own.
+        With the ``speed`` of rotation [rad/s], unless it is the machine's.
 
     Returns
     -------
     list of Harmonic
-        Of each pair of synchronous states, in their order; empty without such states.
+        One for each pair of synchronous states, in order; empty without such states.
     """
     of_type(Estimator, estimator=estimator)
     mean, covariance, start = estimator.mean, estimator.covariance, estimator.default_std()

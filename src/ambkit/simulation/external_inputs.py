@@ -116,9 +116,9 @@ def series_of(external_inputs: ExternalInputs) -> Iterator[tuple[str, Array]]:
 class PlantProtocol(Protocol):
     """Interface of the user's plant.
 
-    Its class is made with the machine, or without arguments, anew for each run. It is named as
-    ``file.py:Class``, in Python its class is given. Noise, quantisation and limits of the currents
-    are those of the machine that is described.
+    The class is constructed with the machine, or without arguments, for each run. It is named as
+    ``file.py:Class``; in Python the class itself is passed. Noise, quantisation and current limits
+    are those of the described machine.
     """
 
     def step(self, iu: Any, f_d: Any) -> ArrayLike:
@@ -127,17 +127,17 @@ class PlantProtocol(Protocol):
         Parameters
         ----------
         iu : float or ndarray (p,)
-            Control current, with noise and limits, held over the sample [A]; of several axes all.
+            Control current with noise and limits, held over the sample [A]; with several axes all.
         f_d : float or ndarray (p,)
             Disturbance force, held over the sample [N].
 
         Returns
         -------
         array_like (3,) or (2 q + m,)
-            Displacement x [m], velocity v [m/s] and what the sensor shows without noise, x_m [m];
-            of several axes the displacements and the velocities by the coordinates of the rotor,
-            `Machine.positions`, and what each sensor shows. The run begins where the machine that
-            is described does.
+            Displacement x [m], velocity v [m/s] and sensor output without noise x_m [m]; with
+            several axes displacements and velocities of the rotor's coordinates,
+            `Machine.positions`, and all sensor outputs. The run starts at the initial state of the
+            described machine.
         """
 
 

@@ -49,24 +49,24 @@ def simulate_many(
 ) -> Many:
     """Simulate many closed loops and evaluate each against the truth, without storing samples.
 
-    The numbers are those of `simulate_run`, run by run and to the last bit, whatever the order, the
-    threads, the lanes and what else is in the batch.
+    The results have the bits of `simulate_run`, for any order, threads, lanes and batch.
 
     Parameters
     ----------
     runs : iterable of Planned
-        Any mixture of machines. Taken one after another, so that 10^6 of them need not be there at
-        once. Plain runs of one axis are computed side by side in vectors.
+        Any mixture of machines, consumed one by one, so that 10^6 runs need not be in memory. Plain
+        runs of one axis are computed side by side in vectors.
     settling : float
-        Time at the start of each run that errors leave out [s]; the first sample always is.
+        Time at the start of each run that is excluded from the errors [s]; the first sample always
+        is.
     band : float
-        Control error that a rotor has recovered within, as a share of its clearance.
+        Control error below which a rotor has recovered, relative to its clearance.
     threads : int, optional
-        Default: as many as the process may use.
+        Default: all that are available to the process.
     instructions : str, optional
-        Of these vectors, one of `ambkit.estimate.batch.instruction_sets`; default: the fastest.
+        Vector instructions, one of `ambkit.estimate.batch.instruction_sets`; default: the fastest.
     done : callable, optional
-        Called now and then with the number of runs that were finished since the last call.
+        Called periodically with the number of runs completed since the last call.
 
     Returns
     -------
@@ -75,7 +75,7 @@ def simulate_many(
     Raises
     ------
     ValueError
-        A run has no sample after the settling.
+        A run has no sample after the settling time.
 
     Examples
     --------

@@ -23,15 +23,15 @@ class Planned:
     machine : Machine
         The plant.
     scenario : Scenario
-        What happens to it, the controllers among it.
+        The scenario, with the controllers.
     estimator, magnet, external_inputs
-        As for :func:`ambkit.simulation.run.simulate_run`. The estimator is not changed, and one may
-        serve all runs: each begins afresh.
+        As for :func:`ambkit.simulation.run.simulate_run`. The estimator is not changed, and one can
+        serve all runs.
     number : int, optional
-        Number of the run, which is with the scenario's seed the key of its noise, in place of
+        Number of the run; with the scenario's seed it determines the noise, in place of
         ``scenario.run``.
     controllers : Controllers, optional
-        Of several axes, where they are made already, as for another machine.
+        For several axes, if already constructed, as for another machine.
     """
 
     machine: Machine

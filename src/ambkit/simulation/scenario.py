@@ -94,7 +94,7 @@ OF_BODY = {
 class Scenario(Described, Document):
     """A run: reference, disturbances, and controllers of a machine.
 
-    Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI.
+    Frozen, with all checks on construction: from TOML (`load`, `from_toml`) or from Python, in SI.
 
     Examples
     --------
@@ -169,7 +169,7 @@ class Scenario(Described, Document):
         return self.controller.feedback
 
     def fed(self, feedback: Literal["measurement", "estimate"]) -> Self:
-        """Return the same run with the given feedback of the controllers.
+        """Return a copy with this feedback of the controllers.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 """Waveforms of references and disturbances.
 
-A signal has no unit of its own: its values are in that of its place (a reference in m, a
-disturbance in N). Times are seconds from the start of the run.
+Values of a waveform are in the unit of its use (a reference in m, a disturbance in N). Times are
+seconds from the start of the run.
 """
 
 import math
@@ -59,7 +59,7 @@ class Waveform(Part, ABC):
         Returns
         -------
         ndarray, (n,)
-            The values, in the SI unit of the signal's place.
+            The values, in the SI unit of the signal.
         """
         return np.asarray(self._at(real("t", t)), dtype=np.float64)
 
@@ -137,8 +137,8 @@ class Sine(Waveform):
 class Impulse(Waveform):
     """Rectangular pulse with a given integral.
 
-    Each sample is the mean over the interval up to the next one, so that the area is kept however
-    short the push is.
+    Each sample is the mean over the interval to the next one, so that the area is exact for any
+    duration of the pulse.
     """
 
     type: Literal["impulse"] = "impulse"
@@ -208,7 +208,7 @@ class Recorded(Waveform):
 
     @classmethod
     def of(cls, t: NDArray[Any], values: NDArray[Any]) -> Self:
-        """Return samples unchecked: the check takes longer than many simulations.
+        """Return samples without checks, which take longer than many simulations.
 
         Parameters
         ----------

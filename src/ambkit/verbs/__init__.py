@@ -1,5 +1,5 @@
-"""What ambkit does, one verb a function: Python calls them, and the commands are made from them.
+"""The verbs of ambkit: functions in Python, from which the commands are made.
 
-Signatures and docstrings stand here, the work in the rooms below. Nothing here imports anything
-heavy, so that the help of a command appears at once.
+This package has signatures and docstrings only, and imports nothing heavy, so that the help of a
+command appears immediately.
 """

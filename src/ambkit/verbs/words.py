@@ -1,6 +1,6 @@
-"""Types of what verbs take: objects in Python, and everywhere texts such as ``"0.3 mm"``.
+"""Types of the verbs' arguments: objects in Python, and texts such as ``"0.3 mm"`` everywhere.
 
-The second part of each is how the help of a command writes its value.
+The second part of each is its placeholder in the help of a command.
 """
 
 from __future__ import annotations

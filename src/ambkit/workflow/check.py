@@ -41,9 +41,9 @@ def load(
     Parameters
     ----------
     path : path
-        ``.toml`` is a machine, a filter, a scenario, a study or a channel map, by its keys;
-        ``.json`` is an expert; everything else is a record whose clock is even. `read` also takes
-        logs with faults.
+        ``.toml`` is a machine, filter, scenario, study or channel map, depending on its keys;
+        ``.json`` is an expert; everything else is a record with an even clock. `read` also accepts
+        logs with defects.
     channel_map : ChannelMap or path, optional
         The meaning of the columns of a log: signal, unit, scale, sign and offset.
 
@@ -58,7 +58,7 @@ def load(
     RecordError
         A log cannot be read, or its clock is not even.
     AmbkitError
-        The kind of the file is unknown.
+        The file has an unknown type.
     """
     from ambkit.data.reading.reader import load as load_record
     from ambkit.fuzzy.expert import Expert

@@ -67,34 +67,32 @@ def scenario_for(
     Parameters
     ----------
     machine : Machine
-        The controller of a single axis is tuned to it, as far as `scenario` does not say otherwise.
+        The controller of a single axis is tuned to it, unless `scenario` states otherwise.
     scenario : Scenario or path, optional
-        What is said already.
+        Base scenario.
     duration : float or str, optional
         Length of the run [s].
     step : float or str, optional
-        Step of the first axis's reference [m], such as 5e-5 or ``"50 µm"``, after a tenth of the
-        run.
+        Reference step of the first axis [m], such as 5e-5 or ``"50 µm"``, after a tenth of the run.
     load : float or str, optional
-        Load on the rotor at the first axis [N], after half of the run.
+        Step of the disturbance force on the first axis [N], after half of the run.
     seed : int, optional
-        Seed of the noise.
+        Random seed of the noise.
     reference : path, optional
-        A record whose ``r``, of several axes ``r_NAME``, is the reference; without `duration` the
-        run is as long as it.
+        A record whose ``r``, with several axes ``r_NAME``, is the reference; by default it also
+        sets the duration.
     injection : path, optional
-        A record whose ``injected``, of several axes ``injected_NAME``, is added to the measurement,
-        as `reference`.
+        A record whose ``injected``, with several axes ``injected_NAME``, is added to the
+        measurement, likewise.
     from_estimate : bool
-        Whether the estimate may be fed back, where `scenario` does not say what is.
+        Whether the estimate may be fed back, unless `scenario` states the feedback.
 
     Raises
     ------
     AmbkitError
-        A file cannot be read; both a step and a record are given for the reference; one of
-        the quantities is none.
+        A file cannot be read; both step and record define the reference; or a quantity is invalid.
     TypeError
-        `bearing` is no machine, or `scenario` not what happens to one.
+        `bearing` is not a machine, or `scenario` not a scenario.
     """
     of_type(Machine, machine=machine)
     duration, step = in_si("duration", duration, "s"), in_si("step", step, "m")

@@ -98,12 +98,12 @@ class Part(BaseModel, metaclass=_OwnNames):
     def contradictions(self, known: Any = None) -> Iterator[str]:
         """Yield the errors of a copy whose values were changed unchecked (`model_copy`).
 
-        Values are not held to limits of their own again, only to each other.
+        Values are checked against each other only, not against their own limits.
 
         Parameters
         ----------
         known : Part, optional
-            What it is a copy of: tables that are the very same are not looked at again.
+            The original: tables that are identical are not checked again.
         """
         for key, text in self._contradictions(reader(self)):
             yield f"{dotted(_path(key))}: {text}"
@@ -187,12 +187,12 @@ class Document(Part):
         Parameters
         ----------
         path : path
-            The file.
+            TOML file.
 
         Raises
         ------
         ConfigError
-            With all that is wrong in it, each as ``file:line: key: what is wrong``.
+            All errors, each as ``file:line: key: message``.
         AmbkitError
             The file cannot be read.
         """
@@ -207,14 +207,14 @@ class Document(Part):
         text : str
             The TOML.
         name : str
-            What the messages call it.
+            Name in messages.
         folder : Path
-            Where the files that the text names are looked for.
+            Base folder of relative file names.
 
         Raises
         ------
         ConfigError
-            With all that is wrong in it.
+            All errors.
         """
         toml = toml_text.parse(text)
         results = list(toml.problems)
@@ -234,7 +234,7 @@ class Document(Part):
         Parameters
         ----------
         folder : path, optional
-            Where it will lie: names of files in it are written as seen from there.
+            Destination: file names are written relative to it.
         """
         context = {} if folder is None else {"folder": folder}
         return escaping.toml_text(self.model_dump(exclude_none=True, context=context))
@@ -250,7 +250,7 @@ class Document(Part):
         Raises
         ------
         AmbkitError
-            The file cannot be written; an older one is left as it was.
+            The file cannot be written; an existing one is unchanged.
         """
         files.write_text(path, self.to_toml(Path(path).parent))
 
@@ -260,13 +260,13 @@ class Document(Part):
         Parameters
         ----------
         **changes
-            Values by dotted key, with two underscores for the dot where Python wants a name:
+            Values by dotted key, with two underscores for the dot in a Python name:
             ``replace(magnet__air_gap="2.2 mm")`` or ``replace(**{"magnet.air_gap": 2.2e-3})``.
 
         Raises
         ------
         ConfigError
-            There is no such key, or it may not have this value.
+            The key does not exist, or the value is invalid.
         """
         data = self.tables()
         for key, value in changes.items():

@@ -2,8 +2,9 @@
 
     t [s],y [m],"# {""bearing"": ""zittau_axial"", ""rows"": 2}"
 
-The last cell of the header is metadata in JSON, which may also stand in lines ``# key: JSON``
-above. An empty cell is a missing sample. Numbers have as many digits as they need to read back.
+The last cell of the header is metadata in JSON; lines ``# key: JSON`` above it are also read. An
+empty cell is a missing sample. Numbers are written with as many digits as reading back exactly
+requires.
 """
 
 import csv

@@ -1,7 +1,7 @@
 """MDF 4 and 3, the format of automotive measurements: channels in groups, each with its clock.
 
-A channel has its name where that is the only one of it, and ``2/name`` with the number of its
-group. The clock of a group comes as ``time`` where there is one group, as ``2/time`` otherwise.
+A channel keeps its name if it is unique; otherwise it is ``2/name`` with the number of its group.
+The clock of a group is ``time`` if there is one group, else ``2/time``.
 """
 
 from collections import Counter

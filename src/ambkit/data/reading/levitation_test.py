@@ -1,10 +1,10 @@
 """Which channels move as a levitated rotor and its current do: by physics, not by prediction.
 
-Near its operating point a rotor in a magnetic bearing moves by ``x'' = a x + b i + c`` with a > 0.
-No other pair of channels does: references and stable loops have a < 0, and a velocity goes with the
-difference of the current. Each pair is fitted in bands of frequency; neighbouring bands must tell
-the same pole. Channels and their second derivatives pass the same smooth kernel, a B-spline of six
-boxes (Shinbrot 1957, modulating functions). All is counted in samples, in any units.
+Near its operating point a levitated rotor moves by ``x'' = a x + b i + c`` with a > 0. Other pairs
+of channels do not: references and stable loops have a < 0, and a velocity follows the derivative of
+the current. Each pair is fitted in frequency bands, and adjacent bands must agree on the pole.
+Channels and their second derivatives are filtered by the same B-spline of order six (Shinbrot 1957,
+modulating functions). Everything is in samples, in any units.
 """
 
 from __future__ import annotations

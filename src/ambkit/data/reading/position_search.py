@@ -1,8 +1,8 @@
-"""The rotor's position and its current, among channels without a name: physics, then rawness.
+"""The rotor's position and its current among unnamed channels, from their dynamics and noise.
 
-What a rig's own filter made of its measurements predicts better than they do. So of channels that
-tell the same motion the rawest is taken: what a converter measured comes in steps, what was
-computed hardly ever repeats a value; where that does not tell, the one with more noise.
+The estimates of a rig's own filter are more predictable than its measurements. Of channels with the
+same motion the rawest is therefore chosen: a converter's values come in steps, while computed
+values hardly ever repeat; otherwise the noisier one.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What the name of a channel says of its role, in eleven languages.
+"""Role of a channel from its name, in eleven languages.
 
 A name has a quantity (position, current) and perhaps a modifier: demanded, measured, estimated.
 ``Sollstrom`` is a demanded current, a control signal; ``Istwert`` a measured position. Planes and
-axes are numbered and lettered: ``W13`` and ``x_A`` are positions, ``v`` is a velocity.
+axes have numbers or letters: ``W13`` and ``x_A`` are positions, ``v`` is a velocity.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What the motion of channels says of the roles that their names give them.
+"""Check of the roles given by channel names against the motion.
 
-An estimate has less noise than its original, a command leads the current that follows it, and a
-controller passes the noise of its own position on to its output, and of no other one.
+An estimate has less noise than its original, a command leads the resulting current, and a
+controller transmits the noise of its own position only.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What each channel of a log may be: by names and units where it has them, else by physics.
+"""Role of each channel of a log: from names and units if it has them, else from physics.
 
-Around position and current (`ambkit.data.reading.position_search`) the others find their places: a
-velocity is the position's difference, a reference goes with the position without its noise, an
-estimate lies within that noise. Where nothing moves as a rotor, nothing is guessed.
+Position and current come first (`ambkit.data.reading.position_search`). A velocity is the
+derivative of the position, a reference follows the position without its noise, an estimate lies
+within that noise. If no channel moves as a rotor does, nothing is guessed.
 """
 
 from __future__ import annotations

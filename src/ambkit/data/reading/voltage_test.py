@@ -1,10 +1,10 @@
 """Which channels move as a levitated rotor and the voltage across its coil do.
 
-A voltage drives the current, ``L i' + R i + k_u v = u``, and that the rotor, so that
-``x''' = -r x'' + c v + r a x + g u`` with r = R/L: third order, with one unstable pole. References
-and stable loops have none. Each pair is regressed in bands of frequency, as for a current
-(`ambkit.data.reading.levitation_test`), by instruments from the past; neighbouring bands must tell
-the same poles.
+A voltage drives the current, ``L i' + R i + k_u v = u``, which moves the rotor: ``x''' = -r x'' + c
+v + r a x + g u`` with r = R/L, of third order with one unstable pole. References and stable loops
+have none. Each pair is fitted in frequency bands, as for a current
+(`ambkit.data.reading.levitation_test`), with past values as instruments; adjacent bands must agree
+on the poles.
 """
 
 from __future__ import annotations

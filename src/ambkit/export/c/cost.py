@@ -1,7 +1,7 @@
 """Cost of an exported filter on a Cortex-M4F: instructions per step, flash and memory.
 
-Measured (``firmware/``) and stored in ``cost.json``: float, gcc, in qemu, which counts instructions
-and no cycles. The numbers of another bearing change them by a few instructions.
+Measured (``firmware/``) and stored in ``cost.json``: float, gcc, in qemu, which counts
+instructions, not cycles. Other machines change the numbers by a few instructions.
 """
 
 from __future__ import annotations

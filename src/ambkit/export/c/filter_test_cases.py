@@ -1,7 +1,7 @@
-"""What the self-test lets a filter live through: runs of measurements and control signals.
+"""Test cases of the self-test: runs of measurements and control signals.
 
-Each begins with a start. Between them they visit the box of displacement and current, all that an
-input can be, and all that a step can have to say of it; ``vectors.Coverage`` says what was reached.
+Each begins with a start. Together they cover the range of displacement and current, all kinds of
+inputs, and all flags of a step; ``vectors.Coverage`` reports what was reached.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Limits of calibration at run time, within which the loop keeps its margins.
 
-With one axis every corner of the limits is a loop that has them. With several their corners are too
-many: the numbers of all axes are varied alike, those of one axis at a time, and all at random.
+With one axis every corner of the limits is checked. With several there are too many corners: the
+values of all axes are varied together, those of one axis at a time, and all at random.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Proof of an exported filter or controller by Frama-C's Eva, and recorded results.
 
-``proof/prove.sh`` of an export analyses its C with the numbers of one rig. Results for the bearing
-of the tests are in ``proof.json`` (``python -m firmware.proof``, ``tests/test_proof.py``).
+``proof/prove.sh`` of an export analyses its C with its constants. Results for the machine of the
+tests are in ``proof.json`` (``python -m firmware.proof``, ``tests/test_proof.py``).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Strength of a magnet during levitation, relative to its description, and over the amplitude.
 
-Where the law comes from lift-off, the force at rest is known: what a flight then finds with the
-same gap differs by what the iron does when the current goes to and fro. Minor loops of hysteresis
-are flatter than the way up from zero, most so where they are small. Nothing is made to agree.
+If the law comes from lift-off, the static force is known: what levitation then gives with the same
+gap differs by the behaviour of the iron for an alternating current. Minor hysteresis loops are
+flatter than the initial curve, most so where they are small. No agreement is enforced.
 """
 
 from __future__ import annotations

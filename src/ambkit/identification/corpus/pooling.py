@@ -1,8 +1,8 @@
 """Pooling of several logs with random effects.
 
-Logs scatter by more than their errors. So ``theta_l ~ N(mu, C_l + T)`` with T diagonal, by the
-restricted likelihood (DerSimonian and Laird 1986 for the model, Harville 1977 for the likelihood),
-and mu with an error that has the scatter in it.
+Logs scatter by more than their errors. Therefore ``theta_l ~ N(mu, C_l + T)`` with T diagonal, by
+restricted likelihood (DerSimonian and Laird 1986 for the model, Harville 1977 for the likelihood);
+the error of mu includes the scatter.
 """
 
 from __future__ import annotations

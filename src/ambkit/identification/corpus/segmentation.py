@@ -1,7 +1,7 @@
 """Segmentation of a log: levitation, rest, contact, saturation.
 
-A rotor flies where its acceleration is what magnet and weight say. That holds as well where it
-hardly moves, and it is no question of how quiet a log is.
+A rotor is levitated while its acceleration is that of magnet and weight. This holds for small
+motions as well, and does not depend on the noise of a log.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Design of the most informative experiment within the limits of the loop.
 
-The excitation is added to the reference, an input that every loop has. Nothing is lost by it: a PID
-passes it on by its gain kp and set-point weight b, so r acts as a control signal ``b kp r / k_ui``.
+The excitation is added to the reference, an input of every loop, without loss of generality: a PID
+transmits it with its gain kp and set-point weight b, so r acts as a control signal ``b kp r /
+k_ui``.
 """
 
 from __future__ import annotations

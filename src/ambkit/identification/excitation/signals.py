@@ -1,7 +1,7 @@
 """Excitation signals of a frequency band: multisine, pseudo-random binary, stepped sine.
 
-All have amplitude 1, n samples, and start where the loop already is: at zero, or for the binary
-signal with a jump.
+All have amplitude 1 and n samples, and start at zero, except the binary signal, which starts with a
+jump.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Magnet force on a grid of operating points, with its uncertainty, from closed-loop records.
 
 The identified law is corrected at the nodes, bilinearly between them, by the innovations of the
-Kalman filter (so it is unbiased in closed loop). Its error is taken to be smooth beforehand: nodes
-between visited ones are known by them, and far from where the rotor was the law itself is left.
+Kalman filter (therefore unbiased in closed loop). Its error is assumed to be smooth: nodes between
+visited ones are determined by them, and far from the visited range the law itself remains.
 """
 
 from __future__ import annotations

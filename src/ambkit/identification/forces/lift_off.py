@@ -1,7 +1,7 @@
 """Lift-off point of a rotor in a recording with rising current.
 
 The rotor lies at a distance z below a one-sided magnet while the current rises, until the magnet
-carries the weight and the rotor flies up.
+carries its weight.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Alternative structures that a description may lack, each as a force or a reading along a record.
 
-All are causal: they follow from what was measured before, so that under the right model no
-innovation depends on them.
+All are causal, functions of earlier measurements, so that with the correct model no innovation
+depends on them.
 """
 
 from __future__ import annotations

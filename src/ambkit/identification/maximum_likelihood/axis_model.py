@@ -1,8 +1,8 @@
 """One axis of a machine with several, for records of the machine.
 
-The filter is that of the machine and takes all readings and all control signals: what the other
-axes do is no disturbance force of this one. What counts is how likely the axis's own reading is,
-given all that was measured before it.
+The filter is that of the machine, with all readings and control signals: the motion of the other
+axes is no disturbance force of this one. The likelihood is that of the axis's own reading, given
+all earlier measurements.
 """
 
 from __future__ import annotations

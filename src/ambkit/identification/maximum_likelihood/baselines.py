@@ -1,10 +1,10 @@
 """Predictors without magnet model, fitted with equal effort: by cross-validation.
 
-An ARX model of each horizon (Ljung 1999, ch. 4.2; its gains may be linear in the position), and
-the joint process of all signals by its states (canonical variates of the past: Larimore 1990,
-"Canonical variate analysis in identification, filtering, and adaptive control"). Both know the
-past only. How many lags, whether with the control's duty, scheduled, how many states: what predicts
-parts of the records best that it was not fitted to.
+An ARX model for each horizon (Ljung 1999, ch. 4.2; its gains may be linear in the position), and a
+state-space model of all signals (canonical variates of the past: Larimore 1990, "Canonical variate
+analysis in identification, filtering, and adaptive control"). Both use the past only. The number of
+lags and states, the control's duty and scheduling are chosen for the best prediction of parts of
+the records that were not fitted.
 """
 
 from __future__ import annotations

@@ -1,15 +1,17 @@
 """The current as a state that is measured and driven, for a noisy current sensor.
 
-The noise of a current's sensor moves no rotor: taken for what flows, a quiet loop seems to have a
-weaker magnet. So where a record has the control too, the current is found from both::
+The noise of a current sensor moves no rotor: if it were taken for current, a low-noise loop would
+seem to have a weaker magnet. If a record has the control signal too, the current is estimated from
+both::
 
     i+ = a i + (1 - a) (G (u - u0)) + w,      a = exp(-T/tau),      i_m = i + v
 
-by the stationary Kalman filter, its figures as likely as can be, and smoothed (Rauch, Tung and
-Striebel 1965). Given the control, it depends on ``w`` alone, and tells nothing of the position's
-noise. What is left unknown, a process of first order with `CurrentState.memory`, is a state of
-the filter along the position: so the likelihood of both signals is exact for a constant tau. In a
-loop the control knows of ``w`` by the rotor: so coil and loop are then searched together (`joint`).
+by the stationary Kalman filter with maximum likelihood parameters, and smoothed (Rauch, Tung and
+Striebel 1965). Given the control signal, it depends on ``w`` only, and is independent of the
+position's noise. The remaining uncertainty, a first-order process with `CurrentState.memory`, is a
+state of the position's filter, so the likelihood of both signals is exact for a constant tau. In a
+loop the control signal depends on ``w`` through the rotor: coil and loop are then estimated jointly
+(`joint`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Maximum likelihood identification from closed-loop records, with uncertainty.
 
-The prediction-error method with the core's Kalman filter: search by Fisher's scoring, errors and
-correlations from the information, parameters that the records cannot tell apart named and held,
-noises as the restricted likelihood has them.
+Prediction-error method with the core's Kalman filter: Fisher scoring, errors and correlations from
+the information, parameters that the records cannot distinguish reported and held, noise by
+restricted likelihood.
 """
 
 from __future__ import annotations

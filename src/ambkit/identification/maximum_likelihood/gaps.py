@@ -1,9 +1,9 @@
 """A filter along a record with gaps in the control signal.
 
-The core holds the last control signal, and believes it as surely as a recorded one. What acted in
-truth has pushed the rotor elsewhere: a tenth of an ampere for one sample moves the velocity by
-more than all noise does. A search would take that for noise of the control, or for an offset. So
-here the filter is told how far the rotor may have gone.
+The core holds the last control signal, with the certainty of a recorded one. The true one has moved
+the rotor elsewhere: a tenth of an ampere for one sample changes the velocity by more than all
+noise. A search would take that for control noise, or for an offset. Here the filter's covariance is
+therefore increased by the possible motion.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Fisher information, profile and restricted likelihood: the uncertainty of parameters.
 
-Where a Kalman filter's model is right, its innovations e are white, with the variance S that it
-expects, and no unbiased estimate scatters less than the inverse of the information says (Cramer and
-Rao; for predictions in closed loop Ljung, System Identification, 1999, ch. 7 and 13). So a record
-that was only simulated tells how well the real one would identify.
+With a correct model the innovations e of a Kalman filter are white, with the expected variance S,
+and no unbiased estimate scatters less than the inverse of the information (Cramer and Rao; for
+predictions in closed loop Ljung, System Identification, 1999, ch. 7 and 13). A simulated record
+therefore predicts how accurately the real one would identify.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Joint identification of coil and loop, from current and position.
 
-In a closed loop the control answers to the position, which tells what the current has done: fitted
-to control and current alone, the gain of a coil comes out 0.4 % too small and its lag 0.8 % too
-long, ten standard errors in 60 records of a quiet loop. The likelihood of both signals, that of the
-current given its past and the control times that of the position given the current that flows, has
-no such slope. So coil and loop are moved together (Gauss and Newton), and what is unknown of either
-is in the errors of all.
+In closed loop the control signal responds to the position, which depends on the current: fitted to
+control signal and current only, the gain of a coil is 0.4 % too small and its lag 0.8 % too long,
+ten standard errors in 60 records of a low-noise loop. The likelihood of both signals, that of the
+current given its past and the control signal, times that of the position given the current, has no
+such bias. Coil and loop are therefore fitted jointly (Gauss-Newton), and the errors of all
+parameters include the uncertainty of both.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Likelihood of records under a model, with score and information.
 
-The filter's innovations e with the variances S that it expects give ``ln p = -1/2 sum(ln 2 pi S +
-e^2/S)`` (Schweppe 1965). Only the past enters a prediction, whatever controller made the control
-signal of it: so what maximises it is unbiased in closed loop too (Ljung 1999, ch. 13).
+Innovations e with variances S give ``ln p = -1/2 sum(ln 2 pi S + e^2/S)`` (Schweppe 1965).
+Predictions depend on the past only, for any controller, so the maximum is unbiased in closed loop
+too (Ljung 1999, ch. 13).
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """Line noise of the measured position, such as mains hum: detected, and modelled if significant.
 
-What a model without lines leaves is white but for them, and they stand out of its periodogram.
-Each one is an oscillator of two states whose amplitude and phase wander
-(`ambkit.machine.accessories.Hum`), fitted by the likelihood. A line too many does harm: an
-oscillator that is not there takes the rotor's own motion for its own. So one is taken in only where
-the likelihood gains more than three figures do by chance (Schwarz 1978), and none is looked for
-where the rotor itself moves.
+The innovations of a model without line noise are white except for the lines, which stand out of the
+periodogram. Each line is an oscillator of two states with slowly varying amplitude and phase
+(`ambkit.machine.accessories.Hum`), fitted by the likelihood. A superfluous oscillator would take
+the rotor's motion for noise, so a line is added only if the likelihood increases by more than three
+parameters do by chance (Schwarz 1978), and none is sought at frequencies of the rotor's own motion.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Other explanations of an identified model, each with its maximum likelihood.
+"""Alternative explanations of an identified model, each with its maximum likelihood.
 
-Diverging offsets imitate a force law or a sensor that is not linear, and a lag of the current
-looks like one of the sensor.
+Opposite offsets imitate a nonlinear force law or sensor, and a lag of the current resembles one of
+the sensor.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Tests of an identified model's structure against alternatives, with a verdict.
 
-Process noise explains what a plant does otherwise than its model: NIS stays at 1. But the
-innovations then depend on what the model lacks. Each alternative is a model with one parameter
-more, zero so far. Its score statistic (Rao 1948) needs no search: it is twice the gain of log
-likelihood to second order, when all other parameters adapt.
+Process noise absorbs deviations of the plant from its model: the NIS remains 1, but the innovations
+depend on what the model lacks. Each alternative adds one parameter, which is zero in the model. Its
+score statistic (Rao 1948) needs no search: it is twice the gain of log likelihood to second order,
+with all other parameters adapted.
 """
 
 from __future__ import annotations

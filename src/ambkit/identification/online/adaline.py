@@ -123,8 +123,8 @@ Learned = TypeVar("Learned", bound=AdalineResult)
 class OnlineIdentifier(Copyable, Generic[Learned]):
     """Online identification of the magnet constant, in the C core.
 
-    The C knows no delay and no lag of the current: along a record they are taken into account
-    before, see `ambkit.identification.dead_time`; who calls `step` gives what acts.
+    The C has no delay and no lag of the current: `run` takes them into account before
+    (`ambkit.identification.dead_time`); the arguments of `step` are the acting signals.
     """
 
     core: Any
@@ -143,12 +143,12 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
         u : float
             Control signal that acted since the last sample [V].
         f_d : float
-            Disturbance force as far as it is known [N].
+            Known disturbance force [N].
 
         Returns
         -------
         float
-            Magnet constant so far [N m^2/A^2].
+            Present magnet constant [N m^2/A^2].
         """
         self.core.step(y, float(self._ideal(y, u)), f_d)
         return float(self.core.k)
@@ -169,7 +169,7 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
         record : Record
             With ``y`` [m] and ``u`` [V], n samples.
         disturbance : array_like (n,), optional
-            Disturbance force as far as it is known [N].
+            Known disturbance force [N].
         """
         y = record["y"]
         known = real("disturbance", 0.0 if disturbance is None else disturbance)
@@ -185,30 +185,30 @@ class OnlineIdentifier(Copyable, Generic[Learned]):
 class Adaline(OnlineIdentifier[AdalineResult]):
     """Two adaptive linear elements with the normalised Widrow-Hoff rule.
 
-    The first finds the magnet's force from the motion (eq. 24), the second the magnet constant
+    The first identifies the magnet force from the motion (eq. 24), the second the magnet constant
     from force, current and gap (eq. 25). A learning rate r averages over about 2/r samples: the
-    error settles as ``(1 - r)**n``, and the share ``r / (2 - r)`` of the noise's variance stays.
-    How position and regressor are filtered alike stands in ``core/include/ambkit/adaline.h``.
+    error decays as ``(1 - r)**n``, and a share ``r / (2 - r)`` of the noise variance remains.
+    ``core/include/ambkit/adaline.h`` describes the common filtering of position and regressor.
 
     Parameters
     ----------
     machine : Machine
-        Mass, weight, gap, bias current, lag and limits are taken from it; its magnet constant is
-        where learning starts.
+        Provides mass, weight, gap, bias current, lag and limits; its magnet constant is the initial
+        value.
     start : float or str, optional
-        Another start for the magnet constant [N m^2/A^2].
+        Other initial magnet constant [N m^2/A^2].
     bandwidth : float or str, optional
-        Of the low-pass that position and regressor pass [Hz]; default: twice the plant's own
+        Bandwidth of the low-pass of position and regressor [Hz]; default: twice the plant's
         unstable frequency ``sqrt(k_s/m) / (2 pi)``.
     rate_force, rate_k : float
-        Learning rates, greater than 0 and less than 2.
+        Learning rates, between 0 and 2.
     least_excitation : float
         k is held while the excitation is below this.
 
     Raises
     ------
     ValueError
-        Where an argument is outside its range.
+        An argument is out of range.
     """
 
     _learned = AdalineResult

@@ -43,33 +43,32 @@ class LeastSquaresResult(AdalineResult):
 class RecursiveLeastSquares(OnlineIdentifier[LeastSquaresResult]):
     """Magnet constant, and an unknown disturbance, by least squares with forgetting.
 
-    ADALINE's first element finds the force of the magnet from the motion (eq. 24). Where its
-    second one takes a gradient step (eq. 25), this one keeps the least squares fit of
-    ``F = load + k phi`` over the last ``1 / (1 - forgetting)`` samples or so: at once where a
-    gradient needs many steps, and without taking a constant load for k. What is not excited is
-    held and not forgotten into thin air; see ``core/include/ambkit/rls.h``.
+    ADALINE's first element identifies the magnet force from the motion (eq. 24). In place of its
+    gradient step (eq. 25) this fits ``F = load + k phi`` by least squares over the last ``1 / (1 -
+    forgetting)`` samples: it converges immediately, and a constant load does not bias k. Parameters
+    without excitation are held, not forgotten; see ``core/include/ambkit/rls.h``.
 
     Parameters
     ----------
     machine : Machine
-        Mass, weight, gap, bias current, lag and limits are taken from it; its magnet constant is
-        where learning starts.
+        Provides mass, weight, gap, bias current, lag and limits; its magnet constant is the initial
+        value.
     start, bandwidth, rate_force : float, optional
         As for :class:`ambkit.Adaline`.
     forgetting : float
-        Weight of a sample against the next one, between 0 and 1. ``1 - rate_k`` of an ADALINE
-        leaves as much of the noise.
+        Weight of a sample relative to the next one, between 0 and 1. ``1 - rate_k`` of an ADALINE
+        leaves the same noise.
     least_excitation : float
         k is held while the excitation is below this.
     load : {"unknown", "known"}
-        ``"unknown"``: a constant force on the rotor is learned beside k, and k only from what
-        moves. ``"known"``: there is none besides that given to `run`; k is learned from the weight
-        too, as ADALINE does.
+        ``"unknown"``: a constant force on the rotor is estimated with k, and k only from
+        variations. ``"known"``: the only load is that passed to `run`; the weight also contributes
+        to k, as in ADALINE.
 
     Raises
     ------
     ValueError
-        Where an argument is outside its range.
+        An argument is out of range.
     """
 
     _learned, _more = LeastSquaresResult, ("load",)

@@ -1,15 +1,16 @@
 """The posterior Cramer-Rao bound: the least error of any estimator.
 
 The recursion of Tichavsky, Muravchik and Nehorai (1998) needs the inverse of the process noise,
-which is singular here. So the density is written in the state at the start and the unit noises,
-and the inequality of van Trees (1968) says of any estimate of x_k that sees y_0 ... y_k::
+which is singular here. The density is therefore written in the initial state and the unit noises,
+and the inequality of van Trees (1968) holds for any estimate of x_k from y_0 ... y_k::
 
     E[(x^ - x)(x^ - x)'] >= E[D_k] J_k^-1 E[D_k]',    J_k = J_0 + sum_j E[D_j' H' R^-1 H D_j]
 
-with D_j the derivative of x_j by start and noises along a true run, J_0 their prior information,
-and E the mean over simulated runs. J_k is not built: the runs are read as one linear system, driven
-by the same noises, each measured with the variance `runs` R. The Kalman filter of the stacked
-derivatives has the information J_k, and the covariance of their mean is the bound.
+with the derivative D_j of x_j with respect to initial state and noises along a true run, their
+prior information J_0, and the mean E over simulated runs. J_k is not computed explicitly: the runs
+form one linear system, driven by the same noises, each measured with the variance `runs` R. The
+Kalman filter of the stacked derivatives has the information J_k, and the covariance of their mean
+is the bound.
 """
 
 from __future__ import annotations

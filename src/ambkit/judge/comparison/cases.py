@@ -1,8 +1,8 @@
 """Cases of the comparison, and their records.
 
-Times are in the plant's own, ``sqrt(m/k_s)`` (8.3 ms on the paper's rig), lengths in the travel
-and forces in the weight, so that each case means the same on any bearing. On the paper's rig a step
-of half of the travel is 0.5 mm, and 0.6 of the weight is 3 N.
+Times are in time constants of the plant, ``sqrt(m/k_s)`` (8.3 ms on the paper's rig), lengths in
+clearances and forces in weights, so that each case is equivalent on any machine. On the paper's rig
+a step of half of the clearance is 0.5 mm, and 0.6 of the weight is 3 N.
 """
 
 from __future__ import annotations

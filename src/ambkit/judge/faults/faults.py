@@ -1,8 +1,8 @@
 """The injected faults, declared once, scaled by the machine.
 
-Lengths are in travels, forces in what the magnet can pull, times in the plant's own,
-``sqrt(m/k_s)``, or in samples or seconds where that is what a fault is about. So each means the
-same on any bearing.
+Lengths are in clearances, forces in maximum magnet forces, times in time constants of the plant,
+``sqrt(m/k_s)``, or in samples or seconds for faults that are defined by them; each is thus
+equivalent on any machine.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Faults that are distinguished, each by the forces and readings that a fault of size 1 adds.
+"""Signatures of faults: the forces and readings added by a fault of size 1.
 
-A fault is data for ``core/include/ambkit/isolation.h``: signals of the running filter, where they
-act, and their weights. What a coil, a magnet or a mass adds to the force is its derivative by the
-parameter; so a new fault is one line of `_of_axis`, `_of_reading` or `_in_motion`.
+A fault is data for ``core/include/ambkit/isolation.h``: signals of the running filter, the forces
+or readings on which they act, and their weights. The effect of a coil, magnet or mass on the force
+is its derivative with respect to the parameter; a new fault is one line of `_of_axis`,
+`_of_reading` or `_in_motion`.
 """
 
 from __future__ import annotations

@@ -1,17 +1,17 @@
 """Smooth force surface through measured points: the machine's law, and a correction.
 
-The law is the described one, or with the magnet constant and air gap that fit the points, where
-these are likelier so.
+The law is the described one, or one with fitted magnet constant and air gap if these are more
+likely.
 
 The correction is a Gaussian process (kriging; Rasmussen and Williams 2006, chapter 2): near points
-it is known as surely as they are, and far from all of them it is zero, with the doubt that the law
-has earned. So what was hardly measured pulls nothing, and where nothing was measured the law stays.
+it has their accuracy, and far from all points it is zero with the estimated uncertainty of the law.
+Inaccurate points therefore have little effect, and without points the law remains.
 
-Not by scikit-learn (tried: 1.9): its surfaces through the same points are as near to the truth (9x9
-points of 0.3 N: 0.109 N, here 0.111 N), but what is known before of the law's error, its reach and
-the scatter can only be given as bounds, the scatter that it finds counts as doubt of the surface,
-and its search takes all points: 1000 of them 31 s (on one thread 7 s), here 0.3 s. It would be 37
-MB more to install, for the few lines of `smooth`, `_solved` and their use.
+scikit-learn (1.9) was tried: its surfaces through the same points are as accurate (9x9 points of
+0.3 N: 0.109 N, here 0.111 N), but prior knowledge of the law's error, its length scale and the
+scatter can only be given as bounds, the estimated scatter counts as uncertainty of the surface, and
+its search uses all points: 31 s for 1000 points (7 s on one thread), here 0.3 s. It would also add
+37 MB to the installation.
 """
 
 from __future__ import annotations

@@ -2,10 +2,10 @@
 
 Small changes about the bias field: (K + j w M) a = currents, with the tangent stiffness K of the
 magnetostatic field and the conductivity matrix M of solid iron in a body of revolution. Solid poles
-make ``1 / (1 + sqrt(s / corner))`` of it (Zhu, Knospe and Maslen, Analytic model for a nonlaminated
+give ``1 / (1 + sqrt(s / corner))`` (Zhu, Knospe and Maslen, Analytic model for a nonlaminated
 cylindrical magnetic actuator including eddy currents, IEEE Trans. Magn. 41, 2005). In sheets of
-thickness d the reluctivity grows by ``z coth z``, ``z = (1 + j) d / (2 depth)``, by the skin depth
-(Stoll, The Analysis of Eddy Currents, 1974); that is about ``1 / (1 + s / corner)``.
+thickness d the reluctivity increases by ``z coth z``, ``z = (1 + j) d / (2 depth)``, with the skin
+depth (Stoll, The Analysis of Eddy Currents, 1974), approximately ``1 / (1 + s / corner)``.
 """
 
 from __future__ import annotations

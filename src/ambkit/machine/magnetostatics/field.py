@@ -1,7 +1,7 @@
 """The magnetostatic field of a layout, and its force and flux linkage.
 
-The vector potential a (r A_phi where axisymmetric) minimises energy less the work of the currents
-(Newton with line search). The rotor moves by displacing the nodes of the gap, so force and flux
+The vector potential a (r A_phi if axisymmetric) minimises the energy minus the work of the currents
+(Newton with line search). The rotor is displaced by moving the nodes of the gap, so force and flux
 linkage are exact derivatives of one discrete energy (Coulomb and Meunier, IEEE Trans. Magn. 20,
 1984): a closed loop of currents and displacements does no work.
 """

@@ -1,6 +1,6 @@
 """Force and flux linkage over currents and displacements, cached for each drawing.
 
-Both are derivatives of one coenergy, a spline fitted to both: no closed loop does work.
+Both are derivatives of one spline of the coenergy, fitted to both, so closed loops do no work.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The map of a magnet with dimensions slightly different from its drawing's.
+"""Map of a magnet with dimensions slightly different from its drawing's.
 
-For each number that differs, two rough maps beside a rough nominal one give the second-order change
-of force and flux linkage; many machines of a drawing then take a few fields, not one each.
+For each deviating dimension, two coarse maps beside a coarse nominal one give the second-order
+change of force and flux linkage; many machines of a drawing thus need a few fields only.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """The force map of a radial bearing over the currents and displacements of both axes.
 
 One polynomial of the coenergy is fitted to coenergy, forces and flux linkages of the field, so
-forces and flux linkages of the map are derivatives of one energy: no closed loop does work. A
-quarter turn and a mirror leave the bearing as it is, so an eighth of the box is solved, and a
-polynomial of degree 10 has 155 terms.
+closed loops do no work. By the symmetry of the bearing (quarter turns and reflections) an eighth of
+the box is solved, and a polynomial of degree 10 has 155 terms.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Timoshenko beam elements of a shaft, with rotary inertia and gyroscopics.
 
-Each node has a deflection w across the shaft [m] and a turn th of its cross section [rad], positive
-where w grows along the shaft. With what shear adds to bending, ``Phi = 12 E I / (kappa G A L^2)``,
-the shape functions of Przemieniecki (Theory of Matrix Structural Analysis, 1968, ch. 5) solve the
-static beam exactly; the masses are consistent with them (Nelson, A finite rotating shaft element
-using Timoshenko beam theory, 1980).
+Each node has a transverse deflection w [m] and a rotation th of its cross section [rad], positive
+where w increases along the shaft. With the shear parameter ``Phi = 12 E I / (kappa G A L^2)`` the
+shape functions of Przemieniecki (Theory of Matrix Structural Analysis, 1968, ch. 5) solve the
+static beam exactly, with consistent masses (Nelson, A finite rotating shaft element using
+Timoshenko beam theory, 1980).
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """Matrices of a rotor at nodes, from a file: NumPy's ``.npz`` or MATLAB's ``.mat``.
 
-It holds M, K, G and perhaps D and D_internal, square matrices whose row i is the `direction` (x, y,
-th_x, th_y; z and th_z are left aside) of the node `node` (0 for the first), and the `place` of each
-node along the shaft. Turns are right-handed: th_y grows the deflection along x, th_x shrinks that
-along y. D is of what stands still, D_internal of what turns with the rotor, as the fit of a wheel.
-Units are consistent, seconds and radians; `unit_of_length` and `unit_of_mass` name the others.
+It has M, K, G and optionally D and D_internal, square matrices whose row i is the `direction` (x,
+y, th_x, th_y; z and th_z are ignored) of the node `node` (from 0), and the `place` of each node
+along the shaft. Rotations are right-handed: th_y increases the deflection along x, th_x decreases
+that along y. D is the damping of stationary parts, D_internal of rotating parts, such as fits.
+Units are consistent, with seconds and radians; `unit_of_length` and `unit_of_mass` state the
+others.
 """
 
 from __future__ import annotations

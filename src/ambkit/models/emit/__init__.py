@@ -1,7 +1,7 @@
 """Straight-line C from a model's pattern, with the interface of ``ambkit/model.h``: unrolled loops.
 
-One text serves float, double and SIMD lanes. An entry that is one by structure costs no product;
-sums have the order of the loops, so that the bits agree.
+One text serves float, double and SIMD lanes. Structural ones need no product; sums have the order
+of the loops, so that the bits agree.
 """
 
 from ambkit.models.emit.header import constants, fields, header, initialiser

@@ -1,11 +1,10 @@
 """Prediction of the covariance, in stages through the forces.
 
-The next state is ``L X + B_u u + b F``, and all that changes from sample to sample is in the forces
-``F = row X + g u``. So their covariances with the state come first (w), with them those of the next
-state with the state (M), then those of the next state with the forces (z) and with the controls'
-noise (U), and from M, U and z those of the next state with itself. That takes half the operations
-of ``A P A' + Q`` multiplied out. Each step waits for the chain P, w, M, z, P+, so what is known
-last is added last.
+The next state is ``L X + B_u u + b F``, and only the forces ``F = row X + g u`` change from sample
+to sample. First come their covariances with the state (w), then those of the next state with the
+state (M), then those of the next state with the forces (z) and with the control noise (U), and from
+M, U and z the covariance of the next state. This takes half of the operations of ``A P A' + Q``.
+The chain P, w, M, z, P+ is sequential, so the latest terms are added last.
 """
 
 from __future__ import annotations

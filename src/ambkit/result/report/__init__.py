@@ -1,8 +1,7 @@
 """Figures and report: declared once, rendered for paper and screen.
 
-A `Figure` states what is to be seen, in SI, and saves itself; `write_report` draws all figures of a
-`Report` and puts them, with texts, formulas and tables, into one HTML page that works without the
-net.
+A `Figure` states its content in SI and saves itself; `write_report` draws all figures of a `Report`
+and combines them with texts, formulas and tables in one self-contained HTML page.
 """
 
 from ambkit.result.report.blocks import (

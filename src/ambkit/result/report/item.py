@@ -1,7 +1,7 @@
 """Axes, panels, and common parts of their items.
 
-Data is in SI; an `Axis` has the factor it is shown with, so "mm" stands on paper only. Labels may
-hold formulas between dollar signs: ``"stiffness $k_i$"``.
+Data is in SI; an `Axis` has the display factor. Labels may contain formulas between dollar signs:
+``"stiffness $k_i$"``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Text of the report: Markdown with formulas, converted to HTML.
 
-Formulas stand between dollar signs. A link without text, ``[](#fig15)``, is filled with the
-name of what it points to: "Figure 7".
+Formulas are between dollar signs. A link without text, ``[](#fig15)``, is filled with the name of
+its target: "Figure 7".
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The report as one HTML file without external resources: no network, no fonts, no folder.
 
-Each figure is in the page twice: the static SVG, which is what paper and browsers without scripts
-show (in a page of many figures it is packed, and scripts must run), and the description that
-plotly.js draws over it when the figure comes into sight.
+Each figure is in the page twice: as static SVG for paper and browsers without scripts (compressed
+in a page of many figures), and as the description that plotly.js draws over it when the figure
+becomes visible.
 """
 
 import base64

@@ -1,7 +1,7 @@
 """A figure for the screen: its description for plotly.js, as plain data.
 
-plotly's Python package is not used: it checks each property, at a tenth of a second for a figure.
-The tests let it check what is written here.
+plotly's Python package is not used at run time, because it validates each property, a tenth of a
+second per figure. The tests validate the output with it.
 """
 
 from __future__ import annotations

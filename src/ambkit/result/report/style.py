@@ -1,8 +1,7 @@
 """Style of each signal: one table for all figures, on screen and on paper.
 
-Colours follow Okabe and Ito (2008), who chose them for the colour-blind; blue is a little darker
-here. No two lines that meet in a figure rely on colour alone: they differ in dash or in lightness
-too, so that a grey print reads.
+Colours follow Okabe and Ito (2008), suitable for colour blindness, with a slightly darker blue.
+Lines in a figure also differ in dash or lightness, so that grey prints are legible.
 """
 
 import difflib

@@ -1,10 +1,10 @@
 """Homopolar radial bearing: two planes of poles of opposite polarity, with a bias between them.
 
-The field is three-dimensional. It is modelled by the section of one plane: the bias flux comes
-into its rotor along the axis, evenly over the iron, and leaves its back iron in the same way. Both
-planes, the magnet or bias coil and the rotor's iron between the planes are one magnetic circuit,
-solved with the section. Left out: leakage between the planes and around their ends, the reluctance
-of the stator's iron between them, and saturation by the axial flux within a plane.
+The field is three-dimensional. It is modelled by the section of one plane: the bias flux enters the
+rotor axially, uniformly over the iron, and leaves through the back iron likewise. Both planes, the
+magnet or bias coil and the rotor's iron between the planes form one magnetic circuit, solved
+together with the section. Neglected: leakage between the planes and around their ends, the
+reluctance of the stator's iron between them, and saturation by the axial flux within a plane.
 """
 
 from __future__ import annotations

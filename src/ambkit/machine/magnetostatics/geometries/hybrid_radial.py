@@ -1,7 +1,7 @@
 """Heteropolar radial bearing with permanent magnets in separate poles.
 
 The magnets drive the bias flux in through their four poles and out through the four on the axes.
-Coils of opposite poles, in series, add to it on one side and take from it on the other. Their flux
+Coils of opposite poles, in series, increase it on one side and decrease it on the other. Their flux
 does not cross the magnets.
 """
 

@@ -1,7 +1,7 @@
 """Thrust bearing with a radially magnetised ring around its disc.
 
-The ring drives the bias flux through a shoe into the rim of the disc, which it leaves through both
-air gaps; the coils of both sides, in series, add to it in one gap and take from it in the other.
+The ring drives the bias flux through a shoe into the rim of the disc and out through both air gaps;
+the coils of both sides, in series, increase it in one gap and decrease it in the other.
 """
 
 from __future__ import annotations
