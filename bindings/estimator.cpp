@@ -310,6 +310,7 @@ void bind_flags(nb::module_ &m)
   m.attr("NOISE_LIMIT") = AMB_NOISE_LIMIT;
   m.attr("RESTARTED") = AMB_RESTARTED;
   m.attr("CONTACT") = AMB_CONTACT;
+  m.attr("MIRRORED") = AMB_MIRRORED;
 }
 
 } // namespace

@@ -211,13 +211,17 @@ struct Estimator {
       usual.assign(kf.set.var_d, kf.set.var_d + sizes().noises);
     return model.by(kf, *static_cast<amb_kalman_state *>(of), heard);
   }
-  // The same for sample k of a record: speeds (n,) [rad/s], or information (n, HEARD).
-  void turn_at(Model &model, const amb_real *speed, size_t k, bool heard)
+  // The same for sample k of a record: speeds (n,) [rad/s], or information (n, HEARD). Returns
+  // whether the rotor is found to spin against that information.
+  bool turn_at(Model &model, const amb_real *speed, size_t k, bool heard)
   {
-    if (k > 0 && heard)
-      turn_by(model, state(), speed + k * HEARD);
-    else if (k > 0)
+    if (k > 0 && heard) {
+      const amb_real *now = speed + k * HEARD;
+      return turn_by(model, state(), now) * now[HEARD - 1] < 0;
+    }
+    if (k > 0)
       turn(model, speed[k - 1], speed[k]);
+    return false;
   }
   // Restore the model for its original speed, with the same bits.
   void stand(Model &model, const Vector &still)

@@ -101,8 +101,9 @@ Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Sam
     nb::gil_scoped_release release;
     for (size_t k = 0; k < in.n; k++) {
       const amb_real *acted = k > 0 ? in.u + (k - 1) * c : nullptr;
-      self.turn_at(model, speed.data(), k, heard);
+      const bool mirrored = self.turn_at(model, speed.data(), k, heard);
       (void)amb_estimator_step(&self.estimator, self.state(), in.y + k * m, acted, &self.result);
+      self.result.status |= mirrored ? AMB_MIRRORED : AMB_OK;
       amb_estimator_note(&self.estimator, self.state(), &self.result, k, &history.to);
     }
   }

@@ -197,6 +197,10 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
       direct[r] = faults->beside ? direct[r] : s.y[r];
     }
     sense(loop, &s, estimator, &sample, direct, told);
+    if ((sample.heard != NULL) && (s.speed * sample.heard[AMB_HEARD - 1] < 0)) {
+      s.status |= AMB_MIRRORED;
+      s.result.status |= AMB_MIRRORED;
+    }
     for (size_t c = 0, at = k * axes(loop); c < axes(loop); c++, at++)
       told[c] = faults != NULL ? faults->u_times[at] * s.u[c] + faults->u_plus[at] : s.u[c];
     out->at_stop[k] =

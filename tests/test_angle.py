@@ -18,6 +18,7 @@ from ambkit import (
     Machine,
     Record,
     Scenario,
+    Status,
     simulate,
 )
 from ambkit.base.errors import AmbkitError, RecordError
@@ -25,6 +26,7 @@ from ambkit.data.reading.role_names import role_of
 from ambkit.estimate.angle import (
     AngleEstimate,
     AngleStatus,
+    angle_notes,
     angle_settings,
     estimate_angle,
     readings_of,
@@ -323,9 +325,15 @@ def test_unbalance_and_runout_show_the_direction(way):
     ramp = Constant(value=way * 300.0) + Ramp(slope=way * 300.0)
     flight = Scenario(duration=0.8, seed=4, speed=ramp)
     usual, _ = slow_error(clean, simulate(clean, flight).record, settled=4000)
-    ours, estimate = slow_error(dirty, simulate(dirty, flight).record, *BOTH, settled=4000)
+    record = simulate(dirty, flight).record
+    ours, estimate = slow_error(dirty, record, *BOTH, settled=4000)
     assert ours < 1.1 * usual
     assert estimate.std("U1_x")[-1] < 0.2 * estimate.std("U1_x").max()
+    mirrored = (estimate.status & Status.MIRRORED) > 0
+    assert (mirrored[-1], mirrored.any()) == (way < 0, way < 0)
+    notes = [text for text in angle_notes(dirty, record, {"kf": estimate}) if "spins" in text]
+    first = [f"first at {t:.4g} s" for t in record.t[mirrored][:1]]
+    assert [text[text.index("first") :].partition(";")[0] for text in notes] == first
 
 
 def test_a_steady_speed_does_not_separate_unbalance_from_runout():
@@ -459,8 +467,9 @@ int main(void)
   f_init(&state);
   while (fread(y, sizeof y, 1, stdin) == 1 && fread(&reading, sizeof reading, 1, stdin) == 1) {{
     (void)f_hear(&state, reading);
-    (void)f_step(&state, y, u, &estimates);
+    const double mirrored = (f_step(&state, y, u, &estimates) & AMB_MIRRORED) > 0U;
     (void)fwrite(state.filter.mean, sizeof state.filter.mean, 1, stdout);
+    (void)fwrite(&mirrored, sizeof mirrored, 1, stdout);
     (void)fread(u, sizeof u, 1, stdin);
   }}
   return 0;
@@ -493,7 +502,7 @@ def test_the_exported_step_hears_it_to_the_last_bit(kind, more, tmp_path):
     one, _ = spoilt({"type": kind, "latency": "2 ms", "acceleration": "250 rad/s^2"} | more)
     way = -1 if "reverses" in more else 1
     speed = Constant(value=way * 300.0) + Ramp(slope=way * 500.0)
-    flight = Scenario(duration=0.1, speed=speed)
+    flight = Scenario(duration=0.1 if way > 0 else 0.3, speed=speed)
     record = simulate(one, flight).record
     made = export_c(one, None, tmp_path, kind="linear", prefix="f", precision="double",
                     synchronous=BOTH)  # fmt: skip
@@ -506,6 +515,8 @@ def test_the_exported_step_hears_it_to_the_last_bit(kind, more, tmp_path):
     y, u = kf.view.signals(record)
     rows = np.column_stack([y, record[one.angle.channel[0]], u])
     done = subprocess.run([tmp_path / "driver"], input=rows.tobytes(), capture_output=True)
-    mean = np.frombuffer(done.stdout).reshape(len(y), -1)
-    np.testing.assert_array_equal(mean, kf.run(record).mean)
+    out, run = np.frombuffer(done.stdout).reshape(len(y), -1), kf.run(record)
+    mirrored = (run.status & Status.MIRRORED) > 0
+    np.testing.assert_array_equal(out, np.column_stack([run.mean, mirrored]))
+    assert mirrored[-1] == (way < 0)
     assert all(a <= b for a, b in pairwise(record.t))

@@ -376,4 +376,9 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
   return by.now;
 }
 
+amb_status amb_direction_status(const amb_direction *direction, amb_real speed)
+{
+  return (direction->mirrored && (amb_magnitude(speed) > AMB_C(0.0))) ? AMB_MIRRORED : AMB_OK;
+}
+
 #endif

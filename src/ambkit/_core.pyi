@@ -136,6 +136,8 @@ RESTARTED: int = 2048
 
 CONTACT: int = 4096
 
+MIRRORED: int = 8192
+
 class Estimator:
     """One of the family (ambkit/estimator.h)."""
 

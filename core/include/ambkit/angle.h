@@ -25,7 +25,6 @@ AMB_EXTERN_C_BEGIN
 #define AMB_ANGLE_LOST 2U      /* the angle is not known to a sixth of the marks' distance */
 #define AMB_ANGLE_ASSUMED 4U   /* the direction is that of before: pulses do not tell it */
 #define AMB_ANGLE_RESTARTED 8U /* started afresh from the last readings */
-#define AMB_ANGLE_MIRRORED 16U /* the filter found the other direction */
 
 typedef enum amb_angle_sensor {
   AMB_ANGLE_PULSES,  /* marks that pass, `per_turn` of them */

@@ -19,7 +19,8 @@ typedef unsigned int amb_status;
 #define AMB_NOISE_LIMIT 1024U /* the noise estimated online is at the end of its range */
 #define AMB_RESTARTED                                                                              \
   2048U /* restarted from this measurement after many outliers, or without information */
-#define AMB_CONTACT 4096U /* the rotor was predicted in contact with a touch-down bearing */
+#define AMB_CONTACT 4096U  /* the rotor was predicted in contact with a touch-down bearing */
+#define AMB_MIRRORED 8192U /* the rotor spins against the direction in which pulses were read */
 
 /* Of a measurement: it was rejected; or nothing can be learned from its innovation. */
 #define AMB_UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER)

@@ -95,6 +95,9 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
                     amb_kalman_state *state, amb_real numbers[], amb_direction *direction,
                     const amb_rotation *rotation);
 
+/* AMB_MIRRORED where the rotor is found to spin against its readings, at a speed other than 0. */
+amb_status amb_direction_status(const amb_direction *direction, amb_real speed);
+
 AMB_EXTERN_C_END
 
 #endif

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import IntFlag
 from typing import Any
@@ -14,6 +14,8 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import percent
 from ambkit.data.record import Record
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.status import Status
 from ambkit.machine.angle_sensor import SENSORS, AngleSensor
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
@@ -28,7 +30,6 @@ class AngleStatus(IntFlag):
     LOST = 2  #: The angle is not known to a sixth of the marks' distance.
     ASSUMED = 4  #: The direction is that of before: pulses do not tell it.
     RESTARTED = 8  #: Started afresh from the last readings.
-    MIRRORED = 16  #: The filter found the other direction: of exported C only.
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,9 +189,21 @@ def estimate_angle(
     return replace(estimate, t=np.asarray(record.t))
 
 
-def angle_notes(machine: Machine, record: Record) -> Iterator[str]:
-    """Yield for how long the rotor's angle is not known."""
-    if machine.angle is not None and (lost := estimate_angle(machine, record).lost).any():
+def angle_notes(
+    machine: Machine, record: Record, estimates: Mapping[str, Estimate]
+) -> Iterator[str]:
+    """Yield for how long the rotor's angle is lost, and which filters, by name, mirrored it."""
+    if machine.angle is None:
+        return
+    for name, one in estimates.items():
+        mirrored = (one.status & np.uint16(Status.MIRRORED)) > 0
+        if mirrored.any():
+            yield (
+                f"{name}: the unbalance shows that the rotor spins against the direction in which "
+                f"its pulses were read, in {percent(mirrored.mean())} of the samples, first at "
+                f"{one.t[mirrored][0]:.4g} s; what rotates with it was estimated anew there"
+            )
+    if (lost := estimate_angle(machine, record).lost).any():
         yield (
             f"the rotor's angle is lost in {percent(lost.mean())} of the samples, last at "
             f"{record.t[lost][-1]:.4g} s: unbalance control is off there"

@@ -22,3 +22,4 @@ class Status(IntFlag):
     NOISE_LIMIT = 1024  #: the noise estimated online is at the end of its range
     RESTARTED = 2048  #: restarted: from this measurement, or without information
     CONTACT = 4096  #: the rotor was predicted in contact with a touch-down bearing
+    MIRRORED = 8192  #: the rotor spins against the direction in which its pulses were read

@@ -103,7 +103,8 @@ def filtered(
     }  # fmt: skip
     for name, one in result.estimators.items():
         remarks += [*_of_tuning(one), *(f"{name}: {text}" for text in sentences(adequacy[name]))]
-    remarks += [*angle_notes(plant, log), *_warnings(result, len(log))]
+    estimates = {name: one.evaluation.estimate for name, one in result.estimators.items()}
+    remarks += [*angle_notes(plant, log, estimates), *_warnings(result, len(log), estimates)]
     source = str(record) if isinstance(record, str | os.PathLike) else ""
     return replace(result, source=source, adequacy=adequacy, remarks=remarks)
 
@@ -261,7 +262,7 @@ def _of_tuning(one: Filtered) -> Iterator[str]:
         )
 
 
-def _warnings(result: Filtering, samples: int) -> Iterator[str]:
+def _warnings(result: Filtering, samples: int, estimates: Mapping[str, Estimate]) -> Iterator[str]:
     """Yield mismatches of filter and record, and missing signals."""
     left = samples - len(result.record)
     if left:
@@ -272,7 +273,6 @@ def _warnings(result: Filtering, samples: int) -> Iterator[str]:
             f"the control signal is missing in {lost} of {len(result.record)} samples, at most "
             f"{in_a_row} in a row: the filters hold the last one, and are overconfident there"
         )
-    estimates = {name: one.evaluation.estimate for name, one in result.estimators.items()}
     yield from contact_notes(result.machine, result.record, estimates)
     gap = max(placed.magnet.air_gap for placed in result.machine.bearings)
     for name, one in result.estimators.items():

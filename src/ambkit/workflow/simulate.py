@@ -219,9 +219,9 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
     if plain is not None:
         yield plain
     if run.estimate is not None:
-        name = filter.name if filter is not None else "the filter"
-        yield from contact_notes(machine, run.record, {name: run.estimate})
-        yield from angle_notes(machine, run.record)
+        estimates = {filter.name if filter is not None else "the filter": run.estimate}
+        yield from contact_notes(machine, run.record, estimates)
+        yield from angle_notes(machine, run.record, estimates)
     if touched and scenario.start == "levitated":
         yield _of_the_stop(run)
         if machine.speed:
