@@ -420,6 +420,32 @@ def test_controllers_hear_the_angle():
     assert synchronous(run) < synchronous(known) + 0.1 * synchronous(plain)
 
 
+@pytest.mark.parametrize(("unbalance", "most"), [("off", 1.5), ("force-free", 1.6)])
+def test_an_encoder_is_lost_and_comes_back_without_a_jump(unbalance, most, monkeypatch):
+    """Of the current: control by the estimate goes on, force-free control comes back."""
+    sensor = {"type": "encoder", "per_turn": 1024, "acceleration": "1000 rad/s^2"}
+    dirty, _ = spoilt(sensor)
+
+    def with_gap(*given):
+        readings = angle_readings(*given)
+        readings[3000:6000] = np.nan
+        return readings
+
+    monkeypatch.setattr("ambkit.simulation.run.angle_readings", with_gap)
+    flight = Scenario(duration=0.8, seed=4, controller={"unbalance": unbalance}).fed("estimate")
+    kf = ExtendedKalmanFilter(dirty, synchronous=BOTH)
+    run = simulate(dirty, flight, filter=kf)
+    lost = estimate_angle(dirty, run.record).heard[:, 5] > 0
+    assert lost[5500:6000].all()
+    assert not lost[6001:].any()
+    current = np.abs([run.record[f"iu_{axis.name}"] for axis in dirty.axes]).max(axis=0)
+    parts = (2500, 3000), (3000, 6000), (6000, 6200), (7500, 8000)
+    before, meanwhile, back, after = (current[slice(*part)].max() for part in parts)
+    assert meanwhile < 1.3 * before
+    assert back < most * before
+    assert after < 1.03 * before
+
+
 def test_a_record_without_readings_is_refused():
     dirty, clean = spoilt(PULSES)
     record = simulate(clean, Scenario(duration=0.05)).record

@@ -204,27 +204,68 @@ static void follow(const amb_synchronous *pair, const amb_speed_error *error, am
   }
 }
 
-/* The pairs, and all that was estimated without them and has their share: bending and readings too,
- * or they separate unbalance from runout, which nothing does at a steady speed. */
-static void widen(const amb_model *model, const amb_speed_error *error, amb_real speed,
-                  amb_real process_noise[])
+#define TURN AMB_C(6.283185307179586)
+
+/* Turns after which the size of a pair is known. */
+#define SIZED AMB_C(8.0)
+
+/* Greatest mean squares of pairs, whatever their phase, over that of a start: of those that act by
+ * themselves, as runout does, and by the speed, as unbalance does. */
+static void size_of(const amb_model *model, const amb_speed_error *error,
+                    const amb_kalman_state *state, amb_real size[2])
 {
   const int n = amb_states(model);
+  size[0] = AMB_C(0.0);
+  size[1] = AMB_C(0.0);
+  for (int k = 0; k < error->pairs; k++) {
+    const int at = error->pair[k].state;
+    const int which = (error->pair[k].power > AMB_C(0.0)) ? 1 : 0;
+    amb_real sum = AMB_C(0.0);
+    for (int i = at; i < (at + 2); i++) {
+      sum += (state->mean[i] * state->mean[i]) + state->cov[amb_entry(n, i, i)];
+    }
+    const amb_real over = sum / (AMB_C(2.0) * (error->std[at] * error->std[at]));
+    size[which] = amb_at_least(amb_at_most(over, AMB_C(1.0)), size[which]);
+  }
+}
+
+/* Note the size of the pairs where the angle is lost, and how far they have turned. */
+static void note_size(const amb_model *model, const amb_speed_error *error,
+                      const amb_kalman_state *state, const amb_rotation *rotation, amb_real T,
+                      amb_direction *direction)
+{
+  const bool begins = rotation->lost || rotation->afresh || !(direction->passed >= AMB_C(0.0));
+  if (rotation->lost && (direction->passed > (SIZED * TURN))) {
+    size_of(model, error, state, direction->size);
+  }
+  direction->passed =
+      begins ? AMB_C(0.0) : (direction->passed + (amb_magnitude(rotation->speed) * T));
+}
+
+/* The pairs, and all that was estimated without them and has their share: bending and readings too,
+ * or they separate unbalance from runout, which nothing does at a steady speed. By the size of the
+ * pairs, where it is known; velocities by that of unbalance, and what displacements make of them.
+ */
+static void widen(const amb_model *model, const amb_speed_error *error, const amb_real size[2],
+                  amb_real square_speed, amb_real process_noise[])
+{
+  const int n = amb_states(model);
+  const amb_real most = amb_at_least(size[0], size[1]);
+  const bool sized = (most > AMB_C(0.0)) && (most < AMB_C(1.0));
   int next = amb_first(model, AMB_VELOCITY);
   for (int i = 0; i < n; i++) {
     const amb_role role = amb_model_role(model, i);
-    const amb_real variance = error->std[i] * error->std[i];
+    const amb_real share = sized ? ((role == AMB_VELOCITY) ? size[1] : most) : AMB_C(1.0);
+    const amb_real variance = share * (error->std[i] * error->std[i]);
     if ((role != AMB_KNOWN) && (i != error->state)) {
       process_noise[amb_entry(n, i, i)] += variance;
     }
     if ((role == AMB_POSITION) && (next >= 0) && (next < n)) {
-      process_noise[amb_entry(n, next, next)] += (speed * speed) * variance;
+      process_noise[amb_entry(n, next, next)] += square_speed * variance;
       next++;
     }
   }
 }
-
-#define TURN AMB_C(6.283185307179586)
 
 /* Turns within which corrections count, and how large their sum is beyond chance: in units of what
  * it is by noise, and of the sum that turns forwards. */
@@ -355,6 +396,9 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
   const amb_real known = ((at < 0) || by.lost || by.afresh) ? AMB_C(0.0) : state->mean[at];
   const amb_real speed = by.speed + known;
   amb_turning_to(nodes, speed, by.acceleration, numbers);
+  if ((at >= 0) && !watched) {
+    note_size(&kf->model, error, state, rotation, kf->set.T, direction);
+  }
   amb_real *own = (at < 0) ? NULL : entry(&kf->model, numbers, at, at);
   if (own != NULL) {
     *own = by.kept;
@@ -371,7 +415,10 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
   }
   amb_model_growth(&kf->model, kf->set.var_d, kf->growth);
   if (by.afresh && (error->std != NULL)) {
-    widen(&kf->model, error, by.now, kf->growth);
+    static const amb_real unknown[2] = {AMB_C(0.0), AMB_C(0.0)};
+    const amb_real *size = watched ? unknown : direction->size;
+    const amb_real speed_variance = watched ? AMB_C(0.0) : by.noise;
+    widen(&kf->model, error, size, (by.now * by.now) + speed_variance, kf->growth);
   }
   return by.now;
 }

@@ -68,8 +68,11 @@ typedef struct amb_speed_error {
   bool reverses;       /* no reading tells the direction (AMB_ANGLE_ASSUMED) */
 } amb_speed_error;
 
-/* The direction of rotation by the pairs, where no reading tells it. All zero at the start. */
+/* What is kept of the pairs from sample to sample: their size before the angle was lost, and where
+ * no reading tells the direction of rotation, that. All zero at the start. */
 typedef struct amb_direction {
+  amb_real size[2];      /* greatest mean square of runout and of unbalance over that of a start
+                          * [1]; 0: unknown */
   bool mirrored;         /* the rotor turns the other way than the readings were taken for */
   amb_real abandoned;    /* share of corrections that turned back when that was last changed [1] */
   amb_real predicted[2]; /* sum of the pairs of first order at the next sample ... */
@@ -86,7 +89,8 @@ typedef struct amb_direction {
  * d, and the pairs Z turn by n T d beside the known angle: the column of L for d is the derivative
  * n T J L Z, and by the force of unbalance 2 speed / (speed^2 + |growth|) L Z, which is no pole at
  * zero; what d has done already is taken back. Where the angle is known again, error and pairs
- * begin afresh, and nothing but currents is surer than at a start: it was estimated without them.
+ * begin afresh, and nothing but currents is surer than at a start, or where the direction is known,
+ * than pairs of the size of before let it be: it was estimated without them.
  *
  * A rotor that turns the other way shows: the corrections of the pairs go round with it. Then speed
  * and growth change their sign, and the pairs begin afresh. Returns the speed at the sample
