@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 
 from ambkit import Machine, Record
 from ambkit.base.errors import ConfigError
-from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.identification.maximum_likelihood.load_steps import fit_between_load_steps
 from ambkit.identification.maximum_likelihood.parameters import usual
-from ambkit.identification.maximum_likelihood.structure import examine
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.workflow.identify import starting_model
 
@@ -228,10 +227,11 @@ def judged(case: Case, record: Record) -> Outcome:
     """Identify a record by its description, and test its structure."""
     start = starting_model(MACHINES[case.machine][0])
     try:
-        found = maximum_likelihood(record, start, usual(start), improve_start=False, profile=False)
+        _, _, structure = fit_between_load_steps(
+            [record], start, usual(start), improve_start=False, profile=False
+        )
     except ConfigError:
         return Outcome(case, ["refused"])
-    structure = examine(found, [record])
     names = structure.suspect.split(", ") if structure.suspect else []
     if not case.wrong:
         return Outcome(case, names)

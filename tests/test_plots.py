@@ -175,11 +175,15 @@ def test_lift_off_points_lie_off_the_law_by_their_residuals():
 def test_a_training_shows_its_curve_and_its_error(bearing):
     stiff = ambkit.stiffness_map(bearing)
     expert = ambkit.train(stiff).expert
-    curve, error, *_ = training_figure(expert, stiff).panels
+    curve, error, slope, *_ = training_figure(expert, stiff).panels
     (line,) = (item for item in curve.items if isinstance(item, Line))
     np.testing.assert_array_equal(line.y, expert.learning_curve)
     (surface,) = (item for item in error.items if isinstance(item, Heatmap))
     assert np.sqrt(np.mean(surface.z**2)) == pytest.approx(stiff.force_rms(expert.force), rel=0.1)
+    assert slope.title.startswith("tangent $k_i$")
+    [k_i] = [item for item in slope.items if isinstance(item, Heatmap)]
+    force = expert.force(*np.meshgrid(k_i.x, k_i.y))
+    np.testing.assert_allclose(k_i.z, np.gradient(force, k_i.x, axis=1), rtol=0.05)
 
 
 def test_a_comparison_shows_mean_and_spread(bearing, scenario):

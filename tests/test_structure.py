@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.base.units import engineering
 from ambkit.identification.maximum_likelihood.alternatives import play
+from ambkit.identification.maximum_likelihood.load_steps import (
+    fit_between_load_steps,
+    names_of_parts,
+)
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS, named, usual
 from ambkit.identification.maximum_likelihood.structure import examine
 from ambkit.machine.axes import with_axis
@@ -19,8 +23,8 @@ QUICK = ("hysteresis", "payload", "")
 
 def examined(case, record):
     start = starting_model(MACHINES[case.machine][0])
-    found = maximum_likelihood(record, start, usual(start), improve_start=False, profile=False)
-    return examine(found, [record])
+    options = {"improve_start": False, "profile": False}
+    return fit_between_load_steps([record], start, usual(start), **options)[2]
 
 
 def test_wrong_structures_are_named_and_a_right_one_is_not():
@@ -79,6 +83,30 @@ def test_a_wrong_structure_is_not_called_good():
     assert any(note.startswith("Friction of ") for note in found.notes)
     half = record.between(0.3, 0.7)
     assert not found.validate(half).validation[0].good
+
+
+@pytest.mark.parametrize(
+    ("machine", "step", "load", "seed"),
+    [
+        ("zittau_axial", "0.3 mm", "3 N", 101),
+        pytest.param("zittau_axial", "0.3 mm", "3 N", 0, marks=pytest.mark.long),
+        pytest.param("inteco_ml", None, "0.36 N", 0, marks=pytest.mark.long),
+    ],
+)
+def test_a_load_step_is_no_defect_and_its_record_is_identified_in_parts(machine, step, load, seed):
+    described = ambkit.preset(machine)
+    record = ambkit.simulate(described, step=step, disturbance=load, seed=seed).record
+    start = starting_model(described)
+    found, parts, structure = fit_between_load_steps([record], start, usual(start), profile=False)
+    assert structure.suspect == ""
+    assert len(parts) == 2
+    assert parts[1].t[0] == pytest.approx(record.t[-1] / 2, abs=20 * described.sampling_time)
+    assert sum(map(len, parts)) == len(record)
+    names = names_of_parts(["a.csv"], [record], parts)
+    assert names == ["a.csv", f"a.csv from {engineering(parts[1].t[0], 's', 3)}"]
+    if "magnet_constant" in {p.name for p in found.parameters}:
+        off = found["magnet_constant"] - described.magnet.magnet_constant
+        assert abs(off) < 3 * found.standard_error("magnet_constant")
 
 
 @pytest.mark.long

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ambkit import _core
 from ambkit.base.arrays import Array
 from ambkit.base.escaping import markdown
 from ambkit.machine.stiffness import StiffnessMap
@@ -73,10 +74,18 @@ def _learning(expert: Any) -> Panel:
 
 
 def _stiffnesses(expert: Any, iu: Array, x: Array) -> list[Panel]:
-    k_i, k_s = expert.stiffness(*np.meshgrid(iu, x))
+    """Plot the slopes of the force, and the stiffnesses of the rules."""
+    grid = np.meshgrid(iu, x)
+    slopes = expert.in_core(_core).tangent(*(axis.ravel() for axis in grid))
+    kinds = {
+        "tangent {}, the slope of the force": [k.reshape(grid[0].shape) for k in slopes],
+        "chord {}, from the origin to the force": expert.stiffness(*grid),
+    }
+    values = Axis("$k_i$", "N/A"), Axis("$k_s$", "N/mm", 1e-3)
     return [
-        Panel(CURRENT, PLACE, [Heatmap(iu, x, k_i, Axis("$k_i$", "N/A"))], title="$k_i$"),
-        Panel(CURRENT, PLACE, [Heatmap(iu, x, k_s, Axis("$k_s$", "N/mm", 1e-3))], title="$k_s$"),
+        Panel(CURRENT, PLACE, [Heatmap(iu, x, k, axis)], title=title.format(axis.label))
+        for title, pair in kinds.items()
+        for k, axis in zip(pair, values, strict=True)
     ]
 
 

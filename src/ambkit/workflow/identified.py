@@ -24,6 +24,7 @@ from ambkit.identification.forces.force_map import ForceMap, force_map
 from ambkit.identification.maximum_likelihood import figures as plots
 from ambkit.identification.maximum_likelihood.axis_model import AxisModel
 from ambkit.identification.maximum_likelihood.baselines import FROM_THE_PAST, errors_from_the_past
+from ambkit.identification.maximum_likelihood.load_steps import cut_at_load_steps, names_of_parts
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.structure import Structure
@@ -53,6 +54,7 @@ class Identified(Result):
 
     prior: Machine  #: Prior of the axis, without the noise of `rest`.
     records: Sequence[Record]  #: Records used for identification.
+    parts: Sequence[Record]  #: The same, cut where the disturbance force steps.
     likelihood: MaximumLikelihood  #: Maximum likelihood fit.
     #: Validation on each of the other records, or on `records` if there are none.
     validation: Sequence[Validation]
@@ -71,7 +73,9 @@ class Identified(Result):
         others = all_of_type(Record, records=list(records))
         check_disjoint(others, self.records)
         others = [self.likelihood.model.record(record) for record in others]
-        checks = validations(self.likelihood, self.records, others, suspect=self.structure.suspect)
+        checks = validations(
+            self.likelihood, self.records, self.parts, others, suspect=self.structure.suspect
+        )
         return replace(self, validation=checks, on_others=True)
 
     @cached_property
@@ -101,7 +105,7 @@ class Identified(Result):
             return self.forces
         check_mappable(self.machine)
         result = self.likelihood
-        return force_map(result.model, self.records, settling=result.settling)
+        return force_map(result.model, self.parts, settling=result.settling)
 
     @property
     def isolated(self) -> Machine:
@@ -229,6 +233,12 @@ class Identified(Result):
     def notes(self) -> list[str]:
         where = "" if self.on_others else ", the identification record"
         notes = [*self.structure.notes, *self.likelihood.notes]
+        begins = {record.t[0] for record in self.records}
+        if steps := [part.t[0] for part in self.parts if part.t[0] not in begins]:
+            times = ", ".join(engineering(t, "s", 3) for t in steps)
+            notes.insert(
+                0, f"The disturbance force steps at {times}: its value after it is identified too."
+            )
         notes += [f"{sentence}." for sentence in self.of_the_zeros]
         problems = {name: why for name, why in self.rest.items() if isinstance(why, str)}
         notes += [f"{name} at rest: {why}" for name, why in problems.items()]
@@ -277,7 +287,7 @@ class Identified(Result):
         return data
 
     def figures(self) -> list[Figure]:
-        record, first = self.records[0], self.validation[0]
+        record, first = self.parts[0], self.validation[0]
         model = self.likelihood.model
         return [
             plots.identified_figure(self.likelihood, self.validation),
@@ -297,18 +307,19 @@ def check_disjoint(others: Sequence[Record], records: Sequence[Record]) -> None:
 
 
 def validations(
-    result: MaximumLikelihood, fitted_to: Sequence[Record], records: Sequence[Record],
-    names: Sequence[str] | None = None, suspect: str = "",
+    result: MaximumLikelihood, records: Sequence[Record], parts: Sequence[Record],
+    others: Sequence[Record] = (), names: Sequence[str] | None = None, suspect: str = "",
 ) -> list[Validation]:  # fmt: skip
-    """Validate an identified model on each of some records."""
-    names = names or [f"record {number}" for number in range(1, len(records) + 1)]
+    """Validate an identified model on other records or its own, between force steps."""
+    judged, pieces = (others, cut_at_load_steps(result, others)) if others else (records, parts)
+    names = names or [f"record {number}" for number in range(1, len(judged) + 1)]
     model, checks = result.model, []
-    for name, record in zip(names, records, strict=True):
+    for name, record in zip(names_of_parts(names, judged, pieces), pieces, strict=True):
         check = validate(model, record, start=result.start, settling=result.settling, name=name)
         check = replace(check, suspect=suspect)
         if not isinstance(model, AxisModel):
             settling = round(result.settling / record.sampling_time)
-            past = errors_from_the_past(model, fitted_to, record, settling)
+            past = errors_from_the_past(model, parts, record, settling)
             check = replace(check, from_the_past=past)
         checks.append(check)
     return checks

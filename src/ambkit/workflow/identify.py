@@ -21,10 +21,9 @@ from ambkit.identification.coil import CoilFit, fit_coil
 from ambkit.identification.corpus.corpus import Corpus, identify_corpus
 from ambkit.identification.forces.force_map import force_map
 from ambkit.identification.maximum_likelihood.axis_model import AxisModel
-from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
+from ambkit.identification.maximum_likelihood.load_steps import fit_between_load_steps
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named, usual
-from ambkit.identification.maximum_likelihood.structure import examine
 from ambkit.identification.noise import Noise, StandstillNoise, standstill_noise
 from ambkit.identification.online import comparison
 from ambkit.judge.adequacy import judge_adequacy, sentences
@@ -85,21 +84,22 @@ def identify(
         check_mappable(machine)
     records, others = ([start.record(one) for one in item] for item in (records, others))
     try:
-        result = maximum_likelihood(records, start, looked_for, lines=machine.single, note=note)
+        result, parts, structure = fit_between_load_steps(
+            records, start, looked_for, lines=machine.single, note=note
+        )
     except ConfigError as error:
         raise AmbkitError(
             f"the most likely parameters are not physical ({error}): is the rotor in contact, or "
             "are the records of another machine?"
         ) from None
-    note("testing the structure")
-    structure = examine(result, records)
-    checks = validations(result, records, others or records, names, structure.suspect)
+    checks = validations(result, records, parts, others, names, structure.suspect)
     forces = None
     if map_forces:
-        forces = force_map(result.model, records, nodes=nodes, settling=result.settling, note=note)
+        forces = force_map(result.model, parts, nodes=nodes, settling=result.settling, note=note)
     return Identified(
         isolated(machine, axis),
         records,
+        parts,
         result,
         checks,
         bool(others),

@@ -94,6 +94,7 @@ class Alternative:
     signal: Array  #: (n,) At the filter's steps: force [N] or reading [m], for unit size.
     where: str = ""  #: Its scale, in words.
     scale: float = 1.0  #: Factor from that of `signal` to a size in the unit of the kind.
+    begins: int = 0  #: Sample at which it begins.
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +184,7 @@ def change(motion: Motion, sample: int) -> Alternative:
 def jump(motion: Motion, kind: str, sample: int) -> Alternative:
     """Return a jump of the disturbance force or the sensor's zero at a sample."""
     where = engineering(motion.t[sample * motion.model.substeps], "s", 3)
-    return Alternative(KINDS[kind], motion.after(sample), where)
+    return Alternative(KINDS[kind], motion.after(sample), where, begins=sample)
 
 
 def _of_law(motion: Motion) -> Iterator[Alternative]:

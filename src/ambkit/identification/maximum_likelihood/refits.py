@@ -46,6 +46,8 @@ class Departure:
     statistic: float  #: Twice the gain of log likelihood.
     limit: float  #: Limit for chance.
     error: float = 0.0  #: Standard error of the size; 0: unknown.
+    record: int = 0  #: Number of its record, and sample at which it begins, if at any.
+    begins: int = 0
 
     @property
     def text(self) -> str:
@@ -105,13 +107,16 @@ class Refits:
             return None
         return maximise(self.data, self.model.replace(**usual), rest)
 
-    def needs_offsets(self, centred: Optimum) -> bool:
-        """Whether offsets gain more than they cost (BIC), and than they are unusual."""
+    def gain_of_offsets(self, centred: Optimum) -> float:
+        """Return twice the gain of log likelihood by offsets, less their cost (BIC)."""
         count = len(self.parameters) - len(centred.likelihood.coordinates.parameters)
+        return 2 * (self.value - centred.value) - count * math.log(max(centred.samples, 1))
+
+    def needs_offsets(self, centred: Optimum) -> bool:
+        """Whether offsets gain more than they cost, and than they are unusual."""
         usual = USUAL_OFFSET * self.start.isolated.clearance
         unusual = (self.model.position_offset - self.start.position_offset) / usual
-        cost = count * math.log(max(centred.samples, 1)) + unusual**2
-        return 2 * (self.value - centred.value) > cost
+        return self.gain_of_offsets(centred) > unusual**2
 
     def lag(self) -> Iterator[Departure]:
         """Yield a current lag that was attributed to the sensor."""

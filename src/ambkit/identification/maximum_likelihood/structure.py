@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.base.arrays import Array
+from ambkit.base.arrays import Array, Bools
 from ambkit.data.reading.faults import without_spikes
 from ambkit.data.record import Record
 from ambkit.estimate.batch import run_many
@@ -32,11 +32,12 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named, usual
 from ambkit.identification.maximum_likelihood.refits import Departure, Refits, implausible
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
+from ambkit.identification.maximum_likelihood.search import maximise
 from ambkit.machine.magnets import own_time
 from ambkit.result.row import Row, put
 
 MOST = 4  #: Maximum number of named structures.
-FULL = 100.0  #: Maximum size of a relative structure [%].
+FULL = 1.0  #: Maximum size of a relative structure [1].
 SMALL = 1e-4  #: Excluded shares of the bias current and of the sensor's noise as divisors.
 JUMPS = ("load jump", "sensor jump")
 SETTLED = 20.0  #: Time constants of the plant after which a jump has no effect.
@@ -103,8 +104,11 @@ class _Tests:
     information: Array  #: (p, p) And the score (p,) of the priors.
     pull: Array
     kinds: list[Alternative]
+    owners: list[int]  #: Records of those that begin at a sample.
     by_structures: Array  #: (c, n)
     limits: Array  #: (c,)
+    S: Array  #: (n,) Variances of the innovations [m^2].
+    used: Bools  #: Which samples of the records count.
 
 
 def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
@@ -118,20 +122,23 @@ def examine(result: MaximumLikelihood, records: Sequence[Record]) -> Structure:
     noise = math.sqrt(model.isolated.sensor.noise_variance)
     if max(float(np.std(Motion.of(model, record).x)) for record in records) < noise:
         return Structure(remarks=remarks)
-    refits = Refits(Data(records, settling), start, model, result.parameters)
-    departures = [] if remarks else [*refits.lag()]
+    data = Data(records, settling)
+    refits = Refits(data, start, model, result.parameters)
     centred = refits.centred()
+    if centred is not None and refits.gain_of_offsets(centred) <= 0:
+        remarks = []  # about as likely without
+    departures = [] if remarks else [*refits.lag()]
     if centred is not None and (remarks or not refits.needs_offsets(centred)):
         # Diverging offsets imitate a wrong force law or sensor, and hide which.
         model = centred.model
-    tests = _tests(model, records, settling)
-    selected = _select(tests, model)
+    tests = _tests(model, data)
+    selected = _select(tests, model, data)
     if remarks and centred is not None:
         clearest = max((d.statistic for d in selected if not d.kind.innocent), default=0.0)
         limit = max(clearest, float(min(tests.limits)))
         for departure, saturating in refits.saturation(centred, limit):
             departures.append(departure)
-            selected = _select(_tests(saturating, records, settling), saturating)
+            selected = _select(_tests(saturating, data), saturating, data)
     known = [departure.kind for departure in departures]
     departures += [departure for departure in selected if departure.kind not in known]
     return Structure(departures, remarks, True, _detectable(tests))
@@ -145,10 +152,10 @@ def _first(record: Record) -> Record:
     return replace(record, t=record.t[:LONGEST], signals=signals)
 
 
-def _tests(model: LoopModel, records: Sequence[Record], settling: float) -> _Tests:
+def _tests(model: LoopModel, data: Data) -> _Tests:
     """Run the filter with each alternative along all records."""
-    parameters = named(usual(model))
-    likelihood = Data(records, settling).likelihood(model, parameters)
+    parameters, records = named(usual(model)), data.records
+    likelihood = data.likelihood(model, parameters)
     e, S, by_e, by_S, used = likelihood.slopes(np.zeros(len(parameters)), rough=True)
     r = e / np.sqrt(S)
     pull, known = likelihood.priors(model)
@@ -182,6 +189,8 @@ def _tests(model: LoopModel, records: Sequence[Record], settling: float) -> _Tes
         scores=-(by_e * r + 0.5 * by_S * (1 - r**2)),
         information=by_e @ by_e.T + 0.5 * by_S @ by_S.T + known + 1e-9 * np.eye(len(pull)),
         pull=pull,
+        S=S,
+        used=used,
         **_of_all_records(everything),
     )
 
@@ -192,10 +201,11 @@ def _of_all_records(parts: Sequence[tuple[list[Alternative], Array]]) -> dict[st
 
     n = sum(responses.shape[1] for _, responses in parts)
     kinds: list[Alternative] = []
+    owners: list[int] = []
     rows: list[Array] = []
     at = 0
     common: dict[tuple[str, str, float], int] = {}
-    for of_record, responses in parts:
+    for number, (of_record, responses) in enumerate(parts):
         columns = slice(at, at + responses.shape[1])
         at = columns.stop
         for one, response in zip(of_record, responses, strict=True):
@@ -206,12 +216,15 @@ def _of_all_records(parts: Sequence[tuple[list[Alternative], Array]]) -> dict[st
                 continue
             common[key] = len(rows)
             kinds.append(one)
+            owners.append(number)
             rows.append(np.zeros(n))
             rows[-1][columns] = response
     # By Bonferroni's inequality: a jump may be at any sample.
     places = [n if one.kind.name in JUMPS else len(kinds) for one in kinds]
     limits = chdtri(1, CHANCE / np.array(places))
-    return {"kinds": kinds, "by_structures": np.array(rows), "limits": limits}
+    return {
+        "kinds": kinds, "owners": owners, "by_structures": np.array(rows), "limits": limits
+    }  # fmt: skip
 
 
 def _likeliest(r: Array, shape: Array) -> int:
@@ -292,41 +305,81 @@ def _detectable(tests: _Tests) -> dict[str, float]:
     return sizes
 
 
-def _select(tests: _Tests, model: LoopModel) -> list[Departure]:
+def _select(tests: _Tests, model: LoopModel, data: Data) -> list[Departure]:
     """Select the most significant structures one by one, while they are beyond chance."""
     result: list[Departure] = []
     taken: list[int] = []
-    names = np.array([one.kind.name for one in tests.kinds])
-    signs = np.array([one.kind.sign for one in tests.kinds])
-    # A change by more than the quantity itself is what a rotor at rest makes of its noise.
-    limits = np.array([FULL if one.kind.unit == "%" else math.inf for one in tests.kinds])
-    scales = np.array([one.scale for one in tests.kinds])
+    refused: list[int] = []
     while len(result) < MOST:
-        left, slope, precision = _one_more(tests, taken)
-        size = slope / precision
-        plain = slope**2 / precision
-        possible = (plain > tests.limits) & (signs * size >= 0)
-        possible &= ~np.isin(names, names[taken]) & (np.abs(size * scales) <= limits)
-        best, statistic = -1, 0.0
-        for c in np.flatnonzero(possible):
-            # Coloured noise correlates scores within a block (White 1982).
-            scores = left[c] * (tests.r + left[c] * size[c])
-            robust = float(between_blocks(scores[None], model.isolated)[0, 0])
-            value = float(slope[c] ** 2 / max(precision[c], robust))
-            if value > max(statistic, tests.limits[c]):
-                best, statistic = int(c), value
+        best, statistic = _clearest(tests, model, taken, refused)
         if best < 0:
             return result
+        _, slope, precision = _one_more(tests, taken)
+        size, one = float(slope[best] / precision[best]), tests.kinds[best]
+        if not one.kind.innocent and not _raises(tests, model, data, [*taken, best]):
+            refused.append(best)
+            continue
         taken.append(best)
-        one = tests.kinds[best]
         result.append(
             Departure(
                 one.kind,
                 one.where,
-                float(size[best] * one.scale),
+                size * one.scale,
                 statistic,
                 float(tests.limits[best]),
-                float(abs(size[best] * one.scale)) / math.sqrt(statistic),
+                abs(size * one.scale) / math.sqrt(statistic),
+                tests.owners[best],
+                one.begins,
             )
         )
     return result
+
+
+def _clearest(
+    tests: _Tests, model: LoopModel, taken: Sequence[int], refused: Sequence[int] = ()
+) -> tuple[int, float]:
+    """Return the most significant structure beside those taken and its statistic; -1 if none is."""
+    names = np.array([one.kind.name for one in tests.kinds])
+    signs = np.array([one.kind.sign for one in tests.kinds])
+    # A change by more than the quantity itself is what a rotor at rest makes of its noise.
+    # The coefficients of a force law's terms have no such limit.
+    shares = np.array([one.kind.unit == "%" for one in tests.kinds]) & (names != "force law")
+    limits = np.where(shares, FULL, math.inf)
+    scales = np.array([one.scale for one in tests.kinds])
+    left, slope, precision = _one_more(tests, taken)
+    size, plain = slope / precision, slope**2 / precision
+    possible = (plain > tests.limits) & (signs * size >= 0)
+    possible &= ~np.isin(names, names[list(taken)]) & (np.abs(size * scales) <= limits)
+    possible[list(refused)] = False
+    best, statistic = -1, 0.0
+    for c in np.flatnonzero(possible):
+        # Coloured noise correlates scores within a block (White 1982).
+        scores = left[c] * (tests.r + left[c] * size[c])
+        robust = float(between_blocks(scores[None], model.isolated)[0, 0])
+        value = float(slope[c] ** 2 / max(precision[c], robust))
+        if value > tests.limits[c] and names[c] in JUMPS:
+            value = float(plain[c])  # one or two blocks have no scatter to compare by
+        if value > max(statistic, tests.limits[c]):
+            best, statistic = int(c), value
+    return best, statistic
+
+
+def _raises(tests: _Tests, model: LoopModel, data: Data, taken: Sequence[int]) -> bool:
+    """Whether the likelihood rises with the last of the taken structures as its score promises."""
+    # To second order it must. Where records hardly determine the parameters it need not: there the
+    # other parameters cannot adapt as far as the score lets them.
+    parameters, values = named(usual(model)), []
+    for among in (taken[:-1], taken):
+        moved = np.zeros(tests.used.size)
+        moved[tests.used] = _sizes(tests, among) @ tests.by_structures[among] * np.sqrt(tests.S)
+        optimum = maximise(replace(data, moved=moved), model, parameters)
+        model = optimum.model
+        values.append(optimum.value)
+    return 2 * (values[1] - values[0]) > float(tests.limits[taken[-1]])
+
+
+def _sizes(tests: _Tests, taken: Sequence[int]) -> Array:
+    """Return the most likely sizes (c,) of some structures together."""
+    left, slope, _ = _one_more(tests, [])
+    own = left[taken]
+    return np.asarray(np.linalg.solve(own @ tests.by_structures[taken].T, slope[taken]))
