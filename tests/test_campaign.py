@@ -422,7 +422,7 @@ def test_a_replay_is_the_run_of_the_rows(tmp_path):
             lambda f: Path(f, "campaign.json").write_text(
                 Path(f, "campaign.json").read_text().replace('"ambkit": "', '"ambkit": "9')
             ),
-            "was begun by ambkit 9",
+            "was started by ambkit 9",
         ),
     ],
 )

@@ -241,7 +241,7 @@ def test_where_offsets_differ_between_logs_the_baselines_are_of_changes():
 
 def test_what_is_no_corpus_is_refused():
     still = Record(1e-3 * np.arange(3000), {"y": np.full(3000, -9e-3), "u": np.full(3000, -0.9)})
-    with pytest.raises(AmbkitError, match="no flight that is long enough"):
+    with pytest.raises(AmbkitError, match="no levitation that is long enough"):
         identify_corpus({"a": still, "b": still}, LoopModel(BALL))
 
 

@@ -141,7 +141,7 @@ def test_rotors_whose_margins_are_good_keep_one_pid_an_axis(name, feedback):
 def test_where_none_is_found_a_sentence_says_so_and_what_was_tried(call):
     found = default_control(HOPELESS)
     assert not found.held
-    assert "no default controller was found that holds the rotor of flywheel" in found.summary
+    assert "no default controller stabilises the rotor of flywheel" in found.summary
     for tried in (
         "decentralised PID",
         "translation and tilt",

@@ -162,7 +162,7 @@ def test_estimates_scatter_as_predicted():
         ({"free": ["gap"]}, "there is no parameter gap"),
         ({"band": (50.0, 20.0)}, "the band must rise, from 0.9999 Hz"),
         ({"band": (5.0, 6000.0)}, "to 4000 Hz, two fifths of the sampling rate"),
-        ({"limits": Limits(0.4, 1e-4)}, "even without excitation the loop goes to"),
+        ({"limits": Limits(0.4, 1e-4)}, "even without excitation the loop reaches"),
         ({"load": 0.0}, "random_walk must be greater than 0 N"),
     ],
 )

@@ -98,7 +98,7 @@ def test_the_c_has_its_bits_in_a_run_up(feedback, precision, tmp_path):
 
 
 def test_what_has_no_schedule_refuses_it():
-    with pytest.raises(AmbkitError, match=r"schedule\[1\]\.speed: must be above the one before"):
+    with pytest.raises(AmbkitError, match=r"schedule\[1\]\.speed: must be above the previous one"):
         Control(schedule=[ScheduledGains(speed=10.0), ScheduledGains(speed=10.0)])
     with pytest.raises(AmbkitError, match='schedule: is of a PID; type = "lqg" has none'):
         Control(type="lqg", schedule=SCHEDULED.schedule)

@@ -39,7 +39,7 @@ def judged(path, hidden, true):
     try:
         signals = ChannelMap.from_toml(guess(path)).signals
     except RecordError as error:
-        return "refused" if "refused: nothing in it floats" in str(error) else str(error)
+        return "refused" if "refused: nothing in it is levitated" in str(error) else str(error)
     y, u = signals["y"], signals["u"]
     right = hidden.is_right(y.row, u.row, y.sign * u.sign < 0, true)
     return "right" if right and hidden.order[signals["t"].row] == 0 else f"wrong: {hidden.name}"
@@ -85,7 +85,7 @@ def told_of_another_rig(path, seed):
     try:
         signals = ChannelMap.from_toml(guess(path)).signals
     except RecordError as error:
-        return "refused" if "refused: nothing in it floats" in str(error) else str(error)
+        return "refused" if "refused: nothing in it is levitated" in str(error) else str(error)
     t, y, u = (signals[name] for name in "tyu")
     right = [names[each.row] for each in (t, y, u)] == ["t", "y", "u"]
     flips = hidden.signs[y.row] * hidden.signs[u.row] < 0
@@ -114,7 +114,7 @@ def told_of_voltages(path, count, seed):
         try:
             signals = ChannelMap.from_toml(guess(path)).signals
         except RecordError as error:
-            yield "refused" if "refused: nothing in it floats" in str(error) else str(error)
+            yield "refused" if "refused: nothing in it is levitated" in str(error) else str(error)
             continue
         y, u = signals["y"], signals["u"]
         flips = hidden.signs[y.row] * hidden.signs[u.row] < 0
@@ -443,7 +443,7 @@ def test_physics_go_before_names(tmp_path):
     (tmp_path / "log.csv").write_text(log + "\n")
     text = guess(tmp_path / "log.csv")
     assert names_of(text)["y"] == "probe"
-    assert "named like a position, but probe moves with current as a floating rotor does" in text
+    assert "named like a position, but probe moves with current as a levitated rotor does" in text
 
 
 def test_a_control_is_no_copy_of_the_position(tmp_path):

@@ -95,7 +95,7 @@ def test_without_a_weight_nobody_learns_at_rest():
     assert all((result.k == START).all() for result in learned.results.values())
     assert all(math.isnan(result.standard_error) for result in learned.results.values())
     assert learned.agreement.startswith("Nobody learned: too little excitation")
-    with pytest.raises(AmbkitError, match="nowhere be told from a load: let the rotor move"):
+    with pytest.raises(AmbkitError, match="nowhere distinguishable from a load: excite the rotor"):
         ambkit.identify_online(
             level, ambkit.simulate(level, Scenario(duration=0.3)).record, method="augmented"
         )

@@ -97,7 +97,7 @@ def test_what_is_said_of_an_orbit():
 
 
 @pytest.mark.parametrize(("machine", "orbit", "said"), [
-    (TUM.model_copy(update={"speed": 0.0, "unbalance": ()}), "own", "does not turn"),
+    (TUM.model_copy(update={"speed": 0.0, "unbalance": ()}), "own", "does not rotate"),
     (TUM.model_copy(update={"unbalance": ()}), "own", "no unbalance for an orbit"),
     (ZITTAU, "own", "give its amplitude"),
     (TUM, -1e-6, "greater than 0 m"),
@@ -110,7 +110,7 @@ def test_what_has_no_orbit_is_refused(machine, orbit, said):
 
 @pytest.mark.parametrize(("arguments", "code", "said"), [
     (["tum_mlps", "--filter", "none", "--orbit", "30 um", "--json"], 0, '"orbit": ['),
-    (["zittau_axial", "--orbit", "own"], 2, "does not turn: it has no orbit"),
+    (["zittau_axial", "--orbit", "own"], 2, "does not rotate: it has no orbit"),
     (["tum_mlps", "--orbit", "far"], 2, "not a number with a unit"),
     (["speed", "tum_mlps", "--orbit", "1 um"], 2, "invalid choice: '1 um' (choose from 'own')"),
 ])  # fmt: skip

@@ -416,7 +416,7 @@ def test_where_the_ball_does_not_fly_nothing_is_guessed(folder):
     for path in sorted((RIG / folder).glob("*.mat")):
         if path.stem == "sensor_data":
             continue
-        with pytest.raises(RecordError, match="refused: nothing in it floats"):
+        with pytest.raises(RecordError, match="refused: nothing in it is levitated"):
             guess(path)
 
 
@@ -462,7 +462,7 @@ def test_the_guess_gives_units_of_names_and_headers(tmp_path):
 @pytest.mark.parametrize(
     ("y", "r", "signs", "word"),
     [
-        (-1, -1, (-1, -1), "sign = -1  # as pos, which it is the reference of"),
+        (-1, -1, (-1, -1), "sign = -1  # as pos, of which it is the reference"),
         (-1, 1, (-1, 1), "# sign = 1, for it falls where pos grows, which is turned"),
         (1, -1, (1, -1), "sign = -1  # it falls where pos grows"),
         (1, 1, (1, 1), ""),

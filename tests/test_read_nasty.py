@@ -138,7 +138,7 @@ REFUSED = {
         text('"time\n[s]","pos\n[mm]","current\n[A]"', *rows()), "log.csv:1: has 1 cell instead of",
     ),
     "nothing but times": (
-        text("time,a,b", *(f"{t},1,2" for t in TIME)), "refused: nothing in it floats",
+        text("time,a,b", *(f"{t},1,2" for t in TIME)), "refused: nothing in it is levitated",
     ),
 }  # fmt: skip
 
@@ -224,7 +224,7 @@ def test_structure_arrays_of_matlab_a_matrix_in_hdf5_and_rates_of_mdf(tmp_path):
         f'[signals.{name}]\ncolumn = {n}\nunit = "{unit}"\n'
         for n, (name, unit) in enumerate({"t": "s", "y": "mm", "u": "V"}.items())
     )
-    with pytest.raises(RecordError, match="refused: nothing in it floats"):
+    with pytest.raises(RecordError, match="refused: nothing in it is levitated"):
         guess(tmp_path / "a.h5")  # its columns have no names, and no rotor moves like these waves
     for name in ("a.mat", "a.h5", "a.mf4"):
         text_of_map = by_hand if name == "a.h5" else guess(tmp_path / name)

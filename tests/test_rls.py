@@ -194,7 +194,7 @@ def test_identify_takes_either_learner():
     with pytest.raises(AmbkitError, match='no method "lms"; known: all, adaline, rls, augmented'):
         ambkit.identify_online(BEARING, record, method="lms")
     still = ambkit.simulate(BEARING, Scenario(duration=0.1)).record
-    with pytest.raises(AmbkitError, match="let the rotor move"):
+    with pytest.raises(AmbkitError, match="excite the rotor"):
         ambkit.identify_online(BEARING, still, method="rls")
 
 

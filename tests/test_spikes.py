@@ -135,7 +135,7 @@ def test_what_is_fitted_does_not_see_them():
     assert spike_free(clean) == (clean, 0)
     assert without_spikes([clean]) == ([clean], "")
     _, said = without_spikes([clean, spiked])
-    assert said.startswith("3 samples of the position, spikes")
+    assert said.startswith("3 isolated outliers of the position")
 
 
 def test_of_a_machine_they_are_taken_from_each_reading():
@@ -159,12 +159,10 @@ def test_a_spike_moves_neither_what_is_identified_nor_what_is_tuned(height):
     free = ("measurement_noise", "disturbance_noise")
     found = [maximum_likelihood(r, bearing, free, profile=False) for r in (run, spiked)]
     assert found[0].remarks == []
-    assert found[1].remarks == [
-        "2 samples of the position, spikes amid others that agree, are left out"
-    ]
+    assert found[1].remarks == ["2 isolated outliers of the position are omitted"]
     assert found[1].values == pytest.approx(found[0].values, rel=0.02)
     tuned = [ambkit.tune(bearing, [r], "extended", budget=12) for r in (run, spiked)]
     for name, value in tuned[0].values.items():
         assert tuned[1].values[name] == pytest.approx(value, rel=0.1), name
-    assert any("spikes" in warning for warning in tuned[1].warnings)
+    assert any("isolated outliers" in warning for warning in tuned[1].warnings)
     assert not any("spike" in warning for warning in tuned[0].warnings)

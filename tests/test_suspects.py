@@ -43,7 +43,7 @@ def test_a_real_log_is_not_suspected(name):
 def test_an_estimate_in_the_sensor_s_place_is_noticed():
     twice = log(y=RUN["x"], u=RUN["u"], x_logged=RUN["x"] * (1 + 1e-13))
     assert of_suspects(twice) == [
-        "y and x_logged hold the same numbers: is y what the sensor shows, or what was made of it?"
+        "y and x_logged hold the same numbers: is y the sensor reading, or computed from it?"
     ]
     assert any("the same numbers" in text for text in check_plausibility(twice, BEARING))
     still = log(y=0 * RUN["x"], u=RUN["u"], r=0 * RUN["x"])
@@ -64,7 +64,7 @@ def test_a_rotor_that_lies_is_noticed_with_its_bearing_and_without():
     lying = log(y=LOST["y"], u=LOST["u"])
     (told,) = of_suspects(lying)
     assert "y rests at its end, 1.0" in told
-    assert "and u stands still: does the rotor lie on a stop there?" in told
+    assert "and u stands still: is the rotor in contact with a stop there?" in told
     verdict = evaluate_record(lying, BEARING)
     (told,) = [text for text in verdict.remarks if "stop" in text]
     assert told.startswith("y rests at 1 mm, the rotor's stop, in 49 % of the samples, from 0.2")
@@ -177,7 +177,7 @@ def test_an_offset_that_the_weight_contradicts_is_told():
     record = ambkit.simulate(rig, duration=2.0).record
     away = Record(record.t, {"y": record["y"] + 7e-3, "u": record["u"]}, {"y": "m", "u": "V"})
     (told,) = check_plausibility(away, rig)
-    assert told.startswith("on its mean the magnet pulls by 3.")
+    assert told.startswith("at the mean of the record the magnet pulls by 3.")
     assert "where the weight is 0.594 N" in told
     assert "Is an offset or a scale of y or of u wrong" in told
 

@@ -35,7 +35,7 @@ def on_orbit(of: LoopOf, estimator: Estimator | None, amplitude: float | None = 
     # equals that in equilibrium. The orbit excludes runout.
     machine, single = of.machine, len(of.isolated) == 1
     if not machine.speed:
-        raise AmbkitError(f"{machine.name} does not turn: it has no orbit")
+        raise AmbkitError(f"{machine.name} does not rotate: it has no orbit")
     if amplitude is not None and not amplitude > 0:
         raise AmbkitError(f"an orbit must be greater than 0 m, is {amplitude:g} m")
     if single and amplitude is None:

@@ -315,7 +315,7 @@ class _Experiment:
         floor = self.level(np.zeros(self.n))
         if not floor < FILLED:
             raise AmbkitError(
-                f"even without a signal the loop goes to {100 * floor:.0f} % of a limit, "
+                f"even without a signal the loop reaches {100 * floor:.0f} % of a limit, "
                 f"{engineering(self.limits.current, 'A')} and "
                 f"{engineering(self.limits.displacement, 'm')}: there is no room for one"
             )

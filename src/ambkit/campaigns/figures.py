@@ -287,8 +287,8 @@ def parallel(campaign: Machines) -> Figure:
     return Figure(
         "parallel",
         f"{markdown(campaign.plan.study.name)}: machines, and which of them fail",
-        f"Each line is a machine; at most {LINES} of each kind. Where red lines meet, machines "
-        "fail.",
+        f"Each line is a machine; at most {LINES} of each kind. Machines fail where red lines "
+        "meet.",
         [Panel(Axis("", limits=(-0.5, k - 0.5)), to, items)],
         panel_height=3.4,
     )
@@ -316,7 +316,7 @@ def front_figure(
         Rule(peak_limit, axis="x", signal="limit", label="limit"),
     ]
     left_out = int((~visible).sum())
-    left_out_said = f" {left_out} that lie farther out are not shown." if left_out else ""
+    left_out_said = f" {left_out} beyond the axes are not shown." if left_out else ""
     return Figure(
         "front",
         title,

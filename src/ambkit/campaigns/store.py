@@ -105,13 +105,13 @@ class Folder:
         here = self._is_of()
         if there.get("ambkit") != here["ambkit"]:
             raise AmbkitError(
-                f"{self.path}: was begun by ambkit {there.get('ambkit')}, this is "
+                f"{self.path}: was started by ambkit {there.get('ambkit')}, this is "
                 f"{here['ambkit']}: its runs would be mixed; give another folder"
             )
         if there.get("study") != here["study"]:
             raise AmbkitError(
-                f"{self.path}: belongs to another study: what varies, the bearing or the run has "
-                "changed since it was begun; give another folder"
+                f"{self.path}: belongs to another study: what varies, the bearing or the run  "
+                "has changed since its start; give another folder"
             )
 
     @contextmanager

@@ -23,12 +23,12 @@ CONTROLLERS = ("tuned", "textbook", *TYPES)
 """Controllers of every machine, but for those of tilt, which a mass has not."""
 
 NOT_VARIED = {
-    "sampling_time": "is the controller's, and no tolerance",
+    "sampling_time": "belongs to the controller, and is not a tolerance",
     "name": "is a name",
     "description": "is a text",
     "source": "is a text",
-    "type": "says what the machine is, and is no tolerance",
-    "file": "says what the machine is, and is no tolerance",
+    "type": "defines the machine, and is not a tolerance",
+    "file": "defines the machine, and is not a tolerance",
 }
 """Keys of a machine that cannot vary, with reasons."""
 
@@ -252,4 +252,4 @@ def _correlated(read: Read, known: list[str]) -> Iterator[Problem]:
             i, j = (known.index(name) for name in correlation.between)
             matrix[i, j] = matrix[j, i] = correlation.coefficient
     if correlations and not wrong and np.linalg.eigvalsh(matrix).min() <= 1e-12:
-        yield "correlation", "these coefficients contradict each other: no quantities vary so"
+        yield "correlation", "these correlation coefficients contradict each other"

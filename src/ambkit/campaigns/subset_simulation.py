@@ -136,9 +136,9 @@ def _repetition(
             share > 0.5
         ):  # fmt: skip
             raise AmbkitError(
-                f"after {spent} runs the levels do not come nearer to {above:g}, the last is at "
-                f"{b:g}: the figure does not say how far a machine is from failing, or fails too "
-                "rarely"
+                f"after {spent} runs the levels do not approach {above:g}, the last is at "
+                f"{b:g}: the figure does not measure the distance from failure, or failure is "
+                "too rare"
             )
         seeds = rank[:chains]
         u, g = _walk(limit, u[seeds], g[seeds], b, length, rng, done)
@@ -271,8 +271,8 @@ def sentence(figure: str, above: float, result: Rare) -> str:
     limit = f"{above:g}" if unit == "1" else engineering(above, unit)
     times = f", {result.repetitions} times" if result.repetitions > 1 else ""
     modes = (
-        " It may fail in several ways: repetitions ended in different directions from the nominal "
-        "machine, and a way that none of them went is not in the interval."
+        " It may fail in several modes: repetitions ended in different directions from the nominal "
+        "machine, and further modes of failure are not in the interval."
     )
     return (
         f"{figure} is at or above {limit} with a probability of {result.probability:.3g} "

@@ -71,7 +71,7 @@ class DefaultControl:
                 f"{known}{poor}{simplest}{beside}"
             )
         return (
-            f"no default controller was found that holds the rotor of {self.machine} {span}; "
+            f"no default controller stabilises the rotor of {self.machine} {span}; "
             f"tried{_listed(self.candidates)}; lower the speed, the dead time or the "
             "sampling time, or give another controller in [controller]"
         )

@@ -137,7 +137,7 @@ class PID(Part):
         rows = rows if isinstance(rows, tuple) else ()
         for k, (row, later) in enumerate(itertools.pairwise(rows), 1):
             if later.speed <= row.speed:
-                yield f"schedule.{k}.speed", "must be above the one before"
+                yield f"schedule.{k}.speed", "must be above the previous one"
 
     @classmethod
     def for_bearing(cls, machine: Machine) -> Self:

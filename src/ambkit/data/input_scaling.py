@@ -129,7 +129,7 @@ def _turned(unit: str, scale: float | str) -> str:
     except (ValueError, ZeroDivisionError):
         return ""
     return (
-        f"it is what a number is multiplied by, and {unit} times {match[2]} measures nothing; is "
+        f"it multiplies a number, and {unit} times {match[2]} measures nothing; is "
         f'it upside down: "{number:.9g} {below.strip()}/{above.strip()}"?'
     )
 

@@ -205,6 +205,6 @@ def angle_notes(
             )
     if (lost := estimate_angle(machine, record).lost).any():
         yield (
-            f"the rotor's angle is lost in {percent(lost.mean())} of the samples, last at "
+            f"the rotor's angle is unknown in {percent(lost.mean())} of the samples, last at "
             f"{record.t[lost][-1]:.4g} s: unbalance control is off there"
         )

@@ -183,7 +183,7 @@ def _named(
     def factory(name: str) -> Factory:
         if name.endswith(FILTER_SUFFIX):
             if synchronous:
-                raise AmbkitError(f"synchronous is of kinds; {name} says itself what it estimates")
+                raise AmbkitError(f"synchronous is of kinds; {name} defines its own states")
             return FromFile(filter_file_for(name, machine))
         if MARK in name:
             if synchronous:

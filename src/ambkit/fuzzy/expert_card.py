@@ -29,9 +29,7 @@ def training_figure(expert: Any, stiff: StiffnessMap) -> Figure:
         caption="The learning curve counts from the untrained network on.",
         panels=[
             _learning(expert),
-            Panel(
-                CURRENT, PLACE, [surface], title="force of the expert, less the force it learned"
-            ),
+            Panel(CURRENT, PLACE, [surface], title="force of the expert minus the training force"),
             *_stiffnesses(expert, iu, x),
         ],
         columns=2,

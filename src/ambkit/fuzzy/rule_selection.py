@@ -223,8 +223,8 @@ def box_of(machine: Machine, points: ForcePoints) -> Box:
         first, last = np.clip([values.min(), values.max()], low, high).tolist()
         if not first < last:
             raise AmbkitError(
-                f"the points have {name}s of {values.min():g} to {values.max():g} {unit}; some "
-                f"range of them must lie in the bearing's, {low:g} to {high:g} {unit}"
+                f"the points have {name}s of {values.min():g} to {values.max():g} {unit};  "
+                f"they must overlap with the bearing's range, {low:g} to {high:g} {unit}"
             )
         box.append((first, last))
     return box[0], box[1]
@@ -287,8 +287,8 @@ def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> 
     worst = maximum_filter(surface.standard_error(*grid), NEARBY, mode="nearest")
     known = Heatmap(iu, x, worst, Axis("standard error", "N"), lines=4)
     panels = [
-        Panel(*axes, [moved, marks], title="measured force, less the bearing's law"),
-        Panel(*axes, [known, marks], title="how well the force is known, at worst nearby"),
+        Panel(*axes, [moved, marks], title="measured force minus the bearing's law"),
+        Panel(*axes, [known, marks], title="standard error of the force"),
     ]
     return replace(figure, panels=[*panels, *figure.panels])
 

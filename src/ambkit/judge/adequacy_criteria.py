@@ -152,8 +152,8 @@ def of_machine(plant: Machine) -> Iterator[Finding]:
     if share > SAMPLING[0]:
         text = (
             f"a sampling time of {engineering(T, 's', digits=3)} is {share:.3g} times the rotor's "
-            f"time constant sqrt(m/k_s), {engineering(tau, 's', digits=3)}, in which it falls "
-            f"away by e; the limit is {SAMPLING[1]:g}: are sampling_time, mass and magnet right?"
+            f"time constant sqrt(m/k_s), {engineering(tau, 's', digits=3)}; the limit is "
+            f"{SAMPLING[1]:g}: are sampling_time, mass and magnet right?"
         )
     name = "sampling time over time constant"
     yield Finding(name, share, "1", SAMPLING[1], text, share > SAMPLING[1])

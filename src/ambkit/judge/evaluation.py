@@ -125,7 +125,7 @@ def evaluate(
     judged = np.where(taken, y, np.nan)
     used, used_mask, variance = estimate.used[first:], taken[first:], variance[first:]
     if not used_mask.any():
-        raise RecordError(f"no measurement could be taken in: {_why(estimate, y, first)}")
+        raise RecordError(f"no measurement could be used: {_why(estimate, y, first)}")
     last = _last_measured(judged)
     of_readings = zip(innovation.T, variance.T, used_mask.T, strict=True)
     pairs = [(e[some], S[some]) for e, S, some in of_readings]
@@ -233,8 +233,8 @@ _SMOOTHED = ("smoothed", "smoothed 2", "smoothed 3")
 
 
 CAPTION = (
-    "Bounds: two standard deviations of the innovation as the filter expects it. First guesses, at "
-    "the start and after a long gap, may reach beyond the axes."
+    "Bounds: two standard deviations of the innovation as the filter expects it. Innovations at "
+    "the start and after long gaps may exceed the axes."
 )
 LOGGED = {
     "x": ((("y", "measured"), ("r", "reference")), (("x_logged", "logged"),)),

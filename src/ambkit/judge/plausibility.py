@@ -71,7 +71,10 @@ def evaluate_record(record: Record, machine: Machine) -> Verdict:
     fit = not problems and not any(wrong for wrong, _ in limits)
     signs = list(judge_signs(_without_stops(record, machine), machine)) if fit else []
     lying = list(_lies(record, machine))
-    remarks = [*lying, *(text for text in remarks if not (lying and "lie on" in text))]
+    remarks = [
+        *lying,
+        *(text for text in remarks if not (lying and "in contact with a stop" in text)),
+    ]
     if not any(wrong for wrong, _ in signs):
         remarks = [*_gravity(record, machine), *remarks]
         if not problems:
@@ -288,8 +291,8 @@ def _lies(record: Record, machine: Machine) -> Iterator[str]:
             yield (
                 f"y rests at {engineering(side * travel, 'm', digits=3)}, the rotor's stop, in "
                 f"{_percent(float(np.mean(there)))} of the samples, from {first} to {last} at a "
-                "stretch: only the filter contact knows what holds a rotor that lies; is that part "
-                "wanted?"
+                "stretch: only the filter contact models the force of the stop; is this interval "
+                "intended?"
             )
 
 
@@ -357,14 +360,14 @@ def _gravity(record: Record, machine: Machine) -> Iterator[str]:
     if abs(load / (-2 * weight) - 1) < _TWICE:
         pull, held = (engineering(abs(item), "N", digits=3) for item in (force, load))
         yield (
-            f"on its mean the magnet pulls with gravity, by {pull}: a load of {held}, about twice "
-            "the weight, would have to hold the rotor. Are the signs of y and of u both swapped, "
-            "or is rotor.gravity?"
+            f"at the mean of the record the magnet pulls with gravity, by {pull}: a load of "
+            f"{held}, about twice the weight, would have to hold the rotor. Are the signs of y and "
+            "of u both swapped, or is rotor.gravity?"
         )
     elif machine.magnet.type == "one-sided" and abs(load) > _HELD * abs(weight):
         force_texts = (engineering(abs(item), "N", digits=3) for item in (force, weight, load))
         yield (
-            "on its mean the magnet pulls by {} where the weight is {}: a load of {} would have to "
-            "be on the rotor. Is an offset or a scale of y or of u wrong, or the record of another "
-            "rig?".format(*force_texts)
+            "at the mean of the record the magnet pulls by {} where the weight is {}: a load of {} "
+            "would have to be on the rotor. Is an offset or a scale of y or of u wrong, or the "
+            "record of another rig?".format(*force_texts)
         )

@@ -50,7 +50,7 @@ def bearing_card(of: Any) -> Card:
     linear = ConstantStiffness.of(of)
     centre = (
         f"k_i {value(linear.k_i, 'N/A')}, k_s {value(linear.k_s, 'N/m')}, "
-        f"hovers with {value(of.levitation_current, 'A')}"
+        f"levitates with {value(of.levitation_current, 'A')}"
     )
     return settings_card(
         of, [("clearance", value(of.clearance, "m")), ("at x = 0", centre)], bearing_figure(of)

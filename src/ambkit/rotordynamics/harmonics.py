@@ -69,7 +69,11 @@ class Harmonic:
         unit, known = "g mm" if self.role == "unbalance" else "m", self.amplitude is not None
         (cc, cs), (_, ss) = self.covariance
         both = math.sqrt(cc * ss)
-        why = "the start says more than the record" if self.by_start else "it is not clear of 0"
+        why = (
+            "the start carries more information than the record"
+            if self.by_start
+            else "it is not significant"
+        )
         note = f"{self.name}: {why}, correlation {cs / both if both > 0 else 0.0:.2f}"
         results = [
             Row("role", "role", self.role),

@@ -206,7 +206,7 @@ def _held(machine: Machine, bending: Bending) -> Remark:
             fed = ', or an estimator that feeds the controllers (feedback = "estimate")'
         delay = f"a delay of {engineering(machine.delay, 's')}" if machine.delay else "no delay"
         return Remark(
-            f"no decentralised PID that was tried is stable: with the best one {_hertz(pole.imag)} "
+            f"no decentralised PID in the search is stable: with the best one {_hertz(pole.imag)} "
             f"grows by {pole.real:.3g}/s; the loop has {delay} and a sampling time of "
             f"{engineering(machine.sampling_time, 's')}; remedies: a shorter one, sensors nearer "
             f"to the magnets, more damping{fed or ', or another controller'}"

@@ -121,6 +121,6 @@ def mode_shapes_figure(result: ModeShapes) -> Figure:
         id="mode_shapes",
         title=f"Bending modes of {markdown(result.machine)}",
         caption="Of the free rotor at rest, each 1 where it is largest; a magnet or a sensor near "
-        "the line in the middle is at a node, where it hardly moves or sees the mode.",
+        "the line in the middle is at a node, and hardly excites or measures the mode.",
         panels=panels, columns=1 if len(panels) == 1 else 2, panel_height=2.0,
     )  # fmt: skip

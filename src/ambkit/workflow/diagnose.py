@@ -59,7 +59,7 @@ def _filter(filter: Any, plant: Machine, log: Record) -> tuple[Any, list[str]]:
     intensity = tune_disturbance(plant, log.between(stop=stop), made).intensity
     return made(intensity), [
         f"process noise of the disturbance force {in_units(intensity)}, tuned on the record until "
-        f"{stop:.3g} s: a fault before is not found"
+        f"{stop:.3g} s: earlier faults are not detected"
     ]
 
 

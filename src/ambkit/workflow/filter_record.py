@@ -250,15 +250,15 @@ def _of_tuning(one: Filtered) -> Iterator[str]:
         yield f"{one.name}: {tuning.why}"
     if tuning.worse:
         then = (
-            "so doubt the tuning first"
+            "so the tuning is doubtful"
             if tuning.kept
-            else "so the untuned one is used; this choice has seen the record that judges it"
+            else "so the untuned one is used; this choice is not independent of the record"
         )
         yield (
             f"{one.name}: tuned disturbance noise, {tuning.found.disturbance:.3g} N^2/s, fits the "
             f"rest of the record worse than the untuned, {tuning.untuned.disturbance:.3g} N^2/s "
-            f"(the force moved otherwise there), {then}; --disturbance-noise sets it, or tunes it "
-            "on another stretch"
+            f"(the disturbance force varied differently there), {then}; --disturbance-noise sets "
+            "it, or tunes it on another interval"
         )
 
 
@@ -284,9 +284,9 @@ def _warnings(result: Filtering, samples: int, estimates: Mapping[str, Estimate]
             )
         if one.outermost is not None:
             yield (
-                f"{name}: takes the outermost of its models, {one.outermost:g} times the magnet "
-                "constant, for true: the magnet may be beyond them, and the stated errors are too "
-                "small then; give others by scales, or identify the magnet"
+                f"{name}: selects the outermost of its models, {one.outermost:g} times the "
+                "magnet constant: the magnet may be beyond them, and the stated errors are "
+                "then too small; set other scales, or identify the magnet"
             )
         for axis, outside in one.outside.items():
             yield _of_the_box(f"{name}, axis {axis}" if axis else name, outside)

@@ -74,8 +74,7 @@ def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) 
             lines += [f"[signals.{name}]", *those]
     if lines:
         lines = [
-            "To filter this log, put into its channel map (to an offset or a delay that is there, "
-            "add):",
+            "To filter this log, add to its channel map (to existing offsets and delays):",
             *(f"  {line}" for line in lines),
         ]
     known = _known_to_filters(model.delayed_machine(delay=not delay))
@@ -84,7 +83,8 @@ def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) 
     intensity_text = f"{model.disturbance_noise:.4g} N^2/s"
     return [
         *lines,
-        f'The load, as it wandered: ambkit filter ... --disturbance-noise "{intensity_text}"',
+        "Process noise of the disturbance force: ambkit filter ... --disturbance-noise "
+        f'"{intensity_text}"',
     ]
 
 

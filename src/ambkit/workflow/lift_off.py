@@ -95,8 +95,8 @@ def check_lifts_off(machine: Machine) -> None:
         )
     if machine.rotor.gravity != "-x":
         raise AmbkitError(
-            f"lift-off points tell of a rotor that gravity pulls straight away from the magnet; "
-            f"that of {machine.name} hangs at an angle"
+            f"lift-off points need a rotor that gravity pulls straight away from the magnet; "
+            f"that of {machine.name} is inclined"
         )
 
 

@@ -261,8 +261,8 @@ def _opened(
     )
     if search.user_attrs.get("of", of) != of:
         raise AmbkitError(
-            f"{storage}: is of another search: study, quantile, ceiling or what is free has "
-            "changed; give another file"
+            f"{storage}: is of another search: study, quantile, limit or free settings "
+            "have changed; give another file"
         )
     search.set_user_attr("of", of)
     for trial in search.trials:

@@ -227,7 +227,7 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
         if machine.speed:
             return
         if not holding(machine, scenario.feedback or "estimate").held:
-            yield "No PID that was tried stabilises it; see ambkit check."
+            yield "No PID in the search stabilises it; see ambkit check."
 
 
 def _of_the_stop(run: Run) -> str:

@@ -115,8 +115,8 @@ class TradeOff(Result):
             panels.append(Panel(Axis("peak of |S|"), axis, items))
         title = f"{markdown(self.machine.name)}, {self.kind} filter: error against margin"
         caption = (
-            "Each point is a filter, tuned with the peak of abs(S) in the loop kept below a "
-            "ceiling, in simulated validation runs."
+            "Each point is a filter, tuned with the peak of abs(S) in the loop kept below "
+            "a limit, in simulated validation runs."
         )
         return [Figure("trade-off", title, caption, panels, columns=2)]
 
@@ -136,7 +136,7 @@ def trade_off(
     """Tune a filter for each of several limits of the peak of abs(S)."""
     of_type(Machine, machine=machine)
     if not peak_limits:
-        raise AmbkitError("ceilings must be one value or more")
+        raise AmbkitError("peaks must be one value or more")
     judge = ByTruth(machine, seeds)
     points, refused = list[Traded](), None
     for peak_limit in sorted(peak_limits):

@@ -278,9 +278,9 @@ def tune(
     )  # fmt: skip
     if max_sensitivity is not None and limit > max_sensitivity:
         raise OutOfReachError(
-            f"of {len(evaluated)} {kind} filters that were tried none keeps the peak of |S| below "
-            f"{max_sensitivity:g}, the least is {min(peaks):.4g}: allow more, or take another "
-            "controller",
+            f"of {len(evaluated)} {kind} filters that were evaluated none keeps the peak of |S| "
+            f"below {max_sensitivity:g}, the least is {min(peaks):.4g}: allow more, or take "
+            "another controller",
             tuned,
         )
     return tuned

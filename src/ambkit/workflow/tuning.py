@@ -120,14 +120,14 @@ def tune_disturbance(
     if at > high - AT_THE_END or larger > TOO_LARGE:
         return TunedDisturbance(
             own,
-            "no load explains this stretch: with the likeliest load noise, "
+            "no process noise explains this interval: with the most likely one, "
             f"{in_units(_times(own, 10**at))}, the innovations are {larger:.1f} times what the "
-            "filter expects. Is the noise of the sensor as large as the bearing says "
-            f"(--measurement-noise)? The untuned load noise is kept, {in_units(own)}",
+            "filter expects. Check the sensor noise (--measurement-noise). The "
+            f"untuned process noise is kept, {in_units(own)}",
         )
     if ruled_out(0.0) < 0:
-        return TunedDisturbance(own, "this stretch does not tell how fast the load wanders, so the "
-                                     f"untuned load noise is kept, {in_units(own)}")  # fmt: skip
+        return TunedDisturbance(own, "this interval does not determine the process noise, so the "
+                                     f"untuned one is kept, {in_units(own)}")  # fmt: skip
     if ruled_out(low) < 0:
         beyond = next((float(d) for d in grid if d > at and ruled_out(float(d)) > 0), at)
         most = _times(own, 10**at)
@@ -135,8 +135,8 @@ def tune_disturbance(
             most = _times(own, 10 ** brentq(ruled_out, at, beyond, xtol=0.02))
         return TunedDisturbance(
             most,
-            "the load hardly wanders in this stretch: any load noise up to "
-            f"{in_units(most)} is as likely, and this one is used",
+            "the disturbance force is nearly constant in this interval: any process noise up to "
+            f"{in_units(most)} is equally likely, and this one is used",
         )
     return TunedDisturbance(_times(own, 10**at))
 

@@ -76,7 +76,7 @@ class ByLikelihood:
         if min(spans) < shortest:
             raise AmbkitError(
                 f"a record to tune on must be {engineering(shortest, 's', digits=3)} long at "
-                f"least, twenty times what the rotor takes to fall; one has "
+                f"least, twenty time constants of the plant; one has "
                 f"{engineering(min(spans), 's', digits=3)}"
             )
         self.seen, self.unseen = list(records), list(validate)

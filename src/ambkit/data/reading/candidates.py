@@ -81,7 +81,7 @@ def _stamps(log: Log, key: str) -> Iterator[Candidate]:
         why = [TEXT, *moments.remarks[1:]]
         if not moments.certain:
             where["format"] = moments.layout
-            why.append("which is the day and which the month is a mere guess")
+            why.append("day and month are guessed")
         yield Candidate(name, where, moments.seconds, "s", role="t", why=why)
 
 

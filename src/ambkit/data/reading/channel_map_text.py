@@ -21,8 +21,8 @@ from ambkit.data.reading.roles_by_motion import rate_likeness
 from ambkit.data.signals import si_unit
 
 _OF_Y = {
-    "r": "which it is the reference of",
-    "x_logged": "which it is an estimate of",
+    "r": "of which it is the reference",
+    "x_logged": "of which it is an estimate",
     "v_logged": "whose rate it is",
 }
 """Signals that have the direction of y, and why."""
@@ -52,7 +52,7 @@ def toml_lines(
     name: str, log: Log, assignment: ProposedMap, others: Sequence[ProposedMap]
 ) -> Iterator[str]:
     """Write the map."""
-    yield f"# Proposed by 'ambkit read guess' for {name}. Look at each line before you trust it."
+    yield f"# Proposed by 'ambkit read guess' for {name}. Review each line."
     yield "# Of each number in the log: value = sign * scale * number * unit + offset."
     for remark in log.remarks:
         yield f"# {remark[:1].upper()}{remark[1:]}."
@@ -89,7 +89,7 @@ class _Map:
             yield f"array = {toml_string(self.array)}"
         if self.clock is None:
             yield ""
-            yield "# No channel rises like a time: fill in how far apart the samples are."
+            yield "# No channel looks like a time: fill in the sampling time."
             yield '# sampling_time = "... ms"'
         else:
             yield from self._time(self.clock)
@@ -103,7 +103,7 @@ class _Map:
         yield from self._rest()
         if self.weight is not None and self.y is not None and self.u is not None:
             yield ""
-            yield "# A machine file to begin with, by gravity, of a rotor below one magnet:"
+            yield "# A first machine file, by gravity, for a rotor below one magnet:"
             hiss, most = noise(self.y.values), float(abs(seen(self.u.values)).max())
             yield from (f"#   {line}" for line in self.weight.machine(hiss, most, self._step()))
 
@@ -252,7 +252,7 @@ class _Map:
             if group.moves is not None:
                 yield (
                     f"# Other channels, of {group.channels[0].values.size} samples, move as a "
-                    f"floating rotor too: {group.channels[group.moves.position].label} with "
+                    f"levitated rotor too: {group.channels[group.moves.position].label} with "
                     f"{group.channels[group.moves.control].label}. Is it another run?"
                 )
         for candidate in rest:
@@ -287,7 +287,7 @@ def _chosen(results: list[Candidate], moves: Rotor | None) -> dict[str, Candidat
 
 
 def _goes_as_rate(c: Candidate, position: Candidate | None) -> float:
-    """Return how much a velocity goes as the rate of a position, 0 where none is there."""
+    """Return how much a velocity follows the rate of a position, 0 where none is there."""
     if position is None or c.values.shape != position.values.shape:
         return 0.0
     return rate_likeness(c, position)

@@ -244,7 +244,7 @@ def _coarse(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]
 
 def _in_steps(step: float, unit: str) -> str:
     step_text = engineering(step, unit, digits=3)
-    return f"in steps of {step_text}, more than its noise: what is smaller is lost"
+    return f"in steps of {step_text}, more than its noise: smaller motion is lost"
 
 
 def _coarse_stretches(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]:
@@ -339,7 +339,7 @@ def without_spikes(records: Sequence[Record]) -> tuple[list[Record], str]:
     pairs = [spike_free(record) for record in records]
     total, remark = sum(count for _, count in pairs), ""
     if total == 1:
-        remark = "1 sample of the position, a spike amid others that agree, is left out"
+        remark = "1 isolated outlier of the position is omitted"
     elif total > 1:
-        remark = f"{total} samples of the position, spikes amid others that agree, are left out"
+        remark = f"{total} isolated outliers of the position are omitted"
     return [cleaned for cleaned, _ in pairs], remark

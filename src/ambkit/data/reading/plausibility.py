@@ -77,8 +77,7 @@ def suspects(
         alike = name not in TRUTH and name != "y" and units.get(name) == units.get("y")
         if alike and _same(y, other):
             yield (
-                f"y and {name} hold the same numbers: is y what the sensor shows, or what was made "
-                "of it?"
+                f"y and {name} hold the same numbers: is y the sensor reading, or computed from it?"
             )
     if "u" in signals and _stands_still(signals["u"]) and not _stands_still(y):
         yield "u stands still throughout: is it the control signal?"
@@ -119,7 +118,7 @@ def _lies(t: Array, y: Array, u: Array, unit: str) -> Iterator[str]:
             )
             yield (
                 f"y rests at its end, {engineering(end, unit, digits=3)}, from {first} to {last}, "
-                "and u stands still: does the rotor lie on a stop there?"
+                "and u stands still: is the rotor in contact with a stop there?"
             )
 
 
@@ -140,8 +139,8 @@ def _unmoved(y: Array, u: Array, unit: str) -> Iterator[str]:
     if went > MOVED * (high - low) > 0:
         yield (
             f"y is {rests.describe(unit)}, while u goes through "
-            f"{100 * went / (high - low):.0f} % of its range: does the rotor lie "
-            "on a stop there? Such a part tells nothing of the bearing: cut it out"
+            f"{100 * went / (high - low):.0f} % of its range: is the rotor in "
+            "contact with a stop there? Such an interval carries no information: cut it out"
         )
 
 
@@ -158,8 +157,7 @@ def _computed(y: Array, signals: Mapping[str, Array]) -> Iterator[str]:
     bends = float(np.quantile(abs(np.diff(there, 2)), OFTEN))
     if leaps or (not seldom and (bends < NO_NOISE * float(there.std()) or is_formula(there))):
         yield (
-            "y has no noise at all: is it the controller's reference, or computed, where the "
-            "measurement should be?"
+            "y has no noise: is it the reference or a computed signal instead of the measurement?"
         )
         return
     in_steps_too = [
@@ -169,8 +167,8 @@ def _computed(y: Array, signals: Mapping[str, Array]) -> Iterator[str]:
     if in_steps_too and np.unique(there).size > DIFFERENT * there.size:
         yield (
             f"y never repeats a value, though {in_steps_too[0]} comes in the steps of a converter: "
-            "was y filtered before it was logged? Its noise is then no sensor's; log the raw "
-            "measurement"
+            "was y filtered before logging? Its noise is then not that of the sensor; log "
+            "the raw measurement"
         )
 
 

@@ -75,12 +75,14 @@ def _refusal(path: str, results: list[Candidate]) -> str:
     descriptions = [
         f"{label} is {lying[label].describe()}" for label in lying if label in rates or not rates
     ]
-    lies = f" ({'; '.join(descriptions[:2])}: does the rotor lie there?)" if descriptions else ""
+    lies = (
+        f" ({'; '.join(descriptions[:2])}: is the rotor in contact there?)" if descriptions else ""
+    )
     return (
-        f"{path}: refused: nothing in it floats{lies}. Of its {len(results)} channels of "
+        f"{path}: refused: nothing in it is levitated{lies}. Of its {len(results)} channels of "
         f"{results[0].values.size} samples no two move as a rotor and its current do, and no name "
         f"says what is what{'; '.join(['', *_obstacles(results, moving)])}: write y and u into a "
-        "channel map by hand, or cut out a part in which the rotor floats"
+        "channel map by hand, or cut out a part in which the rotor is levitated"
     )
 
 

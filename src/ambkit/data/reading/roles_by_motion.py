@@ -154,7 +154,7 @@ def eliminate(results: Sequence[Candidate], volts: Sequence[Candidate]) -> None:
         left[0].role = "u"
     else:
         return
-    left[0].why.append(f"by elimination only, as no other channel is left: is it the {what}?")
+    left[0].why.append(f"by elimination only: is it the {what}?")
 
 
 def marks(candidate: Candidate, share: float) -> str:

@@ -218,7 +218,7 @@ def _say_unconfirmed(
     if moves is not None and channels[moves.position] is not y:
         position, mover = channels[moves.position], channels[moves.control]
         y.why[-1] = (
-            f"though {position.label} moves with {mover.label} as a floating rotor does, in two "
+            f"though {position.label} moves with {mover.label} as a levitated rotor does, in two "
             "bands of frequency only: is that the position?"
         )
 
@@ -228,7 +228,7 @@ def _rename(
 ) -> None:
     """Take the roles from channels that do not move as named: physics goes first."""
     position, mover = channels[moves.position], channels[moves.control]
-    moved = f"{position.label} moves with {mover.label} as a floating rotor does"
+    moved = f"{position.label} moves with {mover.label} as a levitated rotor does"
     for named, right, what in ((y, position, "a position"), (control, mover, "a control signal")):
         if named is not None and named is not right:
             named.role = ""
@@ -257,15 +257,15 @@ def _name_rotor(moves: Rotor, channels: Sequence[Candidate]) -> None:
     position, mover = channels[moves.position], channels[moves.control]
     kind, role = "current", "i"
     how = f"{100 * moves.fit.explained:.0f} % of its acceleration explained"
-    how += "" if moves.fit.sure else ", in two bands of frequency only: look twice"
+    how += "" if moves.fit.sure else ", in two bands of frequency only: to be verified"
     if moves.fit.voltage:
         kind, role, how = "voltage", "u", "third order, its current lags behind"
     if not position.role:
         position.role = "y"
-        position.why.append(f"moves as a floating rotor does, with {mover.label}: {how}")
+        position.why.append(f"moves as a levitated rotor does, with {mover.label}: {how}")
     if not mover.role:
         mover.role, mover.drives = role, moves.fit.voltage
-        mover.why.append(f"moves {position.label} as the {kind} of a floating rotor does")
+        mover.why.append(f"moves {position.label} as the {kind} of a levitated rotor does")
     for rows_of, first, role in (
         (moves.positions, position, "y"), (moves.controls, mover, mover.role),
     ):  # fmt: skip
@@ -278,7 +278,7 @@ def _name_rotor(moves: Rotor, channels: Sequence[Candidate]) -> None:
     for a, b in moves.others:
         for k, other in ((a, b), (b, a)):
             label = channels[other].label
-            channels[k].why.append(f"moves as a floating rotor does with {label}: another axis?")
+            channels[k].why.append(f"moves as a levitated rotor does with {label}: another axis?")
 
 
 def _size(y: Candidate) -> tuple[float, float]:
@@ -306,7 +306,7 @@ def _beside(candidate: Candidate, y: Candidate, size: tuple[float, float]) -> No
         # A current damps the motion: it goes against the rate.
         if (likeness := rate_likeness(candidate, y)) > (RELATED if named else FOLLOWS):
             candidate.role, candidate.estimated = "v", True
-            candidate.why.append(f"goes as the rate of {y.label} (correlation {likeness:.2f})")
+            candidate.why.append(f"follows the rate of {y.label} (correlation {likeness:.2f})")
     elif not named and _is_reference(candidate, y, size):
         candidate.role = "r"
         candidate.why.append(f"follows {y.label} without its noise (correlation {likeness:.3f})")

@@ -33,7 +33,7 @@ class Parameter(NamedTuple):
 PARAMETERS = (
     Parameter("var_y", "m^2", "variance of the measurement"),
     Parameter("var_u", "V^2", "variance of the control signal"),
-    Parameter("var_d", "N^2", "growth of the disturbance force's variance in a sample"),
+    Parameter("var_d", "N^2", "process noise variance of the disturbance force per sample"),
     Parameter("gate", "1", "innovations beyond so many standard deviations are outliers"),
     Parameter("mass", "kg", "mass of the rotor"),
     Parameter("strong", "1", "magnet constant k over the exported one"),

@@ -56,7 +56,7 @@ def _references(machine: Machine, **more: Any) -> list[Variable]:
 
 
 def _estimates(prefix: str, filter: Estimator) -> list[Variable]:
-    known = {"x": "displacement", "x_m": "position as the sensor shows it"}
+    known = {"x": "displacement", "x_m": "sensor output"}
     axes, readings = _axes(filter.machine), _reading_names(filter.machine)
     results = []
     for block, before, about in (
@@ -72,11 +72,11 @@ def _estimates(prefix: str, filter: Estimator) -> list[Variable]:
             first = "" if k else block
             results.append(Variable(name, "output", unit, description, held=True, first=first))
     for name, unit, about, of in (
-        ("k_i", "N/A", "current stiffness that the prediction used", axes),
-        ("k_s", "N/m", "position stiffness that the prediction used", axes),
-        ("innovation", "m", "measurement less its prediction, 0 where it was not used", readings),
-        ("variance", "m2", "variance of the innovation, as the filter expects it", readings),
-        ("status", "", "sum of flags, 0 where all is well (sources/ambkit/status.h)", [""]),
+        ("k_i", "N/A", "current stiffness used by the prediction", axes),
+        ("k_s", "N/m", "position stiffness used by the prediction", axes),
+        ("innovation", "m", "measurement minus prediction, 0 if not used", readings),
+        ("variance", "m2", "expected variance of the innovation", readings),
+        ("status", "", "sum of flags, 0 if none (sources/ambkit/status.h)", [""]),
     ):
         results += per_name(prefix + name, "output", unit, about, of, held=True)
     return results
@@ -109,7 +109,7 @@ def of_plant(machine: Machine, places: Sequence[float]) -> tuple[Variable, ...]:
     known = (
         TIME,
         *per_name("u", "input", "V", "control signal, acts from when it is set", axes),
-        Variable("on", "input", "1", "currents, that of the bias too: from 0.5 on", 1.0),
+        Variable("on", "input", "1", "currents with the bias: from 0.5 on", 1.0),
         *_outside(machine),
         *_noises(machine),
         *(
@@ -124,7 +124,7 @@ def of_plant(machine: Machine, places: Sequence[float]) -> tuple[Variable, ...]:
         *(
             replace(at, follows=tuple(signal(name, of) for name in _SENSOR_INPUTS))
             for of, at in zip(readings, per_name(
-                "y", "output", "m", "measured position: x_m and noise_y, with the sensor's faults",
+                "y", "output", "m", "measured position: x_m and noise_y, with sensor faults",
                 readings,
             ), strict=True)
         ),
@@ -156,7 +156,7 @@ def _continuous(machine: Machine) -> Iterator[Variable]:
     for name, unit in states.items():
         yield Variable(f"der({name})", "local", unit, f"rate of {name}", rate_of=name)
     for k, side in enumerate(("+x", "-x")):
-        about = f"way to the stop at {side} [m]; on a stop, what presses the rotor there"
+        about = f"way to the stop at {side} [m]; on a stop, the acceleration against it"
         yield Variable(f"event_{k}", "local", "1", about, event=True)
 
 
@@ -207,7 +207,7 @@ def of_whole(filter: Estimator, loop_controller: ControllerStart) -> tuple[Varia
         replace(coils[0], first="coil_0"), *coils[1:],
         *per_name("u", "output", "V", "control signal", axes, held=True),
         *per_name("iu", "output", "A", demanded, axes, held=True),
-        Variable("on", "output", "1", "1 where there are currents, else 0", held=True),
+        Variable("on", "output", "1", "1 with currents, else 0", held=True),
         Variable("status", "output", "", "sum of flags, of estimator and controller", held=True),
         *((MODE,) if _lifts(loop_controller) else ()),
         *_estimates("estimate.", filter),
@@ -221,8 +221,8 @@ def of_whole(filter: Estimator, loop_controller: ControllerStart) -> tuple[Varia
 AT = ("the coil towards +x", "the other coil")  #: The two coils of a pair.
 
 
-FLY = Variable("fly", "input", "1", "whether it is to fly: from 0.5 on", 1.0)
-MODES = "0 off, 1 waiting, 2 lifting, 3 flying, 4 landing, 5 tripped"
+FLY = Variable("fly", "input", "1", "command to levitate: from 0.5 on", 1.0)
+MODES = "0 off, 1 waiting, 2 lifting, 3 levitated, 4 landing, 5 tripped"
 MODE = Variable("mode", "output", "", MODES, held=True)
 
 
@@ -269,7 +269,7 @@ def of_controller(machine: Machine, controller: Control) -> tuple[Variable, ...]
         Variable("r", "input", "m", "position that is demanded"),
         Variable("x", "input", "m", f"{fed}; NaN: lost", limit="losable"),
         Variable(
-            "v", "input", "m/s", "estimated velocity, where an estimator feeds it", limit="losable"
+            "v", "input", "m/s", "estimated velocity, if an estimator feeds it", limit="losable"
         ),
         Variable("u", "output", "V", "control signal", held=True),
         *_gains(controller, machine),
@@ -316,16 +316,16 @@ _OF_CONTROL = ("fault_u_gain", "fault_current")
 _FAULTS: tuple[tuple[str, str, str, float, Limit], ...] = (
     ("fault_y_gain", "1", "fault: the measurement times that", 1.0, "any"),
     ("fault_y_offset", "m", "fault: and so much more", 0.0, "any"),
-    ("fault_frozen", "1", "fault: from 0.5 on the measurement stands still", 0.0, "any"),
-    ("fault_u_gain", "1", "fault: the control signal times that", 1.0, "any"),
-    ("fault_current", "1", "fault: share of the amplifier's range that is left", 1.0,
+    ("fault_frozen", "1", "fault: from 0.5 on the measurement is frozen", 0.0, "any"),
+    ("fault_u_gain", "1", "fault: factor of the control signal", 1.0, "any"),
+    ("fault_current", "1", "fault: remaining share of the amplifier's range", 1.0,
      "not negative"),
 )  # fmt: skip
 
 
 def _truth(machine: Machine) -> list[Variable]:
     """Return positions and velocities, and their values at sensors and axes."""
-    shown = per_name("x_m", "output", "m", "position as the sensor shows it, without noise",
+    shown = per_name("x_m", "output", "m", "sensor output without noise",
                       _reading_names(machine))  # fmt: skip
     if machine.single:
         return [
@@ -377,7 +377,7 @@ def _rig(machine: Machine, places: Sequence[float]) -> list[Variable]:
 
 def _gains(controller: PID, machine: Machine) -> list[Variable]:
     current = levitation_current_at(machine)
-    weight = "share of the reference that kp sees"
+    weight = "set-point weight: share of the reference for kp"
     return [
         *per_name("start_current", "fixed", "A", "of the controller's integral", [""], current),
         Variable("controller.kp", "tunable", "A/m", "proportional gain", controller.kp),

@@ -91,7 +91,7 @@ class Corpus(Result):
         ("parameters",): Section("All logs together", across=True),
         ("alone",): Section("Each log separately", across=True),
         ("in_flight", "flights"): Section(
-            "The magnet in flight, the gap as described", across=True
+            "The magnet during levitation, the gap as described", across=True
         ),
         ("cut",): Section("Segments of the logs", across=True),
     }
@@ -283,7 +283,7 @@ def identify_corpus(
     with ThreadPoolExecutor(THREADS) as workers:
         predicted, off = zip(*workers.map(by_the_others, names), strict=True)
     joint, model = _together(list(likelihoods.values()), start)
-    note("the magnet in flight and as described")
+    note("the magnet during levitation and as described")
     weaker = strength_loss(flight_records, likelihoods, start, THREADS)
     deviations = {name: one for name, one in zip(names, off, strict=True) if one}
     return Corpus(
@@ -333,7 +333,8 @@ def _flown(
     for name, parts in cuts.items():
         if not parts:
             kinds = sorted({s.kind for s in stretches[name]})
-            left_out[name] = f"no flight that is long enough, only {', '.join(kinds) or 'samples'}"
+            only = ", ".join(kinds) or "samples"
+            left_out[name] = f"no levitation that is long enough, only {only}"
         elif noise[name] < SMOOTHED * usual_noise:
             left_out[name] = (
                 f"smoothed before it was logged: its position has a noise of "

@@ -304,7 +304,7 @@ class _Loop:
         if not np.max(floor) < FILLED:
             current, far = (float(np.max(np.abs(still[name]))) for name in ("iu", "x"))
             raise AmbkitError(
-                f"even without excitation the loop goes to {engineering(current, 'A')} and "
+                f"even without excitation the loop reaches {engineering(current, 'A')} and "
                 f"{engineering(far, 'm')}; the limits, {engineering(self.limits.current, 'A')} and "
                 f"{engineering(self.limits.displacement, 'm')}, leave no room"
             )

@@ -232,7 +232,7 @@ def _ends(visited: Array) -> Array:
 def _nodes(name: str, visited: Array, count: int) -> Array:
     low, high = _ends(visited)
     if not high > low:
-        raise AmbkitError(f"the records cover no range of {name}: let the rotor move")
+        raise AmbkitError(f"the records cover no range of {name}: excite the rotor")
     if count < 4:
         raise AmbkitError(f"nodes of {name} must be 4 or more, are {count}")
     return np.linspace(low, high, count)

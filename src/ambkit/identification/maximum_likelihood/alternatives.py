@@ -65,8 +65,8 @@ KINDS = {
              "set [amplifier] bandwidth or [magnet] eddy_current_lag; a dead time or a sensor lag "
              "does not replace it", "s", sign=1),
         Kind("hysteresis", "The force has hysteresis over the current, {size} wide",
-             "no law has it: the dead time found is partly hysteresis, and the force estimate errs "
-             "by it", "A", sign=1),
+             "no force law models it: the identified dead time is partly hysteresis, which biases "
+             "the force estimate", "A", sign=1),
         Kind("friction", "Friction of {size} opposes the motion",
              "check the clearance for rub", "N", sign=1),
         Kind("damping", "The motion is damped by {size}",

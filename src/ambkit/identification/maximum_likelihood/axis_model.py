@@ -136,7 +136,7 @@ class AxisModel(LoopModel):
             )
         if not all(np.isfinite(record[name]).all() for name in controls):
             raise RecordError(
-                "the record lacks samples of a control signal: cut it where it has all"
+                "the record lacks samples of a control signal: cut it to an interval without gaps"
             )
         signals = {name: record[name] for name in record} | {"y": record[y], "u": record[u]}
         units = dict(record.units) | {"y": record.units[y], "u": record.units[u]}

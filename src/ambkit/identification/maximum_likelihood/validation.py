@@ -160,7 +160,7 @@ def validate(
     e, S, used = model.innovations(record)
     used[:first] = False
     if not used.any():
-        raise RecordError(f"{name or 'the record'}: no measurement could be taken in")
+        raise RecordError(f"{name or 'the record'}: no measurement could be used")
     y = record["y"]
 
     def errors(predicted: Callable[[int], Array]) -> dict[int, float]:

@@ -280,8 +280,8 @@ def online_figure(learned: OnlineComparison) -> Figure:
         title=f"Magnet constant of {markdown(learned.known.name)}, learned online",
         caption=f"{learned.agreement} On the right the results with 95 % intervals; ADALINE's and "
         "that of least squares are the means over the last quarter, their intervals from the "
-        "scatter there. Band: 95 % as the Kalman filter believes it. Shaded: k is held, for there "
-        "is too little to learn it from.",
+        "scatter there. Band: 95 % by the Kalman filter. Shaded: k is held for lack of "
+        "excitation.",
         panels=[
             Panel(time, _limits(learned), _constants(learned)),
             *(_monitor(name, one, time) for name, one in learned.results.items()),

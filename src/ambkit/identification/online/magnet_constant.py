@@ -173,13 +173,13 @@ def identified(machine: Machine, history: OnlineResult) -> Machine:
             f"excitation stayed at {history.excitation.max():.2g}, below the least at which the "
             "magnet constant is learned"
             if isinstance(history, AdalineResult)
-            else "the magnet constant could nowhere be told from a load"
+            else "the magnet constant was nowhere distinguishable from a load"
         )
-        raise AmbkitError(f"{seen}: let the rotor move, or the magnet carry a known load")
+        raise AmbkitError(f"{seen}: excite the rotor, or apply a known load")
     k = history.magnet_constant
     if not k > 0:
         raise AmbkitError(
-            f"the identified magnet constant is {k:.3g} N m^2/A^2, which no magnet has: is the "
-            "sign of y or u turned round, or a large disturbance force left out?"
+            f"the identified magnet constant is {k:.3g} N m^2/A^2, which is not physical: is "
+            "the sign of y or u reversed, or a large disturbance force omitted?"
         )
     return machine.replace(**machine.magnet.with_constant(k))

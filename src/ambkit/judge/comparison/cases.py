@@ -310,8 +310,8 @@ def step_case(share: float) -> Case:
     return Case(
         "step",
         f"a step to {share:g} of the travel, then a load",
-        "Far from the centre the force law bends, and a filter that does not know it takes its own "
-        "wrong stiffness for a load.",
+        "Far from the centre the force law is nonlinear: a linear filter takes its stiffness "
+        "error for a disturbance force.",
         scenario,
     )
 
@@ -325,8 +325,7 @@ def walk_case(share: float) -> Case:
     return Case(
         "model",
         f"a step to {share:g} of the travel, all noise as the filters assume",
-        "The load is a random walk, as the filters' model has it: the one case with a limit that "
-        "nobody crosses.",
+        "The disturbance force is a random walk, as in the filters' model: the bound is exact.",
         scenario,
         walks=1.0,
     )
@@ -365,21 +364,22 @@ def load_case(force: float) -> Case:
 
 _DEFAULT = (
     Case("paper", "steps as the paper's, then a load",
-         "Near the centre all are alike; the further out, the more the force law counts.", _paper),
+         "Near the centre all are similar; the force law matters at larger displacements.", _paper),
     Case("uncertain", "the paper's steps, and a plant that is not the nominal one",
-         "The differences that remain if nothing is known exactly.", _paper,
+         "Remaining differences with an uncertain plant.", _paper,
          spread=Spread.all(0.2)),
     Case("wrong-k", "a magnet constant 30 % too small that drifts, position steps, a load",
          "The steps determine the constant; a filter that estimates it knows it before the load.",
          _wrong_k,
          magnet_constant=0.7, drift=0.1),
     Case("saturating", "iron that saturates, with maps learned from the measured force",
-         "The closed law is wrong here; only what is learned fits.", _paper, saturates=True),
-    Case("coloured-noise", "sensor noise that is correlated over ten samples",
-         "All assume white noise, and all are wrong.", _paper, correlation=10.0),
+         "The closed law is wrong here; only trained models fit.", _paper, saturates=True),
+    Case("coloured-noise", "sensor noise correlated over ten samples",
+         "All filters assume white noise.", _paper, correlation=10.0),
     step_case(STEPS[-1]),
     Case("unbalance", "a load that is a sine",
-         "In no filter's model: the load never rests, so delay costs most.", _unbalance),
+         "No filter models it: the disturbance force varies all the time, so delay matters most.",
+         _unbalance),
     walk_case(STEPS[-1]),
 )  # fmt: skip
 

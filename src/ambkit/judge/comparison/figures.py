@@ -84,14 +84,14 @@ def _text(value: float) -> str:
 STEP = Axis("step of the position", "mm", 1e3)
 SWEPT = {
     "steps": (STEP, "Errors against the height of the step", "A step, then a load. Bars: 95 % "
-              "confidence. Where a line leaves the picture, the filter has lost the rotor, or "
+              "confidence. Where a line leaves the figure, the filter has lost the rotor, or "
               "nearly."),
     "wrong_k": (Axis("magnet constant of the plant, over the known one"),
-                "Errors where the magnet constant is wrong",
-                "A step of three tenths of the travel, then a load."),
+                "Errors with a wrong magnet constant",
+                "A step of 0.3 of the clearance, then a load."),
     "limit_steps": (STEP, "Errors and their bound", "Black: Cramér-Rao bound. Near the centre the "
-                    "linear model is right; further out only filters that know the law stay near "
-                    "it."),
+                    "linear model is right; further out only filters with the nonlinear law "
+                    "stay near it."),
 }  # fmt: skip
 """Varied quantity of a sweep, and its title."""
 

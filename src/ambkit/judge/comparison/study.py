@@ -41,7 +41,7 @@ AROUND = (
     "the one that the estimators know."
 )
 LIMIT = (
-    "Where all is as the filters' model says, no estimator can have a smaller error than the "
+    "If the filters' model is true, no estimator can have a smaller error than the "
     "posterior Cramér-Rao bound of Tichavský, Muravchik and Nehorai (1998). Their recursion needs "
     "the inverse of the process noise, which does not exist here; the bound is therefore taken in "
     "the state at the start and the noises, with the inequality of van Trees (1968), the Jacobians "
@@ -50,8 +50,8 @@ LIMIT = (
 HOW = (
     "{runs} records are made in closed loop, with the untuned linear filter in it, and each "
     "estimator runs along the same ones, from the same first measurement. Criteria of the loop "
-    "come from the same runs with each estimator in the loop. The first two of the plant's own "
-    "times do not count."
+    "come from the same runs with each estimator in the loop. The first two time constants of "
+    "the plant are excluded."
 )
 TUNED = (
     f"Each estimator had {{budget}} evaluations on {TRAINING} runs of other seeds: its defaults, "

@@ -148,8 +148,8 @@ class Diagnosis(Result):
             Figure(
                 id="diagnosis",
                 title=f"{self.name}: faults",
-                caption="How much better each fault explains the last innovations than none does: "
-                "twice the logarithm of the likelihood ratio.",
+                caption="Twice the logarithm of the likelihood ratio of each fault to no fault, "
+                "for the last innovations.",
                 panels=[panel],
             )
         ]

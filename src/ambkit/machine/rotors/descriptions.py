@@ -301,7 +301,7 @@ class MeasuredMode(Part):
         if len(places) != len(shape):
             yield "shape", f"must be {len(places)} numbers, one for each place; is {len(shape)}"
         if any(b <= a for a, b in pairwise(places)):
-            yield "places", "must rise from each to the next"
+            yield "places", "must increase"
         if not any(shape):
             yield "shape", "must not be 0 everywhere"
 
@@ -370,5 +370,5 @@ class ModalRotor(Part):
             return
         for at, (one, other) in enumerate(pairwise(modes), 1):
             if other.frequency <= one.frequency:
-                text = f"must be greater than that before, {engineering(one.frequency, 'Hz')}"
+                text = f"must be greater than the previous one, {engineering(one.frequency, 'Hz')}"
                 yield f"mode.{at}.frequency", f"{text}; is {engineering(other.frequency, 'Hz')}"
