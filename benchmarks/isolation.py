@@ -20,7 +20,15 @@ from numpy.typing import NDArray
 from ambkit import FilterNoise, Machine, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.isolation.isolation import ALIKE, LIKE, NINE_IN_TEN, FaultIsolation
+from ambkit.judge.isolation.isolation import (
+    ALIKE,
+    FINE,
+    LIMIT,
+    MARGIN,
+    NINE_IN_TEN,
+    FaultIsolation,
+    Searches,
+)  # fmt: skip
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.simulation.external_inputs import ExternalInputs
 from ambkit.simulation.run import simulate_run
@@ -31,6 +39,7 @@ from benchmarks.sensors import drawn
 Array = NDArray[np.float64]
 
 SUBSTEPS = 6
+TAIL = 24.0  #: Level from which on the tail of healthy runs is exponential.
 PAIRS = 20  #: Rounds of two faults at random for every bearing.
 
 FAULTS: dict[str, float] = {
@@ -196,7 +205,7 @@ def can_be_named(isolation: FaultIsolation, M: Array, there: dict[int, Array]) -
     limit, margin = ((np.sqrt(at) + NINE_IN_TEN) ** 2 for at in (isolation.limit, isolation.margin))
     single = [explained(M, of[j], v) for j in range(len(faults))]
     others = [j for j in range(len(faults)) if not any(isolation.alike(j, k) for k in there)]
-    least = max(margin, 2 * LIKE * most)
+    least = max(margin, 2 * FINE * most)
     if len(there) == 1:
         return most >= limit and all(most - single[j] >= least for j in others)
     a, b = there
@@ -204,7 +213,7 @@ def can_be_named(isolation: FaultIsolation, M: Array, there: dict[int, Array]) -
 
     def beyond(j: int) -> float:
         alike = [3 * ALIKE * adds[k] for k in there if k != j and isolation.alike(j, k)]
-        return max(limit, 3 * LIKE * most, *alike)
+        return max(limit, 3 * FINE * most, *alike)
 
     return (
         not isolation.alike(a, b)
@@ -309,7 +318,7 @@ def verdict(groups: list[list[str]], true: tuple[str, ...], family: dict[str, in
 
 def healthy(count: int, first: int, samples: int) -> None:
     """Print false alarms."""
-    total, alarms, highest = 0, 0, []
+    total, alarms, levels = 0, 0, []
     for seed in range(first, first + count):
         machine = sound(seed)
         if machine is None:
@@ -331,14 +340,25 @@ def healthy(count: int, first: int, samples: int) -> None:
         total += len(record)
         bad = np.flatnonzero(s.alarms)
         alarms += len(bad)
-        highest.append(float(s.likelihood.max()))
+        levels.append(levels_of(s))
         if len(bad):
             print(seed, len(bad), s.groups(bad[0]), s.likelihood[bad].max(), flush=True)
-    levels = np.quantile(highest, [0.5, 0.9, 1.0])
+    highest = np.quantile([level.max() for level in levels], [0.5, 0.9, 1.0])
+    beyond = np.concatenate(levels) - TAIL
+    beyond = beyond[beyond > 0]
+    rate = len(beyond) / total * np.exp(-(LIMIT - TAIL) / beyond.mean())
     print(
-        f"{alarms} false alarms in {total} samples of {len(highest)} bearings; greatest l: "
-        f"median {levels[0]:.1f}, 90 % {levels[1]:.1f}, greatest {levels[2]:.1f}"
+        f"{alarms} false alarms in {total} samples of {len(levels)} bearings; greatest level: "
+        f"median {highest[0]:.1f}, 90 % {highest[1]:.1f}, greatest {highest[2]:.1f}; {len(beyond)} "
+        f"searches above {TAIL:g}, by {beyond.mean():.2f} in the mean: {rate:.1e} alarms a sample"
     )
+
+
+def levels_of(searches: Searches) -> Array:
+    """Return what reaches the limit in an alarm: l, and by how much more than a load explains."""
+    load = [signature.load for signature in searches.signatures]
+    most = searches.likelihood.max(axis=1)
+    return np.minimum(most, most - searches.likelihood[:, load].max(axis=1) + LIMIT - MARGIN)
 
 
 if __name__ == "__main__":

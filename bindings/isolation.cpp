@@ -40,6 +40,7 @@ void init_isolation(Isolation *self, const nb::dict &of)
                                                              {"columns", is.columns},
                                                              {"tones", is.tones},
                                                              {"forms", is.forms},
+                                                             {"gradients", is.gradients},
                                                              {"window", is.window},
                                                              {"spare", is.spare},
                                                              {"late", is.late}})
@@ -48,6 +49,7 @@ void init_isolation(Isolation *self, const nb::dict &of)
        std::initializer_list<std::pair<const char *, amb_real &>>{{"speed", self->speed},
                                                                   {"limit", is.limit},
                                                                   {"like", is.like},
+                                                                  {"fine", is.fine},
                                                                   {"alike", is.alike},
                                                                   {"margin", is.margin}})
     read(of, name, to);
@@ -59,9 +61,11 @@ void init_isolation(Isolation *self, const nb::dict &of)
   is.A = self->kept.numbers(of, "A", n * n);
   is.b = self->kept.numbers(of, "b", p * n);
   is.H = self->kept.numbers(of, "H", m * n);
+  is.bias = self->kept.numbers(of, "bias", p);
   is.unit = self->kept.numbers(of, "unit", n);
   is.K = self->kept.or_none(of, "K", m * n);
   is.form = self->kept.numbers(of, "form", static_cast<size_t>(is.forms) * n);
+  is.gradient = self->kept.numbers(of, "gradient", static_cast<size_t>(is.gradients) * n);
   is.lag = self->kept.numbers(of, "lag", m);
   is.turn = self->kept.numbers(of, "turn", static_cast<size_t>(is.tones) * 2);
   const int signals = amb_isolation_row(&is) - is.sensors * (2 + is.states) - 1;
@@ -74,15 +78,18 @@ void init_isolation(Isolation *self, const nb::dict &of)
                             static_cast<unsigned short>(columns), static_cast<unsigned short>(load),
                             static_cast<unsigned short>(group)});
   }
-  using Term = std::tuple<int, int, int, amb_real>;
+  using Term = std::tuple<int, int, int, int, amb_real>;
   for (nb::handle one : nb::cast<nb::list>(of["terms"])) {
-    const auto [column, direction, signal, weight] = nb::cast<Term>(one);
+    const auto [column, direction, signal, gradient, weight] = nb::cast<Term>(one);
     if (column < 0 || column >= is.columns || direction < 0 ||
-        direction >= is.forces + is.sensors || signal < 0 || signal >= signals)
+        direction >= is.forces + is.sensors || signal < 0 || signal >= signals || gradient < 0 ||
+        gradient > is.gradients + is.sensors)
       throw std::invalid_argument("a term has a column, direction or signal that is not there");
-    self->terms.push_back({static_cast<unsigned short>(column),
-                           static_cast<unsigned short>(direction),
-                           static_cast<unsigned short>(signal), weight});
+    if (!self->terms.empty() && column < self->terms.back().column)
+      throw std::invalid_argument("terms are in the order of their columns");
+    self->terms.push_back(
+        {static_cast<unsigned short>(column), static_cast<unsigned short>(direction),
+         static_cast<unsigned short>(signal), static_cast<unsigned short>(gradient), weight});
   }
   is.faults = static_cast<int>(self->faults.size());
   is.terms = static_cast<int>(self->terms.size());

@@ -34,6 +34,14 @@ void amb_isolation_reset(const amb_isolation *iso, amb_isolation_state *state)
   }
 }
 
+/* Half the sum of what both coils pull with, which differ by F and grow with the square of their
+ * currents: k_i = 2 upper / (i0 + i) + 2 lower / (i0 - i). */
+static amb_real both_coils(amb_real i0, amb_real i, amb_real F, amb_real k_i)
+{
+  const amb_real both = (AMB_C(0.5) * k_i * ((i0 * i0) - (i * i))) + (F * i);
+  return (amb_magnitude(i0) > AMB_C(0.0)) ? (both / (AMB_C(2.0) * i0)) : AMB_C(0.0);
+}
+
 /* Signals of a force at the currents that acted; they belong to the mean before. */
 static void put_forces(const amb_isolation *iso, amb_isolation_state *state, const amb_kalman *kf,
                        const amb_magnet magnet[AMB_FORCES], const amb_real last_u[AMB_CONTROLS],
@@ -58,6 +66,7 @@ static void put_forces(const amb_isolation *iso, amb_isolation_state *state, con
     to[2] = k.k_s * s;
     state->current[0][f] = i;
     to[3] = amb_step_force(kf, magnet, f, state->current[iso->late][f], s, &late) - to[0];
+    to[4] = both_coils(iso->bias[f], i, to[0], k.k_i);
   }
 }
 
@@ -100,7 +109,7 @@ static void put_gains(const amb_isolation *iso, const amb_kalman *kf,
         K[i] += share * later[i];
       }
     }
-    const bool used = (result->health[r] & (MISSING | AMB_OUTLIER | AMB_RESTARTED)) == 0U;
+    const bool used = (result->health[r] & (MISSING | AMB_OUTLIER)) == 0U;
     for (int i = 0; i < n; i++) {
       K[i] = !used ? AMB_C(0.0) : ((iso->K != NULL) ? iso->K[(r * n) + i] : (K[i] / R));
     }

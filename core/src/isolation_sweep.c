@@ -39,11 +39,12 @@ static void learn(const amb_isolation *iso, sweep *w, amb_real a, amb_real s)
 {
   const int c = iso->columns;
   for (int j = 0; j < c; j++) {
-    w->g[j] += s * w->rho[j];
     const int last = w->crossed ? (c - 1) : ((j + 1 < c) ? (j + 1) : j);
+    const amb_real own = w->rho[j];
+    const amb_real along = (a * own) + w->y[j];
+    w->g[j] += s * own;
     for (int l = j; l <= last; l++) {
-      w->M[(j * c) + l] +=
-          (a * w->rho[j] * w->rho[l]) + (w->rho[j] * w->y[l]) + (w->y[j] * w->rho[l]);
+      w->M[(j * c) + l] += (along * w->rho[l]) + (own * w->y[l]);
     }
   }
 }

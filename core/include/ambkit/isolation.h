@@ -21,9 +21,14 @@
  * A fault that was there before the window is tested too, with any d at its start. What l leaves of
  * the innovations gives their scale, so that a filter with the wrong noise does not accuse.
  *
- * A fault is excluded where the named one explains more, by the margin and by the share that a
- * linearised signature may miss; of two, by that share of what each adds to the other. Two are
- * named where they explain more than any one: by the limit, and by twice that share.
+ * The sweep is linear in the sizes. The faults and pairs that it makes likely are replayed: the error
+ * d that they make is stepped through the window with the signals of the rotor, which are those of
+ * the estimate and their gradient by d, and sizes and begin are fitted (Gauss and Newton).
+ *
+ * A fault is excluded where the named one explains more: by the margin, by the share that signatures
+ * may miss, and by as much as the named one leaves beyond the variance; of two, by that share of
+ * what each adds to the other. Two are named where they explain more than any one: by the limit, by
+ * twice that share, and by three times what they leave.
  *
  * Where a reading shows the rotor on a stop, whose force is unknown, the state's `contact` is 0,
  * and no fault is named until two windows are free of it.
@@ -40,7 +45,7 @@ AMB_EXTERN_C_BEGIN
 
 /* Signals, one after the other: 1; of each force AMB_OF_FORCE, of each sensor AMB_OF_SENSOR; forms
  * of the mean; cosine and sine of each tone. */
-#define AMB_OF_FORCE 4  /* F; k_i i; k_s s; k_i (i of `late` samples ago - i) */
+#define AMB_OF_FORCE 5  /* F; k_i i; k_s s; F by i of `late` samples ago - F; half of both coils' */
 #define AMB_OF_SENSOR 2 /* predicted reading; the same with more lag, less itself [m] */
 
 /* Least number of samples that a fault is judged by. */
@@ -50,6 +55,8 @@ typedef struct amb_fault_term {
   unsigned short column;
   unsigned short direction; /* forces, then sensors */
   unsigned short signal;
+  unsigned short gradient; /* row of its gradient, from 1 on; 0: not by the filter's error; beyond
+                              the last: the reading with more lag of a sensor */
   amb_real weight;
 } amb_fault_term;
 
@@ -66,7 +73,8 @@ typedef struct amb_isolation {
   int sensors;
   int columns;
   int faults;
-  int terms;
+  int terms; /* in the order of their columns */
+  int gradients;
   int forms;
   int tones;
   int window;           /* samples that are searched */
@@ -74,16 +82,19 @@ typedef struct amb_isolation {
   int late;             /* samples of the late control, at most AMB_ISOLATION_LEAST */
   amb_real limit;       /* l of an alarm [1] */
   amb_real like;        /* share of what is observed that a linearised signature may miss [1] ... */
+  amb_real fine;        /* ... one that was replayed ... */
   amb_real alike;       /* ... by which those of a group do not differ */
   amb_real margin;      /* by which l of a fault must exceed that of another to exclude it [1] */
   const amb_real *A;    /* states x states, with the stiffness of the magnets */
   const amb_real *b;    /* forces x states, by 1 N */
   const amb_real *H;    /* sensors x states */
+  const amb_real *bias; /* [forces] bias currents [A] */
   const amb_real *unit; /* [states] those of the filter in one of these */
   const amb_real *K;    /* sensors x states, a constant gain; NULL: by the covariance */
   const amb_real *form; /* forms x states */
-  const amb_real *lag;  /* [sensors]: share by which the reading with more lag follows [1] */
-  const amb_real *turn; /* tones x 2: cosine and sine of the angle in a sample */
+  const amb_real *gradient;   /* gradients x states: of a signal, by the error of the filter */
+  const amb_real *lag;        /* [sensors]: share by which the reading with more lag follows [1] */
+  const amb_real *turn;       /* tones x 2: cosine and sine of the angle in a sample */
   const amb_fault *fault;     /* [faults] */
   const amb_fault_term *term; /* [terms] */
 } amb_isolation;

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from ambkit.simulation.scenario import Scenario
 
 
-_ISOLATION = ("src/isolation.c", "src/isolation_sweep.c", "src/isolation_search.c")
+_ISOLATION = (
+    "src/isolation.c", "src/isolation_sweep.c", "src/isolation_replay.c", "src/isolation_search.c",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,11 +19,14 @@ from ambkit.judge.isolation.isolation import FaultIsolation
 FROM = 60  #: Sample at which faults of the self-test begin.
 TEMPLATES = {"{}_faults.h": "faults.h", "{}_faults.c": "faults.c"}
 
-_COUNTS = ("states", "forces", "sensors", "columns", "forms", "tones", "window", "spare", "late")
-_REALS = ("limit", "margin", "like", "alike")
+_COUNTS = (
+    "states", "forces", "sensors", "columns", "gradients", "forms", "tones", "window", "spare",
+    "late",
+)  # fmt: skip
+_REALS = ("limit", "margin", "like", "fine", "alike")
 _FAULT = ("column", "columns", "load", "group")
-_TERM = ("column", "direction", "signal", "weight")
-_ARRAYS = ("A", "b", "H", "unit", "K", "form", "lag", "turn")
+_TERM = ("column", "direction", "signal", "gradient", "weight")
+_ARRAYS = ("A", "b", "H", "bias", "unit", "K", "form", "gradient", "lag", "turn")
 
 
 def context(export: Export) -> dict[str, Any]:

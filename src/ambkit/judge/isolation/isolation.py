@@ -14,7 +14,14 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.control.linear.steady_state_filter import tangents_known
 from ambkit.data.record import Record
-from ambkit.judge.isolation.signatures import LATE_BY, Signature, lags_of, signatures_of, tones_of
+from ambkit.judge.isolation.signatures import (
+    LATE_BY,
+    Places,
+    Signature,
+    lags_of,
+    signatures_of,
+    tones_of,
+)
 from ambkit.judge.load_following import operating_point
 from ambkit.machine.machine import Machine
 
@@ -24,9 +31,9 @@ SEARCHES = 4  #: Of a window.
 LIMIT, MARGIN = 40.0, 16.0
 """Log likelihood ratios (times two): of an alarm, and between what is named and what is not."""
 
-LIKE, ALIKE = 0.05, 0.5
-"""Shares of what is observed that a linearised signature may miss, and by which those of a group do
-not differ: a lag is seen in readings that are late already."""
+LIKE, FINE, ALIKE = 0.05, 0.005, 0.5
+"""Shares of what is observed that a linearised signature may miss, that a replayed one may, and by
+which those of a group do not differ: a lag is seen in readings that are late already."""
 NINE_IN_TEN = 1.65
 """Standard deviations that 19 in 20 are above: nine in ten pass two limits at once."""
 
@@ -118,16 +125,19 @@ class FaultIsolation:
         """What the core is made of."""
         kalman = self.kalman
         A, b, H, units, K = _error_model(kalman)
+        gradient = _gradients(kalman, units, H)
         tones = np.array(tones_of(kalman.view)) * kalman.machine.sampling_time
         columns = [column for signature in self.signatures for column in signature.columns]
         first = np.cumsum([0, *(len(signature.columns) for signature in self.signatures)])
-        form, lags = kalman.model.r, lags_of(kalman.machine)
+        places, form, lags = Places(kalman.view), kalman.model.r, lags_of(kalman.machine)
         return {
             "states": len(A), "forces": len(b), "sensors": len(H), "columns": len(columns),
             "tones": len(tones), "forms": len(form), "window": self.window, "spare": self.every,
             "late": LATE_BY, "speed": kalman.view.speed or 0.0,
-            "limit": self.limit, "margin": self.margin, "like": LIKE, "alike": ALIKE,
+            "limit": self.limit, "margin": self.margin, "like": LIKE, "fine": FINE, "alike": ALIKE,
+            "gradients": len(gradient), "gradient": gradient.ravel().tolist(),
             "A": A.ravel().tolist(), "b": b.ravel().tolist(), "H": H.ravel().tolist(),
+            "bias": [of.magnet.bias_current or 0.0 for of in kalman.view.isolated],
             "unit": units.tolist(), "K": None if K is None else K.ravel().tolist(),
             "form": form.ravel().tolist(),
             "lag": [-math.expm1(-kalman.machine.sampling_time / lag) for lag in lags],
@@ -136,7 +146,10 @@ class FaultIsolation:
                 (int(at), len(signature.columns), signature.load, signature.group)
                 for at, signature in zip(first, self.signatures, strict=False)
             ],
-            "terms": [(k, *term) for k, column in enumerate(columns) for term in column],
+            "terms": [
+                (k, term.direction, term.signal, places.gradient(term.signal), term.weight)
+                for k, column in enumerate(columns) for term in column
+            ],
         }  # fmt: skip
 
     def run(self, record: Record) -> Searches:
@@ -171,7 +184,7 @@ class FaultIsolation:
                 if other == j or not own > 0:
                     continue
                 left = _left(M, of[j], of[other])
-                if left > 2 * (ALIKE if self.alike(j, other) else LIKE) * own:
+                if left > 2 * (ALIKE if self.alike(j, other) else FINE) * own:
                     separated[j, other] = apart / np.sqrt(left)
         np.fill_diagonal(separated, 0.0)
         return LeastSizes(detected, separated)
@@ -191,10 +204,20 @@ class FaultIsolation:
         return np.asarray(self.core.information(since, before), float)
 
 
+def _tangents(kalman: Any) -> Any:
+    """Return the tangents of the magnets at the operating point."""
+    return tangents_known(kalman.magnet, "tangent", operating_point(kalman.machine))
+
+
+def _gradients(kalman: Any, units: Array, H: Array) -> Array:
+    """Return the gradients of forces, readings and forms by the filter's error."""
+    k_s = np.atleast_1d(_tangents(kalman)[1])
+    return np.vstack([k_s[:, None] * kalman.model.h * units, H, kalman.model.r * units])
+
+
 def _error_model(kalman: Any) -> tuple[Array, Array, Array, Array, Array | None]:
     """Return A, b, H of the filter's error, the units of its states, and a constant gain."""
-    point = operating_point(kalman.machine)
-    model = kalman.linear_model(*tangents_known(kalman.magnet, "tangent", point))
+    model = kalman.linear_model(*_tangents(kalman))
     units = np.array(kalman.default_std())
     gain = getattr(kalman, "gain", None)
     constant = kalman.steady == "constant" and gain is not None

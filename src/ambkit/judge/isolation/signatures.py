@@ -18,8 +18,8 @@ from ambkit.estimate.machine_model import View
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of, own_time
 
-OF_FORCE, OF_SENSOR = 4, 2  #: Signals of each, AMB_OF_FORCE and AMB_OF_SENSOR.
-FORCE, BY_CURRENT, BY_PLACE, LATE = range(OF_FORCE)
+OF_FORCE, OF_SENSOR = 5, 2  #: Signals of each, AMB_OF_FORCE and AMB_OF_SENSOR.
+FORCE, BY_CURRENT, BY_PLACE, LATE, COILS = range(OF_FORCE)
 READING, LAGGED = range(OF_SENSOR)
 LATE_BY, LAG_BY = 3, 5
 """Samples by which control and reading are late whose signatures are tested: the derivative by a
@@ -68,6 +68,18 @@ class Places:
         """Signal of a reading."""
         return self._readings + OF_SENSOR * r + what
 
+    def gradient(self, at: int) -> int:
+        """Return the gradient of a signal, from 1 on; 0: it does not depend on the error."""
+        if 0 < at < self._readings:
+            f, what = divmod(at - 1, OF_FORCE)
+            return f + 1 if what in (FORCE, BY_PLACE) else 0
+        if self._readings <= at < self._forms:
+            r, what = divmod(at - self._readings, OF_SENSOR)
+            past = 0 if what == READING else self.sensors + self.forces
+            return self.forces + r + 1 + past
+        form = at - self._forms
+        return self.forces + self.sensors + form + 1 if 0 <= form < self.forces else 0
+
     def load(self, f: int) -> int:
         """Estimated disturbance force along an axis."""
         return self._forms + f
@@ -103,7 +115,7 @@ def signatures_of(view: View, magnet: Any) -> list[Signature]:
 
 
 def _of_axis(places: Places, f: int, axis: Any, of: Machine) -> Iterator[Signature]:
-    force, current, place, late = (places.of_force(f, k) for k in range(OF_FORCE))
+    force, current, place, late, coils = (places.of_force(f, k) for k in range(OF_FORCE))
     law = magnet_of(of)
     k_i, bias = float(law.tangent(0.0, 0.0)[0]), float(law.bias_force)
     most = abs(k_i) * of.current_max
@@ -117,9 +129,8 @@ def _of_axis(places: Places, f: int, axis: Any, of: Machine) -> Iterator[Signatu
     yield fault("load", "step of disturbance force, weight or bias current", "N", most, (0, 1.0))
     yield fault("magnet", "magnet constant", "1", 1.0, (force, 1.0), (0, bias), group=DYNAMICS)
     if of.magnet.type == "two-sided":
-        pull = k_i * of.magnet.bias_current / 4
-        yield fault("upper coil", "coil towards +x", "1", 1.0, (force, 0.5), (0, pull))
-        yield fault("lower coil", "coil towards -x", "1", 1.0, (force, 0.5), (0, -pull))
+        yield fault("upper coil", "coil towards +x", "1", 1.0, (force, 0.5), (coils, 1.0))
+        yield fault("lower coil", "coil towards -x", "1", 1.0, (force, 0.5), (coils, -1.0))
     yield fault("amplifier", "gain of the amplifier", "1", 1.0, (current, 1.0))
     of_gap = ((0, -2 * bias), (current, -2.0), (place, -3.0))
     yield fault("gap", "air gap", "1", 1.0, *of_gap, group=DYNAMICS)
@@ -159,6 +170,9 @@ def _in_motion(places: Places, view: View, magnet: Any) -> Iterator[Signature]:
     mass = tuple(term._replace(weight=-term.weight) for term in magnets)
     yield Signature("mass", "mass of the rotor", "1", (mass,), 1.0, group=DYNAMICS)
     clock = tuple(term._replace(weight=2 * term.weight) for term in [*magnets, *weights])
+    for r, lag in enumerate(lags_of(places.machine)):  # which has fewer samples
+        less = places.machine.lag_of(places.machine.readings[r].sensor) / lag
+        clock += (Term(places.forces + r, places.of_reading(r, LAGGED), -less),)
     yield Signature("clock", "sampling time", "1", (clock,), 1.0)
     if places.machine.rotor.type != "mass" and places.machine.speed:
         yield from _unbalances(places, view)

@@ -1,0 +1,238 @@
+#include "isolation_replay.h"
+#include "isolation_sweep.h"
+
+/* Share of a column that is left beside others, below which they are the same. */
+#define SAME AMB_C(1e-4)
+
+/* Steps of Gauss and Newton at most, and the gain [1] by which another one is worth while, at least
+ * as a share of l. */
+#define STEPS 6
+#define WORTH AMB_C(1.0)
+#define WORTH_SHARE AMB_C(1e-4)
+
+/* The error of the filter by faults of the sizes, and its derivatives by these. */
+typedef struct motion {
+  amb_real d[1 + MOST_COLUMNS][AMB_STATES];
+  amb_real lagged[1 + MOST_COLUMNS]; /* of the reading with more lag */
+  amb_real rho[1 + MOST_COLUMNS];    /* along one direction */
+  int first[MOST_COLUMNS];           /* terms of the columns */
+  int after[MOST_COLUMNS];
+} motion;
+
+/* What a replay leaves for the next step. */
+typedef struct normal {
+  amb_real explains;
+  amb_real g[MOST_COLUMNS];
+  amb_real M[MOST_COLUMNS][MOST_COLUMNS];
+} normal;
+
+amb_real amb_explained(int count, amb_real M[MOST_COLUMNS][MOST_COLUMNS],
+                       const amb_real g[MOST_COLUMNS], amb_real size[], amb_real variance[])
+{
+  amb_real L[MOST_COLUMNS][MOST_COLUMNS]; /* unit lower triangle */
+  amb_real D[MOST_COLUMNS];
+  amb_real v[MOST_COLUMNS];
+  amb_real sum = AMB_C(0.0);
+  for (int i = 0; i < count; i++) {
+    D[i] = M[i][i];
+    v[i] = g[i];
+    const amb_real own = SAME * D[i];
+    for (int k = 0; k < i; k++) {
+      amb_real m = M[i][k];
+      for (int l = 0; l < k; l++) {
+        m -= L[i][l] * L[k][l] * D[l];
+      }
+      L[i][k] = (D[k] > AMB_C(0.0)) ? (m / D[k]) : AMB_C(0.0);
+      D[i] -= L[i][k] * L[i][k] * D[k];
+      v[i] -= L[i][k] * v[k];
+    }
+    D[i] = ((D[i] > own) && (D[i] > AMB_C(0.0))) ? D[i] : AMB_C(0.0);
+    sum += (D[i] > AMB_C(0.0)) ? ((v[i] * v[i]) / D[i]) : AMB_C(0.0);
+  }
+  if ((size != NULL) && (variance != NULL)) {
+    for (int i = count - 1; i >= 0; i--) {
+      amb_real inverse[MOST_COLUMNS]; /* row i of L' to the minus one */
+      amb_clear(MOST_COLUMNS, inverse);
+      size[i] = (D[i] > AMB_C(0.0)) ? (v[i] / D[i]) : AMB_C(0.0);
+      variance[i] = AMB_C(0.0);
+      for (int l = i + 1; l < count; l++) {
+        size[i] -= L[l][i] * size[l];
+      }
+      inverse[i] = AMB_C(1.0);
+      for (int l = i; l < count; l++) {
+        for (int k = i; k < l; k++) {
+          inverse[l] -= L[l][k] * inverse[k];
+        }
+        variance[i] += (D[l] > AMB_C(0.0)) ? ((inverse[l] * inverse[l]) / D[l]) : AMB_C(0.0);
+      }
+    }
+  }
+  return sum;
+}
+
+/* The signal of a term by the error p beyond that of the estimate. */
+static amb_real by_error(const amb_isolation *iso, const amb_fault_term *term, const motion *now,
+                         int p)
+{
+  const int n = iso->states;
+  const int row = (int)term->gradient - 1;
+  amb_real value = AMB_C(0.0);
+  if (row >= iso->gradients) { /* a reading with more lag */
+    const amb_real *H = iso->H + ((row - iso->gradients) * n);
+    value = now->lagged[p] - dot(n, H, now->d[p]);
+  } else if (row >= 0) {
+    value = dot(n, iso->gradient + (row * n), now->d[p]);
+  } else {
+    value = AMB_C(0.0);
+  }
+  return value;
+}
+
+/* What the faults do along a direction in a sample. */
+static void act(const amb_isolation *iso, const amb_real *row, int direction, const replay *of,
+                const amb_real size[], motion *now)
+{
+  amb_clear(1 + of->columns, now->rho);
+  for (int j = 0; j < of->columns; j++) {
+    for (int k = now->first[j]; k < now->after[j]; k++) {
+      const amb_fault_term *term = &iso->term[k];
+      if ((int)term->direction == direction) {
+        const amb_real own = term->weight * row[term->signal];
+        now->rho[0] += size[j] * own;
+        now->rho[1 + j] += own;
+        if (term->gradient > 0U) {
+          for (int p = 0; p <= of->columns; p++) {
+            const amb_real more = term->weight * by_error(iso, term, now, p);
+            now->rho[p] += size[j] * more;
+            now->rho[1 + j] += (p == 0) ? more : AMB_C(0.0);
+          }
+        }
+      }
+    }
+  }
+}
+
+static void step_over_prediction(const amb_isolation *iso, const amb_real *row, const replay *of,
+                                 const amb_real size[], motion *now)
+{
+  const int n = iso->states;
+  amb_real next[1 + MOST_COLUMNS][AMB_STATES];
+  for (int p = 0; p <= of->columns; p++) {
+    for (int i = 0; i < n; i++) {
+      next[p][i] = dot(n, iso->A + (i * n), now->d[p]);
+    }
+  }
+  for (int f = 0; f < iso->forces; f++) {
+    act(iso, row, f, of, size, now);
+    for (int p = 0; p <= of->columns; p++) {
+      for (int i = 0; i < n; i++) {
+        next[p][i] += iso->b[(f * n) + i] * now->rho[p];
+      }
+    }
+  }
+  for (int p = 0; p <= of->columns; p++) {
+    amb_copy(n, next[p], now->d[p]);
+  }
+}
+
+static void step_over_update(const amb_isolation *iso, const amb_real *row, int r, const replay *of,
+                             const amb_real size[], motion *now, normal *sum)
+{
+  const int n = iso->states;
+  const int m = iso->sensors;
+  const amb_real *measured = row + amb_isolation_row(iso) - 1 - (m * (2 + n));
+  const amb_real S = measured[(2 * r) + 1];
+  if (S > AMB_C(0.0)) {
+    const amb_real *K = measured + (2 * m) + (r * n);
+    amb_real s[1 + MOST_COLUMNS];
+    amb_clear(1 + MOST_COLUMNS, s);
+    for (int p = 0; p <= of->columns; p++) {
+      s[p] = dot(n, iso->H + (r * n), now->d[p]);
+      now->lagged[p] += iso->lag[r] * (s[p] - now->lagged[p]);
+    }
+    act(iso, row, iso->forces + r, of, size, now);
+    for (int p = 0; p <= of->columns; p++) {
+      s[p] += now->rho[p];
+      for (int i = 0; i < n; i++) {
+        now->d[p][i] -= K[i] * s[p];
+      }
+    }
+    sum->explains += s[0] * ((AMB_C(2.0) * measured[2 * r]) - s[0]) / S;
+    for (int j = 0; j < of->columns; j++) {
+      const amb_real share = s[1 + j] / S;
+      sum->g[j] += share * (measured[2 * r] - s[0]);
+      for (int k = 0; k <= j; k++) {
+        sum->M[j][k] += share * s[1 + k];
+      }
+    }
+  }
+}
+
+static void find_terms(const amb_isolation *iso, const replay *of, motion *now)
+{
+  for (int j = 0; j < of->columns; j++) {
+    now->first[j] = iso->terms;
+    now->after[j] = iso->terms;
+    for (int k = iso->terms - 1; k >= 0; k--) {
+      const int column = (int)iso->term[k].column;
+      now->first[j] = (column >= of->column[j]) ? k : now->first[j];
+      now->after[j] = (column > of->column[j]) ? k : now->after[j];
+    }
+  }
+}
+
+/* Step the error by faults of these sizes through the window. */
+static normal along(const amb_isolation *iso, const amb_isolation_state *state, int newest,
+                    const replay *of, const amb_real size[])
+{
+  const int rows = iso->window + iso->spare;
+  motion now;
+  normal sum;
+  sum.explains = AMB_C(0.0);
+  amb_clear(MOST_COLUMNS, sum.g);
+  for (int j = 0; j < MOST_COLUMNS; j++) {
+    amb_clear(MOST_COLUMNS, sum.M[j]);
+  }
+  for (int p = 0; p <= MOST_COLUMNS; p++) {
+    amb_clear(AMB_STATES, now.d[p]);
+  }
+  amb_clear(1 + MOST_COLUMNS, now.lagged);
+  find_terms(iso, of, &now);
+  for (int ago = of->since - 1; ago >= 0; ago--) {
+    const int place = (newest + rows - ago) % rows;
+    const amb_real *row = state->ring + (place * amb_isolation_row(iso));
+    step_over_prediction(iso, row, of, size, &now);
+    for (int r = 0; r < iso->sensors; r++) {
+      step_over_update(iso, row, r, of, size, &now, &sum);
+    }
+  }
+  return sum;
+}
+
+void amb_replay_fit(const amb_isolation *iso, const amb_isolation_state *state, int newest,
+                    replay *of)
+{
+  amb_real trial[MOST_COLUMNS];
+  amb_real step[MOST_COLUMNS];
+  bool begun = false;
+  bool worth = true;
+  amb_copy(of->columns, of->size, trial);
+  amb_clear(MOST_COLUMNS, step);
+  for (int k = 0; worth && (k < STEPS); k++) {
+    normal sum = along(iso, state, newest, of, trial);
+    if (!begun || (sum.explains > of->explains)) {
+      begun = true;
+      of->explains = sum.explains;
+      amb_copy(of->columns, trial, of->size);
+      worth = amb_explained(of->columns, sum.M, sum.g, step, of->variance) >
+              amb_at_least(WORTH, WORTH_SHARE * sum.explains);
+    } else { /* too far: half the way */
+      for (int j = 0; j < of->columns; j++) {
+        step[j] *= AMB_C(0.5);
+      }
+    }
+    for (int j = 0; j < of->columns; j++) {
+      trial[j] = of->size[j] + step[j];
+    }
+  }
+}

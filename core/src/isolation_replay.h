@@ -1,0 +1,32 @@
+/* Faults by a replay of the filter's error along the window, not linearised in their sizes. */
+#ifndef AMBKIT_ISOLATION_REPLAY_H
+#define AMBKIT_ISOLATION_REPLAY_H
+
+#include "ambkit/isolation.h"
+
+AMB_EXTERN_C_BEGIN
+
+#define MOST_COLUMNS 4 /* of two faults */
+
+/* Faults that began `since` samples ago, and the sizes that explain most. */
+typedef struct replay {
+  int columns;
+  int column[MOST_COLUMNS];
+  int since;
+  amb_real explains; /* l; 0 before the first fit */
+  amb_real size[MOST_COLUMNS];
+  amb_real variance[MOST_COLUMNS];
+} replay;
+
+/* l of some columns together by their information M and g; their sizes and variances where wanted.
+ * A column that is the same as those before it explains nothing more. */
+amb_real amb_explained(int count, amb_real M[MOST_COLUMNS][MOST_COLUMNS],
+                       const amb_real g[MOST_COLUMNS], amb_real size[], amb_real variance[]);
+
+/* Fit the sizes from those that stand there. */
+void amb_replay_fit(const amb_isolation *iso, const amb_isolation_state *state, int newest,
+                    replay *of);
+
+AMB_EXTERN_C_END
+
+#endif
