@@ -88,7 +88,7 @@ def test_its_self_test_compares_searches_to_the_last_bit_and_can_fail(of, tmp_pa
     # The constants change their checksum, the search only its results.
     for file, there, broken in (
         ("rig_faults.c", ".margin = 16", ".margin = 60"),
-        ("core/src/isolation_sweep.c", "w->g[j] += s * w->rho[j]", "w->g[j] += s * w->y[j]"),
+        ("core/src/isolation_sweep.c", "w->g[j] += s * own", "w->g[j] += s * along"),
     ):
         source = made.folder / file
         text = source.read_text()

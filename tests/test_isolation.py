@@ -107,7 +107,7 @@ def test_a_fault_is_named_with_its_size_and_begin(case):
     k, j = result.decisive, [s.name for s in result.searches.signatures].index(name)
     size = result.searches.size[k, j, 0]
     true = 4e-5 if case == "sensor offset" else 0.3
-    assert size == pytest.approx(true, abs=0.3 * true)
+    assert size == pytest.approx(true, rel=0.05)
     begin = result.searches.t[k] - result.searches.since[k, j] * PAPER.sampling_time
     assert begin == pytest.approx(ONSET * PAPER.sampling_time, abs=2e-3)
     row = next(r for r in result.rows if r.of == name and r.key == "verdict")
@@ -122,6 +122,18 @@ def test_a_weak_magnet_at_rest_is_listed_with_all_that_look_like_it():
     (group,) = result.searches.groups(result.decisive)
     assert {"load", "magnet"} <= set(group)
     assert " or ".join(group) in result.finding
+
+
+def test_two_faults_at_once_are_named_with_their_sizes():
+    faults = with_fault("y_plus", 4e-5)
+    faults.late[ONSET:] = 6
+    result = diagnosed(flown(PAPER, faults, moving=True), "extended", PAPER, None, None)
+    late, offset = sorted(result.faults, key=len, reverse=True)
+    assert offset == "sensor offset"
+    assert set(late.split(" or ")) <= {"sensor lag", "dead time"}
+    k, names = result.decisive, [s.name for s in result.searches.signatures]
+    size = result.searches.size[k, names.index("sensor offset"), 0]
+    assert size == pytest.approx(4e-5, rel=0.05)
 
 
 def test_faults_that_look_alike_are_named_together():

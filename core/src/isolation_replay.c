@@ -15,6 +15,7 @@ typedef struct motion {
   amb_real d[1 + MOST_COLUMNS][AMB_STATES];
   amb_real lagged[1 + MOST_COLUMNS]; /* of the reading with more lag */
   amb_real rho[1 + MOST_COLUMNS];    /* along one direction */
+  amb_real residual[AMB_SENSORS];    /* of the last sample */
   int first[MOST_COLUMNS];           /* terms of the columns */
   int after[MOST_COLUMNS];
 } motion;
@@ -22,6 +23,7 @@ typedef struct motion {
 /* What a replay leaves for the next step. */
 typedef struct normal {
   amb_real explains;
+  amb_real correlated;
   amb_real g[MOST_COLUMNS];
   amb_real M[MOST_COLUMNS][MOST_COLUMNS];
 } normal;
@@ -158,9 +160,12 @@ static void step_over_update(const amb_isolation *iso, const amb_real *row, int 
       }
     }
     sum->explains += s[0] * ((AMB_C(2.0) * measured[2 * r]) - s[0]) / S;
+    const amb_real residual = measured[2 * r] - s[0];
+    sum->correlated += residual * now->residual[r] / S;
+    now->residual[r] = residual;
     for (int j = 0; j < of->columns; j++) {
       const amb_real share = s[1 + j] / S;
-      sum->g[j] += share * (measured[2 * r] - s[0]);
+      sum->g[j] += share * residual;
       for (int k = 0; k <= j; k++) {
         sum->M[j][k] += share * s[1 + k];
       }
@@ -189,6 +194,7 @@ static normal along(const amb_isolation *iso, const amb_isolation_state *state, 
   motion now;
   normal sum;
   sum.explains = AMB_C(0.0);
+  sum.correlated = AMB_C(0.0);
   amb_clear(MOST_COLUMNS, sum.g);
   for (int j = 0; j < MOST_COLUMNS; j++) {
     amb_clear(MOST_COLUMNS, sum.M[j]);
@@ -197,6 +203,7 @@ static normal along(const amb_isolation *iso, const amb_isolation_state *state, 
     amb_clear(AMB_STATES, now.d[p]);
   }
   amb_clear(1 + MOST_COLUMNS, now.lagged);
+  amb_clear(AMB_SENSORS, now.residual);
   find_terms(iso, of, &now);
   for (int ago = of->since - 1; ago >= 0; ago--) {
     const int place = (newest + rows - ago) % rows;
@@ -223,6 +230,7 @@ void amb_replay_fit(const amb_isolation *iso, const amb_isolation_state *state, 
     if (!begun || (sum.explains > of->explains)) {
       begun = true;
       of->explains = sum.explains;
+      of->correlated = sum.correlated;
       amb_copy(of->columns, trial, of->size);
       worth = amb_explained(of->columns, sum.M, sum.g, step, of->variance) >
               amb_at_least(WORTH, WORTH_SHARE * sum.explains);

@@ -13,7 +13,8 @@ typedef struct replay {
   int columns;
   int column[MOST_COLUMNS];
   int since;
-  amb_real explains; /* l; 0 before the first fit */
+  amb_real explains;   /* l; 0 before the first fit */
+  amb_real correlated; /* sum of products of successive residuals over S: chance, or missed */
   amb_real size[MOST_COLUMNS];
   amb_real variance[MOST_COLUMNS];
 } replay;

@@ -88,6 +88,7 @@ typedef struct window {
   int samples;
   int begin;            /* since when the innovations are too large */
   amb_real unexplained; /* sum of e^2 / S */
+  amb_real missed;      /* what the likeliest fault leaves beyond chance */
   amb_real share;       /* of l, that signatures may miss */
 } window;
 
@@ -115,6 +116,7 @@ static replay begin_fit(const amb_isolation *iso, int j, int l, int since)
   fit.columns = columns_of(iso, j, l, fit.column);
   fit.since = since;
   fit.explains = AMB_C(0.0);
+  fit.correlated = AMB_C(0.0);
   amb_clear(MOST_COLUMNS, fit.size);
   amb_clear(MOST_COLUMNS, fit.variance);
   return fit;
@@ -156,6 +158,21 @@ static void write_sizes(const replay *fit, int from, int count, amb_isolation_re
   amb_copy(count, fit->variance + from, of->variance);
 }
 
+/* The scale of the innovations by what is left of them. */
+static amb_real scale_of(const window *in, amb_real explained)
+{
+  const amb_real number = (amb_real)in->samples * (amb_real)in->iso->sensors;
+  return amb_at_least((in->unexplained - explained) / number, AMB_C(1.0));
+}
+
+/* What faults leave beyond chance, where noise has this scale: residuals that are correlated. */
+static amb_real missed_by(const window *in, const replay *fit, amb_real scale)
+{
+  const amb_real number = (amb_real)fit->since * (amb_real)in->iso->sensors;
+  const amb_real chance = scale * ((AMB_C(0.1) * number) + AMB_C(16.0));
+  return amb_at_least(amb_magnitude(fit->correlated) - chance, AMB_C(0.0));
+}
+
 static replay fit_of(const window *in, int j, const amb_isolation_result *of)
 {
   replay fit = begin_fit(in->iso, j, -1, of->since);
@@ -183,7 +200,7 @@ static void replay_since(const window *in, int since, amb_isolation_result resul
 }
 
 /* Replay the faults that explain at least half as much as the likeliest one. */
-static int replay_singles(const window *in, int first, amb_isolation_result result[])
+static int replay_singles(window *in, int first, amb_isolation_result result[])
 {
   const amb_isolation *iso = in->iso;
   const amb_real least = AMB_C(0.5) * result[first].likelihood;
@@ -204,6 +221,7 @@ static int replay_singles(const window *in, int first, amb_isolation_result resu
   find_begin(in, &fit);
   keep_fit(&fit, &result[best]);
   replay_since(in, fit.since, result);
+  in->missed = missed_by(in, &fit, scale_of(in, fit.explains));
   return best;
 }
 
@@ -289,22 +307,6 @@ static void find_pairs(const window *in, int of, amb_isolation_result result[], 
   }
 }
 
-/* The scale of the innovations by what is left of them. */
-static amb_real scale_of(const window *in, amb_real explained)
-{
-  const amb_real number = (amb_real)in->samples * (amb_real)in->iso->sensors;
-  return amb_at_least((in->unexplained - explained) / number, AMB_C(1.0));
-}
-
-/* What remains of the innovations beyond their variance, by more than chance
- * leaves. */
-static amb_real missed_by(const window *in, amb_real explained)
-{
-  const amb_real number = (amb_real)in->samples * (amb_real)in->iso->sensors;
-  const amb_real usual = (AMB_C(1.1) * number) + AMB_C(16.0);
-  return amb_at_least(in->unexplained - explained - usual, AMB_C(0.0));
-}
-
 /* What a fault of two explains beside the other. */
 static amb_real adds(const pair *two, int k, const amb_isolation_result result[])
 {
@@ -313,13 +315,13 @@ static amb_real adds(const pair *two, int k, const amb_isolation_result result[]
 
 /* Whether no single fault explains nearly as much as two. */
 static bool needs_two(const window *in, const amb_isolation_result result[], const pair *two,
-                      amb_real limit)
+                      amb_real scale)
 {
   const amb_isolation *iso = in->iso;
   bool needed = !are_alike(iso, two->of[0], two->of[1]);
   for (int j = 0; j < iso->faults; j++) {
-    amb_real least = amb_at_least(limit, AMB_C(2.0) * in->share * two->fit.explains);
-    least = amb_at_least(least, AMB_C(3.0) * missed_by(in, two->fit.explains));
+    amb_real least = amb_at_least(iso->limit * scale, AMB_C(2.0) * in->share * two->fit.explains);
+    least = amb_at_least(least, AMB_C(3.0) * missed_by(in, &two->fit, scale));
     for (int k = 0; k < 2; k++) {
       const bool alike = are_alike(iso, j, two->of[k]);
       least = alike ? amb_at_least(least, AMB_C(2.0) * iso->alike * adds(two, k, result)) : least;
@@ -471,14 +473,14 @@ static int name_likeliest(window *in, int of, amb_isolation_result result[], amb
   find_pairs(in, first, result, &list);
   const pair *two = &list.likely[list.best];
   const amb_real scale_of_two = scale_of(in, two->fit.explains);
-  if (needs_two(in, result, two, iso->limit * scale_of_two)) {
+  if (needs_two(in, result, two, scale_of_two)) {
     *scale = scale_of_two;
     const amb_real margin = iso->margin * scale_of_two;
-    name_two(in, &list, amb_at_least(margin, missed_by(in, two->fit.explains)), result);
+    name_two(in, &list, amb_at_least(margin, missed_by(in, &two->fit, scale_of_two)), result);
     named = 2;
   } else {
     const amb_real margin = iso->margin * *scale;
-    name_one(in, first, amb_at_least(margin, missed_by(in, result[first].likelihood)), result);
+    name_one(in, first, amb_at_least(margin, in->missed), result);
   }
   return named;
 }
@@ -493,6 +495,7 @@ int amb_isolation_evaluate(const amb_isolation *iso, const amb_isolation_state *
   in.samples = samples_in(iso, state); /* first: more may come in between */
   in.newest = state->newest;
   in.share = iso->like;
+  in.missed = AMB_C(0.0);
   name_none(iso, result);
   if ((in.samples < AMB_ISOLATION_LEAST) || (state->contact < free_of(iso))) {
     return 0;

@@ -21,14 +21,14 @@
  * A fault that was there before the window is tested too, with any d at its start. What l leaves of
  * the innovations gives their scale, so that a filter with the wrong noise does not accuse.
  *
- * The sweep is linear in the sizes. The faults and pairs that it makes likely are replayed: the error
- * d that they make is stepped through the window with the signals of the rotor, which are those of
- * the estimate and their gradient by d, and sizes and begin are fitted (Gauss and Newton).
+ * The sweep is linear in the sizes. The faults and pairs that it makes likely are replayed: the
+ * error d that they make is stepped through the window with the signals of the rotor, which are
+ * those of the estimate and their gradient by d, and sizes and begin are fitted (Gauss and Newton).
  *
- * A fault is excluded where the named one explains more: by the margin, by the share that signatures
- * may miss, and by as much as the named one leaves beyond the variance; of two, by that share of
- * what each adds to the other. Two are named where they explain more than any one: by the limit, by
- * twice that share, and by three times what they leave.
+ * A fault is excluded where the named one explains more: by the margin, by the share that
+ * signatures may miss, and by what the named one leaves that is correlated; of two, by that share
+ * of what each adds to the other. Two are named where they explain more than any one: by the limit,
+ * by twice that share, and by three times what they leave.
  *
  * Where a reading shows the rotor on a stop, whose force is unknown, the state's `contact` is 0,
  * and no fault is named until two windows are free of it.
@@ -45,7 +45,8 @@ AMB_EXTERN_C_BEGIN
 
 /* Signals, one after the other: 1; of each force AMB_OF_FORCE, of each sensor AMB_OF_SENSOR; forms
  * of the mean; cosine and sine of each tone. */
-#define AMB_OF_FORCE 5  /* F; k_i i; k_s s; F by i of `late` samples ago - F; half of both coils' */
+#define AMB_OF_FORCE 5  /* F; k_i i; k_s s; F by i of `late` samples ago - F; half of both coils'  \
+                         */
 #define AMB_OF_SENSOR 2 /* predicted reading; the same with more lag, less itself [m] */
 
 /* Least number of samples that a fault is judged by. */
