@@ -45,8 +45,7 @@ AMB_EXTERN_C_BEGIN
 
 /* Signals, one after the other: 1; of each force AMB_OF_FORCE, of each sensor AMB_OF_SENSOR; forms
  * of the mean; cosine and sine of each tone. */
-#define AMB_OF_FORCE 5  /* F; k_i i; k_s s; F by i of `late` samples ago - F; half of both coils'  \
-                         */
+#define AMB_OF_FORCE 5  /* F; k_i i; k_s s; F by a late i, less F; half the sum of both coils */
 #define AMB_OF_SENSOR 2 /* predicted reading; the same with more lag, less itself [m] */
 
 /* Least number of samples that a fault is judged by. */
