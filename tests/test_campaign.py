@@ -177,7 +177,7 @@ def test_what_is_correlated_is_so_and_keeps_its_distribution():
         ("runs = 60", "", "s.toml: runs: missing: how many machines"),
         ("runs = 60", 'runs = 61\nsampling = "saltelli"', "runs: must be a multiple of 5"),
         ("part = 16", "prat = 16", "did you mean part?"),
-        ("rotor.mass", "sampling_time", "cannot vary: it is the controller's"),
+        ("rotor.mass", "sampling_time", "cannot vary: it belongs to the controller"),
         ("rotor.mass", "magnet.air_gap", "magnet.air_gap varies already, in vary[0]"),
         (
             'zone = "A"',

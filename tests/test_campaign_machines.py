@@ -279,7 +279,7 @@ def test_quantities_are_called_by_what_they_are_of():
         ("runs = 6", 'bearing = "zittau_axial"\nruns = 6', "bearing: unknown key"),
         ("rotor.mass", "bearing.A.magnet.type", "cannot vary: it"),
         ("bearing.B.place", "bearing.0.magnet.air_gap", "varies already, in vary.2."),
-        ("rotor.mass", "sampling_time", "cannot vary: it is the controller's"),
+        ("rotor.mass", "sampling_time", "cannot vary: it belongs to the controller"),
         ("rotor.mass", "scenario.duration", "cannot vary: it is one for all runs"),
         ('"s_A1"', '"s_C1"', "there is no signal s_C1; known: s_A1, s_A2"),
         ("orbit_share = 0.5", 'overshot = "5 %"', "overshot: unknown key, did you mean"),
