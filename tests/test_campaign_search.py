@@ -120,7 +120,7 @@ def test_a_limit_state_of_ones_own_is_of_figures_and_what_varies(tmp_path):
 
 
 def test_a_figure_without_a_way_to_failure_is_refused():
-    with pytest.raises(AmbkitError, match="does not say how far"):
+    with pytest.raises(AmbkitError, match="does not measure the distance"):
         subset(lambda u: (u[:, 0] > 6).astype(float), 2, 1.0, runs=100)
 
 

@@ -300,7 +300,7 @@ def test_filter_does_not_keep_a_tuning_that_a_later_load_ruins(call):
     assert "fits the rest of the record worse than the untuned" in found.out
     kept = call(*asked, "--disturbance-noise", "auto 0.3 s")
     assert kept.json["estimators"]["linear"]["disturbance_noise"] < untuned
-    assert "doubt the tuning first; --disturbance-noise sets it" in kept.out
+    assert "the tuning is doubtful; --disturbance-noise sets it" in kept.out
 
 
 def test_filter_and_identify_refuse_a_record_in_the_wrong_unit(call, made):

@@ -357,7 +357,7 @@ def test_spikes_and_missing_samples_of_logs_spoil_nothing():
     sound, found = (identify_corpus(each, LoopModel(BALL), FREE) for each in (logs, spoiled))
     assert sound.spikes == {}
     assert set(found.spikes) == {"a"}
-    assert found.spikes["a"].startswith("2 samples of the position, spikes")
+    assert found.spikes["a"].startswith("2 isolated outliers of the position")
     assert found.to_dict()["spikes"] == dict(found.spikes)
     for one, other in zip(sound.predictions, found.predictions, strict=True):
         for kind in ("error", "without_later_controls", "held", "arx"):

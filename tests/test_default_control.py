@@ -158,7 +158,7 @@ def test_where_none_is_found_a_sentence_says_so_and_what_was_tried(call):
     for command, code in (("check", 0), ("simulate", 2), ("design --out d", 2)):
         told = call(*command.split(), "machine.toml")
         assert told.code == code
-        assert "no default controller was found" in told.err
+        assert "no default controller stabilises" in told.err
 
 
 def test_a_filter_is_not_tuned_in_a_loop_that_is_unstable_with_each():

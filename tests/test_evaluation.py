@@ -169,4 +169,4 @@ def test_multiple_models_say_where_the_magnet_is_at_the_end_of_them(bearing):
         )
         result = ambkit.filter(measured, "multiple-model", machine=quiet)
         assert (result["multiple-model"].outermost == 1.3) == said
-        assert any("takes the outermost of its models" in text for text in result.remarks) == said
+        assert any("selects the outermost of its models" in text for text in result.remarks) == said

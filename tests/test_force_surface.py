@@ -214,7 +214,7 @@ def test_a_law_error_is_positive():
 
 def test_points_beside_the_box_are_told():
     iu, x = grid(5)
-    with pytest.raises(AmbkitError, match="some range of them must lie in the bearing's"):
+    with pytest.raises(AmbkitError, match="they must overlap with the bearing's range"):
         measured_map(BEARING, noisy(iu + 4, x, 0.1, force=lambda i, x: i))
 
 

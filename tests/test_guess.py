@@ -136,7 +136,7 @@ def test_rotors_that_a_voltage_drives_are_understood(tmp_path, count, seed, leas
 def test_a_machine_is_proposed_from_the_gap_and_the_pole(tmp_path):
     ball = ambkit.preset("inteco_ml")
     text = guess(RIG / "multisteps_stairs-PID_gain_scheduling-KF.mat")
-    lines = text[text.index("# A machine file to begin with") :].splitlines()[1:]
+    lines = text[text.index("# A first machine file") :].splitlines()[1:]
     (tmp_path / "rig.toml").write_text("\n".join(line.lstrip("# ") for line in lines))
     proposed = ambkit.load(tmp_path / "rig.toml")
     assert proposed.magnet.air_gap == pytest.approx(ball.magnet.air_gap, rel=0.3)

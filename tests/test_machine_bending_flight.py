@@ -160,7 +160,7 @@ def test_controllers_that_cannot_hold_say_so():
     assert late.bending is not None
     said = machine_report._held(late, late.bending).text
     assert "no decentralised PID in the search is stable" in said
-    with pytest.raises(AmbkitError, match="no default controller was found that holds the rotor"):
+    with pytest.raises(AmbkitError, match="no default controller stabilises the rotor"):
         simulate(late, Scenario(duration=1.0, controller={"feedback": "measurement"}), "none")
     run = simulate(
         late,

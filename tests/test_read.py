@@ -499,7 +499,7 @@ def test_a_log_without_a_time_gets_a_line_to_fill_in(tmp_path):
     del columns["time"]
     logs.csv(tmp_path / "log.csv", columns)
     text = guess(tmp_path / "log.csv")
-    assert "No channel rises like a time" in text
+    assert "No channel looks like a time" in text
     line = '# sampling_time = "... ms"'
     assert line in text  # nothing is invented: it must be filled in
     filled = ChannelMap.from_toml(text.replace(line, 'sampling_time = "2 ms"'))
@@ -662,18 +662,18 @@ def test_a_rotor_that_lies_while_its_current_rises_is_told(flown):
     u = np.linspace(0, 2.6, n) + 0.006 * rng.normal(size=n)
     told = told_of(y, u, flown["t"])
     assert "in 60 % of the samples, while u goes through" in told
-    assert "does the rotor lie" in told
+    assert "is the rotor in contact" in told
 
 
 def test_a_position_that_was_smoothed_is_told(flown):
     u = np.round(flown["u"] / 2e-3) * 2e-3
-    assert "was y filtered before it was logged?" in told_of(flown["x_estimated"], u, flown["t"])
+    assert "was y filtered before logging?" in told_of(flown["x_estimated"], u, flown["t"])
 
 
 @pytest.mark.parametrize("steps", [False, True])
 def test_a_reference_in_the_place_of_the_measurement_is_told(flown, steps):
     r = np.where(flown["t"] % 4 < 2, 1e-3, -1e-3) if steps else flown["r"]
-    assert "is it the controller's reference" in told_of(r, flown["u"], flown["t"])
+    assert "is it the reference" in told_of(r, flown["u"], flown["t"])
 
 
 def test_a_log_of_another_rig_is_told():

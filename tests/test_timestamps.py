@@ -129,7 +129,7 @@ def test_which_is_the_day_must_be_told_where_it_matters(tmp_path):
     np.testing.assert_allclose(record.t, 2e-3 * np.arange(10), atol=1e-12)
     text = guess(path)
     assert 'format = "%d.%m.%Y %H:%M:%S.%f"' in text
-    assert "a mere guess" in text
+    assert "day and month are guessed" in text
     assert read(path, ChannelMap.from_toml(text)).record.t[-1] == pytest.approx(0.018)
 
 
