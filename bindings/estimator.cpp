@@ -311,6 +311,7 @@ void bind_flags(nb::module_ &m)
   m.attr("RESTARTED") = AMB_RESTARTED;
   m.attr("CONTACT") = AMB_CONTACT;
   m.attr("MIRRORED") = AMB_MIRRORED;
+  m.attr("OUTSIDE") = AMB_OUTSIDE;
 }
 
 } // namespace

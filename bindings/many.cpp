@@ -293,7 +293,7 @@ void bind_many(nb::module_ &m)
   m.def(
       "fly", &fly, nb::arg("plans"), nb::arg("which"), nb::arg("numbers"), nb::kw_only(),
       nb::arg("instructions") = nb::none(), nb::arg("threads") = 1,
-      "Runs (runs,) of plans with these numbers: figures (runs, 20), counts of flags (runs, 14).");
+      "Runs (runs,) of plans with these numbers: figures (runs, 20), counts of flags (runs, 15).");
   m.def("normal_noise", &normal_noise, nb::arg("seed"), nb::arg("run"), nb::arg("stream"),
         nb::arg("n"), "Standard normal noise (n,) of these counters; see sim/many.h.");
   m.def("philox", &philox, nb::arg("counter"), nb::arg("key"),

@@ -52,7 +52,7 @@ typedef enum amb_figure {
   AMB_FIGURES
 } amb_figure;
 
-#define AMB_FLAGS 14 /* of ambkit/status.h */
+#define AMB_FLAGS 15 /* of ambkit/status.h */
 
 /* Samples over which the figures of an axis are computed, by their numbers. */
 typedef struct amb_windows {

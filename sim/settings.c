@@ -1,4 +1,5 @@
 #include "settings.h"
+#include "ambkit/exponential.h"
 
 /* Declared as C99 (7.1.4) permits; math.h brings extensions of compilers. */
 double sqrt(double a);
@@ -150,40 +151,65 @@ void amb_view_start(const amb_view *of, const amb_view_states *states, const dou
   }
 }
 
-/* Cube root of a > 0, by Newton's method from below twice its value. */
-static double cube_root(double a)
+static double value_of(const double c[5], double x)
 {
-  double scale = 1.0;
-  double rest = smaller_of(a, 1e300);
-  while (rest >= 8.0) {
-    rest *= 0.125;
-    scale *= 2.0;
-  }
-  while (rest < 1.0) {
-    rest *= 8.0;
-    scale *= 0.5;
-  }
-  double x = 1.5;
-  for (int k = 0; k < 8; k++) {
-    x -= ((x * x * x) - rest) / (3.0 * (x * x));
-  }
-  return scale * x;
+  return ((((((c[0] * x) + c[1]) * x) + c[2]) * x) + c[3]) * x + c[4];
 }
 
-/* Noise of density R T gives a variance of x R T/2 behind a low-pass of corner x; a slower one of
- * corner v multiplies that by v^2 for the derivative, and one of corner f by v^2 f^2 for the
- * second. A motion with velocity u lags by u/x, its acceleration a by a/v, and a force of intensity
- * q by q/(2 f). Each corner minimises the sum of both errors; the typical motion of a rotor is a
- * tenth of its clearance at the unstable pole. */
+/* The one positive root of c[0] x^4 + ... + c[4], which is convex from there on: by Newton's steps
+ * from above. */
+static double root_of(const double c[5])
+{
+  double root = 1.0;
+  while (value_of(c, root) < 0.0) {
+    root *= 2.0;
+  }
+  double last = 2.0 * root;
+  while (root < last) {
+    const double slope[5] = {0.0, 4.0 * c[0], 3.0 * c[1], 2.0 * c[2], c[3]};
+    last = root;
+    root -= value_of(c, root) / value_of(slope, root);
+  }
+  return last;
+}
+
+/* -ln(a) of 0 < a < 1, by Newton's steps from below. */
+static double minus_log_of(double a)
+{
+  double x = 0.0;
+  double last = -1.0;
+  while (x > last) {
+    last = x;
+    x += 1.0 - (a / amb_exp_negative(x));
+  }
+  return last;
+}
+
+/* Of s = 2/a - 1, where an average with weight a passes everything. */
+#define PASSES (1.0 + 1e-8)
+
+/* Each corner is where noise and lag have the least sum of squares. The rotor moves under steps of
+ * its reference, a tenth of its clearance by the unstable pole p, and under the force of intensity
+ * q, in a loop with a double pole at p. With a = 2 / (1 + s), the average of the position leaves
+ * R / s of the noise, and delays a velocity u by T (s - 1) / 2, beyond the lag of the sensor; that
+ * of the velocity leaves corner^2 of this noise, and delays an acceleration p u by 1 / corner more;
+ * that of the force leaves (m corner)^2 of that, and q / (2 corner). */
 void amb_view_corners(const amb_view *of, double var_y, double intensity, double corner[3])
 {
-  const double pole = 1.0 / own_time(of, 0);
-  const double noise = rounded(of, 0, var_y) / square_of(of->K_sen[0]) * of->T;
-  const double motion = 0.1 * of->clearance[0] * pole;
-  const double x = cube_root(4.0 * square_of(motion) / noise);
-  const double v = sqrt(sqrt(2.0 * square_of(motion * pole) / (noise * x)));
-  const double by_force = 2.0 * square_of(of->mass[0]) * noise * x * (v * v);
-  corner[0] = x;
-  corner[1] = v;
-  corner[2] = (intensity > 0.0) ? cube_root(intensity / by_force) : pole;
+  const double p = 1.0 / own_time(of, 0);
+  const double m = of->mass[0];
+  const double R = rounded(of, 0, var_y) / square_of(of->K_sen[0]);
+  const double lag = of->lag[0];
+  const double usual = square_of(0.1 * of->clearance[0] * p);
+  const double uu = usual + (intensity / (4.0 * square_of(m) * p * p * p));
+  const double half = 0.5 * of->T;
+  const double for_s[5] = {0.0, half, lag - half, 0.0, -R / (of->T * uu)};
+  const double s = larger_of(root_of(for_s), PASSES);
+  const double b = square_of(p) * uu * s / R;
+  const double for_v[5] = {1.0, 0.0, 0.0, -b * (lag + (half * (s - 1.0))), -b};
+  corner[0] = minus_log_of((s - 1.0) / (s + 1.0)) / of->T;
+  corner[1] = root_of(for_v);
+  const double for_f[5] = {0.0, 1.0, 0.0, 0.0,
+                           -intensity * s / (4.0 * R * square_of(m * corner[1]))};
+  corner[2] = (intensity > 0.0) ? root_of(for_f) : p;
 }

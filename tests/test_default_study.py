@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import ambkit
 from ambkit import FilterNoise, Machine
 from ambkit.estimate import DEFAULT
 from ambkit.estimate.registry import KINDS
@@ -40,6 +41,17 @@ def test_poles_follow_noise_and_disturbance(kind):
     R, q = (getattr(KINDS["linear"].make(BEARING).variances, of)
             for of in ("measurement", "disturbance"))  # fmt: skip
     assert fastest(measurement=100 * R) < fastest() < fastest(disturbance=1e4 * q)
+
+
+def test_an_unbalance_that_the_filter_does_not_estimate_is_one_judgement(call):
+    """Of check and of simulate: without the unbalance the same filter is consistent."""
+    (note,) = (text for text in ambkit.simulate("hindawi_2011").notes if "unbalance" in text)
+    assert "'+unbalance'" in note
+    assert note in call("check", "hindawi_2011").err
+    spun = Machine.preset("hindawi_2011")
+    for machine, filter in ((spun, "extended+unbalance"), (spun.replace(unbalance=[]), "extended")):
+        notes = ambkit.simulate(machine, filter=filter).notes
+        assert not any("with the unbalance" in text for text in notes)
 
 
 @pytest.mark.study

@@ -5,8 +5,10 @@ import pytest
 
 import ambkit
 from ambkit.judge.comparison import rmse
-from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.judge.evaluation import evaluate, logged_predictions
+from ambkit.machine.magnets import own_time
+from ambkit.simulation.waveforms import Sequence
+from benchmarks.sensors import drawn
 
 
 @pytest.fixture(scope="module")
@@ -158,15 +160,28 @@ def test_a_spike_that_all_leave_out_does_not_undo_the_tuning(bearing, record):
     assert spike.evaluation.nis == pytest.approx(clean.evaluation.nis, rel=0.01)
 
 
-def test_multiple_models_say_where_the_magnet_is_at_the_end_of_them(bearing):
-    quiet = bearing.replace(sensor__noise_variance="1 µm^2")
-    for factor, said in ((1.45, True), (1.0, False)):
-        m = quiet.magnet
-        true = quiet.replace(**m.with_constant(factor * m.magnet_constant))
-        (trial,) = trials(CASES["paper"], true, 1, 3)
-        measured = ambkit.Record(
-            trial.record.t, {of: trial.record[of] for of in "yu"}, {"y": "m", "u": "V"}
-        )
-        result = ambkit.filter(measured, "multiple-model", machine=quiet)
-        assert (result["multiple-model"].outermost == 1.3) == said
-        assert any("selects the outermost of its models" in text for text in result.remarks) == said
+@pytest.mark.parametrize(("factor", "loads", "outside"), [
+    (0.5, 0.0, True), (0.7, 0.0, False), (1.0, 0.3, False), (1.3, 0.0, False), (1.8, 0.3, True),
+])  # fmt: skip
+def test_multiple_models_say_that_the_magnet_is_beyond_them(factor, loads, outside):
+    """From steps of the position, and while a load changes, too."""
+    known = drawn(12)
+    own, T = own_time(known), known.sampling_time
+    at, random = 10 * own * np.arange(1, 12), np.random.default_rng(1)
+    steps = 0.3 * known.clearance * np.tile([1, -1], 6)[:11]
+    forces = known.rotor.mass * 9.81 * random.uniform(-loads, loads, 11)
+    record = ambkit.simulate(
+        known.replace(magnet__magnet_constant=factor * known.magnet.magnet_constant),
+        ambkit.Scenario(
+            duration=120 * own, seed=5,
+            reference=Sequence(times=at, values=steps),
+            disturbance=Sequence(times=at - 4 * own, values=forces),
+        ),
+    ).record  # fmt: skip
+    measured = ambkit.Record(record.t, {of: record[of] for of in "yu"})
+    result = ambkit.filter(measured, "multiple-model", machine=known, disturbance_noise=None)
+    status = result["multiple-model"].evaluation.estimate.status & ambkit.Status.OUTSIDE
+    assert status.any() == outside
+    assert any("beyond all of its models" in text for text in result.remarks) == outside
+    if outside and not loads:
+        assert np.argmax(status) * T < 40 * own

@@ -10,6 +10,10 @@ void amb_excitation_reset(amb_excitation *e, const amb_real mean[AMB_STATES])
     e->load[i].mean = mean[i];
     e->answer[i] = none;
   }
+  e->shared = AMB_C(0.0);
+  e->offset = AMB_C(0.0);
+  e->balanced = AMB_C(0.0);
+  e->informative = false;
   e->told = AMB_C(0.0);
   e->information = AMB_C(0.0);
   e->age = AMB_C(0.0);
@@ -91,15 +95,21 @@ static bool moves_more(amb_excitation *e, const amb_kalman *kf, amb_real slowly,
   const amb_model *model = &kf->model;
   amb_real load = AMB_C(0.0);
   amb_real answer = AMB_C(0.0);
+  amb_real product = AMB_C(0.0);
   for (int i = 0; i < amb_states(model); i++) {
     if (amb_model_role(model, i) == AMB_LOAD) {
       const amb_real most = AMB_BOUNDLESS * kf->set.cap[i];
+      product += (mean[i] - e->load[i].mean) * (e->slope[i] - e->answer[i].mean);
       follow(&e->load[i], mean[i], slowly, most);
       follow(&e->answer[i], e->slope[i], slowly, most);
       load += e->load[i].var;
       answer += e->answer[i].var;
     }
   }
+  const amb_real shared = e->shared + slowly * ((AMB_C(1.0) - slowly) * product - e->shared);
+  e->shared = AMB_WITHIN(shared, AMB_REAL_ROOT) ? shared : AMB_C(0.0);
+  e->offset = (answer > AMB_C(0.0)) ? (-e->shared / answer) : AMB_C(0.0);
+  e->balanced = (load > AMB_C(0.0)) ? (e->shared / load) : AMB_C(0.0);
   return load < (AMB_LOAD_SHARE * answer);
 }
 
@@ -120,5 +130,6 @@ bool amb_excitation_learns(amb_excitation *e, const amb_excitation_settings *set
   const bool doubtful = e->doubt >= AMB_DOUBTFUL_WINDOWS;
   e->doubt = amb_at_least(e->doubt - settings->fresh, AMB_C(0.0));
   const bool always = !(settings->least > AMB_C(0.0));
-  return always || (settled && !doubtful && (e->information >= settings->least) && moved);
+  e->informative = settled && !doubtful && (e->information >= settings->least);
+  return always || (e->informative && moved);
 }

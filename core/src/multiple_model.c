@@ -102,6 +102,7 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
       s->trusted[j] = s->model[j].weight;
     }
     amb_excitation_reset(&s->excitation, s->base.mean);
+    s->beyond = AMB_C(0.0);
     s->excited = false;
   }
   return status;
@@ -367,6 +368,33 @@ static void weigh(const amb_model *model, const amb_multiple_model *own, const h
   }
 }
 
+/* AMB_OUTSIDE if the disturbance force has long followed the magnets as if theta were beyond all
+ * models. */
+static amb_status outside(const amb_multiple_model *own, amb_multiple_model_state *s)
+{
+  const amb_excitation *e = &s->excitation;
+  const amb_real near = own->theta[nearest(own, s)];
+  const amb_real theta = near + e->offset;
+  amb_real least = own->theta[0];
+  amb_real most = own->theta[0];
+  for (int j = 1; j < own->n; j++) {
+    least = amb_at_most(own->theta[j], least);
+    most = amb_at_least(own->theta[j], most);
+  }
+  const bool above = theta > (AMB_OUTSIDE_FACTOR * most);
+  const bool below =
+      ((near * e->balanced) > AMB_OUTSIDE_BALANCE) && ((AMB_OUTSIDE_FACTOR * theta) < least);
+  const amb_real before =
+      AMB_WITHIN(s->beyond, AMB_C(2.0) * AMB_OUTSIDE_WINDOWS) ? s->beyond : AMB_C(0.0);
+  s->beyond = before;
+  if (e->informative) {
+    const amb_real next =
+        (above || below) ? (before + own->learn.fresh) : (before - own->learn.fresh);
+    s->beyond = amb_at_least(amb_at_most(next, AMB_C(2.0) * AMB_OUTSIDE_WINDOWS), AMB_C(0.0));
+  }
+  return (s->beyond >= AMB_OUTSIDE_WINDOWS) ? AMB_OUTSIDE : AMB_OK;
+}
+
 static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
@@ -397,6 +425,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
     } else {
       status |= AMB_UNEXCITED;
     }
+    status |= outside(own, s);
     combine(amb_states(model), own->n, s);
     for (int r = 0; r < amb_sensors(model); r++) {
       if (h.taken[r]) {

@@ -138,6 +138,8 @@ CONTACT: int = 4096
 
 MIRRORED: int = 8192
 
+OUTSIDE: int = 16384
+
 class Estimator:
     """One of the family (ambkit/estimator.h)."""
 
@@ -465,7 +467,7 @@ class Plan:
 
 def fly(plans: Sequence[Plan], which: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], numbers: Annotated[NDArray[numpy.uint64], dict(shape=(None,), order='C', device='cpu', writable=False)], *, instructions: str | None = None, threads: int = 1) -> tuple[NDArray[numpy.float64], NDArray[numpy.int64]]:
     """
-    Runs (runs,) of plans with these numbers: figures (runs, 20), counts of flags (runs, 14).
+    Runs (runs,) of plans with these numbers: figures (runs, 20), counts of flags (runs, 15).
     """
 
 def normal_noise(seed: int, run: int, stream: int, n: int) -> NDArray[numpy.float64]:

@@ -22,6 +22,9 @@
  * The slope s is the sensitivity of the state estimate to theta. It is predicted and corrected as
  * the states are.
  *
+ * An error of theta makes the estimated disturbance forces follow their slopes. The regression
+ * `offset` of one on the other estimates that error, whatever the bandwidth of the filter.
+ *
  * Theta is common to all magnets: a wrong number of turns, gap or temperature of one type of
  * magnet. A model without a disturbance force has no such ambiguity, and does not need this.
  */
@@ -61,6 +64,11 @@ typedef struct amb_excitation {
                                   */
   amb_recent load[AMB_STATES];   /* of the disturbance forces f_d [N] */
   amb_recent answer[AMB_STATES]; /* slope of f_d [N] */
+  amb_real shared;               /* covariance of the two, over all f_d [N^2] */
+  amb_real offset;               /* theta less the present one, if f_d rests [1] */
+  amb_real balanced;             /* regression of the slopes on f_d: 1 / theta if magnets balance
+                                  * f_d, other motion notwithstanding [1] */
+  bool informative;              /* whatever f_d does, theta could be learned */
   amb_real age;   /* time since the start, less outages [windows], until all has settled */
   amb_real doubt; /* samples beyond the limit minus the others since, at least 0 [windows] */
 } amb_excitation;

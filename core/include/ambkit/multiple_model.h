@@ -13,6 +13,13 @@
  *
  * While k and a disturbance force cannot be distinguished (ambkit/excitation.h), weights are held
  * and nothing is mixed: the filters continue in parallel, and the step returns AMB_UNEXCITED.
+ *
+ * Theta is taken for beyond all models, AMB_OUTSIDE, if the disturbance force of the nearest model
+ * has followed the magnet forces as if it were (`offset` of ambkit/excitation.h), by a factor
+ * AMB_OUTSIDE_FACTOR beyond the last model, for AMB_OUTSIDE_WINDOWS of informative samples. A
+ * disturbance that the controller balances looks like a weaker magnet, never like a stronger one;
+ * for a weaker one theta times `balanced`, which is 1 for such a disturbance, must exceed
+ * AMB_OUTSIDE_BALANCE.
  */
 #ifndef AMBKIT_MULTIPLE_MODEL_H
 #define AMBKIT_MULTIPLE_MODEL_H
@@ -23,6 +30,9 @@
 AMB_EXTERN_C_BEGIN
 
 #define AMB_MODELS 5
+#define AMB_OUTSIDE_FACTOR AMB_C(1.2)
+#define AMB_OUTSIDE_BALANCE AMB_C(1.5)
+#define AMB_OUTSIDE_WINDOWS AMB_C(5.0)
 
 typedef struct amb_multiple_model {
   int n;                      /* models, 2 to AMB_MODELS */
@@ -43,6 +53,7 @@ typedef struct amb_multiple_model_state {
   amb_one_model model[AMB_MODELS];
   amb_real trusted[AMB_MODELS]; /* weights before control signals were beyond their limit */
   amb_excitation excitation;    /* of the model nearest to the estimated scale */
+  amb_real beyond; /* informative time of theta beyond all models less the other [windows] */
   bool excited;
 } amb_multiple_model_state;
 

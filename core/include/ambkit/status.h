@@ -21,6 +21,7 @@ typedef unsigned int amb_status;
   2048U /* restarted from this measurement after many outliers, or without information */
 #define AMB_CONTACT 4096U  /* the rotor was predicted in contact with a touch-down bearing */
 #define AMB_MIRRORED 8192U /* the rotor spins against the direction in which pulses were read */
+#define AMB_OUTSIDE 16384U /* the magnet constant is beyond those of all models */
 
 /* Of a measurement: it was rejected; or nothing can be learned from its innovation. */
 #define AMB_UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER)

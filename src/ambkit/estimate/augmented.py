@@ -101,7 +101,8 @@ class MultipleModelFilter(Estimator):
 
     They are weighted by their predictions of the measurement; a jump of the magnet constant is
     detected within milliseconds of motion. In equilibrium the weights are held, with the flag of
-    :class:`AugmentedKalmanFilter` and for the same reason.
+    :class:`AugmentedKalmanFilter` and for the same reason. If motion shows a constant a fifth or
+    more beyond all models, the status contains :attr:`Status.OUTSIDE`.
 
     Parameters
     ----------

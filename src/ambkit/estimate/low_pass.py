@@ -33,7 +33,7 @@ class LowPass(Estimator):
         Magnet model; by default the constant stiffnesses at the origin.
     position, velocity, force : float or str, optional
         Corner frequencies [rad/s]. Defaults: the minimum of the squared errors by noise and by the
-        lag for a typical motion or disturbance force.
+        lag under steps of the reference and the disturbance force.
     **options
         As for :class:`KalmanFilter`.
 

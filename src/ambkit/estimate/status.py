@@ -23,3 +23,4 @@ class Status(IntFlag):
     RESTARTED = 2048  #: restarted: from this measurement, or without information
     CONTACT = 4096  #: the rotor was predicted in contact with a touch-down bearing
     MIRRORED = 8192  #: the rotor spins against the direction in which its pulses were read
+    OUTSIDE = 16384  #: the magnet constant is beyond those of all models

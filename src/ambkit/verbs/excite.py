@@ -74,14 +74,17 @@ def excite(
     from ambkit.machine.axes import isolated
     from ambkit.workflow.simulate import experiment_duration, scenario_for
 
-    plant = isolated(machine_argument(machine), axis)
+    of = machine_argument(machine)
+    plant = isolated(of, axis)
     if duration is None and scenario is None:
         duration = experiment_duration(plant)
     happening: Any = scenario_for(plant, scenario, duration=duration)
     with progress("comparing bands") as step:
+        # A scenario of the user's is of the axis alone.
         return design(
-            plant, happening, kind=kind, free=free, limits=Limits.of(plant, *given_limits(limit)),
-            band=given_band(band), load=in_si("random_walk", random_walk, "N"), axis=axis or "",
+            of if scenario is None else plant, happening, kind=kind, free=free,
+            limits=Limits.of(plant, *given_limits(limit)), band=given_band(band),
+            load=in_si("random_walk", random_walk, "N"), axis=axis or "",
             done=lambda text: step(f"comparing bands: {text}"),
         )  # fmt: skip
 

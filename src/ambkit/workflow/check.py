@@ -18,6 +18,7 @@ from ambkit.base.units import engineering
 from ambkit.data.channel_map import ChannelMap
 from ambkit.data.files.tables import ENDINGS, read_log, read_table
 from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.registry import default_filter
 from ambkit.machine import presets
 from ambkit.machine.forces.force_points import COLUMNS, NAMES, ForceChannels, load_force_points
 from ambkit.machine.loading import load_machine
@@ -227,7 +228,8 @@ def _describe_document(kind: str, path: Path, machine: Machine | None) -> Inspec
             for remark in remarks
         )
         about = f"{about}; {_default_filter(result)}"
-        return Inspection(about, (), (*notes, *sentences(list(of_machine(result)))))
+        findings = (*_default_with_unbalance(result), *sentences(list(of_machine(result))))
+        return Inspection(about, (), (*notes, *findings))
     if kind == "study":
         plan = Plan(result)
         plan.check()
@@ -246,9 +248,23 @@ def _default_filter(machine: Machine) -> str:
     from ambkit.judge.comparison.default_study import score_defaults
 
     try:
-        return f"default filter {score_defaults(machine, runs=STUDIED).row()}"
+        of = "default filter, without unbalance, " if machine.unbalance else "default filter "
+        return f"{of}{score_defaults(machine, runs=STUDIED).row()}"
     except AmbkitError as error:
         return f"default filter not judged: {error}"
+
+
+def _default_with_unbalance(machine: Machine) -> list[str]:
+    """Return what an unbalance does to the default filter, in the run of ``ambkit simulate``."""
+    from ambkit.judge.unbalance import unbalance_notes
+    from ambkit.simulation.run import simulate_run
+    from ambkit.workflow.simulate import scenario_for
+
+    if not machine.unbalance:
+        return []
+    filter = default_filter(machine)
+    run = simulate_run(machine, scenario_for(machine), estimator=filter)
+    return list(unbalance_notes(machine, run.record, {filter.name: filter}))
 
 
 def _of_signals(scenario: Any) -> str:

@@ -68,8 +68,6 @@ class Filtered:
     smoothed: Estimate | None = None  #: Smoothed estimate, if requested.
     #: By axis, where more than one per cent of the samples lie outside the expert's training range.
     outside: Mapping[str, OutsideOperatingRange] = field(default_factory=dict)
-    #: Outermost of multiple models, if it is the likeliest in most samples; else None.
-    outermost: float | None = None
     #: Unbalance and runout at the end of the record.
     turning: Sequence[Harmonic] = ()
 

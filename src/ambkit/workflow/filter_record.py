@@ -31,6 +31,7 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.named import Factory, FromFile, FromObject, factories
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX
+from ambkit.estimate.status import Status
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.contact import contact_notes
@@ -53,8 +54,6 @@ from ambkit.workflow.tuning import (
     tune_disturbance,
 )
 
-#: Relative distance to a model, in units of the distance of two, within which a scale counts as it.
-NEAR = 0.2
 OUTSIDE = 0.01
 """An expert that is asked outside of its box in more than this part of the samples is noted."""
 AUTO = "auto"  #: Tune the process noise intensity of the disturbance force.
@@ -131,7 +130,6 @@ def _along(
         results[name] = replace(
             one,
             outside=outside_operating_range(estimator, one.evaluation.estimate, record),
-            outermost=outermost_model(estimator, one.evaluation.estimate),
             turning=harmonics(estimator, until),
             smoothed=build(one.noise).smooth(record) if smooth else None,
         )
@@ -188,18 +186,6 @@ def _less_likely(one: Evaluation, other: Evaluation) -> bool:
     )
     less, more = (log_likelihood(e.estimate, counts=counts) for e in (one, other))
     return less < more
-
-
-def outermost_model(filter: Any, estimate: Estimate) -> float | None:
-    """Return the outermost of multiple models if it is the likeliest in most samples."""
-    scales = sorted(getattr(filter, "scales", ()))
-    if len(scales) < 2 or estimate.scale is None:
-        return None
-    for end, inner in ((scales[0], scales[1]), (scales[-1], scales[-2])):
-        near = np.abs(estimate.scale - end) < NEAR * abs(end - inner)
-        if near.mean(axis=0).max() > 0.5:
-            return float(end)
-    return None
 
 
 def in_flight(record: Record) -> tuple[float | None, float | None]:
@@ -282,11 +268,12 @@ def _warnings(result: Filtering, samples: int, estimates: Mapping[str, Estimate]
                 "model does not hold over so long a time; the rotor is in contact or held in "
                 "part of the record, or is of another rig ('ambkit check' with --machine)"
             )
-        if one.outermost is not None:
+        beyond = np.mean((one.evaluation.estimate.status & np.uint16(Status.OUTSIDE)) != 0)
+        if beyond:
             yield (
-                f"{name}: selects the outermost of its models, {one.outermost:g} times the "
-                "magnet constant: the magnet may be beyond them, and the stated errors are "
-                "then too small; set other scales, or identify the magnet"
+                f"{name}: the magnet constant is beyond all of its models in {percent(beyond)} of "
+                "the samples, and the stated errors are too small there: choose other scales, or "
+                "identify the magnet"
             )
         for axis, outside in one.outside.items():
             yield _of_the_box(f"{name}, axis {axis}" if axis else name, outside)

@@ -29,6 +29,7 @@ from ambkit.judge.adequacy import judge_adequacy, sentences
 from ambkit.judge.adequacy_criteria import Finding
 from ambkit.judge.contact import contact_notes
 from ambkit.judge.loop.loop_of import LoopOf
+from ambkit.judge.unbalance import unbalance_notes
 from ambkit.machine.axes import isolated_axes
 from ambkit.machine.forces.force_map import true_magnet
 from ambkit.machine.machine import Machine
@@ -222,6 +223,8 @@ def _remarks(run: Run, scenario: Scenario, filter: Estimator | None) -> Iterator
         estimates = {filter.name if filter is not None else "the filter": run.estimate}
         yield from contact_notes(machine, run.record, estimates)
         yield from angle_notes(machine, run.record, estimates)
+        if filter is not None:
+            yield from unbalance_notes(machine, run.record, {filter.name: filter})
     if touched and scenario.start == "levitated":
         yield _of_the_stop(run)
         if machine.speed:

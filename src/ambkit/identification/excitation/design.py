@@ -18,12 +18,13 @@ from ambkit.base.arrays import Array
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering, percent
 from ambkit.data.record import Record
-from ambkit.data.signals import signal
+from ambkit.data.signals import displacement, signal
 from ambkit.identification.excitation.excitation_figure import excitation_figure
 from ambkit.identification.excitation.signals import KINDS, Band, Excitation
 from ambkit.identification.maximum_likelihood.information import Expectation, expect
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import usual
+from ambkit.machine.axes import isolated
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.machine.parts import GRAVITY
@@ -31,7 +32,7 @@ from ambkit.result.report import Figure
 from ambkit.result.result import Result
 from ambkit.result.row import Row, Section, put
 from ambkit.simulation.run import samples, simulate
-from ambkit.simulation.scenario import Scenario, along
+from ambkit.simulation.scenario import Disturbance, Reference, Scenario, along
 from ambkit.simulation.waveforms import Recorded
 
 LOWEST, HIGHEST = (1 / 16, 1 / 4, 1.0), (2.0, 4.0, 8.0, 16.0, 32.0)
@@ -197,12 +198,13 @@ def design(
     axis: str = "",
     done: Callable[[str], object] = lambda _: None,
 ) -> Design:
-    """Return the experiment that identifies parameters of a machine best."""
+    """Return the experiment that identifies parameters of a machine, or of one axis of it, best."""
     # Each band is scaled to the limits in the simulated loop, including noise; selected is the
     # largest determinant of the information, ``ln det(1 + I)`` (D-optimal, with only each
     # parameter's coarse scale as prior).
     if kind not in KINDS:
         raise AmbkitError(f'there is no excitation "{kind}"; known: {", ".join(KINDS)}')
+    several, machine = (None, machine) if machine.single else (machine, isolated(machine, axis))
     limits = limits or Limits.of(machine)
     load = CALM * machine.rotor.mass * GRAVITY if load is None else load
     if not (math.isfinite(load * load) and load > 0):
@@ -228,6 +230,8 @@ def design(
     assert best is not None
     one, excitation, reference = best
     reference = loop.within_limits(reference)
+    if several is not None:  # where the other axes move, too, and the unbalance acts
+        reference = _OfSeveral(several, scenario, limits, load, axis).within_limits(reference)
     record = loop.run(reference)
     return Design(
         excitation, reference, one, record, limits, expect(record, model, free), trials, axis
@@ -263,6 +267,8 @@ def check_band(band: Band, start: tuple[float, str], end: tuple[float, str]) -> 
 class _Loop:
     """The simulated loop, with noise and a random-walk disturbance, excited by its reference."""
 
+    axis = ""
+
     def __init__(self, machine: Machine, scenario: Scenario, limits: Limits, load: float) -> None:
         self.machine, self.limits, self.load = machine, limits, load
         self.scenario = scenario.replace(noise=True)
@@ -278,20 +284,22 @@ class _Loop:
         steps = np.random.default_rng([seed, 1]).normal(size=self.n)
         steps[0] = 0.0
         wander = self.load * math.sqrt(self.T) * np.cumsum(steps)
+        return self.fly(
+            seed, Recorded.of(self.t, reference), Recorded.of(self.t, self.known + wander)
+        )
+
+    def fly(self, seed: int, reference: Recorded, disturbance: Recorded) -> Record:
+        """Simulate with a reference and a disturbance."""
         scenario = self.scenario.model_copy(
-            update={
-                "seed": seed,
-                "reference": Recorded.of(self.t, reference),
-                "disturbance": Recorded.of(self.t, self.known + wander),
-            }
+            update={"seed": seed, "reference": reference, "disturbance": disturbance}
         )
         return simulate(self.machine, scenario)
 
     def levels(self, record: Record, parts: Sequence[slice]) -> Array:
         """Return the utilisation of each limit in each part of a record (2, parts)."""
         used = [
-            np.abs(record["iu"]) / self.limits.current,
-            np.abs(record["x"]) / self.limits.displacement,
+            np.abs(record[signal("iu", self.axis)]) / self.limits.current,
+            np.abs(record[displacement(self.axis)]) / self.limits.displacement,
         ]
         return np.array([[np.max(one[part]) for part in parts] for one in used])
 
@@ -334,6 +342,25 @@ class _Loop:
                 break
             reference = reference * 0.995 / most
         return reference
+
+
+class _OfSeveral(_Loop):
+    """The loop of all axes of a machine, as ``ambkit simulate`` has it, excited along one."""
+
+    def __init__(
+        self, machine: Machine, scenario: Scenario, limits: Limits, load: float, axis: str
+    ) -> None:
+        super().__init__(machine, scenario, limits, load)
+        self.axis = axis
+
+    def fly(self, seed: int, reference: Recorded, disturbance: Recorded) -> Record:
+        scenario = Scenario(
+            duration=self.scenario.duration,
+            seed=seed,
+            reference=(Reference(axis=self.axis, position=reference),),
+            disturbance=(Disturbance(axis=self.axis, force=disturbance),),
+        )
+        return simulate(self.machine, scenario)
 
 
 def _scaled(excitation: Excitation, gain: Array) -> Array:

@@ -10,15 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from ambkit.base.arrays import rms
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate import DEFAULT
 from ambkit.estimate.constant_velocity import usual_acceleration
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.estimate.machine_model import View
 from ambkit.estimate.noise_model import FilterNoise
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.comparison.cases import CASES, Trial, iterate_trials
 from ambkit.judge.comparison.comparison import raw_error
-from ambkit.judge.comparison.criteria import evaluate_run
+from ambkit.judge.comparison.criteria import nees
 from ambkit.judge.comparison.tuning import errors
 from ambkit.machine.axes import isolated_axes
 from ambkit.machine.machine import Machine
@@ -68,19 +70,19 @@ def score_defaults(
         lost = 2 * count - len(made)
         raise AmbkitError(f"{machine.name}: the rotor met a stop in {lost} of {2 * count} runs")
     training, judged = made[:runs], made[runs : 2 * runs]
-    settling = SETTLING * max(own_time(axis) for axis in isolated_axes(machine))
+    settling = SETTLING * max(map(own_time, isolated_axes(machine)))
     first = max(1, round(settling / machine.sampling_time))
 
     def error(build: Callable[[], Any], of: Sequence[Trial]) -> float:
-        return float(np.sqrt(np.mean(errors(build, of, first)[:, 0] ** 2)))
+        return rms(errors(build, of, first)[:, 0])
 
     def best(build: Callable[[float], Any]) -> float:
         decade = _least(lambda decade: error(lambda: build(decade), training))
         return error(lambda: build(decade), judged)
 
-    def nees(filter: Any) -> float:
-        shares = [evaluate_run(filter, t, machine, settling)["nees"] for t in made[runs:]]
-        return float(np.mean(shares))
+    def consistency(filter: Any) -> float:
+        estimates = ((filter.run(t.record, covariance=True), t.record) for t in made[runs:])
+        return float(np.mean([nees(e, record, first, View(machine)) for e, record in estimates]))
 
     naive, usual = KINDS["constant-velocity"], usual_acceleration(machine)
     load = np.atleast_1d(KalmanFilter(machine).variances.disturbance)
@@ -93,11 +95,11 @@ def score_defaults(
         )
 
     return DefaultScore(
-        raw_error(machine, [trial.record for trial in judged], first),
+        rms(np.array([raw_error(machine, [trial.record], first) for trial in judged])),
         best(lambda decade: naive.make(machine, acceleration=usual * 10**decade)),
         {kind: error(partial(KINDS[kind].make, machine, magnets[kind]), judged) for kind in kinds},
         {kind: best(scaled(kind)) for kind in tune},
-        {kind: nees(made) for kind, made in defaults.items()},
+        {kind: consistency(made) for kind, made in defaults.items()},
     )
 
 
