@@ -414,6 +414,45 @@ def test_names_in_national_encodings_are_read(tmp_path, codec, header):
     assert names_of(guess(tmp_path / "log.csv")) == dict(zip("tyu", header.split(","), strict=True))
 
 
+@pytest.mark.parametrize(("head", "marks", "wanted"), [
+    ("t,y,u,velocity", "t y u n", {}),  # a speed of rotation
+    ("t,y,u [A],bias [A]", "t y u bias", {}),
+    ("t,y,u,x_ref", "t y u xe", {"x_logged": "x_ref"}),
+    ("t,y,u,x_obs", "t y u T", {}),
+    ("t,y,i,proud zadany", "t y i u", {"u": "i"}),
+    ("t,Sensor A,Sensor B,u", "t twin y u", {"y": "Sensor A"}),
+    ("t,a [m],b [m],u", "t steps y u", {"y": "b"}),
+    ("t_log,t_ctrl,y,u", "jumps t y u", {"t": "t_ctrl"}),
+])  # fmt: skip
+def test_a_name_that_the_motion_contradicts_is_none(tmp_path, head, marks, wanted):
+    rig = of_a_rig()
+    t, rng = rig["t"], np.random.default_rng(2)
+    rig |= {
+        "bias": np.round(2 + 1e-3 * rng.normal(size=t.size), 4),
+        "twin": np.round(rig["xe"] + 0.7 * np.std(np.diff(rig["y"])) * rng.normal(size=t.size), 8),
+        "steps": 1e-5 * (t > t.mean()),
+        "jumps": np.where(t > t.mean(), t + 0.05, t),
+    }
+    rows = np.column_stack([rig[mark] for mark in marks.split()])
+    np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=head)
+    usual = {"t": "t", "y": "y", "u": "u"}
+    assert names_of(guess(tmp_path / "log.csv")) == usual | wanted
+
+
+@pytest.mark.parametrize(("line", "step"), [
+    ("# fs = 2 kHz", 5e-4), ("% Ts: 0.01", 0.01), ("Sample rate [kHz]: 10", 1e-4),
+    ("# sampling period 50 us", 5e-5), ("# rate 1/Ts", None),
+])  # fmt: skip
+def test_a_rate_above_the_numbers_is_read(tmp_path, line, step):
+    rig = of_a_rig(400)
+    rows = np.column_stack([rig["y"], rig["u"]])
+    np.savetxt(tmp_path / "log.csv", rows, "%.9g", ",", comments="", header=f"{line}\ny,u")
+    text = guess(tmp_path / "log.csv")
+    assert ("\nsampling_time" in text) == (step is not None)
+    if step is not None:
+        assert ChannelMap.from_toml(text).sampling_time == pytest.approx(step)
+
+
 def test_a_refusal_says_what_hides_the_motion(tmp_path):
     rng = np.random.default_rng(1)
     t = np.cumsum(rng.choice([0.02, 0.02, 0.05], 600))

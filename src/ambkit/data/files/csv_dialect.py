@@ -239,12 +239,15 @@ def _label(label: str) -> tuple[str, str | None]:
     return (match[1], match[2]) if match else (label, None)
 
 
+_OTHER_UNITS = {"°C", "℃", "degC", "°F", "rpm", "U/min", "1/min", "bar"}
+
+
 def _are_units(row: Sequence[str]) -> bool:
     """Return whether all cells of a row are units, and at least one is not empty."""
     from ambkit.data.signals import si_unit
 
     bare = [_bare(cell) for cell in row]
-    for unit in filter(None, bare):
+    for unit in {*filter(None, bare)} - _OTHER_UNITS:
         try:
             si_unit(unit)
         except ValueError:

@@ -171,6 +171,7 @@ def parse(
         order=tuple(names),
         remarks=tuple(remarks),
         line_of=_lines(body.text, body.first),
+        head_text="\n".join(head[: dialect.body]),
         header=0 if dialect.header is None else dialect.header + 1,
         texts=stamped,
     )

@@ -32,6 +32,7 @@ class Log:
     order: tuple[str, ...] = ()  #: Columns of a table in order.
     remarks: tuple[str, ...] = ()  #: Remarks on the reading of the file.
     line_of: Callable[[int], int] | None = None  #: Line of a sample, from 1.
+    head_text: str = ""  #: The lines above the numbers of a text file.
     header: int = 0  #: Line of the names in a text file, from 1; 0 if there are none.
     texts: Mapping[str, Any] = field(default_factory=dict)  #: Columns of times as text.
     titles: Mapping[str, str] = field(default_factory=dict)  #: Labels (Simulink's).

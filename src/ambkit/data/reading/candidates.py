@@ -90,7 +90,9 @@ _UNIT_AT_END = re.compile(
     rf"(?P<name>.*?)(?:(?P<sign> in |, ?| */ ?|_+|_in_| +|(?<=[\u3000-\u9fff]))(?P<unit>{_UNITS})"
     r"|(?<=[A-Z\d])[ _](?P<capitals>MILS?|UM|MM|MS|US))"
 )
+LENGTH_AT_END = re.compile(r"[ _/](?:[µunm]m|mils?)$")
 _UNIT_IN_BRACKETS = re.compile(rf"(.*?) ?[\[(] ?({_UNITS}) ?[\])](.*)")
+_IN_WORDS = {"mps": "m/s", "amps": "A", "amp": "A", "amperes": "A", "volts": "V", "s": "s"}
 _TIMES = {"ms": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns"}  #: As a name.
 _OF_LETTERS = {"m": "yr", "s": "t", "A": "ui", "V": "u"}  #: Roles that have these units.
 _CYRILLIC = str.maketrans("мксАВ", "mµsAV")
@@ -106,11 +108,11 @@ _HOLDERS = re.compile(r"values?|data|signals?|\d*|(?:out|in)\d*|yout|logsout|sim
 """Parts of a name that say nothing, as of a structure that Simulink saves."""
 
 
-def role_from_name(candidate: Candidate) -> None:
-    """Read role and unit from the name."""
+def role_from_name(candidate: Candidate, in_amperes: bool = False) -> None:
+    """Read role and unit from the name, whose last A may be amperes, or a plane."""
     if candidate.role or any(isinstance(place, int) for place in candidate.where.values()):
         return
-    label = _without_unit(candidate)
+    label = _without_unit(candidate, in_amperes)
     label = _own_part(label)
     named = role_of(label)
     role, candidate.estimated = named.role, named.estimated
@@ -124,21 +126,22 @@ def role_from_name(candidate: Candidate) -> None:
     if role == "r" and measured == "A":
         role = "u"  # a demanded current
     if role == "u" and measured == "m":
-        role = "r"  # a demanded position
-    kept = not named.weak and (role, measured) in _ALSO
+        role = "y" if named.weak else "r"  # a displacement u_x, or a demanded position
+    kept, as_named = not named.weak and (role, measured) in _ALSO, role
     if role and measured and si_unit(_USUAL[role]) != measured and not kept:
         role = of_unit if of_unit not in ("", "u") or role not in ("u", "r") else role
         role = of_unit if not role or (role != "u" and si_unit(_USUAL[role]) != measured) else role
     if role:
         candidate.role = role
-        candidate.why.append("by its name")
-        candidate.weak = named.weak and role != of_unit
+        other = role != as_named and not named.weak
+        candidate.why.append("by its unit, against its name" if other else "by its name")
+        candidate.weak = (named.weak or not named.of_what) and role != of_unit
     elif of_unit or measured not in ("", "1"):
         candidate.role = of_unit or "-"
         candidate.why.append(BY_UNIT)
 
 
-def _without_unit(candidate: Candidate) -> str:
+def _without_unit(candidate: Candidate, in_amperes: bool) -> str:
     """Return the name without the unit that it ends with or has in brackets; keep that unit."""
     label, name, unit = candidate.label, candidate.label, candidate.unit
     if not unit and (inside := _UNIT_IN_BRACKETS.fullmatch(label)):
@@ -148,7 +151,8 @@ def _without_unit(candidate: Candidate) -> str:
         bare, place = role_of(name), (at_end["sign"] or "").isspace()
         # x_A is in the plane A, and in no amperes.
         if (len(unit) == 1 and place and bare.role not in _OF_LETTERS.get(unit, "")) or (
-            unit == "A" and not place and (bare.role == "y" or (bare.role == "r" and bare.weak))
+            unit == "A" and not place and bare.of_what and not in_amperes
+            and (bare.role == "y" or (bare.role == "r" and bare.weak))
         ):  # fmt: skip
             return label
     elif not unit:
@@ -156,7 +160,7 @@ def _without_unit(candidate: Candidate) -> str:
     if unit and not candidate.unit:
         candidate.why.append("unit from its name")
     unit = unit.translate(_CYRILLIC).replace("mµ", "µ")
-    candidate.unit = unit.replace("mps", "m/s")
+    candidate.unit = _IN_WORDS.get(unit.lower(), unit)
     return name
 
 

@@ -13,7 +13,7 @@ from ambkit.base.units import factor
 from ambkit.data.files.log import FIRST, Log
 from ambkit.data.reading.candidates import Candidate
 from ambkit.data.reading.channel_statistics import correlation, seen, slow
-from ambkit.data.reading.clock import examine
+from ambkit.data.reading.clock import examine, stated_step
 from ambkit.data.reading.derived_channels import is_filtered, rough, standardised
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import NO_NOISE, Rotor, WeightScale, in_steps, weight_scale
@@ -27,6 +27,7 @@ _OF_Y = {
 }
 """Signals that have the direction of y, and why."""
 
+SLOW = 0.1  #: Pole times sampling time from which on a log is too slow for identification.
 _NAMES = {"i": "current", "k": "keyphasor"}
 
 
@@ -89,8 +90,7 @@ class _Map:
             yield f"array = {toml_string(self.array)}"
         if self.clock is None:
             yield ""
-            yield "# No channel looks like a time: fill in the sampling time."
-            yield '# sampling_time = "... ms"'
+            yield from stated_step(self.log.head_text)
         else:
             yield from self._time(self.clock)
         for role, candidate in self.chosen.items():
@@ -175,6 +175,8 @@ class _Map:
             pole, step = self.moves.fit.pole, self._step()
             per = f"{pole / step:.3g} rad/s" if step > 0 else f"{pole:.3g} per sample"
             yield f"# Unstable, as a rotor in a magnetic bearing is: its pole is near {per}."
+            if pole > SLOW:
+                yield f"# {pole:.2g} per sample: sampled too slowly to identify a machine from it."
         apart = _own_time(candidate, self.t, self.everything)
         if apart is not None:
             clock = apart.label
@@ -192,8 +194,9 @@ class _Map:
         """Write unit, scale, sign and, as a hint, the offset of a channel."""
         unit, comment, y, weight = candidate.unit, "", self.y, self.weight
         if not unit:
-            unit, comment = _likely_unit(candidate), "  # guessed from its size"
-            if role == "y" and weight is not None:
+            same = y if y is not None and role in ("r", "x_logged") else candidate
+            unit, comment = same.unit or _likely_unit(same), "  # guessed from its size"
+            if same is y and weight is not None:
                 unit, comment = weight.unit, "  # told by gravity"
         yield f"unit = {toml_string(unit)}{comment}"
         of_current = role == "u" and si_unit(unit) == "A"

@@ -16,6 +16,13 @@ def seen(values: Array) -> Array:
     return there if there.size else np.zeros(1)
 
 
+def is_few(values: Array) -> bool:
+    """Whether a channel takes few values, as a set point or a status does."""
+    there = seen(values)
+    seldom = np.count_nonzero(np.diff(there)) < 0.1 * there.size
+    return bool(seldom and np.unique(there).size < 0.01 * there.size)
+
+
 def slow(values: Array) -> Array:
     """Return means of 20 samples each, which are hardly noise any more."""
     return block_means(values, 20) if values.size >= 400 else values

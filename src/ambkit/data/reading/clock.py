@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -296,3 +298,27 @@ def describe_shift(name: str, delay: float, step: float) -> str:
             "variance)"
         )
     return f"{text}; the ends are missing"
+
+
+_HERTZ = r"f[_ ]?s|f_?(?:sample|abtast)|rate|(?:sampl\w*|scan|abtast)[ _]?(?:rate|freq\w*)|采样率"
+_STEP = r"d[_ ]?t|t[_ ]?s|(?:sampl\w*|abtast|delta)[ _]?(?:[tx]|time|int|period|zeit)\w*|采样周期"
+_STATED = re.compile(
+    rf"(?i)\b(?:(?P<rate>{_HERTZ})|{_STEP})\b(?:[ [(]*(?P<before>k?hz|[mµu]?s)\b)?"
+    r"[^\w\n.+-]{1,4}(?P<value>\d*\.?\d+(?:e[+-]?\d+)?)"
+    r"(?!\d|/\w)[\]) ,]*(?P<unit>[km]?(?:hz|s/s)|[mkµu]?s\b)?"
+)
+"""A sampling rate, or time, in a line above the numbers."""
+
+
+def stated_step(head: str) -> Iterator[str]:
+    """Write the sampling time that the head of a log states, or what to fill in."""
+    stated = _STATED.search(head)
+    if stated is None or not float(stated["value"]) > 0:
+        yield "# No channel looks like a time: fill in the sampling time."
+        yield '# sampling_time = "... ms"'
+        return
+    value, unit = float(stated["value"]), (stated["unit"] or stated["before"] or "s").lower()
+    if stated["rate"]:
+        value, unit = 1 / (value * {"k": 1e3, "m": 1e6}.get(unit[0], 1.0)), "s"
+    yield f'# No channel looks like a time; by "{stated[0].strip()}" above the numbers:'
+    yield f'sampling_time = "{value:.9g} {unit}"'

@@ -20,6 +20,7 @@ class NamedRole(NamedTuple):
     estimated: bool = False  #: Whether it is an estimate.
     weak: bool = False  #: Whether a single letter says it.
     drives: bool = False  #: Whether it drives a current: duty or voltage of a power stage.
+    of_what: bool = True  #: Whether it names a quantity; ``actual`` or ``feedback`` does not.
 
 
 _QUANTITIES = {
@@ -37,7 +38,7 @@ _QUANTITIES = {
     "i": r"cur|curr|currents?|\w*strom|ström\w*|amps?|amperes?|iu|imag|iq|i?coil|spule\w*|"
          r"corriente|courant|corrente|intensi\w*|iout|dianliu|stroom|prąd|prad|ток\w*|电流|電流",
     "stage": r"duty\w*|pwm\w*|dc|tastgrad|tastverh\w*|\w*aussteuer\w*|volt\w*|\w*spannung|"
-             r"tensi\w*|ciclo|rapport|[uv]coil|dianya|zhankongbi|напряж\w*|шим|скважность|"
+             r"tensi\w*|ciclo|rapport|[uv]coil|v_?in|dianya|zhankongbi|напряж\w*|шим|скважность|"
              r"电压|占空比|電圧|デューティ",
     "u": r"stell\w*|output|control|ctrl|ctl|actuat\w*|\w*regler\w*|ansteuer\w*|reglage|mando|"
          r"salida|sortie|uscita|kongzhi(?:liang)?|управл\w*|控制|制御|操作量",
@@ -53,7 +54,7 @@ _SPEED = r"speed"
 _DEMAND = (
     r"\w*soll|sollwert|ref|reference|referen[zc]\w*|consign[ea]|riferimento|set|set_?po?i?n?ts?|"
     r"setp|sp|desired|des|dem|target|tgt|demand\w*|request\w*|comm?and\w*|cmd|\w*vorgabe|"
-    r"f(?:ü|ue)hrungsgr\w*|rif|dese[aj]\w*|desider\w*|desire|deseo|richiest\w*|cible|objetivo|obiettivo|zadan\w*|"
+    r"f(?:ü|ue)hrungsgr\w*|rif|dese[ajo]\w*|desi[dr]\w*|richiest\w*|cible|objetivo|obiettivo|zadan\w*|"
     r"уставка|задан\w*|cankao|geiding|sheding|mubiao|zhiling|参考|给定|设定|目标|目標|指令"
 )
 _ORDER = r"comm?and\w*|cmd|zhiling|指令"  #: Of a control signal, where no quantity is named.
@@ -76,7 +77,7 @@ _LETTERS = {"t": "t", "s": "", "r": "r", "w": "r", "v": "v", "i": "i", "u": "u",
 _PLACED = re.compile(r"(?:[xyz]\d+|w\d+|v\d{2,})[a-d]?")  #: Positions in numbered planes.
 _OF_A_PLANE = re.compile(r"([iu])[v-z](?:\d+|[a-d]?)")  #: Current or control of such a plane.
 _COMPOUND = re.compile(
-    r"\b(soll|ist)(?=wert|strom|lage|pos|weg|spann|geschw|abstand)|"
+    r"\b(?:soll(?=\w{3})|ist(?=wert|strom|lage|pos|weg|spann|geschw|abstand|höhe|hoehe))|"
     r"(?:(?<=strom)|(?<=lage)|(?<=tion)|(?<=weg)|(?<=pos)|(?<=nung))(soll|ist)(?=\b|wert|_)"
 )
 _ACCENTS = re.compile("[\u0300-\u0307\u0309-\u036f]")  #: All but the umlauts' two dots.
@@ -111,6 +112,8 @@ def _role_of(words: list[str]) -> NamedRole:
     def has(form: str) -> bool:
         return any(re.fullmatch(form, word) for word in joined)
 
+    if words[:1] == ["t"] and len(words) > 1 and not has(_QUANTITIES["y"] + "|" + _QUANTITIES["i"]):
+        return NamedRole("t", weak=True)  # t_ctrl
     quantities = [q for q, form in _QUANTITIES.items() if has(form)]
     demanded, estimated = has(_DEMAND), has(_ESTIMATED)
     quantity = next((q for q in quantities if q != "u" or not {"i", "y"} & {*quantities}), "")
@@ -125,6 +128,7 @@ def _role_of(words: list[str]) -> NamedRole:
         quantity = "-" if has("rotor|shaft|spindle|motor|rot|rotation\\w*") else "v"
     if not quantity:
         letters = [_LETTERS[word] for word in words if _LETTERS.get(word)]
+        letters = ["r"] if letters == ["y", "r"] else letters  # x_r
         letters.sort(key=lambda letter: letter not in ("i", "u"))  # x i: the current of the axis x
         quantity, weak = (letters[0], True) if letters else ("", False)
     if quantity == "stage" and "y" in quantities:  # the voltage of a sensor
@@ -137,5 +141,5 @@ def _role_of(words: list[str]) -> NamedRole:
         doubtful = weak and role == "r" and has(_ORDER)  # a command of what?
         return NamedRole(role or ("u" if has(_ORDER) else "r"), estimated, doubtful, drives)
     if not quantity and has(_ACTUAL):
-        quantity = "y"
+        return NamedRole("y", estimated, of_what=False)
     return NamedRole(quantity, estimated, weak, drives)

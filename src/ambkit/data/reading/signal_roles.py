@@ -7,13 +7,21 @@ within that noise. If no channel moves as a rotor does, nothing is guessed.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
 
 from ambkit.base.arrays import Array, interpolated
-from ambkit.data.reading.candidates import BY_UNIT, TEXT, Candidate, role_from_name
-from ambkit.data.reading.channel_statistics import COMPARED, LOOKED_AT, correlation, seen, slow
+from ambkit.data.reading.candidates import BY_UNIT, LENGTH_AT_END, TEXT, Candidate, role_from_name
+from ambkit.data.reading.channel_statistics import (
+    COMPARED,
+    LOOKED_AT,
+    correlation,
+    is_few,
+    seen,
+    slow,
+)
 from ambkit.data.reading.derived_channels import same_numbers
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.position_search import RELATED, Rotor, in_steps, rotor
@@ -22,29 +30,36 @@ from ambkit.data.reading.roles_by_motion import (
     GOES_WITH,
     LARGEST,
     SHORT,
-    check_letters,
+    answers,
+    check_names,
     eliminate,
     find_commands,
     is_near,
     keep_rawest,
+    leads,
     leave_other_axes,
     marks,
     position_of,
     rate_likeness,
 )
+from ambkit.data.signals import si_unit
 
 SAME_UNIT = 1.25  #: Ratio within which the two are counted in one unit: a demanded current.
+SETTLES = 2.0  #: Slope, over 1, of a position on a stepped reference.
 EVEN = 0.2  #: Part of the usual step by which the steps of a time without a name differ at most.
 
 
 def find_roles(results: list[Candidate]) -> Rotor | None:
     """Give each candidate the role that its name, its unit or its motion speak for."""
+    in_amperes = any(LENGTH_AT_END.search(c.label) for c in results)
+    numbered = len(results) > 2 and len({re.sub(r"\d+", "", c.label) for c in results}) == 1
     for candidate in results:
         candidate.values = np.where(np.isfinite(candidate.values), candidate.values, np.nan)
-        role_from_name(candidate)
+        if not numbered or candidate.unit:  # V1, V2, V3 are no names
+            role_from_name(candidate, in_amperes)
     _find_time(results)
     keep_rawest(results)
-    check_letters(results)
+    check_names(results)
     find_commands(results)
     leave_other_axes(results)
     letters, volts = _doubtful_roles(results)
@@ -56,6 +71,8 @@ def find_roles(results: list[Candidate]) -> Rotor | None:
             candidate.why.append(f"is {candidate.values[0]:g} all the time")
             candidate.role = "-"
     moves = _find_rotor(results)
+    check_names(results)
+    find_commands(results, ("i", ""))
     eliminate(results, volts)
     _find_stage(results)
     _settle_references(results, letters)
@@ -89,15 +106,19 @@ def _doubtful_roles(results: list[Candidate]) -> tuple[list[Candidate], list[Can
 def _find_stage(results: list[Candidate]) -> None:
     """See whether a control signal drives the current that was measured, in other units."""
     u, i = (next((c for c in results if c.role == role and not c.estimated), None) for role in "ui")
-    u = u or next((c for c in results if c.weak and not c.role), None)  # V, if it is no velocity
-    if u is None or i is None or u.values.shape != i.values.shape or u.unit == "A":
+    # V, if it is no velocity; or a duty in per cent.
+    u = u or next((c for c in results if not c.role and (c.weak or c.unit == "%")), None)
+    if u is None or i is None or u.values.shape != i.values.shape:
         return
     command, current = slow(u.values), slow(i.values)
     likeness = correlation(command, current)
-    if u.drives:
-        if abs(likeness) < GOES_WITH:
-            u.role = "-"
-            u.why.append(f"but {i.label} does not follow it")
+    y = position_of(results)
+    if u.role and abs(likeness) < GOES_WITH:
+        less = i if y is None or y.values.shape != i.values.shape else min(
+            (i, u), key=lambda c: answers(y, c))  # fmt: skip
+        less.role = "-"
+        less.why.append(f"does not go with {(u if less is i else i).label}")
+    if u.drives or u.unit == "A" or not likeness > GOES_WITH:
         return
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = [of(current) / of(command) for of in (np.nanmean, np.nanstd)]
@@ -137,7 +158,8 @@ def _find_time(results: list[Candidate]) -> None:
             candidate.role = "t"
             candidate.why.append("rises evenly")
             return
-    free = [c for c in results if not c.role or (c.weak and not c.unit)]  # X_Value is a time
+    free = [c for c in results if c.role in ("", "-") or c.weak]  # X_Value is a time
+    free = [c for c in free if not c.unit]
     for counter in [c for c in free if (np.diff(c.values) == 1).all()]:
         counter.role = "-"
         counter.why.append("counts by 1: the number of a sample, or its time in which unit?")
@@ -188,7 +210,8 @@ def _find_rotor(results: list[Candidate]) -> Rotor | None:
         moves = rotor(rows, places.get(id(y)), measured)
     if moves is None and (y is not None or control is not None):
         # A "command" may be the reference's.
-        others = (c for c in results if c.role in tuple("yuirv") and not c.estimated)
+        roles = tuple("yuirv") if y is not None else tuple("yuirv-")
+        others = (c for c in results if c.role in roles and not c.estimated)
         channels += [
             c for c in others if c.values.shape == compared[0].values.shape and id(c) not in places
         ]
@@ -201,7 +224,7 @@ def _find_rotor(results: list[Candidate]) -> Rotor | None:
             _say_unconfirmed(y, channels, moves)
             return None
         _rename(channels, moves, y, control)
-    if moves is None:
+    if moves is None or si_unit(channels[moves.position].unit or "m") not in ("m", "V", "1"):
         return None
     _name_rotor(moves, channels)
     index = {id(c): n for n, c in enumerate(results)}
@@ -248,6 +271,8 @@ def _compared(
         unnamed = [c for c in unnamed if c.values.shape == y.values.shape and c.clock == y.clock]
     if y is None and unnamed:
         unnamed = [c for c in unnamed if c.values.shape == unnamed[0].values.shape]
+    if y is None and not unnamed:  # a name may be wrong
+        unnamed = [c for c in results if c.role == "-" and np.ptp(seen(c.values)) > 0]
     compared = [*named, *unnamed]
     return [c for c in compared if c.values.shape == compared[0].values.shape][:COMPARED]
 
@@ -271,10 +296,13 @@ def _name_rotor(moves: Rotor, channels: Sequence[Candidate]) -> None:
     ):  # fmt: skip
         for estimate in [channels[k] for k in rows_of]:
             referred = role == "y" and _is_reference(estimate, first, _size(first))
-            if not estimate.role and not referred:
-                estimate.role, estimate.estimated = role, True
-                rawer = "less in steps" if in_steps(first.values) else "with less noise"
-                estimate.why.append(f"moves as {first.label}, {rawer}: an estimate of it")
+            is_led = leads(first, estimate) or leads(estimate, first)
+            apart = estimate.unit != first.unit or (is_led and in_steps(estimate.values))
+            if estimate.role or referred or (role != "y" and apart):
+                continue
+            estimate.role, estimate.estimated = role, True
+            rawer = "less in steps" if in_steps(first.values) else "with less noise"
+            estimate.why.append(f"moves as {first.label}, {rawer}: an estimate of it")
     for a, b in moves.others:
         for k, other in ((a, b), (b, a)):
             label = channels[other].label
@@ -290,9 +318,13 @@ def _size(y: Candidate) -> tuple[float, float]:
 def _is_reference(candidate: Candidate, y: Candidate, size: tuple[float, float]) -> bool:
     """Whether a channel goes with the position, at its size (`_size`), without its noise."""
     scale = float(np.nanstd(candidate.values)) / size[0]
-    if not scale > 0 or abs(correlation(candidate.values, y.values)) < 0.9:
+    likeness = correlation(candidate.values, y.values)
+    if not scale > 0 or abs(likeness) < GOES_WITH:
         return False
-    few = np.unique(seen(candidate.values)).size < 0.01 * seen(candidate.values).size
+    # The position settles on each level of a stepped reference.
+    few = is_few(candidate.values)
+    if abs(likeness) < RELATED:
+        return few and 1 / SETTLES < likeness / scale < SETTLES
     return few or noise(candidate.values) < min(0.1 * size[1], 1e-4 * size[0]) * scale
 
 
@@ -301,15 +333,16 @@ def _beside(candidate: Candidate, y: Candidate, size: tuple[float, float]) -> No
     named = candidate.role == "y" and not candidate.estimated
     if candidate.role and not named:
         return
+    if (not named or candidate.why[-1] == BY_UNIT) and _is_reference(candidate, y, size):
+        candidate.role = "r"
+        candidate.why.append(f"follows, or leads, {y.label} without its noise")
+        return
     likeness = correlation(candidate.values, y.values)
     if abs(likeness) < RELATED:
         # A current damps the motion: it goes against the rate.
         if (likeness := rate_likeness(candidate, y)) > (RELATED if named else FOLLOWS):
             candidate.role, candidate.estimated = "v", True
             candidate.why.append(f"follows the rate of {y.label} (correlation {likeness:.2f})")
-    elif not named and _is_reference(candidate, y, size):
-        candidate.role = "r"
-        candidate.why.append(f"follows {y.label} without its noise (correlation {likeness:.3f})")
     elif not named and is_near(candidate, y, size[1]):
         candidate.role, candidate.estimated = "y", True
         candidate.why.append(f"lies within the noise of {y.label}: an estimate or a copy of it")
