@@ -35,11 +35,14 @@ AMB_INLINE void elastic(const amb_contact *own, int ring, touching *at)
   const amb_real steep = AMB_C(1.5) * own->stiffness[ring];
   const amb_real stiffest = AMB_C(0.5) / own->moves[ring];
   const amb_real last = stiffest / steep; /* root of the depth of the stiffest tangent */
-  const amb_real curved = amb_at_most(at->depth, last * last);
+  const amb_real edge = last * last;
+  const amb_real curved = amb_at_most(at->depth, edge);
   const amb_real root = amb_root(curved);
-  const amb_real straight = at->depth - curved;
   at->k = steep * root;
-  at->elastic = own->stiffness[ring] * curved * root + stiffest * straight;
+  at->elastic = own->stiffness[ring] * curved * root;
+  if (at->depth > edge) {
+    at->elastic += stiffest * (at->depth - edge);
+  }
 }
 
 /* Friction of a ring as a share of N, against what slides along it. */

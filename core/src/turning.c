@@ -209,8 +209,9 @@ static void follow(const amb_synchronous *pair, const amb_speed_error *error, am
 /* Turns after which the size of a pair is known. */
 #define SIZED AMB_C(8.0)
 
-/* Greatest mean squares of pairs, whatever their phase, over that of a start: of those that act by
- * themselves, as runout does, and by the speed, as unbalance does. */
+/* Squares of twice the size of pairs, whatever their phase, over the variance of a start: of those
+ * that act by themselves, as runout does, and by the speed, as unbalance does. Twice, since the
+ * runout of several sensors may be in phase. */
 static void size_of(const amb_model *model, const amb_speed_error *error,
                     const amb_kalman_state *state, amb_real size[2])
 {
@@ -224,7 +225,7 @@ static void size_of(const amb_model *model, const amb_speed_error *error,
     for (int i = at; i < (at + 2); i++) {
       sum += (state->mean[i] * state->mean[i]) + state->cov[amb_entry(n, i, i)];
     }
-    const amb_real over = sum / (AMB_C(2.0) * (error->std[at] * error->std[at]));
+    const amb_real over = (AMB_C(2.0) * sum) / (error->std[at] * error->std[at]);
     size[which] = amb_at_least(amb_at_most(over, AMB_C(1.0)), size[which]);
   }
 }
@@ -420,7 +421,8 @@ amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_
     const amb_real speed_variance = watched ? AMB_C(0.0) : by.noise;
     widen(&kf->model, error, size, (by.now * by.now) + speed_variance, kf->growth);
   }
-  return by.now;
+  const bool sized = amb_at_least(direction->size[0], direction->size[1]) > AMB_C(0.0);
+  return (sized && (direction->passed < TURN)) ? AMB_C(0.0) : by.now;
 }
 
 amb_status amb_direction_status(const amb_direction *direction, amb_real speed)

@@ -94,7 +94,7 @@ typedef struct amb_direction {
  *
  * A rotor that turns the other way shows: the corrections of the pairs go round with it. Then speed
  * and growth change their sign, and the pairs begin afresh. Returns the speed at the sample
- * [rad/s], 0 where the angle is lost. */
+ * [rad/s], 0 where the angle is lost, and after a loss until the pairs have turned once. */
 amb_real amb_rotate(const amb_turning *nodes, const amb_speed_error *error, amb_kalman *kf,
                     amb_kalman_state *state, amb_real numbers[], amb_direction *direction,
                     const amb_rotation *rotation);
