@@ -422,7 +422,7 @@ def test_controllers_hear_the_angle():
 
 @pytest.mark.parametrize(("unbalance", "most"), [("off", 1.5), ("force-free", 1.6)])
 def test_an_encoder_is_lost_and_comes_back_without_a_jump(unbalance, most, monkeypatch):
-    """Of the current: control by the estimate goes on, force-free control comes back."""
+    """Of the current: control by the estimate goes on, force-free control resumes."""
     sensor = {"type": "encoder", "per_turn": 1024, "acceleration": "1000 rad/s^2"}
     dirty, _ = spoilt(sensor)
 
