@@ -107,6 +107,6 @@ def guess_channels(log: Log) -> Document:
 
     with progress(f"reading {Path(log).name}") as done:
         text = guess(log, progress=done)
-    timed = "\n[signals.t]\n" in text
+    timed = "\n[signals.t]\n" in text or "\nsampling_time =" in text
     notes = (f"{log}: the map has no time: fill in its sampling_time before a log is read by it",)
     return Document(text, {"map": text}, () if timed else notes)
