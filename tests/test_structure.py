@@ -86,16 +86,20 @@ def test_a_wrong_structure_is_not_called_good():
 
 
 @pytest.mark.parametrize(
-    ("machine", "step", "load", "seed"),
+    ("machine", "step", "load", "duration", "seed"),
     [
-        ("zittau_axial", "0.3 mm", "3 N", 101),
-        pytest.param("zittau_axial", "0.3 mm", "3 N", 0, marks=pytest.mark.long),
-        pytest.param("inteco_ml", None, "0.36 N", 0, marks=pytest.mark.long),
+        ("zittau_axial", "0.3 mm", "3 N", 0.5, 101),
+        pytest.param("zittau_axial", "0.3 mm", "3 N", 0.5, 0, marks=pytest.mark.long),
+        pytest.param("inteco_ml", None, "0.36 N", 1.5, 0, marks=pytest.mark.long),
     ],
 )
-def test_a_load_step_is_no_defect_and_its_record_is_identified_in_parts(machine, step, load, seed):
+def test_a_load_step_is_no_defect_and_its_record_is_identified_in_parts(
+    machine, step, load, duration, seed
+):
     described = ambkit.preset(machine)
-    record = ambkit.simulate(described, step=step, disturbance=load, seed=seed).record
+    record = ambkit.simulate(
+        described, step=step, disturbance=load, duration=duration, seed=seed
+    ).record
     start = starting_model(described)
     found, parts, structure = fit_between_load_steps([record], start, usual(start), profile=False)
     assert structure.suspect == ""

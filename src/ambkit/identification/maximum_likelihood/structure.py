@@ -369,13 +369,17 @@ def _raises(tests: _Tests, model: LoopModel, data: Data, taken: Sequence[int]) -
     # To second order it must. Where records hardly determine the parameters it need not: there the
     # other parameters cannot adapt as far as the score lets them.
     parameters, values = named(usual(model)), []
+    limit = float(tests.limits[taken[-1]])
+    best = maximise(data, model, parameters)
+    if 2 * (best.value - data.log_likelihood(model)) > limit:
+        return True  # the model is no optimum to compare with
     for among in (taken[:-1], taken):
         moved = np.zeros(tests.used.size)
         moved[tests.used] = _sizes(tests, among) @ tests.by_structures[among] * np.sqrt(tests.S)
         optimum = maximise(replace(data, moved=moved), model, parameters)
         model = optimum.model
         values.append(optimum.value)
-    return 2 * (values[1] - values[0]) > float(tests.limits[taken[-1]])
+    return 2 * (values[1] - values[0]) > limit
 
 
 def _sizes(tests: _Tests, taken: Sequence[int]) -> Array:
