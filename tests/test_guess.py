@@ -419,7 +419,6 @@ def test_names_in_national_encodings_are_read(tmp_path, codec, header):
     ("t,y,u [A],bias [A]", "t y u bias", {}),
     ("t,y,u,x_ref", "t y u xe", {"x_logged": "x_ref"}),
     ("t,y,u,x_obs", "t y u T", {}),
-    ("t,y,i,proud zadany", "t y i u", {"u": "i"}),
     ("t,Sensor A,Sensor B,u", "t twin y u", {"y": "Sensor A"}),
     ("t,a [m],b [m],u", "t steps y u", {"y": "b"}),
     ("t_log,t_ctrl,y,u", "jumps t y u", {"t": "t_ctrl"}),

@@ -106,9 +106,10 @@ def _check_name(c: Candidate, y: Candidate) -> None:
     elif c.role == "r" and _is_estimate(c, y):
         c.role, c.estimated = "y", True
         c.why[-1] = f"named like a reference, but lies within the noise of {y.label}"
-    elif c.role == "r" and (c.weak or c.unit in ("", "V")) and np.ptp(seen(c.values)) > 0:
-        fits = _is_clean(c, y) and (likeness > GOES_WITH or not c.weak)
-        what = "" if fits else "a reference of"
+    elif c.role == "r" and np.ptp(seen(c.values)) > 0:
+        fits = _is_clean(c, y) and likeness > GOES_WITH
+        carries = c.unit in ("", "V") and not is_few(c.values) and _is_control(c, y)
+        what = "a reference of" if carries or (c.weak and not fits) else ""
     if what:
         c.role, c.estimated = "", False
         c.why[-1] = f"by its name perhaps, but not by its motion, {what} {y.label}"
