@@ -152,7 +152,7 @@ def test_where_none_is_found_a_sentence_says_so_and_what_was_tried(call):
     with pytest.raises(AmbkitError, match="no default controller"):
         simulate_run(HOPELESS, Scenario(duration=0.01))
     slow = HOPELESS.model_copy(update={"speed": 100.0})
-    with pytest.raises(AmbkitError, match="holds the rotor of flywheel from 0 to 50,000 rpm"):
+    with pytest.raises(AmbkitError, match="stabilises the rotor of flywheel from 0 to 50,000 rpm"):
         simulate_run(slow, Scenario(duration=0.3, speed=to_speed(50000)))
     HOPELESS.save("machine.toml")
     for command, code in (("check", 0), ("simulate", 2), ("design --out d", 2)):
