@@ -88,8 +88,7 @@ def documents() -> dict[str, Any]:
 
 def kind_of_toml(path: str | os.PathLike[str]) -> str:
     """Return the kind of document that shares most keys with a file."""
-    text = files.read_text(path)
-    toml = toml_text.parse(text)
+    toml = toml_text.parse(files.read_text(path))
     if toml.data is None:
         problems = [f"{path}:{line}: {what}" for line, what in toml.problems]
         raise ConfigError(shortened(problems), str(path))
