@@ -54,42 +54,42 @@ def adaline(study: Study) -> Part:
         Chapter(
             id="adaline",
             title="ADALINE: magnet force and magnet constant",
-            lead="Two adaptive linear elements. The first finds the magnet's force from the "
-                 "motion, "
-            "the second the magnet constant from force, current and gap.",
+            lead="Two adaptive linear elements. The first identifies the magnet force from "
+                 "the motion, the second the magnet constant from force, current and gap.",
             blocks=[
                 Equation(r"x(k+1) = x + T v + \frac{T^2}{2m} (F_\mathrm{St} + F_0) + "
                          r"\frac{T^2}{2m} F_\mathrm{Magnet}", "eq. 24"),
                 Equation(r"F_\mathrm{Magnet} = k_\mathrm{Magnet} \left[ \left(\frac{i_0 + "
                          r"i_u}{s_0 - x}\right)^2 - "
                          r"\left(\frac{i_0 - i_u}{s_0 + x}\right)^2 \right]", "eq. 25"),
-                Text("The known forces, here the weight, are in $F_0$. Each weight learns by the "
-                     r"normalised Widrow-Hoff rule, $w(k+1) = w + r e / x_\mathrm{in}$. It is "
+                Text("$F_0$ is the known forces, here the rotor's weight. The elements learn by "
+                     r"the normalised Widrow-Hoff rule, $w(k+1) = w + r e / x_\mathrm{in}$. It is "
                      r"stable for $0 < r < 2$; the error settles "
-                     "as $(1-r)^n$, and the share $r/(2-r)$ of the noise's variance stays. Here "
+                     "as $(1-r)^n$, and a fraction $r/(2-r)$ of the noise variance remains. Here "
                      "$r = 0.05$ for the force and $0.002$ for k, which averages over a tenth of a "
-                     "second. A measured position differentiated twice would drown the force in "
+                     "second. A measured position differentiated twice would bury the force in "
                      "noise ($2m/T^2$ is 10⁸ N/m), so position and regressor pass the same "
-                     "low-pass: what both sides lose alike, k does not see."),
-                Text("The paper draws the element as a block diagram (Fig. 5: inputs, weights, a "
-                     "sum, and the error that moves the weights), and how it stands beside the "
-                     "plant (Fig. 6): position and control signal go in, the identified force "
-                     "goes from the first element to the second, and k comes out."),
+                     "low-pass filter: an equal loss on both sides does not affect k."),
+                Text("The paper draws the element as a block diagram (Fig. 5: inputs, "
+                     "weights, a sum, and the error that moves the weights), and its "
+                     "connection to the plant (Fig. 6): the inputs are position and control "
+                     "signal, the first element passes the identified force to the second, "
+                     "and the output is k."),
                 FigureBlock(_figure_force(study, clean, noisy, learned)),
                 FigureBlock(_figure_constant(study, learned["clean"], learned["noisy"], truth)),
-                Text("**How well.** Counted is the largest error of k over the last two fifths of "
-                     f"the record. Without noise that is {clean_off:.3f} %; with the paper's noise "
-                     f"{np.median(noisy_off):.2f} % in the median of {MANY} seeds, {few:.2f} to "
-                     f"{many:.2f} % in nine of ten, {noisy_off.max():.2f} % in the worst."),
+                Text("**Accuracy.** The measure is the largest error of k over the last two "
+                     f"fifths of the record. Without noise it is {clean_off:.3f} %; with the "
+                     f"paper's noise {np.median(noisy_off):.2f} % in the median of {MANY} "
+                     f"seeds, {few:.2f} to {many:.2f} % in nine of ten, {noisy_off.max():.2f} "
+                     "% in the worst."),
                 FigureBlock(_figure_limits(study, learned, truth)),
-                Text("**What it cannot do.** From one record only the ratio of k to the mass can "
-                     "be "
-                     f"told, and only where the other forces are known. A load of {LOAD:g} N that "
-                     f"is not told moves k by {said(of_load)}; told, by {said(of_told)}. A mass "
-                     f"that is {100 * (WRONG_MASS - 1):.0f} % too large makes k {said(of_mass)} "
-                     f"wrong (at the end of the record, {SEEDS} seeds). While the magnet "
-                     "carries nothing and nothing moves, there is nothing to learn from: the "
-                     "excitation is measured, and k is held while it is too small."),
+                Text("**Limits.** One record determines only the ratio of k to the mass, and "
+                     f"only if the other forces are known. A load of {LOAD:g} N that the "
+                     f"element does not know shifts k by {said(of_load)}; a known one, by "
+                     f"{said(of_told)}. A mass that is {100 * (WRONG_MASS - 1):.0f} % too "
+                     f"large makes k {said(of_mass)} wrong (at the end of the record, {SEEDS} "
+                     "seeds). Without current and motion k cannot be identified: the "
+                     "excitation is monitored, and k is held while it is too small."),
             ],
         ),
         [
@@ -128,7 +128,7 @@ def _noisy(study: Study, seed: int) -> tuple[float]:
 
 
 def _limits(study: Study, seed: int) -> list[float]:
-    """Errors of k at the end [%]: with a load not told, told, and with a wrong mass."""
+    """Errors of k at the end [%]: with an unknown load, a known one, and a wrong mass."""
     truth = study.bearing.magnet.magnet_constant
     loaded = study.run(study.scenario(STEP, LOAD, seed=seed))
     results = (
@@ -196,15 +196,15 @@ def _figure_constant(
 def _figure_limits(study: Study, learned: dict[str, AdalineResult], truth: float) -> Figure:
     shown = {
         "noisy": ("series 1", "nothing wrong"),
-        "loaded": ("series 2", "load of 3 N from 0.25 s, not told"),
-        "load known": ("series 3", "the same load, told"),
+        "loaded": ("series 2", "unknown load of 3 N from 0.25 s"),
+        "load known": ("series 3", "the same load, known"),
         "wrong mass": ("series 4", "mass 10 % too large"),
     }
     return Figure(
         id="adaline_limits",
         title="What a disturbance or a wrong mass does to the magnet constant",
-        caption="The element explains every force by the magnet. A load it is not told about, or a "
-        f"wrong mass, ends up in k; a load it is told does no harm. {study.one_run}",
+        caption="The element attributes every force to the magnet. An unknown load or a wrong "
+        f"mass biases k; a known load does not. {study.one_run}",
         panels=[
             Panel(TIME, K_AXIS, [
                 Rule(truth, signal="truth"),

@@ -39,21 +39,21 @@ def adaptive(study: Study) -> Part:
         Chapter(
             id="adaptive",
             title="The adaptive Kalman filter",
-            lead="At every sample the expert is asked for k_i and k_s at the estimated "
-                 "displacement "
-            "and the control current, and the prediction goes on with its answer.",
+            lead="At every sample the expert gives k_i and k_s at the estimated "
+                 "displacement and the control current, and the prediction uses them.",
             blocks=[
-                Text("The paper's Fig. 8 is the block diagram: beside the filter of Fig. 4 stands "
-                     "the expert, which the estimated displacement and the control current go "
-                     "into, and whose two stiffnesses go into the filter's model of the plant."),
+                Text("The paper's Fig. 8 is the block diagram: the expert is added to the "
+                     "filter of Fig. 4; its inputs are the estimated displacement and the "
+                     "control current, its outputs the two stiffnesses of the filter's plant "
+                     "model."),
                 FigureBlock(_figure_stiffness(study, "fig13", "k_i", "N/A", 1.0, estimate,
                                               true_k_i, study.constant.k_i)),
                 FigureBlock(_figure_stiffness(study, "fig14", "k_s", "N/mm", 1e-3, estimate,
                                               true_k_s, study.constant.k_s)),
-                Text(f"At rest at 0.5 mm the expert's $k_i$ is {far_i.mean():+.1f} % and its $k_s$ "
-                     f"{far_s.mean():+.1f} % from the constants of the origin. The answer is as "
-                     "noisy as the question: the control current carries the noise of the "
-                     "feedback."),
+                Text(f"At rest at 0.5 mm the expert's $k_i$ is {far_i.mean():+.1f} % and its "
+                     f"$k_s$ {far_s.mean():+.1f} % from the constants of the origin. The "
+                     "stiffnesses are as noisy as their inputs: the control current contains "
+                     "the noise of the feedback."),
                 FigureBlock(_figure_step(study, runs)),
                 FigureBlock(_figure_close(study, runs)),
                 Text(f"Both filters track the rotor: over {SEEDS} seeds the error of the position "
@@ -61,12 +61,12 @@ def adaptive(study: Study) -> Part:
                      f"the linear and {error_adaptive.mean():.2f} ± "
                      f"{error_adaptive.std(ddof=1):.2f} µm with the adaptive filter, where the "
                      f"sensor scatters by {noise:.1f} µm. "
-                     f"Half of the step is overshot by either, as the paper gives no controller "
-                     f"and this one is a textbook PID. The gains that ambkit chooses on the "
-                     f"margins of the loop (kp {calm.kp:g} A/m, ki {calm.ki:g} A/(m s), kd "
-                     f"{calm.kd:g} A s/m, of the reference a share of "
-                     f"{calm.setpoint_weight:g} to kp) overshoot by {over_default.mean():.0f} %. "
-                     "Where they differ is in what they say of the forces, see [](#gain)."),
+                     f"Both overshoot by half of the step, as the paper gives no controller "
+                     f"and this one is a textbook PID. The gains that ambkit designs for "
+                     f"the margins of the loop (kp {calm.kp:g} A/m, ki {calm.ki:g} A/(m s), kd "
+                     f"{calm.kd:g} A s/m, setpoint weight "
+                     f"{calm.setpoint_weight:g}) overshoot by {over_default.mean():.0f} %. "
+                     "They differ in their estimates of the forces, see [](#gain)."),
             ],
         ),
         [
@@ -123,10 +123,11 @@ def _figure_stiffness(
         id=id,
         title=f"Adapted {word} stiffness during the step of 0.5 mm",
         source=f"paper, Fig. {id[3:]}",
-        caption="Blue: what the expert answered at the estimated displacement and the control "
-        "current. Black: the same from the closed law at the true ones. Dotted: the constant of "
-        "the linear filter. While the rotor overshoots beyond 0.5 mm it is outside the box of the "
-        f"rules, and the expert answers as at its edge. {study.one_run}",
+        caption="Blue: output of the expert at the estimated displacement and the control "
+                "current. Black: the closed law at the true ones. Dotted: the constant of the "
+                "linear filter. While the rotor overshoots beyond 0.5 mm it is outside the "
+                "range of the rules, and the expert holds the output of the edge. "
+                f"{study.one_run}",
         panels=[
             Panel(TIME, Axis(f"{word} stiffness ${symbol}$", unit, factor), [
                 Line(estimate.t, truth, signal="truth", label="closed law at the truth"),
@@ -162,11 +163,11 @@ def _figure_step(study: Study, runs: dict[str, Run]) -> Figure:
         id="fig15",
         title="Step response of 0.5 mm: reference, truth, measured, estimated",
         source="paper, Fig. 15",
-        caption="Left with the linear, right with the adaptive filter in the loop, with the same "
-        "noise. Above, the position: at this scale nobody sees what a filter does. Below, the same "
-        "less the truth: the measurement scatters, and comes late while the rotor moves; the "
-        "estimate scatters by a third of that. Its swing in the first milliseconds is the filter "
-        f"finding its start. {study.one_run}",
+        caption="Left: linear filter in the loop; right: adaptive filter, with the same "
+        "noise. Top: the position; at this scale the estimation error is not visible. "
+        "Bottom: the errors; the measurement is noisy, and lags while the rotor "
+        "moves; the estimate has a third of that noise. In the first milliseconds the "
+        f"filter converges from its initial state. {study.one_run}",
         panels=_beside(runs, TIME),
         columns=2,
     )

@@ -71,7 +71,7 @@ class Flight:
 
 
 def chain(study: Study) -> Part:
-    """Fly with what ADALINE finds, beside a filter whose k stays wrong and one that is told it."""
+    """Levitate with the k that ADALINE finds, with a wrong k, and with the true one."""
     shown = {way: _fly(study, way, study.seed) for way in WAYS}
     results = {way: study.over_seeds(partial(_figures, study, way)) for way in WAYS}
     force = {way: figures[0] for way, figures in results.items()}
@@ -85,19 +85,19 @@ def chain(study: Study) -> Part:
             "adaptive filter continues with this expert. Then the constant drifts, and the chain "
             "runs twice more during levitation.",
             blocks=[
-                Text(f"The bearing is described with a magnet constant {100 * (WRONG - 1):.0f} % "
-                     "too large. The rotor is moved up and down by 0.3 mm, so that the force law "
-                     f"counts; a load of {LOAD:g} N comes and goes three times, and from "
-                     f"{DRIFT[0]:g} to {DRIFT[1]:g} s the true constant grows by "
-                     f"{100 * DRIFT[2]:.0f} %. Between the loads ADALINE learns from what has "
-                     "just been recorded (an unknown load would bias it, see [](#adaline)), and a "
-                     "new filter with its k replaces the old one between two samples."),
-                Text("**Retraining.** The constant is a factor on the force, and so on every "
-                     "stiffness: with another one the rules keep centres and widths, and their "
-                     "conclusions are multiplied. Retrained on the map of the first identified k, "
-                     "the network gives the same force to within "
+                Text(f"The bearing is described with a magnet constant {100 * (WRONG - 1):.0f} "
+                     "% too large. The rotor is moved up and down by 0.3 mm, so that the "
+                     f"nonlinear force law matters; a load of {LOAD:g} N acts three times, and "
+                     f"from {DRIFT[0]:g} to {DRIFT[1]:g} s the true constant grows by "
+                     f"{100 * DRIFT[2]:.0f} %. Between the loads ADALINE identifies k from the "
+                     "latest record (an unknown load would bias it, see [](#adaline)), and a "
+                     "new filter with this k replaces the old one between two samples."),
+                Text("**Retraining.** The force, and so every stiffness, is proportional to "
+                     "the constant: when it changes, the rules keep centres and widths, and "
+                     "their outputs are scaled. Retrained on the map of the first identified "
+                     "k, the network gives the same force to within "
                      f"{_trained_off(study, shown['learned'].k[1]):.1g} % of its largest. So a "
-                     "controller multiplies 50 numbers, and need not train."),
+                     "controller scales 50 numbers and needs no training."),
                 FigureBlock(_figure(study, shown)),
                 _table(results),
                 Text("**Bumpless transfer.** The new filter starts with mean and covariance of the "
@@ -106,13 +106,14 @@ def chain(study: Study) -> Part:
                      "constant decays within milliseconds, without oscillation. A restarted filter "
                      "would have to estimate velocity and force again, with the controller on it."),
                 FigureBlock(_figure_swap(study, shown)),
-                Remark("What it buys",
-                       r"From the first swap on the error of $f_d$ is "
+                Remark("Benefit",
+                       r"After the first swap the error of $f_d$ is "
                        f"{force['wrong'].mean():.2f} N rms with the constant as described, "
                        f"{force['learned'].mean():.2f} N with the identified one, and "
                        f"{force['told'].mean():.2f} N with the true one: identification removes "
-                       f"{got_back.mean():.0f} % of the cost of the wrong constant. The rest is "
-                       f"the drift meanwhile: at the swaps k is {off_k.mean():.1f} % off (rms)."),
+                       f"{got_back.mean():.0f} % of the cost of the wrong constant. The "
+                       "remainder is due to the drift: the error of k at the swaps is "
+                       f"{off_k.mean():.1f} % rms."),
             ],
         ),
         [
@@ -239,7 +240,7 @@ def _table(results: dict[str, Array]) -> TableBlock:
 
     return TableBlock(
         id="chain_table",
-        title="From the first swap on: errors, and the largest change in a sample",
+        title="After the first swap: errors, and the largest change in a sample",
         headers=["filter", r"$f_d$ [N rms]", "x [µm rms]", "k at the swaps [%]",
                  "after a swap: x [µm]", r"$f_d$ [N]", "elsewhere: x [µm]",
                  r"$f_d$ [N]", "stops touched"],
@@ -249,8 +250,8 @@ def _table(results: dict[str, Array]) -> TableBlock:
             for way, e in results.items()
         ],
         caption=f"Mean and standard deviation over {SEEDS} seeds. Changes: the largest from one "
-        "sample to the next within 5 ms after a swap, and in 5 ms anywhere else (median); of the "
-        "position its error is taken, for the rotor moves.",
+        "sample to the next within 5 ms after a swap, and in 5 ms elsewhere (median); for the "
+        "position, of its error, as the rotor moves.",
     )  # fmt: skip
 
 
@@ -270,12 +271,13 @@ def _figure(study: Study, shown: dict[str, Flight]) -> Figure:
     return Figure(
         id="chain_run",
         title="Identification, training and bumpless transfer while the magnet drifts",
-        source="the paper's Fig. 1 and 5 to 9, put together",
-        caption="Shaded: ADALINE learns; at the dashed line at its end the filter with its k "
-        "replaces the old one. Above, the rotor with the learning filter in the loop. Middle, the "
-        "magnet constant of each filter, and the true one. Below, the disturbance force: with a "
-        "wrong constant the filter reports a force of newtons that is not there (with the true "
-        f"constant it looks as with the identified one). {study.one_run}",
+        source="the paper's Fig. 1 and 5 to 9 combined",
+        caption="Shaded: records from which ADALINE identifies k; at the dashed line the "
+                "filter with the new k replaces the old one. Top: the rotor with the updated "
+                "filter in the loop. Middle: the magnet constant of each filter, and the true "
+                "one. Bottom: the disturbance force; with a wrong constant the filter "
+                "estimates a force of some newtons that does not exist (the true constant "
+                f"gives nearly the same estimate as the identified one). {study.one_run}",
         panels=[
             Panel(TIME, POSITION, [
                 Line(t, learned.truth("r"), signal="reference"),
@@ -311,12 +313,12 @@ def _figure_swap(study: Study, shown: dict[str, Flight]) -> Figure:
     swap = Rule(float(t[at]), axis="x", signal="bound", text="swap", label="")
     return Figure(
         id="chain_swap",
-        title="The first swap, close: taken over, and started afresh",
-        caption="Until the swap both are the same run. Taken over, the estimates go on from where "
-        "they are, and the force that the wrong constant had invented fades; until it has, the "
-        f"position is off by up to {off:.0f} µm, for that force does not go with the new constant. "
-        "Started afresh, the filter swings until it has found velocity and force again. "
-        f"{study.one_run}",
+        title="Detail of the first swap: bumpless transfer, and restart",
+        caption="Until the swap both are the same run. With bumpless transfer the estimates "
+                "continue, and the spurious force due to the wrong constant decays; meanwhile "
+                f"the position error is up to {off:.0f} µm, as that force does not fit the new "
+                "constant. A restarted filter oscillates until velocity and force have "
+                f"converged. {study.one_run}",
         panels=[
             Panel(TIME_MS, Axis("error of position", "µm", 1e6), [*lines("x"), swap]),
             Panel(TIME_MS, FORCE, [

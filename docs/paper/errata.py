@@ -47,7 +47,7 @@ def errata(study: Study) -> Part:
         ["Eq. 5", "$k_s = -2 k i_0^2 / s_0^3$", "$k_s = +4 k i_0^2 / s_0^3$",
          f"{printed_s / 1e3:.3f} against {k_s / 1e3:.4f} N/mm; Table 5 has 7.53 in its middle."],
         ["Eq. 4, 5", "taken at $(s_0, i_0)$", "taken at $(x, i_u) = (0, 0)$",
-         "The slopes are after x and i_u, which are zero at the operating point."],
+         "The derivatives are with respect to x and i_u, which are zero at the operating point."],
         ["Eq. 8", "$Y(k+1) = h(X(k))$", "$Y(k+1) = h(X(k+1))$",
          "Eq. 12 compares Z(k) with H X(k|k-1), of the same instant."],
         ["Eq. 9", "$u(k)$", "$u(k-1)$",
@@ -56,14 +56,14 @@ def errata(study: Study) -> Part:
          f"{late.mean():.3f} N rms instead of {timely.mean():.3f} N ({SEEDS} seeds)."],
         ["Eq. 13", "$P = (I - K H) P$ on the full matrix",
          "upper triangle only, or Joseph's form",
-         f"Typed in as printed it holds for {survived} steps. With the usual shortcut "
+         f"Implemented as printed it is stable for {survived} steps. With the usual shortcut "
          "$(P H^T)^T$ for $H P$ the matrix loses its symmetry on this unstable plant, and the "
          f"deviation of x is 10 % off at step {diverged}."],
         ["Eq. 15, 16, 20", "no weight", "$F_0 = -m g$ beside $F_\\mathrm{Magnet}$",
-         f"Left out, it lands in $F_{{\\mathrm{{St}}}}$: the filter then reports "
+         f"If omitted, it appears in $F_{{\\mathrm{{St}}}}$: the filter then estimates "
          f"{weight_found.mean():.2f} ± {weight_found.std(ddof=1):.2f} N ({SEEDS} seeds) "
-         "with nothing "
-         f"pulling; m g is {-study.bearing.weight:.2f} N."],
+         "without any "
+         f"load; m g is {-study.bearing.weight:.2f} N."],
         ["Eq. 15, Table 5", "k_s in N/mm", "k_s in N/m",
          "Eq. 15 in metres with k_s in N/mm is a thousand times too soft."],
         ["Eq. 19", "$x$ held over the sample",
@@ -91,25 +91,24 @@ def errata(study: Study) -> Part:
          f"by {1e3 * np.sqrt(8e-5):.1f} mA."],
         ["Section E", r"$T$, $T_\mathrm{Sen}$, $K_\mathrm{Sen}$, $k_{ui}$, PID gains, size and "
                       r"time of the "
-         r"step, growth of $f_d$", "not given", "Chosen here; marked so in the preset "
-                                                          "`zittau_axial`."],
+         r"step, growth of $f_d$", "not given", "Chosen here, and marked so in the "
+                                                          "preset `zittau_axial`."],
     ]  # fmt: skip
     return Part(
         Chapter(
             id="errata",
             title="Errata",
-            lead="The method stands. Some of what is printed does not, and a reader who types it "
-                 "in "
-            "will not get the paper's own tables.",
+            lead="The method is sound. Some printed equations and values are not, and do not "
+                 "reproduce the paper's own tables.",
             blocks=[
                 TableBlock(
                     id="errata_table",
-                    title="What is printed, what is meant, and how it shows",
+                    title="Misprints, corrections and their effect",
                     headers=["where", "printed", "meant", "calculation"],
                     rows=results,
                 ),
-                Text("None of these is held against the idea. Every figure in this table is "
-                     "computed when the report is made."),
+                Text("None of these affects the method. All numbers in this table are "
+                     "computed when the report is generated."),
             ],
         ),
         [

@@ -38,8 +38,8 @@ def expert(study: Study) -> Part:
         Chapter(
             id="expert",
             title="The expert system: a fuzzy basis function network",
-            lead="One rule at each of the 25 operating points. Between them a Gaussian "
-            "weighs each rule, and its width is what the paper trains.",
+            lead="One rule at each of the 25 operating points. Between them each rule "
+            "is weighted by a Gaussian, whose width the paper trains.",
             blocks=[
                 Equation(r"u_i = e^{-(\|x - \tau_i\|)^2 / (2 \sigma_i^2)}", "eq. 32"),
                 Equation(r"y = \sum w_i u_i", "eq. 33, as printed"),
@@ -47,7 +47,7 @@ def expert(study: Study) -> Part:
                 TableBlock(
                     id="force_rms",
                     title="Force error over the box |i_u| ≤ 1.5 A, |x| ≤ 0.5 mm",
-                    headers=["what gives the force", "RMS error [N]", "of the force"],
+                    headers=["model", "RMS error [N]", "of the force"],
                     rows=[
                         [name, rms[key], f"{100 * rms[key] / whole:.1f} %"]
                         for key, (name, _) in models.items()
@@ -62,18 +62,20 @@ def expert(study: Study) -> Part:
                        "then falls towards zero, and the stiffness with it. Divided by the sum of "
                        "the memberships, the same widths are useful: the output is a weighted mean "
                        "of the rules, and cannot leave their range."),
-                Text("The network has three layers (the paper's Fig. 9, a block diagram): current "
-                     "and displacement go in, each of the 25 hidden nodes answers with its "
-                     "membership, and the output weighs what the rules conclude. There are two, "
-                     "one for each stiffness. The training has no chance in it: there is no noise "
-                     "in the samples, and no random start."),
+                Text("The network has three layers (the paper's Fig. 9, a block diagram): the "
+                     "inputs are current and displacement, each of the 25 hidden nodes "
+                     "computes its membership, and the output is the weighted sum of the "
+                     "conclusions. There are two networks, one for each stiffness. The "
+                     "training is deterministic: the samples have no noise, and the start is "
+                     "not random."),
                 FigureBlock(_figure_errors(study, models)),
                 FigureBlock(_figure_learning(study)),
-                Text("Steepest gradient, as in the paper, starts from 0.4 and moves widths only, "
-                     "each output towards the stiffnesses of the LSM machine. Least squares "
-                     "(trust region, exact Jacobian) needs some tens of steps where the gradient "
-                     "takes a thousand. It is held to the force and, more weakly, to both "
-                     "stiffnesses: the force alone does not tell k_i and k_s apart."),
+                Text("Steepest gradient, as in the paper, starts from 0.4 and adapts the "
+                     "widths only, with the stiffnesses of the LSM machine as targets. Least "
+                     "squares (trust region, exact Jacobian) needs tens of steps instead of a "
+                     "thousand. It fits the force and, with a smaller weight, both "
+                     "stiffnesses, because the force alone does not determine k_i and k_s "
+                     "separately."),
                 _table6(study),
             ],
         ),
@@ -122,12 +124,11 @@ def _figure_errors(study: Study, models: dict[str, tuple[str, ForceFunction]]) -
 
     return Figure(
         id="expert_errors",
-        title="Where each of them misses the force",
-        caption="Above, on a scale of ±6 N: the constant law fails in the corners, the network as "
-        "printed everywhere between its nodes. Below, on a scale of ±0.3 N: trained and "
-        "normalised, what is left is small everywhere; with widths alone it is largest at the rim "
-        "of "
-        "the box.",
+        title="Force errors of the models",
+        caption="Top, scale ±6 N: the constant law fails in the corners, the network as "
+                "printed everywhere between its nodes. Bottom, scale ±0.3 N: the trained "
+                "normalised networks have small errors everywhere; with widths alone they are "
+                "largest at the edge of the box.",
         panels=[panel("constant", 6.0), panel("printed", 6.0), panel("widths", 0.3),
                 panel("both", 0.3)],
         columns=2,
@@ -173,8 +174,9 @@ def _table6(study: Study) -> TableBlock:
             for n, r in enumerate(study.descended.rules)
         ],
         digits=".3g",
-        caption="Ours: steepest gradient from 0.4 on the normalised network. They are not the "
-        "paper's, and cannot be: it says neither which samples it trained on nor for how long, and "
-        "its network is not normalised. Ours respect the symmetry of the law; the paper's do not.",
+        caption="Ours: steepest gradient from 0.4 on the normalised network. They cannot "
+                "equal the paper's, which gives neither its training samples nor their number "
+                "of steps, and whose network is not normalised. Ours respect the symmetry of "
+                "the law; the paper's do not.",
         source="paper, Table 6",
     )  # fmt: skip

@@ -39,9 +39,9 @@ def gain(study: Study) -> Part:
     return Part(
         Chapter(
             id="gain",
-            title="What it buys",
-            lead=f"The same noise, the same Q and R, {SEEDS} seeds. The adaptive filter knows the "
-            "disturbance force better; the position equally well.",
+            title="Benefit of the adaptive filter",
+            lead=f"The same noise, the same Q and R, {SEEDS} seeds. The adaptive filter "
+            "estimates the disturbance force better, and the position equally well.",
             blocks=[
                 _table(scores),
                 FigureBlock(_figure_bars(scores)),
@@ -53,20 +53,19 @@ def gain(study: Study) -> Part:
                        f"to {force['estimate closed law']:.2f} N with the closed law; the errors "
                        f"of position differ by {alike.mean():.1f} % between the best filter and "
                        "the worst of a run. Where the law is known and ideal, "
-                       "the closed law needs no training and is at least as good: the network "
-                       "earns its keep where there is only a measured map."),
-                Text(f"Why the paper's box is too small: the step of 0.5 mm overshoots to "
-                     f"{reach.mean() * 1e3:.2f} mm, where its rules, which end at 0.5 mm, can "
-                     "only repeat their last answer. The box of the rules must span where the "
-                     "rotor goes, not where it is told to go."),
+                       "the closed law needs no training and is at least as good: the "
+                       "network is useful if only a measured map exists."),
+                Text("Why the paper's box is too small: the step of 0.5 mm overshoots to "
+                     f"{reach.mean() * 1e3:.2f} mm, beyond its rules, which end at 0.5 mm and "
+                     "hold their last output. The rules must span the range of the rotor's "
+                     "motion, not of its reference."),
                 FigureBlock(_figure_force(study)),
-                Text(f"A first calculation expected {EXPECTED_LINEAR} N and {EXPECTED_CLOSED} N. "
-                     "The figure depends on how much of the run is what: far out and without load "
-                     "the linear filter is most wrong; while the load sets in it is even ahead, "
-                     "for "
-                     "the force that it had invented points the same way; and the load, pulling "
-                     "towards the displacement, takes current off the magnet and so makes the "
-                     "linear model less wrong."),
+                Text(f"A first calculation expected {EXPECTED_LINEAR} N and {EXPECTED_CLOSED} "
+                     "N. The error depends on the part of the run: it is largest for the "
+                     "linear filter at large displacement without load; at the onset of the "
+                     "load the linear filter is even better, because its spurious force has "
+                     "the same sign; and the load, which acts towards the displacement, "
+                     "reduces the current and so the error of the linear model."),
                 _table_windows(windows),
             ],
         ),
@@ -125,8 +124,8 @@ def _figure_bars(scores: Mapping[float, Mapping[str, Score]]) -> Figure:
         id="gain_bars",
         title="Errors of position and disturbance force against the size of the step",
         caption="Left: position. The filters are alike, at every step. Right: disturbance "
-        "force. The linear filter takes its own wrong stiffness for a force; the further out, the "
-        f"more. Error bars: standard deviation over {SEEDS} seeds.",
+        "force. The linear filter attributes the error of its stiffness to a force; the more, "
+        f"the larger the displacement. Error bars: standard deviation over {SEEDS} seeds.",
         panels=[Panel(Axis("step"), axis, bars(signal)) for signal, axis in shown.items()],
         columns=2,
     )

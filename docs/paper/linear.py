@@ -29,13 +29,12 @@ def linear(study: Study) -> Part:
         id="linear_run",
         title="The linear Kalman filter in the loop, step of 0.1 mm and load of 3 N",
         caption=(
-            "Above: the estimate lies on the true position, inside the measurement noise. Middle: "
-            "the disturbance force is found without being measured; it follows the load within "
-            "some milliseconds, and its noise is the price of that speed. Below: the innovations, "
-            "the only thing the filter is told that it did not expect; 95 % of them should lie "
-            "within "
-            "twice the standard deviation that it predicts. The swing in the first milliseconds is "
-            f"the filter finding its start. {study.one_run}"
+            "Top: the estimate follows the true position within the measurement noise. "
+            "Middle: the disturbance force is estimated, not measured; it follows the load "
+            "within some milliseconds, and the noise is the price of that bandwidth. Bottom: "
+            "the innovations; 95 % of them should lie within twice their predicted standard "
+            "deviation. In the first milliseconds the filter converges from its initial "
+            f"state. {study.one_run}"
         ),
         panels=[
             Panel(TIME, POSITION, [
@@ -82,16 +81,16 @@ def linear(study: Study) -> Part:
         Chapter(
             id="linear",
             title="Linear Kalman filter",
-            lead="Four states, one measurement: displacement, velocity, disturbance force, and the "
-            "lagged position that the sensor shows.",
+            lead="Four states, one measurement: displacement, velocity, disturbance force, and "
+            "the lagged position at the sensor's output.",
             blocks=[
-                Text("Two magnets pull at the rotor from both sides, driven in differential mode "
-                     "(the paper's Fig. 2, a sketch): the one towards +x with the current "
-                     "$i_0 + i_u$, the other with $i_0 - i_u$. The loop is that of its Fig. 1: "
-                     "the controller is fed by the estimate, and gives the control signal to the "
-                     "amplifier and to the filter. Inside of the filter (Fig. 4, a block diagram) "
-                     "the same signal drives a model of the plant, which the measurement "
-                     "corrects."),
+                Text("Two opposite magnets act on the rotor, driven in differential mode (the "
+                     "paper's Fig. 2, a sketch): the one towards +x with the current $i_0 + "
+                     "i_u$, the other with $i_0 - i_u$. The loop is that of its Fig. 1: the "
+                     "controller uses the estimate, and its control signal drives the "
+                     "amplifier and the filter. In the filter (Fig. 4, a block diagram) the "
+                     "same signal drives a model of the plant, which is corrected by the "
+                     "measurement."),
                 Text("The rotor obeys (eq. 15, 16), the sensor lags (eq. 19), the force is linear "
                      "(eq. 17), and the disturbance is a random walk:"),
                 Equation(r"x(k+1) = x + T v + \frac{T^2}{2m} (F_\mathrm{Magnet} + F_\mathrm{St})",
@@ -100,18 +99,20 @@ def linear(study: Study) -> Part:
                 Equation(r"F_\mathrm{Magnet} = k_i k_{ui} u + k_s x", "eq. 17"),
                 Equation(r"x_M(k+1) = K_\mathrm{Sen} (1 - e^{-T/T_\mathrm{Sen}}) x + "
                          r"e^{-T/T_\mathrm{Sen}} x_M", "eq. 19"),
-                Text("These four lines are stated once, symbolically; the matrices of eq. 20, the "
-                     "covariance step on its upper triangle and the update (eq. 9-13) are derived "
-                     "from them and committed as C. The weight is part of the model here; the "
-                     "paper leaves it out, and it lands in $F_{\\mathrm{St}}$ (see [](#errata))."),
+                Text("These four lines are stated once, symbolically; the matrices of eq. 20, "
+                     "the covariance step on its upper triangle and the update (eq. 9-13) are "
+                     "derived from them and committed as C. Here the weight is part of the "
+                     "model; the paper omits it, so that it appears in $F_{\\mathrm{St}}$ "
+                     "(see [](#errata))."),
                 noise_table,
                 FigureBlock(figure),
-                Remark("It knows how good it is",
+                Remark("The stated uncertainty is correct",
                        f"Over {SEEDS} seeds, the mean normalised innovation squared is "
-                       f"{nis.mean():.3f} ± {nis.std(ddof=1):.3f} (of a single run that is right, "
-                       f"95 % lie within 1 ± {band:.3f}), and {100 * white.mean():.0f} % of the "
-                       "innovations' correlations lie within the 95 % bound of a white sequence: "
-                       "at this small step the model is right, as far as innovations can tell."),
+                       f"{nis.mean():.3f} ± {nis.std(ddof=1):.3f} (95 % of single runs of a "
+                       f"correct model lie within 1 ± {band:.3f}), and "
+                       f"{100 * white.mean():.0f} % of the innovations' correlations lie "
+                       "within the 95 % bound of a white sequence: at this small step the "
+                       "innovations show no error of the model."),
             ],
         ),
         [

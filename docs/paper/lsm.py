@@ -40,9 +40,9 @@ def lsm(study: Study) -> Part:
             "through the origin is fitted to the values.",
             blocks=[
                 FigureBlock(_figure_force(study)),
-                Text("The paper's Fig. 7 draws the way of the data: the identified k makes the "
-                     "force law, which is evaluated at an operating point and one step around it, "
-                     "and least squares make two stiffnesses of the answers."),
+                Text("The paper's Fig. 7 shows the data flow: the identified k gives the "
+                     "force law, which is evaluated at an operating point and one step around "
+                     "it, and two stiffnesses are fitted to these values by least squares."),
                 Equation(r"\theta = (A^T A)^{-1} A^T Y", "eq. 31"),
                 Text("The columns of A are the absolute currents and displacements of the nine "
                      "points, and there is no column of ones. So k_i and k_s are not the slopes of "
@@ -51,12 +51,12 @@ def lsm(study: Study) -> Part:
                      "(eq. 17), and it is why the tables are not symmetric about their middle."),
                 _table("table4", "Identified $k_i$ [N/A]", result.k_i, paper.table4(), 1.0),
                 _table("table5", "Identified $k_s$ [N/mm]", result.k_s, paper.table5(), 1e3),
-                Text("The machine takes any force function. With the k that ADALINE identified "
-                     "under noise, all stiffnesses are off as k is, which enters as a factor: by "
+                Text("The machine accepts any force function. With the k that ADALINE "
+                     "identifies under noise, all stiffnesses have the relative error of k: "
                      f"{np.sqrt(np.mean(off_k**2)):.2f} % rms over {SEEDS} seeds, "
-                     f"{np.abs(off_k).max():.2f} % in the worst. With the force taken from a table "
-                     "of 13 x 13 measured points instead of the law, they differ by "
-                     f"{off_table:.2f} % at most."),
+                     f"{np.abs(off_k).max():.2f} % in the worst case. With the force taken "
+                     "from a table of 13 x 13 measured points instead of the law, they differ "
+                     f"by {off_table:.2f} % at most."),
             ],
         ),
         [
@@ -129,11 +129,11 @@ def _figure_force(study: Study) -> Figure:
     straight = study.constant.k_i * currents + study.constant.k_s * displacements
     return Figure(
         id="fig03",
-        title="The nonlinear force of the magnet, and what a straight law leaves",
+        title="The nonlinear force of the magnet, and the error of its linearisation",
         source="paper, Fig. 3 and eq. 6",
-        caption="Left: the force law over the box. Right: what the constant stiffnesses of the "
-        "origin miss. In the middle nothing; in the corners where current and displacement point "
-        "the same way, a third of the force.",
+        caption="Left: the force law over the box. Right: the error of the constant "
+                "stiffnesses of the origin. It is zero in the middle, and a third of the "
+                "force in the corners where current and displacement have the same sign.",
         panels=[
             Panel(CURRENT, POSITION, [
                 Heatmap(iu, x, force, Axis("force", "N"), diverging=True)], title="force"),

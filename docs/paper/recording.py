@@ -146,40 +146,40 @@ def recording(study: Study) -> Part:
         Chapter(
             id="recording",
             title="On a recording of a real rig",
-            lead="A steel ball below one electromagnet (INTECO MLS2EM), logged by others at 1 kHz. "
-            "There is no truth; a filter is judged by how well it predicts what is measured next.",
+            lead="A steel ball below one electromagnet (INTECO MLS2EM), logged by others at 1 "
+                 "kHz. The true position is unknown; the filters are compared by their "
+                 "predictions of the next measurements.",
             blocks=[
-                Text("**The law, from lift-off.** The current under the resting ball rises until "
-                     "it flies; at that instant the magnet carries it, so "
+                Text("**The law, from lift-off.** The current above the resting ball rises "
+                     "until it lifts off; at that instant the magnet carries the weight, so "
                      r"$i = (z + z_\mathrm{off}) \sqrt{m g / k}$ is a straight line. "
                      f"Between {FIT_RANGE[0] * 1e3:g} and {FIT_RANGE[1] * 1e3:g} mm it gives "
                      f"k = {fit.magnet_constant * 1e6:.1f} ± {k_error * 1e6:.1f} N mm²/A² and an "
                      f"offset of {fit.gap_offset * 1e3:.2f} ± {gap_error * 1e3:.2f} mm."),
                 FigureBlock(_figure_law(rig)),
                 Text("**The noise, from rest.** Before it lifts off, the measured position "
-                     f"scatters by {1e6 * np.sqrt(rig.measurement):.1f} µm where the ball later "
-                     "moves; the authors give 27 µm for the whole range. The growth of the "
-                     "disturbance force is the one free figure, and each filter gets the same "
-                     f"effort: the most likely value on the first {TUNED_ON:g} s of the log. All "
-                     "that follows is from the rest of it."),
-                Text("**Two naive ones beside them.** The last measurement held; and a Kalman "
-                     "filter that knows no magnet and no control signal, only that a ball keeps "
-                     "its velocity but for white acceleration. It has the same noise of the "
-                     "sensor, and its one free figure is the most likely one on the same stretch "
-                     "of the log."),
+                     f"scatters by {1e6 * np.sqrt(rig.measurement):.1f} µm where the ball "
+                     "later moves; the authors give 27 µm for the whole range. The process "
+                     "noise of the disturbance force is the only free parameter, and is tuned "
+                     "with the same effort for each filter: the maximum-likelihood value on "
+                     f"the first {TUNED_ON:g} s of the log. All results are from the remainder."),
+                Text("**Two baselines.** The last measurement held; and a Kalman filter "
+                     "without a magnet model and control signal, whose velocity is a random "
+                     "walk. It has the same sensor noise, and its only free parameter is "
+                     "tuned by maximum likelihood on the same part of the log."),
                 _table(evaluated, naive),
                 FigureBlock(_figure_run(records["sinus_kalman"], evaluated["sinus_kalman"])),
                 FigureBlock(_figure_white(evaluated["sinus_kalman"])),
-                Remark("What we see",
-                       "All three filters predict better than holding the last measurement, and "
-                       "the rig's own filter carries a bias of some 30 µm. "
+                Remark("Result",
+                       "All three filters predict better than holding the last measurement, "
+                       "and the rig's own filter has a bias of about 30 µm. "
                        + _bought(rig, evaluated, naive) +
-                       " Among the three there "
-                       "is next to nothing: the ball moves ±2 mm slowly, and the disturbance "
-                       "state makes up for the stiffness. The linear filter is, if anything, "
-                       "ahead; a fitted law whose residuals bend is not worth more than its "
-                       "slope. The innovations are not quite white: the model lacks something, "
-                       "eddy currents and the coil's inductance first of all."),
+                       " The three hardly differ: the ball moves slowly by ±2 mm, and the "
+                       "disturbance state compensates for errors of the stiffness. The linear "
+                       "filter is slightly better, if at all; a fitted law with systematic "
+                       "residuals is worth no more than its slope. The innovations are not "
+                       "quite white: eddy currents and the inductance of the coil are not "
+                       "modelled."),
             ],
         ),
         [
@@ -227,11 +227,11 @@ def _bought(
         )
     far = [tuple(map(less_noise, of_log(log, 10))) for log in LOGS]
     return (
-        f"**What the model buys:** {said[0]}; {said[1]}. Most of each figure is the noise of the "
-        "measurement that is to be predicted, which no filter can know: with that taken off, "
+        f"**Benefit of the model:** {said[0]}; {said[1]}. Most of each value is the noise of the "
+        "predicted measurement; without it, "
         + " and ".join(f"{model:.0f} µm are left of {other:.0f}" for model, other in far)
-        + " at 10 ms. So a sample ahead the magnet is hardly worth knowing; as soon as the ball's "
-        "own acceleration counts, it is. And the naive filter says nothing of forces."
+        + " at 10 ms. So the magnet model hardly improves a prediction over one sample, but does "
+        "so over a time in which the acceleration matters. The baseline does not estimate forces."
     )
 
 
@@ -273,7 +273,7 @@ def _table(
         rows=rows,
         digits=".1f",
         row_heads=False,
-        caption="NIS is 1, and 95 % of the lags are white, where model and noise are right. Force: "
+        caption="NIS is 1, and 95 % of the lags are white, if model and noise are correct. Force: "
         "mean and standard deviation along the log; the weight is 594 mN. Each log is one "
         "recording: there is no spread over runs.",
     )  # fmt: skip
@@ -296,10 +296,10 @@ def _figure_law(rig: Rig) -> Figure:
     return Figure(
         id="lift_off",
         title="Lift-off: the current that carries the ball, against its distance",
-        caption="A straight line is the law $F = k (i / (z + z_{\\mathrm{off}}))^2$. It holds in "
-                "the middle; "
-        "near the magnet and far from it the points bend away, and below, the residuals show how "
-        "far. The current is corrected for the small acceleration at the instant of lift-off.",
+        caption="The line is the law $F = k (i / (z + z_{\\mathrm{off}}))^2$. It holds in the "
+                "middle; near the magnet and far from it the points deviate, as the residuals "
+                "show. The current is corrected for the small acceleration at the instant of "
+                "lift-off.",
         panels=[
             Panel(gap, current, [
                 Line(z, rig.fit.current(z), signal="fit", label="fitted law"),
@@ -325,8 +325,8 @@ def _figure_run(record: Record, evaluated: dict[str, tuple[float, Evaluation]]) 
         title="The filters on the log with the rig's own Kalman filter in the loop",
         caption="Position as measured, as logged and as estimated; the disturbance force that the "
         "filters need to explain the motion; the adaptive filter's innovations with twice the "
-        "deviation that it expects. The logged estimate lies some "
-        "30 µm beside the measurement: zoom in to see it. One recording.",
+        "deviation that it expects. The logged estimate differs "
+        "from the measurement by about 30 µm, visible when zoomed in. One recording.",
         panels=[
             Panel(TIME, POSITION, [
                 Line(t, record["y"], signal="measured"),

@@ -43,17 +43,17 @@ def sampling(study: Study) -> Part:
         Chapter(
             id="sampling",
             title="The sampled model",
-            lead="Eq. 19 holds the position over a sample in the sensor's lag. The force held and "
-            "the rest exact costs two more coefficients, and is right for every sensor.",
+            lead="Eq. 19 holds the position over a sample in the sensor's lag. An exact model "
+            "with the force held costs two more coefficients, and is valid for every sensor.",
             blocks=[
-                Text("The chapters so far filter by the equations as the paper prints them. Eq. 19 "
-                     "lets the sensor's lag follow a position that stands still over a sample, "
-                     "while the rotor moves on. So every estimate is ahead of the rotor, at a "
+                Text("The chapters so far filter by the equations as the paper prints them. In "
+                     "eq. 19 the position at the sensor's input is constant over a sample, while "
+                     "the rotor moves. So every estimate is ahead of the rotor, at a "
                      r"constant speed by $T/(1 - e^{-T/T_\mathrm{Sen}}) - T_\mathrm{Sen}$: "
                      f"{ahead[SLOW]:.0f} µs on the paper's rig, "
                      f"{ahead[FAST]:.0f} µs for a sensor of 20 µs, "
-                     "nearly a whole sample. The innovations do not see it, for prediction and "
-                     "measurement share the error: only the truth does."),
+                     "nearly a whole sample. The innovations do not show it, as prediction "
+                     "and measurement share the error: only a comparison with the truth does."),
                 Text("With the force held over the sample, the lag follows the parabola on which "
                      r"the rotor moves. With $a = 1 - e^{-T/T_\mathrm{Sen}}$ and all force $F$ on "
                      "the rotor, taken at the mean displacement $x + v T/2$, that is exact:"),
@@ -63,18 +63,18 @@ def sampling(study: Study) -> Part:
                 FigureBlock(_figure(study, bearings)),
                 _table(errors),
                 Remark("A filter worse than its own sensor",
-                       f"With a sensor of 20 µs and 0.5 µm the filter as printed has "
+                       "With a sensor of 20 µs and 0.5 µm the filter as printed has "
                        f"{printed.mean():.2f} µm where the raw measurement has "
                        f"{raw.mean():.2f} µm; the exact one has {exact.mean():.2f} µm. On the "
-                       f"paper's own rig the exact model takes {gained.mean():.1f} % off the error "
-                       "of the position. It is the default everywhere but in the chapters that "
-                       "reproduce the paper."),
-                Text("It stays true that filters which know different things of the magnet hardly "
-                     "differ in position. By the exact model, each of linear, adaptive and closed "
-                     "law in its own loop, the worst of a run is "
-                     f"{alike[SLOW].mean():.1f} ± {alike[SLOW].std(ddof=1):.1f} % above the best "
-                     f"with the paper's sensor, and {alike[FAST].mean():.1f} ± "
-                     f"{alike[FAST].std(ddof=1):.1f} % with the fast one."),
+                       "paper's own rig the exact model reduces the position error by "
+                       f"{gained.mean():.1f} %. It is the default everywhere except in the "
+                       "chapters that reproduce the paper."),
+                Text("Filters with different magnet models still hardly differ in position. "
+                     "With the exact model and linear, adaptive and closed law each in its "
+                     f"own loop, the worst of a run is {alike[SLOW].mean():.1f} ± "
+                     f"{alike[SLOW].std(ddof=1):.1f} % above the best with the paper's sensor, "
+                     f"and {alike[FAST].mean():.1f} ± {alike[FAST].std(ddof=1):.1f} % with the "
+                     "fast one."),
             ],
         ),
         [
@@ -186,9 +186,9 @@ def _figure(study: Study, bearings: dict[str, Machine]) -> Figure:
     return Figure(
         id="sampling_error",
         title="Error of the position during the step of 0.5 mm",
-        caption="The same extended filter by both sampled models, beside the raw sensor. Above: "
-        "with the paper's slow sensor the lead hides in the noise. Below: with a fast one the "
-        "filter as printed is worse than the sensor that it filters, wherever the rotor moves. "
-        f"{study.one_run}",
+        caption="The same extended filter with both sampled models, and the raw sensor. Top: "
+        "with the paper's slow sensor the noise hides the lead. Bottom: with a fast "
+        "sensor the filter as printed is worse than the raw sensor wherever the rotor "
+        f"moves. {study.one_run}",
         panels=panels,
     )
