@@ -89,8 +89,8 @@ def identify(
         )
     except ConfigError as error:
         raise AmbkitError(
-            f"the most likely parameters are not physical ({error}): is the rotor in contact, or "
-            "are the records of another machine?"
+            f"the most likely parameters are not physical ({error}): does the rotor hardly "
+            "move, is it in contact, or are the records of another machine?"
         ) from None
     checks = validations(result, records, parts, others, names, structure.suspect)
     forces = None
