@@ -180,7 +180,7 @@ def test_the_stated_findings_are_what_is_computed(outcome):
         ("filters lie within {} % of each other", ".1f", ["gain.position"]),
         ("is {} N rms with the linear filter", ".2f", ["gain.linear"]),
         ("drifts by 20 %, the error of the force is {} N.", ".3f", ["chain.wrong"]),
-        ("takes over without a jump, it is {} N;", ".3f", ["chain.learned"]),
+        ("bumpless transfer of the filter, it is {} N;", ".3f", ["chain.learned"]),
         ("with the true constant, {} N", ".3f", ["chain.told"]),
         ("to {} % in the worst", ".2f", ["fig12.worst"]),
         ("{} N with the paper's 25 operating points", ".2f", ["gain.adaptive"]),
