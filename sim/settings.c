@@ -180,7 +180,7 @@ static double minus_log_of(double a)
   double last = -1.0;
   while (x > last) {
     last = x;
-    x += 1.0 - (a / amb_exp_negative(x));
+    x += 1.0 - (a / (double)amb_exp_negative((amb_real)x));
   }
   return last;
 }

@@ -383,7 +383,7 @@ def test_measured_modes():
 
 @pytest.mark.parametrize(("changes", "text"), [
     ({"places": '["-0.1 m", "0 m", "0.1 m", "0.2 m", "0.6 m"]'}, "sensor[0].place: -0.18464 m is"),
-    ({"places": '["0.1 m", "0 m", "0.3 m", "0.4 m", "0.6 m"]'}, "places: must rise"),
+    ({"places": '["0.1 m", "0 m", "0.3 m", "0.4 m", "0.6 m"]'}, "places: must increase"),
     ({"shape": "[1, 2]"}, "mode[0].shape: must be 5 numbers, one for each place; is 2"),
     ({"shape": "[0, 0, 0, 0, 0]"}, "must not be 0 everywhere"),
     ({"damping_ratio": "1.5"}, "damping_ratio: must be less than 1"),

@@ -118,5 +118,5 @@ def test_whole_numbers_are_those_that_a_processor_computes(optimised, tmp_path):
     state = State(program.constants)
     state.r[SP], state.r[LR] = 0x20400000, 0xFFFFFFFE
     (entry,) = [at for at, name in program.names.items() if name == "f"]
-    path._Walk(program).call(state, entry)
+    path.Walk(program).call(state, entry)
     assert state.r[0] == told & 0xFFFFFFFF
