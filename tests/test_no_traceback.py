@@ -167,7 +167,7 @@ def test_thousands_of_faults_are_counted_in_no_time(call, bearing, line):
     assert FAULTY[line] in err
     assert len(told) == 11
     faults = 6000 if "mm" in line else 3000  # unknown, too
-    assert told[-1] == f"and {faults - 20} more"
+    assert told[-1] == f"and {faults - 10} more"
 
 
 def test_faults_behind_one_another_are_all_found_at_their_lines():
