@@ -272,7 +272,7 @@ Named parameters(const Estimator &self)
 }
 
 // A value per sensor or force; a scalar if there is only one.
-nb::object told(const amb_real *from, size_t n)
+nb::object scalar_or_array(const amb_real *from, size_t n)
 {
   return n == 1 ? nb::cast(*from) : nb::cast(numbers(from, n));
 }
@@ -283,7 +283,7 @@ nb::object stiffness(const Estimator &self, amb_real amb_stiffness::*which)
   std::vector<amb_real> all(n);
   for (size_t f = 0; f < n; f++)
     all[f] = self.result.stiffness[f].*which;
-  return told(all.data(), n);
+  return scalar_or_array(all.data(), n);
 }
 
 nb::typed<nb::list, int> health(const Estimator &self)
@@ -356,9 +356,12 @@ void bind_estimator(nb::module_ &m)
       .def_prop_ro("status", [](const Estimator &s) { return s.result.status; })
       .def_prop_ro("health", &health, "What there is to say of each sensor.")
       .def_prop_ro("innovation",
-                   [](const Estimator &s) { return told(s.result.innovation, s.sizes().sensors); })
-      .def_prop_ro("variance",
-                   [](const Estimator &s) { return told(s.result.variance, s.sizes().sensors); })
+                   [](const Estimator &s) {
+                     return scalar_or_array(s.result.innovation, s.sizes().sensors);
+                   })
+      .def_prop_ro(
+          "variance",
+          [](const Estimator &s) { return scalar_or_array(s.result.variance, s.sizes().sensors); })
       .def_prop_ro("k_i", [](const Estimator &s) { return stiffness(s, &amb_stiffness::k_i); })
       .def_prop_ro("k_s", [](const Estimator &s) { return stiffness(s, &amb_stiffness::k_s); });
 #if defined(AMB_MODEL_LOOPS)

@@ -293,7 +293,7 @@ static void judge(loops_in_lanes *f, size_t first, size_t count)
     stepping = stepping || (((double)(first + count) > f->runs[i]->windows->step_from) &&
                             ((double)first < f->runs[i]->windows->step_to));
   memset(used, 0xFF, sizeof used);
-  if (f->t.b.told)
+  if (f->t.b.nonzero)
     flags(f, count, used);
   for (size_t b = 0; b < count; b++) {
     const lanes e = f->t.b.result[b].innovation, S = f->t.b.result[b].variance;

@@ -62,7 +62,7 @@ AMB_INLINE void lanes_law_through_origin(const lanes_law *law, lanes iu, lanes x
   *k_s = lanes_choose(away, turned_s, *k_s);
 }
 
-/* Stiffnesses in the through-origin form, between the stops; amb_step_ask. */
+/* Stiffnesses in the through-origin form, between the stops; amb_step_stiffness. */
 AMB_INLINE void lanes_ask(const lanes_parameters *p, lanes_of of, lanes iu, lanes x, lanes *k_i,
                           lanes *k_s)
 {

@@ -23,7 +23,7 @@ typedef struct block {
   lanes mean[BLOCK][AMB_STATES];
   lanes_result result[BLOCK];
   unsigned short status[BLOCK][LANES];
-  bool told; /* some of these are not 0 */
+  bool nonzero; /* some of these are not 0 */
 } block;
 
 typedef struct team {
@@ -153,7 +153,7 @@ static void tell(team *t, size_t b, size_t i, amb_status status)
   if ((i < t->count) && (status != AMB_OK)) {
     t->runs[i]->all |= status;
     t->b.status[b][i] = (unsigned short)status;
-    t->b.told = true;
+    t->b.nonzero = true;
   }
 }
 
@@ -231,9 +231,9 @@ static void begin(team *t, lanes_state *s)
 /* Writes the statuses of a block. */
 static void silence(team *t)
 {
-  if (t->b.told)
+  if (t->b.nonzero)
     memset(t->b.status, 0, sizeof t->b.status);
-  t->b.told = false;
+  t->b.nonzero = false;
 }
 
 /* Configuration of a team, from its first filter; all are alike. */

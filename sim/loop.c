@@ -12,12 +12,12 @@ static amb_real speed_known(const amb_loop_state *s, const amb_loop_sample *samp
   return sample->heard != NULL ? s->speed : own;
 }
 
-/* One step of the complete controller with its estimator; `told`: control signals known to it [V].
- * */
+/* One step of the complete controller with its estimator; `u_known`: control signals known to it
+ * [V]. */
 static void control(const amb_loop *loop, amb_loop_state *s, void *estimator,
-                    const amb_loop_sample *sample, const amb_real told[])
+                    const amb_loop_sample *sample, const amb_real u_known[])
 {
-  amb_copy(loop->plant.axes, told, s->control.u);
+  amb_copy(loop->plant.axes, u_known, s->control.u);
   s->status = amb_control_step(loop->control, &s->control, estimator, s->y, sample->r,
                                speed_known(s, sample), sample->fly, &s->flown);
   s->result = s->flown.estimator;
@@ -44,16 +44,16 @@ static void demand(const amb_loop *loop, amb_loop_state *s, const void *estimato
 }
 
 /* One sample: the controllers get the measurements `direct` [m], the estimator those of the state
- * and the control signals `told` [V] that acted before. The plant is not advanced. */
+ * and the control signals `u_known` [V] that acted before. The plant is not advanced. */
 static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
-                  const amb_loop_sample *sample, const amb_real direct[], const amb_real told[])
+                  const amb_loop_sample *sample, const amb_real direct[], const amb_real u_known[])
 {
-  const amb_real *acted = s->sampled ? told : NULL;
+  const amb_real *acted = s->sampled ? u_known : NULL;
   amb_real iu[AMB_CONTROLS];
   s->sampled = true;
   s->status = AMB_OK;
   if (loop->control != NULL) {
-    control(loop, s, estimator, sample, told);
+    control(loop, s, estimator, sample, u_known);
     return;
   }
   if (loop->estimator != NULL)
@@ -108,10 +108,10 @@ static void read(const amb_plant *plant, const amb_plant_state *state, const amb
 bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
                    const amb_loop_sample *sample)
 {
-  amb_real told[AMB_CONTROLS];
-  amb_copy(loop->plant.axes, state->u, told);
+  amb_real u_known[AMB_CONTROLS];
+  amb_copy(loop->plant.axes, state->u, u_known);
   read(&loop->plant, &state->plant, sample->noise_y, state->y);
-  sense(loop, state, estimator, sample, state->y, told);
+  sense(loop, state, estimator, sample, state->y, u_known);
   return act(loop, state, sample, NULL);
 }
 
@@ -149,13 +149,13 @@ static amb_loop_sample sample_of(const amb_loop *loop, const amb_loop_input *in,
 
 /* Writes the results of a sample, except the plant's states before its advance. */
 static void note(const amb_loop *loop, const amb_loop_state *s, const void *estimator,
-                 const amb_real told[], size_t k, amb_loop_output *out)
+                 const amb_real u_known[], size_t k, amb_loop_output *out)
 {
   const size_t p = axes(loop), m = (size_t)loop->plant.sensors;
   for (size_t c = 0; c < p; c++) {
     out->iu[k * p + c] = s->acting[c].iu;
     out->force[k * p + c] = s->acting[c].force;
-    out->u[k * p + c] = told[c];
+    out->u[k * p + c] = u_known[c];
   }
   for (size_t r = 0; r < m; r++)
     out->y[k * m + r] = s->y[r];
@@ -178,9 +178,9 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
   const amb_plant *plant = &loop->plant;
   const amb_loop_faults *faults = in->faults;
   amb_status all = AMB_OK;
-  amb_real told[AMB_CONTROLS], direct[AMB_SENSORS];
+  amb_real u_known[AMB_CONTROLS], direct[AMB_SENSORS];
   amb_loop_state s = *state;
-  amb_copy(plant->axes, s.u, told);
+  amb_copy(plant->axes, s.u, u_known);
   for (size_t k = 0; k < in->n; k++) {
     const amb_loop_sample sample = sample_of(loop, in, k);
     for (int j = 0; j < out->columns; j++)
@@ -196,16 +196,16 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
       s.y[r] = faulted(plant, faults, out->X[plant->shows[r]], in->noise_y, k, r);
       direct[r] = faults->beside ? direct[r] : s.y[r];
     }
-    sense(loop, &s, estimator, &sample, direct, told);
+    sense(loop, &s, estimator, &sample, direct, u_known);
     if ((sample.heard != NULL) && (s.speed * sample.heard[AMB_HEARD - 1] < 0)) {
       s.status |= AMB_MIRRORED;
       s.result.status |= AMB_MIRRORED;
     }
     for (size_t c = 0, at = k * axes(loop); c < axes(loop); c++, at++)
-      told[c] = faults != NULL ? faults->u_times[at] * s.u[c] + faults->u_plus[at] : s.u[c];
+      u_known[c] = faults != NULL ? faults->u_times[at] * s.u[c] + faults->u_plus[at] : s.u[c];
     out->at_stop[k] =
         act(loop, &s, &sample, faults != NULL ? faults->current + k * axes(loop) : NULL);
-    note(loop, &s, estimator, told, k, out);
+    note(loop, &s, estimator, u_known, k, out);
     all |= loop->estimator != NULL ? s.result.status : (amb_status)AMB_OK;
   }
   *state = s;

@@ -78,12 +78,12 @@ def test_currents_and_noise_among_the_states_have_panels(scenario):
 
     evaluated = {"linear": evaluate(kalman, record), "mine": evaluate(observer, record)}
     current, noise = filter_figure(record, evaluated).panels[3:5]
-    assert set(lines(current)) == {"truth", "linear Kalman filter", "mine"}
-    assert set(lines(noise)) == {"measured", "linear Kalman filter"}  # an observer knows none
+    assert set(lines(current)) == {"truth", "linear", "mine"}
+    assert set(lines(noise)) == {"measured", "linear"}  # an observer knows none
     np.testing.assert_array_equal(lines(current)["truth"].y, record["iu"])
     late = record.t > 0.05
     whole = lines(noise)["measured"].y[late]
-    assert np.std(whole - lines(noise)["linear Kalman filter"].y[late]) < 0.8 * np.std(whole)
+    assert np.std(whole - lines(noise)["linear"].y[late]) < 0.8 * np.std(whole)
 
 
 def test_filters_are_shown_by_their_own_styles_with_their_innovations(run, bearing):
@@ -96,7 +96,7 @@ def test_filters_are_shown_by_their_own_styles_with_their_innovations(run, beari
     figure = filter_figure(run.record, evaluated)
     assert len(figure.panels) == 3 + len(evaluated)
     shown = lines(figure.panels[2])
-    assert {"linear Kalman filter", "closed law", "mine", "truth"} == set(shown)
+    assert {"linear", "closed-law", "mine", "truth"} == set(shown)
     assert len({SIGNALS[line.signal].colour for line in shown.values()}) == len(shown)
     bounds = lines(figure.panels[3])["±2√S"].y
     expected = 2 * np.sqrt(evaluated["linear"].estimate.innovation_variance)
@@ -110,7 +110,7 @@ def test_what_is_smoothed_lies_on_what_is_filtered(run, bearing):
     smoothed = {name: kalman.smooth(run.record) for name in evaluated}
     panel = filter_figure(run.record, evaluated, smoothed).panels[2]
     shown = lines(panel)
-    after = [shown["linear Kalman filter, smoothed"], shown["mine, smoothed"]]
+    after = [shown["linear, smoothed"], shown["mine, smoothed"]]
     np.testing.assert_array_equal(after[0].y, smoothed["linear"].f_d)
     layers = {SIGNALS[line.signal].layer for line in after}
     assert min(layers) > max(

@@ -177,7 +177,7 @@ def test_no_operator_of_a_table_can_be_another(tangent, lines):
 def test_a_restart_for_a_bad_variance_keeps_the_rest_of_the_status(bench):
     file = f"{bench.name}.c"
     found = mutants.of_operators(file, bench.text(file))
-    some = [mutant for mutant in found if "told |= AMB_RESTARTED" in mutant.text]
+    some = [mutant for mutant in found if "flags |= AMB_RESTARTED" in mutant.text]
     assert len(some) == 2
     assert [str(mutant) for mutant in some if bench.judge(mutant).exact] == []
 
@@ -236,7 +236,7 @@ def test_planted_faults_of_a_machine_are_seen(fault, machine, tmp_path):
 def test_fast_math_is_said_in_a_sentence(exported, tmp_path):
     said = printed(exported("linear").folder, tmp_path / "a.out", ("-O2", "-ffast-math"))
     assert said.startswith("FAIL")
-    assert "told that there is neither NaN nor infinity (-ffast-math," in said
+    assert "assumes that there is neither NaN nor infinity (-ffast-math," in said
 
 
 def test_edited_constants_are_named(exported, tmp_path):

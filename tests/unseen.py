@@ -142,7 +142,7 @@ Of machines whose filter is the linear one, by loops or not."""
 
 FILTER = listed("""
 a variance alone is bad by rounding only:
-    .c  (told & unsure) != 0U
+    .c  (flags & unsure) != 0U
 below the last digit in float:
     axial.h  + growth[0]  + growth[3]  + growth[9]
 asked of constants alone, all good:
@@ -214,7 +214,7 @@ with a sequence the supervisor says it:
 counted only where there were currents, and set by each such step:
     *  state->limited = false;
 the envelope in the core has said so already:
-    *  told |= AMB_RESTARTED;
+    *  flags |= AMB_RESTARTED;
 a step sets what acts, where it is off:
     *  for (int f = 0; f < control->law->axes; f++) {
 set again as it lifts:
@@ -336,7 +336,7 @@ no sensor's readings come in steps:
     kalman_sensor.h  kf->set.step[r]) > (than  const amb_real grown = before
     kalman_sensor.h  const amb_real change = y
     kalman_step.h  const bool again = !(  bool coarse = very || (interval
-    kalman_step.h  as.moved  const bool told = (status
+    kalman_step.h  as.moved  const bool measured = (status
     kalman_step.h  return amb_step_each(amb_step_plain, kf, NULL
     kalman_step.h@amb_step_rounded  const amb_real e = y  if (AMB_WITHIN(e, AMB_REAL_ROOT)
     kalman_step.h@amb_step_rounded  as = very

@@ -150,7 +150,7 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
   for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
     const amb_real e = result->innovation[r];
     if (a->measurement && !amb_step_coarse(self->kf, r, AMB_COARSE) &&
-        ((result->health[r] & AMB_UNTOLD) == AMB_OK)) {
+        ((result->health[r] & AMB_UNINFORMATIVE) == AMB_OK)) {
       const amb_real S = variance_of(s, r, result->variance[r]);
       status |= adapt_variance(s->share, e * e, S, nominal->var_y[r], a->most, &s->kf.set.var_y[r]);
     }
@@ -193,7 +193,7 @@ static bool is_informative(const amb_estimator *self, amb_adaptive_noise_state *
       return false;
     }
   }
-  return amb_step_tells(&self->kf->model, result);
+  return amb_step_informative(&self->kf->model, result);
 }
 
 /* Adds the corrections of each load by the sensors, and their expected variance K S K'; with

@@ -166,7 +166,7 @@ typedef struct sample_updates {
 } sample_updates;
 
 static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
-                          amb_real noise, amb_step_surprise *told)
+                          amb_real noise, amb_step_innovation *out)
 {
   const int n = amb_states(&kf->model);
   sample_updates *h = (sample_updates *)of;
@@ -176,15 +176,15 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   amb_model_shown_with(&kf->model, r, s->cov, with_y);
   h->on_y[r] = amb_model_shown(&kf->model, r, s->excitation.slope);
   amb_copy(amb_entry(n, n - 1, n), s->cov, s->base.cov);
-  const amb_status status = amb_step_update(kf, &s->base, r, y, noise, told);
+  const amb_status status = amb_step_update(kf, &s->base, r, y, noise, out);
   amb_copy(amb_entry(n, n - 1, n), s->base.cov, s->cov);
-  h->e[r] = told->innovation;
-  h->S[r] = amb_at_least(told->variance, noise); /* no change; shows the bound to the proof */
-  told->variance += h->on_y[r] * s->var * h->on_y[r];
+  h->e[r] = out->innovation;
+  h->S[r] = amb_at_least(out->variance, noise); /* no change; shows the bound to the proof */
+  out->variance += h->on_y[r] * s->var * h->on_y[r];
   if ((status & AMB_RESTARTED) != 0U) {
     decorrelate_theta(&kf->model, s, with_y);
   }
-  if ((status & AMB_UNTOLD) == 0U) {
+  if ((status & AMB_UNINFORMATIVE) == 0U) {
     amb_excitation_update(&s->excitation, &kf->model, r, with_y, h->S[r]);
   }
   return status;
@@ -199,7 +199,7 @@ static void learn(const amb_kalman *kf, const amb_augmented *own, const sample_u
   amb_augmented_state *s = h->s;
   amb_real theta = s->theta;
   for (int r = 0; r < amb_sensors(model); r++) {
-    if ((result->health[r] & AMB_UNTOLD) == 0U) {
+    if ((result->health[r] & AMB_UNINFORMATIVE) == 0U) {
       const amb_real on_y = h->on_y[r];
       const amb_real known = on_y * (theta - s->theta);
       const amb_real e = h->e[r] - known;
@@ -228,7 +228,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   h.s = (amb_augmented_state *)state;
   amb_augmented_state *s = h.s;
   amb_status status = amb_step_each(take_in, kf, own, &h, &s->base, true, y, result);
-  if (!amb_step_tells(&kf->model, result)) {
+  if (!amb_step_informative(&kf->model, result)) {
     amb_excitation_miss(&s->excitation);
   } else if (amb_excitation_learns(&s->excitation, &own->learn, kf, s->base.mean)) {
     learn(kf, own, &h, result);

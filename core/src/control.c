@@ -139,7 +139,7 @@ static amb_status supervise(const amb_control *c, amb_control_state *s, void *fi
 {
   const amb_status unsure = AMB_HELD | AMB_RESTARTED | AMB_BAD_PARAMETER;
   const amb_kalman *kf = c->estimator->kf;
-  amb_status told = status;
+  amb_status flags = status;
   bool used = false; /* at least one reading; states without information are held by the envelope */
   const amb_kalman_state *base = (const amb_kalman_state *)filter;
   bool sound = amb_envelope_bounds(kf, c->bound, base->mean, base->cov);
@@ -149,7 +149,7 @@ static amb_status supervise(const amb_control *c, amb_control_state *s, void *fi
   }
   if (!sound) {
     forget(c, s, filter);
-    told |= AMB_RESTARTED;
+    flags |= AMB_RESTARTED;
   }
   if (used) {
     s->missed = 0U;
@@ -157,7 +157,7 @@ static amb_status supervise(const amb_control *c, amb_control_state *s, void *fi
     s->missed++;
   } else { /* count of samples, limited */
   }
-  if (((told & unsure) != 0U) || (s->doubted > c->settling)) { /* or a bit has flipped */
+  if (((flags & unsure) != 0U) || (s->doubted > c->settling)) { /* or a bit has flipped */
     s->doubted = c->settling;
   } else if (used && (s->doubted > 0U)) {
     s->doubted--;
@@ -165,7 +165,7 @@ static amb_status supervise(const amb_control *c, amb_control_state *s, void *fi
   }
   const bool settled = (s->doubted == 0U) || !c->feedback_estimate;
   out->usable = s->started && settled && (s->missed < c->settling);
-  return told;
+  return flags;
 }
 
 static amb_status estimate(const amb_control *c, amb_control_state *s, void *filter,

@@ -33,7 +33,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   amb_kalman_state *s = (amb_kalman_state *)state;
   amb_real iu[AMB_CONTROLS];
   amb_status status = amb_step_currents(self->kf, s, u, iu);
-  amb_step_ask_all(self->kf, self->magnet, iu, s->mean, result->stiffness);
+  amb_step_stiffnesses(self->kf, self->magnet, iu, s->mean, result->stiffness);
   status |= amb_step_predict(self->kf, s, result->stiffness, iu);
   status |= amb_step_contain(self->kf, s);
   return status;

@@ -14,7 +14,7 @@ void amb_excitation_reset(amb_excitation *e, const amb_real mean[AMB_STATES])
   e->offset = AMB_C(0.0);
   e->balanced = AMB_C(0.0);
   e->informative = false;
-  e->told = AMB_C(0.0);
+  e->sample_information = AMB_C(0.0);
   e->information = AMB_C(0.0);
   e->age = AMB_C(0.0);
   e->doubt = AMB_C(0.0);
@@ -22,7 +22,7 @@ void amb_excitation_reset(amb_excitation *e, const amb_real mean[AMB_STATES])
 
 void amb_excitation_miss(amb_excitation *e)
 {
-  e->told = AMB_C(0.0);
+  e->sample_information = AMB_C(0.0);
   e->information = AMB_C(0.0);
   e->age = (e->age > AMB_C(1.0)) ? (e->age - AMB_C(1.0)) : AMB_C(0.0);
 }
@@ -85,7 +85,7 @@ void amb_excitation_update(amb_excitation *e, const amb_model *model, int r,
   for (int i = 0; i < amb_states(model); i++) {
     e->slope[i] -= with_y[i] * per;
   }
-  e->told += on_y * per;
+  e->sample_information += on_y * per;
 }
 
 /* Whether the magnet forces vary more than the disturbances, including this sample. */
@@ -117,8 +117,8 @@ bool amb_excitation_learns(amb_excitation *e, const amb_excitation_settings *set
                            const amb_kalman *kf, const amb_real mean[AMB_STATES])
 {
   const amb_real before = AMB_WITHIN(e->information, AMB_REAL_ROOT) ? e->information : AMB_C(0.0);
-  e->information = before + settings->fresh * (e->told - before);
-  e->told = AMB_C(0.0);
+  e->information = before + settings->fresh * (e->sample_information - before);
+  e->sample_information = AMB_C(0.0);
   if (near_a_stop(kf, mean)) {
     e->information = AMB_C(0.0);
   }

@@ -231,7 +231,7 @@ void amb_kalman_stiffness(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
                           const amb_real iu[AMB_CONTROLS], const amb_real mean[AMB_STATES],
                           amb_stiffness k[AMB_FORCES])
 {
-  amb_step_ask_all(kf, magnet, iu, mean, k);
+  amb_step_stiffnesses(kf, magnet, iu, mean, k);
 }
 
 amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state,

@@ -50,22 +50,23 @@ AMB_INLINE amb_status amb_step_currents(const amb_kalman *kf, amb_kalman_state *
 /* Stiffnesses at magnet f. Without measurements the estimate diverges, and most force laws have a
  * pole in the air gap, so the displacement is limited to the stops. i [A], s [m]: means over the
  * sample. */
-AMB_INLINE amb_stiffness amb_step_ask(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
-                                      int f, amb_real i, amb_real s)
+AMB_INLINE amb_stiffness amb_step_stiffness(const amb_kalman *kf,
+                                            const amb_magnet magnet[AMB_FORCES], int f, amb_real i,
+                                            amb_real s)
 {
   const amb_real x_max = kf->set.x_max[f];
   return magnet[f].methods->through_origin(magnet[f].self, i, amb_clamp(s, -x_max, x_max));
 }
 
 /* The same for all magnets. */
-AMB_INLINE void amb_step_ask_all(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
-                                 const amb_real iu[AMB_CONTROLS], const amb_real mean[AMB_STATES],
-                                 amb_stiffness k[AMB_FORCES])
+AMB_INLINE void amb_step_stiffnesses(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
+                                     const amb_real iu[AMB_CONTROLS],
+                                     const amb_real mean[AMB_STATES], amb_stiffness k[AMB_FORCES])
 {
   AMB_EACH_FORCE(&kf->model)
   {
     const amb_real s = amb_model_displacement(&kf->model, f, mean);
-    k[f] = amb_step_ask(kf, magnet, f, amb_model_current(&kf->model, f, mean, iu), s);
+    k[f] = amb_step_stiffness(kf, magnet, f, amb_model_current(&kf->model, f, mean, iu), s);
   }
 }
 
@@ -157,7 +158,7 @@ AMB_INLINE void amb_step_advance(const amb_kalman *kf, const amb_magnet magnet[A
   {
     const amb_real i = amb_model_current(&kf->model, f, mean, iu);
     const amb_real s = amb_model_displacement(&kf->model, f, mean);
-    const amb_stiffness k = amb_step_ask(kf, magnet, f, i, s);
+    const amb_stiffness k = amb_step_stiffness(kf, magnet, f, i, s);
     F[f] = scale * (k.k_i * i + k.k_s * s) + kf->set.f_0[f];
   }
   amb_model_predict_mean(&kf->model, F, iu, mean);

@@ -81,7 +81,7 @@ AMB_INLINE amb_status go_on(const amb_kalman *kf, const amb_magnet magnet[AMB_FO
     if (from == GIVEN) {
       amb_step_given(kf, in->k_i, in->k_s, i - 1, result.stiffness);
     } else if (from == ASKED) {
-      amb_step_ask_all(kf, magnet, iu, s.mean, result.stiffness);
+      amb_step_stiffnesses(kf, magnet, iu, s.mean, result.stiffness);
     } else { /* the given stiffnesses are kept */
     }
     step(kf, &s, iu, in->y + i * m, &result);
@@ -109,7 +109,7 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
   if (given) {
     amb_step_given(&own, in.k_i, in.k_s, 0, first.stiffness);
   } else {
-    amb_step_ask_all(&own, magnet, none, state->mean, first.stiffness);
+    amb_step_stiffnesses(&own, magnet, none, state->mean, first.stiffness);
   }
   first.status = amb_kalman_update(&own, state, in.y, &first);
   amb_kalman_note(&own, state, &first, 0, &h);

@@ -8,14 +8,14 @@
 #include "kalman_sensor.h"
 
 /* Output of an update besides the state. */
-typedef struct amb_step_surprise {
+typedef struct amb_step_innovation {
   amb_real innovation; /* [m]; 0 if the measurement was not used, except for an outlier */
   amb_real variance;   /* of the innovation [m^2] */
-} amb_step_surprise;
+} amb_step_innovation;
 
 /* Update with the measurement y [m] of sensor r, of variance noise [m^2]. */
 AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *state, int r,
-                                      amb_real y, amb_real noise, amb_step_surprise *e)
+                                      amb_real y, amb_real noise, amb_step_innovation *e)
 {
   const amb_model *model = &kf->model;
   amb_sensor_state *sensor = &state->sensor[r];
@@ -103,7 +103,7 @@ AMB_INLINE amb_rounded amb_step_rounded(const amb_kalman *kf, amb_kalman_state *
 /* Update of an estimator kind with the measurement y [m] of sensor r, of variance noise [m^2]; own:
  * data of the kind, of: its state and anything else that it updates. */
 typedef amb_status (*amb_step_one)(const amb_kalman *kf, const void *own, void *of, int r,
-                                   amb_real y, amb_real noise, amb_step_surprise *e);
+                                   amb_real y, amb_real noise, amb_step_innovation *e);
 
 /* Update with all sensors in sequence; base: part of the kind's state. Writes the result except
  * stiffnesses and status; returns the status. */
@@ -116,11 +116,11 @@ AMB_INLINE amb_status amb_step_each(amb_step_one take_in, const amb_kalman *kf, 
   amb_step_noises(kf, base->mean, noise);
   AMB_EACH_SENSOR(&kf->model)
   {
-    amb_step_surprise e;
+    amb_step_innovation e;
     const amb_rounded as = amb_step_rounded(kf, base, r, y[r], noise[r], interval);
     const amb_status status = take_in(kf, own, of, r, y[r] + as.moved, as.noise, &e);
-    const bool told = (status & (AMB_MISSING | AMB_FROZEN)) == AMB_OK;
-    result->innovation[r] = told ? (e.innovation - as.moved) : e.innovation;
+    const bool measured = (status & (AMB_MISSING | AMB_FROZEN)) == AMB_OK;
+    result->innovation[r] = measured ? (e.innovation - as.moved) : e.innovation;
     result->variance[r] = e.variance - (as.noise - (noise[r] + kf->rounding[r]));
     result->health[r] = status;
     all |= status;
@@ -130,7 +130,7 @@ AMB_INLINE amb_status amb_step_each(amb_step_one take_in, const amb_kalman *kf, 
 
 /* Update of the filters whose state is an amb_kalman_state. */
 AMB_INLINE amb_status amb_step_plain(const amb_kalman *kf, const void *own, void *of, int r,
-                                     amb_real y, amb_real noise, amb_step_surprise *e)
+                                     amb_real y, amb_real noise, amb_step_innovation *e)
 {
   (void)own;
   return amb_step_update(kf, (amb_kalman_state *)of, r, y, noise, e);
@@ -144,15 +144,15 @@ AMB_INLINE amb_status amb_step_update_all(const amb_kalman *kf, amb_kalman_state
 
 /* Whether a sample is informative for parameters: a measurement was used, and nothing was
  * restarted. */
-AMB_INLINE bool amb_step_tells(const amb_model *model, const amb_kalman_result *result)
+AMB_INLINE bool amb_step_informative(const amb_model *model, const amb_kalman_result *result)
 {
-  bool told = false;
+  bool measured = false;
   amb_status all = AMB_OK;
   for (int r = 0; r < amb_sensors(model); r++) {
-    told = told || ((result->health[r] & AMB_UNTOLD) == AMB_OK);
+    measured = measured || ((result->health[r] & AMB_UNINFORMATIVE) == AMB_OK);
     all |= result->health[r];
   }
-  return told && ((all & (AMB_RESTARTED | AMB_BAD_VARIANCE)) == AMB_OK);
+  return measured && ((all & (AMB_RESTARTED | AMB_BAD_VARIANCE)) == AMB_OK);
 }
 
 /* Prediction with the control currents iu [A] that acted, then update with the measurements y [m];

@@ -42,7 +42,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   const amb_real iu[AMB_CONTROLS] = {amb_step_current(self->kf, &s->base, 0, u[0], &status)};
   const amb_real x = s->base.mean[amb_first(model, AMB_POSITION)];
   const amb_real i = amb_model_current(model, 0, s->base.mean, iu);
-  const amb_stiffness k = amb_step_ask(self->kf, self->magnet, 0, i, x);
+  const amb_stiffness k = amb_step_stiffness(self->kf, self->magnet, 0, i, x);
   s->force = k.k_i * i + k.k_s * x + self->kf->set.f_0[0];
   follow(model, iu, s->base.mean);
   result->stiffness[0] = k;

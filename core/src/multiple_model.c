@@ -288,7 +288,7 @@ static amb_status take_in_by_all(const amb_kalman *kf, const amb_multiple_model 
 }
 
 static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
-                          amb_real noise, amb_step_surprise *told)
+                          amb_real noise, amb_step_innovation *out)
 {
   const amb_model *model = &kf->model;
   const amb_multiple_model *models = (const amb_multiple_model *)own;
@@ -301,19 +301,19 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   const amb_real S = shown + var_y;
   const amb_real seen = amb_step_seen(kf, r, y);
   const amb_real e = seen - amb_model_shown(model, r, s->base.mean);
-  told->innovation = AMB_C(0.0);
-  told->variance = AMB_C(0.0);
+  out->innovation = AMB_C(0.0);
+  out->variance = AMB_C(0.0);
   h->taken[r] = false;
   if (!AMB_WITHIN(e, AMB_REAL_MAX) || !AMB_WITHIN(S, AMB_REAL_MAX)) { /* nor are the models */
     begin_anew(kf, models->n, s);
     return AMB_RESTARTED;
   }
-  told->variance = S;
+  out->variance = S;
   amb_status status = amb_step_useless(kf, &s->base, r, y);
   if (status == AMB_OK) {
-    told->innovation = e;
-    status = amb_step_inconsistent(sensor, told->innovation, told->variance);
-    const amb_status outlier = amb_step_outlier(kf, sensor, r, told->innovation, told->variance);
+    out->innovation = e;
+    status = amb_step_inconsistent(sensor, out->innovation, out->variance);
+    const amb_status outlier = amb_step_outlier(kf, sensor, r, out->innovation, out->variance);
     status |= outlier;
     if (outlier == AMB_RESTARTED) {
       amb_envelope_restart(kf, &s->base, r, seen);
@@ -433,7 +433,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
       }
     }
   }
-  if (!amb_step_tells(model, result) || (held != AMB_OK)) {
+  if (!amb_step_informative(model, result) || (held != AMB_OK)) {
     amb_excitation_miss(&s->excitation);
     s->excited = false;
   }

@@ -30,7 +30,7 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   amb_kalman_state *s = (amb_kalman_state *)state;
   amb_real iu[AMB_CONTROLS];
   const amb_status status = amb_step_currents(kf, s, u, iu);
-  amb_step_ask_all(kf, self->magnet, iu, s->mean, result->stiffness);
+  amb_step_stiffnesses(kf, self->magnet, iu, s->mean, result->stiffness);
   amb_plain_advance(self, AMB_C(1.0), iu, s->mean);
   return status;
 }
@@ -49,7 +49,7 @@ static void hold_to_step(const amb_kalman *kf, int r, amb_kalman_state *s)
 }
 
 static amb_status take_in(const amb_kalman *kf, const void *constants, void *of, int r, amb_real y,
-                          amb_real noise, amb_step_surprise *told)
+                          amb_real noise, amb_step_innovation *out)
 {
   const amb_observer *observer = (const amb_observer *)constants;
   amb_kalman_state *s = (amb_kalman_state *)of;
@@ -57,11 +57,11 @@ static amb_status take_in(const amb_kalman *kf, const void *constants, void *of,
   const amb_real seen = amb_step_seen(kf, r, y);
   amb_status status = amb_step_useless(kf, s, r, y);
   (void)noise;
-  told->innovation = AMB_C(0.0);
-  told->variance = S;
+  out->innovation = AMB_C(0.0);
+  out->variance = S;
   if (status == AMB_OK) {
     const amb_real e = seen - amb_model_shown(&kf->model, r, s->mean);
-    told->innovation = e;
+    out->innovation = e;
     status = amb_step_inconsistent(&s->sensor[r], e, S);
     /* After too many outliers the estimate is wrong, and the constant gain corrects it. */
     if (amb_step_outlier(kf, &s->sensor[r], r, e, S) == AMB_OUTLIER) {

@@ -61,7 +61,7 @@ static amb_real patch(const amb_force_node *lower, const amb_force_node *upper,
 }
 
 /* Force and tangents, extrapolated outside the grid. */
-static amb_stiffness ask(const amb_surface *s, amb_real iu, amb_real x, amb_real *force)
+static amb_stiffness stiffness_at(const amb_surface *s, amb_real iu, amb_real x, amb_real *force)
 {
   const weights i = weigh(iu, s->iu_min, s->iu_step, s->per_ampere, s->last_column, s->columns);
   const weights d = weigh(x, s->x_min, s->x_step, s->per_metre, s->last_row, s->rows);
@@ -83,7 +83,7 @@ static amb_stiffness ask(const amb_surface *s, amb_real iu, amb_real x, amb_real
 static amb_stiffness surface_tangent(const void *self, amb_real iu, amb_real x)
 {
   amb_real unused;
-  return ask((const amb_surface *)self, iu, x, &unused);
+  return stiffness_at((const amb_surface *)self, iu, x, &unused);
 }
 
 static amb_real surface_force(const void *self, amb_real iu, amb_real x)
@@ -91,10 +91,10 @@ static amb_real surface_force(const void *self, amb_real iu, amb_real x)
   const amb_surface *s = (const amb_surface *)self;
   amb_real force;
   if (amb_turn_square(s->ampere, s->metre, iu, x) < NEAR) {
-    const amb_stiffness k = ask(s, AMB_C(0.5) * iu, AMB_C(0.5) * x, &force);
+    const amb_stiffness k = stiffness_at(s, AMB_C(0.5) * iu, AMB_C(0.5) * x, &force);
     force = k.k_i * iu + k.k_s * x;
   } else {
-    (void)ask(s, iu, x, &force);
+    (void)stiffness_at(s, iu, x, &force);
   }
   return force;
 }
@@ -103,7 +103,7 @@ static amb_stiffness surface_through_origin(const void *self, amb_real iu, amb_r
 {
   const amb_surface *s = (const amb_surface *)self;
   amb_real force;
-  const amb_stiffness k = ask(s, iu, x, &force);
+  const amb_stiffness k = stiffness_at(s, iu, x, &force);
   if (amb_turn_square(s->ampere, s->metre, iu, x) < NEAR) {
     force = surface_force(self, iu, x);
   }

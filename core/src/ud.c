@@ -244,25 +244,25 @@ static void correct(const amb_kalman *kf, amb_ud_state *s, int r, amb_real e, am
 }
 
 static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
-                          amb_real noise, amb_step_surprise *told)
+                          amb_real noise, amb_step_innovation *out)
 {
   amb_ud_state *s = (amb_ud_state *)of;
   const amb_model *model = &kf->model;
   const amb_real S = amb_model_shown_variance(model, r, s->base.cov) + noise;
   (void)own;
-  told->innovation = AMB_C(0.0);
-  told->variance = AMB_C(0.0);
+  out->innovation = AMB_C(0.0);
+  out->variance = AMB_C(0.0);
   if (!AMB_WITHIN(S, AMB_REAL_MAX)) { /* as the factors are bounded; repeated here for the proof */
     amb_envelope_open(kf, s->base.cov);
     factor_state(kf, s);
     return AMB_RESTARTED;
   }
-  told->variance = S;
+  out->variance = S;
   const amb_real seen = amb_step_seen(kf, r, y);
   amb_status status = amb_step_useless(kf, &s->base, r, y);
   if (status == AMB_OK) {
     const amb_real e = seen - amb_model_shown(model, r, s->base.mean);
-    told->innovation = e;
+    out->innovation = e;
     status = amb_step_inconsistent(&s->base.sensor[r], e, S);
     const amb_status outlier = amb_step_outlier(kf, &s->base.sensor[r], r, e, S);
     status |= outlier;

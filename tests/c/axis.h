@@ -136,7 +136,7 @@ static inline amb_stiffness axis_stiffness(const amb_kalman *kf, const amb_magne
   const amb_real current[AMB_CONTROLS] = {iu};
   const amb_magnet magnets[AMB_FORCES] = {*magnet};
   amb_stiffness k[AMB_FORCES];
-  amb_step_ask_all(kf, magnets, current, mean, k);
+  amb_step_stiffnesses(kf, magnets, current, mean, k);
   return k[0];
 }
 

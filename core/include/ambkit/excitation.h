@@ -59,7 +59,7 @@ typedef struct amb_recent {
 
 typedef struct amb_excitation {
   amb_real slope[AMB_STATES];    /* s, of all states */
-  amb_real told;                 /* information on theta by the sensors of this sample so far [1] */
+  amb_real sample_information;   /* information on theta by the sensors of this sample so far [1] */
   amb_real information;          /* information of a sample on theta, averaged over the window [1]
                                   */
   amb_recent load[AMB_STATES];   /* of the disturbance forces f_d [N] */

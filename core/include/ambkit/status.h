@@ -25,6 +25,6 @@ typedef unsigned int amb_status;
 
 /* Of a measurement: it was rejected; or nothing can be learned from its innovation. */
 #define AMB_UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER)
-#define AMB_UNTOLD (AMB_UNUSED | AMB_RESTARTED | AMB_BAD_VARIANCE)
+#define AMB_UNINFORMATIVE (AMB_UNUSED | AMB_RESTARTED | AMB_BAD_VARIANCE)
 
 #endif

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import Array
 from ambkit.base.errors import RecordError
-from ambkit.base.escaping import markdown
+from ambkit.base.escaping import label, markdown
 from ambkit.data.record import Record
 from ambkit.data.record_card import lost_spans
 from ambkit.data.signals import by_name, each_of, signal
@@ -30,7 +30,6 @@ from ambkit.estimate.estimator import Estimator
 from ambkit.machine.machine import Machine
 from ambkit.models.model import Descriptor
 from ambkit.result.report import Axis, Figure, Item, Line, Panel
-from ambkit.result.report.style import style_of
 from ambkit.result.row import Row
 from ambkit.result.signal_styles import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY, looks
 
@@ -261,8 +260,7 @@ def filter_figure(
         return drawn(lambda estimate: estimate[signal] if signal in estimate.names else None)
 
     def drawn(read: Callable[[Estimate], Array | None]) -> list[Item]:
-        names = (label or style_of(style).label for style, label in looks(smoothed))
-        after = ((style, f"{name}, smoothed") for style, name in zip(cycle(_SMOOTHED), names))
+        after = ((style, f"{label(n)}, smoothed") for style, n in zip(cycle(_SMOOTHED), smoothed))
         estimates = [*(item.estimate for item in evaluated.values()), *smoothed.values()]
         return [
             Line(t, values, signal=style, label=label)

@@ -23,8 +23,8 @@ _SIGNALS = {
 _OTHERS = ("another", "another 2", "another 3", "another 4")
 
 
-def looks(names: Iterable[str]) -> Iterator[tuple[str, str | None]]:
+def looks(names: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Return style and label of each filter's lines; one without a style takes an unused one."""
     others = cycle(_OTHERS)
     for name in names:
-        yield (_SIGNALS[name], None) if name in _SIGNALS else (next(others), label(name))
+        yield _SIGNALS.get(name) or next(others), label(name)

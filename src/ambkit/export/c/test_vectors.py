@@ -172,7 +172,7 @@ def context(tested: Vectors, filter: Estimator, precision: CPrecision) -> dict[s
         "columns": tested.expected.shape[1],
         "y": c_literals.array(with_stand_ins(tested.y, precision), precision),
         "u": c_literals.array(with_stand_ins(tested.u, precision), precision),
-        "told": c_literals.array(tested.expected, precision),
+        "expected": c_literals.array(tested.expected, precision),
         "status": c_literals.array(tested.status, precision),
         "health": c_literals.array(tested.health, precision),
         "marks": c_literals.array(marks, precision),
