@@ -122,6 +122,7 @@ class Kind:
     finds_noise: Mapping[str, Any] | None = None
     ratios: tuple[str, ...] = ()  #: Dimensionless options that are not tuned.
     given: str = ""  #: Class of magnet that distinguishes it from others of its class.
+    magnet_tolerance: float = 0.0  #: Tolerance of the magnet constant that its covariance includes.
 
     def make(
         self, machine: Machine, magnet: MagnetModel | None = None, **options: Any
@@ -236,14 +237,14 @@ KINDS = {
             ),
             laws_of,
             (*NOISE, Tunable("wander", "1/s", lambda _: 0.01)),
-            ratios=("scale_std", "excitation", "least", "most"),
+            ratios=("scale_std", "excitation", "least", "most"), magnet_tolerance=0.3,
         ),
         Kind(
             "multiple-model", "interacting multiple models",
             "augmented.MultipleModelFilter",
             InCore("MultipleModel", has_state=True, base="base.", calls=("excitation",)), laws_of,
             (*NOISE, Tunable("sojourn", "s", lambda _: 1.0, decades=1.0)),
-            ratios=("scales", "excitation"),
+            ratios=("scales", "excitation"), magnet_tolerance=0.3,
         ),
         Kind(
             "unscented", "unscented Kalman filter",
